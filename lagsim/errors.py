@@ -1,0 +1,68 @@
+"""What goes wrong, where, and what to do about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A stretch of a file: line and column count from 1, length in characters."""
+
+    file: str
+    line: int
+    column: int
+    length: int = 1
+    source: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One fault of the input: a stable code, a sentence, its place and a hint."""
+
+    code: str
+    text: str
+    place: Place | None = None
+    hint: str = ""
+
+    def __str__(self) -> str:
+        """Give the fault as FILE:LINE:COLUMN, the source line, a caret and the hint."""
+        lines = [f"{self.place}: {self.text}" if self.place else self.text]
+        if self.place and self.place.source:
+            column = self.place.column - 1
+            # A tab before the caret keeps its width, so the caret stays below its token.
+            before = self.place.source[:column]
+            pad = "".join("\t" if c == "\t" else " " for c in before)
+            room = max(1, len(self.place.source) - column)
+            lines.append("  " + self.place.source)
+            lines.append("  " + pad + "^" * max(1, min(self.place.length, room)))
+        if self.hint:
+            lines.append(f"  hint: {self.hint}")
+        return "\n".join(lines)
+
+
+class LagsimError(Exception):
+    """What the user can mend; `exit_code` is the command's."""
+
+    exit_code = 2
+
+
+class InputError(LagsimError):
+    """The input is unusable (exit 2): every fault of it, in the order of the file."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(map(str, self.problems)))
+
+
+class InadmissibleError(LagsimError):
+    """The start violates the constraints (exit 1)."""
+
+    exit_code = 1
