@@ -1,0 +1,1 @@
+"""Expressions: text -> hash-consed graph -> values and derivatives."""

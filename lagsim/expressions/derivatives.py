@@ -1,0 +1,145 @@
+"""Derivatives on the graph: reverse sweeps, forward sweeps, and total rates.
+
+Functions that select among their arguments (`if`, `min`, `max`) are differentiated
+branch by branch: the gradient of the whole is a selection among the gradients of the
+branches, so that an infinite slope in the branch not taken never spoils a derivative
+(0 * inf would be nan).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.expressions.functions import OPERATIONS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from lagsim.expressions.graph import Graph
+
+Gradient = dict[int, int]
+
+
+def gradient(g: Graph, node: int, variables: Sequence[int]) -> list[int]:
+    """Give d node / d variable for each of `variables`, by reverse sweeps."""
+    found = _Reverse(g, node, variables).gradient(node)
+    return [found.get(v, g.zero) for v in variables]
+
+
+class _Reverse:
+    def __init__(self, g: Graph, node: int, variables: Sequence[int]) -> None:
+        self.g = g
+        self.variables = frozenset(variables)
+        self.active: set[int] = set()
+        cone = g.cone([node])
+        for n in cone:
+            if n in self.variables or any(a in self.active for a in g.args[n]):
+                self.active.add(n)
+        # Inner selections come first, so none needs recursion.
+        self.selections: dict[int, Gradient] = {}
+        for n in cone:
+            if n in self.active and OPERATIONS_BRANCHES.get(g.ops[n]):
+                self.selections[n] = self._selection(n)
+
+    def _selection(self, n: int) -> Gradient:
+        g = self.g
+        first, second = g.args[n][-2:]
+        branches = OPERATIONS[g.ops[n]].branches
+        assert branches is not None
+        condition = branches(g, g.args[n])
+        a, b = self.gradient(first), self.gradient(second)
+        return {
+            v: g.call("if", condition, a.get(v, g.zero), b.get(v, g.zero))
+            for v in sorted(a.keys() | b.keys())
+        }
+
+    def gradient(self, node: int) -> Gradient:
+        g = self.g
+        if node not in self.active:
+            return {}
+        adjoint: Gradient = {node: g.one}
+        result: Gradient = {}
+
+        def add(to: Gradient, n: int, term: int) -> None:
+            to[n] = g.call("add", to[n], term) if n in to else term
+
+        for n in self._below(node):
+            weight = adjoint.pop(n, g.zero)
+            if weight == g.zero:
+                continue
+            if n in self.variables:
+                add(result, n, weight)
+            elif n in self.selections:
+                for v, slope in self.selections[n].items():
+                    add(result, v, g.call("mul", weight, slope))
+            else:
+                partials = OPERATIONS[g.ops[n]].partials
+                assert partials is not None
+                slopes = partials(g, g.args[n], n)
+                for a, slope in zip(g.args[n], slopes, strict=True):
+                    if a in self.active:
+                        add(adjoint, a, g.call("mul", weight, slope))
+        return result
+
+    def _below(self, node: int) -> list[int]:
+        """Give the active nodes under `node`, last first, stopping at selections."""
+        seen = {node}
+        stack = [node]
+        while stack:
+            n = stack.pop()
+            if n in self.selections:
+                continue
+            for a in self.g.args[n]:
+                if a in self.active and a not in seen:
+                    seen.add(a)
+                    stack.append(a)
+        return sorted(seen, reverse=True)
+
+
+OPERATIONS_BRANCHES = {n: row.branches for n, row in OPERATIONS.items() if row.branches}
+
+
+def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int]:
+    """Give the directional derivative of each of `nodes`.
+
+    Parameters
+    ----------
+    g, nodes
+        What to differentiate.
+    seed
+        The direction: the rate of each variable that moves.
+    """
+    nodes = list(nodes)
+    rates: dict[int, int] = dict(seed)
+    for n in g.cone(nodes):
+        if n not in rates and any(a in rates for a in g.args[n]):
+            rates[n] = rate_of(g, n, rates)
+    return [rates.get(n, g.zero) for n in nodes]
+
+
+def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
+    """Give the rate of node `n` from the rates of its arguments (0 if absent)."""
+    args = g.args[n]
+    row = OPERATIONS[g.ops[n]]
+    moving = [rates.get(a, g.zero) for a in args]
+    if row.condition:
+        return g.zero
+    if row.branches:
+        return g.call("if", row.branches(g, args), moving[-2], moving[-1])
+    assert row.partials is not None
+    slopes = row.partials(g, args, n)
+    return g.product_sum(
+        (slope, rate)
+        for slope, rate in zip(slopes, moving, strict=True)
+        if rate != g.zero
+    )
+
+
+def total_rate(g: Graph, node: int, coordinates: Iterable[str]) -> int:
+    """Give the total time derivative of an expression of positions and time.
+
+    The sum of d node/dq_j q_j_dot over the `coordinates`, plus d node/dt.
+    """
+    seed = {g.variable(q): g.variable(f"{q}_dot") for q in coordinates}
+    seed[g.variable("t")] = g.one
+    return tangent(g, [node], seed)[0]
