@@ -1,0 +1,223 @@
+"""Object code: made from LLVM IR, and linked into callables. The only user of llvmlite.
+
+llvmlite is imported when first needed: it takes longer to load than all of lagsim.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import os
+import platform
+import struct
+import sys
+import weakref
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+CPU_VARIABLE = "LAGSIM_CPU"
+"""Environment variable naming the CPU to compile for: "host" (default), "generic",
+"x86-64-v3" or any other of LLVM's names."""
+
+# What LLVM may call on its own or for an intrinsic. Objects may use these functions of
+# the process and no others: a name left open would else meet a stranger in libc, where
+# `index`, `time` and `y0` are functions.
+_RUNTIME = """
+acos acosh asin asinh atan atan2 atanh cbrt ceil cos cosh erf erfc exp exp10 exp2 expm1
+fabs floor fma fmax fmin fmod frexp hypot ldexp lgamma log log10 log1p log2 modf
+nearbyint pow rint round sin sincos __sincos_stret sinh sqrt tan tanh tgamma trunc
+__exp10 bzero __bzero memcpy memmove memset memset_pattern16
+"""
+
+_LIBRARY = "lagsim"
+
+
+class NativeError(RuntimeError):
+    """Native code could not be made or linked: a fault of lagsim, not of its input."""
+
+
+class Target(NamedTuple):
+    """What object code depends on besides its IR."""
+
+    llvmlite: str
+    llvm: str
+    triple: str
+    cpu: str
+    features: str
+
+
+@functools.cache
+def _binding() -> Any:
+    """Give llvmlite's binding, ready to compile for this machine."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm
+
+
+def target() -> Target:
+    """Give the target of `compile_object`: this machine, or what LAGSIM_CPU names."""
+    return _target(os.environ.get(CPU_VARIABLE) or "host")
+
+
+@functools.cache
+def _target(cpu: str) -> Target:
+    import llvmlite
+
+    llvm = _binding()
+    features = ""
+    if cpu == "host":
+        cpu = llvm.get_host_cpu_name()
+        features = llvm.get_host_cpu_features().flatten()
+    return Target(
+        llvmlite=llvmlite.__version__,
+        llvm=".".join(map(str, llvm.llvm_version_info)),
+        triple=llvm.get_process_triple(),
+        cpu=cpu,
+        features=features,
+    )
+
+
+def _machine(chosen: Target) -> Any:
+    llvm = _binding()
+    return llvm.Target.from_triple(chosen.triple).create_target_machine(
+        cpu=chosen.cpu, features=chosen.features, opt=2, jit=True
+    )
+
+
+def compile_object(ir: str) -> bytes:
+    """Compile LLVM IR to object code for `target()`.
+
+    Raises
+    ------
+    NativeError
+        If the IR does not parse or verify.
+    """
+    llvm = _binding()
+    machine = _machine(target())
+    try:
+        module = llvm.parse_assembly(ir)
+        module.verify()
+    except RuntimeError as fault:
+        raise NativeError(f"LLVM refuses the generated code: {fault}") from fault
+    module.triple = machine.triple
+    module.data_layout = str(machine.target_data)
+    tuning = llvm.create_pipeline_tuning_options(speed_level=2)
+    # Measured on a DOP853 kernel: compiled in 180 ms instead of 840, and faster for
+    # systems of a few coordinates.
+    tuning.loop_vectorization = False
+    tuning.slp_vectorization = False
+    tuning.loop_unrolling = False
+    tuning.loop_interleaving = False
+    builder = llvm.create_pass_builder(machine, tuning)
+    builder.getModulePassManager().run(module, builder)
+    return bytes(machine.emit_object(module))
+
+
+class Engine:
+    """Objects linked with each other in this process.
+
+    Engines do not see each other: each may have its own `derivative`. The code is
+    freed with the engine, and every callable made by it keeps it alive.
+
+    Parameters
+    ----------
+    objects : sequence of bytes
+        Object code from `compile_object`. Symbols they leave open are resolved among
+        them and, for mathematical functions, in this process.
+
+    Raises
+    ------
+    NativeError
+        If the objects cannot be loaded, two define the same symbol, or one leaves a
+        symbol open (where objects are not ELF this is found by `address`).
+    """
+
+    def __init__(self, objects: Sequence[bytes]) -> None:
+        llvm = _binding()
+        builder = llvm.JITLibraryBuilder().add_current_process()
+        for code in objects:
+            builder.add_object_img(code)
+        # An LLJIT for each: the name of a library stays taken when the library is gone.
+        # What it prints names open symbols: of use where `_open_symbols` does not see
+        # them. JITLink is LLVM's choice for ARM, where the older linker has limits.
+        self._jit = llvm.create_lljit_compiler(
+            _machine(target()),
+            suppress_errors=sys.platform != "darwin",
+            use_jit_link=platform.machine().lower() in ("arm64", "aarch64"),
+        )
+        try:
+            library = builder.link(self._jit, _LIBRARY)
+        except RuntimeError as fault:
+            raise NativeError(f"native code does not link: {fault}") from fault
+        if missing := _open_symbols(objects):
+            names = ", ".join(f"`{name}`" for name in missing)
+            raise NativeError(f"native code needs {names}, which nothing defines")
+        self._trackers = [library]
+        self._addresses: dict[str, int] = {}
+        # The code goes before what holds it, also when both are found in a cycle. Not
+        # at exit: a callable may still be used there, and the process frees all.
+        weakref.finalize(self, _close, self._trackers, self._jit).atexit = False
+
+    def address(self, name: str) -> int:
+        """Give the address of a symbol; it is valid while this engine lives.
+
+        Raises
+        ------
+        NativeError
+            If no object defines `name`.
+        """
+        if name not in self._addresses:
+            try:
+                tracker = self._jit.lookup(_LIBRARY, name)
+            except RuntimeError as fault:
+                raise NativeError(f"no native code for `{name}`: {fault}") from fault
+            self._trackers.append(tracker)
+            self._addresses[name] = tracker[name]
+        return self._addresses[name]
+
+    def function(
+        self, name: str, restype: Any, argtypes: Sequence[Any]
+    ) -> Callable[..., Any]:
+        """Give a symbol as a ctypes callable.
+
+        Parameters
+        ----------
+        name : str
+            The symbol.
+        restype, argtypes : ctypes type, sequence of ctypes types
+            As for `ctypes.CFUNCTYPE`; None for no result. An int is `c_int64`, a float
+            `c_double`, a bool `c_bool`, an array a pointer to its first element.
+        """
+        prototype = ctypes.CFUNCTYPE(restype, *argtypes)
+        callable_ = prototype(self.address(name))
+        callable_.engine = self  # type: ignore[attr-defined]
+        return callable_
+
+
+def _open_symbols(objects: Sequence[bytes]) -> list[str]:
+    """Give the symbols that neither an object nor `_RUNTIME` has (ELF only)."""
+    defined, needed = set(_RUNTIME.split()), {""}
+    for code in objects:
+        # No function of llvmlite tells the symbols of an object.
+        sections: dict[bytes, bytes] = {}
+        with _binding().ObjectFileRef.from_data(code) as parsed:
+            for section in parsed.sections():
+                if section.name() in (b".symtab", b".strtab"):
+                    sections[section.name()] = section.data()
+        names = sections.get(b".strtab", b"")
+        # Elf64_Sym: st_name, st_info, st_other, st_shndx, st_value, st_size.
+        for symbol in struct.iter_unpack("<IBBHQQ", sections.get(b".symtab", b"")):
+            start, section_index = symbol[0], symbol[3]
+            name = names[start : names.index(b"\0", start)].decode()
+            (defined if section_index else needed).add(name)
+    return sorted(needed - defined - {""})
+
+
+def _close(trackers: list[Any], jit: Any) -> None:
+    while trackers:
+        trackers.pop().close()
+    jit.close()

@@ -1,0 +1,262 @@
+"""Object code is kept, checked, and done without where it cannot be kept."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from lagsim.native import cache, engine
+from lagsim.native.kernel_code import KernelError
+from lagsim.native.kernel_types import Floats, unrolled
+
+IR = "define double @f() {\n  ret double 4.5\n}\n"
+FACTOR = 2.0
+
+
+def doubled(n: int, y: Floats) -> None:
+    for i in range(n):
+        y[i] *= FACTOR
+
+
+def wrong() -> None:
+    for i in unrolled(2):
+        i += 1  # noqa: PLW2901
+
+
+def value(code: bytes) -> float:
+    result = engine.Engine([code]).function("f", ctypes.c_double, [])()
+    assert isinstance(result, float)
+    return result
+
+
+@pytest.fixture
+def kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give the folder of the objects."""
+    monkeypatch.setenv("LAGSIM_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "objects"
+
+
+@pytest.fixture
+def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Give a list that grows by each IR compiled."""
+    seen: list[str] = []
+    original = engine.compile_object
+
+    def count(ir: str) -> bytes:
+        seen.append(ir)
+        return original(ir)
+
+    monkeypatch.setattr(engine, "compile_object", count)
+    return seen
+
+
+def test_compiled_once(kept: Path, compiled: list[str]) -> None:
+    first = cache.object_code(IR)
+    assert cache.object_code(IR) == first
+    assert compiled == [IR]
+    assert value(first) == 4.5
+    assert len(list(kept.iterdir())) == 1
+    cache.object_code(IR.replace("4.5", "5.5"))
+    assert len(compiled) == 2
+
+
+def test_kernels_are_translated_once(
+    kept: Path, compiled: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = cache.kernel_object([doubled])
+    monkeypatch.setattr(cache.kernel_code, "translate", None)
+    assert cache.kernel_object([doubled]) == first
+    monkeypatch.undo()
+    assert len(compiled) == 1
+    monkeypatch.setenv("LAGSIM_CACHE", str(kept.parent))
+    array = (ctypes.c_double * 2)(1.0, 2.0)
+    for statics in (None, {"FACTOR": 3.0}):
+        code = cache.kernel_object([doubled], statics)
+        pointer = ctypes.POINTER(ctypes.c_double)
+        run = engine.Engine([code]).function("doubled", None, [ctypes.c_int64, pointer])
+        run(2, array)
+    assert list(array) == [6.0, 12.0]
+    assert len(list(kept.iterdir())) == 2
+
+
+@pytest.mark.usefixtures("kept")
+def test_faults_of_kernels_come_out() -> None:
+    with pytest.raises(KernelError):
+        cache.kernel_object([wrong])
+
+
+def test_another_cpu_is_another_object(
+    kept: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for cpu in ("host", "generic", "host"):
+        monkeypatch.setenv("LAGSIM_CPU", cpu)
+        assert value(cache.object_code(IR)) == 4.5
+    assert len(list(kept.iterdir())) == 2
+
+
+@pytest.mark.parametrize("where", [0, 20, 60, -1])
+@pytest.mark.parametrize("how", ["cut", "changed", "empty"])
+def test_damaged_files_are_made_anew(
+    kept: Path, compiled: list[str], where: int, how: str
+) -> None:
+    good = cache.object_code(IR)
+    [path] = kept.iterdir()
+    content = path.read_bytes()
+    damaged = bytearray(content)
+    damaged[where] ^= 4
+    path.write_bytes({"cut": content[:where], "changed": damaged, "empty": b""}[how])
+    assert cache.object_code(IR) == good
+    assert len(compiled) == 2
+    assert path.read_bytes() == content
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes of POSIX")
+def test_the_folder_is_private(kept: Path, compiled: list[str]) -> None:
+    cache.object_code(IR)
+    assert kept.stat().st_mode & 0o777 == 0o700
+    [path] = kept.iterdir()
+    assert path.stat().st_mode & 0o777 == 0o600
+    # What others may write to is not run, and nothing is put there.
+    kept.chmod(0o770)
+    assert cache.folder() is None
+    assert value(cache.object_code(IR)) == 4.5
+    assert len(compiled) == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="owners of POSIX")
+def test_the_folder_of_another_is_not_used(
+    kept: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache.object_code(IR)
+    owner = kept.stat().st_uid
+    monkeypatch.setattr(os, "getuid", lambda: owner + 1)
+    assert cache.folder() is None
+    assert value(cache.object_code(IR)) == 4.5
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need a right on Windows")
+def test_a_link_is_no_folder(kept: Path, tmp_path: Path) -> None:
+    kept.parent.mkdir()
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    kept.symlink_to(tmp_path / "elsewhere")
+    assert cache.folder() is None
+    assert value(cache.object_code(IR)) == 4.5
+
+
+def test_a_file_in_the_place_of_the_folder(kept: Path) -> None:
+    kept.parent.write_text("in the way")
+    assert cache.folder() is None
+    assert value(cache.object_code(IR)) == 4.5
+
+
+def test_no_room(
+    kept: Path, compiled: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", refuse)
+    assert value(cache.object_code(IR)) == 4.5
+    assert list(kept.iterdir()) == []
+    monkeypatch.setattr("tempfile.mkstemp", refuse)
+    assert value(cache.object_code(IR)) == 4.5
+    assert len(compiled) == 2
+
+
+def test_no_home(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("LAGSIM_CACHE", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", refuse)
+    assert cache.folder() is None
+    assert value(cache.object_code(IR)) == 4.5
+
+
+@pytest.mark.parametrize(
+    ("platform", "variables", "expected"),
+    [
+        ("linux", {}, "home/.cache/lagsim/objects"),
+        ("linux", {"XDG_CACHE_HOME": "xdg"}, "home/.cache/lagsim/objects"),
+        ("linux", {"XDG_CACHE_HOME": "{}/xdg"}, "xdg/lagsim/objects"),
+        ("linux", {"LAGSIM_CACHE": "{}/own"}, "own/objects"),
+        ("darwin", {}, "home/Library/Caches/lagsim/objects"),
+        ("win32", {"LOCALAPPDATA": "{}/local"}, "local/lagsim/cache/objects"),
+        ("win32", {}, None),
+    ],
+)
+def test_places(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    platform: str,
+    variables: dict[str, str],
+    expected: str | None,
+) -> None:
+    for name in ("LAGSIM_CACHE", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+    for name, text in variables.items():
+        monkeypatch.setenv(name, text.format(tmp_path))
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(Path, "home", lambda: tmp_path / "home")
+    assert cache.folder() == (None if expected is None else tmp_path / expected)
+
+
+def test_the_oldest_go_first(tmp_path: Path) -> None:
+    now = time.time()
+    for age in range(8):
+        path = tmp_path / f"{age}.object"
+        path.write_bytes(b"x" * 100)
+        os.utime(path, (now - age * 10, now - age * 10))
+    (tmp_path / "being-written").write_bytes(b"x" * 1000)
+    (tmp_path / "abandoned").write_bytes(b"x" * 100)
+    os.utime(tmp_path / "abandoned", (now - 90000, now - 90000))
+    cache.prune(tmp_path, limit=900)
+    assert len(list(tmp_path.iterdir())) == 10
+    cache.prune(tmp_path, limit=700)
+    left = sorted(path.name for path in tmp_path.iterdir())
+    assert left == ["0.object", "1.object", "2.object", "being-written"]
+
+
+def test_new_objects_have_the_folder_pruned(
+    kept: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked_at: list[Path] = []
+    monkeypatch.setattr(cache, "prune", looked_at.append)
+    monkeypatch.setattr(engine, "compile_object", lambda _: b"code")
+    for k in range(160):
+        cache.object_code(str(k))
+    # Binomial: 10 expected of 160; the names are fixed by their content.
+    assert 1 <= len(looked_at) <= 30
+    assert set(looked_at) == {kept}
+
+
+def test_use_renews(kept: Path) -> None:
+    cache.object_code(IR)
+    [path] = kept.iterdir()
+    os.utime(path, (1e9, 1e9))
+    cache.object_code(IR)
+    assert time.time() - path.stat().st_mtime < 60.0
+
+
+@pytest.mark.usefixtures("kept")
+def test_processes_at_once(kept: Path) -> None:
+    code = (
+        "import ctypes\n"
+        "from lagsim.native import cache, engine\n"
+        f"code = cache.object_code({IR!r})\n"
+        "f = engine.Engine([code]).function('f', ctypes.c_double, [])\n"
+        "print(f())\n"
+    )
+    command = [sys.executable, "-c", code]
+    running = [
+        subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(4)
+    ]
+    assert [process.communicate()[0] for process in running] == ["4.5\n"] * 4
+    assert [path.suffix for path in kept.iterdir()] == [".object"]
