@@ -1,0 +1,213 @@
+"""Energies -> the equations of motion, as nodes of the model's graph.
+
+    M q'' = f + A^T lambda,      A q'' = b,      Qc = A^T lambda
+
+with M = d2L/dq'2 and f = dL/dq - d/dt(dL/dq') at q'' = 0, plus the generalized forces.
+For lhs = rhs the constraint function is lhs - rhs; this sign of lambda holds everywhere.
+Source: H. P. Gavin, Generalized Coordinates, Lagrange's Equations, and Constraints,
+eqs 47 and 61; Arnold, Mathematical Methods of Classical Mechanics, sections 12 and 15.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from lagsim.constraints import Row, constraint_row
+from lagsim.expressions.derivatives import gradient, rate_of, tangent
+from lagsim.model import Level
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.expressions.graph import Graph
+    from lagsim.model import Model
+
+
+@dataclass(frozen=True, slots=True)
+class Equations:
+    """Everything a run needs, as nodes of `graph`.
+
+    Attributes
+    ----------
+    M : tuple of tuple of int, shape (n, n)
+        Symmetric; entries that vanish identically are `graph.zero`.
+    f : tuple of int, shape (n,)
+    rows : tuple of Row, length m
+        The equality constraints.
+    momenta : tuple of int, shape (n,)
+        dL/dq'.
+    energy : int
+        The energy function h = sum q' dL/dq' - L.
+    energy_is_sum : bool
+        h is kinetic + potential.
+    kinetic_form : int
+        q'^T M q' / 2, which is `kinetic` where that is quadratic.
+    power : int or None
+        The rate of `work`, with the multipliers as variables `lambda_<c>`; None where
+        the model has nothing that could do work.
+    """
+
+    model: Model
+    graph: Graph
+    q: tuple[str, ...]
+    velocities: tuple[str, ...]
+    M: tuple[tuple[int, ...], ...]
+    f: tuple[int, ...]
+    rows: tuple[Row, ...]
+    momenta: tuple[int, ...]
+    energy: int
+    energy_is_sum: bool
+    kinetic_form: int
+    power: int | None
+
+    @property
+    def accelerations(self) -> tuple[str, ...]:
+        """The names of the variables q''."""
+        return tuple(f"{q}_ddot" for q in self.q)
+
+    @property
+    def multipliers(self) -> tuple[str, ...]:
+        """The names of the variables lambda."""
+        return tuple(f"lambda_{row.name}" for row in self.rows)
+
+    def constraint_forces(self) -> list[int]:
+        """Give Qc = A^T lambda, with the multipliers as variables."""
+        g = self.graph
+        lambdas = [g.variable(name) for name in self.multipliers]
+        return [
+            g.product_sum(
+                (row.A[j], lam)
+                for row, lam in zip(self.rows, lambdas, strict=True)
+                if row.A[j] != g.zero
+            )
+            for j in range(len(self.q))
+        ]
+
+
+def derive(model: Model) -> Equations:
+    """Derive the equations of motion of `model`."""
+    g = model.graph
+    q = tuple(c.name for c in model.coordinates)
+    velocities = tuple(f"{name}_dot" for name in q)
+    positions = [g.variable(name) for name in q]
+    rates = [g.variable(name) for name in velocities]
+    time = g.variable("t")
+
+    slopes = gradient(g, model.lagrangian, [*rates, *positions, time])
+    momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
+    M = _mass_matrix(g, momenta, rates)
+    flow = dict(zip(positions, rates, strict=True)) | {time: g.one}
+    convective = tangent(g, momenta, flow)
+    Q = _generalized_forces(g, model, positions, rates)
+    f = [
+        g.call("add", g.call("sub", a, c), force)
+        for a, c, force in zip(dL_dq, convective, Q, strict=True)
+    ]
+    rows = tuple(
+        constraint_row(g, c, q, velocities)
+        for c in model.constraints
+        if c.law is None
+    )
+    energy, is_sum = _energy(g, model, momenta, rates, velocities)
+    half = g.constant(0.5)
+    kinetic_form = g.call(
+        "mul",
+        half,
+        g.product_sum(
+            (v, g.product_sum(zip(row, rates, strict=True)))
+            for v, row in zip(rates, M, strict=True)
+        ),
+    )
+    return Equations(
+        model=model,
+        graph=g,
+        q=q,
+        velocities=velocities,
+        M=M,
+        f=tuple(f),
+        rows=rows,
+        momenta=tuple(momenta),
+        energy=energy,
+        energy_is_sum=is_sum,
+        kinetic_form=kinetic_form,
+        power=_power(g, model, Q, rates, rows, dL_dt),
+    )
+
+
+def _mass_matrix(
+    g: Graph, momenta: Sequence[int], rates: Sequence[int]
+) -> tuple[tuple[int, ...], ...]:
+    """Give d momenta / d rates: for each rate one sweep over what depends on it."""
+    n = len(rates)
+    below: list[list[int]] = [[] for _ in rates]
+    dependence: dict[int, int] = {v: 1 << j for j, v in enumerate(rates)}
+    for node in g.cone(momenta):
+        mask = dependence.get(node, 0)
+        if g.args[node]:
+            for a in g.args[node]:
+                mask |= dependence.get(a, 0)
+            dependence[node] = mask
+            while mask:
+                j = (mask & -mask).bit_length() - 1
+                below[j].append(node)
+                mask &= mask - 1
+    M = [[g.zero] * n for _ in range(n)]
+    for j, v in enumerate(rates):
+        moving = {v: g.one}
+        for node in below[j]:
+            moving[node] = rate_of(g, node, moving)
+        for i in range(j, n):
+            M[i][j] = M[j][i] = moving.get(momenta[i], g.zero)
+    return tuple(map(tuple, M))
+
+
+def _generalized_forces(
+    g: Graph, model: Model, positions: Sequence[int], rates: Sequence[int]
+) -> list[int]:
+    """Give Q_j: virtual work of the forces, and -dF/dq' of the dissipation."""
+    Q = [g.zero] * len(positions)
+    for force in model.forces:
+        variables = positions if force.level is Level.POSITION else rates
+        for j, lever in enumerate(gradient(g, force.direction, variables)):
+            Q[j] = g.call("add", Q[j], g.call("mul", force.node, lever))
+    if model.dissipation is not None:
+        for j, loss in enumerate(gradient(g, model.dissipation, rates)):
+            Q[j] = g.call("sub", Q[j], loss)
+    return Q
+
+
+def _energy(
+    g: Graph,
+    model: Model,
+    momenta: Sequence[int],
+    rates: Sequence[int],
+    velocities: Sequence[str],
+) -> tuple[int, bool]:
+    if model.kinetic is not None and model.potential is not None:
+        quadratic = g.degree(model.kinetic, velocities)
+        if quadratic is not None and quadratic <= frozenset((2,)):
+            static = not g.depends([model.potential]) & frozenset(velocities)
+            if static:
+                return g.call("add", model.kinetic, model.potential), True
+    moved = g.product_sum(zip(rates, momenta, strict=True))
+    return g.call("sub", moved, model.lagrangian), False
+
+
+def _power(
+    g: Graph,
+    model: Model,
+    Q: Sequence[int],
+    rates: Sequence[int],
+    rows: Sequence[Row],
+    dL_dt: int,
+) -> int | None:
+    moved = [row for row in rows if row.transport != g.zero]
+    has_forces = bool(model.forces) or model.dissipation is not None
+    if not (has_forces or moved or dL_dt != g.zero):
+        return None
+    power = g.call("sub", g.product_sum(zip(Q, rates, strict=True)), dL_dt)
+    for row in moved:
+        term = g.call("mul", g.variable(f"lambda_{row.name}"), row.transport)
+        power = g.call("add", power, term)
+    return power

@@ -1,0 +1,224 @@
+"""The equations of motion solved on the graph, entry by entry.
+
+    [ M  A^T ] [  q''   ]   [ f ]
+    [ A   0  ] [ -lambda ] = [ b ]
+
+by M = L D L^T, Z = L^-1 A^T, S = Z^T D^-1 Z = A M^-1 A^T and S = L D L^T again. What is
+zero in M and A is never multiplied, each factorisation is made in a fill-reducing order,
+and whatever depends on parameters alone is later computed once (`graph_code`).
+For regular M and rows; `dense` is for all else.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from lagsim.equations import Equations
+    from lagsim.expressions.graph import Graph
+
+# Straight-line code of a few thousand operations compiles in well under a second;
+# beyond that loops win (measured: an n-link pendulum past n of about 16).
+BUDGET = 3000
+
+Vector = dict[int, int]  # index -> node; what is absent is zero
+
+
+class TooLongError(Exception):
+    """The elimination would take more than BUDGET operations."""
+
+
+class Meter:
+    """Counts multiplications and gives up when they pass BUDGET."""
+
+    def __init__(self) -> None:
+        self.operations = 0
+
+    def add(self, operations: int) -> None:
+        """Count `operations` more."""
+        self.operations += operations
+        if self.operations > BUDGET:
+            raise TooLongError
+
+
+class Factorisation:
+    """S = L D L^T of a symmetric matrix, in minimum-degree order.
+
+    Attributes
+    ----------
+    order : list of int
+    below : dict
+        Column k of L without its unit diagonal, as row -> node.
+    inverse : dict
+        1 / D_k.
+    health : list of int
+        Each pivot over the diagonal entry it came from; near 0 where the matrix is
+        close to singular, negative where it is indefinite.
+    """
+
+    def __init__(
+        self, g: Graph, size: int, entries: Mapping[tuple[int, int], int], meter: Meter
+    ) -> None:
+        self.g = g
+        self.meter = meter
+        rows: list[Vector] = [{} for _ in range(size)]
+        for (i, j), node in entries.items():
+            rows[i][j] = node
+            rows[j][i] = node
+        self.order: list[int] = []
+        self.below: dict[int, Vector] = {}
+        self.inverse: Vector = {}
+        self.health: list[int] = []
+        first = {k: rows[k].get(k, g.zero) for k in range(size)}
+        left = set(range(size))
+        while left:
+            k = min(left, key=lambda i: (len(rows[i]), i))
+            left.remove(k)
+            self._eliminate(k, rows, first[k])
+
+    def _eliminate(self, k: int, rows: list[Vector], first: int) -> None:
+        g = self.g
+        pivot = rows[k].pop(k, g.zero)
+        if pivot != first:
+            self.health.append(g.call("div", pivot, first))
+        inverse = g.call("div", g.one, pivot)
+        column = {i: g.call("mul", node, inverse) for i, node in rows[k].items()}
+        self.meter.add(1 + len(column) * (len(column) + 3) // 2)
+        self.order.append(k)
+        self.inverse[k] = inverse
+        self.below[k] = column
+        others = sorted(column)
+        for i in others:
+            del rows[i][k]
+        for a, i in enumerate(others):
+            for j in others[a:]:
+                term = g.call("mul", column[i], rows[k][j])
+                rows[i][j] = rows[j][i] = g.call("sub", rows[i].get(j, g.zero), term)
+
+    def forward(self, right: Mapping[int, int]) -> Vector:
+        """Give L^-1 right."""
+        g = self.g
+        z = {i: node for i, node in right.items() if node != g.zero}
+        for k in self.order:
+            if k in z:
+                for i, entry in self.below[k].items():
+                    self.meter.add(1)
+                    term = g.call("mul", entry, z[k])
+                    z[i] = g.call("sub", z.get(i, g.zero), term)
+        return z
+
+    def backward(self, z: Mapping[int, int]) -> Vector:
+        """Give L^-T D^-1 z."""
+        g = self.g
+        x: Vector = {}
+        for k in reversed(self.order):
+            value = g.call("mul", z[k], self.inverse[k]) if k in z else g.zero
+            for i, entry in self.below[k].items():
+                if i in x:
+                    self.meter.add(1)
+                    value = g.call("sub", value, g.call("mul", entry, x[i]))
+            if value != g.zero:
+                x[k] = value
+        return x
+
+    def solve(self, right: Mapping[int, int]) -> Vector:
+        """Give the solution for `right`."""
+        return self.backward(self.forward(right))
+
+
+class Elimination:
+    """Solves for q'' and lambda, and for corrections in the metric of M.
+
+    Raises
+    ------
+    TooLongError
+        Where straight-line code would be too long.
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        g = self.g = equations.graph
+        self.meter = Meter()
+        n = len(equations.q)
+        self.n, self.m = n, len(equations.rows)
+        entries = {
+            (i, j): equations.M[i][j]
+            for i in range(n)
+            for j in range(i + 1)
+            if equations.M[i][j] != g.zero
+        }
+        self.mass = Factorisation(g, n, entries, self.meter)
+        self.Z = [
+            self.mass.forward(dict(enumerate(row.A))) for row in equations.rows
+        ]
+        self.schur = Factorisation(g, self.m, self._schur(), self.meter)
+        self.f = self.mass.forward(dict(enumerate(equations.f)))
+        self.b = [row.b for row in equations.rows]
+
+    def _schur(self) -> dict[tuple[int, int], int]:
+        entries = {}
+        for i, z in enumerate(self.Z):
+            for j, other in enumerate(self.Z[: i + 1]):
+                common = sorted(z.keys() & other.keys())
+                if common:
+                    entries[i, j] = self._weighted(z, other, common)
+        return entries
+
+    def _weighted(
+        self, z: Mapping[int, int], other: Mapping[int, int], common: Iterable[int]
+    ) -> int:
+        """Give z^T D^-1 other over the entries both have."""
+        g, total = self.g, self.g.zero
+        for k in common:
+            self.meter.add(2)
+            scaled = g.call("mul", z[k], self.mass.inverse[k])
+            total = g.call("add", total, g.call("mul", scaled, other[k]))
+        return total
+
+    def motion(self) -> tuple[list[int], list[int]]:
+        """Give q'' (n,) and lambda (m,)."""
+        g = self.g
+        right = {
+            i: g.call(
+                "sub", self.b[i], self._weighted(z, self.f, sorted(z.keys() & self.f))
+            )
+            for i, z in enumerate(self.Z)
+        }
+        lam = self.schur.solve(right)
+        moved = dict(self.f)
+        self._add_forces(moved, lam)
+        q = self.mass.backward(moved)
+        return (
+            [q.get(j, g.zero) for j in range(self.n)],
+            [lam.get(i, g.zero) for i in range(self.m)],
+        )
+
+    def correction(self, residuals: Sequence[int]) -> list[int]:
+        """Give the least change, in the metric of M, that removes `residuals`.
+
+        -M^-1 A^T S^-1 residuals, to first order; shape (n,).
+        """
+        g = self.g
+        right = {i: g.call("neg", r) for i, r in enumerate(residuals)}
+        moved: Vector = {}
+        self._add_forces(moved, self.schur.solve(right))
+        change = self.mass.backward(moved)
+        return [change.get(j, g.zero) for j in range(self.n)]
+
+    def _add_forces(self, to: Vector, lam: Mapping[int, int]) -> None:
+        """Add Z lam, the constraint forces in the factor's coordinates."""
+        g = self.g
+        for i, multiplier in sorted(lam.items()):
+            for k, entry in self.Z[i].items():
+                self.meter.add(1)
+                term = g.call("mul", entry, multiplier)
+                to[k] = g.call("add", to.get(k, g.zero), term)
+
+    def health(self) -> int:
+        """Give the smallest ratio of a pivot to the diagonal entry it came from."""
+        g = self.g
+        worst = g.one
+        for ratio in [*self.mass.health, *self.schur.health]:
+            worst = g.call("min", ratio, worst)
+        return worst

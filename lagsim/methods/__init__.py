@@ -1,0 +1,28 @@
+"""The integration methods: one file each, registered by being there."""
+
+from __future__ import annotations
+
+import pkgutil
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+
+@cache
+def names() -> tuple[str, ...]:
+    """Give the names of all methods, in alphabetical order."""
+    modules = (m.name for m in pkgutil.iter_modules(__path__))
+    return tuple(sorted(name for name in modules if not name.startswith("_")))
+
+
+def method(name: str) -> ModuleType:
+    """Give the module of a method.
+
+    It has NAME, TITLE, ORDER, DENSE_ORDER, ADAPTIVE, IMAGINARY_LIMIT, HANDLES, a
+    docstring that is its page in `lagsim methods`, `state_size(size)`, and the kernels
+    `start`, `step` and `interpolate`.
+    """
+    return import_module(f"{__name__}.{name}")

@@ -1,0 +1,123 @@
+"""Error tolerances from each component's own scale, and the first step.
+
+The default tolerance of a component is rtol times the largest size it has had, and not
+less than a natural floor, so that components which should stay zero are not controlled
+at rounding level: for velocity i FLOOR * sqrt(2 E / M_ii), with E the largest kinetic
+energy or change of potential so far; for coordinate i that times the step. No unit
+enters: metres and millimetres give the same steps.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+from lagsim.methods._interface import derivative, measure
+from lagsim.methods._state import (
+    ATOL,
+    END,
+    ENERGY,
+    EVALUATIONS,
+    HEADER,
+    POTENTIAL,
+    ROW_STEP,
+    RTOL,
+    SIZE,
+    STEPS,
+    N,
+    T,
+)
+from lagsim.native.kernel_types import at
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+
+FLOOR = 1e-3
+
+
+def record_sizes(s: Floats, p: Floats) -> None:
+    """Take the state into the largest sizes, and its energy into ENERGY."""
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    sizes = at(s, HEADER + size)
+    for i in range(size):
+        sizes[i] = max(sizes[i], abs(y[i]))
+    if s[ATOL] < 0.0:
+        measured = at(s, HEADER + 3 * size)
+        measure(s[T], y, p, measured)
+        if s[STEPS] == 0.0:
+            s[POTENTIAL] = measured[1]
+        change = abs(measured[1] - s[POTENTIAL])
+        s[ENERGY] = max(s[ENERGY], abs(measured[0]), change)
+
+
+def set_tolerances(s: Floats, new: Floats, rates: Floats, h: float) -> None:
+    """Set the tolerance of each component for a step of length h to `new`.
+
+    new, rates : (size,), the state after the step and y' before it. A tolerance of 0
+    means that the component has no scale and is not controlled.
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    sizes = at(s, HEADER + size)
+    tolerances = at(s, HEADER + 2 * size)
+    masses = at(s, HEADER + 3 * size + 2)
+    for i in range(size):
+        if s[ATOL] >= 0.0:
+            tolerances[i] = s[ATOL] + s[RTOL] * max(abs(y[i]), abs(new[i]))
+        else:
+            scale = max(sizes[i], abs(new[i]), h * abs(rates[i]))
+            tolerances[i] = s[RTOL] * max(scale, natural_floor(s, masses, i, n, h))
+
+
+def natural_floor(s: Floats, masses: Floats, i: int, n: int, h: float) -> float:
+    """Give the scale below which component i counts as zero."""
+    if i >= 2 * n:
+        return FLOOR * s[ENERGY]  # work
+    mass = masses[i % n]
+    if mass <= 0.0:
+        return 0.0
+    speed = FLOOR * sqrt(2.0 * s[ENERGY] / mass)
+    if i < n:
+        return speed * h
+    return speed
+
+
+def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
+    """Give a first step: one explicit Euler step tells the second derivative.
+
+    Hairer, Norsett and Wanner, Solving ODEs I, II.4. k : (size,) is y' at the start.
+    """
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    z = at(s, HEADER + 4 * size + 2)
+    slopes = at(z, size)
+    tolerances = at(s, HEADER + 2 * size)
+    set_tolerances(s, y, k, s[ROW_STEP])
+    d0 = 0.0
+    d1 = 0.0
+    for i in range(size):
+        if tolerances[i] > 0.0:
+            d0 += (y[i] / tolerances[i]) * (y[i] / tolerances[i])
+            d1 += (k[i] / tolerances[i]) * (k[i] / tolerances[i])
+    span = s[END] - s[T]
+    h = min(1e-3 * s[ROW_STEP], span)
+    if d0 > 1e-10 and d1 > 1e-10:
+        h = min(0.01 * sqrt(d0 / d1), span)
+    for i in range(size):
+        z[i] = y[i] + h * k[i]
+    derivative(s[T] + h, z, p, slopes)
+    s[EVALUATIONS] += 1.0
+    d2 = 0.0
+    for i in range(size):
+        if tolerances[i] > 0.0:
+            bend = (slopes[i] - k[i]) / tolerances[i]
+            d2 += bend * bend
+    steepest = max(sqrt(d2) / h, sqrt(d1))
+    if not steepest < 1e300:
+        return 1e-3 * h
+    guess = max(1e-6 * span, 1e-3 * h)
+    if steepest > 1e-15:
+        guess = (0.01 / steepest) ** (1.0 / order)
+    return min(100.0 * h, guess, span)

@@ -1,0 +1,177 @@
+"""The loop around any method: rows on a grid, `until`, and an orderly return.
+
+Compiled once for each of the settings CONSTRAINED and UNTIL; what a model does not
+need is left out.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.methods._interface import interpolate, observe, start, step, until
+from lagsim.methods._projection import project
+from lagsim.methods._state import (
+    BLOCK_FULL,
+    DEGENERATE,
+    DONE,
+    EMITTED,
+    END,
+    EQUATION,
+    EVENT,
+    EVENT_FOUND,
+    FRESH,
+    HEADER,
+    HEALTH,
+    ORIENTATION,
+    PAUSED,
+    ROW,
+    ROW_LIMIT,
+    ROW_START,
+    ROW_STEP,
+    SIZE,
+    STEP_H,
+    STEP_T,
+    N,
+    T,
+)
+from lagsim.native.kernel_types import at
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+
+CONSTRAINED = True
+UNTIL = True
+
+# Where a pivot of the constraint solve falls below this part of its diagonal entry the
+# condition of S passes 1e8, and half of the digits of lambda are gone.
+WORST_PIVOT = 1e-8
+# A step is looked at this often for the moment that ends the run.
+LOOKS = 8
+
+
+def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
+    """Integrate until `rows` rows are written, `budget` steps made, or all is done.
+
+    out : (rows, 1 + size), the time and the state of each row. Gives one of the codes
+    of `_state`; s[EMITTED] says how many rows were written.
+    """
+    s[EMITTED] = 0.0
+    size = int(s[SIZE])
+    work = at(s, HEADER + 4 * size + 2)
+    if s[FRESH] > 0.0:
+        start(s, p)
+        if UNTIL:
+            arm(s, p, work)
+        s[FRESH] = 0.0
+    made = 0
+    while True:
+        if emit(s, p, out, rows) == 0:
+            return BLOCK_FULL
+        if s[EVENT] > 0.0:
+            return EVENT_FOUND
+        if s[T] >= s[END]:
+            return DONE
+        if made >= budget:
+            return PAUSED
+        made += 1
+        code = step(s, p)
+        if code != DONE:
+            return code
+        if CONSTRAINED and s[HEALTH] < WORST_PIVOT:
+            return DEGENERATE
+        if UNTIL:
+            locate(s, p, work)
+
+
+def emit(s: Floats, p: Floats, out: Floats, rows: int) -> int:
+    """Write the rows up to the time reached; give 0 where the block is full first."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    while True:
+        t = s[ROW_START] + s[ROW] * s[ROW_STEP]
+        if t >= s[ROW_LIMIT] or t > s[T]:
+            return 1
+        written = int(s[EMITTED])
+        if written >= rows:
+            return 0
+        row = at(out, written * (1 + size))
+        row[0] = t
+        if t == s[T] or s[STEP_H] == 0.0:
+            for i in range(size):
+                row[1 + i] = y[i]
+        else:
+            interpolate(s, (t - s[STEP_T]) / s[STEP_H], at(row, 1))
+            if CONSTRAINED:
+                sizes = at(s, HEADER + size)
+                work = at(s, HEADER + 4 * size + 2)
+                project(n, t, at(row, 1), p, sizes, work)
+        s[EMITTED] += 1.0
+        s[ROW] += 1.0
+
+
+def arm(s: Floats, p: Floats, work: Floats) -> None:
+    """Note on which side of `until` the state is: it counts once it has been false."""
+    until(s[T], at(s, HEADER), p, work)
+    orient(s, work[0])
+
+
+def orient(s: Floats, value: float) -> None:
+    """Set ORIENTATION as soon as the condition is false."""
+    if s[ORIENTATION] == 0.0:
+        if s[EQUATION] > 0.0:
+            if value > 0.0:
+                s[ORIENTATION] = 1.0
+            if value < 0.0:
+                s[ORIENTATION] = -1.0
+        elif value < 0.0:
+            s[ORIENTATION] = -1.0
+
+
+def locate(s: Floats, p: Floats, work: Floats) -> None:
+    """Look for the first moment of the last step at which `until` holds.
+
+    By bisection on the dense output, to the last bit: the time reached, the state and
+    the limit of the rows become those of that moment.
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    z = work
+    value = at(work, size)
+    low = 0.0
+    high = 0.0
+    for look in range(1, LOOKS + 1):
+        x = look / LOOKS
+        if high == 0.0:
+            interpolate(s, x, z)
+            until(s[STEP_T] + x * s[STEP_H], z, p, value)
+            if s[ORIENTATION] != 0.0 and s[ORIENTATION] * value[0] <= 0.0:
+                high = x
+            else:
+                low = x
+                orient(s, value[0])
+    if high > 0.0:
+        middle = 0.5 * (low + high)
+        while low < middle and middle < high:
+            interpolate(s, middle, z)
+            until(s[STEP_T] + middle * s[STEP_H], z, p, value)
+            if s[ORIENTATION] * value[0] <= 0.0:
+                high = middle
+            else:
+                low = middle
+            middle = 0.5 * (low + high)
+        interpolate(s, high, at(s, HEADER))
+        s[T] = s[STEP_T] + high * s[STEP_H]
+        s[ROW_LIMIT] = min(s[ROW_LIMIT], s[T])
+        s[EVENT] = 1.0
+        if CONSTRAINED:
+            project(n, s[T], at(s, HEADER), p, at(s, HEADER + size), work)
+
+
+def tabulate(
+    states: Floats, rows: int, size: int, p: Floats, out: Floats, width: int
+) -> None:
+    """Give the columns (rows, width) of states (rows, 1 + size)."""
+    for i in range(rows):
+        row = at(states, i * (1 + size))
+        observe(row[0], at(row, 1), p, at(out, i * width))

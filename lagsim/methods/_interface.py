@@ -1,0 +1,60 @@
+"""What a kernel may call of the model, and what the driver calls of a method.
+
+All arrays are views into longer ones; `p` holds the parameters and the model's own
+working memory. Linked in at run time.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.native.kernel_types import external
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+
+
+@external
+def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give y' (size,) at the state y = (q, q', work if the model has it)."""
+
+
+@external
+def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the Newton step (n,) onto the holonomic constraints, in the metric of M."""
+
+
+@external
+def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the Newton step (n,) of the velocities; then the pivot ratio (1,)."""
+
+
+@external
+def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give q'Mq'/2, the rest of the energy (2,), and the diagonal of M (n,)."""
+
+
+@external
+def until(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the residual or gap (1,) of the relation that ends the run."""
+
+
+@external
+def start(s: Floats, p: Floats) -> None:
+    """Begin an arc: evaluate at its start, choose the first step."""
+
+
+@external
+def step(s: Floats, p: Floats) -> int:
+    """Make one accepted step, or give a code other than 0."""
+    raise NotImplementedError
+
+
+@external
+def interpolate(s: Floats, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step."""
+
+
+@external
+def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give all columns of a row."""

@@ -1,0 +1,50 @@
+"""The one array that carries a method from call to call: where everything lies in it.
+
+Between two calls of `advance` nothing else is kept, so a run can be paused, shown
+progress, interrupted and resumed at no cost.
+
+After the header lie, for a state of `size` components: y (size), their largest sizes
+(size), tolerances (size), what `measure` gave (size + 2), work (2 size + 4), and from
+HEADER + 6 size + 6 on whatever the method needs.
+"""
+
+from __future__ import annotations
+
+T = 0  # time reached
+END = 1  # where the arc ends
+H = 2  # the next step; 0 before it has been chosen
+PREVIOUS_ERROR = 3  # of the last accepted step, for PI control
+RTOL = 4
+ATOL = 5  # below 0: rtol times the component's own scale
+ROW_START = 6  # row k is at ROW_START + k*ROW_STEP ...
+ROW_STEP = 7
+ROW_LIMIT = 8  # ... while that is less than this
+ROW = 9  # the next row
+EMITTED = 10  # rows written by this call
+STEPS = 11
+REJECTIONS = 12
+EVALUATIONS = 13
+STEP_T = 14  # the last step: where it began ...
+STEP_H = 15  # ... and its length; 0 before the first
+FRESH = 16  # 1 at the start of an arc
+ENERGY = 17  # the largest kinetic energy or change of potential so far
+POTENTIAL = 18  # at the start of the run
+ORIENTATION = 19  # `until` holds where this times the condition is <= 0; 0: not armed
+EQUATION = 20  # 1 if `until` is an equation
+EVENT = 21  # 1 once `until` has been located
+HEALTH = 22  # the worst pivot ratio met in the constraint solve
+N = 23  # coordinates
+SIZE = 24  # components of y
+FIXED_STEP = 25  # for fixed-step methods
+ARC_START = 26
+HEADER = 32
+
+# What `advance` and `step` return.
+DONE = 0
+BLOCK_FULL = 1
+PAUSED = 2
+EVENT_FOUND = 3
+STEP_TOO_SMALL = 4
+NOT_FINITE = 5
+PROJECTION_FAILED = 6
+DEGENERATE = 7

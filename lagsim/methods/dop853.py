@@ -1,0 +1,240 @@
+"""DOP853: the explicit Runge-Kutta method of order 8 by Dormand and Prince.
+
+Error estimates of order 5 and 3, PI step control, dense output of order 7. The method
+for smooth, non-stiff motion at tight tolerances. Its stability interval on the
+imaginary axis, where undamped oscillations lie, is 5.96: a step cannot exceed
+about 0.95 periods of the fastest mode.
+
+Source: E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations
+I, 2nd ed., sections II.4 (control, (2.43c)), II.5 (method) and II.6 (dense output).
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+from lagsim.methods._controller import first_step, record_sizes, set_tolerances
+from lagsim.methods._dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
+from lagsim.methods._interface import derivative
+from lagsim.methods._projection import project
+from lagsim.methods._state import (
+    DONE,
+    END,
+    EVALUATIONS,
+    HEADER,
+    HEALTH,
+    NOT_FINITE,
+    PREVIOUS_ERROR,
+    PROJECTION_FAILED,
+    REJECTIONS,
+    ROW,
+    ROW_LIMIT,
+    ROW_START,
+    ROW_STEP,
+    SIZE,
+    STEP_H,
+    STEP_T,
+    STEP_TOO_SMALL,
+    STEPS,
+    H,
+    N,
+    T,
+)
+from lagsim.methods._tableau import Tableau
+from lagsim.native.kernel_types import at, total, unrolled
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+
+NAME = "dop853"
+TITLE = "Dormand-Prince 8(5,3)"
+ORDER = 8
+DENSE_ORDER = 7
+ADAPTIVE = True
+IMAGINARY_LIMIT = 5.96
+HANDLES = "any model; equality constraints by projection"
+TABLEAU = Tableau(A[:12], B, C[:12], ORDER)
+
+CONSTRAINED = True
+UNTIL = True
+
+STAGES = 16
+SAFETY = 0.9
+BETA = 0.04
+EXPONENT = 0.125 - 0.2 * BETA
+SHRINK = 3.0  # a step shrinks at most by this, and grows at most by the next
+GROW = 6.0
+# Below this many units in the last place of t a step makes no progress.
+SMALLEST = 8.0 * 2.0**-52
+
+
+def state_size(size: int) -> int:
+    """Give the length of the array of state for `size` components."""
+    return HEADER + 6 * size + 6 + size * (STAGES + 2 + 8)
+
+
+# The method's own arrays: k (16 size), z (size), new (size), dense (8 size).
+def start(s: Floats, p: Floats) -> None:
+    """Begin an arc: evaluate at its start, choose the first step."""
+    size = int(s[SIZE])
+    k = at(s, HEADER + 6 * size + 6)
+    derivative(s[T], at(s, HEADER), p, k)
+    s[EVALUATIONS] += 1.0
+    s[STEP_H] = 0.0
+    s[PREVIOUS_ERROR] = 1e-4
+    record_sizes(s, p)
+    s[H] = first_step(s, p, ORDER, k)
+
+
+def step(s: Floats, p: Floats) -> int:
+    """Make one accepted step, or give a code other than 0."""
+    rejected = False
+    trouble = STEP_TOO_SMALL
+    while True:
+        h = usable_step(s)
+        if h == 0.0:
+            return trouble
+        error = attempt(s, p, h)
+        if not error < 1e300:
+            s[H] = 0.1 * h
+            trouble = NOT_FINITE
+        elif error >= 1.0:
+            s[H] = h / min(SHRINK, error**EXPONENT / SAFETY)
+            trouble = STEP_TOO_SMALL
+        elif CONSTRAINED and settle(s, p, h) == 0:
+            s[H] = 0.25 * h
+            trouble = PROJECTION_FAILED
+        else:
+            break
+        rejected = True
+        s[REJECTIONS] += 1.0
+    accept(s, p, h)
+    grown = error**EXPONENT / (s[PREVIOUS_ERROR] ** BETA * SAFETY)
+    s[H] = h / max(1.0 / GROW, min(SHRINK, grown))
+    if rejected:
+        s[H] = min(s[H], h)
+    s[PREVIOUS_ERROR] = max(error, 1e-4)
+    return DONE
+
+
+def usable_step(s: Floats) -> float:
+    """Give the step to try, with t + h exact; 0 where it would be too small."""
+    t = s[T]
+    h = s[H]
+    if t + 1.01 * h >= s[END]:
+        return s[END] - t
+    if not h > SMALLEST * max(abs(t), 1e-6 * (s[END] - t)):
+        return 0.0
+    return (t + h) - t
+
+
+def attempt(s: Floats, p: Floats, h: float) -> float:
+    """Make the stages of a step and give its error in units of the tolerance."""
+    t = s[T]
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    k = at(s, HEADER + 6 * size + 6)
+    z = at(k, STAGES * size)
+    new = at(z, size)
+    for stage in unrolled(1, 12):
+        for i in range(size):
+            slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
+            z[i] = y[i] + h * slope
+        derivative(t + C[stage] * h, z, p, at(k, stage * size))
+    s[EVALUATIONS] += 11.0
+    for i in range(size):
+        new[i] = y[i] + h * total(B[j] * k[j * size + i] for j in unrolled(12))
+    set_tolerances(s, new, k, h)
+    return error_norm(size, h, k, at(s, HEADER + 2 * size))
+
+
+def error_norm(size: int, h: float, k: Floats, tolerances: Floats) -> float:
+    """Combine the estimates of order 5 and 3 (II.10, (10.17))."""
+    error5 = 0.0
+    error3 = 0.0
+    controlled = 0
+    for i in range(size):
+        if tolerances[i] > 0.0:
+            e5 = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
+            e3 = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
+            e5 /= tolerances[i]
+            e3 /= tolerances[i]
+            error5 += e5 * e5
+            error3 += e3 * e3
+            controlled += 1
+    if error5 == 0.0:
+        return 0.0
+    return h * error5 / sqrt(controlled * (error5 + 0.01 * error3))
+
+
+def settle(s: Floats, p: Floats, h: float) -> int:
+    """Project the new state onto the constraints; give 0 where that fails."""
+    n = int(s[N])
+    size = int(s[SIZE])
+    new = at(s, HEADER + 6 * size + 6 + (STAGES + 1) * size)
+    work = at(s, HEADER + 4 * size + 2)
+    if project(n, s[T] + h, new, p, at(s, HEADER + size), work) == 0:
+        return 0
+    s[HEALTH] = min(s[HEALTH], work[n])
+    return 1
+
+
+def accept(s: Floats, p: Floats, h: float) -> None:
+    """Take the new state, and make the dense output ready where a row needs it."""
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    k = at(s, HEADER + 6 * size + 6)
+    new = at(k, (STAGES + 1) * size)
+    s[STEP_T] = s[T]
+    s[STEP_H] = h
+    s[T] = s[T] + h
+    s[STEPS] += 1.0
+    derivative(s[T], new, p, at(k, 12 * size))
+    s[EVALUATIONS] += 1.0
+    row = s[ROW_START] + s[ROW] * s[ROW_STEP]
+    if UNTIL or (row < s[ROW_LIMIT] and row < s[T]):
+        prepare_dense(s, p)
+    for i in range(size):
+        y[i] = new[i]
+        k[i] = k[12 * size + i]
+    record_sizes(s, p)
+
+
+def prepare_dense(s: Floats, p: Floats) -> None:
+    """Evaluate the three extra stages, and the coefficients of the polynomial."""
+    h = s[STEP_H]
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    k = at(s, HEADER + 6 * size + 6)
+    z = at(k, STAGES * size)
+    new = at(z, size)
+    dense = at(new, size)
+    for stage in unrolled(13, 16):
+        for i in range(size):
+            slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
+            z[i] = y[i] + h * slope
+        derivative(s[STEP_T] + C[stage] * h, z, p, at(k, stage * size))
+    s[EVALUATIONS] += 3.0
+    for i in range(size):
+        change = new[i] - y[i]
+        bend = h * k[i] - change
+        dense[i] = y[i]
+        dense[size + i] = change
+        dense[2 * size + i] = bend
+        dense[3 * size + i] = change - h * k[12 * size + i] - bend
+        for m in unrolled(4):
+            slope = total(DENSE[m][j] * k[j * size + i] for j in unrolled(16))
+            dense[(4 + m) * size + i] = h * slope
+
+
+def interpolate(s: Floats, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step (II.6, (6.7))."""
+    size = int(s[SIZE])
+    dense = at(s, HEADER + 6 * size + 6 + (STAGES + 2) * size)
+    u = 1.0 - x
+    for i in range(size):
+        value = 0.0
+        for m in unrolled(7):
+            value = (value + dense[(7 - m) * size + i]) * (x if m % 2 == 0 else u)
+        out[i] = dense[i] + value
