@@ -1,0 +1,189 @@
+"""What this scene needs, and why: the structure found, the formulation, the method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from lagsim.errors import InputError, Problem
+from lagsim.kkt.straight import Elimination, TooLongError
+from lagsim.methods import method, names
+
+if TYPE_CHECKING:
+    from lagsim.admissibility import Start
+    from lagsim.equations import Equations
+
+DEFAULT_RTOL = 1e-11
+# Normal equations square the condition of the rows: below this the loops with their QR
+# decomposition take over (numerics: S loses half of the digits of lambda).
+WELL_CONDITIONED = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One thing chosen, and why."""
+
+    choice: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The choices of a run.
+
+    Attributes
+    ----------
+    method : str
+    formulation : str
+        `none`, `projection` or `velocity projection`.
+    elimination : Elimination or None
+        The equations solved on the graph; None where loops solve them.
+    augmented : bool
+        M is singular and is solved together with the constraints.
+    rtol, atol, step : float or None
+    mass_matrix : str
+        `constant`, or what it depends on.
+    """
+
+    method: str
+    formulation: str
+    elimination: Elimination | None
+    augmented: bool
+    rtol: float | None
+    atol: float | None
+    step: float | None
+    mass_matrix: str
+    choices: tuple[Choice, ...]
+
+
+def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Plan:
+    """Choose for the model; `loops` insists on solving by loops.
+
+    Raises
+    ------
+    InputError
+        Where the method asked for is not known.
+    """
+    choices: list[Choice] = []
+    mass = _mass_matrix(equations)
+    choices.append(Choice(f"mass matrix: {mass}", _mass_reason(equations, mass)))
+    formulation = _formulation(equations, choices)
+    elimination = None if loops else _elimination(equations, start, choices)
+    if loops:
+        choices.append(Choice("solve: loops with QR", "the rows lost their independence"))
+    if start.augmented:
+        choices.append(
+            Choice("mass matrix solved with the constraints", "it is singular alone")
+        )
+    simulation = equations.model.simulation
+    asked = simulation.method if simulation else "auto"
+    name = _method(asked, choices)
+    adaptive = bool(method(name).ADAPTIVE)
+    rtol = atol = step = None
+    if simulation is not None:
+        if adaptive:
+            rtol = DEFAULT_RTOL if simulation.rtol is None else simulation.rtol
+            atol = simulation.atol
+        else:
+            step = simulation.step or simulation.output_step
+    return Plan(
+        method=name,
+        formulation=formulation,
+        elimination=elimination,
+        augmented=start.augmented,
+        rtol=rtol,
+        atol=atol,
+        step=step,
+        mass_matrix=mass,
+        choices=tuple(choices),
+    )
+
+
+def _mass_matrix(equations: Equations) -> str:
+    g = equations.graph
+    entries = [node for row in equations.M for node in row if node != g.zero]
+    names_ = g.depends(entries)
+    n = len(equations.q)
+    off = any(
+        equations.M[i][j] != g.zero for i in range(n) for j in range(n) if i != j
+    )
+    kinds = [] if off else ["diagonal"]
+    if names_ & set(equations.velocities):
+        kinds.append("depends on velocities")
+    elif names_ & set(equations.q):
+        kinds.append("depends on positions")
+    elif "t" in names_:
+        kinds.append("depends on time")
+    else:
+        kinds.append("constant")
+    return ", ".join(reversed(kinds))
+
+
+def _mass_reason(equations: Equations, mass: str) -> str:
+    if mass.startswith("constant"):
+        return "factored once, before the run"
+    zero = equations.graph.zero
+    n = len(equations.q)
+    full = sum(1 for row in equations.M for node in row if node != zero)
+    return f"{full} of {n * n} entries are not zero"
+
+
+def _formulation(equations: Equations, choices: list[Choice]) -> str:
+    rows = equations.rows
+    if not rows:
+        choices.append(Choice("formulation: none", "no constraints"))
+        return "none"
+    held = [row for row in rows if row.holonomic]
+    if held:
+        reason = f"{len(held)} of {len(rows)} constraints hold positions"
+        choices.append(Choice("formulation: projection", reason))
+        return "projection"
+    choices.append(
+        Choice("formulation: velocity projection", "the constraints hold velocities")
+    )
+    return "velocity projection"
+
+
+def _elimination(
+    equations: Equations, start: Start, choices: list[Choice]
+) -> Elimination | None:
+    if start.augmented:
+        return None
+    if start.rank < len(equations.rows):
+        reason = f"{len(equations.rows)} constraints have rank {start.rank}"
+        choices.append(Choice("solve: loops with QR, least-norm lambda", reason))
+        return None
+    if start.conditioning < WELL_CONDITIONED:
+        reason = f"the rows are nearly dependent ({start.conditioning:.1e})"
+        choices.append(Choice("solve: loops with QR", reason))
+        return None
+    try:
+        elimination = Elimination(equations)
+        elimination.motion()
+    except TooLongError:
+        choices.append(Choice("solve: loops", "straight-line code would be too long"))
+        return None
+    count = elimination.meter.operations
+    choices.append(Choice("solve: straight-line code", f"{count} multiplications"))
+    return elimination
+
+
+def _method(asked: str, choices: list[Choice]) -> str:
+    if asked == "auto":
+        choices.append(
+            Choice("method: dop853", "order 8, the most digits for smooth motion")
+        )
+        return "dop853"
+    if asked not in names():
+        known = ", ".join(names())
+        raise InputError(
+            [
+                Problem(
+                    "unknown-method",
+                    f"there is no method `{asked}`",
+                    hint=f"one of auto, {known}; `lagsim methods` describes them",
+                )
+            ]
+        )
+    choices.append(Choice(f"method: {asked}", "asked for"))
+    return asked

@@ -1,0 +1,348 @@
+"""The run: a loop over arcs, each integrated by a kernel that fills blocks of rows.
+
+An arc ends at a break in time, at `until`, or at the end of the run; the branch of each
+switch in time is fixed within it. Blocks go to the consumers and are forgotten, so
+memory does not grow with the number of rows.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from lagsim.breaks import break_times
+from lagsim.methods import _state as at
+from lagsim.plan import make_plan
+from lagsim.system import System
+from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from lagsim.admissibility import Start
+    from lagsim.equations import Equations
+    from lagsim.model import Simulation
+    from lagsim.native.kernel_types import Floats
+    from lagsim.plan import Plan
+
+# Rows in one block: a few hundred kilobytes.
+BLOCK = 2048
+# Steps between two looks at interrupts and progress: some tens of milliseconds.
+STEPS_PER_CALL = 4000
+MOST_STEPS = 100_000_000
+# The last row within this part of a row's spacing is the end's.
+SAME_ROW = 1e-9
+# A moving constraint whose residual jumps by more than this, against its scale, tears.
+TORN = 1e-6
+
+
+class Consumer(Protocol):
+    """Takes the rows of a run, block by block."""
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns) in the order of `System.columns.names`."""
+
+
+class Interrupt:
+    """Notes SIGINT and SIGTERM instead of raising, so that nothing computed is lost."""
+
+    def __init__(self) -> None:
+        self.signal: int | None = None
+
+    @contextlib.contextmanager
+    def noted(self) -> Iterator[Interrupt]:
+        """Note the signals while the context lasts (in the main thread only)."""
+        if threading.current_thread() is not threading.main_thread():
+            yield self
+            return
+        kinds = (signal.SIGINT, signal.SIGTERM)
+        before = [signal.signal(kind, self._note) for kind in kinds]
+        try:
+            yield self
+        finally:
+            for kind, handler in zip(kinds, before, strict=True):
+                signal.signal(kind, handler)
+
+    def _note(self, number: int, _frame: object) -> None:
+        self.signal = number
+
+
+def simulate(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    system: System,
+    consumers: Sequence[Consumer],
+    *,
+    interrupt: Interrupt | None = None,
+    progress: Callable[[float], None] | None = None,
+    most_steps: int = MOST_STEPS,
+) -> Trajectory:
+    """Integrate from `start`, handing every row to the consumers.
+
+    Parameters
+    ----------
+    progress
+        Called with the fraction of the run that is done.
+    """
+    run = _Run(equations, start, plan, system, consumers, interrupt, progress)
+    return run.whole(most_steps)
+
+
+class _Run:
+    def __init__(
+        self,
+        equations: Equations,
+        start: Start,
+        plan: Plan,
+        system: System,
+        consumers: Sequence[Consumer],
+        interrupt: Interrupt | None,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        simulation = equations.model.simulation
+        assert simulation is not None
+        self.equations, self.start, self.plan = equations, start, plan
+        self.simulation: Simulation = simulation
+        self.consumers, self.interrupt, self.progress = consumers, interrupt, progress
+        self.events: list[Event] = []
+        self.warnings: list[Caution] = []
+        self.rows = 0
+        self.use(system)
+        self.state = self._fresh_state(np.concatenate([start.q, start.v]))
+        self.block = np.empty((BLOCK, 1 + system.size))
+
+    def use(self, system: System) -> None:
+        """Go on with another formulation."""
+        self.system = system
+        self.runner = system.link(self.plan.method)
+
+    def _fresh_state(self, y: Floats) -> Floats:
+        system, simulation = self.system, self.simulation
+        state = np.zeros(self.runner.method.state_size(system.size))
+        state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
+        state[at.ROW_STEP] = simulation.output_step
+        state[at.RTOL] = self.plan.rtol or 0.0
+        state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
+        state[at.FIXED_STEP] = self.plan.step or 0.0
+        state[at.N], state[at.SIZE] = system.n, system.size
+        state[at.HEALTH] = 1.0
+        if simulation.until is not None:
+            state[at.EQUATION] = simulation.until.sense.value == "="
+        state[at.HEADER : at.HEADER + len(y)] = y
+        return state
+
+    @property
+    def t(self) -> float:
+        """The time reached."""
+        return float(self.state[at.T])
+
+    @property
+    def y(self) -> Floats:
+        """The state at that time: a view."""
+        return self.state[at.HEADER : at.HEADER + self.system.size]
+
+    def whole(self, most_steps: int) -> Trajectory:
+        """Go through all arcs."""
+        outcome = Outcome.DONE
+        for end in [*self._breaks(), self.simulation.end]:
+            if self.t > self.simulation.start:
+                self.events.append(Event(self.t, "switch"))
+            torn = self._begin_arc(end)
+            outcome = Outcome.CONSTRAINT_JUMPS if torn else self._arc(most_steps)
+            if outcome is not Outcome.DONE:
+                break
+        if outcome is Outcome.UNTIL:
+            self.events.append(Event(self.t, "until"))
+        self._last_row()
+        state = self.state
+        evaluations = int(state[at.EVALUATIONS])
+        return Trajectory(
+            outcome=outcome,
+            reason=self._reason(outcome),
+            start=self.simulation.start,
+            end=self.t,
+            rows=self.rows,
+            statistics=Statistics(
+                int(state[at.STEPS]),
+                int(state[at.REJECTIONS]),
+                evaluations,
+                self._factorisations(evaluations),
+            ),
+            events=tuple(self.events),
+            warnings=tuple(self.warnings),
+        )
+
+    def _breaks(self) -> Iterator[float]:
+        modes = self.system.switches.modes
+        if not modes:
+            return iter(())
+        parameters = {p.name: p.value for p in self.equations.model.parameters}
+        return break_times(
+            self.equations.graph,
+            [mode.node for mode in modes],
+            parameters,
+            self.simulation.start,
+            self.simulation.end,
+        )
+
+    def _begin_arc(self, end: float) -> bool:
+        """Set the branches of the arc that ends at `end`; tell if a constraint tore."""
+        state, simulation = self.state, self.simulation
+        parameters = {p.name: p.value for p in self.equations.model.parameters}
+        middle = self.t + 0.5 * (end - self.t)
+        self.system.set_modes(self.system.switches.mode_values(middle, parameters))
+        self.runner.prepare()
+        state[at.END] = end
+        last = simulation.end - SAME_ROW * simulation.output_step
+        state[at.ROW_LIMIT] = min(end, last)
+        state[at.FRESH] = 1.0
+        state[at.ARC_START] = self.t
+        if self.system.m and self.t > simulation.start:
+            return self._impact()
+        return False
+
+    def _impact(self) -> bool:
+        """Meet a constraint whose rate jumps: the velocities are projected.
+
+        That is the inelastic impact, the least change in the metric of M. Gives whether
+        a position has jumped instead, which no motion can follow.
+        """
+        before = self._observed()
+        names = self.system.columns.names
+        for row in self.equations.rows:
+            g = before[names.index(f"residual_{row.name}")]
+            scale = before[names.index(f"scale.{row.name}")]
+            if row.holonomic and abs(g) > TORN * scale:
+                self.torn = row.name
+                return True
+        n = self.system.n
+        step = self.runner.function("velocity_step")(self.t, self.y)[:n]
+        sizes = self.state[at.HEADER + self.system.size + n :][:n]
+        if np.all(np.abs(step) <= TORN * 1e-3 * np.maximum(sizes, 1e-300)):
+            return False
+        self._emit(self._row())
+        self.y[n : 2 * n] += step
+        if self.system.has_work:
+            energy = names.index("energy")
+            self.y[2 * n] += self._observed()[energy] - before[energy]
+        self.events.append(Event(self.t, "impact"))
+        return False
+
+    def _row(self) -> Floats:
+        return np.concatenate([[self.t], self.y])[None, :]
+
+    def _observed(self) -> Floats:
+        return np.asarray(self.runner.tabulate(self._row())[0])
+
+    def _arc(self, most_steps: int) -> Outcome:
+        """Integrate to the end of the arc."""
+        state = self.state
+        while True:
+            left = most_steps - int(state[at.STEPS])
+            budget = min(STEPS_PER_CALL, left)
+            code = self.runner.advance(state, self.block, budget)
+            self._emit(self.block[: int(state[at.EMITTED])])
+            if self.interrupt is not None and self.interrupt.signal is not None:
+                return Outcome.INTERRUPTED
+            if code == at.DEGENERATE:
+                self._switch_to_loops()
+            elif code == at.PAUSED and left <= budget:
+                return Outcome.TOO_MANY_STEPS
+            elif code not in (at.PAUSED, at.BLOCK_FULL):
+                return _OUTCOMES[code]
+            if self.progress is not None:
+                span = self.simulation.end - self.simulation.start
+                self.progress((self.t - self.simulation.start) / span)
+
+    def _switch_to_loops(self) -> None:
+        """Go on with the QR decomposition where the rows lose their independence."""
+        end = float(self.state[at.END])
+        text = (
+            f"at t = {self.t:.9g} the constraints come close to dependent; from there "
+            "on they are solved by a QR decomposition"
+        )
+        self.warnings.append(Caution("nearly-dependent", text))
+        self.plan = make_plan(self.equations, self.start, loops=True)
+        self.plan = replace(self.plan, method=self.runner.method.NAME)
+        self.use(System(self.equations, self.plan))
+        self.state[at.HEALTH] = 1.0
+        row_limit = float(self.state[at.ROW_LIMIT])
+        self._begin_arc(end)
+        self.state[at.ROW_LIMIT] = row_limit
+
+    def _emit(self, states: Floats) -> None:
+        if not len(states):
+            return
+        rows = self.runner.tabulate(states)
+        self.rows += len(rows)
+        for consumer in self.consumers:
+            consumer.add(rows)
+
+    def _last_row(self) -> None:
+        """Give the row at the time reached, unless it has been given."""
+        written = self.state[at.ROW_START] + (self.state[at.ROW] - 1) * (
+            self.state[at.ROW_STEP]
+        )
+        if self.rows == 0 or written < self.t:
+            self._emit(self._row())
+
+    def _factorisations(self, evaluations: int) -> int:
+        """Count factorisations: one where M is constant and nothing else is factored."""
+        constant = self.plan.mass_matrix.startswith("constant")
+        return 1 if constant and not self.system.m else evaluations
+
+    def _reason(self, outcome: Outcome) -> str:
+        if outcome is Outcome.DONE:
+            return f"the end was reached at t = {self.t!r}"
+        if outcome is Outcome.UNTIL:
+            assert self.simulation.until is not None
+            return f"`{self.simulation.until.text}` at t = {self.t!r}"
+        if outcome is Outcome.INTERRUPTED:
+            return f"interrupted at t = {self.t!r}; the rows up to there were kept"
+        return f"{self._what_failed(outcome)}: {outcome.advice}"
+
+    def _what_failed(self, outcome: Outcome) -> str:
+        where = f"at t = {self.t!r} ({self._described_state()})"
+        if outcome is Outcome.TOO_MANY_STEPS:
+            return f"too many steps ({int(self.state[at.STEPS])}) {where}"
+        if outcome is Outcome.NOT_FINITE:
+            return f"values that are not finite {where}"
+        if outcome is Outcome.CONSTRAINT_JUMPS:
+            return f"the position that constraint `{self.torn}` asks for jumps {where}"
+        if outcome is Outcome.PROJECTION_FAILED:
+            return f"the constraints could not be met {where}"
+        return f"the step size became too small {where}; {self._fastest()}"
+
+    def _described_state(self) -> str:
+        names = (*self.equations.q, *self.equations.velocities)
+        shown = [f"{name} = {x:.6g}" for name, x in zip(names, self.y, strict=False)]
+        if len(shown) > 12:
+            shown = [*shown[:12], f"... {len(shown) - 12} more"]
+        return ", ".join(shown)
+
+    def _fastest(self) -> str:
+        """Name the component that grows fastest for its size."""
+        names = (*self.equations.q, *self.equations.velocities, "work")
+        rates = np.abs(self.runner.function("derivative")(self.t, self.y))
+        size = self.system.size
+        sizes = np.maximum(np.abs(self.y), 1e-300)
+        ratio = np.where(np.isfinite(rates[:size]), rates[:size] / sizes, np.inf)
+        # A component near zero changes fast for its size without any singularity.
+        large = np.abs(self.y) > 1e-3 * np.max(np.abs(self.y))
+        k = int(np.argmax(np.where(large, ratio, -1.0)))
+        return f"`{names[k]}` grows fastest, at {rates[k]:.3g} per unit of time"
+
+
+_OUTCOMES = {
+    at.DONE: Outcome.DONE,
+    at.EVENT_FOUND: Outcome.UNTIL,
+    at.STEP_TOO_SMALL: Outcome.STEP_TOO_SMALL,
+    at.NOT_FINITE: Outcome.NOT_FINITE,
+    at.PROJECTION_FAILED: Outcome.PROJECTION_FAILED,
+}

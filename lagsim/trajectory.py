@@ -1,0 +1,98 @@
+"""What a run gives: its outcome, its counts, its events."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+class Outcome(Enum):
+    """How a run ended; `word` is what run.json says, `advice` what to try."""
+
+    DONE = ("done", "")
+    UNTIL = ("until", "")
+    STEP_TOO_SMALL = (
+        "failed",
+        "the motion runs into a singularity (a division by zero, a coordinate that loses "
+        "its meaning) or is very stiff: look at the component named, stop before that "
+        "time, choose other coordinates there, or loosen rtol",
+    )
+    TOO_MANY_STEPS = (
+        "failed",
+        "the motion has much faster parts than the run is long: shorten the duration, "
+        "or look for a stiffness or a frequency that is larger than it should be",
+    )
+    NOT_FINITE = (
+        "failed",
+        "an energy, a force or a constraint has no finite value there (a root or a "
+        "logarithm of something negative, a division by zero): check the expressions "
+        "near this state",
+    )
+    PROJECTION_FAILED = (
+        "failed",
+        "the constraints cannot all be met near this state: the mechanism is at a dead "
+        "point or taken apart, or a fixed step is too large",
+    )
+    CONSTRAINT_JUMPS = (
+        "failed",
+        "a moving constraint may change its speed at once, not its position: join the "
+        "pieces of its motion",
+    )
+    INTERRUPTED = ("interrupted", "")
+
+    def __init__(self, word: str, advice: str) -> None:
+        self.word = word
+        self.advice = advice
+
+    @property
+    def complete(self) -> bool:
+        """Whether all that was asked for has been computed."""
+        return self in (Outcome.DONE, Outcome.UNTIL)
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened at a time, to a constraint or to the run."""
+
+    time: float
+    kind: str
+    constraint: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Caution:
+    """Something the user should know; `code` is stable."""
+
+    code: str
+    text: str
+
+
+@dataclass(slots=True)
+class Statistics:
+    """Counts of the work done."""
+
+    steps: int = 0
+    rejections: int = 0
+    evaluations: int = 0
+    factorisations: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """The result of a run; its rows have gone to the consumers.
+
+    `reason` says in words why it ended where it did; `end` is the time reached.
+    """
+
+    outcome: Outcome
+    reason: str
+    start: float
+    end: float
+    rows: int
+    statistics: Statistics
+    events: Sequence[Event] = ()
+    warnings: Sequence[Caution] = field(default_factory=tuple)
