@@ -145,6 +145,7 @@ class Simulation:
     rtol: float | None = None
     atol: float | None = None
     step: float | None = None
+    method_place: Place | None = None
 
 
 @dataclass(frozen=True, slots=True)
