@@ -1,0 +1,399 @@
+"""The pictures of a run: what they say, where it stands, and that it is repeatable."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import itertools
+import os
+import struct
+import subprocess
+import sys
+import zlib
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+from matplotlib.text import Text
+from PIL import Image
+
+from lagsim.expressions.graph import Graph
+from lagsim.model import (
+    Constraint,
+    Coordinate,
+    Model,
+    Output,
+    Plot,
+    Relation,
+    Scene,
+    Sense,
+)
+from lagsim.outputs import plots
+from lagsim.outputs.axis import value_axis
+from lagsim.outputs.panel import BAND, ink
+from lagsim.outputs.scene_panel import Paths, views
+from lagsim.outputs.sheet import DIM, DPI, fitted, text_width
+from lagsim.outputs.thinning import DRIFT, Thinning, picture_thinning
+from lagsim.outputs.time_panels import Record, chosen, grouped
+
+UNITS = {"t": "s", "theta": "rad", "u": "m", "energy": "J"}
+SWING = Scene({"pivot": (0, 0), "bob": (0, 0)}, (("pivot", "bob"),))
+STRANGE = "$x_1^2$ \\frac{a}{b} {%}"
+
+
+def record(columns, differences=None, **kwargs):
+    t = np.asarray(columns["t"], float)
+    rows = np.stack([np.broadcast_to(c, t.shape) for c in columns.values()], axis=1)
+    thinning = Thinning(tuple(columns), differences=differences)
+    thinning.add(rows)
+    kwargs = {"title": "swing", "units": UNITS} | kwargs
+    return Record(rows=thinning, **kwargs)
+
+
+def swing(count=600, **more):
+    """A pendulum's columns, near enough: the pictures do not care."""
+    t = np.linspace(0.0, 12.0, count)
+    theta, u = np.sin(2 * t), 0.3 * np.cos(5 * t)
+    return {
+        "t": t,
+        "theta": theta,
+        "u": u,
+        "kinetic": 1 + np.cos(4 * t),
+        "potential": 2 - np.cos(4 * t),
+        "energy": 3 + 1e-11 * np.sin(t),
+        "Qc_theta": np.cos(t),
+        "Qc_u": 1e-7 * t,
+        "lambda_path": t**2,
+        "point.pivot.1": 0.0,
+        "point.pivot.2": 0.0,
+        "point.bob.1": (1 + u) * np.sin(theta),
+        "point.bob.2": -(1 + u) * np.cos(theta),
+        "plot.0.x": theta,
+        "plot.0.y": u,
+        **more,
+    }
+
+
+def chain(links, count=300):
+    t = np.linspace(0.0, 5.0, count)
+    columns = {"t": t, "point.p0.1": 0.0, "point.p0.2": 0.0}
+    names = [f"theta_{k}" for k in range(links)]
+    x = y = 0.0
+    for k, name in enumerate(names):
+        columns[name] = np.sin((1 + k / links) * t + k)
+        columns[f"Qc_{name}"] = 10.0 ** (k % 9 - 4) * np.cos(k * t)
+        x, y = x + np.sin(columns[name]), y - np.cos(columns[name])
+        columns[f"point.p{k + 1}.1"], columns[f"point.p{k + 1}.2"] = x, y
+    points = {f"p{k}": (0, 0) for k in range(links + 1)}
+    scene = Scene(points, tuple(itertools.pairwise(points)))
+    return record(columns, units={"t": "s"} | dict.fromkeys(names, "rad")), names, scene
+
+
+def helix():
+    t = np.linspace(0.0, 9.0, 500)
+    x, y, z = np.cos(3 * t), np.sin(3 * t), 0.2 * t
+    points = {"point.bead.1": x, "point.bead.2": y, "point.bead.3": z}
+    ground = {"point.o.1": 0.0, "point.o.2": 0.0}
+    run = record({"t": t, "x": x, "y": y, "z": z, **points, **ground})
+    return run, Scene({"bead": (0, 0, 0), "o": (0, 0)}, (("o", "bead"),))
+
+
+def all_sheets(run):
+    yield plots.energy(run, is_sum=True)
+    yield plots.trajectory(run, ["theta", "u"], SWING)
+    yield plots.constraint_forces(run, ["theta", "u"], ["path"])
+    yield plots.plot(run, 0, Plot(0, 0, "theta", "u", "Path"))
+
+
+def texts(sheet):
+    return [a for a in sheet.figure.artists if isinstance(a, Text)]
+
+
+def written(sheet):
+    return [text.get_text() for text in texts(sheet)]
+
+
+def frames(sheet):
+    """Outlines of the panels in pixels."""
+    edges = [
+        a
+        for a in sheet.figure.artists
+        if isinstance(a, Line2D) and a.get_color() == DIM and len(a.get_xdata()) == 5
+    ]
+    assert edges
+    return [edge.get_window_extent() for edge in edges]
+
+
+def chunks(png):
+    assert png[:8] == b"\x89PNG\r\n\x1a\n"
+    at, found = 8, {}
+    while at < len(png):
+        (length,) = struct.unpack_from(">I", png, at)
+        kind, data = png[at + 4 : at + 8], png[at + 8 : at + 8 + length]
+        (check,) = struct.unpack_from(">I", png, at + 8 + length)
+        assert check == zlib.crc32(kind + data)
+        found[kind] = data
+        at += 12 + length
+    return found
+
+
+def test_a_picture_is_a_png_of_the_drawn_pixels():
+    for sheet in all_sheets(record(swing())):
+        png = sheet.png()
+        assert list(chunks(png)) == [b"IHDR", b"pHYs", b"IDAT", b"IEND"]
+        image = Image.open(io.BytesIO(png))
+        assert image.size == (7 * DPI, int(sheet.height * DPI))
+        assert image.info["dpi"] == pytest.approx((DPI, DPI), abs=0.1)
+        drawn = np.asarray(sheet.canvas.buffer_rgba())[:, :, :3]
+        assert np.array_equal(np.asarray(image), drawn)
+
+
+SCRIPT = """
+import hashlib, sys
+sys.path.insert(0, {folder!r})
+import test_plots as t
+run = t.record(t.swing(9000), events=(1.0, 2.0), note="stopped")
+for sheet in (*t.all_sheets(run), t.plots.trajectory(*t.chain(9))):
+    print(hashlib.sha256(sheet.png()).hexdigest())
+assert "matplotlib.pyplot" not in sys.modules
+"""
+
+
+def test_two_processes_make_the_same_bytes(request):
+    script = SCRIPT.format(folder=str(request.path.parent))
+    outputs = [
+        subprocess.run(
+            [sys.executable, "-c", script],
+            env=os.environ | {"PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.split()
+        for seed in ("1", "2")
+    ]
+    assert outputs[0] == outputs[1]
+    assert len(set(outputs[0])) == 5
+
+
+def test_the_style_of_the_user_does_not_show():
+    run = record(swing())
+    theirs = {
+        "text.usetex": True,
+        "font.size": 30,
+        "lines.linewidth": 9,
+        "axes.unicode_minus": False,
+        "path.sketch": (3, 30, 3),
+        "text.color": "red",
+        "figure.dpi": 30,
+    }
+    plain = [hashlib.sha256(sheet.png()).digest() for sheet in all_sheets(run)]
+    with mpl.rc_context(theirs):
+        styled = [hashlib.sha256(sheet.png()).digest() for sheet in all_sheets(run)]
+    assert styled == plain
+
+
+def test_names_units_and_titles_are_written_as_they_are():
+    t = np.linspace(0, 1, 20)
+    columns = {"t": t, "a_b": t, "$x$": t**2, "角": t**3}
+    columns |= {"plot.0.x": t, "plot.0.y": t, "energy": t}
+    run = record(columns, title=STRANGE, units={"a_b": "$m$", "$x$": "m^2"})
+    sheet = plots.trajectory(run, ["a_b", "$x$", "角"], Scene({}))
+    assert {STRANGE, "a_b ($m$)", "$x$ (m^2)", "角", "t"} <= set(written(sheet))
+    own = plots.plot(run, 0, Plot(0, 0, "$x$^2", "a_b*c", f"../{STRANGE}"))
+    assert {"$x$^2", "a_b*c", f"../{STRANGE}"} <= set(written(own))
+    for drawn in (sheet, own):
+        assert not any(text.get_parse_math() for text in texts(drawn))
+        assert not any(text.get_usetex() for text in texts(drawn))
+        drawn.png()
+
+
+def sheets_of_every_kind():
+    events = record(swing(), events=(1.0, 2.0, 5.5), note="step size too small " * 20)
+    yield from all_sheets(events)
+    yield from all_sheets(record(swing(), title="a very long name " * 20))
+    yield plots.energy(record({"t": [0.0, 1.0], "energy": [1.0, 2.0]}), is_sum=False)
+    for links in (2, 7, 10, 20, 45):
+        run, names, scene = chain(links)
+        yield plots.trajectory(run, names, scene)
+        yield plots.constraint_forces(run, names, [])
+    run, scene = helix()
+    yield plots.trajectory(run, ["x", "y", "z"], scene)
+    t = np.linspace(1e6, 1e6 + 1e-3, 30)
+    scales = {f"{'long_name_' * 9}{k}": 7e6 + 10.0**k * t for k in range(-9, 9)}
+    run = record({"t": t, **scales}, units=dict.fromkeys(scales, "kg m^2/s^2"))
+    yield plots.trajectory(run, list(scales), Scene({}))
+    yield plots.trajectory(run, list(scales)[:2], Scene({}))
+
+
+def test_nothing_written_lies_over_data_or_over_other_text():
+    for sheet in sheets_of_every_kind():
+        sheet.png()
+        page = sheet.figure.bbox
+        boxes = [(t.get_window_extent(), t.get_text()) for t in texts(sheet)]
+        for box, text in boxes:
+            assert page.x0 <= box.x0, text
+            assert box.x1 <= page.x1, text
+            assert page.y0 <= box.y0, text
+            assert box.y1 <= page.y1, text
+            for frame in frames(sheet):
+                assert not box.overlaps(frame), text
+        for (one, text), (other, text2) in itertools.combinations(boxes, 2):
+            # The frame of a letter is wider than its ink.
+            assert not one.padded(-2).overlaps(other.padded(-2)), (text, text2)
+
+
+def test_energy_says_which_energy_it_is():
+    run = record(swing())
+    assert "energy T + V" in written(plots.energy(run, is_sum=True))
+    said = written(plots.energy(run, is_sum=False))
+    assert "energy function h = Σ q′ ∂L/∂q′ − L" in said
+    t = np.linspace(0, 1, 9)
+    other = record({"t": t, "lagrangian": t, "energy": t * 0 + 1})
+    said = written(plots.energy(other, is_sum=False))
+    assert "lagrangian L" in said
+    assert not any(text.startswith(("kinetic", "potential")) for text in said)
+
+
+def test_drift_is_of_energy_minus_work_from_its_start():
+    t = np.linspace(0, 5, 200_001)
+    energy = 4 + 100 * np.sin(50 * t) + 3e-7 * t
+    columns = {"t": t, "energy": energy, "work": 100 * np.sin(50 * t)}
+    run = record(columns, differences={DRIFT: ("energy", "work")})
+    said = written(plots.energy(run, is_sum=True))
+    assert "energy − work minus its first value: at most 1.5 × 10⁻⁶ J" in said
+    assert "drift (10⁻⁶ J)" in said
+    still = record({"t": t, "energy": 0 * t + 2})
+    said = written(plots.energy(still, is_sum=True))
+    assert "energy minus its first value: 0 in every row" in said
+
+
+def test_an_incomplete_run_says_so():
+    run = record(swing(), note="incomplete: the step became too small")
+    for sheet in all_sheets(run):
+        assert "incomplete: the step became too small" in written(sheet)
+
+
+def test_coordinates_share_a_panel_only_where_it_stays_readable():
+    t = np.linspace(0, 1, 50)
+    columns = {"t": t, "a": t, "b": 2 * t, "c": 1000 * t, "d": t, "e": t, "f": 9 * t}
+    units = {"a": "m", "b": "m", "c": "s", "d": "s"}
+    groups = grouped(record(columns, units=units), list("abcdef"))
+    assert [" ".join(group.names) for group in groups] == ["a b", "c", "d", "e", "f"]
+
+
+def test_too_many_coordinates_are_chosen_and_counted():
+    run, names, scene = chain(90)
+    said = written(plots.trajectory(run, names, scene))
+    assert "coordinates, 40 of 90" in said
+    assert {"theta_0 (rad)", "theta_89 (rad)"} <= set(said)
+    assert chosen(list("abcdefg"), 3) == ["a", "d", "g"]
+    forces = written(plots.constraint_forces(run, names, []))
+    assert "constraint forces Qc and multipliers lambda, 40 of 90" in forces
+
+
+def test_scenes_have_equal_scales():
+    run, space = helix()
+    for scene, used in ((space, run), (SWING, record(swing()))):
+        for view in views(Paths.of(used, scene)):
+            inches = (view.x.high - view.x.low) / view.width
+            assert (view.y.high - view.y.low) / view.height == pytest.approx(inches)
+
+
+def test_a_circle_is_round_in_the_picture():
+    t = np.linspace(0, 2 * np.pi, 400)
+    columns = {"t": t, "q": t, "point.a.1": 5 + np.cos(t), "point.a.2": np.sin(t)}
+    sheet = plots.trajectory(record(columns), ["q"], Scene({"a": (0, 0)}))
+    pixels = np.asarray(Image.open(io.BytesIO(sheet.png()))).astype(int)
+    box = frames(sheet)[-1]
+    top = int(pixels.shape[0] - box.y1)
+    inside = pixels[top : int(pixels.shape[0] - box.y0), int(box.x0) : int(box.x1)]
+    blue = np.argwhere(np.abs(inside - (0x00, 0x72, 0xB2)).sum(axis=2) < 60)
+    rows, columns = blue.T
+    top_at = columns[rows == rows.min()].mean()
+    bottom_at = columns[rows == rows.max()].mean()
+    diameter = np.ptp(rows)
+    assert diameter > 200
+    assert top_at == pytest.approx(bottom_at, abs=2)
+    # To the left only: the mark of the start stands at the right.
+    assert top_at - columns.min() == pytest.approx(diameter / 2, abs=2)
+
+
+def test_fast_oscillations_become_bands_that_keep_spikes():
+    t = np.arange(100_000) * 0.01
+    q = np.cos(t * 3)
+    q[54_321] = 4.0
+    sheet = plots.trajectory(record({"t": t, "q": q}), ["q"], Scene({}))
+    (band,) = [a for a in sheet.figure.artists if isinstance(a, Polygon)]
+    assert value_axis(np.array([-1.0, 4.0])).high == pytest.approx(4.3)
+    heights = band.get_xy()[:, 1]
+    frame = frames(sheet)[0].transformed(sheet.figure.dpi_scale_trans.inverted())
+    assert heights.max() == pytest.approx(frame.y1 - frame.height * 0.3 / 5.6, abs=0.01)
+    assert ink(np.linspace(0, 6, 99), np.sin(np.arange(99.0))) < BAND
+
+
+def test_gaps_and_single_values_are_drawn():
+    t = np.linspace(0, 1, 40)
+    gaps = np.where((t > 0.3) & (t < 0.6), np.nan, t)
+    alone = np.full(40, np.nan)
+    alone[7] = np.inf
+    alone[20] = 3.0
+    columns = {"t": t, "a": gaps, "b": alone, "c": np.full(40, np.nan)}
+    columns |= {"d": 1e308 * np.cos(9 * t), "e": 1e-310 * t, "f": 1e200 * t}
+    points = {f"point.p.{k}": alone for k in (1, 2)}
+    run = record(columns | points)
+    sheet = plots.trajectory(run, list("abcdef"), Scene({"p": (0, 0)}))
+    dots = [a for a in sheet.figure.artists if isinstance(a, Line2D)]
+    assert any(a.get_marker() == "o" and len(a.get_xdata()) == 1 for a in dots)
+    sheet.png()
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_runs_that_hardly_began_are_drawn(count):
+    columns = {name: np.resize(c, 600)[:count] for name, c in swing().items()}
+    for sheet in all_sheets(record(columns, note="stopped at the start")):
+        sheet.png()
+
+
+def test_long_text_is_cut_in_the_middle():
+    name = "".join(chr(97 + k % 26) for k in range(300))
+    cut = fitted(name, 2.0)
+    head, tail = cut.split("…")
+    assert name.startswith(head)
+    assert name.endswith(tail)
+    assert 1.8 < text_width(cut) <= 2.0
+    assert fitted("a\nb\tc", 2.0) == "a b c"
+
+
+def test_pictures_are_those_of_the_model():
+    relation = Relation(0, Sense.EQUAL, "u = 1", None)
+    model = Model(
+        name="swing",
+        file="swing.yaml",
+        sha256="",
+        graph=Graph(),
+        parameters=(),
+        coordinates=(Coordinate("theta", "rad"), Coordinate("u", "m")),
+        definitions=(),
+        lagrangian=0,
+        kinetic=0,
+        potential=0,
+        dissipation=None,
+        forces=(),
+        constraints=(Constraint("path", relation),),
+        initial=(),
+        simulation=None,
+        scene=SWING,
+        output=Output((), (Plot(0, 0, "theta", "u"), Plot(0, 0, "t", "u/2", "../x"))),
+    )
+    t = np.linspace(0.0, 12.0, 600)
+    columns = swing(work=t * 1e-3, **{"plot.1.x": t, "plot.1.y": t})
+    thinning = picture_thinning(model, tuple(columns))
+    thinning.add(np.stack([np.broadcast_to(c, 600) for c in columns.values()], axis=1))
+    assert DRIFT in thinning
+    run = Record("swing", thinning, UNITS)
+    made = dict(plots.pictures(run, model, energy_is_sum=True))
+    names = ("energy", "trajectory", "constraint_forces", "plot_1", "plot_2")
+    assert list(made) == [f"{name}.png" for name in names]
+    assert all(chunks(content) for content in made.values())
