@@ -2,7 +2,7 @@
 
 Holonomic g(q, t) = 0: A = dg/dq, its rate is A q' + g_t, and A q'' = b with
 b = -(d/dt A q' + d/dt g_t) at constant q'. Nonholonomic phi(q, q', t) = 0: A = dphi/dq'
-(Chetaev's rule where phi is not linear), its rate is phi itself, b = -(phi_q q' + phi_t).
+(Chetaev's rule where phi is not linear), its rate is phi, b = -(phi_q q' + phi_t).
 """
 
 from __future__ import annotations
@@ -74,9 +74,7 @@ def constraint_row(
         rate = node
         degrees = g.degree(node, velocities)
         homogeneous = degrees is not None and len(degrees) == 1
-        transport = (
-            g.zero if homogeneous else g.product_sum(zip(A, rates, strict=True))
-        )
+        transport = g.zero if homogeneous else g.product_sum(zip(A, rates, strict=True))
         residual_scale = _scale(g, node, rates, A)
     degrees = g.degree(rate, velocities)
     return Row(
@@ -94,9 +92,7 @@ def constraint_row(
     )
 
 
-def _scale(
-    g: Graph, node: int, variables: Sequence[int], slopes: Sequence[int]
-) -> int:
+def _scale(g: Graph, node: int, variables: Sequence[int], slopes: Sequence[int]) -> int:
     sizes = [g.call("abs", term) for term in _terms(g, node)]
     sizes += [
         g.call("abs", g.call("mul", v, slope))

@@ -3,7 +3,7 @@
     M q'' = f + A^T lambda,      A q'' = b,      Qc = A^T lambda
 
 with M = d2L/dq'2 and f = dL/dq - d/dt(dL/dq') at q'' = 0, plus the generalized forces.
-For lhs = rhs the constraint function is lhs - rhs; this sign of lambda holds everywhere.
+For lhs = rhs the constraint function is lhs - rhs; this sign of lambda holds all over.
 Source: H. P. Gavin, Generalized Coordinates, Lagrange's Equations, and Constraints,
 eqs 47 and 61; Arnold, Mathematical Methods of Classical Mechanics, sections 12 and 15.
 """
@@ -105,9 +105,7 @@ def derive(model: Model) -> Equations:
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
     ]
     rows = tuple(
-        constraint_row(g, c, q, velocities)
-        for c in model.constraints
-        if c.law is None
+        constraint_row(g, c, q, velocities) for c in model.constraints if c.law is None
     )
     energy, is_sum = _energy(g, model, momenta, rates, velocities)
     half = g.constant(0.5)

@@ -9,6 +9,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
+# A source line longer than this is shown around the fault only.
+WINDOW = 160
+
+
 @dataclass(frozen=True, slots=True)
 class Place:
     """A stretch of a file: line and column count from 1, length in characters."""
@@ -36,16 +40,23 @@ class Problem:
         """Give the fault as FILE:LINE:COLUMN, the source line, a caret and the hint."""
         lines = [f"{self.place}: {self.text}" if self.place else self.text]
         if self.place and self.place.source:
-            column = self.place.column - 1
-            # A tab before the caret keeps its width, so the caret stays below its token.
-            before = self.place.source[:column]
-            pad = "".join("\t" if c == "\t" else " " for c in before)
-            room = max(1, len(self.place.source) - column)
-            lines.append("  " + self.place.source)
-            lines.append("  " + pad + "^" * max(1, min(self.place.length, room)))
+            lines += self._pointed(self.place)
         if self.hint:
             lines.append(f"  hint: {self.hint}")
         return "\n".join(lines)
+
+    @staticmethod
+    def _pointed(place: Place) -> list[str]:
+        """Give the source line, or a window of a very long one, and the caret."""
+        column, source = place.column - 1, place.source
+        if len(source) > WINDOW:
+            first = max(0, column - WINDOW // 2)
+            source, column = source[first : first + WINDOW], column - first
+        before = source[:column]
+        # A tab before the caret keeps its width, so the caret stays below.
+        pad = "".join("\t" if c == "\t" else " " for c in before)
+        room = max(1, len(source) - column)
+        return ["  " + source, "  " + pad + "^" * max(1, min(place.length, room))]
 
 
 class LagsimError(Exception):
@@ -58,11 +69,8 @@ class InputError(LagsimError):
     """The input is unusable (exit 2): every fault of it, in the order of the file."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
+        super().__init__()
         self.problems = tuple(problems)
-        super().__init__("\n".join(map(str, self.problems)))
 
-
-class InadmissibleError(LagsimError):
-    """The start violates the constraints (exit 1)."""
-
-    exit_code = 1
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.problems))

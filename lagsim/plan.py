@@ -12,6 +12,7 @@ from lagsim.methods import method, names
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
+    from lagsim.model import Simulation
 
 DEFAULT_RTOL = 1e-11
 # Normal equations square the condition of the rows: below this the loops with their QR
@@ -70,14 +71,15 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     formulation = _formulation(equations, choices)
     elimination = None if loops else _elimination(equations, start, choices)
     if loops:
-        choices.append(Choice("solve: loops with QR", "the rows lost their independence"))
+        choices.append(
+            Choice("solve: loops with QR", "the rows lost their independence")
+        )
     if start.augmented:
         choices.append(
             Choice("mass matrix solved with the constraints", "it is singular alone")
         )
     simulation = equations.model.simulation
-    asked = simulation.method if simulation else "auto"
-    name = _method(asked, choices)
+    name = _method(simulation, choices)
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -104,9 +106,7 @@ def _mass_matrix(equations: Equations) -> str:
     entries = [node for row in equations.M for node in row if node != g.zero]
     names_ = g.depends(entries)
     n = len(equations.q)
-    off = any(
-        equations.M[i][j] != g.zero for i in range(n) for j in range(n) if i != j
-    )
+    off = any(equations.M[i][j] != g.zero for i in range(n) for j in range(n) if i != j)
     kinds = [] if off else ["diagonal"]
     if names_ & set(equations.velocities):
         kinds.append("depends on velocities")
@@ -168,7 +168,8 @@ def _elimination(
     return elimination
 
 
-def _method(asked: str, choices: list[Choice]) -> str:
+def _method(simulation: Simulation | None, choices: list[Choice]) -> str:
+    asked = simulation.method if simulation else "auto"
     if asked == "auto":
         choices.append(
             Choice("method: dop853", "order 8, the most digits for smooth motion")
@@ -181,6 +182,7 @@ def _method(asked: str, choices: list[Choice]) -> str:
                 Problem(
                     "unknown-method",
                     f"there is no method `{asked}`",
+                    simulation.method_place if simulation else None,
                     hint=f"one of auto, {known}; `lagsim methods` describes them",
                 )
             ]

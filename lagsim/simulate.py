@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from lagsim.breaks import break_times
 from lagsim.methods import _state as at
 from lagsim.plan import make_plan
 from lagsim.system import System
@@ -182,10 +181,12 @@ class _Run:
         modes = self.system.switches.modes
         if not modes:
             return iter(())
+        from lagsim.breaks import break_times
+
         parameters = {p.name: p.value for p in self.equations.model.parameters}
         return break_times(
             self.equations.graph,
-            [mode.node for mode in modes],
+            [mode.discrete for mode in modes],
             parameters,
             self.simulation.start,
             self.simulation.end,
@@ -195,8 +196,7 @@ class _Run:
         """Set the branches of the arc that ends at `end`; tell if a constraint tore."""
         state, simulation = self.state, self.simulation
         parameters = {p.name: p.value for p in self.equations.model.parameters}
-        middle = self.t + 0.5 * (end - self.t)
-        self.system.set_modes(self.system.switches.mode_values(middle, parameters))
+        self.system.set_modes(self.system.switches.mode_values(self.t, end, parameters))
         self.runner.prepare()
         state[at.END] = end
         last = simulation.end - SAME_ROW * simulation.output_step
@@ -286,14 +286,15 @@ class _Run:
 
     def _last_row(self) -> None:
         """Give the row at the time reached, unless it has been given."""
-        written = self.state[at.ROW_START] + (self.state[at.ROW] - 1) * (
-            self.state[at.ROW_STEP]
+        written = (
+            self.state[at.ROW_START]
+            + (self.state[at.ROW] - 1) * (self.state[at.ROW_STEP])
         )
         if self.rows == 0 or written < self.t:
             self._emit(self._row())
 
     def _factorisations(self, evaluations: int) -> int:
-        """Count factorisations: one where M is constant and nothing else is factored."""
+        """Count them: one where M is constant and nothing else is factored."""
         constant = self.plan.mass_matrix.startswith("constant")
         return 1 if constant and not self.system.m else evaluations
 

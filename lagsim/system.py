@@ -70,17 +70,19 @@ class Columns:
         nodes.update(zip(names, forces, strict=False))
         nodes.update((f"residual_{row.name}", row.residual) for row in equations.rows)
         self.table = len(nodes)
-        nodes.update((f"scale.{row.name}", row.residual_scale) for row in equations.rows)
+        nodes.update(
+            (f"scale.{row.name}", row.residual_scale) for row in equations.rows
+        )
         for name, components in model.scene.points.items():
             for k, node in enumerate(components, 1):
                 nodes[f"point.{name}.{k}"] = node
         for k, plot in enumerate(model.output.plots):
             nodes |= {f"plot.{k}.x": plot.x, f"plot.{k}.y": plot.y}
         new = {g.variable("energy"): equations.energy}
-        new |= {g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)}
-        self.nodes = dict(
-            zip(nodes, g.substitute(nodes.values(), new), strict=True)
-        )
+        new |= {
+            g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)
+        }
+        self.nodes = dict(zip(nodes, g.substitute(nodes.values(), new), strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -116,11 +118,7 @@ class System:
         functions = self._functions(plan.elimination)
         state = [*equations.q, *equations.velocities]
         moving = [*state, "work", *equations.accelerations, *equations.multipliers]
-        self.switches = find_switches(
-            equations.graph,
-            [node for nodes in functions.values() for node in nodes],
-            moving,
-        )
+        self.switches = find_switches(equations.graph, _physics(equations), moving)
         # Rows show the expressions as written; the method sees the arc's branches.
         live = ("observe", "columns", "until")
         functions = {
@@ -135,7 +133,7 @@ class System:
         ]  # fmt: skip
         for parameter in equations.model.parameters:
             self.p[layout.p[parameter.name]] = parameter.value
-        self.modes_at = [layout.p[mode.name] for mode in self.switches.modes]
+        self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._objects = [object_code(code.ir)]
         if plan.elimination is None:
             kernels: list[Callable[..., Any]] = [dense.derivative, dense.observe]
@@ -155,20 +153,51 @@ class System:
         if elimination is None:
             return functions | self._terms()
         accelerations, multipliers = elimination.motion()
-        new = {g.variable(v): node for v, node in zip(e.multipliers, multipliers, strict=True)}
+        new = {
+            g.variable(v): node
+            for v, node in zip(e.multipliers, multipliers, strict=True)
+        }
         velocities = [g.variable(v) for v in e.velocities]
         power = [e.power] if e.power is not None else []
         functions["derivative"] = [
             *velocities, *accelerations, *g.substitute(power, new),
         ]  # fmt: skip
-        new |= {g.variable(v): node for v, node in zip(e.accelerations, accelerations, strict=True)}
+        new |= {
+            g.variable(v): node
+            for v, node in zip(e.accelerations, accelerations, strict=True)
+        }
         functions["observe"] = g.substitute(self.columns.nodes.values(), new)
         if self.m:
-            holonomic = [r.residual if r.holonomic else g.zero for r in e.rows]
-            functions["position_step"] = elimination.correction(holonomic)
-            rates = elimination.correction([r.rate for r in e.rows])
-            functions["velocity_step"] = [*rates, elimination.health()]
+            held, moving, worst_held, worst_moving = self._residuals()
+            functions["position_step"] = [*elimination.correction(held), worst_held]
+            functions["velocity_step"] = [
+                *elimination.correction(moving), worst_moving, elimination.health(),
+            ]  # fmt: skip
         return functions
+
+    def _residuals(self) -> tuple[list[int], list[int], int, int]:
+        """Give residuals (m,), rates (m,), and the largest of each against its scale.
+
+        Relations between velocities have no residual on the level of positions.
+        """
+        g, rows = self.equations.graph, self.equations.rows
+        held = [r.residual if r.holonomic else g.zero for r in rows]
+        rates = [r.rate for r in rows]
+
+        def worst(pairs: list[tuple[int, int]]) -> int:
+            largest = g.zero
+            for residual, scale in pairs:
+                part = g.call("div", g.call("abs", residual), scale)
+                some = g.call("gt", scale, g.zero)
+                largest = g.call("max", g.call("if", some, part, g.zero), largest)
+            return largest
+
+        return (
+            held,
+            rates,
+            worst([(r, row.residual_scale) for r, row in zip(held, rows, strict=True)]),
+            worst([(r, row.rate_scale) for r, row in zip(rates, rows, strict=True)]),
+        )
 
     def _terms(self) -> dict[str, list[int]]:
         """Give what the loops of `kkt.dense` begin with."""
@@ -183,15 +212,17 @@ class System:
         ]  # fmt: skip
         functions = {"dynamics": dynamics, "columns": list(self.columns.nodes.values())}
         if self.m:
-            residuals = [r.residual if r.holonomic else g.zero for r in e.rows]
-            functions["geometry"] = [*M, *A, *residuals, *(r.rate for r in e.rows)]
+            held, moving, worst_held, worst_moving = self._residuals()
+            functions["geometry"] = [
+                *M, *A, *held, *moving, worst_held, worst_moving,
+            ]  # fmt: skip
         return functions
 
     def _layout(self) -> Layout:
         e = self.equations
         state = (*e.q, *e.velocities, "work")
         fixed = [p.name for p in e.model.parameters]
-        fixed += [mode.name for mode in self.switches.modes]
+        fixed += [mode.variable for mode in self.switches.modes]
         p = {name: dense.HEADER + k for k, name in enumerate(fixed)}
         self.motion = dense.HEADER + len(fixed)
         motion = (*e.accelerations, *e.multipliers)
@@ -268,7 +299,7 @@ class Runner:
         return evaluate
 
     def prepare(self) -> None:
-        """Compute what depends on parameters and modes alone; begin each arc with it."""
+        """Compute what depends on parameters and modes alone, before each arc."""
         call = self.engine.function("prepare", *_FUNCTION)
         p = self.system.p
         call(0.0, None, p.ctypes.data, None)
@@ -293,7 +324,15 @@ class Runner:
         return out
 
 
+def _physics(equations: Equations) -> list[int]:
+    """Give the expressions whose switches are the model's own."""
+    nodes = [node for row in equations.M for node in row]
+    nodes += [*equations.f, equations.energy]
+    nodes += [] if equations.power is None else [equations.power]
+    for row in equations.rows:
+        nodes += [row.residual, row.rate, *row.A, row.b, row.transport]
+    return nodes
+
+
 def _used(statics: Mapping[str, object], module: Any) -> dict[str, object]:
     return {name: value for name, value in statics.items() if hasattr(module, name)}
-
-

@@ -13,40 +13,40 @@ if TYPE_CHECKING:
 class Outcome(Enum):
     """How a run ended; `word` is what run.json says, `advice` what to try."""
 
-    DONE = ("done", "")
-    UNTIL = ("until", "")
+    DONE = "done", ""
+    UNTIL = "until", ""
     STEP_TOO_SMALL = (
         "failed",
-        "the motion runs into a singularity (a division by zero, a coordinate that loses "
-        "its meaning) or is very stiff: look at the component named, stop before that "
-        "time, choose other coordinates there, or loosen rtol",
+        """the motion runs into a singularity (a division by zero, a coordinate that
+        loses its meaning) or is very stiff: look at the component named, stop before
+        that time, choose other coordinates there, or loosen rtol""",
     )
     TOO_MANY_STEPS = (
         "failed",
-        "the motion has much faster parts than the run is long: shorten the duration, "
-        "or look for a stiffness or a frequency that is larger than it should be",
+        """the motion has much faster parts than the run is long: shorten the duration,
+        or look for a stiffness or a frequency that is larger than it should be""",
     )
     NOT_FINITE = (
         "failed",
-        "an energy, a force or a constraint has no finite value there (a root or a "
-        "logarithm of something negative, a division by zero): check the expressions "
-        "near this state",
+        """an energy, a force or a constraint has no finite value there (a root or a
+        logarithm of something negative, a division by zero): check the expressions
+        near this state""",
     )
     PROJECTION_FAILED = (
         "failed",
-        "the constraints cannot all be met near this state: the mechanism is at a dead "
-        "point or taken apart, or a fixed step is too large",
+        """the constraints cannot all be met near this state: the mechanism is at a dead
+        point or taken apart, or a fixed step is too large""",
     )
     CONSTRAINT_JUMPS = (
         "failed",
-        "a moving constraint may change its speed at once, not its position: join the "
-        "pieces of its motion",
+        """a moving constraint may change its speed at once, not its position: join the
+        pieces of its motion""",
     )
-    INTERRUPTED = ("interrupted", "")
+    INTERRUPTED = "interrupted", ""
 
     def __init__(self, word: str, advice: str) -> None:
         self.word = word
-        self.advice = advice
+        self.advice = " ".join(advice.split())
 
     @property
     def complete(self) -> bool:

@@ -97,7 +97,7 @@ def _descend(equations: Equations, x0: Floats, x: Floats, metric: Floats) -> Flo
     if np.linalg.matrix_rank(J) == len(x):
         return x  # isolated: there is nothing to choose
     gap = metric @ (x - x0)
-    multipliers = np.linalg.lstsq(J.T, gap, rcond=RANK)[0]
+    multipliers = np.asarray(np.linalg.lstsq(J.T, gap, rcond=RANK)[0], dtype=float)
     best = x
     for _ in range(MOST_STEPS):
         H = _hessian(equations, x, multipliers, metric)
@@ -105,7 +105,7 @@ def _descend(equations: Equations, x0: Floats, x: Floats, metric: Floats) -> Flo
         K = np.block([[H, -J.T], [J, np.zeros((m, m))]])
         right = np.concatenate([-metric @ (x - x0), -r])
         solution = np.linalg.lstsq(K, right, rcond=RANK)[0]
-        step, multipliers = solution[:k], solution[k:]
+        step, multipliers = solution[:k], np.asarray(solution[k:], dtype=float)
         x = x + step
         r, J = equations(x)
         if not np.all(np.isfinite(r)):
@@ -134,7 +134,7 @@ def _hessian(
         ahead, behind = equations(x + e)[1], equations(x - e)[1]
         curvature[j] = multipliers @ (ahead - behind) / (2 * e[j])
     H = metric - (curvature + curvature.T) / 2
-    _, J = equations(x)
+    J = equations(x)[1]
     kernel = null_space(J)
     if not np.all(np.isfinite(H)):
         return metric

@@ -75,9 +75,9 @@ class Point:
         *,
         velocities: bool,
     ) -> Callable[[Floats], tuple[Floats, Floats]]:
-        """Give nodes - targets (k,) and its slopes (k, free) as a function of x (free,).
+        """Give nodes - targets (k,) and its slopes (k, free) as a function of x.
 
-        x are the values `free` of the positions, or of the velocities.
+        x (free,) are the values `free` of the positions, or of the velocities.
         """
         names = self.e.velocities if velocities else self.e.q
         unknowns = [self.g.variable(names[j]) for j in free]

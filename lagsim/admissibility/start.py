@@ -16,15 +16,13 @@ from lagsim.admissibility.newton import RANK, Found, nearest, null_space, relati
 from lagsim.admissibility.point import Point
 from lagsim.errors import InputError, Problem
 from lagsim.expressions.derivatives import gradient
-from lagsim.model import Target
-from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.constraints import Row
     from lagsim.equations import Equations
     from lagsim.native.kernel_types import Floats
+    from lagsim.trajectory import Caution
 
 TOLERANCE = 1e-6
 # The bound of rounding errors is to first order; this keeps it a bound.
@@ -122,7 +120,9 @@ class _Examination:
         self.e = equations
         self.point = Point(equations)
         self.initial = {value.name: value for value in equations.model.initial}
-        stated = [self.initial[name].value for name in (*equations.q, *equations.velocities)]
+        stated = [
+            self.initial[name].value for name in (*equations.q, *equations.velocities)
+        ]
         n = self.n = len(equations.q)
         self.q0, self.v0 = np.array(stated[:n]), np.array(stated[n:])
         self.free_q = [j for j, q in enumerate(equations.q) if self.initial[q].guess]
@@ -133,7 +133,7 @@ class _Examination:
         self.warnings: list[Caution] = []
 
     def start(self) -> Start:
-        e, point = self.e, self.point
+        point = self.point
         self._finite()
         M = point.mass(self.q0, self.v0)
         q, v = self._guessed(M)
@@ -167,20 +167,22 @@ class _Examination:
 
     # What is asked of positions and of velocities: nodes and their values.
     def _position_equations(self) -> tuple[list[int], Floats]:
-        return self._with_targets([r.residual for r in self.holonomic], Target.DEFINITION)
+        return self._asked([r.residual for r in self.holonomic], velocities=False)
 
     def _velocity_equations(self) -> tuple[list[int], Floats]:
-        return self._with_targets([r.rate for r in self.e.rows], Target.RATE)
+        return self._asked([r.rate for r in self.e.rows], velocities=True)
 
-    def _with_targets(
-        self, nodes: list[int], target: Target
-    ) -> tuple[list[int], Floats]:
-        wanted = [v for v in self.e.model.initial if v.target is target]
-        nodes = nodes + [v.node for v in wanted if v.node is not None]
-        values = np.zeros(len(nodes))
-        if wanted:
-            values[-len(wanted) :] = [v.value for v in wanted]
-        return nodes, values
+    def _asked(self, nodes: list[int], *, velocities: bool) -> tuple[list[int], Floats]:
+        """Add the start values of definitions on this level to the constraints."""
+        values = [0.0] * len(nodes)
+        names = frozenset(self.e.velocities)
+        for wanted in self.e.model.initial:
+            if wanted.node is None:
+                continue
+            if bool(self.e.graph.depends([wanted.node]) & names) is velocities:
+                nodes.append(wanted.node)
+                values.append(wanted.value)
+        return nodes, np.array(values)
 
     def _finite(self) -> None:
         """Refuse a start at which energies, forces or constraints are not finite."""
@@ -297,9 +299,16 @@ class _Examination:
             if not abs(value - wanted.value) <= bound:
                 unmet.append(
                     Verdict(
-                        f"{wanted.name}: {wanted.text}", "start value", True, None,
-                        float(value - wanted.value), float(bound), None, 0.0, False,
-                    )  # fmt: skip
+                        name=f"{wanted.name}: {wanted.text}",
+                        kind="start value",
+                        scleronomic=True,
+                        pfaffian=None,
+                        residual=float(value - wanted.value),
+                        bound=float(bound),
+                        velocity_residual=None,
+                        velocity_bound=0.0,
+                        redundant=False,
+                    )
                 )
         return unmet
 
@@ -394,7 +403,7 @@ class _Examination:
             "no-inertia",
             f"the {what} {along} has no inertia at the start, and no constraint "
             "determines its acceleration",
-            hint="give it a mass in `kinetic`, or a constraint, or make it a definition",
+            hint="give it a mass in `kinetic`, a constraint, or make it a definition",
         )
 
     def _contradiction(self, q: Floats, v: Floats) -> float:
@@ -420,9 +429,9 @@ def metric_of(M: Floats, free: Sequence[int]) -> Floats:
     """
     part = M[np.ix_(list(free), list(free))]
     size = np.sqrt(np.abs(np.diag(part)))
-    if np.all(size > 0) and np.all(np.isfinite(part)):
-        if np.linalg.eigvalsh(part / np.outer(size, size))[0] > RANK:
-            return part
+    usable = bool(np.all(size > 0)) and bool(np.all(np.isfinite(part)))
+    if usable and np.linalg.eigvalsh(part / np.outer(size, size))[0] > RANK:
+        return part
     return np.eye(len(free))
 
 
@@ -440,5 +449,3 @@ def _redundant(rows: Floats) -> list[bool]:
         if not flags[-1]:
             basis.append(left / length)
     return flags
-
-

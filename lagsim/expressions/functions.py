@@ -112,12 +112,10 @@ def _power(x: float, y: float) -> float:
 
 
 def _sign(x: float) -> float:
-    return float((x > 0) - (x < 0)) if x == x else math.nan  # noqa: PLR0124
+    return float((x > 0) - (x < 0)) if x == x else math.nan
 
 
-def _power_partials(
-    g: Graph, a: tuple[int, ...], itself: int
-) -> tuple[int, ...]:
+def _power_partials(g: Graph, a: tuple[int, ...], itself: int) -> tuple[int, ...]:
     x, y = a
     slope = g.call("mul", y, g.call("pow", x, g.call("sub", y, g.constant(1.0))))
     if g.value(y) is not None:
@@ -262,16 +260,12 @@ def _smooth() -> tuple[Function, ...]:
     def one_plus_square(g: Graph, x: int) -> int:
         return g.call("add", g.one, g.call("mul", x, x))
 
-    def atan2_partials(
-        g: Graph, a: tuple[int, ...], _: int
-    ) -> tuple[int, ...]:
+    def atan2_partials(g: Graph, a: tuple[int, ...], _: int) -> tuple[int, ...]:
         y, x = a
         r2 = g.call("add", g.call("mul", x, x), g.call("mul", y, y))
         return g.call("div", x, r2), g.call("neg", g.call("div", y, r2))
 
-    def log10_partials(
-        g: Graph, a: tuple[int, ...], _: int
-    ) -> tuple[int, ...]:
+    def log10_partials(g: Graph, a: tuple[int, ...], _: int) -> tuple[int, ...]:
         ten = g.constant(math.log(10.0))
         return (g.call("div", g.one, g.call("mul", ten, a[0])),)
 
@@ -316,9 +310,7 @@ def _smooth() -> tuple[Function, ...]:
             math.acos,
             sympy=lambda s, x: s.acos(x),
             partials=lambda g, a, _: (
-                g.call(
-                    "neg", reciprocal(g, _root_of(g, (1.0, g.one), (-1.0, a[0])))
-                ),
+                g.call("neg", reciprocal(g, _root_of(g, (1.0, g.one), (-1.0, a[0])))),
             ),
             **_libm("acos"),
         ),
@@ -359,9 +351,7 @@ def _smooth() -> tuple[Function, ...]:
             1,
             math.tanh,
             sympy=lambda s, x: s.tanh(x),
-            partials=lambda g, a, f: (
-                g.call("sub", g.one, g.call("mul", f, f)),
-            ),
+            partials=lambda g, a, f: (g.call("sub", g.one, g.call("mul", f, f)),),
             **_libm("tanh"),
         ),
         Function(
@@ -432,9 +422,7 @@ def _smooth() -> tuple[Function, ...]:
             math.cbrt,
             sympy=lambda s, x: s.real_root(x, 3),
             partials=lambda g, a, f: (
-                reciprocal(
-                    g, g.call("mul", g.constant(3.0), g.call("mul", f, f))
-                ),
+                reciprocal(g, g.call("mul", g.constant(3.0), g.call("mul", f, f))),
             ),
             **_libm("cbrt"),
         ),

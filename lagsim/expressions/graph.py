@@ -53,7 +53,7 @@ class Graph:
         self,
         op: str,
         args: tuple[int, ...] = (),
-        payload: float | str | bool | None = None,  # noqa: FBT001
+        payload: float | str | bool | None = None,
     ) -> int:
         key = (op, *args) if payload is None else (op, payload)
         known = self._known.get(key)
@@ -71,7 +71,7 @@ class Graph:
         """Give the node of the number `x`."""
         return self._node(CONSTANT, payload=float(x) + 0.0)  # -0.0 becomes 0.0
 
-    def truth(self, x: bool) -> int:  # noqa: FBT001
+    def truth(self, x: bool) -> int:
         """Give the node of a truth value."""
         return self._node(TRUTH, payload=bool(x))
 

@@ -101,6 +101,8 @@ _TOKEN = re.compile(
     re.VERBOSE,
 )
 
+_CALL = re.compile(r"\s*\(")
+_WORD = re.compile(r"\w+")
 _WORDS = ("and", "or", "not")
 
 _WRONG = {
@@ -141,7 +143,7 @@ def tokens(text: str) -> Iterator[_Token]:
             _check_name(offset, word)
             if word in _WORDS:
                 kind = "operator"
-            elif re.match(r"\s*\(", text[end:]):
+            elif _CALL.match(text, end):
                 kind = "function"
         elif word in _WRONG:
             raise ExpressionError(
@@ -168,7 +170,7 @@ def _bad_character(text: str, offset: int) -> ExpressionError:
 
 
 def _check_number(text: str, offset: int, word: str, end: int) -> None:
-    tail = re.match(r"\w+", text[end:])
+    tail = _WORD.match(text, end)
     if tail:
         whole = word + tail.group()
         hint = "a product is written with `*`"
@@ -181,9 +183,13 @@ def _check_number(text: str, offset: int, word: str, end: int) -> None:
         )
     if not math.isfinite(float(word)):
         raise ExpressionError(
-            offset, len(word), f"the number {word} is too large to be finite",
+            offset, len(word), f"the number {_short(word)} is too large to be finite",
             "the largest is about 1.8e308", "not-finite",
         )  # fmt: skip
+
+
+def _short(word: str) -> str:
+    return word if len(word) < 30 else f"{word[:24]}..."
 
 
 def _check_name(offset: int, word: str) -> None:
@@ -419,7 +425,7 @@ def _count(function: str) -> str:
     return "1 argument" if arity == 1 else f"{arity} arguments"
 
 
-def _wrong_kind(operator: _Token, at: _Token, wants: bool) -> ExpressionError:  # noqa: FBT001
+def _wrong_kind(operator: _Token, at: _Token, wants: bool) -> ExpressionError:
     if wants:
         text = f"`{operator.text}` expects a comparison here, found a number"
         return ExpressionError(at.offset, len(at.text), text, "such as x > 0")

@@ -1,1 +1,1 @@
-"""The linear equations for q'' and lambda: `straight` on the graph, `dense` in loops."""
+"""Solving for q'' and lambda: `straight` on the graph, `dense` in loops."""

@@ -51,7 +51,10 @@ def dynamics(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 @external
 def geometry(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give M (n, n), A (m, n), residuals (m,), rates (m,)."""
+    """Give M (n, n), A (m, n), residuals (m,), rates (m,), the largest of each (2,).
+
+    The largest against their scales.
+    """
 
 
 @external
@@ -83,22 +86,29 @@ def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the least change (n,) in the metric of M that removes the residuals."""
+    """Give the least change (n,) in the metric of M that removes the residuals.
+
+    Then the largest residual against its scale (1,).
+    """
     n = int(p[COUNT])
     m = int(p[ROWS])
     terms = at(p, int(p[MOTION]) + n + m)
     geometry(t, y, p, terms)
-    correction(p, at(terms, n * n + n * m), out)
+    residuals = at(terms, n * n + n * m)
+    correction(p, residuals, out)
+    out[n] = residuals[2 * m]
 
 
 def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the least change (n,) of the velocities that removes the rates; 1.0 (1,)."""
+    """Give the same for the velocities and the rates; then 1.0, the pivot ratio."""
     n = int(p[COUNT])
     m = int(p[ROWS])
     terms = at(p, int(p[MOTION]) + n + m)
     geometry(t, y, p, terms)
-    correction(p, at(terms, n * n + n * m + m), out)
-    out[n] = 1.0
+    rates = at(terms, n * n + n * m + m)
+    correction(p, rates, out)
+    out[n] = rates[m + 1]
+    out[n + 1] = 1.0
 
 
 def correction(p: Floats, residuals: Floats, out: Floats) -> None:
@@ -156,7 +166,7 @@ def solve_motion(t: float, y: Floats, p: Floats) -> None:
 
 
 def factor(n: int, m: int, augmented: bool, terms: Floats, L: Floats) -> None:
-    """Cholesky's factorisation of M, or of M + A^T W A; nan where not positive."""
+    """Factor M, or M + A^T W A."""
     for i in range(n):
         for j in range(i + 1):
             L[i * n + j] = terms[i * n + j]
@@ -168,6 +178,11 @@ def factor(n: int, m: int, augmented: bool, terms: Floats, L: Floats) -> None:
             for i in range(n):
                 for j in range(i + 1):
                     L[i * n + j] += weight * row[i] * row[j]
+    cholesky(n, L)
+
+
+def cholesky(n: int, L: Floats) -> None:
+    """Replace the lower triangle by its Cholesky factor; nan where not positive."""
     for j in range(n):
         for i in range(j, n):
             value = L[i * n + j]
@@ -258,20 +273,14 @@ def reflect(n: int, m: int, Y: Floats, per_row: Floats) -> int:
     for i in range(m):
         order[i] = i
     for k in range(min(n, m)):
-        best = k
-        longest = -1.0
-        for i in range(k, m):
-            length = 0.0
-            for j in range(k, n):
-                length += Y[i * n + j] * Y[i * n + j]
-            if length > longest:
-                longest = length
-                best = i
+        best = longest_row(n, m, k, Y)
+        longest = 0.0
+        for j in range(k, n):
+            longest += Y[best * n + j] * Y[best * n + j]
         longest = sqrt(longest)
         if longest < RANK:
             return k
-        if best != k:
-            swap(n, m, k, best, Y, per_row)
+        swap(n, m, k, best, Y, per_row)
         row = at(Y, k * n)
         diagonal[k] = -longest
         if row[k] < 0.0:
@@ -283,6 +292,20 @@ def reflect(n: int, m: int, Y: Floats, per_row: Floats) -> int:
         for i in range(k + 1, m):
             mirror(n, k, row, factors[k], at(Y, i * n))
     return min(n, m)
+
+
+def longest_row(n: int, m: int, k: int, Y: Floats) -> int:
+    """Give the row from k on that is longest from column k on."""
+    best = k
+    longest = -1.0
+    for i in range(k, m):
+        length = 0.0
+        for j in range(k, n):
+            length += Y[i * n + j] * Y[i * n + j]
+        if length > longest:
+            longest = length
+            best = i
+    return best
 
 
 def swap(n: int, m: int, k: int, i: int, Y: Floats, per_row: Floats) -> None:
@@ -335,12 +358,31 @@ def multipliers(
     w = at(per_row, m)
     order = at(per_row, 4 * m)
     x = at(per_row, 5 * m)
-    spare = m - rank
     B = at(per_row, 6 * m)
-    normal = at(B, rank * spare)
     for k in range(rank):
         x[k] = w[k]
     unscaled_backward(n, m, rank, Y, per_row, x)
+    if rank < m:
+        shorten(n, m, rank, Y, per_row, x, B, w)
+    for c in range(rank, m):
+        out[int(order[c])] = w[c - rank]
+    for k in range(rank):
+        out[int(order[k])] = x[k]
+
+
+def shorten(
+    n: int,
+    m: int,
+    rank: int,
+    Y: Floats,
+    per_row: Floats,
+    x: Floats,
+    B: Floats,
+    free: Floats,
+) -> None:
+    """Give the `free` multipliers z (m - rank,), and x - B z for x, of least norm."""
+    spare = m - rank
+    normal = at(B, rank * spare)
     for c in range(spare):
         column = at(B, c * rank)
         for k in range(rank):
@@ -354,16 +396,12 @@ def multipliers(
         for d in range(c + 1):
             normal[c * spare + d] = inner(rank, at(B, c * rank), at(B, d * rank))
         normal[c * spare + c] += 1.0
-    if spare > 0:
-        factor(spare, 0, False, normal, normal)  # noqa: FBT003
-        forward(spare, normal, z)
-        backward(spare, normal, z, w)
+    cholesky(spare, normal)
+    forward(spare, normal, z)
+    backward(spare, normal, z, free)
     for c in range(spare):
-        out[int(order[rank + c])] = w[c]
         for k in range(rank):
-            x[k] -= B[c * rank + k] * w[c]
-    for k in range(rank):
-        out[int(order[k])] = x[k]
+            x[k] -= B[c * rank + k] * free[c]
 
 
 def unscaled_backward(

@@ -3,10 +3,10 @@
     [ M  A^T ] [  q''   ]   [ f ]
     [ A   0  ] [ -lambda ] = [ b ]
 
-by M = L D L^T, Z = L^-1 A^T, S = Z^T D^-1 Z = A M^-1 A^T and S = L D L^T again. What is
-zero in M and A is never multiplied, each factorisation is made in a fill-reducing order,
-and whatever depends on parameters alone is later computed once (`graph_code`).
-For regular M and rows; `dense` is for all else.
+by M = L D L^T, Z = L^-1 A^T, S = Z^T D^-1 Z = A M^-1 A^T and S = L D L^T again. What
+is zero in M and A is never multiplied, each factorisation is made in an order that
+keeps fill small, and what depends on parameters alone is later computed only once
+(`graph_code`). For regular M and rows; `dense` is for all else.
 """
 
 from __future__ import annotations
@@ -149,9 +149,7 @@ class Elimination:
             if equations.M[i][j] != g.zero
         }
         self.mass = Factorisation(g, n, entries, self.meter)
-        self.Z = [
-            self.mass.forward(dict(enumerate(row.A))) for row in equations.rows
-        ]
+        self.Z = [self.mass.forward(dict(enumerate(row.A))) for row in equations.rows]
         self.schur = Factorisation(g, self.m, self._schur(), self.meter)
         self.f = self.mass.forward(dict(enumerate(equations.f)))
         self.b = [row.b for row in equations.rows]

@@ -56,13 +56,7 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
     of `_state`; s[EMITTED] says how many rows were written.
     """
     s[EMITTED] = 0.0
-    size = int(s[SIZE])
-    work = at(s, HEADER + 4 * size + 2)
-    if s[FRESH] > 0.0:
-        start(s, p)
-        if UNTIL:
-            arm(s, p, work)
-        s[FRESH] = 0.0
+    begin(s, p)
     made = 0
     while True:
         if emit(s, p, out, rows) == 0:
@@ -80,13 +74,21 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
         if CONSTRAINED and s[HEALTH] < WORST_PIVOT:
             return DEGENERATE
         if UNTIL:
-            locate(s, p, work)
+            locate(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+
+
+def begin(s: Floats, p: Floats) -> None:
+    """Begin an arc if this is one."""
+    if s[FRESH] > 0.0:
+        start(s, p)
+        if UNTIL:
+            arm(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+        s[FRESH] = 0.0
 
 
 def emit(s: Floats, p: Floats, out: Floats, rows: int) -> int:
     """Write the rows up to the time reached; give 0 where the block is full first."""
     size = int(s[SIZE])
-    n = int(s[N])
     y = at(s, HEADER)
     while True:
         t = s[ROW_START] + s[ROW] * s[ROW_STEP]
@@ -103,11 +105,17 @@ def emit(s: Floats, p: Floats, out: Floats, rows: int) -> int:
         else:
             interpolate(s, (t - s[STEP_T]) / s[STEP_H], at(row, 1))
             if CONSTRAINED:
-                sizes = at(s, HEADER + size)
-                work = at(s, HEADER + 4 * size + 2)
-                project(n, t, at(row, 1), p, sizes, work)
+                settle(s, p, t, at(row, 1))
         s[EMITTED] += 1.0
         s[ROW] += 1.0
+
+
+def settle(s: Floats, p: Floats, t: float, y: Floats) -> None:
+    """Project a state between steps; one that does not converge stays as it is."""
+    size = int(s[SIZE])
+    sizes = at(s, HEADER + size)
+    masses = at(s, HEADER + 3 * size + 2)
+    project(int(s[N]), t, y, p, sizes, masses, at(s, HEADER + 4 * size + 2))
 
 
 def arm(s: Floats, p: Floats, work: Floats) -> None:
@@ -135,7 +143,6 @@ def locate(s: Floats, p: Floats, work: Floats) -> None:
     the limit of the rows become those of that moment.
     """
     size = int(s[SIZE])
-    n = int(s[N])
     z = work
     value = at(work, size)
     low = 0.0
@@ -165,7 +172,7 @@ def locate(s: Floats, p: Floats, work: Floats) -> None:
         s[ROW_LIMIT] = min(s[ROW_LIMIT], s[T])
         s[EVENT] = 1.0
         if CONSTRAINED:
-            project(n, s[T], at(s, HEADER), p, at(s, HEADER + size), work)
+            settle(s, p, s[T], at(s, HEADER))
 
 
 def tabulate(

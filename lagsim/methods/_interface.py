@@ -21,12 +21,15 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 @external
 def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the Newton step (n,) onto the holonomic constraints, in the metric of M."""
+    """Give the Newton step onto the holonomic constraints, in the metric of M.
+
+    The step (n,), then the largest residual against its scale (1,).
+    """
 
 
 @external
 def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the Newton step (n,) of the velocities; then the pivot ratio (1,)."""
+    """Give the same for the velocities; last the pivot ratio (1,)."""
 
 
 @external

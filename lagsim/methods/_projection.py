@@ -7,6 +7,7 @@ energy where the constraints are homogeneous in the velocities.
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods._interface import position_step, velocity_step
@@ -15,73 +16,60 @@ from lagsim.native.kernel_types import at
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
-# A Newton step this small, relative to the sizes, leaves less than rounding behind:
-# convergence is quadratic.
+# A Newton step this small leaves less than rounding behind: convergence is quadratic.
 LAST = 1e-8
+# A residual this small against its terms is rounding.
+ROUNDING = 2.0**-47
 # Where steps no longer shrink, they are rounding if smaller than this.
 STALLED = 1e-10
 MOST = 12
-# Not worth a correction: a quarter of a unit in the last place.
-NOTHING = 2.0**-54
 
 
-def project(n: int, t: float, y: Floats, p: Floats, sizes: Floats, work: Floats) -> int:
+def project(
+    n: int, t: float, y: Floats, p: Floats, sizes: Floats, masses: Floats, work: Floats
+) -> int:
     """Project y in place; give 1 where Newton's method converged, else 0.
 
-    sizes : (2 n,), work : (n + 1,), where work[n] is left as the worst pivot ratio.
+    sizes : (2 n,), the largest sizes of positions and velocities so far; masses : (n,),
+    the diagonal of M; work : (n + 2,), where work[n + 1] is left as the worst pivot
+    ratio.
     """
-    previous = 0.0
-    settled = False
-    for iteration in range(MOST):
-        if not settled:
-            position_step(t, y, p, work)
-            change = relative_size(n, work, sizes)
-            if not change < 1e300:
-                return 0
-            if iteration > 0 and change >= 0.5 * previous:
-                if change > STALLED:
+    for level in range(2):
+        part = at(y, level * n)
+        done = False
+        previous = 0.0
+        for iteration in range(MOST):
+            if not done:
+                if level == 0:
+                    position_step(t, y, p, work)
+                else:
+                    velocity_step(t, y, p, work)
+                change = relative_size(n, work, masses, part, at(sizes, level * n))
+                if not change < 1e300:
                     return 0
-                settled = True
-            elif change > NOTHING:
-                for i in range(n):
-                    y[i] += work[i]
-            if change < LAST:
-                settled = True
-            previous = change
-    if not settled:
-        return 0
-    return project_velocities(n, t, y, p, sizes, work)
-
-
-def project_velocities(
-    n: int, t: float, y: Floats, p: Floats, sizes: Floats, work: Floats
-) -> int:
-    """Project the velocities of y in place; arguments and result as `project`."""
-    previous = 0.0
-    for iteration in range(MOST):
-        velocity_step(t, y, p, work)
-        change = relative_size(n, work, at(sizes, n))
-        if not change < 1e300:
+                stalled = iteration > 0 and change >= 0.5 * previous
+                if stalled and change > STALLED and work[n] > ROUNDING:
+                    return 0
+                if not stalled:
+                    for i in range(n):
+                        part[i] += work[i]
+                done = stalled or change < LAST or work[n] <= ROUNDING
+                previous = change
+        if not done:
             return 0
-        if iteration > 0 and change >= 0.5 * previous:
-            if change > STALLED:
-                return 0
-            return 1
-        if change > NOTHING:
-            for i in range(n):
-                y[n + i] += work[i]
-        if change < LAST:
-            return 1
-        previous = change
-    return 0
+    return 1
 
 
-def relative_size(n: int, step: Floats, sizes: Floats) -> float:
-    """Give the largest |step_i| / sizes_i over the components that have a size."""
-    largest = 0.0
+def relative_size(
+    n: int, step: Floats, masses: Floats, x: Floats, sizes: Floats
+) -> float:
+    """Give the size of a step against that of x, both in the metric of diag M."""
+    moved = 0.0
+    whole = 0.0
     for i in range(n):
-        if sizes[i] > 0.0:
-            change = abs(step[i]) / sizes[i]
-            if not change <= largest:
-                largest = change
-    return largest
+        size = max(abs(x[i]), sizes[i])
+        moved += masses[i] * step[i] * step[i]
+        whole += masses[i] * size * size
+    if moved == 0.0:
+        return 0.0
+    return sqrt(moved / whole)

@@ -123,10 +123,10 @@ def usable_step(s: Floats) -> float:
     t = s[T]
     h = s[H]
     if t + 1.01 * h >= s[END]:
-        return s[END] - t
+        return float(s[END] - t)
     if not h > SMALLEST * max(abs(t), 1e-6 * (s[END] - t)):
         return 0.0
-    return (t + h) - t
+    return float((t + h) - t)
 
 
 def attempt(s: Floats, p: Floats, h: float) -> float:
@@ -145,7 +145,7 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
     s[EVALUATIONS] += 11.0
     for i in range(size):
         new[i] = y[i] + h * total(B[j] * k[j * size + i] for j in unrolled(12))
-    set_tolerances(s, new, k, h)
+    set_tolerances(s, p, t + h, new, k, h)
     return error_norm(size, h, k, at(s, HEADER + 2 * size))
 
 
@@ -174,9 +174,11 @@ def settle(s: Floats, p: Floats, h: float) -> int:
     size = int(s[SIZE])
     new = at(s, HEADER + 6 * size + 6 + (STAGES + 1) * size)
     work = at(s, HEADER + 4 * size + 2)
-    if project(n, s[T] + h, new, p, at(s, HEADER + size), work) == 0:
+    sizes = at(s, HEADER + size)
+    masses = at(s, HEADER + 3 * size + 2)
+    if project(n, s[T] + h, new, p, sizes, masses, work) == 0:
         return 0
-    s[HEALTH] = min(s[HEALTH], work[n])
+    s[HEALTH] = min(s[HEALTH], work[n + 1])
     return 1
 
 

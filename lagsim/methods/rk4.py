@@ -92,9 +92,11 @@ def step(s: Floats, p: Floats) -> int:
             return NOT_FINITE
     if CONSTRAINED:
         work = at(s, HEADER + 4 * size + 2)
-        if project(n, after, new, p, at(s, HEADER + size), work) == 0:
+        sizes = at(s, HEADER + size)
+        masses = at(s, HEADER + 3 * size + 2)
+        if project(n, after, new, p, sizes, masses, work) == 0:
             return PROJECTION_FAILED
-        s[HEALTH] = min(s[HEALTH], work[n])
+        s[HEALTH] = min(s[HEALTH], work[n + 1])
     derivative(after, new, p, at(k, 4 * size))
     s[EVALUATIONS] += 4.0
     accept(s, p, t, after)
@@ -106,8 +108,8 @@ def next_time(s: Floats) -> float:
     made = floor((s[T] - s[ARC_START]) / s[FIXED_STEP] + 0.5)
     after = s[ARC_START] + (made + 1) * s[FIXED_STEP]
     if after + 1e-9 * s[FIXED_STEP] >= s[END]:
-        return s[END]
-    return after
+        return float(s[END])
+    return float(after)
 
 
 def accept(s: Floats, p: Floats, t: float, after: float) -> None:
@@ -143,4 +145,3 @@ def interpolate(s: Floats, x: float, out: Floats) -> None:
         change = y[i] - old[i]
         bend = u * (h * slope[i] - change) - x * (h * k[i] - change)
         out[i] = old[i] + x * (change + u * bend)
-

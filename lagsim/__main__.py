@@ -1,0 +1,7 @@
+"""`python -m lagsim`."""
+
+import sys
+
+from lagsim.cli import main
+
+sys.exit(main())

@@ -1,0 +1,59 @@
+"""The accounts of a run, kept while its rows pass: energy drift, residuals."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.native.kernel_types import Floats
+
+
+class Ledger:
+    """Follows energy - work, and each constraint's residual against its scale.
+
+    Attributes
+    ----------
+    energy_drift : float
+        Greatest |energy - work - first value|.
+    first_energy : float
+    """
+
+    def __init__(self, columns: Sequence[str]) -> None:
+        self._energy = columns.index("energy")
+        self._work = columns.index("work") if "work" in columns else None
+        self._constraints = [
+            (columns.index("residual_" + name[len("scale.") :]), k)
+            for k, name in enumerate(columns)
+            if name.startswith("scale.")
+        ]
+        self._residuals = np.zeros(len(self._constraints))
+        self._scales = np.zeros(len(self._constraints))
+        self._start: float | None = None
+        self.first_energy = 0.0
+        self.energy_drift = 0.0
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+        balance = rows[:, self._energy]
+        if self._work is not None:
+            balance = balance - rows[:, self._work]
+        if self._start is None:
+            self._start = float(balance[0])
+            self.first_energy = float(rows[0, self._energy])
+        drift = float(np.max(np.abs(balance - self._start)))
+        self.energy_drift = max(self.energy_drift, drift)
+        for i, (residual, scale) in enumerate(self._constraints):
+            largest = np.max(np.abs(rows[:, residual]))
+            self._residuals[i] = max(self._residuals[i], largest)
+            self._scales[i] = max(self._scales[i], np.max(rows[:, scale]))
+
+    @property
+    def constraint_residual(self) -> float:
+        """Greatest |residual| over its scale; 0 without constraints."""
+        some = self._scales > 0
+        ratios = self._residuals[some] / self._scales[some]
+        return float(np.max(ratios, initial=0.0))

@@ -1,0 +1,86 @@
+"""run.json: what was run, what was chosen and why, how it went, what it left."""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Any
+
+import orjson
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lagsim.outputs.ledger import Ledger
+    from lagsim.plan import Plan
+    from lagsim.system import System
+    from lagsim.trajectory import Caution, Trajectory
+
+PACKAGES = ("numpy", "llvmlite", "pyyaml", "matplotlib")
+
+
+def manifest(
+    system: System,
+    plan: Plan,
+    trajectory: Trajectory,
+    ledger: Ledger,
+    cautions: Sequence[Caution],
+    timings: Mapping[str, float],
+    files: Sequence[str],
+) -> dict[str, Any]:
+    """Give the content of run.json; keys are only ever added."""
+    model = system.equations.model
+    counts = trajectory.statistics
+    return {
+        "lagsim": _version("lagsim"),
+        "versions": versions(),
+        "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
+        "parameters": {p.name: p.value for p in model.parameters},
+        "method": plan.method,
+        "formulation": plan.formulation,
+        "rtol": plan.rtol,
+        "atol": plan.atol,
+        "step": plan.step,
+        "plan": [{"choice": c.choice, "reason": c.reason} for c in plan.choices],
+        "outcome": trajectory.outcome.word,
+        "complete": trajectory.outcome.complete,
+        "reason": trajectory.reason,
+        "start": trajectory.start,
+        "end": trajectory.end,
+        "rows": trajectory.rows,
+        "steps": counts.steps,
+        "rejections": counts.rejections,
+        "evaluations": counts.evaluations,
+        "factorisations": counts.factorisations,
+        "events": [
+            {"time": e.time, "kind": e.kind, "constraint": e.constraint}
+            for e in trajectory.events
+        ],
+        "energy_drift": ledger.energy_drift,
+        "constraint_residual": ledger.constraint_residual,
+        "error": None,
+        "warnings": [{"code": c.code, "text": c.text} for c in cautions],
+        "timings": dict(timings),
+        "columns": system.units(),
+        "files": list(files),
+    }
+
+
+def encode(document: Any) -> bytes:
+    """Give a JSON document as people can read it; what is not finite is null."""
+    option = orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE
+    return orjson.dumps(document, option=option)
+
+
+def versions() -> dict[str, str]:
+    """Give the versions of Python and of what the numbers pass through."""
+    import platform
+
+    found = {"python": platform.python_version()}
+    return found | {name: _version(name) for name in PACKAGES}
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"

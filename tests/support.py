@@ -1,0 +1,79 @@
+"""What many tests need: running a model in this process and keeping its rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lagsim.admissibility import Start, examine
+from lagsim.equations import Equations, derive
+from lagsim.plan import Plan, make_plan
+from lagsim.reader import read, read_file
+from lagsim.simulate import simulate
+from lagsim.system import System
+from lagsim.trajectory import Trajectory
+
+ROOT = Path(__file__).parent.parent
+MODELS = ROOT / "models"
+DATA = Path(__file__).parent / "data"
+
+
+class Keep:
+    """A consumer that keeps all rows."""
+
+    def __init__(self) -> None:
+        self.blocks: list[Any] = []
+
+    def add(self, rows: Any) -> None:
+        self.blocks.append(rows.copy())
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run; `run["theta"]` is a column."""
+
+    equations: Equations
+    start: Start
+    plan: Plan
+    system: System
+    trajectory: Trajectory
+    rows: Any
+
+    def __getitem__(self, name: str) -> Any:
+        return self.rows[:, self.system.columns.names.index(name)]
+
+    @property
+    def drift(self) -> float:
+        """Greatest |energy - work - first value|."""
+        names = self.system.columns.names
+        balance = self["energy"] - (self["work"] if "work" in names else 0.0)
+        return float(np.max(np.abs(balance - balance[0])))
+
+
+def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
+    """Run a Model, the text of one, or the name of a shipped one.
+
+    `loops` insists on the dense solve; other keywords are those of `simulate`, or
+    options of `simulation` such as rtol="1e-12".
+    """
+    passed = {"interrupt", "progress", "most_steps"}
+    options = {k: str(v) for k, v in keywords.items() if k not in passed}
+    rest = {k: v for k, v in keywords.items() if k in passed}
+    if isinstance(model, str):
+        if "\n" in model:
+            model = read(model, "model.yaml", options=options)
+        else:
+            model = read_file(str(MODELS / f"{model}.yaml"), options=options)
+    equations = derive(model)
+    start = examine(equations)
+    assert start.admissible, start.verdicts
+    plan = make_plan(equations, start, loops=loops)
+    system = System(equations, plan)
+    keep = Keep()
+    trajectory = simulate(equations, start, plan, system, [keep], **rest)
+    return Run(
+        equations, start, plan, system, trajectory, np.concatenate(keep.blocks)
+    )
