@@ -159,11 +159,10 @@ def _elimination(
         return None
     try:
         elimination = Elimination(equations)
-        elimination.motion()
     except TooLongError:
         choices.append(Choice("solve: loops", "straight-line code would be too long"))
         return None
-    count = elimination.meter.operations
+    count = elimination.operations
     choices.append(Choice("solve: straight-line code", f"{count} multiplications"))
     return elimination
 

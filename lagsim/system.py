@@ -299,9 +299,14 @@ class Runner:
         return evaluate
 
     def prepare(self) -> None:
-        """Compute what depends on parameters and modes alone, before each arc."""
+        """Compute what depends on parameters and modes alone, before each arc.
+
+        No arc sees what another one left in the working memory.
+        """
         call = self.engine.function("prepare", *_FUNCTION)
         p = self.system.p
+        p[dense.RANK_HELD] = min(self.system.n, self.system.m)
+        p[self.system.motion :] = 0.0
         call(0.0, None, p.ctypes.data, None)
 
     def advance(self, state: Floats, out: Floats, budget: int) -> int:

@@ -31,6 +31,7 @@ MOTION = 2  # offset of q'' (n) and lambda (m), then this module's working memor
 HAS_WORK = 3
 AUGMENTED = 4
 RANK_FOUND = 5
+RANK_HELD = 6  # the rank at the last state that met the constraints
 HEADER = 8
 
 NAN = float("nan")
@@ -41,7 +42,7 @@ RANK = 1e-10
 def workspace(n: int, m: int) -> int:
     """Give the length from MOTION on: q'', lambda, terms, L, Y, u, v and the rows'."""
     terms = n * n + n * m + n + 3 * m + 2
-    return (n + m) + terms + n * n + n * m + 2 * n + 7 * m + m * m
+    return (n + m) + terms + n * n + n * m + 2 * n + 8 * m + m * m
 
 
 @external
@@ -67,7 +68,7 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
     n = int(p[COUNT])
     m = int(p[ROWS])
     motion = at(p, int(p[MOTION]))
-    solve_motion(t, y, p)
+    solve_motion(t, y, p, False)
     for i in range(n):
         out[i] = y[n + i]
         out[n + i] = motion[i]
@@ -81,7 +82,7 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the columns of a row."""
-    solve_motion(t, y, p)
+    solve_motion(t, y, p, True)
     columns(t, y, p, out)
 
 
@@ -107,6 +108,7 @@ def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     geometry(t, y, p, terms)
     rates = at(terms, n * n + n * m + m)
     correction(p, rates, out)
+    mark_rows(n, m, p)
     out[n] = rates[m + 1]
     out[n + 1] = 1.0
 
@@ -126,12 +128,31 @@ def correction(p: Floats, residuals: Floats, out: Floats) -> None:
     for i in range(m):
         right[i] = -residuals[i] * per_row[i]
     rank = reflect(n, m, Y, per_row)
+    p[RANK_FOUND] = rank
     impress(n, m, rank, Y, per_row, u)
     backward(n, L, u, out)
 
 
-def solve_motion(t: float, y: Floats, p: Floats) -> None:
-    """Leave q'' (n,) and lambda (m,) at MOTION."""
+def mark_rows(n: int, m: int, p: Floats) -> None:
+    """Mark the rows that depend on others at this state, which meets the constraints.
+
+    Away from it, where the stages of a step are, they differ from dependent by as much
+    as the stage is off, and so would their force by any amount. A rank that is lost at
+    one state only, as at a dead point, takes no row away.
+    """
+    per_row = at(p, int(p[MOTION]) + workspace(n, m) - 8 * m - m * m)
+    order = at(per_row, 4 * m)
+    marks = at(per_row, 7 * m + m * m)
+    kept = max(p[RANK_FOUND], p[RANK_HELD])
+    for k in range(m):
+        marks[int(order[k])] = 0.0
+        if k >= kept:
+            marks[int(order[k])] = 1.0
+    p[RANK_HELD] = p[RANK_FOUND]
+
+
+def solve_motion(t: float, y: Floats, p: Floats, whole: bool) -> None:
+    """Leave q'' (n,) and lambda (m,) at MOTION; unless `whole` without dropped rows."""
     n = int(p[COUNT])
     m = int(p[ROWS])
     motion = at(p, int(p[MOTION]))
@@ -152,6 +173,8 @@ def solve_motion(t: float, y: Floats, p: Floats) -> None:
         v[j] = f[j]
     forward(n, L, v)
     spread(n, m, at(terms, n * n), L, Y, per_row)
+    if not whole:
+        leave_out(n, m, Y, per_row)
     for i in range(m):
         right[i] = b[i] * per_row[i]
         for j in range(n):
@@ -241,8 +264,19 @@ def backward(n: int, L: Floats, x: Floats, out: Floats) -> None:
             x[j] -= L[i * n + j] * value
 
 
+def leave_out(n: int, m: int, Y: Floats, per_row: Floats) -> None:
+    """Make the marked rows vanish."""
+    marks = at(per_row, 7 * m + m * m)
+    for i in range(m):
+        if marks[i] > 0.0:
+            per_row[i] = 0.0
+            for j in range(n):
+                Y[i * n + j] = 0.0
+
+
 # per_row holds, m each: scales, right side (w after `impress`), diagonal of R, factors
-# of the reflections, original index, spare; then m*m for `multipliers`.
+# of the reflections, original index, spare; then m*m for `multipliers`, and the marks
+# of the rows that `derivative` leaves out.
 def spread(n: int, m: int, A: Floats, L: Floats, Y: Floats, per_row: Floats) -> None:
     """Make the rows of Y: L^-1 A_i scaled to length 1, and the scales."""
     for i in range(m):

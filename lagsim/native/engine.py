@@ -88,8 +88,17 @@ def _machine(chosen: Target) -> Any:
     )
 
 
-def compile_object(ir: str) -> bytes:
+def compile_object(ir: str, *, optimise: bool = True) -> bytes:
     """Compile LLVM IR to object code for `target()`.
+
+    Parameters
+    ----------
+    ir
+        The code.
+    optimise
+        Whether LLVM's own passes over the IR are worth their time. For straight-line
+        code from a graph, where all that is equal is shared already, they are not:
+        they make it no faster, and its compilation five times longer.
 
     Raises
     ------
@@ -105,6 +114,13 @@ def compile_object(ir: str) -> bytes:
         raise NativeError(f"LLVM refuses the generated code: {fault}") from fault
     module.triple = machine.triple
     module.data_layout = str(machine.target_data)
+    if optimise:
+        _optimise(module, machine)
+    return bytes(machine.emit_object(module))
+
+
+def _optimise(module: Any, machine: Any) -> None:
+    llvm = _binding()
     tuning = llvm.create_pipeline_tuning_options(speed_level=2)
     # Measured on a DOP853 kernel: compiled in 180 ms instead of 840, and faster for
     # systems of a few coordinates.
@@ -114,7 +130,6 @@ def compile_object(ir: str) -> bytes:
     tuning.loop_interleaving = False
     builder = llvm.create_pass_builder(machine, tuning)
     builder.getModulePassManager().run(module, builder)
-    return bytes(machine.emit_object(module))
 
 
 class Engine:

@@ -48,9 +48,9 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     seen: list[str] = []
     original = engine.compile_object
 
-    def count(ir: str) -> bytes:
+    def count(ir: str, *, optimise: bool = True) -> bytes:
         seen.append(ir)
-        return original(ir)
+        return original(ir, optimise=optimise)
 
     monkeypatch.setattr(engine, "compile_object", count)
     return seen
@@ -229,7 +229,7 @@ def test_new_objects_have_the_folder_pruned(
 ) -> None:
     looked_at: list[Path] = []
     monkeypatch.setattr(cache, "prune", looked_at.append)
-    monkeypatch.setattr(engine, "compile_object", lambda _: b"code")
+    monkeypatch.setattr(engine, "compile_object", lambda _, **__: b"code")
     for k in range(160):
         cache.object_code(str(k))
     # Binomial: 10 expected of 160; the names are fixed by their content.
