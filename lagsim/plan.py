@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 DEFAULT_RTOL = 1e-11
 # Normal equations square the condition of the rows: below this the loops with their QR
 # decomposition take over (numerics: S loses half of the digits of lambda).
-WELL_CONDITIONED = 1e-4
+WELL_CONDITIONED = 1e-2
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +39,10 @@ class Plan:
         `none`, `projection` or `velocity projection`.
     elimination : Elimination or None
         The equations solved on the graph; None where loops solve them.
+    rank : int
+        Of the constraint rows, in general.
+    independence : float
+        The smallest singular value of the scaled rows, in general.
     augmented : bool
         M is singular and is solved together with the constraints.
     rtol, atol, step : float or None
@@ -49,6 +53,8 @@ class Plan:
     method: str
     formulation: str
     elimination: Elimination | None
+    rank: int
+    independence: float
     augmented: bool
     rtol: float | None
     atol: float | None
@@ -92,6 +98,8 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         method=name,
         formulation=formulation,
         elimination=elimination,
+        rank=start.ranks.generic_rank,
+        independence=start.ranks.generic_smallest,
         augmented=start.augmented,
         rtol=rtol,
         atol=atol,
@@ -149,12 +157,12 @@ def _elimination(
 ) -> Elimination | None:
     if start.augmented:
         return None
-    if start.rank < len(equations.rows):
-        reason = f"{len(equations.rows)} constraints have rank {start.rank}"
+    if start.ranks.rank < len(equations.rows):
+        reason = f"{len(equations.rows)} constraints have rank {start.ranks.rank}"
         choices.append(Choice("solve: loops with QR, least-norm lambda", reason))
         return None
-    if start.conditioning < WELL_CONDITIONED:
-        reason = f"the rows are nearly dependent ({start.conditioning:.1e})"
+    if start.ranks.smallest < WELL_CONDITIONED:
+        reason = f"the rows are nearly dependent ({start.ranks.smallest:.1e})"
         choices.append(Choice("solve: loops with QR", reason))
         return None
     try:

@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import weakest_rows
 from lagsim.methods import _state as at
-from lagsim.plan import make_plan
+from lagsim.plan import WELL_CONDITIONED, make_plan
 from lagsim.system import System
 from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
 
@@ -36,6 +38,10 @@ STEPS_PER_CALL = 4000
 MOST_STEPS = 100_000_000
 # The last row within this part of a row's spacing is the end's.
 SAME_ROW = 1e-9
+# Steps are searched for a loss of rank where the rows' independence falls below the
+# first part of what it is in general; a loss is what falls below the second.
+WATCHED = 0.3
+LOST = 1e-5
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6
 
@@ -130,11 +136,20 @@ class _Run:
         state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
         state[at.FIXED_STEP] = self.plan.step or 0.0
         state[at.N], state[at.SIZE] = system.n, system.size
-        state[at.HEALTH] = 1.0
+        self._set_watch(state)
         if simulation.until is not None:
             state[at.EQUATION] = simulation.until.sense.value == "="
         state[at.HEADER : at.HEADER + len(y)] = y
         return state
+
+    def _set_watch(self, state: Floats) -> None:
+        """Set when a loss of rank is looked for, and what counts as one."""
+        usual = self.plan.independence
+        state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
+        state[at.WATCHED_BELOW] = WATCHED * usual
+        state[at.LOST_BELOW] = LOST * usual
+        straight = self.plan.elimination is not None
+        state[at.DEGENERATE_BELOW] = WELL_CONDITIONED if straight else 0.0
 
     @property
     def t(self) -> float:
@@ -195,9 +210,7 @@ class _Run:
     def _begin_arc(self, end: float) -> bool:
         """Set the branches of the arc that ends at `end`; tell if a constraint tore."""
         state, simulation = self.state, self.simulation
-        parameters = {p.name: p.value for p in self.equations.model.parameters}
-        self.system.set_modes(self.system.switches.mode_values(self.t, end, parameters))
-        self.runner.prepare()
+        self._set_branches(end)
         state[at.END] = end
         last = simulation.end - SAME_ROW * simulation.output_step
         state[at.ROW_LIMIT] = min(end, last)
@@ -206,6 +219,12 @@ class _Run:
         if self.system.m and self.t > simulation.start:
             return self._impact()
         return False
+
+    def _set_branches(self, end: float) -> None:
+        parameters = {p.name: p.value for p in self.equations.model.parameters}
+        switches = self.system.switches
+        self.system.set_modes(switches.mode_values(self.t, end, parameters))
+        self.runner.prepare()
 
     def _impact(self) -> bool:
         """Meet a constraint whose rate jumps: the velocities are projected.
@@ -252,9 +271,11 @@ class _Run:
                 return Outcome.INTERRUPTED
             if code == at.DEGENERATE:
                 self._switch_to_loops()
+            elif code == at.RANK_LOST:
+                self._note_rank_loss()
             elif code == at.PAUSED and left <= budget:
                 return Outcome.TOO_MANY_STEPS
-            elif code not in (at.PAUSED, at.BLOCK_FULL):
+            elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST):
                 return _OUTCOMES[code]
             if self.progress is not None:
                 span = self.simulation.end - self.simulation.start
@@ -271,10 +292,28 @@ class _Run:
         self.plan = make_plan(self.equations, self.start, loops=True)
         self.plan = replace(self.plan, method=self.runner.method.NAME)
         self.use(System(self.equations, self.plan))
-        self.state[at.HEALTH] = 1.0
-        row_limit = float(self.state[at.ROW_LIMIT])
-        self._begin_arc(end)
-        self.state[at.ROW_LIMIT] = row_limit
+        self._set_watch(self.state)
+        self._set_branches(end)
+        self.state[at.FRESH] = 1.0
+
+    def _note_rank_loss(self) -> None:
+        """Record a loss of rank on the way, with the constraints in it."""
+        time = float(self.state[at.LOST_AT])
+        size = self.system.size
+        at_loss = self.state[at.HEADER + 4 * size + 2 :][:size]
+        n = self.system.n
+        point = Point(self.equations)
+        point.move_to(time)
+        q, v = at_loss[:n], at_loss[n : 2 * n]
+        names, smallest = weakest_rows(point, q, v)
+        for name in names:
+            self.events.append(Event(time, "rank", name, smallest))
+        text = (
+            f"at t = {time:.9g} the constraints {', '.join(names)} lose their "
+            f"independence (smallest singular value {smallest:.1e}): a singular "
+            "configuration, where motions branch; their multipliers are large around it"
+        )
+        self.warnings.append(Caution("rank", text))
 
     def _emit(self, states: Floats) -> None:
         if not len(states):

@@ -129,7 +129,8 @@ class System:
         code = generate(equations.graph, functions, layout)
         self.p = np.zeros(code.p_size)
         self.p[: dense.HEADER] = [
-            self.n, self.m, self.motion, self.has_work, plan.augmented, 0, 0, 0,
+            self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
+            plan.independence, 1.0,
         ]  # fmt: skip
         for parameter in equations.model.parameters:
             self.p[layout.p[parameter.name]] = parameter.value
@@ -146,7 +147,7 @@ class System:
         e, g = self.equations, self.equations.graph
         diagonal = [e.M[i][i] for i in range(self.n)]
         rest = g.call("sub", e.energy, e.kinetic_form)
-        functions = {"measure": [e.kinetic_form, rest, *diagonal]}
+        functions = {"measure": [e.kinetic_form, rest, *diagonal, self._driven()]}
         simulation = e.model.simulation
         if simulation and simulation.until:
             functions["until"] = [simulation.until.node]
@@ -174,6 +175,17 @@ class System:
                 *elimination.correction(moving), worst_moving, elimination.health(),
             ]  # fmt: skip
         return functions
+
+    def _driven(self) -> int:
+        """Give the sum of f^2 / M over the diagonal, where it is not zero."""
+        e, g = self.equations, self.equations.graph
+        total = g.zero
+        for i, force in enumerate(e.f):
+            if e.M[i][i] != g.zero:
+                part = g.call("div", g.call("mul", force, force), e.M[i][i])
+                some = g.call("gt", e.M[i][i], g.zero)
+                total = g.call("add", total, g.call("if", some, part, g.zero))
+        return total
 
     def _residuals(self) -> tuple[list[int], list[int], int, int]:
         """Give residuals (m,), rates (m,), and the largest of each against its scale.

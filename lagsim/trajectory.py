@@ -56,11 +56,15 @@ class Outcome(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened at a time, to a constraint or to the run."""
+    """Something that happened at a time, to a constraint or to the run.
+
+    `conditioning` goes with a loss of rank: the smallest singular value then.
+    """
 
     time: float
     kind: str
     constraint: str | None = None
+    conditioning: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

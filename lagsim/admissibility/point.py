@@ -32,6 +32,11 @@ class Point:
         self._fixed = {p.name: p.value for p in equations.model.parameters}
         self._fixed["t"] = self.t
 
+    def move_to(self, time: float) -> None:
+        """Take another time than that of the start."""
+        self.t = time
+        self._fixed["t"] = time
+
     def values(self, q: Floats, v: Floats) -> dict[str, float]:
         """Give the value of every variable at the state."""
         values = self._fixed | dict(zip(self.e.q, map(float, q), strict=True))

@@ -7,57 +7,38 @@ expressions that gave the start.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.newton import RANK, Found, nearest, null_space, relative
+from lagsim.admissibility.inertia import needs_constraints
+from lagsim.admissibility.integrability import Reach, reach_of
+from lagsim.admissibility.newton import RANK, Found, Trouble, nearest, reach, relative
 from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import RankReport, analyse
+from lagsim.admissibility.verdict import (
+    Verdict,
+    judge,
+    judge_gaps,
+    suggestion,
+    unmet_starts,
+)
 from lagsim.errors import InputError, Problem
-from lagsim.expressions.derivatives import gradient
+from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.equations import Equations
     from lagsim.native.kernel_types import Floats
-    from lagsim.trajectory import Caution
 
-TOLERANCE = 1e-6
-# The bound of rounding errors is to first order; this keeps it a bound.
-CAUTION = 4.0
 # What differs by less than this from what was stated is not reported as a change.
 REPORTED = 1e-13
 EXACT = 2.0**-51
-CONTRADICTION = 1e-8
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """One relation at the start.
-
-    `bound` and `velocity_bound` are what the residuals may be; `velocity_residual` is
-    None for a relation between velocities, whose residual is the velocities' own.
-    """
-
-    name: str
-    kind: str
-    scleronomic: bool
-    pfaffian: bool | None
-    residual: float
-    bound: float
-    velocity_residual: float | None
-    velocity_bound: float
-    redundant: bool
-
-    @property
-    def satisfied(self) -> bool:
-        """Whether position and velocity meet the relation."""
-        held = abs(self.residual) <= self.bound
-        if self.velocity_residual is None:
-            return held
-        return held and abs(self.velocity_residual) <= self.velocity_bound
+# Other roots are looked for from this many starts around the guess, this far away.
+OTHER_STARTS = 8
+AROUND = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +52,17 @@ class Start:
     verdicts : tuple of Verdict
         The two-sided constraints, then the start values of definitions that are not
         met.
-    contradiction : float
-        The relative residual of A q'' = b at its best; 0 where it is solvable.
-    conditioning : float
-        The smallest singular value of the equilibrated constraint rows (1 if none).
+    ranks : RankReport
+        Which rows depend on others, and whether they contradict them.
     augmented : bool
         M alone is singular, but with the constraints every acceleration is determined.
+    reach : Reach or None
+        What velocity constraints let the motion reach; None without any.
     repair : dict or None
         The initial names that would change, and to what, where the start is not
         admissible and a nearest admissible state was found.
+    unsolved : str
+        Why no admissible state was found, where none was.
     changes : dict
         What the exact state changes by more than rounding: name -> (stated, exact).
     """
@@ -88,23 +71,32 @@ class Start:
     q: Floats
     v: Floats
     verdicts: tuple[Verdict, ...]
-    contradiction: float
-    degrees_of_freedom: int
-    rank: int
-    conditioning: float
+    ranks: RankReport
     augmented: bool
+    reach: Reach | None
     repair: dict[str, float] | None
+    unsolved: str
     changes: dict[str, tuple[float, float]]
     warnings: tuple[Caution, ...]
 
     @property
     def admissible(self) -> bool:
         """Whether a run may begin here."""
-        return self.contradiction == 0.0 and all(v.satisfied for v in self.verdicts)
+        return not self.ranks.contradictory and all(v.satisfied for v in self.verdicts)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Coordinates minus the rank of the two-sided rows."""
+        return len(self.q) - self.ranks.rank
 
 
-def examine(equations: Equations) -> Start:
+def examine(equations: Equations, *, classify: bool = False) -> Start:
     """Judge the initial state of a model.
+
+    Parameters
+    ----------
+    classify
+        Also decide which velocity constraints are integrable.
 
     Raises
     ------
@@ -112,7 +104,7 @@ def examine(equations: Equations) -> Start:
         Where energies or forces are not finite, or a coordinate has no inertia that no
         constraint determines (exit 2).
     """
-    return _Examination(equations).start()
+    return _Examination(equations).start(classify=classify)
 
 
 class _Examination:
@@ -120,60 +112,62 @@ class _Examination:
         self.e = equations
         self.point = Point(equations)
         self.initial = {value.name: value for value in equations.model.initial}
-        stated = [
-            self.initial[name].value for name in (*equations.q, *equations.velocities)
-        ]
+        self.errors = {value.name: value.error for value in equations.model.initial}
+        names = (*equations.q, *equations.velocities)
+        stated = [self.initial[name].value for name in names]
+        guessed = [self.initial[name].guess for name in names]
         n = self.n = len(equations.q)
         self.q0, self.v0 = np.array(stated[:n]), np.array(stated[n:])
-        self.free_q = [j for j, q in enumerate(equations.q) if self.initial[q].guess]
-        self.free_v = [
-            j for j, v in enumerate(equations.velocities) if self.initial[v].guess
-        ]
-        self.holonomic = [row for row in equations.rows if row.holonomic]
+        self.free_q = [j for j in range(n) if guessed[j]]
+        self.free_v = [j for j in range(n) if guessed[n + j]]
+        self.held = [row for row in equations.rows if row.holonomic]
         self.warnings: list[Caution] = []
+        self.unsolved = ""
 
-    def start(self) -> Start:
+    def start(self, *, classify: bool) -> Start:
         point = self.point
         self._finite()
-        M = point.mass(self.q0, self.v0)
-        q, v = self._guessed(M)
-        rows = self._equilibrated(q, v)
-        verdicts = self._verdicts(q, v, _redundant(rows))
-        sizes = np.linalg.svd(rows, compute_uv=False) if len(rows) else np.ones(1)
-        rank = int(np.sum(sizes > RANK)) if len(rows) else 0
-        admissible = all(verdict.satisfied for verdict in verdicts)
+        self.metric = metric_of(point.mass(self.q0, self.v0), range(self.n))
+        q, v = self._guessed()
+        verdicts = judge(point, q, v, self.errors)
+        unmet = judge_gaps(point, q, v, self.errors)
+        unmet += unmet_starts(point, q, v, self.errors)
         repair = None
-        stated = (q, v)
-        if admissible:
-            q, v = self._exact(q, v, M)
+        stated = (q.copy(), v.copy())
+        if all(verdict.satisfied for verdict in (*verdicts, *unmet)):
+            self._note_digits(verdicts)
+            q, v = self._exact(q, v)
         else:
-            repair = self._repair(M)
-        augmented = self._check_inertia(q, v)
-        contradiction = self._contradiction(q, v) if admissible else 0.0
+            repair = self._repair()
+        ranks = analyse(point, q, v, self.metric)
+        augmented = needs_constraints(point, q, v)
+        self._note_ranks(ranks)
+        reachable = self._reach(q) if classify else None
+        redundant = {d.name for d in ranks.dependences}
+        verdicts = [replace(x, redundant=x.name in redundant) for x in verdicts]
+        if reachable is not None:
+            verdicts = [self._classified(x, q) for x in verdicts]
         return Start(
             t=point.t,
             q=q,
             v=v,
-            verdicts=tuple(verdicts),
-            contradiction=contradiction,
-            degrees_of_freedom=self.n - rank,
-            rank=rank,
-            conditioning=float(sizes[rank - 1]) if rank else 1.0,
+            verdicts=(*verdicts, *unmet),
+            ranks=ranks,
             augmented=augmented,
+            reach=reachable,
             repair=repair,
+            unsolved=self.unsolved,
             changes=self._changes(stated, (q, v)),
             warnings=tuple(self.warnings),
         )
 
+    def _warn(self, code: str, text: str) -> None:
+        self.warnings.append(Caution(code, text))
+
     # What is asked of positions and of velocities: nodes and their values.
-    def _position_equations(self) -> tuple[list[int], Floats]:
-        return self._asked([r.residual for r in self.holonomic], velocities=False)
-
-    def _velocity_equations(self) -> tuple[list[int], Floats]:
-        return self._asked([r.rate for r in self.e.rows], velocities=True)
-
-    def _asked(self, nodes: list[int], *, velocities: bool) -> tuple[list[int], Floats]:
-        """Add the start values of definitions on this level to the constraints."""
+    def _asked(self, *, velocities: bool) -> tuple[list[int], Floats]:
+        rows = self.e.rows if velocities else self.held
+        nodes = [row.rate if velocities else row.residual for row in rows]
         values = [0.0] * len(nodes)
         names = frozenset(self.e.velocities)
         for wanted in self.e.model.initial:
@@ -187,9 +181,11 @@ class _Examination:
     def _finite(self) -> None:
         """Refuse a start at which energies, forces or constraints are not finite."""
         e = self.e
-        model = e.model
-        named = [("kinetic", model.kinetic), ("potential", model.potential)]
-        named += [("the energy function", e.energy)]
+        named: list[tuple[str, int | None]] = [
+            ("kinetic", e.model.kinetic),
+            ("potential", e.model.potential),
+            ("the energy function", e.energy),
+        ]
         named += [(f"the force on {q}", f) for q, f in zip(e.q, e.f, strict=True)]
         named += [(f"constraint {row.name}", row.residual) for row in e.rows]
         named += [(f"the rate of {row.name}", row.rate) for row in e.rows]
@@ -209,148 +205,167 @@ class _Examination:
         if problems:
             raise InputError(problems)
 
-    def _guessed(self, M: Floats) -> tuple[Floats, Floats]:
+    def _guessed(self) -> tuple[Floats, Floats]:
         """Solve the guesses: positions first, then velocities."""
         q, v = self.q0.copy(), self.v0.copy()
-        if self.free_q:
-            found = self._nearest(self.free_q, q, v, M, velocities=False)
-            q[self.free_q] = found.x
-        if self.free_v:
-            found = self._nearest(self.free_v, q, v, M, velocities=True)
-            v[self.free_v] = found.x
+        for free, x, velocities in ((self.free_q, q, False), (self.free_v, v, True)):
+            if not free:
+                continue
+            found = self._nearest(free, q, v, velocities=velocities)
+            if found.met:
+                found = self._closest_root(free, q, v, found, velocities=velocities)
+                self._note_undetermined(free, q, v, velocities=velocities)
+            x[free] = found.x
         return q, v
 
     def _nearest(
-        self, free: Sequence[int], q: Floats, v: Floats, M: Floats, *, velocities: bool
+        self,
+        free: Sequence[int],
+        q: Floats,
+        v: Floats,
+        *,
+        velocities: bool,
     ) -> Found:
-        nodes, targets = (
-            self._velocity_equations() if velocities else self._position_equations()
-        )
-        equations = self.point.equations_for(
-            nodes, targets, free, q, v, velocities=velocities
-        )
+        """Solve for the values `free`, from where they are."""
+        nodes, targets = self._asked(velocities=velocities)
         x = (v if velocities else q)[list(free)]
         if not nodes:
             return Found(x, met=True)
-        return nearest(equations, x, metric_of(M, free))
+        equations = self.point.equations_for(
+            nodes, targets, free, q, v, velocities=velocities
+        )
+        metric = metric_of(self.metric, free)
+        found = nearest(equations, x, metric)
+        residual = equations(found.x)[0]
+        self._note_trouble(found, residual, free, velocities=velocities)
+        return found
 
-    def _equilibrated(self, q: Floats, v: Floats) -> Floats:
-        """Give the constraint rows in the metric of M, scaled to length 1."""
-        A = self.point.jacobian(self.e.rows, q, v)
-        if not np.all(np.isfinite(A)):
-            return np.zeros_like(A)
-        L = np.linalg.cholesky(metric_of(self.point.mass(q, v), range(self.n)))
-        Y = np.linalg.solve(L, A.T).T
-        lengths = np.linalg.norm(Y, axis=1)
-        lengths[lengths == 0] = 1.0
-        return np.asarray(Y / lengths[:, None])
-
-    def _verdicts(
-        self, q: Floats, v: Floats, redundant: Sequence[bool]
-    ) -> list[Verdict]:
-        point, rows = self.point, self.e.rows
-        errors = {value.name: value.error for value in self.initial.values()}
-        residuals = [row.residual for row in rows]
-        rates = [row.rate for row in rows]
-        g = point.array(residuals, q, v)
-        bounds = self._bounds(residuals, [r.residual_scale for r in rows], q, v, errors)
-        rate = point.array(rates, q, v)
-        rate_bounds = self._bounds(rates, [r.rate_scale for r in rows], q, v, errors)
-        verdicts = [
-            Verdict(
-                name=row.name,
-                kind="holonomic" if row.holonomic else "nonholonomic",
-                scleronomic=row.scleronomic,
-                pfaffian=None if row.holonomic else row.pfaffian,
-                residual=float(g[i]),
-                bound=float(bounds[i]),
-                velocity_residual=float(rate[i]) if row.holonomic else None,
-                velocity_bound=float(rate_bounds[i]),
-                redundant=redundant[i],
-            )
-            for i, row in enumerate(rows)
-        ]
-        return verdicts + self._unmet(q, v, errors)
-
-    def _bounds(
+    def _note_trouble(
         self,
-        nodes: Sequence[int],
-        scales: Sequence[int],
+        found: Found,
+        residual: Floats,
+        free: Sequence[int],
+        *,
+        velocities: bool,
+    ) -> None:
+        names = self.e.velocities if velocities else self.e.q
+        where = ", ".join(
+            f"{names[j]} = {x:.6g}" for j, x in zip(free, found.x, strict=True)
+        )
+        worst = int(np.argmax(np.abs(residual)))
+        rows = self.e.rows if velocities else self.held
+        name = rows[worst].name if worst < len(rows) else "a start value"
+        if found.met and found.trouble is Trouble.DOUBLE_ROOT:
+            self._warn(
+                "double-root",
+                f"Newton's method halves its way to {where}: a double root of "
+                f"`{name}`, or a singular configuration; its multiplier means little",
+            )
+        if found.met:
+            return
+        least = f"the least |residual| is {abs(residual[worst]):.6g}, at {where}"
+        if found.trouble is Trouble.MINIMUM:
+            self.unsolved = f"`{name}` cannot be satisfied near there: {least}"
+        elif found.trouble is Trouble.RANK_LOSS:
+            self.unsolved = (
+                f"the constraints lose their independence on the way to meeting "
+                f"`{name}`: {least}"
+            )
+        else:
+            self.unsolved = f"`{name}` has no finite value on the way, near {where}"
+
+    def _closest_root(
+        self,
+        free: Sequence[int],
         q: Floats,
         v: Floats,
-        errors: dict[str, float],
-    ) -> Floats:
-        scale = self.point.array(scales, q, v)
-        rounding = self.point.rounding(nodes, q, v, errors)
-        return np.maximum(TOLERANCE * scale, CAUTION * rounding)
+        found: Found,
+        *,
+        velocities: bool,
+    ) -> Found:
+        """Look for other roots around a guess; take the nearest, and say so."""
+        nodes, targets = self._asked(velocities=velocities)
+        x0 = (v if velocities else q)[list(free)]
+        if not nodes or found.trouble is Trouble.DOUBLE_ROOT:
+            return found
+        equations = self.point.equations_for(
+            nodes, targets, free, q, v, velocities=velocities
+        )
+        if np.linalg.matrix_rank(equations(found.x)[1]) < len(free):
+            return found  # a family of roots: the nearest of them has been found
+        random = np.random.default_rng(3)  # the same starts each time
+        size = np.maximum(np.abs(found.x), np.max(np.abs(found.x), initial=0.0))
+        size[size == 0] = 1.0
+        metric = metric_of(self.metric, free)
+        roots = [found.x]
+        for _ in range(OTHER_STARTS):
+            start = x0 + AROUND * size * random.standard_normal(len(free))
+            other = reach(equations, start, metric)
+            apart = [np.max(np.abs(other.x - r) / size) > 1e-6 for r in roots]
+            if other.met and all(apart):
+                roots.append(other.x)
+        if len(roots) == 1:
+            return found
+        roots.sort(key=lambda r: float((r - x0) @ metric @ (r - x0)))
+        names = [(self.e.velocities if velocities else self.e.q)[j] for j in free]
+        listed = "; ".join(
+            ", ".join(f"{n} = {x:.6g}" for n, x in zip(names, root, strict=True))
+            for root in roots[1:3]
+        )
+        self._warn(
+            "other-roots",
+            f"the guesses have other solutions too, such as {listed}; the nearest to "
+            "the guess is taken",
+        )
+        return Found(roots[0], met=True)
 
-    def _unmet(self, q: Floats, v: Floats, errors: dict[str, float]) -> list[Verdict]:
-        """Judge the start values of definitions; give those that are not met."""
-        unmet = []
-        for wanted in self.e.model.initial:
-            if wanted.node is None:
-                continue
-            value = self.point.array([wanted.node], q, v)[0]
-            rounding = self.point.rounding([wanted.node], q, v, errors)[0]
-            slopes = self.point.array(self._slopes(wanted.node), q, v)
-            levers = np.abs(slopes) * np.abs(np.concatenate([q, v]))
-            scale = max(abs(value), abs(wanted.value), np.max(levers, initial=0.0))
-            bound = max(TOLERANCE * scale, CAUTION * (rounding + wanted.error))
-            if not abs(value - wanted.value) <= bound:
-                unmet.append(
-                    Verdict(
-                        name=f"{wanted.name}: {wanted.text}",
-                        kind="start value",
-                        scleronomic=True,
-                        pfaffian=None,
-                        residual=float(value - wanted.value),
-                        bound=float(bound),
-                        velocity_residual=None,
-                        velocity_bound=0.0,
-                        redundant=False,
-                    )
-                )
-        return unmet
+    def _note_undetermined(
+        self, free: Sequence[int], q: Floats, v: Floats, *, velocities: bool
+    ) -> None:
+        nodes, targets = self._asked(velocities=velocities)
+        names = [(self.e.velocities if velocities else self.e.q)[j] for j in free]
+        loose = list(names)
+        if nodes:
+            equations = self.point.equations_for(
+                nodes, targets, free, q, v, velocities=velocities
+            )
+            slopes = equations((v if velocities else q)[list(free)])[1]
+            loose = [n for n, s in zip(names, slopes.T, strict=True) if not np.any(s)]
+        for name in loose:
+            self._warn(
+                "undetermined-guess",
+                f"nothing determines the guess `{name}`: it stays as given",
+            )
 
-    def _slopes(self, node: int) -> list[int]:
-        g = self.e.graph
-        names = (*self.e.q, *self.e.velocities)
-        return gradient(g, node, [g.variable(name) for name in names])
-
-    def _exact(self, q: Floats, v: Floats, M: Floats) -> tuple[Floats, Floats]:
+    def _exact(self, q: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Give the nearest exact state; one that is exact to rounding stays."""
         everything = range(self.n)
         for velocities in (False, True):
             x = v if velocities else q
-            nodes = (
-                [row.rate for row in self.e.rows]
-                if velocities
-                else [row.residual for row in self.holonomic]
-            )
-            if not nodes:
+            rows = self.e.rows if velocities else self.held
+            if not rows:
                 continue
+            nodes = [row.rate if velocities else row.residual for row in rows]
             equations = self.point.equations_for(
                 nodes, np.zeros(len(nodes)), everything, q, v, velocities=velocities
             )
             r, J = equations(x)
             if relative(r, J, x) > EXACT:
-                found = nearest(equations, x, metric_of(M, everything))
+                found = nearest(equations, x, self.metric)
                 if found.met:
                     x[:] = found.x
         return q, v
 
-    def _repair(self, M: Floats) -> dict[str, float] | None:
+    def _repair(self) -> dict[str, float] | None:
         """Give the nearest admissible state over all values, as initial names."""
         everything = range(self.n)
         q, v = self.q0.copy(), self.v0.copy()
-        found = self._nearest(everything, q, v, M, velocities=False)
-        if not found.met:
-            return None
-        q = found.x
-        found = self._nearest(everything, q, v, M, velocities=True)
-        if not found.met:
-            return None
-        changed = self._changes((self.q0, self.v0), (q, found.x))
+        for x, velocities in ((q, False), (v, True)):
+            found = self._nearest(everything, q, v, velocities=velocities)
+            if not found.met:
+                return None
+            x[:] = found.x
+        changed = self._changes((self.q0, self.v0), (q, v))
         return {name: new for name, (_, new) in changed.items()}
 
     def _changes(
@@ -366,60 +381,61 @@ class _Examination:
             if moved[i]
         }
 
-    def _check_inertia(self, q: Floats, v: Floats) -> bool:
-        """Refuse directions without inertia; tell whether M needs the constraints."""
-        M = self.point.mass(q, v)
-        size = np.sqrt(np.abs(np.diag(M)))
-        size[size == 0] = np.max(size, initial=0.0) or 1.0
-        scaled = M / np.outer(size, size)
-        if np.linalg.eigvalsh(scaled)[0] > RANK:
-            return False
-        kernel = null_space(self.point.jacobian(self.e.rows, q, v) / size)
-        if not kernel.shape[1]:
-            return True
-        inertia, directions = np.linalg.eigh(kernel.T @ scaled @ kernel)
-        if inertia[0] > RANK:
-            return True
-        direction = (kernel @ directions[:, 0]) / size
-        raise InputError([self._no_inertia(direction, negative=inertia[0] < -RANK)])
-
-    def _no_inertia(self, direction: Floats, *, negative: bool) -> Problem:
-        direction = direction / direction[np.argmax(np.abs(direction))]
-        parts = [
-            name if abs(c - 1) < 1e-6 else f"{c:.4g} {name}"
-            for name, c in zip(self.e.q, direction, strict=True)
-            if abs(c) > 1e-6
-        ]
-        along = " + ".join(parts).replace("+ -", "- ")
-        what = "coordinate" if len(parts) == 1 else "combination of coordinates"
-        if negative:
-            return Problem(
-                "negative-inertia",
-                f"the kinetic energy falls with the speed of the {what} {along} at the "
-                "start: the mass matrix is indefinite",
-                hint="look for a negative mass or a wrong sign in `kinetic`",
+    def _note_digits(self, verdicts: Sequence[Verdict]) -> None:
+        """Say of relations that are met only roughly how the start could be exact."""
+        by_name = {c.name: c for c in self.e.model.constraints}
+        for verdict in verdicts:
+            residual = verdict.position
+            digits = residual.digits
+            if digits is None:
+                continue
+            line = suggestion(by_name[verdict.name], self.e.q)
+            advice = f"write {line}" if line else "mark a value as {guess: ...}"
+            self._warn(
+                "rough-start",
+                f"`{verdict.name}` is off by {abs(residual.value):.1g}, as if the "
+                f"start had been typed with {digits} digits; {advice}",
             )
-        return Problem(
-            "no-inertia",
-            f"the {what} {along} has no inertia at the start, and no constraint "
-            "determines its acceleration",
-            hint="give it a mass in `kinetic`, a constraint, or make it a definition",
-        )
 
-    def _contradiction(self, q: Floats, v: Floats) -> float:
-        """Give how far A q'' = b is from solvable, relative to b; 0 where it is."""
+    def _note_ranks(self, ranks: RankReport) -> None:
+        for d in ranks.dependences:
+            if not d.combination:
+                self._warn(
+                    "vanishing-gradient",
+                    f"the gradient of `{d.name}` vanishes at the start: it constrains "
+                    "nothing here, and its multiplier is not unique",
+                )
+                continue
+            where = "everywhere: one relation too many"
+            if d.everywhere is False:
+                where = "only here: a singular configuration, where motions branch"
+            elif d.everywhere is None:
+                where = "here"
+            self._warn("redundant", f"{d}, {where}")
+        if ranks.not_unique and not ranks.contradictory:
+            unique = [r.name for r in self.e.rows if r.name not in ranks.not_unique]
+            rest = f"; unique are those of {', '.join(unique)}" if unique else ""
+            self._warn(
+                "multipliers-not-unique",
+                f"the multipliers of {', '.join(ranks.not_unique)} are not unique (the "
+                f"least are given){rest}; the constraint forces Qc are",
+            )
+
+    def _reach(self, q: Floats) -> Reach | None:
         rows = self.e.rows
-        if not rows:
-            return 0.0
-        A = self.point.jacobian(rows, q, v)
-        b = self.point.array([row.b for row in rows], q, v)
-        lengths = np.linalg.norm(A, axis=1)
-        lengths[lengths == 0] = 1.0
-        A, b = A / lengths[:, None], b / lengths
-        left = b - A @ np.linalg.lstsq(A, b, rcond=RANK)[0]
-        size = np.max(np.abs(b), initial=0.0)
-        worst = float(np.max(np.abs(left), initial=0.0))
-        return worst / size if size and worst > CONTRADICTION * size else 0.0
+        if all(row.holonomic for row in rows):
+            return None
+        return reach_of(self.point, rows, q)
+
+    def _classified(self, verdict: Verdict, q: Floats) -> Verdict:
+        """Decide whether a Pfaffian relation alone is integrable."""
+        if not verdict.pfaffian:
+            return verdict
+        row = next(r for r in self.e.rows if r.name == verdict.name)
+        alone = reach_of(self.point, [row], q)
+        if alone.hidden is None:
+            return replace(verdict, undecided=alone.reason)
+        return replace(verdict, integrable=alone.hidden == 1)
 
 
 def metric_of(M: Floats, free: Sequence[int]) -> Floats:
@@ -433,19 +449,3 @@ def metric_of(M: Floats, free: Sequence[int]) -> Floats:
     if usable and np.linalg.eigvalsh(part / np.outer(size, size))[0] > RANK:
         return part
     return np.eye(len(free))
-
-
-def _redundant(rows: Floats) -> list[bool]:
-    """Tell of each row whether the earlier ones already span it."""
-    basis: list[Floats] = []
-    flags = []
-    for row in rows:
-        left = row.copy()
-        for _ in range(2):  # twice is enough (Kahan)
-            for b in basis:
-                left -= (b @ left) * b
-        length = np.linalg.norm(left)
-        flags.append(bool(length <= RANK))
-        if not flags[-1]:
-            basis.append(left / length)
-    return flags

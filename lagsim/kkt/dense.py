@@ -40,9 +40,12 @@ RANK = 1e-10
 
 
 def workspace(n: int, m: int) -> int:
-    """Give the length from MOTION on: q'', lambda, terms, L, Y, u, v and the rows'."""
+    """Give the length from MOTION on.
+
+    q'', lambda, the rows' largest lengths, terms, L, Y, u, v, and what `per_row` has.
+    """
     terms = n * n + n * m + n + 3 * m + 2
-    return (n + m) + terms + n * n + n * m + 2 * n + 8 * m + m * m
+    return (n + 2 * m) + terms + n * n + n * m + 2 * n + 8 * m + m * m
 
 
 @external
@@ -73,7 +76,7 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
         out[i] = y[n + i]
         out[n + i] = motion[i]
     if p[HAS_WORK] > 0.0:
-        terms = at(motion, n + m)
+        terms = at(motion, n + 2 * m)
         power = at(terms, n * n + n * m + n + m)
         out[2 * n] = power[0]
         for i in range(m):
@@ -93,7 +96,7 @@ def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """
     n = int(p[COUNT])
     m = int(p[ROWS])
-    terms = at(p, int(p[MOTION]) + n + m)
+    terms = at(p, int(p[MOTION]) + n + 2 * m)
     geometry(t, y, p, terms)
     residuals = at(terms, n * n + n * m)
     correction(p, residuals, out)
@@ -101,23 +104,24 @@ def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the same for the velocities and the rates; then 1.0, the pivot ratio."""
+    """Give the same for the velocities and the rates; then HEALTH (1,)."""
     n = int(p[COUNT])
     m = int(p[ROWS])
-    terms = at(p, int(p[MOTION]) + n + m)
+    terms = at(p, int(p[MOTION]) + n + 2 * m)
     geometry(t, y, p, terms)
     rates = at(terms, n * n + n * m + m)
     correction(p, rates, out)
     mark_rows(n, m, p)
     out[n] = rates[m + 1]
-    out[n + 1] = 1.0
+    out[n + 1] = p[HEALTH]
+    p[REFERENCE] = max(p[REFERENCE], p[HEALTH])
 
 
 def correction(p: Floats, residuals: Floats, out: Floats) -> None:
     """Give -M^-1 A^T S^-1 residuals (n,)."""
     n = int(p[COUNT])
     m = int(p[ROWS])
-    terms = at(p, int(p[MOTION]) + n + m)
+    terms = at(p, int(p[MOTION]) + n + 2 * m)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
     Y = at(L, n * n)
     u = at(Y, n * m)
@@ -127,8 +131,7 @@ def correction(p: Floats, residuals: Floats, out: Floats) -> None:
     spread(n, m, at(terms, n * n), L, Y, per_row)
     for i in range(m):
         right[i] = -residuals[i] * per_row[i]
-    rank = reflect(n, m, Y, per_row)
-    p[RANK_FOUND] = rank
+    rank = reflect(n, m, PASSING, p, Y, per_row)
     impress(n, m, rank, Y, per_row, u)
     backward(n, L, u, out)
 
@@ -156,7 +159,7 @@ def solve_motion(t: float, y: Floats, p: Floats, whole: bool) -> None:
     n = int(p[COUNT])
     m = int(p[ROWS])
     motion = at(p, int(p[MOTION]))
-    terms = at(motion, n + m)
+    terms = at(motion, n + 2 * m)
     f = at(terms, n * n + n * m)
     b = at(f, n)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
@@ -179,8 +182,7 @@ def solve_motion(t: float, y: Floats, p: Floats, whole: bool) -> None:
         right[i] = b[i] * per_row[i]
         for j in range(n):
             right[i] -= Y[i * n + j] * v[j]
-    rank = reflect(n, m, Y, per_row)
-    p[RANK_FOUND] = rank
+    rank = reflect(n, m, PASSING, p, Y, per_row)
     impress(n, m, rank, Y, per_row, u)
     multipliers(n, m, rank, Y, per_row, at(motion, n))
     for j in range(n):
@@ -277,8 +279,20 @@ def leave_out(n: int, m: int, Y: Floats, per_row: Floats) -> None:
 # per_row holds, m each: scales, right side (w after `impress`), diagonal of R, factors
 # of the reflections, original index, spare; then m*m for `multipliers`, and the marks
 # of the rows that `derivative` leaves out.
-def spread(n: int, m: int, A: Floats, L: Floats, Y: Floats, per_row: Floats) -> None:
-    """Make the rows of Y: L^-1 A_i scaled to length 1, and the scales."""
+def spread(
+    n: int,
+    m: int,
+    A: Floats,
+    L: Floats,
+    lengths: Floats,
+    Y: Floats,
+    per_row: Floats,
+) -> None:
+    """Make the rows of Y: L^-1 A_i, scaled, and the scales.
+
+    The scale of a row is the largest length (m,) that it has had, so that one that
+    vanishes on the way is seen to.
+    """
     for i in range(m):
         row = at(Y, i * n)
         for j in range(n):
@@ -288,17 +302,20 @@ def spread(n: int, m: int, A: Floats, L: Floats, Y: Floats, per_row: Floats) -> 
         for j in range(n):
             length += row[j] * row[j]
         length = sqrt(length)
+        lengths[i] = max(lengths[i], length)
         per_row[i] = 0.0
-        if length > 0.0:
-            per_row[i] = 1.0 / length
+        if lengths[i] > 0.0:
+            per_row[i] = 1.0 / lengths[i]
         for j in range(n):
             row[j] *= per_row[i]
 
 
-def reflect(n: int, m: int, Y: Floats, per_row: Floats) -> int:
+def reflect(
+    n: int, m: int, passing: float, p: Floats, Y: Floats, per_row: Floats
+) -> int:
     """Triangularise Y^T by reflections with pivoting; give the rank.
 
-    Row k of Y then holds R[0:k, k] and the k-th reflection's vector after its first
+    Leaves the size of the last column that is independent in general as HEALTH. Row k of Y then holds R[0:k, k] and the k-th reflection's vector after its first
     component, which is 1.
     """
     diagonal = at(per_row, 2 * m)
@@ -306,13 +323,17 @@ def reflect(n: int, m: int, Y: Floats, per_row: Floats) -> int:
     order = at(per_row, 4 * m)
     for i in range(m):
         order[i] = i
-    for k in range(min(n, m)):
+    cutoff = max(RANK, passing * p[REFERENCE])
+    expected = min(n, m, int(p[EXPECTED]))
+    p[HEALTH] = 1.0
+    for k in range(expected):
         best = longest_row(n, m, k, Y)
         longest = 0.0
         for j in range(k, n):
             longest += Y[best * n + j] * Y[best * n + j]
         longest = sqrt(longest)
-        if longest < RANK:
+        p[HEALTH] = longest
+        if longest < cutoff:
             return k
         swap(n, m, k, best, Y, per_row)
         row = at(Y, k * n)
@@ -325,7 +346,7 @@ def reflect(n: int, m: int, Y: Floats, per_row: Floats) -> int:
             row[j] /= head
         for i in range(k + 1, m):
             mirror(n, k, row, factors[k], at(Y, i * n))
-    return min(n, m)
+    return expected
 
 
 def longest_row(n: int, m: int, k: int, Y: Floats) -> int:

@@ -227,9 +227,12 @@ class Elimination:
                 to[k] = g.call("add", to.get(k, g.zero), term)
 
     def health(self) -> int:
-        """Give the smallest ratio of a pivot to the diagonal entry it came from."""
+        """Give the root of the smallest ratio of a pivot of S to its diagonal entry.
+
+        It goes to 0 as the smallest singular value of the scaled rows does.
+        """
         g = self.g
         worst = g.one
-        for ratio in [*self.mass.health, *self.schur.health]:
+        for ratio in self.schur.health:
             worst = g.call("min", ratio, worst)
-        return worst
+        return g.call("sqrt", g.call("max", worst, g.zero))

@@ -52,7 +52,7 @@ def record_sizes(s: Floats, p: Floats) -> None:
 def energy_scale(s: Floats, p: Floats, t: float, y: Floats) -> float:
     """Give the largest kinetic energy or change of potential, `y` included.
 
-    Leaves the diagonal of M, as `measure` gives it, in the state.
+    Leaves what `measure` gives in the state.
     """
     measured = at(s, HEADER + 3 * int(s[SIZE]))
     measure(t, y, p, measured)
@@ -82,6 +82,9 @@ def set_tolerances(
         return
     energy = energy_scale(s, p, t, new)
     masses = at(s, HEADER + 3 * size + 2)
+    # What the forces could do within the step counts as motion: at rest under load,
+    # nothing else gives a scale.
+    energy = max(energy, 0.5 * h * h * masses[n])
     whole = 0.0
     for i in range(n):
         whole += masses[i] * sizes[i] * sizes[i]

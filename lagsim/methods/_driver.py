@@ -8,11 +8,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods._interface import interpolate, observe, start, step, until
+from lagsim.methods._interface import (
+    interpolate,
+    observe,
+    start,
+    step,
+    until,
+    velocity_step,
+)
 from lagsim.methods._projection import project
 from lagsim.methods._state import (
     BLOCK_FULL,
     DEGENERATE,
+    DEGENERATE_BELOW,
     DONE,
     EMITTED,
     END,
@@ -22,8 +30,12 @@ from lagsim.methods._state import (
     FRESH,
     HEADER,
     HEALTH,
+    LOST_AT,
+    LOST_BELOW,
     ORIENTATION,
     PAUSED,
+    PREVIOUS_HEALTH,
+    RANK_LOST,
     ROW,
     ROW_LIMIT,
     ROW_START,
@@ -31,6 +43,7 @@ from lagsim.methods._state import (
     SIZE,
     STEP_H,
     STEP_T,
+    WATCHED_BELOW,
     N,
     T,
 )
@@ -42,9 +55,10 @@ if TYPE_CHECKING:
 CONSTRAINED = True
 UNTIL = True
 
-# Where a pivot of the constraint solve falls below this part of its diagonal entry the
-# condition of S passes 1e8, and half of the digits of lambda are gone.
-WORST_PIVOT = 1e-8
+# A loss of rank is looked for where the health falls over this first part of a step,
+# and located to this part of it.
+NUDGE = 1e-3
+NARROW = 1e-9
 # A step is looked at this often for the moment that ends the run.
 LOOKS = 8
 
@@ -71,10 +85,12 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
         code = step(s, p)
         if code != DONE:
             return code
-        if CONSTRAINED and s[HEALTH] < WORST_PIVOT:
-            return DEGENERATE
         if UNTIL:
             locate(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+        if CONSTRAINED:
+            code = watch(s, p)
+            if code != DONE:
+                return code
 
 
 def begin(s: Floats, p: Floats) -> None:
@@ -115,7 +131,45 @@ def settle(s: Floats, p: Floats, t: float, y: Floats) -> None:
     size = int(s[SIZE])
     sizes = at(s, HEADER + size)
     masses = at(s, HEADER + 3 * size + 2)
-    project(int(s[N]), t, y, p, sizes, masses, at(s, HEADER + 4 * size + 2))
+    work = at(s, HEADER + 4 * size + 2)
+    project(int(s[N]), t, s[STEP_H], y, p, sizes, masses, work)
+
+
+def watch(s: Floats, p: Floats) -> int:
+    """Look for a loss of rank within the last step; give a code.
+
+    The state where it is found is left in the working memory.
+    """
+    least = min(s[HEALTH], s[PREVIOUS_HEALTH])
+    if least < s[WATCHED_BELOW]:
+        # The least lies inside where the health falls at the start and rises at the end.
+        low = 0.0
+        high = 1.0
+        falls = health(s, p, NUDGE) < s[PREVIOUS_HEALTH]
+        if falls and health(s, p, 1.0 - NUDGE) < s[HEALTH]:
+            while high - low > NARROW:
+                left = low + (high - low) / 3.0
+                right = high - (high - low) / 3.0
+                if health(s, p, left) < health(s, p, right):
+                    high = right
+                else:
+                    low = left
+            if health(s, p, low) < s[LOST_BELOW]:
+                s[LOST_AT] = s[STEP_T] + low * s[STEP_H]
+                return RANK_LOST
+    if s[HEALTH] < s[DEGENERATE_BELOW]:
+        return DEGENERATE
+    return DONE
+
+
+def health(s: Floats, p: Floats, x: float) -> float:
+    """Give how independent the rows are at the fraction x of the last step."""
+    size = int(s[SIZE])
+    z = at(s, HEADER + 4 * size + 2)
+    out = at(z, size)
+    interpolate(s, x, z)
+    velocity_step(s[STEP_T] + x * s[STEP_H], z, p, out)
+    return float(out[int(s[N]) + 1])
 
 
 def arm(s: Floats, p: Floats, work: Floats) -> None:

@@ -29,12 +29,19 @@ def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 @external
 def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the same for the velocities; last the pivot ratio (1,)."""
+    """Give the same for the velocities; last how independent the rows are (1,).
+
+    About the smallest singular value of the scaled constraint rows: 0 where they lose
+    rank.
+    """
 
 
 @external
 def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give q'Mq'/2, the rest of the energy (2,), and the diagonal of M (n,)."""
+    """Give q'Mq'/2, the rest of the energy (2,), the diagonal of M (n,), and f^2/M.
+
+    The last (1,) is the sum of f_i^2 / M_ii over the coordinates with inertia.
+    """
 
 
 @external

@@ -26,25 +26,40 @@ MOST = 12
 
 
 def project(
-    n: int, t: float, y: Floats, p: Floats, sizes: Floats, masses: Floats, work: Floats
+    n: int,
+    t: float,
+    h: float,
+    y: Floats,
+    p: Floats,
+    sizes: Floats,
+    masses: Floats,
+    work: Floats,
 ) -> int:
     """Project y in place; give 1 where Newton's method converged, else 0.
 
-    sizes : (2 n,), the largest sizes of positions and velocities so far; masses : (n,),
-    the diagonal of M; work : (n + 2,), where work[n + 1] is left as the worst pivot
-    ratio.
+    h is the step that led to y; sizes : (2 n,), the largest sizes of positions and
+    velocities so far; masses : (n + 1,), the diagonal of M and f^2/M as `measure` gives
+    them; work : (n + 2,), where work[n + 1] is left as `velocity_step` gives it.
     """
+    # What the forces could do within the step: the scale of a structure at rest.
+    driven = h * h * masses[n]
     for level in range(2):
         part = at(y, level * n)
         done = False
         previous = 0.0
+        if level == 0:
+            least = h * h * driven
+        else:
+            least = driven
         for iteration in range(MOST):
             if not done:
                 if level == 0:
                     position_step(t, y, p, work)
                 else:
                     velocity_step(t, y, p, work)
-                change = relative_size(n, work, masses, part, at(sizes, level * n))
+                change = relative_size(
+                    n, work, masses, part, at(sizes, level * n), least
+                )
                 if not change < 1e300:
                     return 0
                 stalled = iteration > 0 and change >= 0.5 * previous
@@ -61,9 +76,12 @@ def project(
 
 
 def relative_size(
-    n: int, step: Floats, masses: Floats, x: Floats, sizes: Floats
+    n: int, step: Floats, masses: Floats, x: Floats, sizes: Floats, least: float
 ) -> float:
-    """Give the size of a step against that of x, both in the metric of diag M."""
+    """Give the size of a step against that of x, both in the metric of diag M.
+
+    The square of x counts as not less than `least`.
+    """
     moved = 0.0
     whole = 0.0
     for i in range(n):
@@ -72,4 +90,4 @@ def relative_size(
         whole += masses[i] * size * size
     if moved == 0.0:
         return 0.0
-    return sqrt(moved / whole)
+    return sqrt(moved / max(whole, least))

@@ -32,12 +32,17 @@ POTENTIAL = 18  # at the start of the run
 ORIENTATION = 19  # `until` holds where this times the condition is <= 0; 0: not armed
 EQUATION = 20  # 1 if `until` is an equation
 EVENT = 21  # 1 once `until` has been located
-HEALTH = 22  # the worst pivot ratio met in the constraint solve
+HEALTH = 22  # how independent the rows are: about their smallest singular value
 N = 23  # coordinates
 SIZE = 24  # components of y
 FIXED_STEP = 25  # for fixed-step methods
 ARC_START = 26
-HEADER = 32
+PREVIOUS_HEALTH = 27  # before the last step
+WATCHED_BELOW = 28  # steps with a health below this are searched for a loss of rank
+LOST_BELOW = 29  # which is a least health below this
+DEGENERATE_BELOW = 30  # at a health below this the kernel returns; 0: never
+LOST_AT = 31  # where rank was lost last
+HEADER = 34
 
 # What `advance` and `step` return.
 DONE = 0
@@ -48,3 +53,4 @@ STEP_TOO_SMALL = 4
 NOT_FINITE = 5
 PROJECTION_FAILED = 6
 DEGENERATE = 7
+RANK_LOST = 8

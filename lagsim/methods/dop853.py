@@ -26,6 +26,7 @@ from lagsim.methods._state import (
     HEALTH,
     NOT_FINITE,
     PREVIOUS_ERROR,
+    PREVIOUS_HEALTH,
     PROJECTION_FAILED,
     REJECTIONS,
     ROW,
@@ -37,6 +38,7 @@ from lagsim.methods._state import (
     STEP_T,
     STEP_TOO_SMALL,
     STEPS,
+    WATCHED_BELOW,
     H,
     N,
     T,
@@ -176,9 +178,10 @@ def settle(s: Floats, p: Floats, h: float) -> int:
     work = at(s, HEADER + 4 * size + 2)
     sizes = at(s, HEADER + size)
     masses = at(s, HEADER + 3 * size + 2)
-    if project(n, s[T] + h, new, p, sizes, masses, work) == 0:
+    if project(n, s[T] + h, h, new, p, sizes, masses, work) == 0:
         return 0
-    s[HEALTH] = min(s[HEALTH], work[n + 1])
+    s[PREVIOUS_HEALTH] = s[HEALTH]
+    s[HEALTH] = work[n + 1]
     return 1
 
 
@@ -195,7 +198,8 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     derivative(s[T], new, p, at(k, 12 * size))
     s[EVALUATIONS] += 1.0
     row = s[ROW_START] + s[ROW] * s[ROW_STEP]
-    if UNTIL or (row < s[ROW_LIMIT] and row < s[T]):
+    watched = CONSTRAINED and min(s[HEALTH], s[PREVIOUS_HEALTH]) < s[WATCHED_BELOW]
+    if UNTIL or watched or (row < s[ROW_LIMIT] and row < s[T]):
         prepare_dense(s, p)
     for i in range(size):
         y[i] = new[i]

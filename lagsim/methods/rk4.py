@@ -25,6 +25,7 @@ from lagsim.methods._state import (
     HEADER,
     HEALTH,
     NOT_FINITE,
+    PREVIOUS_HEALTH,
     PROJECTION_FAILED,
     SIZE,
     STEP_H,
@@ -94,9 +95,10 @@ def step(s: Floats, p: Floats) -> int:
         work = at(s, HEADER + 4 * size + 2)
         sizes = at(s, HEADER + size)
         masses = at(s, HEADER + 3 * size + 2)
-        if project(n, after, new, p, sizes, masses, work) == 0:
+        if project(n, after, h, new, p, sizes, masses, work) == 0:
             return PROJECTION_FAILED
-        s[HEALTH] = min(s[HEALTH], work[n + 1])
+        s[PREVIOUS_HEALTH] = s[HEALTH]
+        s[HEALTH] = work[n + 1]
     derivative(after, new, p, at(k, 4 * size))
     s[EVALUATIONS] += 4.0
     accept(s, p, t, after)

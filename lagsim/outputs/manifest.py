@@ -52,7 +52,12 @@ def manifest(
         "evaluations": counts.evaluations,
         "factorisations": counts.factorisations,
         "events": [
-            {"time": e.time, "kind": e.kind, "constraint": e.constraint}
+            {
+                "time": e.time,
+                "kind": e.kind,
+                "constraint": e.constraint,
+                "conditioning": e.conditioning,
+            }
             for e in trajectory.events
         ],
         "energy_drift": ledger.energy_drift,
@@ -68,7 +73,21 @@ def manifest(
 def encode(document: Any) -> bytes:
     """Give a JSON document as people can read it; what is not finite is null."""
     option = orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE
-    return orjson.dumps(document, option=option)
+    try:
+        return orjson.dumps(document, option=option)
+    except TypeError:  # the name of a file need not be Unicode
+        return orjson.dumps(_printable(document), option=option)
+
+
+def _printable(document: Any) -> Any:
+    """Give the document with `?` for the bytes of names that are no letters."""
+    if isinstance(document, str):
+        return document.encode(errors="replace").decode()
+    if isinstance(document, dict):
+        return {_printable(key): _printable(value) for key, value in document.items()}
+    if isinstance(document, (list, tuple)):
+        return [_printable(value) for value in document]
+    return document
 
 
 def versions() -> dict[str, str]:
