@@ -34,33 +34,18 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
-
+from lagsim.cells import CROSSED, GROWTH, HIDDEN, OPEN, Cell, Division
 from lagsim.crossings import Values, first_change, newton
 from lagsim.expressions.derivatives import tangent
-from lagsim.expressions.enclosures import Enclosures
-from lagsim.expressions.evaluate import evaluate
-from lagsim.expressions.interval_rules import RULES, SLACK
-from lagsim.expressions.intervals import Flags, Floats, Interval, interval, point
-from lagsim.switches import joined_conditions, prevailing, surfaces
+from lagsim.switches import prevailing, surfaces
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from lagsim.expressions.graph import Graph
-
-Kinds = npt.NDArray[np.int8]
+    from lagsim.switches import Surface
 
 NEIGHBOURS = 4  # units in the last place within which two breaks are one
-PARTS = 8  # into which a cell is divided
-BATCH = 1024  # cells looked at together, at most
-FAINT = 4.0  # rounding errors of a surface within which it counts as zero
-GROWTH = 64  # an undecidable stretch over the cells it may swallow
-PATIENCE = 200_000  # cells looked at without a break
-
-# What is known of a cell.
-_NEW, _CLEAR, _SPLIT, _CROSSED, _FAINT, _ROUGH, _PAUSE = range(7)
 
 
 def break_times(
@@ -84,10 +69,9 @@ def break_times(
     if not discrete or not start < end:
         return
     value = Values(g, discrete, values)
-    streams = [_Search(g, d, values, start, end) for d in discrete]
+    finest = 2.0**-106 * max(abs(start), abs(end))
+    times = heapq.merge(*(_candidates(g, d, values, start, end) for d in discrete))
     before: list[float] | None = None
-    finest = streams[0].finest
-    times = heapq.merge(*(stream.breaks() for stream in streams))
     for this, following in pairwise(_clusters(times, start, end, finest)):
         after = prevailing(value, this.last, following.first)
         if before is not None and (this.pause or repr(after) != repr(before)):
@@ -124,231 +108,86 @@ def _clusters(
     yield _Cluster(end, end, pause=False)
 
 
-class _Search:
-    """Finds the breaks of one discrete function."""
+def _candidates(
+    g: Graph, discrete: int, values: Mapping[str, float], start: float, end: float
+) -> Iterator[tuple[float, bool]]:
+    """Give times at which one function may change, and whether each is a pause."""
+    timed = g.dependent([discrete], ("t",))
+    parts = [s for s in surfaces(g, discrete) if s.discrete in timed]
+    division = Division(g, discrete, parts, values, start, end)
+    locators = [_Locator(g, s, values, division) for s in parts]
+    last = start
+    for cell in division.cells():
+        found = [
+            time
+            for k, locator in enumerate(locators)
+            for time in locator.times(cell, cell.states[k] if cell.states else None)
+        ]
+        # A doubtful stretch is known to step only when it ends. Where in it, nobody
+        # can tell: no earlier than what has been reported.
+        for time in sorted(found):
+            last = max(last, time)
+            yield last, False
+        if not cell.states:
+            last = max(last, cell.lo)
+            yield last, True
+    for time in sorted(time for locator in locators for time in locator.flush()):
+        yield max(last, time), False
+
+
+class _Locator:
+    """Locates the steps of one surface, cell after cell."""
 
     def __init__(
         self,
         g: Graph,
-        discrete: int,
+        surface: Surface,
         values: Mapping[str, float],
-        start: float,
-        end: float,
+        division: Division,
     ) -> None:
-        timed = g.dependent([discrete], ("t",))
-        self.surfaces = [s for s in surfaces(g, discrete) if s.discrete in timed]
-        nodes = [s.node for s in self.surfaces]
-        slopes = tangent(g, nodes, {g.variable("t"): g.one})
-        self.enclose = Enclosures(g, [*nodes, *slopes], values)
-        joined = joined_conditions(g, discrete)
-        fixed = [a for n in joined for a in g.args[n] if a not in timed]
-        self.known = {
-            n: point(float(x))
-            for n, x in zip(fixed, evaluate(g, fixed, values), strict=True)
-        }
-        self.joined = [(n, RULES[g.ops[n]], g.args[n]) for n in joined if n in timed]
-        self.discrete = discrete
-        self.value = Values(g, [discrete], values)
-        self.steps = [Values(g, [s.discrete], values) for s in self.surfaces]
-        self.slopes = [
-            Values(g, [s.node, slope], values)
-            for s, slope in zip(self.surfaces, slopes, strict=True)
-        ]
-        self.start, self.end = start, end
-        self.finest = 2.0**-106 * max(abs(start), abs(end))
+        self.op = surface.op
+        self.division = division
+        self.step = Values(g, [surface.discrete], values)
+        (slope,) = tangent(g, [surface.node], {g.variable("t"): g.one})
+        self.surface = Values(g, [surface.node, slope], values)
+        # The doubtful stretch that has not ended yet, and its state.
+        self.doubtful: tuple[float, float, int] | None = None
 
-    # ---------------------------------------------------------------- the breaks
+    def times(self, cell: Cell, state: int | None) -> list[float]:
+        """Give the steps known by the end of `cell`; `state` is that of the surface."""
+        lo, hi, _ = cell
+        if state in (HIDDEN, OPEN):
+            if self.doubtful and self.doubtful[1:] == (lo, state):
+                self.doubtful = (self.doubtful[0], hi, state)
+                return []
+            found = self.flush()
+            self.doubtful = (lo, hi, state)
+            return found
+        if state is None and self.doubtful and self.doubtful[1] == lo:
+            return []
+        found = self.flush()
+        return [*found, *self._crossing(lo, hi)] if state == CROSSED else found
 
-    def breaks(self) -> Iterator[tuple[float, bool]]:
-        """Give times at which the function may change, and whether each is a pause."""
-        zone: tuple[float, float, bool] | None = None
-        for lo, hi, kind in self._cells():
-            doubtful = kind in (_FAINT, _ROUGH)
-            rough = kind == _ROUGH
-            if zone and doubtful and zone[1] == lo:
-                zone = zone[0], hi, zone[2] or rough
-                continue
-            if zone:
-                yield from self._ends(*zone)
-            zone = (lo, hi, rough) if doubtful else None
-            if kind == _CROSSED:
-                yield from self._crossings(lo, hi)
-            elif kind == _PAUSE:
-                yield lo, True
-        if zone:
-            yield from self._ends(*zone)
+    def flush(self) -> list[float]:
+        """Give the steps of the doubtful stretch, which has ended."""
+        if self.doubtful is None:
+            return []
+        lo, hi, state = self.doubtful
+        self.doubtful = None
+        least = max(math.ulp(max(-lo, hi)), self.division.finest)
+        if state == OPEN and hi - lo > GROWTH * least:
+            return [lo, hi]
+        return self._change(lo + 0.5 * (hi - lo), lo, hi)
 
-    def _ends(self, lo: float, hi: float, rough: bool) -> Iterator[tuple[float, bool]]:
-        """Give the breaks of a stretch in which nothing could be decided."""
-        if rough and hi - lo > GROWTH * max(np.spacing(max(-lo, hi)), self.finest):
-            yield lo, False
-            yield hi, False
-            return
-        if repr(self.value(lo)) != repr(self.value(hi)):
-            middle = lo + 0.5 * (hi - lo)
-            yield _change(self.value, middle, lo, hi), False
+    def _crossing(self, lo: float, hi: float) -> list[float]:
+        (old,), (new,) = self.step(lo), self.step(hi)
+        level = 0.0
+        if self.op in ("floor", "ceil"):
+            level = max(old, new) - (self.op == "ceil")
+        return self._change(newton(self.surface, level, lo, hi), lo, hi)
 
-    def _crossings(self, lo: float, hi: float) -> list[tuple[float, bool]]:
-        """Give where each surface, monotone from `lo` to `hi`, is crossed."""
-        found = []
-        for surface, step, slope in zip(
-            self.surfaces, self.steps, self.slopes, strict=True
-        ):
-            (old,), (new,) = step(lo), step(hi)
-            if old == new:
-                continue
-            level = 0.0
-            if surface.op in ("floor", "ceil"):
-                level = max(old, new) - (surface.op == "ceil")
-            guess = newton(slope, level, lo, hi)
-            found.append((_change(step, guess, lo, hi), False))
-        return sorted(found)
-
-    # ----------------------------------------------------------------- the cells
-
-    def _cells(self) -> Iterator[tuple[float, float, int]]:
-        """Give the cells in which breaks may lie, in order, each with its kind."""
-        stack = [
-            (np.array([self.start]), np.array([self.end]), np.array([_NEW], np.int8))
-        ]
-        zone = (math.nan, math.nan)
-        effort = 0
-        while stack:
-            lo, hi, kind = stack.pop()
-            if len(lo) > BATCH:
-                stack.append((lo[BATCH:], hi[BATCH:], kind[BATCH:]))
-                lo, hi, kind = lo[:BATCH], hi[:BATCH], kind[:BATCH]
-            new = kind == _NEW
-            effort += int(np.count_nonzero(new))
-            kind[new] = self._classify(lo[new], hi[new])
-            keep = kind != _CLEAR
-            lo, hi, kind = lo[keep], hi[keep], kind[keep]
-            self._roughen(lo, hi, kind, zone)
-            splits = np.flatnonzero(kind == _SPLIT)
-            ready = int(splits[0]) if len(splits) else len(kind)
-            for a, b, k in zip(
-                lo[:ready].tolist(), hi[:ready].tolist(), kind[:ready].tolist(),
-                strict=True,
-            ):  # fmt: skip
-                zone = (zone[0] if a == zone[1] else a, b)
-                if k == _CROSSED:
-                    zone, effort = (math.nan, math.nan), 0
-                yield a, b, k
-            if ready < len(kind):
-                if effort > PATIENCE:
-                    effort = 0
-                    yield float(lo[ready]), float(lo[ready]), _PAUSE
-                stack.append(_divided(lo[ready:], hi[ready:], kind[ready:]))
-
-    def _roughen(
-        self, lo: Floats, hi: Floats, kind: Kinds, zone: tuple[float, float]
-    ) -> None:
-        """Give up dividing cells too narrow, or beside a long undecidable stretch."""
-        if not len(lo):
-            return
-        least = np.maximum(np.spacing(np.maximum(-lo, hi)), self.finest)
-        if lo[0] == zone[1]:
-            beside = np.append(True, lo[1:] == hi[:-1])
-            beside = np.logical_and.accumulate(beside & (kind != _CROSSED))
-            swallowed = (zone[1] - zone[0]) / GROWTH
-            least = np.where(beside, np.maximum(least, swallowed), least)
-        kind[(kind == _SPLIT) & (hi - lo <= least)] = _ROUGH
-
-    def _classify(self, lo: Floats, hi: Floats) -> Kinds:
-        """Give the kind of each cell: clear, crossed, faint, or to be divided."""
-        if not len(lo):
-            return np.array([], np.int8)
-        middle = lo + 0.5 * (hi - lo)
-        found = self.enclose(
-            np.concatenate((lo, lo, middle, hi)), np.concatenate((hi, lo, middle, hi))
-        )
-        count = len(self.surfaces)
-        verdicts = dict(self.known)
-        crossed, faint = np.ones((2, len(lo)), np.bool_)
-        with np.errstate(all="ignore"):
-            for k, surface in enumerate(self.surfaces):
-                look = _Look(surface.op, found[k], found[count + k], lo, middle, hi)
-                verdicts[surface.discrete] = look.verdict
-                crossed &= look.verdict.single | look.crossed
-                faint &= look.verdict.single | look.crossed | look.faint
-        for n, rule, args in self.joined:
-            verdicts[n] = rule(*(verdicts[a] for a in args))
-        kind = np.full(len(lo), _SPLIT, np.int8)
-        kind[faint] = _FAINT
-        kind[crossed] = _CROSSED
-        kind[verdicts[self.discrete].single] = _CLEAR
-        return kind
-
-
-def _divided(lo: Floats, hi: Floats, kind: Kinds) -> tuple[Floats, Floats, Kinds]:
-    """Divide the cells that want it, and keep the others."""
-    split = kind == _SPLIT
-    parts = np.arange(PARTS + 1) / PARTS
-    edges = lo[:, None] + (hi - lo)[:, None] * parts
-    edges[:, -1] = hi
-    edges[~split, 1:] = hi[~split, None]
-    new_kind = np.where(split, _NEW, kind).repeat(PARTS).astype(np.int8)
-    new_lo, new_hi = edges[:, :-1].ravel(), edges[:, 1:].ravel()
-    proper = new_lo < new_hi
-    return new_lo[proper], new_hi[proper], new_kind[proper]
-
-
-def _change(value: Values, guess: float, lo: float, hi: float) -> float:
-    old = repr(value(lo))  # nan equals nan
-    return first_change(lambda t: repr(value(t)) != old, guess, lo, hi)
-
-
-class _Look:
-    """One surface over cells: its discrete values, and what is known where it steps."""
-
-    def __init__(
-        self,
-        op: str,
-        s: Interval,
-        slope: Interval,
-        lo: Floats,
-        middle: Floats,
-        hi: Floats,
-    ) -> None:
-        n = len(lo)
-        cell, at_lo, at_middle, at_hi = (s[k * n : (k + 1) * n] for k in range(4))
-        slope = slope[:n]
-        tame = ~(cell.partial | cell.jumps | slope.partial | slope.undefined)
-        steepest = np.maximum(np.abs(slope.lo), np.abs(slope.hi))
-        reach = np.maximum(middle - lo, hi - middle) * steepest * (1.0 + SLACK)
-        reach = np.where(tame, reach, math.inf)
-        # The mean value theorem: an error of second order in the width of the cell.
-        refined = Interval(
-            np.fmax(cell.lo, np.nextafter(at_middle.lo - reach, -math.inf)),
-            np.fmin(cell.hi, np.nextafter(at_middle.hi + reach, math.inf)),
-            cell.partial,
-            cell.jumps,
-        )
-        undefined = cell.undefined
-        refined.lo[undefined] = refined.hi[undefined] = math.nan
-        errors = at_lo.width, at_middle.width, at_hi.width
-        verdict, at_lo, at_hi = (_steps(op, x) for x in (refined, at_lo, at_hi))
-        # Monotone, with known values at both ends: clear if they are equal.
-        steep = tame & ((slope.lo > 0.0) | (slope.hi < 0.0))
-        monotone = steep & at_lo.single & at_hi.single
-        equal = monotone & (at_lo.lo == at_hi.lo)
-        self.verdict = interval(
-            np.where(equal, at_lo.lo, verdict.lo),
-            np.where(equal, at_lo.lo, verdict.hi),
-            verdict.partial,
-        )
-        self.crossed: Flags = monotone & ((op == "sign") | (verdict.width <= 1.0))
-        # Nothing more is seen by looking closer: rounding errors hide the step.
-        error = np.minimum(errors[0], np.minimum(errors[1], errors[2]))
-        about = interval(at_middle.lo - FAINT * error, at_middle.hi + FAINT * error)
-        self.faint: Flags = (
-            tame & ~_steps(op, about).single & (refined.width <= 2.0 * FAINT * error)
-        )
-
-
-def _steps(op: str, s: Interval) -> Interval:
-    """Give the values of the discrete function `op` of a surface."""
-    return RULES[op](s, interval(0.0, 0.0)) if op in _COMPARISONS else RULES[op](s)
-
-
-_COMPARISONS = ("lt", "le", "gt", "ge")
+    def _change(self, guess: float, lo: float, hi: float) -> list[float]:
+        old = repr(self.step(lo))  # nan equals nan
+        if repr(self.step(hi)) == old:
+            return []
+        return [first_change(lambda t: repr(self.step(t)) != old, guess, lo, hi)]

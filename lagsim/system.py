@@ -317,7 +317,7 @@ class Runner:
         """
         call = self.engine.function("prepare", *_FUNCTION)
         p = self.system.p
-        p[dense.RANK_HELD] = min(self.system.n, self.system.m)
+        p[dense.REFERENCE] = self.system.plan.independence
         p[self.system.motion :] = 0.0
         call(0.0, None, p.ctypes.data, None)
 

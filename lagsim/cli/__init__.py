@@ -2,14 +2,40 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import sys
-import time
+import threading
+from typing import TYPE_CHECKING, NoReturn
 
-_BEGAN = time.perf_counter()
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import typer
+
+_INTERRUPTED = 128 + signal.SIGINT
+_TERMINATED = 128 + signal.SIGTERM
+
+
+class _Terminated(BaseException):
+    """SIGTERM, raised where it arrives so that what was begun is removed."""
 
 
 def main() -> int:
     """Run the command line; give the exit code."""
+    from lagsim.cli import _streams
+
+    _streams.prepare()
+    try:
+        with _terminable():
+            return _guarded(_application())
+    except _Terminated:
+        return _TERMINATED
+    except KeyboardInterrupt:
+        return _INTERRUPTED
+
+
+def _application() -> typer.Typer:
     import typer
 
     from lagsim.cli import check, methods, run
@@ -17,51 +43,78 @@ def main() -> int:
 
     app = typer.Typer(
         name="lagsim",
-        help="From energies to motion: simulate a system written down as T and V.",
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
+        rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(ask_version)
     app.command("run")(run.command)
     app.command("check")(check.command)
     app.command("methods")(methods.command)
-    return _guarded(app)
+    return app
 
 
-def _guarded(app: object) -> int:
+def _guarded(app: typer.Typer) -> int:
     """Call the application; anything unforeseen is a bug, exit 70."""
     import typer
 
-    assert isinstance(app, typer.Typer)
+    from lagsim.cli import _streams
+
     try:
         code = app(standalone_mode=False)
+        _streams.put(lambda: None)
     except typer.Exit as wish:
         return int(wish.exit_code)
     except typer.Abort:
-        return 130
-    except KeyboardInterrupt:
-        return 130
-    except BrokenPipeError:
-        sys.stderr.close()
-        return 0
+        return _INTERRUPTED
     except Exception as error:  # noqa: BLE001  the last resort of a command line
-        show = getattr(error, "show", None)  # click's usage errors show themselves
-        if callable(show):
-            show()
-            return 2
-        return _bug()
+        if callable(getattr(error, "show", None)):  # a usage error
+            return _usage(error)
+        return _bug() if _streams.writable() else _streams.UnwritableError.exit_code
     return code if isinstance(code, int) else 0
+
+
+def _usage(error: Exception) -> int:
+    """Tell what is wrong with the command line."""
+    from lagsim.cli._shared import errors_document, show_json
+    from lagsim.errors import Problem
+
+    if "--json" in sys.argv[1:]:
+        told = getattr(error, "format_message", lambda: str(error))()
+        show_json(errors_document([Problem("usage", told)]))
+    else:
+        with contextlib.suppress(OSError):
+            error.show()  # type: ignore[attr-defined]
+    return 2
 
 
 def _bug() -> int:
     import traceback
 
-    traceback.print_exc()
-    print(
-        "\nThis is a bug in lagsim, not in your model. Please report it with the "
-        "model file and the lines above.",
-        file=sys.stderr,
+    from lagsim.cli._streams import complain
+
+    complain(traceback.format_exc())
+    complain(
+        "This is a bug in lagsim, not in your model. Please report it with the "
+        "model file and the lines above."
     )
     return 70
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Turn SIGTERM into an exception (in the main thread only)."""
+
+    def stop(_number: int, _frame: object) -> NoReturn:
+        raise _Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

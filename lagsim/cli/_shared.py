@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.cli._streams import complain, put, say
+from lagsim.errors import InputError, LagsimError, Place, Problem
+from lagsim.methods import names
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -19,22 +21,35 @@ ModelPath = Annotated[
 ]
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=EXPR", help="Give a parameter another value."),
+    typer.Option(
+        "--set",
+        metavar="NAME=EXPR",
+        help="Give a parameter another value; may be repeated.",
+    ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 
 
+def _show_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version as installed
+
+        say(f"lagsim {installed('lagsim')}")
+        raise typer.Exit
+
+
 def ask_version(
     version: Annotated[
-        bool, typer.Option("--version", help="Show the version and stop.")
+        bool,
+        typer.Option(
+            "--version",
+            help="Show the version and stop.",
+            callback=_show_version,
+            is_eager=True,
+        ),
     ] = False,
 ) -> None:
     """From energies to motion: simulate a system written down as T and V."""
-    if version:
-        from importlib.metadata import version as installed
-
-        print("lagsim", installed("lagsim"))
-        raise typer.Exit
 
 
 def assignments(sets: Iterable[str] | None) -> dict[str, str]:
@@ -61,37 +76,67 @@ def assignments(sets: Iterable[str] | None) -> dict[str, str]:
     return found
 
 
+def method_problems(
+    asked: str, place: Place | None = None, *, auto: bool = True
+) -> list[Problem]:
+    """Give the fault of a method that does not exist; `auto` may leave the choice."""
+    known = [*(["auto"] if auto else []), *names()]
+    if asked in known:
+        return []
+    hint = f"one of {', '.join(known)}; `lagsim methods` describes them"
+    return [Problem("unknown-method", f"there is no method `{asked}`", place, hint)]
+
+
 @contextlib.contextmanager
-def faults_shown(*, as_json: bool) -> Iterator[list[int]]:
-    """Print the faults of the input; the list that is given gets the exit code."""
+def faults_shown(
+    documents: list[Any] | None = None, *, file: str | None = None
+) -> Iterator[list[int]]:
+    """Print the faults of the input; the list that is given gets the exit code.
+
+    Parameters
+    ----------
+    documents
+        Gets the faults instead, as the document that `--json` prints.
+    file
+        Named with faults that have no place in it.
+    """
     code: list[int] = []
     try:
         yield code
-    except InputError as error:
-        code.append(error.exit_code)
-        if as_json:
-            show_json({"errors": [_as_mapping(p) for p in error.problems]})
-        else:
-            _print_problems(error.problems)
     except LagsimError as error:
         code.append(error.exit_code)
-        if as_json:
-            show_json({"errors": [_as_mapping(Problem("failed", str(error)))]})
+        problems = [Problem("failed", str(error))]
+        if isinstance(error, InputError):
+            problems = list(error.problems)
+        if documents is None:
+            _print_problems(problems)
         else:
-            print(error, file=sys.stderr)
+            documents.append(errors_document(problems, file))
 
 
-def _print_problems(problems: Iterable[Problem]) -> None:
-    problems = list(problems)
-    print("\n\n".join(map(str, problems)), file=sys.stderr)
+def _print_problems(problems: list[Problem]) -> None:
+    complain("\n\n".join(map(str, problems)))
     if len(problems) > 1:
-        print(f"\n{len(problems)} problems", file=sys.stderr)
+        complain(f"\n{len(problems)} problems")
 
 
-def _as_mapping(problem: Problem) -> Mapping[str, Any]:
+def errors_document(
+    problems: Iterable[Problem], file: str | None = None
+) -> dict[str, Any]:
+    """Give the document that unusable input gives."""
+    return {"errors": [_as_mapping(problem, file) for problem in problems]}
+
+
+# Their faults are not the model's.
+_OUTSIDE = ("usage", "output-folder", "failed")
+
+
+def _as_mapping(problem: Problem, file: str | None) -> Mapping[str, Any]:
     place = problem.place
+    if place is None and problem.code in _OUTSIDE:
+        file = None
     return {
-        "file": place.file if place else None,
+        "file": place.file if place else file,
         "line": place.line if place else None,
         "column": place.column if place else None,
         "code": problem.code,
@@ -104,16 +149,21 @@ def show_json(document: Any) -> None:
     """Print a JSON document on stdout."""
     from lagsim.outputs.manifest import encode
 
-    sys.stdout.flush()
-    sys.stdout.buffer.write(encode(document))
-    sys.stdout.buffer.flush()
+    content = encode(document)
+    put(lambda: sys.stdout.buffer.write(content))
 
 
 def coloured(text: str, code: str) -> str:
     """Give `text` in a colour where stdout is a terminal that shows colours."""
-    if not sys.stdout.isatty() or os.environ.get("NO_COLOR"):
+    plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
+    if plain or not sys.stdout.isatty():
         return text
     return f"\x1b[{code}m{text}\x1b[0m"
+
+
+def counted(number: int, noun: str) -> str:
+    """Give `1 row`, `2 rows`."""
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def table(rows: Iterable[tuple[str, str]], indent: str = "  ") -> str:

@@ -8,101 +8,152 @@ import typer
 
 from lagsim.cli._shared import (
     AsJson,
-    ModelPath,
     Sets,
     assignments,
     coloured,
+    counted,
     faults_shown,
+    method_problems,
     show_json,
     table,
 )
+from lagsim.cli._streams import say
+from lagsim.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.admissibility import Start, Verdict
     from lagsim.equations import Equations
-    from lagsim.model import Model
+
+# The kind of a verdict on the start value of a definition, which is no constraint.
+_START_VALUE = "start value"
 
 
 def command(
-    model: ModelPath,
+    models: Annotated[
+        list[str], typer.Argument(metavar="MODEL...", help="Model files; - is stdin.")
+    ],
     sets: Sets = None,
     repair: Annotated[
         bool, typer.Option("--repair", help="Print the nearest admissible state.")
     ] = False,
     as_json: AsJson = False,
 ) -> int:
-    """Tell whether the initial state is admissible, and what the constraints are."""
+    """Tell whether initial states are admissible, and what the constraints are."""
+    documents: list[Any] = []
+    codes = [
+        _one(model, sets, repair=repair, documents=documents if as_json else None)
+        for model in models
+    ]
+    if as_json:
+        show_json(documents[0] if len(models) == 1 else documents)
+    return max(codes)
+
+
+def _one(
+    path: str,
+    sets: Sequence[str] | None,
+    *,
+    repair: bool,
+    documents: list[Any] | None,
+) -> int:
+    """Check one model; give the exit code."""
     from lagsim.admissibility import examine
     from lagsim.equations import derive
     from lagsim.reader import read_file
 
-    with faults_shown(as_json=as_json) as code:
-        read = read_file(model, assignments(sets))
-        equations = derive(read)
-        start = examine(equations)
-        code.append(show(read, equations, start, as_json=as_json, repair=repair))
+    with faults_shown(documents, file=path) as code:
+        model = read_file(path, assignments(sets))
+        simulation = model.simulation
+        if simulation is not None:
+            problems = method_problems(simulation.method, simulation.method_place)
+            if problems:
+                raise InputError(problems)
+        equations = derive(model)
+        start = examine(equations, classify=True)
+        if documents is not None:
+            documents.append(document(equations, start))
+        else:
+            say(report(equations, start, repair=repair))
+        code.append(0 if start.admissible else 1)
     return code[-1]
 
 
-def show(
-    model: Model,
-    equations: Equations,
-    start: Start,
-    *,
-    as_json: bool = False,
-    repair: bool = False,
-) -> int:
-    """Print the report; give the exit code."""
-    if as_json:
-        show_json(document(model, start))
-    else:
-        print(report(model, equations, start, repair=repair))
-    return 0 if start.admissible else 1
-
-
-def document(model: Model, start: Start) -> dict[str, Any]:
+def document(equations: Equations, start: Start) -> dict[str, Any]:
     """Give the content of `check --json`."""
+    model, ranks, reach = equations.model, start.ranks, start.reach
+    missed = [v for v in start.verdicts if v.kind == _START_VALUE]
     return {
         "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
         "admissible": start.admissible,
         "degrees_of_freedom": start.degrees_of_freedom,
-        "constraints": [_constraint(v) for v in start.verdicts],
+        "rank": ranks.rank,
+        "constraints": [
+            _constraint(v) for v in start.verdicts if v.kind != _START_VALUE
+        ],
+        "start_values": [
+            {"name": v.name, "residual": v.position.value, "bound": v.position.bound}
+            for v in missed
+        ],
+        "dependences": [
+            {
+                "name": d.name,
+                "combination": dict(d.combination),
+                "everywhere": d.everywhere,
+                "contradictions": d.contradictions,
+            }
+            for d in ranks.dependences
+        ],
+        "reach": None
+        if reach is None
+        else {
+            "dimension": reach.dimension,
+            "hidden": reach.hidden,
+            "entering": list(reach.entering),
+            "reason": reach.reason,
+        },
         "repair": start.repair,
+        "unsolved": start.unsolved,
         "warnings": [{"code": w.code, "text": w.text} for w in start.warnings],
     }
 
 
 def _constraint(verdict: Verdict) -> dict[str, Any]:
+    position, velocity = verdict.position, verdict.velocity
     return {
         "name": verdict.name,
         "kind": verdict.kind,
         "scleronomic": verdict.scleronomic,
         "pfaffian": verdict.pfaffian,
-        "integrable": None,
-        "residual": verdict.residual,
-        "velocity_residual": verdict.velocity_residual,
+        "integrable": verdict.integrable,
+        "undecided": verdict.undecided,
+        "residual": position.value,
+        "scale": position.scale,
+        "bound": position.bound,
+        "bound_reason": position.why,
+        "velocity_residual": velocity.value if velocity else None,
+        "velocity_scale": velocity.scale if velocity else None,
+        "velocity_bound": velocity.bound if velocity else None,
         "satisfied": verdict.satisfied,
         "redundant": verdict.redundant,
     }
 
 
-def report(
-    model: Model, equations: Equations, start: Start, *, repair: bool = False
-) -> str:
+def report(equations: Equations, start: Start, *, repair: bool = False) -> str:
     """Give the report for people; its first line is the verdict."""
+    name, rows = equations.model.name, equations.rows
+    rank = f" of rank {start.ranks.rank}" if rows else ""
+    freedom = counted(start.degrees_of_freedom, "degree")
     if start.admissible:
-        head = coloured("admissible", "32") + f": {model.name}"
+        head = coloured("admissible", "32") + f": {name}"
     else:
-        violated = [v for v in start.verdicts if not v.satisfied]
-        head = coloured("inadmissible", "31") + f": {model.name}: "
-        head += "; ".join(map(_violation, violated))
-    n, m = len(equations.q), len(equations.rows)
-    freedom = start.degrees_of_freedom
+        head = coloured("inadmissible", "31") + f": {name}: {'; '.join(_faults(start))}"
     lines = [
         head,
         (
-            f"  {n} coordinates, {m} constraints of rank {start.rank}, "
-            f"{freedom} degree{'s' * (freedom != 1)} of freedom"
+            f"  {counted(len(equations.q), 'coordinate')}, "
+            f"{counted(len(rows), 'constraint')}{rank}, {freedom} of freedom"
         ),
     ]
     if start.verdicts:
@@ -113,31 +164,54 @@ def report(
     return "\n".join(lines)
 
 
+def _faults(start: Start) -> list[str]:
+    """Say what keeps a start from being admissible."""
+    faults = [_violation(v) for v in start.verdicts if not v.satisfied]
+    for d in start.ranks.dependences:
+        for level, size in d.contradictions.items():
+            others = " and ".join(f"`{name}`" for name, _ in d.combination)
+            faults.append(
+                f"`{d.name}` contradicts {others or 'itself'} on the level of "
+                f"{level}, by {size:.6g}"
+            )
+    return faults
+
+
 def _violation(verdict: Verdict) -> str:
-    if abs(verdict.residual) > verdict.bound:
-        return f"constraint `{verdict.name}` has the residual {verdict.residual:.6g}"
-    return f"the rate of constraint `{verdict.name}` is {verdict.velocity_residual:.6g}"
+    position, velocity = verdict.position, verdict.velocity
+    if verdict.kind == _START_VALUE:
+        return f"the start value `{verdict.name}` is missed by {position.value:.6g}"
+    if velocity is not None and position.met:
+        return f"the rate of constraint `{verdict.name}` is {velocity.value:.6g}"
+    return f"constraint `{verdict.name}` has the residual {position.value:.6g}"
 
 
 def _described(verdict: Verdict) -> str:
+    residual = verdict.position.value
+    if verdict.kind == _START_VALUE:
+        return f"start value, missed by {residual:.3g}"
     words = [verdict.kind, "scleronomic" if verdict.scleronomic else "rheonomic"]
     if verdict.pfaffian is not None:
         words.append("Pfaffian" if verdict.pfaffian else "not Pfaffian")
+    if verdict.integrable is not None:
+        words.append("integrable" if verdict.integrable else "not integrable")
     if verdict.redundant:
         words.append("redundant")
-    text = f"{', '.join(words)}; residual {verdict.residual:.3g}"
-    if verdict.velocity_residual is not None:
-        text += f", of the rate {verdict.velocity_residual:.3g}"
+    text = f"{', '.join(words)}; residual {residual:.3g}"
+    if verdict.velocity is not None:
+        text += f", of its rate {verdict.velocity.value:.3g}"
     return text + ("" if verdict.satisfied else "  <- violated")
 
 
 def _repair(start: Start) -> list[str]:
     if start.admissible:
         return ["  nothing to repair"]
-    if start.repair is None:
+    if start.unsolved:
+        return [f"  no admissible state was found: {start.unsolved}"]
+    if not start.repair:
         return ["  no admissible state was found from here"]
     lines = ["  the nearest admissible state, for `initial:`"]
     lines += [f"    {name}: {value!r}" for name, value in start.repair.items()]
-    names = ", ".join(name for name in start.repair)
-    lines.append(f"  or give {names} as `{{guess: value}}` to have them solved")
+    guesses = ", ".join(f"{name}: {{guess: ...}}" for name in start.repair)
+    lines.append(f"  or have them solved, or some of them: {guesses}")
     return lines

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import inspect
+import textwrap
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._shared import AsJson, faults_shown, show_json
-from lagsim.errors import InputError, Problem
+from lagsim.cli._shared import AsJson, faults_shown, method_problems, show_json
+from lagsim.cli._streams import say
+from lagsim.errors import InputError
 from lagsim.methods import method, names
 
 if TYPE_CHECKING:
     from types import ModuleType
+
+WIDTH = 88
 
 
 def command(
@@ -20,24 +24,19 @@ def command(
     as_json: AsJson = False,
 ) -> int:
     """List the integration methods, or show the page on one."""
-    with faults_shown(as_json=as_json) as code:
-        _check(name)
+    documents: list[Any] = []
+    with faults_shown(documents if as_json else None) as code:
+        if name is not None and (problems := method_problems(name, auto=False)):
+            raise InputError(problems)
         chosen = [method(n) for n in (names() if name is None else (name,))]
         if as_json:
-            show_json([_document(m) for m in chosen])
-        elif name is None:
-            print(_list(chosen))
+            documents.append([_document(m) for m in chosen])
         else:
-            print(_page(chosen[0]))
+            say(_list(chosen) if name is None else _page(chosen[0]))
         code.append(0)
+    if as_json:
+        show_json(documents[0])
     return code[-1]
-
-
-def _check(name: str | None) -> None:
-    if name is not None and name not in names():
-        text = f"there is no method `{name}`"
-        hint = f"one of {', '.join(names())}"
-        raise InputError([Problem("unknown-method", text, hint=hint)])
 
 
 def _document(module: ModuleType) -> dict[str, Any]:
@@ -64,7 +63,8 @@ def _list(modules: list[ModuleType]) -> str:
 def _page(module: ModuleType) -> str:
     step = "adaptive step" if module.ADAPTIVE else "fixed step"
     facts = (
-        f"order {module.ORDER}, dense output of order {module.DENSE_ORDER}, {step}; "
-        f"handles {module.HANDLES}"
+        f"Order {module.ORDER}, dense output of order {module.DENSE_ORDER}, {step}. "
+        f"Handles {module.HANDLES}."
     )
-    return f"{inspect.cleandoc(module.__doc__ or '')}\n\n{facts}"
+    page = inspect.cleandoc(module.__doc__ or "")
+    return f"{page}\n\n{textwrap.fill(facts, WIDTH)}"

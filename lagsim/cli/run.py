@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-import errno
-import sys
+import contextlib
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lagsim.cli._closing import progress_bar, summary
 from lagsim.cli._shared import (
     AsJson,
     ModelPath,
     Sets,
     assignments,
-    coloured,
     faults_shown,
+    method_problems,
     show_json,
-    table,
 )
+from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
@@ -31,36 +31,58 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
     from lagsim.outputs.ledger import Ledger
     from lagsim.outputs.results import Results
+    from lagsim.outputs.table import TableWriter
     from lagsim.outputs.thinning import Thinning
     from lagsim.plan import Plan
     from lagsim.simulate import Interrupt
     from lagsim.system import System
     from lagsim.trajectory import Caution, Trajectory
 
-# Runs that last longer than this show a progress bar on a terminal.
-PATIENCE_SECONDS = 1.0
+LAPS = ("import", "read", "derive", "compile", "integrate", "output", "plots")
 
 
 def command(
     model: ModelPath,
     folder: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Folder; default results/NAME."),
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Folder; default results/NAME."
+        ),
     ] = None,
     sets: Sets = None,
     method: Annotated[
-        str | None, typer.Option(help="Integration method; see `lagsim methods`.")
+        str | None,
+        typer.Option(metavar="M", help="Integration method; see `lagsim methods`."),
     ] = None,
-    rtol: Annotated[str | None, typer.Option(help="Relative tolerance.")] = None,
-    atol: Annotated[str | None, typer.Option(help="Absolute tolerance.")] = None,
+    rtol: Annotated[
+        str | None,
+        typer.Option(metavar="X", help="Relative tolerance; default 1e-11."),
+    ] = None,
+    atol: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X",
+            help="Absolute tolerance; default rtol times each component's scale.",
+        ),
+    ] = None,
     step: Annotated[
-        str | None, typer.Option(help="Step of fixed-step methods.")
+        str | None,
+        typer.Option(
+            metavar="H", help="Step of fixed-step methods; default the output step."
+        ),
     ] = None,
-    duration: Annotated[str | None, typer.Option(help="How long to run.")] = None,
-    output_step: Annotated[str | None, typer.Option(help="Spacing of rows.")] = None,
+    duration: Annotated[
+        str | None, typer.Option(metavar="T", help="How long to run.")
+    ] = None,
+    output_step: Annotated[
+        str | None,
+        typer.Option(metavar="H", help="Spacing of rows; default duration/1000."),
+    ] = None,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
     as_json: AsJson = False,
-    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Say nothing.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
+    ] = False,
 ) -> int:
     """Check the start, derive the equations, integrate, write table and pictures."""
     options = {
@@ -73,8 +95,11 @@ def command(
     }
     given = {name: text for name, text in options.items() if text is not None}
     job = _Job(folder, plots=not no_plots, as_json=as_json, quiet=quiet)
-    with faults_shown(as_json=as_json) as code:
+    documents: list[Any] = []
+    with faults_shown(documents if as_json else None, file=model) as code:
         code.append(job.run(model, assignments(sets), given))
+    for faults in documents:
+        show_json(faults)
     return code[-1]
 
 
@@ -89,13 +114,13 @@ class _Job:
         self.as_json = as_json
         self.quiet = quiet
         # The processor time so far is close to what starting and importing took.
-        self.timings = {"import": time.process_time()}
+        self.timings = dict.fromkeys(LAPS, 0.0) | {"import": time.process_time()}
         self._last = time.perf_counter()
 
     def lap(self, name: str) -> None:
         """Record the time since the last lap."""
         now = time.perf_counter()
-        self.timings[name] = self.timings.get(name, 0.0) + now - self._last
+        self.timings[name] += now - self._last
         self._last = now
 
     def run(
@@ -109,15 +134,18 @@ class _Job:
         from lagsim.reader import read_file
         from lagsim.system import System
 
-        self.timings["import"] += time.perf_counter() - self._last
-        self._last = time.perf_counter()
+        self.lap("import")
         model = read_file(path, overrides, options)
         _refuse(model)
         self.lap("read")
         equations = derive(model)
         start = examine(equations)
         if not start.admissible:
-            return check.show(model, equations, start, as_json=self.as_json)
+            if self.as_json:
+                show_json(check.document(equations, start))
+            else:
+                complain(check.report(equations, start))
+            return 1
         plan = make_plan(equations, start)
         self.lap("derive")
         system = System(equations, plan)
@@ -136,46 +164,46 @@ class _Job:
         system: System,
         results: Results,
     ) -> int:
-        from lagsim.outputs import table as table_file
         from lagsim.outputs.ledger import Ledger
+        from lagsim.outputs.manifest import encode
+        from lagsim.outputs.results import MANIFEST
         from lagsim.simulate import Interrupt, simulate
 
         names = system.columns.names
         ledger = Ledger(names)
         thin = self._thinning(equations.model, names)
-        writer = table_file.TableWriter(
-            results.part(table_file.NAME), names[: system.columns.table]
-        )
-        timed = _Timed([ledger, writer, *([thin] if thin else [])])
         interrupt = Interrupt()
-        with interrupt.noted():
-            with _progress(quiet=self.quiet) as progress:
+        with _table(results, names[: system.columns.table]) as writer, (
+            interrupt.noted()
+        ):  # fmt: skip
+            output = _Output(ledger, thin, writer, interrupt)
+            with progress_bar(quiet=self.quiet) as progress:
                 trajectory = simulate(
-                    equations, start, plan, system, [timed],
+                    equations, start, plan, system, [output],
                     interrupt=interrupt, progress=progress,
                 )  # fmt: skip
             self.lap("integrate")
-            self.timings["integrate"] -= timed.seconds
-            self.timings["output"] = timed.seconds
-            writer.close()
-            full = timed.fault
+            self.timings["integrate"] -= output.seconds
+            self.timings["output"] = output.seconds
+            full = output.fault
             if thin and not full:
-                self._draw(system, trajectory, thin, results)
-        cautions = [*start.warnings, *_cautions(start, system), *trajectory.warnings]
-        document = self._document(system, plan, trajectory, ledger, cautions, results)
+                full = self._draw(system, trajectory, thin, results)
+            cautions = [
+                *start.warnings, *_cautions(start, plan, system), *trajectory.warnings,
+            ]  # fmt: skip
+            document = self._document(
+                system, plan, trajectory, ledger, cautions, [*results.names, MANIFEST]
+            )
+            if full:
+                document |= _cut_short(output, full, trajectory.start)
+            try:
+                results.commit(encode(document))
+            except OSError as error:
+                text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
+                raise UnwritableError(text) from None
+        self._report(equations, document, results.folder, cautions, ledger)
         if full:
-            document |= {
-                "outcome": "failed",
-                "complete": False,
-                "reason": f"the table could not be written: {full.strerror}; the rows "
-                f"up to there were kept",
-            }
-        from lagsim.outputs.manifest import encode
-
-        results.commit(encode(document))
-        self._report(equations, trajectory, document, results, cautions)
-        if full:
-            return 3
+            return UnwritableError.exit_code
         return _exit_code(trajectory, interrupt)
 
     def _thinning(self, model: Model, names: Sequence[str]) -> Thinning | None:
@@ -191,7 +219,8 @@ class _Job:
         trajectory: Trajectory,
         thin: Thinning,
         results: Results,
-    ) -> None:
+    ) -> OSError | None:
+        """Draw the pictures; give what kept one from being written."""
         from lagsim.outputs.plots import pictures
         from lagsim.outputs.time_panels import Record
 
@@ -201,9 +230,14 @@ class _Job:
         note = "" if complete else f"incomplete: {trajectory.reason}"
         record = Record(model.name, thin, system.units(), marked[:200], note)
         is_sum = system.equations.energy_is_sum
-        for name, content in pictures(record, model, energy_is_sum=is_sum):
-            results.write(name, content)
-        self.lap("plots")
+        try:
+            for name, content in pictures(record, model, energy_is_sum=is_sum):
+                results.write(name, content)
+        except OSError as error:
+            return error
+        finally:
+            self.lap("plots")
+        return None
 
     def _document(
         self,
@@ -212,75 +246,36 @@ class _Job:
         trajectory: Trajectory,
         ledger: Ledger,
         cautions: Sequence[Caution],
-        results: Results,
+        files: Sequence[str],
     ) -> dict[str, Any]:
         from lagsim.outputs.manifest import manifest
-        from lagsim.outputs.results import MANIFEST
 
         self.lap("output")
-        files = [*results.names, MANIFEST]
         timings = {name: round(t, 6) for name, t in self.timings.items()}
         return manifest(system, plan, trajectory, ledger, cautions, timings, files)
 
     def _report(
         self,
         equations: Equations,
-        trajectory: Trajectory,
         document: Mapping[str, Any],
-        results: Results,
+        folder: Path,
         cautions: Sequence[Caution],
+        ledger: Ledger,
     ) -> None:
-        complete = document["complete"]
-        if not complete:
-            print(f"lagsim: {document['reason']}", file=sys.stderr)
+        if not document["complete"]:
+            complain(f"lagsim: {document['reason']}")
         if not self.quiet:
             for caution in cautions:
-                print(f"warning: {caution.text}", file=sys.stderr)
+                complain(f"warning: {caution.text}")
         if self.as_json:
             show_json(document)
         elif not self.quiet:
-            print(_summary(equations, trajectory, document, results.folder))
-
-
-def _summary(
-    equations: Equations,
-    trajectory: Trajectory,
-    document: Mapping[str, Any],
-    folder: Path,
-) -> str:
-    """Give the closing lines."""
-    word = document["outcome"]
-    colour = "32" if document["complete"] else "31"
-    head = (
-        f"{coloured(word, colour)}: {document['model']['name']}, "
-        f"t = {trajectory.start:g} to {trajectory.end:.9g}, {trajectory.rows} rows"
-    )
-    n, m = len(equations.q), len(equations.rows)
-    held = f", {m} constraint{'s' * (m != 1)}" if m else ""
-    rows = [("system", f"{n} coordinate{'s' * (n != 1)}{held}")]
-    rows += [("", f"{c['choice']} ({c['reason']})") for c in document["plan"]]
-    rows[1] = ("plan", rows[1][1])
-    if word == "until":
-        rows.append(("ended", trajectory.reason))
-    counts = trajectory.statistics
-    seconds = document["timings"]
-    spent = sum(seconds.values())
-    done = (
-        f"{counts.steps} steps, {counts.rejections} rejected, "
-        f"{counts.evaluations} evaluations; "
-        f"{seconds['integrate'] * 1e3:.3g} ms of {spent:.2g} s"
-    )
-    rows.append(("work done", done))
-    rows.append(("energy drift", f"{document['energy_drift']:.2g}"))
-    if m:
-        residual = f"{document['constraint_residual']:.2g} of its scale"
-        rows.append(("residual", f"largest {residual}"))
-    rows.append(("files", f"{folder}: {', '.join(document['files'])}"))
-    return head + "\n" + table(rows)
+            say(summary(equations, document, folder, ledger.first_energy))
 
 
 def _refuse(model: Model) -> None:
     """Refuse what this version cannot run."""
+    simulation = model.simulation
     problems = [
         Problem(
             "one-sided",
@@ -291,7 +286,7 @@ def _refuse(model: Model) -> None:
         for c in model.constraints
         if c.law is not None
     ]
-    if model.simulation is None:
+    if simulation is None:
         problems.append(
             Problem(
                 "missing-key",
@@ -300,11 +295,38 @@ def _refuse(model: Model) -> None:
                 hint="add it, or give --duration",
             )
         )
+    else:
+        problems += method_problems(simulation.method, simulation.method_place)
     if problems:
         raise InputError(problems)
 
 
-def _cautions(start: Start, system: System) -> list[Caution]:
+def _table(results: Results, columns: Sequence[str]) -> contextlib.closing[TableWriter]:
+    from lagsim.outputs import table
+
+    try:
+        return contextlib.closing(table.TableWriter(results.part(table.NAME), columns))
+    except OSError as error:
+        raise results.unusable(error) from None
+
+
+def _cut_short(output: _Output, full: OSError, start: float) -> dict[str, Any]:
+    """Give what run.json says of a run whose results did not fit on the disk."""
+    found: dict[str, Any] = {"outcome": "failed", "complete": False}
+    if output.fault is None:
+        found["reason"] = (
+            f"a picture could not be written: {full.strerror}; the table is whole"
+        )
+        return found
+    end = start if output.writer.last is None else output.writer.last
+    found["reason"] = (
+        f"the table could not be written beyond t = {end!r}: {full.strerror}; the rows "
+        "up to there were kept"
+    )
+    return found | {"end": end, "rows": output.writer.rows}
+
+
+def _cautions(start: Start, plan: Plan, system: System) -> list[Caution]:
     from lagsim.trajectory import Caution
 
     found = []
@@ -321,6 +343,15 @@ def _cautions(start: Start, system: System) -> list[Caution]:
             "which costs accuracy"
         )
         found.append(Caution("switch-not-located", text))
+    simulation = system.equations.model.simulation
+    if simulation is None:
+        return found
+    if plan.step is None and simulation.step is not None:
+        text = f"`step` has no effect: {plan.method} chooses its steps"
+        found.append(Caution("step-unused", text))
+    if plan.rtol is None and (simulation.rtol, simulation.atol) != (None, None):
+        text = f"tolerances have no effect: {plan.method} takes fixed steps"
+        found.append(Caution("tolerance-unused", text))
     return found
 
 
@@ -330,50 +361,34 @@ def _exit_code(trajectory: Trajectory, interrupt: Interrupt) -> int:
     return 0 if trajectory.outcome.complete else 3
 
 
-class _Timed:
-    """Hands rows on, and keeps the time that takes; a full disk ends the writing."""
+class _Output:
+    """Hands rows on, and keeps the time that takes; a full disk ends the run."""
 
-    def __init__(self, consumers: Sequence[Any]) -> None:
-        self.consumers = consumers
+    def __init__(
+        self,
+        ledger: Ledger,
+        thin: Thinning | None,
+        writer: TableWriter,
+        interrupt: Interrupt,
+    ) -> None:
+        self.consumers: list[Any] = [ledger, *([thin] if thin else [])]
+        self.writer = writer
+        self.interrupt = interrupt
         self.seconds = 0.0
         self.fault: OSError | None = None
 
     def add(self, rows: Floats) -> None:
-        began = time.perf_counter()
-        for consumer in self.consumers:
-            if self.fault is None:
-                try:
-                    consumer.add(rows)
-                except OSError as error:
-                    if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-                        raise
-                    self.fault = error
-        self.seconds += time.perf_counter() - began
-
-
-def _progress(*, quiet: bool) -> Any:
-    """Give a context whose value is called with the fraction done."""
-    import contextlib
-
-    @contextlib.contextmanager
-    def bar() -> Iterator[Callable[[float], None] | None]:
-        if quiet or not sys.stderr.isatty():
-            yield None
+        if self.fault is not None:
             return
         began = time.perf_counter()
-        shown: list[Any] = []
-
-        def update(fraction: float) -> None:
-            if not shown and time.perf_counter() - began > PATIENCE_SECONDS:
-                shown.append(typer.progressbar(length=1000, file=sys.stderr))
-                shown[0].__enter__()
-            if shown:
-                shown[0].update(int(1000 * fraction) - shown[0].pos)
-
+        before = self.writer.rows
         try:
-            yield update
-        finally:
-            if shown:
-                shown[0].__exit__(None, None, None)
-
-    return bar()
+            self.writer.add(rows)
+        except OSError as error:
+            self.fault = error
+            self.interrupt.signal = 0  # nobody's signal, but the run is to end
+        kept = rows[: self.writer.rows - before]
+        if len(kept):
+            for consumer in self.consumers:
+                consumer.add(kept)
+        self.seconds += time.perf_counter() - began

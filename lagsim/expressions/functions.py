@@ -106,9 +106,13 @@ def _intrinsic(name: str, arity: int = 1) -> dict[str, Any]:
 
 
 def _power(x: float, y: float) -> float:
-    if x < 0 and not float(y).is_integer():
+    if x < 0 and math.isfinite(x) and math.isfinite(y) and y % 1 != 0:
         return math.nan  # Python would give a complex number
     return float(x**y)
+
+
+def _whole(x: float, rounded: Callable[[float], int]) -> float:
+    return math.copysign(rounded(x), x) if math.isfinite(x) else x
 
 
 def _sign(x: float) -> float:
@@ -377,7 +381,7 @@ def _smooth() -> tuple[Function, ...]:
         Function(
             "atanh",
             1,
-            math.atanh,
+            lambda x: math.copysign(math.inf, x) if abs(x) == 1 else math.atanh(x),
             sympy=lambda s, x: s.atanh(x),
             partials=lambda g, a, _: (
                 reciprocal(g, g.call("sub", g.one, g.call("mul", a[0], a[0]))),
@@ -484,7 +488,7 @@ def _branched() -> tuple[Function, ...]:
         Function(
             "floor",
             1,
-            lambda x: float(math.floor(x)) if math.isfinite(x) else x,
+            lambda x: _whole(x, math.floor),
             sympy=lambda s, x: s.floor(x),
             partials=lambda g, a, _: (g.zero,),
             switch=True,
@@ -493,7 +497,7 @@ def _branched() -> tuple[Function, ...]:
         Function(
             "ceil",
             1,
-            lambda x: float(math.ceil(x)) if math.isfinite(x) else x,
+            lambda x: _whole(x, math.ceil),
             sympy=lambda s, x: s.ceiling(x),
             partials=lambda g, a, _: (g.zero,),
             switch=True,

@@ -8,6 +8,7 @@ no algorithm on the graph recurses.
 from __future__ import annotations
 
 import math
+import sys
 from typing import TYPE_CHECKING
 
 from lagsim.expressions.functions import OPERATIONS
@@ -272,11 +273,16 @@ def _scaled(g: Graph, c: float, x: int, y: int) -> int | None:
         return g.call("mul", g.constant(-c), g.args[y][0])
     if g.ops[y] == "mul":
         inner = g.value(g.args[y][0])
-        if inner is not None and math.isfinite(c * inner):
+        if inner is not None and _is_normal(c * inner):
             return g.call("mul", g.constant(c * inner), g.args[y][1])
     if g.ops[y] not in (CONSTANT, TRUTH) and y < x:
         return g._node("mul", (x, y))  # noqa: SLF001  the constant comes first
     return None
+
+
+def _is_normal(x: float) -> bool:
+    """Tell whether `x` has all its digits, neither overflown nor underflown."""
+    return sys.float_info.min <= abs(x) <= sys.float_info.max
 
 
 def _div(g: Graph, x: int, y: int) -> int | None:

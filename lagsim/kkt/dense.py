@@ -30,13 +30,19 @@ ROWS = 1  # m
 MOTION = 2  # offset of q'' (n) and lambda (m), then this module's working memory
 HAS_WORK = 3
 AUGMENTED = 4
-RANK_FOUND = 5
-RANK_HELD = 6  # the rank at the last state that met the constraints
+EXPECTED = 5  # the rank that the rows have in general
+REFERENCE = 6  # the largest health so far: what is small is small against it
+HEALTH = 7  # size of the last independent column, now
 HEADER = 8
 
 NAN = float("nan")
-# Relative size below which a pivoted column counts as zero.
+# A pivoted column counts as zero past the rank that the rows have in general (away from
+# the constraints, at the stages of a step, dependent rows are not quite so), and below
+# these parts of REFERENCE: where rank is lost on the way, what would be divided by it
+# is noise. For corrections more so: what they correct was right to the tolerance.
 RANK = 1e-10
+PASSING = 1e-6
+PASSING_CORRECTION = 1e-3
 
 
 def workspace(n: int, m: int) -> int:
@@ -45,7 +51,7 @@ def workspace(n: int, m: int) -> int:
     q'', lambda, the rows' largest lengths, terms, L, Y, u, v, and what `per_row` has.
     """
     terms = n * n + n * m + n + 3 * m + 2
-    return (n + 2 * m) + terms + n * n + n * m + 2 * n + 8 * m + m * m
+    return (n + 2 * m) + terms + n * n + n * m + 2 * n + 7 * m + m * m
 
 
 @external
@@ -71,7 +77,7 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
     n = int(p[COUNT])
     m = int(p[ROWS])
     motion = at(p, int(p[MOTION]))
-    solve_motion(t, y, p, False)
+    solve_motion(t, y, p)
     for i in range(n):
         out[i] = y[n + i]
         out[n + i] = motion[i]
@@ -85,7 +91,7 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the columns of a row."""
-    solve_motion(t, y, p, True)
+    solve_motion(t, y, p)
     columns(t, y, p, out)
 
 
@@ -111,7 +117,6 @@ def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     geometry(t, y, p, terms)
     rates = at(terms, n * n + n * m + m)
     correction(p, rates, out)
-    mark_rows(n, m, p)
     out[n] = rates[m + 1]
     out[n + 1] = p[HEALTH]
     p[REFERENCE] = max(p[REFERENCE], p[HEALTH])
@@ -128,34 +133,17 @@ def correction(p: Floats, residuals: Floats, out: Floats) -> None:
     per_row = at(u, 2 * n)
     right = at(per_row, m)
     factor(n, m, p[AUGMENTED] > 0.0, terms, L)
-    spread(n, m, at(terms, n * n), L, Y, per_row)
+    lengths = at(p, int(p[MOTION]) + n + m)
+    spread(n, m, at(terms, n * n), L, lengths, Y, per_row)
     for i in range(m):
         right[i] = -residuals[i] * per_row[i]
-    rank = reflect(n, m, PASSING, p, Y, per_row)
+    rank = reflect(n, m, PASSING_CORRECTION, p, Y, per_row)
     impress(n, m, rank, Y, per_row, u)
     backward(n, L, u, out)
 
 
-def mark_rows(n: int, m: int, p: Floats) -> None:
-    """Mark the rows that depend on others at this state, which meets the constraints.
-
-    Away from it, where the stages of a step are, they differ from dependent by as much
-    as the stage is off, and so would their force by any amount. A rank that is lost at
-    one state only, as at a dead point, takes no row away.
-    """
-    per_row = at(p, int(p[MOTION]) + workspace(n, m) - 8 * m - m * m)
-    order = at(per_row, 4 * m)
-    marks = at(per_row, 7 * m + m * m)
-    kept = max(p[RANK_FOUND], p[RANK_HELD])
-    for k in range(m):
-        marks[int(order[k])] = 0.0
-        if k >= kept:
-            marks[int(order[k])] = 1.0
-    p[RANK_HELD] = p[RANK_FOUND]
-
-
-def solve_motion(t: float, y: Floats, p: Floats, whole: bool) -> None:
-    """Leave q'' (n,) and lambda (m,) at MOTION; unless `whole` without dropped rows."""
+def solve_motion(t: float, y: Floats, p: Floats) -> None:
+    """Leave q'' (n,) and lambda (m,) at MOTION."""
     n = int(p[COUNT])
     m = int(p[ROWS])
     motion = at(p, int(p[MOTION]))
@@ -175,9 +163,7 @@ def solve_motion(t: float, y: Floats, p: Floats, whole: bool) -> None:
     for j in range(n):
         v[j] = f[j]
     forward(n, L, v)
-    spread(n, m, at(terms, n * n), L, Y, per_row)
-    if not whole:
-        leave_out(n, m, Y, per_row)
+    spread(n, m, at(terms, n * n), L, at(motion, n + m), Y, per_row)
     for i in range(m):
         right[i] = b[i] * per_row[i]
         for j in range(n):
@@ -266,19 +252,8 @@ def backward(n: int, L: Floats, x: Floats, out: Floats) -> None:
             x[j] -= L[i * n + j] * value
 
 
-def leave_out(n: int, m: int, Y: Floats, per_row: Floats) -> None:
-    """Make the marked rows vanish."""
-    marks = at(per_row, 7 * m + m * m)
-    for i in range(m):
-        if marks[i] > 0.0:
-            per_row[i] = 0.0
-            for j in range(n):
-                Y[i * n + j] = 0.0
-
-
 # per_row holds, m each: scales, right side (w after `impress`), diagonal of R, factors
-# of the reflections, original index, spare; then m*m for `multipliers`, and the marks
-# of the rows that `derivative` leaves out.
+# of the reflections, original index, spare; then m*m for `multipliers`.
 def spread(
     n: int,
     m: int,
@@ -315,7 +290,8 @@ def reflect(
 ) -> int:
     """Triangularise Y^T by reflections with pivoting; give the rank.
 
-    Leaves the size of the last column that is independent in general as HEALTH. Row k of Y then holds R[0:k, k] and the k-th reflection's vector after its first
+    Leaves the size of the last column that is independent in general as HEALTH. Row k
+    of Y then holds R[0:k, k] and the k-th reflection's vector after its first
     component, which is 1.
     """
     diagonal = at(per_row, 2 * m)

@@ -18,6 +18,7 @@ from lagsim.methods._state import (
     END,
     ENERGY,
     EVALUATIONS,
+    FORCES,
     HEADER,
     POTENTIAL,
     ROW_STEP,
@@ -34,6 +35,11 @@ if TYPE_CHECKING:
 FLOOR = 1e-3
 # No component is controlled below its share of the rounding of the whole motion.
 NOISE = 4.0 * 2.0**-53
+# Forces that cancel, as in equilibrium, leave rounding of their own size in y', which
+# the error estimate enlarges a few times; control below that only wastes steps.
+FORCE_NOISE = 32.0 * 2.0**-53
+# A change of the state this small, against its size, shows how large the forces are.
+PROBE = 2.0**-30
 # The part of the tolerance that one step may use: errors of many steps add up, and the
 # tolerance is meant for the motion (Kepler's, e = 0.6, 100 orbits: 6 digits at 1e-11).
 LOCAL = 0.1
@@ -47,6 +53,8 @@ def record_sizes(s: Floats, p: Floats) -> None:
     for i in range(size):
         sizes[i] = max(sizes[i], abs(y[i]))
     s[ENERGY] = energy_scale(s, p, s[T], y)
+    driven = at(s, HEADER + 3 * size + 2 + int(s[N]))
+    s[FORCES] = max(s[FORCES], driven[0])
 
 
 def energy_scale(s: Floats, p: Floats, t: float, y: Floats) -> float:
@@ -95,7 +103,8 @@ def set_tolerances(
         if i < 2 * n:
             mass = masses[i % n]
         if i >= 2 * n:
-            tolerances[i] = rtol * max(scale, FLOOR * energy)
+            noise = FORCE_NOISE * h * h * s[FORCES]
+            tolerances[i] = max(rtol * max(scale, FLOOR * energy), noise)
         elif mass <= 0.0:
             tolerances[i] = rtol * scale
         elif i < n:
@@ -103,7 +112,34 @@ def set_tolerances(
             tolerances[i] = max(rtol * max(scale, floor), NOISE * sqrt(whole / mass))
         else:
             floor = FLOOR * sqrt(2.0 * energy / mass)
-            tolerances[i] = max(rtol * max(scale, floor), NOISE / FLOOR * floor)
+            noise = NOISE / FLOOR * floor + FORCE_NOISE * h * sqrt(s[FORCES] / mass)
+            tolerances[i] = max(rtol * max(scale, floor), noise)
+
+
+def probe_forces(s: Floats, p: Floats, k: Floats) -> None:
+    """Find how large the forces are that may cancel in y', from y' nearby.
+
+    The sum of M_ii a_i^2 with a_i the change of y' per relative change of y. Components
+    change by different parts, or a change of the whole scene's size or place would
+    hide what cancels.
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    masses = at(s, HEADER + 3 * size + 2)
+    z = at(s, HEADER + 4 * size + 2)
+    slopes = at(z, size)
+    for i in range(size):
+        part = 0.618033988749895 * (i + 1)
+        z[i] = y[i] * (1.0 + PROBE * (0.5 + part - int(part)))
+    derivative(s[T], z, p, slopes)
+    s[EVALUATIONS] += 1.0
+    forces = 0.0
+    for i in range(n):
+        change = (slopes[n + i] - k[n + i]) / PROBE
+        forces += masses[i] * change * change
+    if forces < 1e300:
+        s[FORCES] = max(s[FORCES], forces)
 
 
 def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
@@ -116,6 +152,7 @@ def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
     z = at(s, HEADER + 4 * size + 2)
     slopes = at(z, size)
     tolerances = at(s, HEADER + 2 * size)
+    probe_forces(s, p, k)
     set_tolerances(s, p, s[T], y, k, s[ROW_STEP])
     d0 = 0.0
     d1 = 0.0

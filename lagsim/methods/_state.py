@@ -42,6 +42,7 @@ WATCHED_BELOW = 28  # steps with a health below this are searched for a loss of 
 LOST_BELOW = 29  # which is a least health below this
 DEGENERATE_BELOW = 30  # at a health below this the kernel returns; 0: never
 LOST_AT = 31  # where rank was lost last
+FORCES = 32  # the largest size of forces, which may cancel: sum of M_ii a_i^2
 HEADER = 34
 
 # What `advance` and `step` return.

@@ -18,7 +18,7 @@ class Ledger:
     Attributes
     ----------
     energy_drift : float
-        Greatest |energy - work - first value|.
+        Greatest |energy - work - first value|; nan where one of them is.
     first_energy : float
     """
 
@@ -40,20 +40,23 @@ class Ledger:
         """Take rows (k, columns)."""
         balance = rows[:, self._energy]
         if self._work is not None:
-            balance = balance - rows[:, self._work]
+            with np.errstate(invalid="ignore"):  # inf - inf: the drift is not known
+                balance = balance - rows[:, self._work]
         if self._start is None:
             self._start = float(balance[0])
             self.first_energy = float(rows[0, self._energy])
-        drift = float(np.max(np.abs(balance - self._start)))
-        self.energy_drift = max(self.energy_drift, drift)
+        with np.errstate(invalid="ignore"):
+            drift = np.max(np.abs(balance - self._start))
+        # np.maximum, and not max, which would lose a nan.
+        self.energy_drift = float(np.maximum(self.energy_drift, drift))
         for i, (residual, scale) in enumerate(self._constraints):
             largest = np.max(np.abs(rows[:, residual]))
-            self._residuals[i] = max(self._residuals[i], largest)
-            self._scales[i] = max(self._scales[i], np.max(rows[:, scale]))
+            self._residuals[i] = np.maximum(self._residuals[i], largest)
+            self._scales[i] = np.maximum(self._scales[i], np.max(rows[:, scale]))
 
     @property
     def constraint_residual(self) -> float:
         """Greatest |residual| over its scale; 0 without constraints."""
-        some = self._scales > 0
+        some = ~(self._scales <= 0)
         ratios = self._residuals[some] / self._scales[some]
         return float(np.max(ratios, initial=0.0))

@@ -1,7 +1,8 @@
 """The folder of a run's results: replaced as a whole, or left as it was.
 
-Every file is written beside its place, synced, and renamed when all are complete, the
-manifest last: who finds run.json finds the files that it lists.
+Every file is written beside its place and synced. When all are complete the old
+run.json goes, the files take their places, and the new run.json comes last: who finds a
+run.json finds the files that it lists, whatever happened in between.
 """
 
 from __future__ import annotations
@@ -19,47 +20,84 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 MANIFEST = "run.json"
+# Room kept on the disk for a run.json that says that the disk is full.
+RESERVE_BYTES = 1 << 16
 _LOCK = ".lagsim.lock"
+_PART = ".lagsim-{}.part"
 
 
 class Results:
-    """A folder being filled; use `open_results`."""
+    """A folder being filled; use `open_results`.
+
+    Attributes
+    ----------
+    names : list of str
+        The files that `commit` will put in their places, run.json aside.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.names: list[str] = []
 
+    def reserve(self) -> None:
+        """Keep room for the manifest."""
+        _write(self._part(MANIFEST), bytes(RESERVE_BYTES))
+
     def part(self, name: str) -> Path:
         """Give the path to write file `name` to until `commit`."""
+        part = self._part(name)
         if name not in self.names:
             self.names.append(name)
-        return self.folder / f".{name}.part"
+        return part
 
     def write(self, name: str, content: bytes) -> None:
-        """Write a whole file."""
-        self.part(name).write_bytes(content)
+        """Write a whole file, or, where that fails, nothing."""
+        try:
+            _write(self.part(name), content)
+        except OSError:
+            self.names.remove(name)
+            self._part(name).unlink(missing_ok=True)
+            raise
 
     def commit(self, manifest: bytes) -> None:
         """Put all files in their places, remove what the last run left, then run.json.
 
         Removed is what an earlier run.json lists and this run has not written.
+
+        Raises
+        ------
+        OSError
+            If something cannot be written; then the folder is as it was.
         """
-        obsolete = self._listed() - set(self.names)
+        _write(self._part(MANIFEST), manifest)
         for name in self.names:
-            _sync(self.part(name))
-            self.part(name).replace(self.folder / name)
+            _sync(self._part(name))
+        obsolete = self._listed() - set(self.names)
+        (self.folder / MANIFEST).unlink(missing_ok=True)
+        for name in self.names:
+            self._part(name).replace(self.folder / name)
         for name in sorted(obsolete):
-            (self.folder / name).unlink(missing_ok=True)
-        self.write(MANIFEST, manifest)
-        _sync(self.part(MANIFEST))
-        self.part(MANIFEST).replace(self.folder / MANIFEST)
-        _sync(self.folder)
+            with contextlib.suppress(OSError):  # a folder has taken the name
+                (self.folder / name).unlink()
+        self._part(MANIFEST).replace(self.folder / MANIFEST)
+        with contextlib.suppress(OSError):  # not every system syncs folders
+            _sync(self.folder, os.O_RDONLY)
 
     def discard(self) -> None:
-        """Remove what was begun."""
-        for name in self.names:
+        """Remove what was begun, by this run or by one that was killed."""
+        for path in self.folder.glob(_PART.format("*")):
             with contextlib.suppress(OSError):
-                self.part(name).unlink(missing_ok=True)
+                path.unlink()
+
+    def unusable(self, error: OSError) -> InputError:
+        """Give what tells that nothing can be written here."""
+        return _unusable(self.folder, f"cannot be written: {error.strerror}")
+
+    def _part(self, name: str) -> Path:
+        target = self.folder / name
+        if target.is_dir() and not target.is_symlink():
+            raise _unusable(self.folder, f"has a folder where {name} belongs")
+        return self.folder / _PART.format(name)
 
     def _listed(self) -> set[str]:
         """Give the files of the run before: plain names in this folder only."""
@@ -68,12 +106,17 @@ class Results:
             files = manifest["files"]
         except (OSError, ValueError, KeyError, TypeError):
             return set()
-        plain = (
-            {f for f in files if isinstance(f, str)}
-            if isinstance(files, list)
-            else set()
-        )
-        return {f for f in plain if Path(f).name == f and f != MANIFEST}
+        names = files if isinstance(files, list) else []
+        return {f for f in names if isinstance(f, str) and _plain(f)}
+
+
+def _plain(name: str) -> bool:
+    """Tell whether a listed name is a file beside run.json, and not its own."""
+    return (
+        name not in ("", ".", "..", MANIFEST)
+        and not any(c in name for c in "/\\\0")
+        and Path(name).name == name
+    )
 
 
 @contextlib.contextmanager
@@ -85,22 +128,42 @@ def open_results(folder: Path) -> Iterator[Results]:
     InputError
         If the folder cannot be made or written, or another run is writing into it.
     """
+    if folder.exists() and not folder.is_dir():
+        raise _unusable(folder, "is not a folder")
+    results = Results(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+        lock = _held(folder)
     except OSError as error:
-        raise _unusable(folder, f"cannot be written: {error.strerror}") from None
+        raise results.unusable(error) from None
     try:
-        _hold(lock, folder)
-        results = Results(folder)
+        results.discard()
         try:
-            yield results
-        finally:
-            results.discard()
-            with contextlib.suppress(OSError):
-                (folder / _LOCK).unlink()
+            results.reserve()
+        except OSError as error:
+            raise results.unusable(error) from None
+        yield results
     finally:
+        results.discard()
+        # While it is still held: who has opened it since will see that it is gone.
+        with contextlib.suppress(OSError):
+            (folder / _LOCK).unlink()
         os.close(lock)
+
+
+def _held(folder: Path) -> int:
+    """Give the handle of the folder's lock, held."""
+    path = folder / _LOCK
+    while True:
+        lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            _hold(lock, folder)
+            if _is_still(lock, path):
+                return lock
+        except BaseException:
+            os.close(lock)
+            raise
+        os.close(lock)  # the run that held it has ended and removed it
 
 
 def _hold(lock: int, folder: Path) -> None:
@@ -110,8 +173,16 @@ def _hold(lock: int, folder: Path) -> None:
         return
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        raise _unusable(folder, "another run is writing into it") from None
+    except BlockingIOError:
+        raise _unusable(folder, "is in use: another run is writing into it") from None
+    except OSError:  # a file system without locks
+        return
+
+
+def _is_still(lock: int, path: Path) -> bool:
+    with contextlib.suppress(FileNotFoundError):
+        return os.path.samestat(os.fstat(lock), path.stat())
+    return False
 
 
 def _unusable(folder: Path, why: str) -> InputError:
@@ -119,11 +190,23 @@ def _unusable(folder: Path, why: str) -> InputError:
     return InputError([Problem("output-folder", text, hint="choose one with -o DIR")])
 
 
-def _sync(path: Path) -> None:
+def _write(path: Path, content: bytes) -> None:
+    """Write a file over what is there, so that room kept there is used."""
+    handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+    try:
+        view = memoryview(content)
+        while view:
+            view = view[os.write(handle, view) :]
+        os.ftruncate(handle, len(content))
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _sync(path: Path, flags: int = os.O_RDWR) -> None:
     """Have the system put a file, or a folder's list of files, on the disk."""
-    with contextlib.suppress(OSError):  # not every file system syncs folders
-        handle = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+    handle = os.open(path, flags)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -29,23 +29,60 @@ class TableWriter:
         Where to write.
     columns
         The header; rows may be wider, and are cut to it.
+
+    Attributes
+    ----------
+    rows : int
+        Rows written.
+    last : float or None
+        The first column of the last of them.
     """
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
+        self.rows = 0
+        self.last: float | None = None
         self._width = len(columns)
-        self._file = path.open("wb", buffering=1 << 20)
+        self._file = path.open("wb", buffering=0)
         self._file.write(",".join(columns).encode() + _LINE)
 
     def add(self, rows: Floats) -> None:
-        """Write rows (k, at least the columns)."""
+        """Write rows (k, at least the columns).
+
+        Raises
+        ------
+        OSError
+            If there is no room for them; then the file ends with the last whole row.
+        """
         block = np.ascontiguousarray(rows[:, : self._width])
-        if np.isfinite(block).all():
-            text = orjson.dumps(block, option=orjson.OPT_SERIALIZE_NUMPY)
-            self._file.write(text[2:-2].replace(b"],[", _LINE) + _LINE)
-            return
-        for row in block.tolist():  # JSON has no nan
-            self._file.write(",".join(map(repr, row)).encode() + _LINE)
+        text = _text(block)
+        begun = self._file.tell()
+        left = memoryview(text)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError:
+            end = text.rfind(_LINE, 0, len(text) - len(left)) + len(_LINE)
+            whole = text[:end] if end >= len(_LINE) else b""
+            self._file.truncate(begun + len(whole))
+            self._count(block[: whole.count(_LINE)])
+            raise
+        self._count(block)
 
     def close(self) -> None:
         """Finish the file."""
         self._file.close()
+
+    def _count(self, written: Floats) -> None:
+        self.rows += len(written)
+        if len(written):
+            self.last = float(written[-1, 0])
+
+
+def _text(block: Floats) -> bytes:
+    if not len(block):
+        return b""
+    if np.isfinite(block).all():
+        text = orjson.dumps(block, option=orjson.OPT_SERIALIZE_NUMPY)
+        return text[2:-2].replace(b"],[", _LINE) + _LINE
+    rows = (",".join(map(repr, row)).encode() for row in block.tolist())
+    return _LINE.join(rows) + _LINE  # JSON has no nan

@@ -1,0 +1,98 @@
+"""What a person reads during a run and after it."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from lagsim.cli._shared import coloured, counted, table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
+
+    from lagsim.equations import Equations
+
+# Runs that last longer than this show a progress bar on a terminal.
+PATIENCE_SECONDS = 1.0
+
+
+def summary(
+    equations: Equations,
+    document: Mapping[str, Any],
+    folder: Path,
+    first_energy: float,
+) -> str:
+    """Give the closing lines of the run that `document`, its run.json, records."""
+    colour = "32" if document["complete"] else "31"
+    head = (
+        f"{coloured(document['outcome'], colour)}: {document['model']['name']}, "
+        f"t = {document['start']:g} to {document['end']:.9g}, "
+        f"{counted(document['rows'], 'row')}"
+    )
+    n, m = len(equations.q), len(equations.rows)
+    held = f", {counted(m, 'constraint')}" if m else ""
+    rows = [("system", counted(n, "coordinate") + held)]
+    plan = [f"{c['choice']} ({c['reason']})" for c in document["plan"]]
+    rows += [("" if k else "plan", text) for k, text in enumerate(plan)]
+    rows.append(_accuracy(document))
+    if document["outcome"] == "until":
+        rows.append(("ended", document["reason"]))
+    rows.append(("work done", _work(document)))
+    unit = document["columns"]["energy"]
+    drift = f"{document['energy_drift']:.2g} {unit}".rstrip()
+    ledger = "energy - work" if "work" in document["columns"] else "energy"
+    rows.append(("drift", f"{drift} of {ledger}, which begins at {first_energy:.7g}"))
+    if m:
+        largest = f"{document['constraint_residual']:.2g} of its scale at most"
+        rows.append(("residual", largest))
+    rows.append(("files", f"{folder}: {', '.join(document['files'])}"))
+    return head + "\n" + table(rows)
+
+
+def _accuracy(document: Mapping[str, Any]) -> tuple[str, str]:
+    if document["step"] is not None:
+        return "step", f"{document['step']:g}"
+    atol = document["atol"]
+    floor = "of each component's own scale" if atol is None else f"and atol {atol:g}"
+    return "tolerance", f"rtol {document['rtol']:g} {floor}"
+
+
+def _work(document: Mapping[str, Any]) -> str:
+    seconds = document["timings"]
+    return (
+        f"{counted(document['steps'], 'step')}, {document['rejections']} rejected, "
+        f"{counted(document['evaluations'], 'evaluation')}; integrated in "
+        f"{_duration(seconds['integrate'])}, {_duration(sum(seconds.values()))} in all"
+    )
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.3g} s" if seconds >= 1 else f"{seconds * 1e3:.3g} ms"
+
+
+@contextlib.contextmanager
+def progress_bar(*, quiet: bool) -> Iterator[Callable[[float], None] | None]:
+    """Give what is to be called with the fraction done; None where nobody watches."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    began = time.perf_counter()
+    shown: list[Any] = []
+
+    def update(fraction: float) -> None:
+        if not shown and time.perf_counter() - began > PATIENCE_SECONDS:
+            shown.append(typer.progressbar(length=1000, file=sys.stderr))
+            shown[0].__enter__()
+        if shown:
+            shown[0].update(int(1000 * fraction) - shown[0].pos)
+
+    try:
+        yield update
+    finally:
+        if shown:
+            shown[0].__exit__(None, None, None)
