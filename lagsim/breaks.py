@@ -16,11 +16,12 @@ The conventions:
   evaluation may not switch at all; the values on both sides of the doubtful stretch
   decide, and if they differ it breaks once, where the computed value changes.
 - Where nothing can be decided down to neighbouring doubles (a square wave of `floor`s
-  faster than they are), the stretch left undecided may grow, by cells of up to 1/64 of
-  its length, until something can; its two ends are reported. Breaks that accumulate
-  (sin(1/t) toward 0) come one by one, as far as rounding lets them be told apart.
+  faster than they are, atan2(0, 0)), the stretch left undecided may grow, by cells of
+  up to 1/64 of its length, until something can; its two ends are reported. Breaks that
+  accumulate (sin(1/t) toward 0) come one by one, as far as rounding lets them be told
+  apart.
 - After 200,000 cells without a break the time reached is reported as a needless
-  one, so that each request returns within about a second. It costs a restart of the
+  one, so that each request returns within seconds. It costs a restart of the
   method, nothing else.
 
 Near t = 0 times are resolved to 1e-32 of the larger of start and end.
@@ -152,32 +153,35 @@ class _Locator:
         self.surface = Values(g, [surface.node, slope], values)
         # The doubtful stretch that has not ended yet, and its state.
         self.doubtful: tuple[float, float, int] | None = None
+        self.given_up = False  # it is long; its beginning has been reported
 
     def times(self, cell: Cell, state: int | None) -> list[float]:
         """Give the steps known by the end of `cell`; `state` is that of the surface."""
         lo, hi, _ = cell
-        if state in (HIDDEN, OPEN):
-            if self.doubtful and self.doubtful[1:] == (lo, state):
-                self.doubtful = (self.doubtful[0], hi, state)
-                return []
-            found = self.flush()
-            self.doubtful = (lo, hi, state)
-            return found
         if state is None and self.doubtful and self.doubtful[1] == lo:
             return []
-        found = self.flush()
+        found = []
+        if not self.doubtful or self.doubtful[1:] != (lo, state):
+            found = self.flush()
+        if state in (HIDDEN, OPEN):
+            lo = self.doubtful[0] if self.doubtful else lo
+            self.doubtful = (lo, hi, state)
+            if state == OPEN and not self.given_up and self._long(lo, hi):
+                self.given_up = True
+                found.append(lo)
         return [*found, *self._crossing(lo, hi)] if state == CROSSED else found
+
+    def _long(self, lo: float, hi: float) -> bool:
+        return hi - lo > GROWTH * max(math.ulp(max(-lo, hi)), self.division.finest)
 
     def flush(self) -> list[float]:
         """Give the steps of the doubtful stretch, which has ended."""
         if self.doubtful is None:
             return []
-        lo, hi, state = self.doubtful
-        self.doubtful = None
-        least = max(math.ulp(max(-lo, hi)), self.division.finest)
-        if state == OPEN and hi - lo > GROWTH * least:
-            return [lo, hi]
-        return self._change(lo + 0.5 * (hi - lo), lo, hi)
+        lo, hi, _ = self.doubtful
+        given_up = self.given_up
+        self.doubtful, self.given_up = None, False
+        return [hi] if given_up else self._change(lo + 0.5 * (hi - lo), lo, hi)
 
     def _crossing(self, lo: float, hi: float) -> list[float]:
         (old,), (new,) = self.step(lo), self.step(hi)

@@ -169,17 +169,18 @@ class Division:
         if not len(new):
             return
         lo, hi = cells.lo[new], cells.hi[new]
-        # Off the round fractions, where sums happen to be exact.
-        points = lo, hi, lo + 0.4871 * (hi - lo), lo + 0.0713 * (hi - lo)
+        middle, beside = lo + 0.5 * (hi - lo), lo + 0.0713 * (hi - lo)
+        # Two neighbouring doubles each: at a single one a sum may happen to be exact.
         found = self.enclose(
-            np.concatenate((lo, *points)), np.concatenate((hi, *points))
+            np.concatenate((lo, lo, hi, middle, beside)),
+            np.concatenate((hi, lo, hi, _next(middle, hi), _next(beside, hi))),
         )
         verdicts = dict(self.known)
         task = np.full(len(new), _READY, np.int8)
         with np.errstate(all="ignore"):
             for k, surface in enumerate(self.surfaces):
                 slope = found[len(self.surfaces) + k]
-                look = _Look(surface.op, found[k], slope, *points[:3])
+                look = _Look(surface.op, found[k], slope, lo, hi, middle)
                 verdicts[surface.discrete] = look.verdict
                 cells.states[new, k] = look.state
                 task[look.state == OPEN] = _SPLIT
@@ -187,6 +188,11 @@ class Division:
             verdicts[n] = rule(*(verdicts[a] for a in args))
         task[verdicts[self.discrete].single] = _CLEAR
         cells.task[new] = task
+
+
+def _next(t: Floats, most: Floats) -> Floats:
+    after: Floats = np.minimum(np.nextafter(t, math.inf), most)
+    return after
 
 
 def _listed(cells: _Cells) -> Iterator[Cell]:
@@ -241,6 +247,8 @@ class _Look:
         hidden: Flags = (
             tame & ~_steps(op, about).single & (refined.width <= 2.0 * FAINT * error)
         )
+        # Errors grow with t (a phase): they are compared within a factor of two of it.
+        hidden &= hi - lo <= 0.5 * np.maximum(-lo, hi)
         state = np.where(hidden, HIDDEN, OPEN)
         state = np.where(crossed, CROSSED, state)
         self.state = np.where(self.verdict.single, KEPT, state).astype(np.int8)

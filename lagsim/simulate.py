@@ -11,6 +11,7 @@ import contextlib
 import signal
 import threading
 from dataclasses import replace
+from itertools import chain
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -164,7 +165,7 @@ class _Run:
     def whole(self, most_steps: int) -> Trajectory:
         """Go through all arcs."""
         outcome = Outcome.DONE
-        for end in [*self._breaks(), self.simulation.end]:
+        for end in chain(self._breaks(), [self.simulation.end]):
             if self.t > self.simulation.start:
                 self.events.append(Event(self.t, "switch"))
             torn = self._begin_arc(end)
@@ -251,6 +252,8 @@ class _Run:
             energy = names.index("energy")
             self.y[2 * n] += self._observed()[energy] - before[energy]
         self.events.append(Event(self.t, "impact"))
+        if self._row_time(0) > self.t:
+            self._emit(self._row())
         return False
 
     def _row(self) -> Floats:
@@ -267,7 +270,9 @@ class _Run:
             budget = min(STEPS_PER_CALL, left)
             code = self.runner.advance(state, self.block, budget)
             self._emit(self.block[: int(state[at.EMITTED])])
-            if self.interrupt is not None and self.interrupt.signal is not None:
+            over = code == at.EVENT_FOUND or self.t >= self.simulation.end
+            pressed = self.interrupt is not None and self.interrupt.signal is not None
+            if pressed and not over:
                 return Outcome.INTERRUPTED
             if code == at.DEGENERATE:
                 self._switch_to_loops()
@@ -325,12 +330,13 @@ class _Run:
 
     def _last_row(self) -> None:
         """Give the row at the time reached, unless it has been given."""
-        written = (
-            self.state[at.ROW_START]
-            + (self.state[at.ROW] - 1) * (self.state[at.ROW_STEP])
-        )
-        if self.rows == 0 or written < self.t:
+        if self.rows == 0 or self._row_time(-1) < self.t:
             self._emit(self._row())
+
+    def _row_time(self, k: int) -> float:
+        """Give the time of the next row (k = 0), or of one before or after it."""
+        state = self.state
+        return float(state[at.ROW_START] + (state[at.ROW] + k) * state[at.ROW_STEP])
 
     def _factorisations(self, evaluations: int) -> int:
         """Count them: one where M is constant and nothing else is factored."""

@@ -249,7 +249,7 @@ def weakest_rows(point: Point, q: Floats, v: Floats) -> tuple[list[str], float]:
     """Give the constraints that are closest to dependent, and how close they are."""
     metric = np.diag(np.maximum(np.diag(point.mass(q, v)), 0.0))
     metric[metric.diagonal() == 0, metric.diagonal() == 0] = 1.0
-    Y, lengths = scaled_rows(point, q, v, metric)
+    Y, _ = scaled_rows(point, q, v, metric)
     left, sizes, _ = np.linalg.svd(Y)
     weights = np.abs(left[:, len(sizes) - 1])
     names = [row.name for row in point.e.rows]

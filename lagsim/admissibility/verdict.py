@@ -62,7 +62,7 @@ class Residual:
         """With how many digits the start seems typed; None where it is exact."""
         if not self.met or abs(self.value) <= self.rounding or self.scale == 0:
             return None
-        return max(1, round(-math.log10(abs(self.value) / self.scale)))
+        return max(1, int(-math.log10(abs(self.value) / self.scale)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import signal
 import sys
 import threading
@@ -72,7 +73,9 @@ def _guarded(app: typer.Typer) -> int:
     except Exception as error:  # noqa: BLE001  the last resort of a command line
         if callable(getattr(error, "show", None)):  # a usage error
             return _usage(error)
-        return _bug() if _streams.writable() else _streams.UnwritableError.exit_code
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+            return _streams.full(error)  # help, on a disk without room for it
+        return _bug()
     return code if isinstance(code, int) else 0
 
 

@@ -46,10 +46,10 @@ def summary(
     unit = document["columns"]["energy"]
     drift = f"{document['energy_drift']:.2g} {unit}".rstrip()
     ledger = "energy - work" if "work" in document["columns"] else "energy"
-    rows.append(("drift", f"{drift} of {ledger}, which begins at {first_energy:.7g}"))
+    rows.append(("energy drift", f"{drift} in {ledger}, from {first_energy:.7g}"))
     if m:
-        largest = f"{document['constraint_residual']:.2g} of its scale at most"
-        rows.append(("residual", largest))
+        residual = document["constraint_residual"]
+        rows.append(("residual", f"largest {residual:.2g} of its scale"))
     rows.append(("files", f"{folder}: {', '.join(document['files'])}"))
     return head + "\n" + table(rows)
 

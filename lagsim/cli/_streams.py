@@ -49,18 +49,14 @@ def put(write: Callable[[], object]) -> None:
     except BrokenPipeError:
         _mute()
     except OSError as error:
-        _mute()
-        complain(f"lagsim: standard output cannot be written: {error.strerror}")
-        raise typer.Exit(UnwritableError.exit_code) from None
+        raise typer.Exit(full(error)) from None
 
 
-def writable() -> bool:
-    """Tell whether stdout takes what has been written to it."""
-    try:
-        put(lambda: None)
-    except typer.Exit:
-        return False
-    return True
+def full(error: OSError) -> int:
+    """Tell that stdout takes nothing more; give the exit code."""
+    _mute()
+    complain(f"lagsim: standard output cannot be written: {error.strerror}")
+    return UnwritableError.exit_code
 
 
 def complain(text: str) -> None:

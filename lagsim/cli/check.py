@@ -89,6 +89,9 @@ def document(equations: Equations, start: Start) -> dict[str, Any]:
         "admissible": start.admissible,
         "degrees_of_freedom": start.degrees_of_freedom,
         "rank": ranks.rank,
+        "conditioning": ranks.smallest,
+        "multipliers_not_unique": list(ranks.not_unique),
+        "mass_matrix": "singular alone" if start.augmented else "regular",
         "constraints": [
             _constraint(v) for v in start.verdicts if v.kind != _START_VALUE
         ],
@@ -112,6 +115,10 @@ def document(equations: Equations, start: Start) -> dict[str, Any]:
             "hidden": reach.hidden,
             "entering": list(reach.entering),
             "reason": reach.reason,
+        },
+        "changes": {
+            name: {"stated": old, "exact": new}
+            for name, (old, new) in start.changes.items()
         },
         "repair": start.repair,
         "unsolved": start.unsolved,
@@ -158,6 +165,7 @@ def report(equations: Equations, start: Start, *, repair: bool = False) -> str:
     ]
     if start.verdicts:
         lines.append(table((v.name, _described(v)) for v in start.verdicts))
+    lines += _reached(equations, start)
     lines += [f"  warning: {w.text}" for w in start.warnings]
     if not start.admissible or repair:
         lines += _repair(start)
@@ -182,12 +190,14 @@ def _violation(verdict: Verdict) -> str:
     if verdict.kind == _START_VALUE:
         return f"the start value `{verdict.name}` is missed by {position.value:.6g}"
     if velocity is not None and position.met:
-        return f"the rate of constraint `{verdict.name}` is {velocity.value:.6g}"
-    return f"constraint `{verdict.name}` has the residual {position.value:.6g}"
+        text = f"the rate of constraint `{verdict.name}` is {velocity.value:.6g}"
+        return f"{text} (bound {velocity.bound:.2g}, {velocity.why})"
+    text = f"constraint `{verdict.name}` has the residual {position.value:.6g}"
+    return f"{text} (bound {position.bound:.2g}, {position.why})"
 
 
 def _described(verdict: Verdict) -> str:
-    residual = verdict.position.value
+    residual = verdict.position.value + 0.0  # no -0
     if verdict.kind == _START_VALUE:
         return f"start value, missed by {residual:.3g}"
     words = [verdict.kind, "scleronomic" if verdict.scleronomic else "rheonomic"]
@@ -199,8 +209,27 @@ def _described(verdict: Verdict) -> str:
         words.append("redundant")
     text = f"{', '.join(words)}; residual {residual:.3g}"
     if verdict.velocity is not None:
-        text += f", of its rate {verdict.velocity.value:.3g}"
+        text += f", of its rate {verdict.velocity.value + 0.0:.3g}"
     return text + ("" if verdict.satisfied else "  <- violated")
+
+
+def _reached(equations: Equations, start: Start) -> list[str]:
+    """Say what inertia and velocity constraints mean for the motion."""
+    lines = []
+    if start.augmented:
+        lines.append("  the mass matrix is singular alone; the constraints complete it")
+    reach = start.reach
+    if reach is None:
+        return lines
+    if reach.dimension is None:
+        lines.append(f"  what the motion can reach is undecided: {reach.reason}")
+        return lines
+    text = f"  the motion can reach {reach.dimension} of {len(equations.q)} dimensions"
+    if reach.hidden:
+        names = ", ".join(reach.entering)
+        what = counted(reach.hidden, "hidden holonomic combination")
+        text += f"; {what} of {names}"
+    return [*lines, text]
 
 
 def _repair(start: Start) -> list[str]:

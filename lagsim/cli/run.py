@@ -221,6 +221,10 @@ class _Job:
         results: Results,
     ) -> OSError | None:
         """Draw the pictures; give what kept one from being written."""
+        import logging
+
+        # It tells on stderr of a home that it cannot write to, which is no news.
+        logging.getLogger("matplotlib").setLevel(logging.ERROR)
         from lagsim.outputs.plots import pictures
         from lagsim.outputs.time_panels import Record
 

@@ -75,6 +75,15 @@ def _corners(
     return values.min(0), values.max(0)
 
 
+def _whole(x: Interval) -> Flags:
+    """Tell where both bounds are whole numbers and small enough for exact products."""
+    size = np.maximum(np.abs(x.lo), np.abs(x.hi))
+    flags: Flags = (
+        (np.floor(x.lo) == x.lo) & (np.floor(x.hi) == x.hi) & (size < 2.0**26)
+    )
+    return flags
+
+
 def _one_sided(
     lo: Floats, hi: Floats, x: Interval, y: Interval
 ) -> tuple[Floats, Floats]:
@@ -89,7 +98,10 @@ def _one_sided(
 
 
 def _mul(x: Interval, y: Interval) -> Interval:
-    lo, hi = _one_sided(*_corners(np.multiply, x, y), x, y)
+    lo, hi = _corners(np.multiply, x, y)
+    whole = _whole(x) & _whole(y)
+    low, high = _one_sided(lo, hi, x, y)
+    lo, hi = np.where(whole, lo, low), np.where(whole, hi, high)
     return interval(lo, hi, (x.unbounded & y.has_zero) | (y.unbounded & x.has_zero))
 
 
@@ -124,6 +136,8 @@ def _whole_power(x: Interval, n: Floats) -> Interval:
     lo = np.where(pole & ~even, -math.inf, lo)
     hi = np.where(pole, math.inf, np.maximum(a, b))
     low, high = _outward(lo, hi)
+    exact = _whole(x) & (n > 0.0) & (np.maximum(np.abs(lo), np.abs(hi)) < 2.0**52)
+    low, high = np.where(exact, lo, low), np.where(exact, hi, high)
     ones = n == 0.0
     low = np.where(even & (n > 0.0), np.maximum(low, 0.0), low)
     return interval(np.where(ones, 1.0, low), np.where(ones, 1.0, high), False, pole)
@@ -212,6 +226,18 @@ def _on(
         )  # fmt: skip
 
     return rule
+
+
+def _sqrt(x: Interval) -> Interval:
+    """Give the root, exact where it is a whole number."""
+    root = _on(np.sqrt, 0.0)(x)
+    lo, hi = np.sqrt(np.maximum(x.lo, 0.0)), np.sqrt(np.maximum(x.hi, 0.0))
+    exact_lo = (np.floor(lo) == lo) & (lo < 2.0**26) & (lo * lo == x.lo)
+    exact_hi = (np.floor(hi) == hi) & (hi < 2.0**26) & (hi * hi == x.hi)
+    return interval(
+        np.where(exact_lo, lo, root.lo), np.where(exact_hi, hi, root.hi),
+        root.partial, root.jumps,
+    )  # fmt: skip
 
 
 def _exp(x: Interval) -> Interval:
@@ -360,7 +386,7 @@ _STRICT: dict[str, Callable[..., Interval]] = {
     "exp": _exp,
     "log": _on(np.log, 0.0, open_end=True),
     "log10": _on(np.log10, 0.0, open_end=True),
-    "sqrt": _on(np.sqrt, 0.0),
+    "sqrt": _sqrt,
     "cbrt": _increasing(np.cbrt),
     "hypot": _hypot,
     "abs": _abs,

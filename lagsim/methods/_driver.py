@@ -79,6 +79,8 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
             return EVENT_FOUND
         if s[T] >= s[END]:
             return DONE
+        if CONSTRAINED and s[HEALTH] < s[DEGENERATE_BELOW]:
+            return DEGENERATE
         if made >= budget:
             return PAUSED
         made += 1
@@ -87,10 +89,8 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
             return code
         if UNTIL:
             locate(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
-        if CONSTRAINED:
-            code = watch(s, p)
-            if code != DONE:
-                return code
+        if CONSTRAINED and watch(s, p) > 0:
+            return RANK_LOST
 
 
 def begin(s: Floats, p: Floats) -> None:
@@ -136,13 +136,13 @@ def settle(s: Floats, p: Floats, t: float, y: Floats) -> None:
 
 
 def watch(s: Floats, p: Floats) -> int:
-    """Look for a loss of rank within the last step; give a code.
+    """Look for a loss of rank within the last step; give 1 where there is one.
 
     The state where it is found is left in the working memory.
     """
     least = min(s[HEALTH], s[PREVIOUS_HEALTH])
     if least < s[WATCHED_BELOW]:
-        # The least lies inside where the health falls at the start and rises at the end.
+        # The least lies inside where it falls at the start and rises at the end.
         low = 0.0
         high = 1.0
         falls = health(s, p, NUDGE) < s[PREVIOUS_HEALTH]
@@ -156,10 +156,8 @@ def watch(s: Floats, p: Floats) -> int:
                     low = left
             if health(s, p, low) < s[LOST_BELOW]:
                 s[LOST_AT] = s[STEP_T] + low * s[STEP_H]
-                return RANK_LOST
-    if s[HEALTH] < s[DEGENERATE_BELOW]:
-        return DEGENERATE
-    return DONE
+                return 1
+    return 0
 
 
 def health(s: Floats, p: Floats, x: float) -> float:

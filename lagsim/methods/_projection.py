@@ -47,16 +47,10 @@ def project(
         part = at(y, level * n)
         done = False
         previous = 0.0
-        if level == 0:
-            least = h * h * driven
-        else:
-            least = driven
+        least = driven * (h * h if level == 0 else 1.0)
         for iteration in range(MOST):
             if not done:
-                if level == 0:
-                    position_step(t, y, p, work)
-                else:
-                    velocity_step(t, y, p, work)
+                newton_step(level, t, y, p, work)
                 change = relative_size(
                     n, work, masses, part, at(sizes, level * n), least
                 )
@@ -73,6 +67,14 @@ def project(
         if not done:
             return 0
     return 1
+
+
+def newton_step(level: int, t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the Newton step of the positions (level 0) or of the velocities (1)."""
+    if level == 0:
+        position_step(t, y, p, out)
+    else:
+        velocity_step(t, y, p, out)
 
 
 def relative_size(

@@ -11,7 +11,6 @@ by nobody else. Where there is none like that, all works without, only slower.
 from __future__ import annotations
 
 import contextlib
-import functools
 import hashlib
 import os
 import stat
@@ -65,7 +64,10 @@ def kernel_object(
         If a kernel leaves the subset.
     """
     made_from = ["kernel", kernel_code.fingerprint(functions, statics)]
-    translated = functools.partial(kernel_code.translate, functions, statics)
+
+    def translated() -> str:
+        return kernel_code.translate(functions, statics)
+
     return _object(made_from, translated, optimise=True)
 
 

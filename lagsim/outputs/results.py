@@ -128,10 +128,10 @@ def open_results(folder: Path) -> Iterator[Results]:
     InputError
         If the folder cannot be made or written, or another run is writing into it.
     """
-    if folder.exists() and not folder.is_dir():
-        raise _unusable(folder, "is not a folder")
     results = Results(folder)
     try:
+        if folder.exists() and not folder.is_dir():
+            raise _unusable(folder, "is not a folder")
         folder.mkdir(parents=True, exist_ok=True)
         lock = _held(folder)
     except OSError as error:
