@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from lagsim.plan import Plan, make_plan
 from lagsim.reader import read, read_file
 from lagsim.simulate import simulate
 from lagsim.system import System
-from lagsim.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from lagsim.trajectory import Trajectory
 
 ROOT = Path(__file__).parent.parent
 MODELS = ROOT / "models"
@@ -74,6 +76,4 @@ def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
     system = System(equations, plan)
     keep = Keep()
     trajectory = simulate(equations, start, plan, system, [keep], **rest)
-    return Run(
-        equations, start, plan, system, trajectory, np.concatenate(keep.blocks)
-    )
+    return Run(equations, start, plan, system, trajectory, np.concatenate(keep.blocks))

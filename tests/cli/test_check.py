@@ -1,0 +1,167 @@
+"""`lagsim check`: the verdict, the contract's keys, the exit codes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+from _scenes import CAPTION, CONTACT, ON_THE_CURVE, PENDULUM
+
+from tests.support import MODELS
+
+NONHOLONOMIC = """\
+coordinates: {x: , y: , phi: }
+energy: {kinetic: (x_dot^2 + y_dot^2 + phi_dot^2)/2, potential: 0}
+constraints:
+  edge: x_dot*sin(phi) = y_dot*cos(phi)
+  driven: phi_dot = cos(t)
+initial: {x: 0, y: 0, phi: 0, x_dot: 1, phi_dot: 1}
+simulation: {duration: 1}
+"""
+
+
+def test_an_admissible_start(lagsim, write):
+    called = lagsim("check", write(ON_THE_CURVE))
+    assert (called.code, called.err) == (0, "")
+    first, second = called.out.splitlines()[:2]
+    assert first == "admissible: model"
+    assert second.strip() == (
+        "2 coordinates, 1 constraint of rank 1, 1 degree of freedom"
+    )
+    assert not lagsim("check", write(PENDULUM), "--repair").code
+
+
+def test_the_captions_start(lagsim, write):
+    called = lagsim("check", write(CAPTION))
+    assert called.code == 1
+    first = called.out.splitlines()[0]
+    assert first.startswith("inadmissible: model: ")
+    assert "`path` has the residual 1" in first
+    # The nearest state in the metric of M, as the errata of the notes give it.
+    assert "theta: 0.770916997" in called.out
+    assert "u: 0.405686983" in called.out
+    assert "guess" in called.out
+
+
+def test_the_document(lagsim, write):
+    called = lagsim("check", write(CAPTION), "--json")
+    assert (called.code, called.err) == (1, "")
+    document = called.json
+    assert document["admissible"] is False
+    assert document["degrees_of_freedom"] == 1
+    [path] = document["constraints"]
+    expected = {
+        "name": "path",
+        "kind": "holonomic",
+        "scleronomic": True,
+        "pfaffian": None,
+        "integrable": None,
+        "residual": 1.0,
+        "velocity_residual": 0.0,
+        "satisfied": False,
+        "redundant": False,
+    }
+    assert {key: path[key] for key in expected} == expected
+    assert document["repair"] == pytest.approx(
+        {"theta": 0.770917, "u": 0.405687}, abs=1e-6
+    )
+    assert isinstance(document["warnings"], list)
+
+
+def test_what_is_inferred_of_velocity_relations(lagsim, write):
+    document = lagsim("check", write(NONHOLONOMIC), "--json").json
+    edge, driven = document["constraints"]
+    assert document["admissible"] is True
+    assert document["degrees_of_freedom"] == 1
+    assert (edge["kind"], edge["pfaffian"], edge["scleronomic"]) == (
+        "nonholonomic", True, True,
+    )  # fmt: skip
+    assert (driven["pfaffian"], driven["scleronomic"]) == (True, False)
+    assert edge["velocity_residual"] is None
+
+
+def test_a_contradiction_on_the_level_of_accelerations_is_told(lagsim, write):
+    model = write(
+        "coordinates: {x: , y: }\n"
+        "energy: {kinetic: x_dot^2 + y_dot^2, potential: 0}\n"
+        "constraints: {a: x = 0, b: x = t^2}\n"
+        "initial: {x: 0, y: 0}\n"
+    )
+    called = lagsim("check", model)
+    assert called.code == 1
+    first = called.out.splitlines()[0]
+    assert "contradict" in first
+    assert "`b`" in first
+    assert lagsim("check", model, "--json").json["admissible"] is False
+
+
+def test_a_start_value_that_is_missed_is_no_constraint(lagsim, write):
+    model = write(ON_THE_CURVE.replace("initial: {", "initial: {x: 0.5, "))
+    called = lagsim("check", model)
+    assert called.code == 1
+    assert "`x: 0.5`" in called.out.splitlines()[0]
+    document = lagsim("check", model, "--json").json
+    assert document["admissible"] is False
+    assert [c["name"] for c in document["constraints"]] == ["path"]
+
+
+def test_a_contact_is_classified(lagsim, write):
+    called = lagsim("check", write(CONTACT), "--json")
+    assert called.code == 0
+    [floor] = called.json["constraints"]
+    assert (floor["name"], floor["kind"]) == ("floor", "one-sided")
+    assert floor["residual"] == 1.0
+    assert floor["pfaffian"] is None
+    below = lagsim("check", write(CONTACT.replace("y: 1", "y: -1")))
+    assert below.code == 1
+    assert "`floor`" in below.out.splitlines()[0]
+
+
+def test_parameters_can_be_set(lagsim, write):
+    model = write(CAPTION.replace("u: l}", "u: g/9.8}"))
+    assert lagsim("check", model).code == 1
+    assert lagsim("check", model, "--set", "g=0").code == 0
+
+
+def test_a_file_without_a_duration_can_be_checked(lagsim, write):
+    assert lagsim("check", write(PENDULUM.replace("duration: 2, ", ""))).code == 0
+
+
+def test_an_unknown_method_is_a_fault_of_the_file(lagsim, write):
+    called = lagsim("check", write(PENDULUM.replace("tion: {", "tion: {method: rk5, ")))
+    assert called.code == 2
+    assert "model.yaml:5:22: there is no method `rk5`" in called.err
+
+
+def test_several_models_give_the_worst_exit_code(lagsim, write):
+    good, bad = write(ON_THE_CURVE, "good.yaml"), write(CAPTION, "bad.yaml")
+    called = lagsim("check", good, bad, good)
+    assert called.code == 1
+    assert [line for line in called.out.splitlines() if "dmissible: " in line] == [
+        "admissible: good",
+        next(x for x in called.out.splitlines() if x.startswith("inadmissible: bad")),
+        "admissible: good",
+    ]
+    assert lagsim("check", good, "missing.yaml").code == 2
+    documents = lagsim("check", good, "missing.yaml", "--json").json
+    assert documents[0]["admissible"] is True
+    assert documents[1]["errors"][0]["code"] == "unreadable"
+
+
+def test_no_heavy_library_is_imported():
+    code = (
+        "import sys, json; sys.argv = ['lagsim', 'check', sys.argv[1], '--json']\n"
+        "from lagsim.cli import main\n"
+        "code = main()\n"
+        "heavy = [m for m in ('sympy', 'scipy', 'matplotlib') if m in sys.modules]\n"
+        "print(json.dumps([code, heavy]), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(MODELS / "elastic-pendulum-curve.yaml")],
+        capture_output=True,
+        text=True,
+    )
+    assert json.loads(done.stderr) == [0, []]
+    assert json.loads(done.stdout)["admissible"] is True

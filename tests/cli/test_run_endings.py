@@ -1,0 +1,276 @@
+"""How a run ends that does not end well, and what becomes of the files then."""
+
+from __future__ import annotations
+
+import math
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from _results import manifest, names, table
+from _scenes import CAPTION, CONTACT, ENDLESS, FALL, PENDULUM
+
+from lagsim.outputs.ledger import Ledger
+from lagsim.outputs.results import Results
+
+COMMAND = [sys.executable, "-m", "lagsim"]
+
+
+def test_a_failed_integration_keeps_what_was_computed(lagsim, write, monkeypatch):
+    from lagsim.outputs import plots
+
+    notes = []
+
+    def noted(record, *_arguments, **_keywords):
+        notes.append(record.note)
+        yield "energy.png", b"picture"
+
+    monkeypatch.setattr(plots, "pictures", noted)
+    called = lagsim("run", write(FALL), "-o", "out")
+    assert called.code == 3
+    assert called.err.startswith("lagsim: ")
+    assert "r_dot" in called.err  # the component that grows
+    assert called.out.startswith("failed: model, t = 0 to 1.1107")
+    document = manifest("out")
+    assert (document["outcome"], document["complete"]) == ("failed", False)
+    assert document["end"] == pytest.approx(math.pi / 2**1.5, abs=1e-6)
+    _, rows = table("out")
+    assert len(rows) == document["rows"] >= 112
+    assert rows[-1, 0] == document["end"]
+    assert notes == [f"incomplete: {document['reason']}"]
+    assert names("out") == ["energy.png", "run.json", "trajectory.csv"]
+    quiet = lagsim("run", "model.yaml", "--no-plots", "-q")
+    assert (quiet.code, quiet.out) == (3, "")
+    assert quiet.err == called.err
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_keeps_what_was_computed(lagsim, write, monkeypatch, kind):
+    blocks = []
+
+    def add(self, rows):
+        blocks.append(rows)
+        if len(blocks) == 2:
+            signal.raise_signal(kind)
+        return taken(self, rows)
+
+    taken = Ledger.add
+    monkeypatch.setattr(Ledger, "add", add)
+    before = signal.getsignal(kind)
+    called = lagsim("run", write(ENDLESS), "--no-plots", "-o", "out")
+    assert called.code == 128 + kind
+    assert "interrupted" in called.err
+    assert signal.getsignal(kind) is before
+    document = manifest("out")
+    assert (document["outcome"], document["complete"]) == ("interrupted", False)
+    _, rows = table("out")
+    assert len(rows) == document["rows"] >= 300
+    assert rows[-1, 0] == document["end"] < 1e7
+    assert names("out") == ["run.json", "trajectory.csv"]
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_before_the_run_leaves_nothing(lagsim, write, monkeypatch, kind):
+    monkeypatch.setattr("lagsim.plan.make_plan", lambda *_: signal.raise_signal(kind))
+    called = lagsim("run", write(PENDULUM), "-o", "out")
+    assert (called.code, called.out) == (128 + kind, "")
+    assert names(".") == ["model.yaml"]
+
+
+def started(folder, model, *options):
+    """Start a run, and wait until it has written rows."""
+    run = subprocess.Popen(
+        [*COMMAND, "run", model, "-o", folder, "--no-plots", *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and run.poll() is None:
+        sizes = [p.stat().st_size for p in Path(folder).glob(".*csv*")]
+        if any(size > 10_000 for size in sizes):
+            return run
+        time.sleep(0.01)
+    run.kill()
+    pytest.fail(f"no rows: {run.communicate()}")
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_from_outside(lagsim, write, kind):
+    lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
+    run = started("out", write(ENDLESS, "endless.yaml"))
+    other = lagsim("run", "model.yaml", "-o", "out", "--no-plots")
+    assert (other.code, other.out) == (2, "")
+    assert "another run" in other.err
+    run.send_signal(kind)
+    _, err = run.communicate(timeout=60)
+    assert run.returncode == 128 + kind
+    assert b"interrupted" in err
+    document = manifest("out")
+    assert document["model"]["file"] == "endless.yaml"
+    assert table("out")[1][-1, 0] == document["end"]
+    assert names("out") == ["run.json", "trajectory.csv"]
+
+
+def test_a_killed_run_leaves_the_old_results(lagsim, write):
+    lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
+    before = {name: Path("out", name).read_bytes() for name in names("out")}
+    run = started("out", write(ENDLESS, "endless.yaml"))
+    run.kill()
+    run.communicate(timeout=60)
+    for name, content in before.items():
+        assert Path("out", name).read_bytes() == content
+    # The next run takes the folder, and removes what was begun.
+    assert lagsim("run", "model.yaml", "-o", "out", "--no-plots").code == 0
+    assert names("out") == sorted(before)
+
+
+@pytest.fixture
+def small_disk():
+    """Let no file grow beyond 200 kB while the context lasts: EFBIG, as ENOSPC."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.usefixtures("small_disk")
+def test_a_table_that_does_not_fit(lagsim, write):
+    began = time.monotonic()
+    called = lagsim("run", write(ENDLESS), "-o", "out")
+    assert time.monotonic() - began < 30  # not the whole motion for nothing
+    assert called.code == 3
+    assert "the table could not be written beyond t = " in called.err
+    document = manifest("out")
+    assert (document["outcome"], document["complete"]) == ("failed", False)
+    _, rows = table("out")
+    assert len(rows) == document["rows"] > 1000
+    assert rows[-1, 0] == document["end"]
+    assert 190_000 < Path("out/trajectory.csv").stat().st_size <= 200_000
+    assert names("out") == ["run.json", "trajectory.csv"]
+    assert lagsim("run", "model.yaml", "-o", "out", "--json", "-q").code == 3
+
+
+def test_a_picture_that_does_not_fit(lagsim, write, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Results, "write", full)
+    called = lagsim("run", write(PENDULUM), "-o", "out")
+    assert called.code == 3
+    assert "a picture could not be written: No space left" in called.err
+    document = manifest("out")
+    assert (document["outcome"], document["complete"]) == ("failed", False)
+    assert document["files"] == names("out")[::-1] == ["trajectory.csv", "run.json"]
+    assert len(table("out")[1]) == document["rows"] == 21
+
+
+def test_results_that_cannot_be_put_in_their_places(lagsim, write, monkeypatch):
+    lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
+    before = Path("out/run.json").read_bytes()
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Results, "commit", full)
+    called = lagsim("run", "model.yaml", "-o", "out", "--no-plots")
+    assert (called.code, called.out) == (3, "")
+    assert called.err == "lagsim: out cannot be written: No space left on device\n"
+    assert Path("out/run.json").read_bytes() == before
+    assert names("out") == ["run.json", "trajectory.csv"]
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root may mount"
+)
+@pytest.mark.slow
+def test_a_disk_that_fills_up(lagsim, write, tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)]
+    if subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("mounting is not allowed here")
+    try:
+        called = lagsim("run", write(ENDLESS), "-o", "disk/out")
+        assert called.code == 3
+        assert "No space left on device" in called.err
+        document = manifest("disk/out")
+        _, rows = table("disk/out")
+        assert len(rows) == document["rows"]
+        assert rows[-1, 0] == document["end"]
+        assert names("disk/out") == ["run.json", "trajectory.csv"]
+        before = Path("disk/out/run.json").read_bytes()
+        called = lagsim("run", "model.yaml", "-o", "disk/out")
+        assert called.code == 2
+        assert "disk/out cannot be written: No space left on device" in called.err
+        assert Path("disk/out/run.json").read_bytes() == before
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)
+
+
+UNUSABLE = {
+    "a file": ("file", "is not a folder"),
+    "a file on the way": ("file/out", "cannot be written: Not a directory"),
+    "a place where nothing can be made": ("/proc/out", "cannot be written"),
+    "a folder named like a result": ("taken", "has a folder where trajectory.csv"),
+    "a folder named run.json": ("kept", "has a folder where run.json"),
+    "a name that is too long": ("x" * 300, "cannot be written: File name too long"),
+}
+
+
+@pytest.mark.parametrize(("folder", "told"), UNUSABLE.values(), ids=UNUSABLE)
+def test_an_output_folder_that_is_unusable(lagsim, write, folder, told):
+    Path("file").write_text("mine")
+    Path("taken/trajectory.csv").mkdir(parents=True)
+    Path("kept/run.json").mkdir(parents=True)
+    called = lagsim("run", write(PENDULUM), "-o", folder, "--no-plots")
+    assert (called.code, called.out) == (2, "")
+    assert f"the output folder {folder} {told}" in called.err
+    assert Path("file").read_text() == "mine"
+    assert names("taken") == ["trajectory.csv"]
+    assert names("kept") == ["run.json"]
+    [error] = lagsim("run", "model.yaml", "-o", folder, "--json").json["errors"]
+    assert (error["code"], error["file"]) == ("output-folder", None)
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere"
+)
+def test_a_folder_without_permission(lagsim, write):
+    Path("out").mkdir(mode=0o500)
+    called = lagsim("run", write(PENDULUM), "-o", "out")
+    assert called.code == 2
+    assert "cannot be written: Permission denied" in called.err
+
+
+def test_a_run_replaces_its_own_files_only(lagsim, write):
+    Path("out").mkdir()
+    Path("out/notes.txt").write_text("mine")
+    Path("out/constraint_forces.png").write_text("mine too")
+    write(PENDULUM)
+    assert lagsim("run", "model.yaml", "-o", "out").code == 0
+    assert "energy.png" in names("out")
+    assert lagsim("run", "model.yaml", "-o", "out", "--no-plots").code == 0
+    assert names("out") == [
+        "constraint_forces.png", "notes.txt", "run.json", "trajectory.csv",
+    ]  # fmt: skip
+    assert Path("out/notes.txt").read_text() == "mine"
+    assert Path("out/constraint_forces.png").read_text() == "mine too"
+
+
+def test_a_refused_run_changes_nothing(lagsim, write):
+    lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
+    before = {p: (p.read_bytes(), p.stat().st_mtime_ns) for p in Path("out").iterdir()}
+    refused = {
+        1: write(CAPTION, "inadmissible.yaml"),
+        2: write(CONTACT, "contact.yaml"),
+    }
+    for code, model in refused.items():
+        assert lagsim("run", model, "-o", "out").code == code
+    assert lagsim("run", "model.yaml", "-o", "out", "--method", "none").code == 2
+    after = {p: (p.read_bytes(), p.stat().st_mtime_ns) for p in Path("out").iterdir()}
+    assert after == before

@@ -1,0 +1,209 @@
+"""The command line itself: help, usage, streams, colours, bugs."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from _scenes import CAPTION, ON_THE_CURVE, PENDULUM
+
+from tests.support import ROOT
+
+COMMAND = f"{sys.executable} -m lagsim"
+
+
+def shell(line, folder, **environment):
+    """Run a line of a shell, with `lagsim` for the command."""
+    return subprocess.run(
+        ["sh", "-c", line.replace("lagsim", COMMAND)],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        capture_output=True,
+    )
+
+
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+def test_help(lagsim, flag):
+    called = lagsim(flag)
+    assert (called.code, called.err) == (0, "")
+    for command in ("run", "check", "methods"):
+        assert f"\n  {command} " in called.out
+        page = lagsim(command, flag)
+        assert (page.code, page.err) == (0, "")
+        assert "--json" in page.out
+    options = (
+        "--output DIR", "--set NAME=EXPR", "--method M", "--rtol X", "--atol X",
+        "--step H", "--duration T", "--output-step H", "--no-plots", "-q, --quiet",
+    )  # fmt: skip
+    page = lagsim("run", flag).out
+    assert [o for o in options if o not in page] == []
+
+
+def test_no_command_shows_the_help(lagsim):
+    called = lagsim()
+    assert called.code == 2
+    assert "run" in called.out + called.err
+
+
+def test_version(lagsim):
+    called = lagsim("--version")
+    assert (called.code, called.err) == (0, "")
+    assert called.out.split()[0] == "lagsim"
+
+
+USAGE = {
+    "no model": (["run"], "MODEL"),
+    "two models": (["run", "a.yaml", "b.yaml"], "b.yaml"),
+    "unknown option": (["run", "a.yaml", "--bogus"], "--bogus"),
+    "unknown command": (["simulate"], "simulate"),
+    "option without value": (["run", "a.yaml", "--rtol"], "--rtol"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "told"), USAGE.values(), ids=USAGE)
+def test_usage(lagsim, arguments, told):
+    called = lagsim(*arguments)
+    assert (called.code, called.out) == (2, "")
+    assert told in called.err
+    assert "Traceback" not in called.err
+    called = lagsim(*arguments, "--json")
+    if "--rtol" in arguments:
+        return  # --json is its value now
+    assert (called.code, called.err) == (2, "")
+    [error] = called.json["errors"]
+    assert error["code"] == "usage"
+    assert told in error["text"]
+
+
+def test_a_bug_is_told_as_one(lagsim, write, monkeypatch):
+    def broken(_model):
+        raise RuntimeError("what nobody foresaw")
+
+    monkeypatch.setattr("lagsim.equations.derive", broken)
+    for command in ("run", "check"):
+        called = lagsim(command, write(PENDULUM))
+        assert (called.code, called.out) == (70, "")
+        assert "RuntimeError: what nobody foresaw" in called.err
+        assert "bug in lagsim" in called.err
+    assert not os.path.exists("results")  # noqa: PTH110
+
+
+class Terminal(io.TextIOWrapper):
+    """A stdout that is a terminal."""
+
+    def __init__(self) -> None:
+        super().__init__(io.BytesIO(), encoding="utf-8", write_through=True)
+
+    def isatty(self) -> bool:
+        return True
+
+    @property
+    def shown(self) -> str:
+        return self.buffer.getvalue().decode()
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "coloured"),
+    [("NO_COLOR", "", True), ("NO_COLOR", "1", False), ("TERM", "dumb", False)],
+)
+def test_colours(lagsim, write, monkeypatch, variable, value, coloured):
+    for name in ("NO_COLOR", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv(variable, value)
+    terminal = Terminal()
+    with contextlib.redirect_stdout(terminal):
+        lagsim("check", write(ON_THE_CURVE))
+        lagsim("run", "model.yaml", "--no-plots")
+    assert ("\x1b[32madmissible\x1b[0m" in terminal.shown) is coloured
+    assert ("\x1b[32mdone\x1b[0m" in terminal.shown) is coloured
+    assert ("\x1b" in terminal.shown) is coloured
+    assert "\x1b" not in lagsim("check", "model.yaml").out
+
+
+def test_a_progress_bar_on_a_terminal_only(lagsim, write, monkeypatch):
+    monkeypatch.setattr("lagsim.cli._closing.PATIENCE_SECONDS", 0.0)
+    long = PENDULUM.replace("duration: 2,", "duration: 2000,")
+    model = write(long)
+    assert lagsim("run", model, "--no-plots").err == ""
+    terminal = Terminal()
+    with contextlib.redirect_stderr(terminal):
+        lagsim("run", model, "--no-plots", "-q")
+        assert terminal.shown == ""
+        called = lagsim("run", model, "--no-plots", "--json")
+    assert "%" in terminal.shown
+    assert called.json["outcome"] == "done"
+
+
+@pytest.mark.parametrize("command", ["check --json m.yaml", "run --no-plots m.yaml"])
+def test_closed_streams(tmp_path, write, command):
+    write(PENDULUM, "m.yaml")
+    done = shell(f"lagsim {command} >&- 2>&- <&-", tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
+
+
+def test_closed_standard_input_is_an_empty_file(tmp_path):
+    done = shell("lagsim check - <&-", tmp_path)
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert b"<stdin>: the file is empty" in done.stderr
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")  # noqa: PTH110
+@pytest.mark.parametrize("command", ["check --json m.yaml", "methods", "--help"])
+def test_standard_output_is_full(tmp_path, write, command):
+    write(PENDULUM, "m.yaml")
+    done = shell(f"lagsim {command} >/dev/full", tmp_path)
+    assert done.returncode == 3
+    assert b"standard output cannot be written: No space left" in done.stderr
+    assert b"Traceback" not in done.stderr
+    assert done.stderr.count(b"\n") == 1
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")  # noqa: PTH110
+def test_standard_error_is_full(tmp_path):
+    assert shell("lagsim check none.yaml 2>/dev/full", tmp_path).returncode == 2
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [("methods", 0), ("check m.yaml", 1), ("check --json m.yaml", 1)],
+)
+def test_a_reader_that_has_gone_away(tmp_path, write, command, code):
+    write(CAPTION, "m.yaml")
+    # The reader ends before the command begins to write.
+    line = f"{{ sleep 0.2; lagsim {command}; echo $? >&2; }} | true"
+    done = shell(line, tmp_path)
+    assert done.stderr == f"{code}\n".encode()
+
+
+def test_names_that_stdout_cannot_spell(tmp_path, write):
+    write(PENDULUM.replace("theta", "θ"), "m.yaml")
+    done = shell(
+        "lagsim check m.yaml; lagsim run m.yaml --no-plots --method θ",
+        tmp_path,
+        PYTHONIOENCODING="ascii",
+    )
+    assert done.returncode == 2
+    assert b"Traceback" not in done.stderr
+    assert b"\\u03b8" in done.stderr
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="names are Unicode")
+def test_a_file_name_that_is_not_unicode(lagsim):
+    name = os.fsdecode(b"a\xff.yaml")
+    with open(os.fsencode(name), "w") as file:  # noqa: PTH123
+        file.write(PENDULUM)
+    assert lagsim("check", name, "--json").json["model"]["file"] == "a?.yaml"
+    assert lagsim("run", name, "--no-plots").code == 0
+    missing = lagsim("run", "b" + name, "--json")
+    assert missing.json["errors"][0]["file"] == "ba?.yaml"
+
+
+def test_the_handler_of_sigterm_is_given_back(lagsim):
+    before = signal.getsignal(signal.SIGTERM)
+    lagsim("methods")
+    assert signal.getsignal(signal.SIGTERM) is before

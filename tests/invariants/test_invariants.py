@@ -1,0 +1,202 @@
+"""What must stay: energies, momenta, the motion in other units and tolerances."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.support import MODELS, run
+
+SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
+CONSTRAINED = [
+    name
+    for name in SHIPPED
+    if "\nconstraints:" in (MODELS / f"{name}.yaml").read_text()
+]
+# Chaotic: the errors of both tolerances grow tenfold in 2 s, to 1e-4 of the angles.
+CHAOTIC = {"double-pendulum"}
+
+
+def balance(found):
+    """Give energy - work in every row."""
+    has_work = "work" in found.system.columns.names
+    return found["energy"] - (found["work"] if has_work else 0.0)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_energy_minus_work_is_constant_in_every_model(name):
+    found = run(name)
+    assert found.trajectory.outcome.word == "done"
+    # The largest energy that moves in the scene, not the free constant of a potential.
+    parts = [found["energy"]]
+    if "kinetic" in found.system.columns.names:
+        parts += [found["kinetic"], found["potential"]]
+    if "work" in found.system.columns.names:
+        parts.append(found["work"])
+    scale = max(float(np.ptp(part)) for part in parts)
+    scale = max(scale, float(np.max(np.abs(found["energy"]))))
+    # 2e-9 J of 3.5 J is the notes' bound on the free pendulum.
+    assert found.drift < 6e-10 * scale
+
+
+@pytest.mark.parametrize("name", CONSTRAINED)
+def test_constraints_hold_in_every_row(name):
+    found = run(name)
+    assert found.equations.rows
+    for row in found.equations.rows:
+        scale = found[f"scale.{row.name}"]
+        # Projected to rounding: a few hundred units in the last place of the terms.
+        assert np.all(np.abs(found[f"residual_{row.name}"]) <= 1e-13 * scale + 1e-15)
+
+
+@pytest.mark.parametrize("name", [n for n in SHIPPED if n not in CHAOTIC])
+def test_the_default_tolerances_are_tight_enough(name):
+    """Against rtol 1e-13: within 1e-8 of the larger of range and scale."""
+    default, tight = run(name), run(name, rtol="1e-13")
+    groups = [default.equations.q, default.equations.velocities]
+    if default.equations.rows:
+        groups.append(tuple(f"Qc_{q}" for q in default.equations.q))
+    for group in groups:
+        for column in group:
+            exact = tight[column]
+            scale = max(np.ptp(exact), np.max(np.abs(exact)))
+            if scale < 1e-9 * max(np.max(np.abs(tight[c])) for c in group):
+                continue  # it should stay zero and is rounding
+            assert np.max(np.abs(default[column] - exact)) < 1e-8 * scale, column
+
+
+def test_kepler_keeps_momentum_and_perihelion():
+    found = run("kepler")
+    expected = {"angular_momentum": 0.8, "perihelion_x": 0.6, "perihelion_y": 0.0}
+    for column, value in expected.items():
+        # Ten orbits at 1e-11, each step's error kept for ever.
+        assert np.max(np.abs(found[column] - value)) < 1e-9
+
+
+def test_heavy_top_keeps_its_momenta():
+    found = run("heavy-top")
+    for column, value in {"p_phi": 0.0046875, "p_psi": 0.009375}.items():
+        assert np.max(np.abs(found[column] - value)) < 1e-9 * value
+
+
+def test_bead_keeps_jacobis_integral_in_both_forms():
+    expected = -(math.sin(0.1) ** 2) - math.cos(0.1)
+    angle, cartesian = run("bead-hoop"), run("bead-hoop-cartesian")
+    assert np.max(np.abs(angle["energy"] - expected)) < 1e-9
+    assert np.max(np.abs(cartesian["jacobi"] - expected)) < 1e-9
+    # The work of the hoop is Omega times the change of the angular momentum.
+    x, y = cartesian["x"], cartesian["y"]
+    momentum = x * cartesian["y_dot"] - y * cartesian["x_dot"]
+    work = math.sqrt(2.0) * (momentum - momentum[0])
+    assert np.max(np.abs(cartesian["work"] - work)) < 1e-9
+    assert np.max(np.abs(cartesian["z"] + np.cos(angle["theta"]))) < 1e-8
+
+
+def test_two_forms_of_the_chain_agree():
+    angles, cartesian = run("chain-angles"), run("chain-cartesian")
+    for column in ("x10", "y10"):
+        # Errors of both runs; the motion enlarges them about a hundredfold.
+        assert np.max(np.abs(angles[column] - cartesian[column])) < 1e-8
+
+
+FREE_PARTICLES = """
+coordinates: {x1: {}, y1: {}, x2: {}, y2: {}}
+definitions: {stretch: "hypot(x2 - x1, y2 - y1) - 1"}
+energy:
+  kinetic: (x1_dot^2 + y1_dot^2)/2 + 3*(x2_dot^2 + y2_dot^2)/2
+  potential: 20*stretch^2
+initial: {x1: 0, y1: 0, x2: 1.2, y2: 0, x1_dot: 1, y1_dot: -1, y2_dot: 2}
+simulation: {duration: 20}
+"""
+
+
+def test_momentum_and_angular_momentum_without_outer_forces():
+    found = run(FREE_PARTICLES)
+    p = {k: found[f"{k}_dot"] for k in ("x1", "y1", "x2", "y2")}
+    assert np.max(np.abs(p["x1"] + 3 * p["x2"] - 1.0)) < 1e-10
+    assert np.max(np.abs(p["y1"] + 3 * p["y2"] - 5.0)) < 1e-10
+    spin = found["x1"] * p["y1"] - found["y1"] * p["x1"]
+    spin = spin + 3 * (found["x2"] * p["y2"] - found["y2"] * p["x2"])
+    # Positions reach 50, where they are right to 1e-11 of that at best.
+    assert np.max(np.abs(spin - spin[0])) < 1e-8
+
+
+# In other units of length and mass: every parameter by its own power of each.
+CURVE = """
+parameters: {{l: {l!r}, g: {g!r}, K: {K!r}, M: {M!r}}}
+coordinates: {{theta: {{}}, u: {{}}}}
+energy:
+  kinetic: M*((l + u)*theta_dot)^2/2 + M*u_dot^2/2
+  potential: M*g*(l - (l + u)*cos(theta)) + K*u^2/2
+constraints: {{path: u = l - l*theta^2}}
+initial: {{theta: 1, u: l - l*theta^2}}
+simulation: {{duration: 20, output_step: 0.02}}
+"""
+
+
+def curve(length, mass):
+    return CURVE.format(l=1.0 * length, g=9.8 * length, K=25.6 * mass, M=1.0 * mass)
+
+
+def chain(length, mass):
+    text = (MODELS / "chain-cartesian.yaml").read_text()
+    for old, new in (("9.81", 9.81 * length), ("0.1", 0.1 * length), ("1.0", mass)):
+        text = text.replace(f"{{value: {old},", f"{{value: {new!r},")
+    return text
+
+
+def steered(length, mass):
+    text = curve(length, mass).replace(
+        "path: u = l - l*theta^2",
+        "path: u_dot*cos(theta + 5*u/l) = l*theta_dot*sin(theta + 5*u/l)",
+    )
+    return text.replace(
+        "theta: 1, u: l - l*theta^2",
+        "theta: 0.2, u: l/2, theta_dot: 1, u_dot: {guess: 0}",
+    )
+
+
+def free(length, mass):
+    text = curve(length, mass)
+    start = text.index("constraints:")
+    end = text.index("initial:")
+    return text[:start] + text[end:]
+
+
+@pytest.mark.parametrize("scene", [curve, chain, steered, free])
+@pytest.mark.parametrize(
+    ("length", "mass"), [(1e3, 1.0), (1e3, 1e3), (1e-6, 1.0), (1.0, 1e-9)]
+)
+def test_units_do_not_matter(scene, length, mass):
+    """Metres, millimetres and megametres, kilograms and others: the same motion."""
+    one, other = run(scene(1.0, 1.0)), run(scene(length, mass))
+    is_angle = {"theta": 0}
+    for q in one.equations.q:
+        power = is_angle.get(q, 1)
+        pairs = {q: length**power, f"{q}_dot": length**power}
+        if one.equations.rows:
+            pairs[f"Qc_{q}"] = mass * length ** (2 - power)
+        for column, unit in pairs.items():
+            size = np.ptp(one[column])
+            off = np.max(np.abs(other[column] / unit - one[column]))
+            assert off < 1e-9 * size, column
+    # Nothing of the control hangs on a unit; rounding may shift a step or two.
+    ours, theirs = one.trajectory.statistics, other.trajectory.statistics
+    assert abs(ours.steps - theirs.steps) <= 0.01 * ours.steps + 1
+
+
+def test_a_unit_of_time_does_not_matter():
+    # Seconds and milliseconds: g and K by 1e-6, times by 1e3.
+    one = run(free(1.0, 1.0))
+    text = free(1.0, 1.0).replace("9.8", "9.8e-6").replace("25.6", "25.6e-6")
+    text = text.replace(
+        "duration: 20, output_step: 0.02", "duration: 20e3, output_step: 20"
+    )
+    other = run(text)
+    for q in ("theta", "u"):
+        assert np.max(np.abs(other[q] - one[q])) < 1e-9 * np.ptp(one[q])
+        rate = f"{q}_dot"
+        assert np.max(np.abs(other[rate] * 1e3 - one[rate])) < 1e-9 * np.ptp(one[rate])
+    assert abs(one.trajectory.statistics.steps - other.trajectory.statistics.steps) <= 5

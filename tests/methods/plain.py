@@ -1,0 +1,88 @@
+"""The kernels in plain Python, on equations given as Python or on a linked model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagsim.methods import _driver
+from lagsim.methods import _state as at
+from lagsim.native.kernel_code import bind
+from lagsim.system import _FUNCTION
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import ModuleType
+
+    from lagsim.system import Runner
+
+
+def fresh_state(method: ModuleType, y: Any, **header: float) -> Any:
+    """Give the array of state at y; header words by their names in `_state`."""
+    s = np.zeros(method.state_size(len(y)))
+    words = {"SIZE": len(y), "RTOL": 1e-9, "ATOL": -1.0, "HEALTH": 1.0, "FRESH": 1.0}
+    words |= {"ROW_STEP": 1.0, "END": 1e9} | header
+    for name, value in words.items():
+        s[getattr(at, name)] = value
+    s[at.HEADER : at.HEADER + len(y)] = y
+    return s
+
+
+def state_of(s: Any) -> Any:
+    """Give y of a state: a copy."""
+    return s[at.HEADER : at.HEADER + int(s[at.SIZE])].copy()
+
+
+class Plain:
+    """The kernels of a method, bound; what is called of the model is given by name."""
+
+    def __init__(
+        self, method: ModuleType, model: dict[str, Callable[..., Any]], **statics: bool
+    ) -> None:
+        self.method = method
+        self.model = model
+        self.statics = {"CONSTRAINED": False, "UNTIL": False} | statics
+        own = {"start", "step", "interpolate"}
+        self.driven = model | {name: self.kernel(name) for name in own}
+
+    def kernel(self, name: str) -> Callable[..., Any]:
+        """Give a kernel of the method."""
+        return bind(getattr(self.method, name), self.model, self.statics)
+
+    def advance(self, s: Any, p: Any, out: Any, rows: int, budget: int) -> int:
+        """Do what the native `advance` does; `out` is flat."""
+        advance = bind(_driver.advance, self.driven, self.statics)
+        return int(advance(s, p, out, rows, budget))
+
+
+def first_order(
+    rate: Callable[[float, Any], Any], size: int
+) -> dict[str, Callable[..., Any]]:
+    """Give what the kernels call for y' = rate(t, y), y of `size` components."""
+
+    def derivative(t: float, y: Any, _p: Any, out: Any) -> None:
+        out[:size] = rate(t, y[:size])
+
+    def measure(_t: float, _y: Any, _p: Any, out: Any) -> None:
+        out[:2] = 0.0
+
+    return {"derivative": derivative, "measure": measure}
+
+
+def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
+    """Give the model's native functions, as kernels call them."""
+    names = ["derivative", "measure", "observe"]
+    if runner.system.m:
+        names += ["position_step", "velocity_step"]
+    simulation = runner.system.equations.model.simulation
+    if simulation and simulation.until:
+        names.append("until")
+    return {name: _through(runner.engine.function(name, *_FUNCTION)) for name in names}
+
+
+def _through(call: Callable[..., Any]) -> Callable[..., Any]:
+    def function(t: float, y: Any, p: Any, out: Any) -> None:
+        call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+
+    return function

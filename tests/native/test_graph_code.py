@@ -1,0 +1,231 @@
+"""Native code of graphs against their values in Python."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import struct
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lagsim.expressions.evaluate import evaluate, evaluate_with_error
+from lagsim.expressions.graph import Graph
+from lagsim.expressions.parser import parse
+from lagsim.native import graph_code
+from lagsim.native.engine import Engine, compile_object
+from lagsim.native.graph_code import Layout, generate
+from tests.expressions._programs import VARIABLES, on_graph, programs, states
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+# x, y, z move and lie in y; a, b are parameters; w is written to p while running.
+STATE = ("x", "y", "z")
+PARAMETERS = ("a", "b")
+SIZE = 4
+LAYOUT = Layout(
+    y={name: k for k, name in enumerate(STATE)},
+    p={"a": 1, "b": 2, "w": 3},
+    fixed=frozenset(PARAMETERS),
+    size=SIZE,
+)
+VALUES = {"x": 0.7, "y": -1.3, "z": 2.5, "a": 0.9, "b": -0.4, "w": 0.3, "t": 1.1}
+GUARD = 12345.0
+
+
+class Compiled:
+    """The functions of a graph, called with values by name."""
+
+    def __init__(self, g: Graph, functions: Mapping[str, Sequence[int]]) -> None:
+        self.functions = functions
+        self.code = generate(g, functions, LAYOUT)
+        self.engine = Engine([compile_object(self.code.ir, optimise=False)])
+        self.p = np.full(self.code.p_size + 1, GUARD)
+
+    def call(self, name: str, values: Mapping[str, float], length: int) -> list[float]:
+        pointer = ctypes.c_void_p
+        kinds = (ctypes.c_double, pointer, pointer, pointer)
+        y = np.array([values.get(name, 0.0) for name in STATE])
+        out = np.full(length + 1, GUARD)
+        call = self.engine.function(name, None, kinds)
+        call(values.get("t", 0.0), *(a.ctypes.data for a in (y, self.p, out)))
+        assert out[-1] == GUARD
+        assert self.p[0] == self.p[-1] == GUARD  # nothing else is written to
+        return out[:-1].tolist()
+
+    def prepare(self, values: Mapping[str, float]) -> None:
+        for name, k in LAYOUT.p.items():
+            self.p[k] = values.get(name, 0.0)
+        self.call("prepare", values, 0)
+
+    def at(self, values: Mapping[str, float], name: str = "f") -> list[float]:
+        self.prepare(values)
+        return self.call(name, values, len(self.functions[name]))
+
+
+def build(g: Graph, *texts: str) -> list[int]:
+    return [parse(text).build(g, g.variable) for text in texts]
+
+
+def bits(x: float) -> bytes:
+    return struct.pack("<d", x)
+
+
+@given(st.floats())
+def test_numbers_are_written_bit_for_bit(x: float) -> None:
+    text = graph_code.number(x)
+    assert struct.pack(">Q", int(text, 16)) == struct.pack(">d", x)
+
+
+def test_variables_constants_and_repeats() -> None:
+    g = Graph()
+    nodes = build(g, "x", "a", "w", "t", "2.5", "x", "1/0", "a*b", "a*b", "x*a", "z")
+    found = Compiled(g, {"f": nodes}).at(VALUES)
+    expected = [0.7, 0.9, 0.3, 1.1, 2.5, 0.7, math.inf, 0.9 * -0.4, 0.9 * -0.4]
+    assert found == [*expected, 0.7 * 0.9, 2.5]
+
+
+def test_nothing_to_compute() -> None:
+    g = Graph()
+    compiled = Compiled(g, {"f": [], "g": [g.one]})
+    assert compiled.at(VALUES) == []
+    assert compiled.at(VALUES, "g") == [1.0]
+    assert compiled.code.p_size == SIZE
+
+
+def body(ir: str, name: str) -> str:
+    """Give the text of a function."""
+    start = ir.index(f"@{name}(")
+    start = ir.rindex("define", 0, start)
+    return ir[start : ir.index("\n}", start)]
+
+
+def test_what_hangs_on_parameters_alone_is_computed_by_prepare() -> None:
+    g = Graph()
+    nodes = build(g, "x*sin(a)", "sin(a) + y", "exp(sin(a)*b)", "w*cos(b)", "t*tan(b)")
+    compiled = Compiled(g, {"f": nodes})
+    f, prepare = body(compiled.code.ir, "f"), body(compiled.code.ir, "prepare")
+    for function in ("sin", "exp", "cos", "tan"):
+        assert f"{function}" not in f
+        assert function in prepare
+    assert prepare.count("@llvm.sin") == 1
+    assert compiled.at(VALUES) == pytest.approx(evaluate(g, nodes, VALUES), rel=4e-16)
+    # Other parameters are seen after `prepare`, and compile nothing.
+    other = {**VALUES, "a": 1.7, "b": 0.2}
+    assert compiled.at(other) == pytest.approx(evaluate(g, nodes, other), rel=4e-16)
+    # A variable in p that is not fixed is read each time.
+    compiled.p[LAYOUT.p["w"]] = 5.0
+    found = compiled.call("f", other, len(nodes))
+    assert found[3] == pytest.approx(5.0 * math.cos(0.2), rel=4e-16)
+
+
+def test_conditions_on_parameters() -> None:
+    g = Graph()
+    nodes = build(
+        g, "if(a > b, x, y)", "if(a > b and x > 0, 1, a*b)", "if(a < 0, a, b)"
+    )
+    compiled = Compiled(g, {"f": nodes})
+    for a in (0.9, -0.9):
+        values = {**VALUES, "a": a}
+        assert compiled.at(values) == evaluate(g, nodes, values)
+
+
+def test_functions_share_what_prepare_computed() -> None:
+    g = Graph()
+    f, h = build(g, "x*sin(a)"), build(g, "y*sin(a)", "sin(a)")
+    compiled = Compiled(g, {"f": f, "h": h})
+    assert compiled.code.ir.count("call double @llvm.sin") == 1
+    assert compiled.at(VALUES) == evaluate(g, f, VALUES)
+    assert compiled.at(VALUES, "h") == evaluate(g, h, VALUES)
+    assert compiled.code.p_size == SIZE + 1
+
+
+# Twice the exponents that are products and a root, and some that are not.
+@pytest.mark.parametrize("twice", [*range(-14, 15), 0.6, 31])
+def test_powers(twice: float) -> None:
+    exponent = twice / 2
+    g = Graph()
+    node = g.call("pow", g.variable("x"), g.constant(exponent))
+    compiled = Compiled(g, {"f": [node]})
+    written_out = abs(exponent) <= 6 and float(twice).is_integer()
+    assert ("@llvm.pow" in compiled.code.ir) == (not written_out)
+    for x in (0.3, 1.0, 1.7, 40.0, 0.0, -0.3, -2.0, math.inf, math.nan):
+        expected = evaluate(g, [node], {"x": x})
+        # Five products and a quotient at most, each rounded.
+        found = compiled.at({"x": x})
+        assert found == pytest.approx(expected, rel=6 * 2**-53, nan_ok=True)
+
+
+def long_functions(g: Graph) -> dict[str, list[int]]:
+    """Give functions where all kinds of nodes are used far from where they are made."""
+    x, y, a, b, t = map(g.variable, ("x", "y", "a", "b", "t"))
+    made, conditions = [x, y], []
+    for k in range(60):
+        c = g.constant(0.37 + k / 7)
+        sine = g.call("sin", g.call("add", made[-1], g.call("mul", c, t)))
+        made.append(g.call("mul", sine, g.call("add", a, made[k // 2])))
+        conditions.append(g.call("gt", made[-1], g.call("mul", b, c)))
+        both = g.call("or", conditions[k // 3], conditions[-1])
+        made.append(g.call("if", both, made[k], g.call("cos", g.call("mul", a, c))))
+    hoisted = [g.call("exp", g.call("mul", a, g.constant(k / 9))) for k in range(1, 30)]
+    late = g.sum(g.call("mul", made[k], hoisted[k]) for k in range(29))
+    return {"f": [*made, late, x, a, hoisted[3]], "h": made[40:60]}
+
+
+@pytest.mark.parametrize("piece", [1, 2, 7, 50])
+def test_pieces_give_the_same_bits(piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    g = Graph()
+    functions = long_functions(g)
+    monkeypatch.setattr(graph_code, "PIECE", 10**9)
+    whole = Compiled(g, functions)
+    assert "@f.0" not in whole.code.ir
+    monkeypatch.setattr(graph_code, "PIECE", piece)
+    cut = Compiled(g, functions)
+    assert "@f.1" in cut.code.ir
+    if piece < 50:
+        assert "@prepare.1" in cut.code.ir
+    assert cut.code.p_size >= whole.code.p_size
+    for shift in (0.0, 0.4, -1.9):
+        values = {name: x + shift for name, x in VALUES.items()}
+        for name in functions:
+            expected = whole.at(values, name)
+            assert list(map(bits, cut.at(values, name))) == list(map(bits, expected))
+    expected = evaluate(g, functions["f"], VALUES)
+    assert whole.at(VALUES) == pytest.approx(expected, rel=1e-12)
+
+
+def test_longer_than_a_piece_and_deep() -> None:
+    g = Graph()
+    node, x, a = g.variable("x"), g.variable("x"), g.variable("a")
+    for _ in range(5000):
+        node = g.call("sin", g.call("add", node, g.call("mul", a, x)))
+    total = g.sum(g.call("mul", x, g.constant(1.0 / k)) for k in range(1, 20_001))
+    compiled = Compiled(g, {"f": [node, total]})
+    assert compiled.code.ir.count("define") > 25_000 // graph_code.PIECE
+    expected = evaluate(g, [node, total], VALUES)
+    assert compiled.at(VALUES) == pytest.approx(expected, rel=1e-13)
+
+
+@given(st.lists(programs(), min_size=20, max_size=20), st.lists(states, min_size=5))
+@settings(max_examples=30, deadline=None, derandomize=True)
+def test_random_expressions(many: Any, some_states: Any) -> None:
+    g = Graph()
+    nodes = [on_graph(g, program) for program in many]
+    compiled = Compiled(g, {"f": nodes})
+    for state in some_states:
+        found = compiled.at(state)
+        plain = evaluate_with_error(g, nodes, {k: (v, 0.0) for k, v in state.items()})
+        for value, (expected, bound) in zip(found, plain, strict=True):
+            if math.isfinite(expected):
+                # Small powers are products here: rounded otherwise, not worse.
+                assert value == expected or abs(value - expected) <= 4 * bound
+            else:
+                assert not math.isfinite(value)
+
+
+def test_the_variables_of_random_expressions_are_those_of_the_layout() -> None:
+    assert set(VARIABLES) <= set(STATE)

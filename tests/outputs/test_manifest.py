@@ -1,0 +1,73 @@
+"""run.json: one document that any reader of JSON takes."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+
+from lagsim.outputs.ledger import Ledger
+from lagsim.outputs.manifest import encode, manifest, versions
+from tests.support import run
+
+BROKEN = """\
+coordinates: {x: {unit: m}}
+parameters: {k: 2}
+definitions: {force: {value: -k*x, unit: N}}
+energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
+forces: {x: "if(t < 1, 1, 0)"}
+constraints: {path: x = 1 + t^2}
+initial: {x: 1}
+simulation: {duration: 2}
+"""
+
+
+def document_of(text):
+    done = run(text)
+    ledger = Ledger(done.system.columns.names)
+    ledger.add(done.rows)
+    return manifest(
+        done.system, done.plan, done.trajectory, ledger, [], {"read": 1.0}, ["run.json"]
+    )
+
+
+def test_the_document_survives_the_round_trip():
+    document = document_of(BROKEN)
+    assert json.loads(encode(document)) == document
+    assert encode(document).endswith(b"}\n")
+
+
+def test_what_the_document_tells():
+    document = document_of(BROKEN)
+    assert document["parameters"] == {"k": 2.0}
+    assert document["formulation"] == "projection"
+    assert document["columns"]["force"] == "N"
+    assert document["columns"]["x_dot"] == "m/s"
+    assert document["columns"]["t"] == "s"
+    assert document["error"] is None
+    assert all(
+        event.keys() >= {"time", "kind", "constraint"} for event in document["events"]
+    )
+    counts = ("steps", "rejections", "evaluations", "factorisations", "rows")
+    assert all(type(document[key]) is int for key in counts)
+
+
+def test_versions():
+    found = versions()
+    assert found.keys() >= {"python", "numpy", "llvmlite", "matplotlib"}
+    assert all(text[0].isdigit() for text in found.values())
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_null(value):
+    assert json.loads(encode({"x": [value]})) == {"x": [None]}
+
+
+def test_a_name_that_is_not_unicode():
+    document = {"a\udcff": ["\udcff", ("θ", 1, None)]}
+    assert json.loads(encode(document)) == {"a?": ["?", ["θ", 1, None]]}
+
+
+def test_the_same_document_gives_the_same_bytes():
+    assert encode({"b": 0.1, "a": 1}) == b'{\n  "b": 0.1,\n  "a": 1\n}\n'

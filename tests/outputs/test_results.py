@@ -1,0 +1,225 @@
+"""The folder of results: replaced as a whole, or left as it was."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lagsim.errors import InputError
+from lagsim.outputs import results as module
+from lagsim.outputs.results import open_results
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def put(folder, **files):
+    """Write files, and a run.json that lists them."""
+    with open_results(folder) as results:
+        for name, content in files.items():
+            results.write(name, content)
+        listed = [*results.names, "run.json"]
+        results.commit(json.dumps({"files": listed}).encode())
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return tmp_path / "a" / "b"
+
+
+def test_nothing_appears_before_the_commit(folder):
+    with open_results(folder) as results:
+        results.write("a", b"1")
+        results.part("b").write_bytes(b"2")
+        assert [name for name in names(folder) if not name.startswith(".")] == []
+        results.commit(b"{}")
+        assert [n for n in names(folder) if n[0] != "."] == ["a", "b", "run.json"]
+    assert names(folder) == ["a", "b", "run.json"]
+    assert (folder / "a").read_bytes() == b"1"
+    assert (folder / "run.json").read_bytes() == b"{}"
+
+
+def test_without_a_commit_nothing_is_left(folder):
+    with open_results(folder) as results:
+        results.write("a", b"1")
+    assert names(folder) == []
+
+
+def test_what_the_last_run_listed_goes_and_the_rest_stays(folder):
+    put(folder, a=b"1", b=b"1")
+    (folder / "mine").write_text("mine")
+    put(folder, b=b"2", c=b"2")
+    assert names(folder) == ["b", "c", "mine", "run.json"]
+    assert (folder / "b").read_bytes() == b"2"
+
+
+@pytest.mark.parametrize(
+    "listed",
+    [
+        ["../outside"], ["sub/file"], ["/tmp/none"], ["."], [".."], [""], ["a\0b"],
+        [1, None, {}], ["kept", "run.json", "sub"], {"kept": 1}, "kept", None,
+    ],
+)  # fmt: skip
+def test_a_manifest_that_somebody_has_altered(folder, listed):
+    (folder / "sub").mkdir(parents=True)
+    strangers = [folder.parent / "outside", folder / "sub" / "file"]
+    for path in strangers:
+        path.write_text("mine")
+    (folder / "run.json").write_text(json.dumps({"files": listed}))
+    put(folder, kept=b"1")
+    assert all(path.read_text() == "mine" for path in strangers)
+    assert names(folder) == ["kept", "run.json", "sub"]
+
+
+@pytest.mark.parametrize("content", [b"", b"[]", b"{", b"\xff", b'{"files": {}}'])
+def test_a_manifest_that_is_garbled(folder, content):
+    folder.mkdir(parents=True)
+    (folder / "run.json").write_bytes(content)
+    put(folder, a=b"1")
+    assert names(folder) == ["a", "run.json"]
+
+
+def test_a_folder_is_held_by_one_run(folder):
+    with open_results(folder) as first:
+        first.write("a", b"first")
+        with pytest.raises(InputError, match="another run"), open_results(folder):
+            pass
+        first.commit(b"{}")
+    put(folder, a=b"second")
+    assert (folder / "a").read_bytes() == b"second"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no flock")
+def test_a_lock_that_was_removed_while_one_waited_holds_nothing(folder, monkeypatch):
+    """The run before ends between the opening of the lock and its taking."""
+    before = open_results(folder)
+    before.__enter__()
+    opened = os.open
+    calls = []
+
+    def open_then_end(path, flags, mode=0o777):
+        handle = opened(path, flags, mode)
+        if Path(path).name.endswith("lock"):
+            calls.append(path)
+            if len(calls) == 1:
+                before.__exit__(None, None, None)
+        return handle
+
+    monkeypatch.setattr(os, "open", open_then_end)
+    with open_results(folder):
+        monkeypatch.undo()
+        assert len(calls) == 2
+        with pytest.raises(InputError, match="another run"), open_results(folder):
+            pass
+
+
+def test_what_a_killed_run_has_begun_goes_with_the_next(folder):
+    put(folder, a=b"1")
+    (folder / ".lagsim-a.part").write_bytes(b"half")
+    (folder / ".lagsim-old.part").write_bytes(b"half")
+    (folder / ".lagsim.lock").touch()
+    (folder / ".other.part").touch()
+    put(folder, a=b"2")
+    assert names(folder) == [".other.part", "a", "run.json"]
+
+
+def test_room_is_kept_for_the_manifest(folder):
+    with open_results(folder) as results:
+        part = folder / ".lagsim-run.json.part"
+        assert part.stat().st_size == module.RESERVE_BYTES
+        inode = part.stat().st_ino
+        results.commit(b"{}")
+        assert (folder / "run.json").stat().st_ino == inode
+    assert (folder / "run.json").read_bytes() == b"{}"
+
+
+def test_a_write_that_fails_leaves_no_part_of_a_file(folder, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with open_results(folder) as results:
+        results.write("a", b"1")
+        monkeypatch.setattr(os, "write", full)
+        with pytest.raises(OSError, match="No space"):
+            results.write("b", b"2")
+        with pytest.raises(OSError, match="No space"):
+            results.commit(b"{}")
+        assert results.names == ["a"]
+    assert names(folder) == []
+
+
+def test_a_commit_that_cannot_be_written_leaves_the_old_results(folder, monkeypatch):
+    put(folder, a=b"1")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with open_results(folder) as results:
+        results.write("a", b"2")
+        monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(OSError, match="No space"):
+            results.commit(b"{}")
+    assert (folder / "a").read_bytes() == b"1"
+    assert json.loads((folder / "run.json").read_bytes())["files"] == ["a", "run.json"]
+
+
+# Ends the process at the call of os.`name` that is number `at` in the commit.
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from lagsim.outputs.results import open_results
+folder, last = Path(sys.argv[1]), int(sys.argv[2])
+calls = 0
+
+def hook(event, arguments):
+    global calls
+    if armed and event in ("os.rename", "os.remove", "open"):
+        calls += 1
+        if calls == last:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+armed = False
+sys.addaudithook(hook)
+with open_results(folder) as results:
+    for name in ("a", "b"):
+        results.write(name, b"new " * 1000)
+    armed = True
+    results.commit(b'{"files": ["a", "b", "run.json"], "new": true}')
+    armed = False
+print(calls)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+@pytest.mark.slow
+def test_a_commit_that_is_killed_at_any_point(folder):
+    steps = []
+    for last in range(1, 40):
+        put(folder, a=b"old", b=b"old", c=b"old")
+        done = subprocess.run(
+            [sys.executable, "-c", KILLED, str(folder), str(last)],
+            capture_output=True,
+            text=True,
+        )
+        for name in "ab":  # whole, the one or the other
+            assert (folder / name).read_bytes() in (b"old", b"new " * 1000)
+        if not done.returncode:
+            break
+        assert done.returncode == -signal.SIGKILL, done.stderr
+        steps.append(last)
+        # Where there is a run.json, it describes what is there.
+        if (folder / "run.json").exists():
+            document = json.loads((folder / "run.json").read_bytes())
+            content = b"new " * 1000 if document.get("new") else b"old"
+            assert all((folder / name).read_bytes() == content for name in "ab")
+            assert all((folder / name).exists() for name in document["files"])
+    assert len(steps) >= 8
+    assert done.returncode == 0
+    assert names(folder) == ["a", "b", "run.json"]

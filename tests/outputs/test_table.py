@@ -1,0 +1,140 @@
+"""trajectory.csv: the same bits come back, in bounded memory, and no half rows."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import io
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lagsim.outputs.table import TableWriter
+
+AWKWARD = [
+    0.0, -0.0, 0.1, 1 / 3, 1e-5, 1e-7, 123456789012345680.0, 1e16, 1e22, 1e300,
+    5e-324, 2.2250738585072014e-308, 1.7976931348623157e308, -9.007199254740993e15,
+    4.35, 0.3 - 0.1, np.nextafter(1.0, 2.0),
+]  # fmt: skip
+
+
+def written(path, blocks, columns):
+    writer = TableWriter(path, columns)
+    for block in blocks:
+        writer.add(np.array(block))
+    writer.close()
+    return writer, path.read_bytes()
+
+
+def read(content):
+    header, *rows = csv.reader(io.StringIO(content.decode(), newline=""))
+    return header, np.array(rows, dtype=float).reshape(-1, len(header))
+
+
+def bits(values):
+    return np.asarray(values, dtype=float).view(np.int64).tolist()
+
+
+def test_the_same_bits_come_back(tmp_path):
+    _, content = written(tmp_path / "t.csv", [[[x, -x] for x in AWKWARD]], ["a", "b"])
+    header, rows = read(content)
+    assert header == ["a", "b"]
+    assert bits(rows) == bits([[x, -x] for x in AWKWARD])
+
+
+@given(st.lists(st.floats(allow_nan=False), min_size=1, max_size=30))
+def test_any_bits_come_back(tmp_path_factory, values):
+    path = tmp_path_factory.mktemp("t") / "t.csv"
+    _, content = written(path, [[[x] for x in values]], ["x"])
+    assert bits(read(content)[1][:, 0]) == bits(values)
+    assert content.count(b"\r\n") == content.count(b"\n") == len(values) + 1
+
+
+def test_the_shortest_text(tmp_path):
+    _, content = written(tmp_path / "t.csv", [[[0.1, 1.0, 2.5e-9]]], ["a", "b", "c"])
+    assert content == b"a,b,c\r\n0.1,1.0,2.5e-9\r\n"
+
+
+def test_what_is_not_finite_reads_back(tmp_path):
+    block = [[1.0, np.nan], [np.inf, -np.inf], [2.0, 3.0]]
+    _, content = written(tmp_path / "t.csv", [block], ["a", "b"])
+    np.testing.assert_array_equal(read(content)[1], block)
+    assert content.count(b"\r\n") == 4
+
+
+def test_rows_are_cut_to_the_header_and_counted(tmp_path):
+    blocks = [np.arange(12.0).reshape(3, 4), np.empty((0, 4)), [[9.0, 8.0, 7.0, 6.0]]]
+    writer, content = written(tmp_path / "t.csv", blocks, ["t", "θ"])
+    assert content.splitlines() == ["t,θ".encode(), b"0.0,1.0", b"4.0,5.0", b"8.0,9.0",
+                                    b"9.0,8.0"]  # fmt: skip
+    assert (writer.rows, writer.last) == (4, 9.0)
+    writer, content = written(tmp_path / "t.csv", [], ["t"])
+    assert (content, writer.rows, writer.last) == (b"t\r\n", 0, None)
+
+
+class Full:
+    """A file on a disk with `room` for so many bytes more."""
+
+    def __init__(self, file, room):
+        self.file, self.room = file, room
+
+    def write(self, content):
+        if not self.room:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        part = bytes(content[: self.room])
+        self.room -= len(part)
+        return self.file.write(part)
+
+    def __getattr__(self, name):
+        return getattr(self.file, name)
+
+
+@pytest.mark.parametrize("room", range(26))
+def test_a_full_disk_leaves_whole_rows(tmp_path, room):
+    path = tmp_path / "t.csv"
+    writer = TableWriter(path, ["t", "x"])
+    writer.add(np.array([[0.0, 1.0]]))
+    writer._file = Full(writer._file, room)
+    block = np.array([[1.0, 2.0], [2.0, 3.0], [3.0, 4.0]])
+    with pytest.raises(OSError, match="No space left"):
+        writer.add(block)
+    writer.close()
+    line = len(b"1.0,2.0\r\n")
+    whole = room // line
+    content = path.read_bytes()
+    assert content.endswith(b"\r\n")
+    assert read(content)[1].tolist() == [[0.0, 1.0], *block[:whole].tolist()]
+    assert (writer.rows, writer.last) == (1 + whole, float(whole))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no resource module")
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_rows(tmp_path):
+    code = """
+import resource, sys
+import numpy as np
+from pathlib import Path
+from lagsim.outputs.table import TableWriter
+blocks, path = int(sys.argv[1]), Path(sys.argv[2])
+writer = TableWriter(path, [f"c{k}" for k in range(15)])
+block = np.random.default_rng(1).standard_normal((2000, 15))
+for _ in range(blocks):
+    writer.add(block)
+writer.close()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+    peaks = []
+    for blocks in (5, 500):  # 10^4 and 10^6 rows
+        path = tmp_path / "t.csv"
+        done = subprocess.run(
+            [sys.executable, "-c", code, str(blocks), str(path)],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        peaks.append(int(done.stdout) * (1 if sys.platform == "darwin" else 1024))
+        with path.open("rb") as file:
+            assert sum(1 for _ in file) == 2000 * blocks + 1
+    assert peaks[1] - peaks[0] < 50e6
