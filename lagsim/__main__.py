@@ -2,6 +2,6 @@
 
 import sys
 
-from lagsim.cli import main
+from lagsim.cli import entry
 
-sys.exit(main())
+sys.exit(entry())

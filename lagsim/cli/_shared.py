@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lagsim.cli._streams import complain, put, say
+from lagsim import __version__
 from lagsim.errors import InputError, LagsimError, Place, Problem
 from lagsim.methods import names
 
@@ -32,9 +33,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdou
 
 def _show_version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version as installed
-
-        say(f"lagsim {installed('lagsim')}")
+        say(f"lagsim {__version__}")
         raise typer.Exit
 
 

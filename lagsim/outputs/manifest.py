@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from importlib.metadata import PackageNotFoundError, version
+import sys
 from typing import TYPE_CHECKING, Any
 
 import orjson
+
+from lagsim import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
     from lagsim.system import System
     from lagsim.trajectory import Caution, Trajectory
 
-PACKAGES = ("numpy", "llvmlite", "pyyaml", "matplotlib")
+PACKAGES = ("numpy", "llvmlite", "yaml", "matplotlib")
 
 
 def manifest(
@@ -31,7 +33,7 @@ def manifest(
     model = system.equations.model
     counts = trajectory.statistics
     return {
-        "lagsim": _version("lagsim"),
+        "lagsim": __version__,
         "versions": versions(),
         "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
         "parameters": {p.name: p.value for p in model.parameters},
@@ -91,15 +93,12 @@ def _printable(document: Any) -> Any:
 
 
 def versions() -> dict[str, str]:
-    """Give the versions of Python and of what the numbers pass through."""
-    import platform
+    """Give the versions of Python and of the packages that this run has loaded.
 
-    found = {"python": platform.python_version()}
-    return found | {name: _version(name) for name in PACKAGES}
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "unknown"
+    From the modules: reading the metadata of packages takes longer than integrating.
+    """
+    found = {"python": sys.version.split()[0]}
+    for name in PACKAGES:
+        if name in sys.modules:
+            found[name] = sys.modules[name].__version__
+    return found

@@ -1,0 +1,133 @@
+"""Chains of point masses on massless links, in angles: ten links, and forty."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+
+from measure import LAGSIM, MODELS, Table, alternate, process, workspace
+
+
+def chain(n, duration):
+    """Give the model text of a chain of n links of 1/n metres, let go level."""
+    links = range(1, n + 1)
+    lines = [
+        f"name: chain-{n}",
+        f"parameters: {{m: 1.0, g: 9.81, l: {1 / n!r}}}",
+        "coordinates:",
+        *(f"  a{k}: {{}}" for k in links),
+        "definitions:",
+        "  x1: l*sin(a1)",
+        "  y1: -l*cos(a1)",
+    ]
+    for k in links[1:]:
+        lines += [f"  x{k}: x{k - 1} + l*sin(a{k})", f"  y{k}: y{k - 1} - l*cos(a{k})"]
+    kinetic = " + ".join(f"x{k}_dot^2 + y{k}_dot^2" for k in links)
+    heights = " + ".join(f"y{k}" for k in links)
+    lines += [
+        "energy:",
+        f'  kinetic: "m*({kinetic})/2"',
+        f'  potential: "m*g*({heights})"',
+        "initial:",
+        *(f"  a{k}: pi/2" for k in links),
+        f"simulation: {{duration: {duration}, output_step: 0.01}}",
+        f"output: {{columns: [x{n}, y{n}]}}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+PREPARE = """
+import json, sys, time
+from lagsim.reader import read_file
+from lagsim.equations import derive
+from lagsim.admissibility import examine
+from lagsim.plan import make_plan
+from lagsim.system import System
+from lagsim.native import engine
+engine.target()
+laps, last = {}, time.perf_counter()
+def lap(name):
+    global last
+    now = time.perf_counter()
+    laps[name], last = now - last, now
+model = read_file(sys.argv[1]); lap("read")
+equations = derive(model); lap("derive")
+start = examine(equations); lap("examine")
+plan = make_plan(equations, start); lap("plan")
+system = System(equations, plan); lap("compile")
+runner = system.link(plan.method); lap("kernels and linking")
+print(json.dumps(laps))
+"""
+
+
+def prepare(model, folder):
+    """Give the laps of a new process that makes a model ready to run, cache empty."""
+    shutil.rmtree(folder / "cache", ignore_errors=True)
+    command = [sys.executable, "-c", PREPARE, model]
+    found = process(command, LAGSIM_CACHE=folder / "cache")
+    return json.loads(found.output)
+
+
+def ten(turns):
+    """Measure making the ten-link chain ready."""
+    laps = []
+    with workspace() as folder:
+        model = MODELS / "chain-angles.yaml"
+        alternate({"": lambda: laps.append(prepare(model, folder))}, turns, warm=0)
+    own = [name for name in laps[0] if name != "kernels and linking"]
+    sums = [sum(lap[name] for name in own) for lap in laps]
+    best = laps[sums.index(min(sums))]
+    rows = [[name, f"{best[name] * 1e3:.3g}"] for name in own]
+    rows.append(["**in all**", f"**{min(sums) * 1e3:.3g}**; goal 500"])
+    kernels = f"{best['kernels and linking'] * 1e3:.3g}"
+    rows.append(["the method's kernels, once per machine, and linking", kernels])
+    head = [f"ten links, new process, no cache; least of {turns}", "ms"]
+    return Table("Ten links: read, derive, compile", head, rows, [])
+
+
+def forty(turns):
+    """Measure the first second of the forty-link chain, cold and warm."""
+    found = {"cold": [], "warm": []}
+    with workspace() as folder:
+        model = folder / "chain-40.yaml"
+        model.write_text(chain(40, 1.0))
+        command = [LAGSIM, "run", model, "--no-plots", "-q", "-o", folder / "out"]
+        for _ in range(turns):
+            shutil.rmtree(folder / "cache", ignore_errors=True)
+            for name in ("cold", "warm"):
+                run = process(command, LAGSIM_CACHE=folder / "cache")
+                record = json.loads((folder / "out" / "run.json").read_text())
+                found[name].append((run.seconds, record))
+    best = {name: min(runs, key=lambda run: run[0]) for name, runs in found.items()}
+    laps = best["cold"][1]["timings"]
+    rows = [
+        [
+            name,
+            f"{best['cold'][1]['timings'][name]:.3g}",
+            f"{best['warm'][1]['timings'][name]:.3g}",
+        ]
+        for name in laps
+    ]
+    rows.append(
+        [
+            "**whole process**",
+            f"**{best['cold'][0]:.3g}**; goal 10",
+            f"**{best['warm'][0]:.3g}**",
+        ]
+    )
+    record = best["cold"][1]
+    notes = [
+        f"{record['steps']} steps, {record['rejections']} rejected, "
+        f"{record['evaluations']} evaluations; energy drift "
+        f"{record['energy_drift']:.1e}; plan: "
+        + ", ".join(choice["choice"] for choice in record["plan"])
+        + "."
+    ]
+    head = [f"forty links, least of {turns}", "no cache, s", "warm, s"]
+    return Table("Forty links: the first second", head, rows, notes)
+
+
+def tables(turns):
+    """Give both tables."""
+    return [ten(turns), forty(max(2, turns // 5))]
