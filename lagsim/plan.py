@@ -5,6 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import scaled_rows
+from lagsim.admissibility.start import metric_of
 from lagsim.errors import InputError, Problem
 from lagsim.kkt.straight import Elimination, TooLongError
 from lagsim.methods import method, names
@@ -13,11 +18,15 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
     from lagsim.model import Simulation
+    from lagsim.native.kernel_types import Floats
 
 DEFAULT_RTOL = 1e-11
 # Normal equations square the condition of the rows: below this the loops with their QR
 # decomposition take over (numerics: S loses half of the digits of lambda).
 WELL_CONDITIONED = 1e-2
+# How many states tell how long the rows usually are, and how far around the start.
+AROUND = 4
+NEARBY = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +52,10 @@ class Plan:
         Of the constraint rows, in general.
     independence : float
         The smallest singular value of the scaled rows, in general.
+    set_aside : tuple of bool, length m
+        The rows that others imply everywhere.
+    lengths : tuple of float, length m
+        Of the rows in the metric of M, as they usually are.
     augmented : bool
         M is singular and is solved together with the constraints.
     rtol, atol, step : float or None
@@ -55,6 +68,8 @@ class Plan:
     elimination: Elimination | None
     rank: int
     independence: float
+    set_aside: tuple[bool, ...]
+    lengths: tuple[float, ...]
     augmented: bool
     rtol: float | None
     atol: float | None
@@ -100,6 +115,8 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         elimination=elimination,
         rank=start.ranks.generic_rank,
         independence=start.ranks.generic_smallest,
+        set_aside=_set_aside(equations, start),
+        lengths=_usual_lengths(equations, start),
         augmented=start.augmented,
         rtol=rtol,
         atol=atol,
@@ -107,6 +124,34 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         mass_matrix=mass,
         choices=tuple(choices),
     )
+
+
+def _set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
+    implied = {d.name for d in start.ranks.dependences if d.everywhere is not False}
+    return tuple(row.name in implied for row in equations.rows)
+
+
+def _usual_lengths(equations: Equations, start: Start) -> tuple[float, ...]:
+    """Give the largest length of each row at the start and around it."""
+    if not equations.rows:
+        return ()
+    point = Point(equations)
+    random = np.random.default_rng(4)  # the same states each time
+    longest = np.zeros(len(equations.rows))
+    for nearby in range(AROUND):
+        q, v = start.q, start.v
+        if nearby:
+            q, v = (_kicked(x, random) for x in (start.q, start.v))
+        M = point.mass(q, v)
+        if np.all(np.isfinite(M)):
+            metric = metric_of(M, range(len(q)))
+            longest = np.fmax(longest, scaled_rows(point, q, v, metric)[1])
+    return tuple(map(float, longest))
+
+
+def _kicked(x: Floats, random: np.random.Generator) -> Floats:
+    size = np.abs(x) + (np.max(np.abs(x), initial=0.0) or 1.0)
+    return x + NEARBY * size * random.standard_normal(len(x))
 
 
 def _mass_matrix(equations: Equations) -> str:

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import weakest_rows
+from lagsim.admissibility.rank import scaled_rows
+from lagsim.admissibility.start import metric_of
 from lagsim.methods import _state as at
 from lagsim.plan import WELL_CONDITIONED, make_plan
 from lagsim.system import System
@@ -39,10 +40,13 @@ STEPS_PER_CALL = 4000
 MOST_STEPS = 100_000_000
 # The last row within this part of a row's spacing is the end's.
 SAME_ROW = 1e-9
-# Steps are searched for a loss of rank where the rows' independence falls below the
-# first part of what it is in general; a loss is what falls below the second.
-WATCHED = 0.3
+# A loss of rank is close where the rows' independence falls below the first part of
+# what it is in general, and is one where it falls below the second.
+CLOSE = 0.03
 LOST = 1e-5
+# A mechanism may pass the same dead point for ever: these events are kept up to this
+# many, the warning is given once.
+MOST_RANK_EVENTS = 10_000
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6
 
@@ -118,6 +122,7 @@ class _Run:
         self.consumers, self.interrupt, self.progress = consumers, interrupt, progress
         self.events: list[Event] = []
         self.warnings: list[Caution] = []
+        self._told: set[tuple[str, ...]] = set()
         self.rows = 0
         self.use(system)
         self.state = self._fresh_state(np.concatenate([start.q, start.v]))
@@ -137,6 +142,7 @@ class _Run:
         state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
         state[at.FIXED_STEP] = self.plan.step or 0.0
         state[at.N], state[at.SIZE] = system.n, system.size
+        state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
         self._set_watch(state)
         if simulation.until is not None:
             state[at.EQUATION] = simulation.until.sense.value == "="
@@ -146,8 +152,7 @@ class _Run:
     def _set_watch(self, state: Floats) -> None:
         """Set when a loss of rank is looked for, and what counts as one."""
         usual = self.plan.independence
-        state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
-        state[at.WATCHED_BELOW] = WATCHED * usual
+        state[at.CLOSE_BELOW] = CLOSE * usual
         state[at.LOST_BELOW] = LOST * usual
         straight = self.plan.elimination is not None
         state[at.DEGENERATE_BELOW] = WELL_CONDITIONED if straight else 0.0
@@ -310,15 +315,32 @@ class _Run:
         point = Point(self.equations)
         point.move_to(time)
         q, v = at_loss[:n], at_loss[n : 2 * n]
-        names, smallest = weakest_rows(point, q, v)
-        for name in names:
-            self.events.append(Event(time, "rank", name, smallest))
+        names, smallest = self._weakest(point, q, v)
+        if len(self.events) < MOST_RANK_EVENTS:
+            self.events += [Event(time, "rank", name, smallest) for name in names]
+        if names in self._told:
+            return
+        self._told.add(names)
         text = (
             f"at t = {time:.9g} the constraints {', '.join(names)} lose their "
             f"independence (smallest singular value {smallest:.1e}): a singular "
             "configuration, where motions branch; their multipliers are large around it"
         )
         self.warnings.append(Caution("rank", text))
+
+    def _weakest(
+        self, point: Point, q: Floats, v: Floats
+    ) -> tuple[tuple[str, ...], float]:
+        """Give the constraints closest to dependent, and how close they are."""
+        metric = metric_of(point.mass(q, v), range(len(q)))
+        Y, lengths = scaled_rows(point, q, v, metric)
+        usual = np.maximum(lengths, self.plan.lengths)
+        Y = Y * (lengths / np.where(usual > 0, usual, 1.0))[:, None]
+        left, sizes, _ = np.linalg.svd(Y)
+        last = min(self.plan.rank, len(sizes)) - 1
+        heavy = np.abs(left[:, last]) > 1e-3
+        rows = zip(self.equations.rows, heavy, strict=True)
+        return tuple(row.name for row, is_in in rows if is_in), float(sizes[last])
 
     def _emit(self, states: Floats) -> None:
         if not len(states):

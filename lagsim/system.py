@@ -14,6 +14,7 @@ import numpy as np
 
 from lagsim.kkt import dense
 from lagsim.methods import _driver, method
+from lagsim.methods._interface import LEAST_HEALTH
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.engine import Engine
 from lagsim.native.graph_code import Layout, generate
@@ -130,8 +131,10 @@ class System:
         self.p = np.zeros(code.p_size)
         self.p[: dense.HEADER] = [
             self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
-            plan.independence, 1.0,
+            plan.independence, 1.0, 1.0, self._weak(),
         ]  # fmt: skip
+        for row, length in zip(equations.rows, plan.lengths, strict=True):
+            self.p[layout.p[f"length.{row.name}"]] = length
         for parameter in equations.model.parameters:
             self.p[layout.p[parameter.name]] = parameter.value
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
@@ -141,6 +144,12 @@ class System:
             if self.m:
                 kernels += [dense.position_step, dense.velocity_step]
             self._objects.append(kernel_object(kernels))
+
+    def _weak(self) -> int:
+        """Give where loops note the weakest direction; 0 where none do."""
+        if self.plan.elimination is not None:
+            return 0
+        return self.motion + dense.weak_direction(self.n, self.m)
 
     def _functions(self, elimination: Elimination | None) -> dict[str, list[int]]:
         """Give what is compiled from the graph: name -> what it writes to out."""
@@ -235,6 +244,7 @@ class System:
         state = (*e.q, *e.velocities, "work")
         fixed = [p.name for p in e.model.parameters]
         fixed += [mode.variable for mode in self.switches.modes]
+        fixed += [f"length.{row.name}" for row in e.rows]
         p = {name: dense.HEADER + k for k, name in enumerate(fixed)}
         self.motion = dense.HEADER + len(fixed)
         motion = (*e.accelerations, *e.multipliers)
@@ -318,7 +328,13 @@ class Runner:
         call = self.engine.function("prepare", *_FUNCTION)
         p = self.system.p
         p[dense.REFERENCE] = self.system.plan.independence
+        p[dense.HEALTH] = p[LEAST_HEALTH] = 1.0
         p[self.system.motion :] = 0.0
+        if self.system.plan.elimination is None:
+            lengths = self.system.motion + self.system.n + self.system.m
+            p[lengths : lengths + self.system.m] = self.system.plan.lengths
+            aside = lengths + self.system.m
+            p[aside : aside + self.system.m] = self.system.plan.set_aside
         call(0.0, None, p.ctypes.data, None)
 
     def advance(self, state: Floats, out: Floats, budget: int) -> int:

@@ -5,8 +5,10 @@
 
 M = L L^T; the columns of Y = L^-1 A^T are scaled to length 1 and Y = Q R is made by
 Householder reflections with column pivoting, so that nearly parallel rows keep their
-digits (S = Y^T Y would square the condition). Columns that vanish against RANK are
-redundant: lambda is then the solution of least norm, and A^T lambda is unique.
+digits (S = Y^T Y would square the condition). Rows that are
+redundant everywhere are set aside: away from the constraints, at the stages of a step,
+they are not quite so, and which of them is left out must not change from stage to
+stage. lambda is the solution of least norm over all rows, and A^T lambda is unique.
 Where M alone is singular, M + A^T W A and f + A^T W b stand for M and f: q'' and
 lambda are the same (W diagonal, to the size of M).
 
@@ -19,6 +21,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
+from lagsim.methods._interface import LEAST_HEALTH, WEAK
 from lagsim.native.kernel_types import at, external
 
 if TYPE_CHECKING:
@@ -33,25 +36,33 @@ AUGMENTED = 4
 EXPECTED = 5  # the rank that the rows have in general
 REFERENCE = 6  # the largest health so far: what is small is small against it
 HEALTH = 7  # size of the last independent column, now
-HEADER = 8
+# 8 and 9: LEAST_HEALTH and WEAK, see methods._interface.
+HEADER = 10
 
 NAN = float("nan")
 # A pivoted column counts as zero past the rank that the rows have in general (away from
 # the constraints, at the stages of a step, dependent rows are not quite so), and below
-# these parts of REFERENCE: where rank is lost on the way, what would be divided by it
-# is noise. For corrections more so: what they correct was right to the tolerance.
+# PASSING of REFERENCE: where rank is lost on the way, what would be divided by it is
+# rounding.
 RANK = 1e-10
-PASSING = 1e-6
-PASSING_CORRECTION = 1e-3
+PASSING = 1e-8
+# The weakest direction is noted below this part of REFERENCE.
+NOTED = 0.5
 
 
 def workspace(n: int, m: int) -> int:
     """Give the length from MOTION on.
 
-    q'', lambda, the rows' largest lengths, terms, L, Y, u, v, and what `per_row` has.
+    q'', lambda, the rows' largest lengths, which rows are set aside, terms, L, Y, u, v,
+    what `per_row` has, and the weakest direction.
     """
+    return weak_direction(n, m) + 3 * n
+
+
+def weak_direction(n: int, m: int) -> int:
+    """Give where z, M z and room for one more (n,) lie, from MOTION on."""
     terms = n * n + n * m + n + 3 * m + 2
-    return (n + 2 * m) + terms + n * n + n * m + 2 * n + 7 * m + m * m
+    return (n + 3 * m) + terms + n * n + n * m + 2 * n + 7 * m + m * m
 
 
 @external
@@ -82,7 +93,7 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
         out[i] = y[n + i]
         out[n + i] = motion[i]
     if p[HAS_WORK] > 0.0:
-        terms = at(motion, n + 2 * m)
+        terms = at(motion, n + 3 * m)
         power = at(terms, n * n + n * m + n + m)
         out[2 * n] = power[0]
         for i in range(m):
@@ -102,7 +113,7 @@ def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """
     n = int(p[COUNT])
     m = int(p[ROWS])
-    terms = at(p, int(p[MOTION]) + n + 2 * m)
+    terms = at(p, int(p[MOTION]) + n + 3 * m)
     geometry(t, y, p, terms)
     residuals = at(terms, n * n + n * m)
     correction(p, residuals, out)
@@ -113,7 +124,7 @@ def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the same for the velocities and the rates; then HEALTH (1,)."""
     n = int(p[COUNT])
     m = int(p[ROWS])
-    terms = at(p, int(p[MOTION]) + n + 2 * m)
+    terms = at(p, int(p[MOTION]) + n + 3 * m)
     geometry(t, y, p, terms)
     rates = at(terms, n * n + n * m + m)
     correction(p, rates, out)
@@ -126,7 +137,7 @@ def correction(p: Floats, residuals: Floats, out: Floats) -> None:
     """Give -M^-1 A^T S^-1 residuals (n,)."""
     n = int(p[COUNT])
     m = int(p[ROWS])
-    terms = at(p, int(p[MOTION]) + n + 2 * m)
+    terms = at(p, int(p[MOTION]) + n + 3 * m)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
     Y = at(L, n * n)
     u = at(Y, n * m)
@@ -137,7 +148,7 @@ def correction(p: Floats, residuals: Floats, out: Floats) -> None:
     spread(n, m, at(terms, n * n), L, lengths, Y, per_row)
     for i in range(m):
         right[i] = -residuals[i] * per_row[i]
-    rank = reflect(n, m, PASSING_CORRECTION, p, Y, per_row)
+    rank = reflect(n, m, p, L, Y, per_row)
     impress(n, m, rank, Y, per_row, u)
     backward(n, L, u, out)
 
@@ -147,7 +158,7 @@ def solve_motion(t: float, y: Floats, p: Floats) -> None:
     n = int(p[COUNT])
     m = int(p[ROWS])
     motion = at(p, int(p[MOTION]))
-    terms = at(motion, n + 2 * m)
+    terms = at(motion, n + 3 * m)
     f = at(terms, n * n + n * m)
     b = at(f, n)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
@@ -168,7 +179,7 @@ def solve_motion(t: float, y: Floats, p: Floats) -> None:
         right[i] = b[i] * per_row[i]
         for j in range(n):
             right[i] -= Y[i * n + j] * v[j]
-    rank = reflect(n, m, PASSING, p, Y, per_row)
+    rank = reflect(n, m, p, L, Y, per_row)
     impress(n, m, rank, Y, per_row, u)
     multipliers(n, m, rank, Y, per_row, at(motion, n))
     for j in range(n):
@@ -285,9 +296,7 @@ def spread(
             row[j] *= per_row[i]
 
 
-def reflect(
-    n: int, m: int, passing: float, p: Floats, Y: Floats, per_row: Floats
-) -> int:
+def reflect(n: int, m: int, p: Floats, L: Floats, Y: Floats, per_row: Floats) -> int:
     """Triangularise Y^T by reflections with pivoting; give the rank.
 
     Leaves the size of the last column that is independent in general as HEALTH. Row k
@@ -296,22 +305,21 @@ def reflect(
     """
     diagonal = at(per_row, 2 * m)
     factors = at(per_row, 3 * m)
-    order = at(per_row, 4 * m)
-    for i in range(m):
-        order[i] = i
-    cutoff = max(RANK, passing * p[REFERENCE])
-    expected = min(n, m, int(p[EXPECTED]))
+    aside = at(p, int(p[MOTION]) + n + 2 * m)
+    kept = set_aside(n, m, aside, Y, per_row)
+    cutoff = max(RANK, PASSING * p[REFERENCE])
+    expected = min(n, kept, int(p[EXPECTED]))
     p[HEALTH] = 1.0
     for k in range(expected):
-        best = longest_row(n, m, k, Y)
-        longest = 0.0
-        for j in range(k, n):
-            longest += Y[best * n + j] * Y[best * n + j]
-        longest = sqrt(longest)
+        best = longest_row(n, k, kept, Y)
+        longest = sqrt(rest_of_row(n, k, at(Y, best * n)))
         p[HEALTH] = longest
         if longest < cutoff:
+            note_weakest(n, m, k, best, p, L, Y, per_row)
             return k
         swap(n, m, k, best, Y, per_row)
+        if k == expected - 1:
+            note_weakest(n, m, k, k, p, L, Y, per_row)
         row = at(Y, k * n)
         diagonal[k] = -longest
         if row[k] < 0.0:
@@ -325,18 +333,70 @@ def reflect(
     return expected
 
 
-def longest_row(n: int, m: int, k: int, Y: Floats) -> int:
-    """Give the row from k on that is longest from column k on."""
+def note_weakest(
+    n: int, m: int, k: int, i: int, p: Floats, L: Floats, Y: Floats, per_row: Floats
+) -> None:
+    """Note the direction in which the constraints are weakest, if it is the weakest.
+
+    That is what is left of row i after k reflections.
+    """
+    if p[HEALTH] >= p[LEAST_HEALTH] or p[HEALTH] >= NOTED * p[REFERENCE]:
+        return
+    p[LEAST_HEALTH] = p[HEALTH]
+    z = at(p, int(p[WEAK]))
+    mass = at(z, n)
+    u = at(mass, n)
+    factors = at(per_row, 3 * m)
+    for j in range(n):
+        u[j] = 0.0
+        if j >= k:
+            u[j] = Y[i * n + j]
+    for back in range(k):
+        j = k - 1 - back
+        mirror(n, j, at(Y, j * n), factors[j], u)
+    for a in range(n):
+        mass[a] = 0.0
+        for j in range(a + 1):
+            mass[a] += L[a * n + j] * u[j]
+    backward(n, L, u, z)
+
+
+def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
+    """Give the row among k, ..., end - 1 that is longest from column k on."""
     best = k
     longest = -1.0
-    for i in range(k, m):
-        length = 0.0
-        for j in range(k, n):
-            length += Y[i * n + j] * Y[i * n + j]
+    for i in range(k, end):
+        length = rest_of_row(n, k, at(Y, i * n))
         if length > longest:
             longest = length
             best = i
     return best
+
+
+def set_aside(n: int, m: int, aside: Floats, Y: Floats, per_row: Floats) -> int:
+    """Put the rows that are marked in `aside` (m,) last; give how many are not."""
+    order = at(per_row, 4 * m)
+    kept = m
+    for back in range(m):
+        i = m - 1 - back
+        order[i] = i
+        if aside[i] > 0.0:
+            kept -= 1
+    end = m
+    for back in range(m):
+        i = m - 1 - back
+        if aside[i] > 0.0:
+            end -= 1
+            swap(n, m, i, end, Y, per_row)
+    return kept
+
+
+def rest_of_row(n: int, k: int, row: Floats) -> float:
+    """Give the square of the length of a row from column k on."""
+    length = 0.0
+    for j in range(k, n):
+        length += row[j] * row[j]
+    return length
 
 
 def swap(n: int, m: int, k: int, i: int, Y: Floats, per_row: Floats) -> None:

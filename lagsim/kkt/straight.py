@@ -59,9 +59,8 @@ class Factorisation:
         Column k of L without its unit diagonal, as row -> node.
     inverse : dict
         1 / D_k.
-    health : list of int
-        Each pivot over the diagonal entry it came from; near 0 where the matrix is
-        close to singular, negative where it is indefinite.
+    pivots : dict
+        D_k and the diagonal entry that it came from.
     """
 
     def __init__(
@@ -76,7 +75,7 @@ class Factorisation:
         self.order: list[int] = []
         self.below: dict[int, Vector] = {}
         self.inverse: Vector = {}
-        self.health: list[int] = []
+        self.pivots: dict[int, tuple[int, int]] = {}
         first = {k: rows[k].get(k, g.zero) for k in range(size)}
         left = set(range(size))
         while left:
@@ -87,8 +86,7 @@ class Factorisation:
     def _eliminate(self, k: int, rows: list[Vector], first: int) -> None:
         g = self.g
         pivot = rows[k].pop(k, g.zero)
-        if pivot != first:
-            self.health.append(g.call("div", pivot, first))
+        self.pivots[k] = pivot, first
         inverse = g.call("div", g.one, pivot)
         column = {i: g.call("mul", node, inverse) for i, node in rows[k].items()}
         self.meter.add(1 + len(column) * (len(column) + 3) // 2)
@@ -148,6 +146,7 @@ class Elimination:
         self.meter = Meter()
         n = len(equations.q)
         self.n, self.m = n, len(equations.rows)
+        self.names = [row.name for row in equations.rows]
         entries = {
             (i, j): equations.M[i][j]
             for i in range(n)
@@ -229,10 +228,14 @@ class Elimination:
     def health(self) -> int:
         """Give the root of the smallest ratio of a pivot of S to its diagonal entry.
 
-        It goes to 0 as the smallest singular value of the scaled rows does.
+        It goes to 0 as the smallest singular value of the scaled rows does. A row
+        counts as not shorter than the variable `length.<name>`, so that one that
+        vanishes is seen to.
         """
         g = self.g
         worst = g.one
-        for ratio in self.schur.health:
-            worst = g.call("min", ratio, worst)
+        for k, (pivot, entry) in self.schur.pivots.items():
+            length = g.variable(f"length.{self.names[k]}")
+            usual = g.call("max", entry, g.call("mul", length, length))
+            worst = g.call("min", g.call("div", pivot, usual), worst)
         return g.call("sqrt", g.call("max", worst, g.zero))

@@ -43,7 +43,7 @@ from lagsim.methods._state import (
     SIZE,
     STEP_H,
     STEP_T,
-    WATCHED_BELOW,
+    WATCHED,
     N,
     T,
 )
@@ -140,8 +140,7 @@ def watch(s: Floats, p: Floats) -> int:
 
     The state where it is found is left in the working memory.
     """
-    least = min(s[HEALTH], s[PREVIOUS_HEALTH])
-    if least < s[WATCHED_BELOW]:
+    if s[WATCHED] > 0.0:
         # The least lies inside where it falls at the start and rises at the end.
         low = 0.0
         high = 1.0

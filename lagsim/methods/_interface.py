@@ -14,6 +14,11 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
 
+# Where a kernel finds in p what a solve of the constraints leaves for it.
+LEAST_HEALTH = 8  # the smallest independence of the rows since a kernel set it to 1
+WEAK = 9  # offset of the direction z (n) that it was weakest in, and of M z (n); or 0
+
+
 @external
 def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give y' (size,) at the state y = (q, q', work if the model has it)."""

@@ -38,12 +38,14 @@ SIZE = 24  # components of y
 FIXED_STEP = 25  # for fixed-step methods
 ARC_START = 26
 PREVIOUS_HEALTH = 27  # before the last step
-WATCHED_BELOW = 28  # steps with a health below this are searched for a loss of rank
+CLOSE_BELOW = 28  # a health below this is close to a loss of rank
 LOST_BELOW = 29  # which is a least health below this
 DEGENERATE_BELOW = 30  # at a health below this the kernel returns; 0: never
 LOST_AT = 31  # where rank was lost last
 FORCES = 32  # the largest size of forces, which may cancel: sum of M_ii a_i^2
-HEADER = 34
+HEALTH_SLOPE = 33  # the steepest change of the health so far
+WATCHED = 34  # 1 if the last step is to be searched for a loss of rank
+HEADER = 36
 
 # What `advance` and `step` return.
 DONE = 0

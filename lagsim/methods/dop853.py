@@ -14,19 +14,25 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods._controller import first_step, record_sizes, set_tolerances
+from lagsim.methods._controller import (
+    clear_of_loss,
+    first_step,
+    leave_loss,
+    record_health,
+    record_sizes,
+    set_tolerances,
+)
 from lagsim.methods._dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
-from lagsim.methods._interface import derivative
-from lagsim.methods._projection import project
+from lagsim.methods._interface import LEAST_HEALTH, derivative
+from lagsim.methods._projection import forget_weak_direction, project
 from lagsim.methods._state import (
+    CLOSE_BELOW,
     DONE,
     END,
     EVALUATIONS,
     HEADER,
-    HEALTH,
     NOT_FINITE,
     PREVIOUS_ERROR,
-    PREVIOUS_HEALTH,
     PROJECTION_FAILED,
     REJECTIONS,
     ROW,
@@ -38,7 +44,7 @@ from lagsim.methods._state import (
     STEP_T,
     STEP_TOO_SMALL,
     STEPS,
-    WATCHED_BELOW,
+    WATCHED,
     H,
     N,
     T,
@@ -87,6 +93,8 @@ def start(s: Floats, p: Floats) -> None:
     s[PREVIOUS_ERROR] = 1e-4
     record_sizes(s, p)
     s[H] = first_step(s, p, ORDER, k)
+    if CONSTRAINED:
+        s[H] = leave_loss(s, p, s[H])
 
 
 def step(s: Floats, p: Floats) -> int:
@@ -128,6 +136,8 @@ def usable_step(s: Floats) -> float:
         return float(s[END] - t)
     if not h > SMALLEST * max(abs(t), 1e-6 * (s[END] - t)):
         return 0.0
+    if CONSTRAINED:
+        h = clear_of_loss(s, h)
     return float((t + h) - t)
 
 
@@ -139,6 +149,8 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
     k = at(s, HEADER + 6 * size + 6)
     z = at(k, STAGES * size)
     new = at(z, size)
+    if CONSTRAINED:
+        p[LEAST_HEALTH] = 1.0
     for stage in unrolled(1, 12):
         for i in range(size):
             slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
@@ -148,20 +160,25 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
     for i in range(size):
         new[i] = y[i] + h * total(B[j] * k[j * size + i] for j in unrolled(12))
     set_tolerances(s, p, t + h, new, k, h)
-    return error_norm(size, h, k, at(s, HEADER + 2 * size))
+    errors = at(new, size)
+    for i in range(size):
+        errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
+        errors[size + i] = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
+    if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
+        forget_weak_direction(int(s[N]), p, errors)
+        forget_weak_direction(int(s[N]), p, at(errors, size))
+    return error_norm(size, h, errors, at(s, HEADER + 2 * size))
 
 
-def error_norm(size: int, h: float, k: Floats, tolerances: Floats) -> float:
-    """Combine the estimates of order 5 and 3 (II.10, (10.17))."""
+def error_norm(size: int, h: float, errors: Floats, tolerances: Floats) -> float:
+    """Combine the estimates of order 5 and 3 (II.10, (10.17)); errors : (2 size,)."""
     error5 = 0.0
     error3 = 0.0
     controlled = 0
     for i in range(size):
         if tolerances[i] > 0.0:
-            e5 = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
-            e3 = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
-            e5 /= tolerances[i]
-            e3 /= tolerances[i]
+            e5 = errors[i] / tolerances[i]
+            e3 = errors[size + i] / tolerances[i]
             error5 += e5 * e5
             error3 += e3 * e3
             controlled += 1
@@ -180,8 +197,7 @@ def settle(s: Floats, p: Floats, h: float) -> int:
     masses = at(s, HEADER + 3 * size + 2)
     if project(n, s[T] + h, h, new, p, sizes, masses, work) == 0:
         return 0
-    s[PREVIOUS_HEALTH] = s[HEALTH]
-    s[HEALTH] = work[n + 1]
+    record_health(s, work[n + 1], h)
     return 1
 
 
@@ -198,7 +214,7 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     derivative(s[T], new, p, at(k, 12 * size))
     s[EVALUATIONS] += 1.0
     row = s[ROW_START] + s[ROW] * s[ROW_STEP]
-    watched = CONSTRAINED and min(s[HEALTH], s[PREVIOUS_HEALTH]) < s[WATCHED_BELOW]
+    watched = CONSTRAINED and s[WATCHED] > 0.0
     if UNTIL or watched or (row < s[ROW_LIMIT] and row < s[T]):
         prepare_dense(s, p)
     for i in range(size):

@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import floor
 from typing import TYPE_CHECKING
 
-from lagsim.methods._controller import record_sizes
+from lagsim.methods._controller import record_health, record_sizes
 from lagsim.methods._interface import derivative
 from lagsim.methods._projection import project
 from lagsim.methods._state import (
@@ -23,9 +23,7 @@ from lagsim.methods._state import (
     EVALUATIONS,
     FIXED_STEP,
     HEADER,
-    HEALTH,
     NOT_FINITE,
-    PREVIOUS_HEALTH,
     PROJECTION_FAILED,
     SIZE,
     STEP_H,
@@ -97,8 +95,7 @@ def step(s: Floats, p: Floats) -> int:
         masses = at(s, HEADER + 3 * size + 2)
         if project(n, after, h, new, p, sizes, masses, work) == 0:
             return PROJECTION_FAILED
-        s[PREVIOUS_HEALTH] = s[HEALTH]
-        s[HEALTH] = work[n + 1]
+        record_health(s, work[n + 1], h)
     derivative(after, new, p, at(k, 4 * size))
     s[EVALUATIONS] += 4.0
     accept(s, p, t, after)

@@ -96,7 +96,8 @@ class System:
         p = np.zeros(dense.HEADER + dense.workspace(n, m) + 4)
         rank = min(n, m) if self.expected is None else self.expected
         p[: dense.HEADER] = [
-            n, m, dense.HEADER, 0, self.augmented, rank, self.reference, 0,
+            n, m, dense.HEADER, 0, self.augmented, rank, self.reference, 0, 1.0,
+            dense.HEADER + dense.weak_direction(n, m),
         ]  # fmt: skip
         p[-4:] = GUARD
         return y, p, np.zeros(n + 3)
