@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.kkt import dense
+from lagsim.kkt import _layout, dense
 from lagsim.methods import _driver, method
 from lagsim.methods._interface import LEAST_HEALTH
 from lagsim.native.cache import kernel_object, object_code
@@ -129,7 +129,7 @@ class System:
         layout = self._layout()
         code = generate(equations.graph, functions, layout)
         self.p = np.zeros(code.p_size)
-        self.p[: dense.HEADER] = [
+        self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
             plan.independence, 1.0, 1.0, self._weak(),
         ]  # fmt: skip
@@ -149,7 +149,7 @@ class System:
         """Give where loops note the weakest direction; 0 where none do."""
         if self.plan.elimination is not None:
             return 0
-        return self.motion + dense.weak_direction(self.n, self.m)
+        return self.motion + _layout.weak_direction(self.n, self.m)
 
     def _functions(self, elimination: Elimination | None) -> dict[str, list[int]]:
         """Give what is compiled from the graph: name -> what it writes to out."""
@@ -245,11 +245,13 @@ class System:
         fixed = [p.name for p in e.model.parameters]
         fixed += [mode.variable for mode in self.switches.modes]
         fixed += [f"length.{row.name}" for row in e.rows]
-        p = {name: dense.HEADER + k for k, name in enumerate(fixed)}
-        self.motion = dense.HEADER + len(fixed)
+        p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
+        self.motion = _layout.HEADER + len(fixed)
         motion = (*e.accelerations, *e.multipliers)
         p |= {name: self.motion + k for k, name in enumerate(motion)}
-        loops = dense.workspace(self.n, self.m) if self.plan.elimination is None else 0
+        loops = (
+            _layout.workspace(self.n, self.m) if self.plan.elimination is None else 0
+        )
         return Layout(
             y={name: k for k, name in enumerate(state)},
             p=p,
@@ -327,8 +329,8 @@ class Runner:
         """
         call = self.engine.function("prepare", *_FUNCTION)
         p = self.system.p
-        p[dense.REFERENCE] = self.system.plan.independence
-        p[dense.HEALTH] = p[LEAST_HEALTH] = 1.0
+        p[_layout.REFERENCE] = self.system.plan.independence
+        p[_layout.HEALTH] = p[LEAST_HEALTH] = 1.0
         p[self.system.motion :] = 0.0
         if self.system.plan.elimination is None:
             lengths = self.system.motion + self.system.n + self.system.m

@@ -12,7 +12,7 @@ import pytest
 from lagsim.admissibility import examine
 from lagsim.equations import Equations, derive
 from lagsim.expressions.evaluate import evaluate
-from lagsim.kkt import dense
+from lagsim.kkt import _layout
 from lagsim.plan import make_plan
 from lagsim.reader import read, read_file
 from lagsim.system import System
@@ -111,10 +111,10 @@ class Native:
         """Give y', q'' and lambda; the latter two are columns of the rows."""
         e = self.equations
         for k, parameter in enumerate(e.model.parameters):
-            self.system.p[dense.HEADER + k] = values[parameter.name]
+            self.system.p[_layout.HEADER + k] = values[parameter.name]
         self.runner.prepare()
         # Random states are off the constraints, and not to be brought onto them.
-        self.system.p[dense.REFERENCE] = 0.0
+        self.system.p[_layout.REFERENCE] = 0.0
         y = np.array([values[name] for name in (*e.q, *e.velocities)] + [0.0])
         y = y[: self.system.size]
         rates = self.runner.function("derivative")(values["t"], y)[: self.system.size]

@@ -12,24 +12,18 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods._interface import derivative, measure, velocity_step
+from lagsim.methods._interface import derivative, measure
 from lagsim.methods._state import (
     ATOL,
-    CLOSE_BELOW,
     END,
     ENERGY,
     EVALUATIONS,
     FORCES,
     HEADER,
-    HEALTH,
-    HEALTH_SLOPE,
     POTENTIAL,
-    PREVIOUS_HEALTH,
     ROW_STEP,
     RTOL,
     SIZE,
-    STEP_H,
-    WATCHED,
     N,
     T,
 )
@@ -39,8 +33,6 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
 FLOOR = 1e-3
-# How much faster than it has been seen to the independence of the rows may change.
-MARGIN = 1.5
 # No component is controlled below its share of the rounding of the whole motion.
 NOISE = 4.0 * 2.0**-53
 # Forces that cancel, as in equilibrium, leave rounding of their own size in y', which
@@ -63,55 +55,6 @@ def record_sizes(s: Floats, p: Floats) -> None:
     s[ENERGY] = energy_scale(s, p, s[T], y)
     driven = at(s, HEADER + 3 * size + 2 + int(s[N]))
     s[FORCES] = max(s[FORCES], driven[0])
-
-
-def record_health(s: Floats, health: float, h: float) -> None:
-    """Take the independence of the rows after a step of length h.
-
-    The step is searched for a loss of rank where the independence could have fallen to
-    zero and risen again within it, changing as fast as it has been seen to.
-    """
-    slope = abs(health - s[HEALTH]) / h
-    s[HEALTH_SLOPE] = max(s[HEALTH_SLOPE], slope)
-    s[WATCHED] = 0.0
-    if s[HEALTH] + health <= MARGIN * s[HEALTH_SLOPE] * h:
-        s[WATCHED] = 1.0
-    s[PREVIOUS_HEALTH] = s[HEALTH]
-    s[HEALTH] = health
-
-
-def clear_of_loss(s: Floats, h: float) -> float:
-    """Give a step that does not end close to a loss of rank: h, or less.
-
-    There, rounding is divided by the square of the rows' independence. Steps that pass
-    it at a distance lose nothing.
-    """
-    falling = s[PREVIOUS_HEALTH] - s[HEALTH]
-    if s[STEP_H] > 0.0 and falling > 0.0:
-        ahead = s[HEALTH] - falling / s[STEP_H] * h
-        if abs(ahead) < s[CLOSE_BELOW] and s[HEALTH] > s[CLOSE_BELOW]:
-            return float(0.6 * h)
-    return h
-
-
-def leave_loss(s: Floats, p: Floats, h: float) -> float:
-    """Give a first step that leaves the neighbourhood of a loss of rank: h, or more."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    z = at(s, HEADER + 4 * size + 2)
-    out = at(z, size)
-    for i in range(size):
-        z[i] = y[i]
-    velocity_step(s[T], z, p, out)
-    s[HEALTH] = out[n + 1]
-    s[PREVIOUS_HEALTH] = s[HEALTH]
-    while out[n + 1] < s[CLOSE_BELOW] and s[T] + 2.0 * h < s[END]:
-        h = 2.0 * h
-        for i in range(n):
-            z[i] = y[i] + h * y[n + i]
-        velocity_step(s[T] + h, z, p, out)
-    return h
 
 
 def energy_scale(s: Floats, p: Floats, t: float, y: Floats) -> float:

@@ -14,9 +14,9 @@ from lagsim.methods._interface import (
     start,
     step,
     until,
-    velocity_step,
 )
 from lagsim.methods._projection import project
+from lagsim.methods._singular import watch
 from lagsim.methods._state import (
     BLOCK_FULL,
     DEGENERATE,
@@ -30,11 +30,8 @@ from lagsim.methods._state import (
     FRESH,
     HEADER,
     HEALTH,
-    LOST_AT,
-    LOST_BELOW,
     ORIENTATION,
     PAUSED,
-    PREVIOUS_HEALTH,
     RANK_LOST,
     ROW,
     ROW_LIMIT,
@@ -43,7 +40,6 @@ from lagsim.methods._state import (
     SIZE,
     STEP_H,
     STEP_T,
-    WATCHED,
     N,
     T,
 )
@@ -55,10 +51,6 @@ if TYPE_CHECKING:
 CONSTRAINED = True
 UNTIL = True
 
-# A loss of rank is looked for where the health falls over this first part of a step,
-# and located to this part of it.
-NUDGE = 1e-3
-NARROW = 1e-9
 # A step is looked at this often for the moment that ends the run.
 LOOKS = 8
 
@@ -133,40 +125,6 @@ def settle(s: Floats, p: Floats, t: float, y: Floats) -> None:
     masses = at(s, HEADER + 3 * size + 2)
     work = at(s, HEADER + 4 * size + 2)
     project(int(s[N]), t, s[STEP_H], y, p, sizes, masses, work)
-
-
-def watch(s: Floats, p: Floats) -> int:
-    """Look for a loss of rank within the last step; give 1 where there is one.
-
-    The state where it is found is left in the working memory.
-    """
-    if s[WATCHED] > 0.0:
-        # The least lies inside where it falls at the start and rises at the end.
-        low = 0.0
-        high = 1.0
-        falls = health(s, p, NUDGE) < s[PREVIOUS_HEALTH]
-        if falls and health(s, p, 1.0 - NUDGE) < s[HEALTH]:
-            while high - low > NARROW:
-                left = low + (high - low) / 3.0
-                right = high - (high - low) / 3.0
-                if health(s, p, left) < health(s, p, right):
-                    high = right
-                else:
-                    low = left
-            if health(s, p, low) < s[LOST_BELOW]:
-                s[LOST_AT] = s[STEP_T] + low * s[STEP_H]
-                return 1
-    return 0
-
-
-def health(s: Floats, p: Floats, x: float) -> float:
-    """Give how independent the rows are at the fraction x of the last step."""
-    size = int(s[SIZE])
-    z = at(s, HEADER + 4 * size + 2)
-    out = at(z, size)
-    interpolate(s, x, z)
-    velocity_step(s[STEP_T] + x * s[STEP_H], z, p, out)
-    return float(out[int(s[N]) + 1])
 
 
 def arm(s: Floats, p: Floats, work: Floats) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods._interface import WEAK, position_step, velocity_step
+from lagsim.methods._interface import position_step, velocity_step
 from lagsim.native.kernel_types import at
 
 if TYPE_CHECKING:
@@ -93,26 +93,3 @@ def relative_size(
     if moved == 0.0:
         return 0.0
     return sqrt(moved / max(whole, least))
-
-
-def forget_weak_direction(n: int, p: Floats, error: Floats) -> None:
-    """Take out of the errors of q and q' (2 n,) what projection will remove.
-
-    Close to a singular configuration, what a stage is off the constraints is divided by
-    the independence of the rows, and comes out in one direction. The error there says
-    nothing of the motion, which the constraints determine, but would shrink the steps
-    without end.
-    """
-    if p[WEAK] > 0.0:
-        z = at(p, int(p[WEAK]))
-        mass = at(z, n)
-        square = 0.0
-        for i in range(n):
-            square += mass[i] * z[i]
-        for level in range(2):
-            part = at(error, level * n)
-            share = 0.0
-            for i in range(n):
-                share += mass[i] * part[i]
-            for i in range(n):
-                part[i] -= share / square * z[i]

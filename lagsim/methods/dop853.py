@@ -15,16 +15,19 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods._controller import (
-    clear_of_loss,
     first_step,
-    leave_loss,
-    record_health,
     record_sizes,
     set_tolerances,
 )
 from lagsim.methods._dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
 from lagsim.methods._interface import LEAST_HEALTH, derivative
-from lagsim.methods._projection import forget_weak_direction, project
+from lagsim.methods._projection import project
+from lagsim.methods._singular import (
+    clear_of_loss,
+    forget_weak_direction,
+    leave_loss,
+    record_health,
+)
 from lagsim.methods._state import (
     CLOSE_BELOW,
     DONE,

@@ -13,9 +13,10 @@ from __future__ import annotations
 from math import floor
 from typing import TYPE_CHECKING
 
-from lagsim.methods._controller import record_health, record_sizes
+from lagsim.methods._controller import record_sizes
 from lagsim.methods._interface import derivative
 from lagsim.methods._projection import project
+from lagsim.methods._singular import record_health
 from lagsim.methods._state import (
     ARC_START,
     DONE,

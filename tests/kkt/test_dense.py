@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from lagsim.kkt import dense
+from lagsim.kkt import _layout, _rows
 from lagsim.kkt.dense import position_step, solve_motion, velocity_step
 from lagsim.native import cache, kernel_code
 from lagsim.native.engine import Engine
@@ -93,11 +93,11 @@ class System:
         m, n = self.A.shape
         parts = (self.M, self.A, self.f, self.b, [0.0], np.zeros(m))
         y = np.concatenate([np.ravel(part) for part in parts])
-        p = np.zeros(dense.HEADER + dense.workspace(n, m) + 4)
+        p = np.zeros(_layout.HEADER + _layout.workspace(n, m) + 4)
         rank = min(n, m) if self.expected is None else self.expected
-        p[: dense.HEADER] = [
-            n, m, dense.HEADER, 0, self.augmented, rank, self.reference, 0, 1.0,
-            dense.HEADER + dense.weak_direction(n, m),
+        p[: _layout.HEADER] = [
+            n, m, _layout.HEADER, 0, self.augmented, rank, self.reference, 0, 1.0,
+            _layout.HEADER + _layout.weak_direction(n, m),
         ]  # fmt: skip
         p[-4:] = GUARD
         return y, p, np.zeros(n + 3)
@@ -114,8 +114,8 @@ GUARD = [3.0, 1.0, 4.0, 1.0]
 
 
 def motion_in(p: Any) -> tuple[Any, Any]:
-    n, m = int(p[dense.COUNT]), int(p[dense.ROWS])
-    q_ddot, lam = np.split(p[dense.HEADER : dense.HEADER + n + m], [n])
+    n, m = int(p[_layout.COUNT]), int(p[_layout.ROWS])
+    q_ddot, lam = np.split(p[_layout.HEADER : _layout.HEADER + n + m], [n])
     return q_ddot.copy(), lam.copy()
 
 
@@ -314,8 +314,8 @@ def nearly_parallel(angle: float) -> System:
 def test_rank_lost_on_the_way_is_seen_against_what_it_was(call: Any) -> None:
     # In a model whose rows were far from parallel, it is noise that is left of their
     # independence; in one where they always were that close, it is digits.
-    angle = dense.PASSING / 10
-    assert angle > 2 * dense.RANK
+    angle = _rows.PASSING / 10
+    assert angle > 2 * _rows.RANK
     passing = replace(nearly_parallel(angle), reference=1.0)
     q_ddot, lam = passing.motion(call)
     expected, _ = least_norm(replace(passing, A=passing.A[:1], b=passing.b[:1]))
@@ -335,11 +335,11 @@ def test_health_is_kept_in_mind(call: Any) -> None:
         # Rows of length 1, the second of which pivots to its part across the first.
         u, v = nearly_parallel(angle).A
         sine = np.sqrt(1 - (u @ v) ** 2 / (v @ v)) if angle == 1.0 else angle
-        assert out[6] == p[dense.HEALTH] == pytest.approx(sine, rel=1e-3)
-        assert p[dense.REFERENCE] == out[6]
+        assert out[6] == p[_layout.HEALTH] == pytest.approx(sine, rel=1e-3)
+        assert p[_layout.REFERENCE] == out[6]
     y, p, out = replace(nearly_parallel(1e-2), reference=0.5).arrays
     call("velocity_step", y, p, out)
-    assert p[dense.REFERENCE] == 0.5
+    assert p[_layout.REFERENCE] == 0.5
 
 
 def test_a_row_that_vanishes_on_the_way_is_measured_by_its_past(call: Any) -> None:

@@ -1,0 +1,146 @@
+"""Configurations in which the constraints lose their independence: passed, and told.
+
+The health of a state is about the smallest singular value of the scaled constraint
+rows. Near a singular configuration what a stage is off the constraints is divided by
+it, and rounding in a velocity by its square: steps that end there, or shrink on their
+way there, lose digits, and steps that pass it at a distance lose nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.methods._interface import WEAK, interpolate, velocity_step
+from lagsim.methods._state import (
+    CLOSE_BELOW,
+    END,
+    HEADER,
+    HEALTH,
+    HEALTH_SLOPE,
+    LOST_AT,
+    LOST_BELOW,
+    PREVIOUS_HEALTH,
+    SIZE,
+    STEP_H,
+    STEP_T,
+    WATCHED,
+    N,
+    T,
+)
+from lagsim.native.kernel_types import at
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+
+# How much faster than it has been seen to the health may change.
+MARGIN = 1.5
+# A loss of rank is looked for where the health falls over this first part of a step,
+# and located to this part of it.
+NUDGE = 1e-3
+NARROW = 1e-9
+
+
+def record_health(s: Floats, health: float, h: float) -> None:
+    """Take the independence of the rows after a step of length h.
+
+    The step is searched for a loss of rank where the independence could have fallen to
+    zero and risen again within it, changing as fast as it has been seen to.
+    """
+    slope = abs(health - s[HEALTH]) / h
+    s[HEALTH_SLOPE] = max(s[HEALTH_SLOPE], slope)
+    s[WATCHED] = 0.0
+    if s[HEALTH] + health <= MARGIN * s[HEALTH_SLOPE] * h:
+        s[WATCHED] = 1.0
+    s[PREVIOUS_HEALTH] = s[HEALTH]
+    s[HEALTH] = health
+
+
+def clear_of_loss(s: Floats, h: float) -> float:
+    """Give a step that does not end close to a loss of rank: h, or less.
+
+    There, rounding is divided by the square of the rows' independence. Steps that pass
+    it at a distance lose nothing.
+    """
+    falling = s[PREVIOUS_HEALTH] - s[HEALTH]
+    if s[STEP_H] > 0.0 and falling > 0.0:
+        ahead = s[HEALTH] - falling / s[STEP_H] * h
+        if abs(ahead) < s[CLOSE_BELOW] and s[HEALTH] > s[CLOSE_BELOW]:
+            return float(0.6 * h)
+    return h
+
+
+def leave_loss(s: Floats, p: Floats, h: float) -> float:
+    """Give a first step that leaves the neighbourhood of a loss of rank: h, or more."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    z = at(s, HEADER + 4 * size + 2)
+    out = at(z, size)
+    for i in range(size):
+        z[i] = y[i]
+    velocity_step(s[T], z, p, out)
+    s[HEALTH] = out[n + 1]
+    s[PREVIOUS_HEALTH] = s[HEALTH]
+    while out[n + 1] < s[CLOSE_BELOW] and s[T] + 2.0 * h < s[END]:
+        h = 2.0 * h
+        for i in range(n):
+            z[i] = y[i] + h * y[n + i]
+        velocity_step(s[T] + h, z, p, out)
+    return h
+
+
+def watch(s: Floats, p: Floats) -> int:
+    """Look for a loss of rank within the last step; give 1 where there is one.
+
+    The state where it is found is left in the working memory.
+    """
+    if s[WATCHED] > 0.0:
+        # The least lies inside where it falls at the start and rises at the end.
+        low = 0.0
+        high = 1.0
+        falls = health_at(s, p, NUDGE) < s[PREVIOUS_HEALTH]
+        if falls and health_at(s, p, 1.0 - NUDGE) < s[HEALTH]:
+            while high - low > NARROW:
+                left = low + (high - low) / 3.0
+                right = high - (high - low) / 3.0
+                if health_at(s, p, left) < health_at(s, p, right):
+                    high = right
+                else:
+                    low = left
+            if health_at(s, p, low) < s[LOST_BELOW]:
+                s[LOST_AT] = s[STEP_T] + low * s[STEP_H]
+                return 1
+    return 0
+
+
+def health_at(s: Floats, p: Floats, x: float) -> float:
+    """Give how independent the rows are at the fraction x of the last step."""
+    size = int(s[SIZE])
+    z = at(s, HEADER + 4 * size + 2)
+    out = at(z, size)
+    interpolate(s, x, z)
+    velocity_step(s[STEP_T] + x * s[STEP_H], z, p, out)
+    return float(out[int(s[N]) + 1])
+
+
+def forget_weak_direction(n: int, p: Floats, error: Floats) -> None:
+    """Take out of the errors of q and q' (2 n,) what projection will remove.
+
+    Close to a singular configuration, what a stage is off the constraints is divided by
+    the independence of the rows, and comes out in one direction. The error there says
+    nothing of the motion, which the constraints determine, but would shrink the steps
+    without end.
+    """
+    if p[WEAK] > 0.0:
+        z = at(p, int(p[WEAK]))
+        mass = at(z, n)
+        square = 0.0
+        for i in range(n):
+            square += mass[i] * z[i]
+        for level in range(2):
+            part = at(error, level * n)
+            share = 0.0
+            for i in range(n):
+                share += mass[i] * part[i]
+            for i in range(n):
+                part[i] -= share / square * z[i]
