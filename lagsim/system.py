@@ -138,6 +138,7 @@ class System:
         for parameter in equations.model.parameters:
             self.p[layout.p[parameter.name]] = parameter.value
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
+        self._runners: dict[str, Runner] = {}
         self._objects = [object_code(code.ir)]
         if plan.elimination is None:
             kernels: list[Callable[..., Any]] = [dense.derivative, dense.observe]
@@ -260,8 +261,10 @@ class System:
         )
 
     def link(self, name: str) -> Runner:
-        """Link with the method `name`."""
-        return Runner(self, name)
+        """Link with the method `name`, once."""
+        if name not in self._runners:
+            self._runners[name] = Runner(self, name)
+        return self._runners[name]
 
     def set_modes(self, values: Sequence[float]) -> None:
         """Set the branch of each switch in time for the arc to come."""

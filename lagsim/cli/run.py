@@ -149,6 +149,7 @@ class _Job:
         plan = make_plan(equations, start)
         self.lap("derive")
         system = System(equations, plan)
+        system.link(plan.method)
         self.lap("compile")
         from lagsim.outputs.results import open_results
 
@@ -178,13 +179,14 @@ class _Job:
         ):  # fmt: skip
             output = _Output(ledger, thin, writer, interrupt)
             with progress_bar(quiet=self.quiet) as progress:
+                self.lap("output")
                 trajectory = simulate(
                     equations, start, plan, system, [output],
                     interrupt=interrupt, progress=progress,
                 )  # fmt: skip
-            self.lap("integrate")
+                self.lap("integrate")
             self.timings["integrate"] -= output.seconds
-            self.timings["output"] = output.seconds
+            self.timings["output"] += output.seconds
             full = output.fault
             if thin and not full:
                 full = self._draw(system, trajectory, thin, results)
