@@ -6,43 +6,60 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.newton import RANK, null_space
+from lagsim.admissibility.metric import RANK, sizes_of
+from lagsim.admissibility.newton import null_space
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from lagsim.admissibility.point import Point
     from lagsim.native.kernel_types import Floats
 
 
-def needs_constraints(point: Point, q: Floats, v: Floats) -> bool:
+def needs_constraints(
+    point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
+) -> bool:
     """Tell whether M is singular alone but positive where the constraints let it move.
 
     Raises
     ------
     InputError
-        Where a direction that the constraints admit has no inertia, or a negative one.
+        Where a direction that the constraints admit has no inertia, or any direction a
+        negative one.
     """
     M = point.mass(q, v)
-    size = np.sqrt(np.abs(np.diag(M)))
-    size[size == 0] = np.max(size, initial=0.0) or 1.0
+    A = point.jacobian(point.e.rows, q, v, errors)
+    size = sizes_of(M, A)
     scaled = M / np.outer(size, size)
-    if np.linalg.eigvalsh(scaled)[0] > RANK:
+    inertia, directions = np.linalg.eigh(scaled)
+    if inertia[0] > RANK:
         return False
-    kernel = null_space(point.jacobian(point.e.rows, q, v) / size)
+    if inertia[0] < -RANK:
+        direction = directions[:, 0] / size
+        raise InputError([_problem(point.e.q, direction, negative=True)])
+    rows = A / size
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    kernel = null_space(rows / np.where(lengths > 0, lengths, 1.0))
     if not kernel.shape[1]:
         return True
     inertia, directions = np.linalg.eigh(kernel.T @ scaled @ kernel)
     if inertia[0] > RANK:
         return True
     direction = (kernel @ directions[:, 0]) / size
-    problem = _problem(point.e.q, direction, negative=bool(inertia[0] < -RANK))
-    raise InputError([problem])
+    raise InputError([_problem(point.e.q, direction, negative=False)])
+
+
+def _factor(c: float) -> str:
+    if abs(abs(c) - 1) < 1e-6:
+        return "-" if c < 0 else ""
+    return f"{c:.4g} "
 
 
 def _problem(names: tuple[str, ...], direction: Floats, *, negative: bool) -> Problem:
     direction = direction / direction[np.argmax(np.abs(direction))]
     parts = [
-        name if abs(c - 1) < 1e-6 else f"{c:.4g} {name}"
+        f"{_factor(c)}{name}"
         for name, c in zip(names, direction, strict=True)
         if abs(c) > 1e-6
     ]

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.admissibility.newton import reach
+from lagsim.admissibility.point import Asked
 from lagsim.expressions.derivatives import tangent
-from lagsim.expressions.evaluate import evaluate
+from lagsim.expressions.evaluate import evaluate, evaluate_with_error
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,10 +28,14 @@ if TYPE_CHECKING:
 
 # Vectors that differ from a span by less than this part of their length lie in it.
 INDEPENDENT = 1e-7
-POINTS = 2
+# The bounds of rounding errors are to first order; this keeps them bounds.
+CAUTION = 10.0
 SPREAD = 0.3
-# Brackets swell; beyond this the question is left open.
-MOST_NODES = 400_000
+# Points are taken in pairs, and pairs at two sizes where the first does not settle it.
+PAIR = 2
+TRIALS = 8
+# Brackets swell; when they have taken this many nodes the question is left open.
+MOST_NODES = 40_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,16 +63,61 @@ def reach_of(point: Point, rows: Sequence[Row], q: Floats) -> Reach:
     """Decide what the motions that `rows` admit can reach from near q."""
     if any(not row.holonomic and not row.pfaffian for row in rows):
         return Reach(None, None, reason="a relation is not linear in the velocities")
+    time = point.t
+    try:
+        return _at_generic_points(point, rows, q)
+    finally:
+        point.move_to(time)
+
+
+def _at_generic_points(point: Point, rows: Sequence[Row], q: Floats) -> Reach:
+    """Decide at random points, of which two must agree.
+
+    At special points less may be reached: the greatest dimension holds.
+    """
     random = np.random.default_rng(2)  # the same points each time
-    found = []
-    for _ in range(POINTS):
-        size = np.where(np.abs(q) > 0, np.abs(q), 1.0)
-        near = q + SPREAD * size * random.standard_normal(len(q))
-        time = point.t + SPREAD * abs(random.standard_normal())
-        found.append(_Distribution(point, rows, near, time).reach())
-    if any(f != found[0] for f in found):
-        return Reach(None, None, reason="two generic points disagree")
-    return found[0]
+    weights = point.sizes(q, np.zeros_like(q))
+    time = point.t
+    found: list[Reach] = []
+    for natural in (np.ones_like(q), 1.0 / weights):
+        size = np.where(np.abs(q) > 0, np.abs(q), natural)
+        pair = 0
+        for _ in range(TRIALS):
+            point.move_to(time + SPREAD * abs(random.standard_normal()))
+            near = q + SPREAD * size * random.standard_normal(len(q))
+            near_admissible = _admissible(point, rows, near)
+            if near_admissible is None:
+                continue
+            found.append(_Distribution(point, rows, near_admissible, weights).reach())
+            pair += 1
+            if pair == PAIR:
+                break
+        if pair == PAIR and found[0] == found[1] and found[0].dimension is not None:
+            return found[0]
+    if not found:
+        return Reach(None, None, reason="no admissible states were found nearby")
+    open_ = next((f for f in found if f.dimension is None), None)
+    if open_ is not None:
+        return open_
+    best = max(found, key=lambda f: f.dimension or 0)
+    if found.count(best) < PAIR:
+        return Reach(None, None, reason="generic points disagree")
+    return best
+
+
+def _admissible(point: Point, rows: Sequence[Row], q: Floats) -> Floats | None:
+    """Give a state that the holonomic rows admit, near q; None if it is not found."""
+    asked = Asked()
+    for row in rows:
+        if row.holonomic:
+            asked.add(row.name, row.residual, row.residual_scale)
+    if not asked.nodes:
+        return q
+    v = np.zeros_like(q)
+    everything = range(point.n)
+    relations = point.relations(asked, everything, q, v, {}, velocities=False)
+    found = reach(relations, q, np.diag(point.sizes(q, v) ** 2))
+    return found.x if found.met else None
 
 
 class _Distribution:
@@ -77,19 +128,25 @@ class _Distribution:
     """
 
     def __init__(
-        self, point: Point, rows: Sequence[Row], q: Floats, time: float
+        self, point: Point, rows: Sequence[Row], q: Floats, weights: Floats
     ) -> None:
         self.point, self.rows, self.g = point, rows, point.g
         g = self.g
         self.names = [*point.e.q, "t"]
         self.variables = [g.variable(name) for name in self.names]
-        self.values = point.values(q, np.zeros_like(q)) | {"t": time}
+        self.values = point.values(q, np.zeros_like(q))
+        # Vectors are compared with each coordinate in its own size.
+        self.weights = np.append(weights, 1.0)
+        self.budget = len(self.g) + MOST_NODES
         zero = {g.variable(name): g.zero for name in point.e.velocities}
         self.forms = []
         for row in rows:
             slopes = g.substitute(row.A, zero)
             self.forms.append([*slopes, g.substitute([row.rate], zero)[0]])
         self.numbers = np.array([self._at(form) for form in self.forms])
+        self.scaled = self.numbers / self.weights
+        lengths = np.linalg.norm(self.scaled, axis=1, keepdims=True)
+        self.scaled /= np.where(lengths > 0, lengths, 1.0)
 
     def _at(self, nodes: Sequence[int]) -> Floats:
         return np.array(evaluate(self.g, nodes, self.values))
@@ -100,25 +157,44 @@ class _Distribution:
             return Reach(None, None, reason="the forms are not finite near the start")
         fields = self._fields()
         span = _Span(len(self.names))
-        basis = [f for f in fields if span.add(self._at(f))]
+        basis = [f for f in fields if self._extends(span, f)]
         newest = basis
         while newest and span.size < len(self.names):
-            if len(self.g) > MOST_NODES:
-                return Reach(None, None, reason="the brackets grow too long")
-            brackets = [self._bracket(a, b) for a in fields for b in newest]
-            newest = [f for f in brackets if span.add(self._at(f))]
+            brackets = []
+            for a, b in ((a, b) for a in fields for b in newest):
+                if len(self.g) > self.budget:
+                    return Reach(None, None, reason="the brackets grow too long")
+                bracket = self._bracket(a, b)
+                if self._extends(span, bracket):
+                    brackets.append(bracket)
+                    if span.size == len(self.names):
+                        break
+            newest = brackets
         return self._judged(span)
+
+    def _extends(self, span: _Span, field: Sequence[int]) -> bool:
+        """Add a field to the span if it leaves it by more than rounding."""
+        vector = self._at(field) * self.weights
+        rest = span.outside(vector)
+        if rest is None:
+            return False
+        exact = {name: (value, 0.0) for name, value in self.values.items()}
+        found = evaluate_with_error(self.g, field, exact)
+        rounding = np.array([error for _, error in found]) * self.weights
+        if np.linalg.norm(rest) <= CAUTION * np.linalg.norm(rounding):
+            return False
+        span.add(rest)
+        return True
 
     def _fields(self) -> list[list[int]]:
         """Give fields that span the kernel of the forms around the point."""
         g = self.g
         table = [list(form) for form in self.forms]
-        numbers = self.numbers.copy()
+        numbers = self.scaled.copy()
         bound: dict[int, int] = {}  # column -> row
         for i in range(len(table)):
             j = int(np.argmax(np.abs(numbers[i])))
-            size = np.max(np.abs(self.numbers[i]))
-            if abs(numbers[i, j]) <= INDEPENDENT * size or size == 0:
+            if abs(numbers[i, j]) <= INDEPENDENT:
                 continue  # a dependent row
             bound[j] = i
             pivot = table[i][j]
@@ -153,17 +229,22 @@ class _Distribution:
 
     def _judged(self, span: _Span) -> Reach:
         """Read the hidden holonomic combinations off what is reached."""
-        # Combinations of the forms that vanish on everything reached.
-        scaled = self.numbers / np.maximum(
-            np.linalg.norm(self.numbers, axis=1, keepdims=True), 1e-300
+        # What vanishes on everything reached is a combination of the forms; the
+        # holonomic rows are no news.
+        kinds = np.array([row.holonomic for row in self.rows])
+        known = _Span(len(self.names))
+        for form in self.scaled[kinds]:
+            rest = known.outside(form)
+            if rest is not None:
+                known.add(rest)
+        blocked = _kernel(np.vstack([span.matrix, known.matrix]))
+        hidden = blocked.shape[1]
+        shares = np.linalg.lstsq(self.scaled.T, blocked, rcond=INDEPENDENT)[0]
+        names = tuple(
+            row.name
+            for row, share in zip(self.rows, shares, strict=True)
+            if not row.holonomic and np.any(np.abs(share) > 1e-6)
         )
-        blocked = _kernel((scaled @ span.matrix.T).T)
-        kinds = np.array([not row.holonomic for row in self.rows])
-        part = blocked[kinds].T
-        hidden = int(np.linalg.matrix_rank(part, tol=1e-6)) if part.size else 0
-        velocity_rows = [row.name for row in self.rows if not row.holonomic]
-        enters = np.any(np.abs(part) > 1e-6, axis=0) if part.size else []
-        names = tuple(n for n, e in zip(velocity_rows, enters, strict=False) if e)
         return Reach(span.size - 1, hidden, names)
 
 
@@ -177,19 +258,19 @@ class _Span:
     def size(self) -> int:
         return len(self.matrix)
 
-    def add(self, vector: Floats) -> bool:
-        """Take the vector in if it is independent of those there; tell whether."""
+    def outside(self, vector: Floats) -> Floats | None:
+        """Give the part of the vector outside the span; None if there is none."""
         length = np.linalg.norm(vector)
         if not np.isfinite(length) or length == 0:
-            return False
+            return None
         left = vector / length
         for _ in range(2):
             left = left - self.matrix.T @ (self.matrix @ left)
-        rest = np.linalg.norm(left)
-        if rest <= INDEPENDENT:
-            return False
-        self.matrix = np.vstack([self.matrix, left / rest])
-        return True
+        return None if np.linalg.norm(left) <= INDEPENDENT else left * length
+
+    def add(self, rest: Floats) -> None:
+        """Take in what is outside."""
+        self.matrix = np.vstack([self.matrix, rest / np.linalg.norm(rest)])
 
 
 def _kernel(matrix: Floats) -> Floats:

@@ -1,39 +1,48 @@
-"""The nearest point that meets equations: damped Newton, then a true minimum.
+"""The nearest point that meets relations: damped Newton, then a true minimum.
 
-`nearest` minimises |x - x0| in a metric subject to r(x) = 0: damped Newton steps of
-least change reach the equations, then Newton's method on the Lagrange function
-(J. Nocedal and S. J. Wright, Numerical Optimization, 2nd ed., section 18.1) goes to the
-minimum, which is not in general where the first iteration ends. Where the equations
-cannot be reached it says why.
+`nearest` minimises |x - x0| in a metric subject to r(x) = 0. Damped Newton steps of
+least change reach the relations; then Newton's method on the Lagrange function, along
+the relations and with a return to them after each step (J. Nocedal and S. J. Wright,
+Numerical Optimization, 2nd ed., chapters 15 and 18), goes down to the minimum, which is
+not in general where the first iteration ends. Where the relations cannot be reached it
+says why.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from lagsim.admissibility.metric import RANK
+
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Iterator
 
     from lagsim.native.kernel_types import Floats
 
-    Equations = Callable[[Floats], tuple[Floats, Floats]]
-
-RANK = 1e-10
 MOST_STEPS = 60
-# A residual this small against its own terms is rounding.
+# A residual this small against its own terms is met, and then polished.
 MET = 1e-12
+POLISHING = 3
+# The error of a value that was solved for, against the largest of its kind.
+SOLVED = 2.0**-51
 DIFFERENCE = 2.0**-17  # about the cube root of the unit roundoff
 SMALLEST_DAMPING = 1e-6
 # Newton's method halves the distance to a double root: that many halvings in a row.
 HALVINGS = 5
+# The gradient along the relations, against the change, that a minimum may have left.
+FLAT = 1e-12
+# Other starts, and the sizes at which they are looked for; with more unknowns than
+# these the nearest point is a minimum among its neighbours only.
+OTHER_STARTS = 6
+FEW = 8
 
 
 class Trouble(Enum):
-    """Why the equations could not be reached, or what was odd about the root."""
+    """Why the relations could not be reached, or what was odd about the root."""
 
     NONE = ""
     DOUBLE_ROOT = "double root"
@@ -44,166 +53,272 @@ class Trouble(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Where the iteration ended, and whether the equations are met there."""
+    """Where the iteration ended, and whether the relations are met there."""
 
     x: Floats
     met: bool
     trouble: Trouble = Trouble.NONE
 
 
-def nearest(equations: Equations, x0: Floats, metric: Floats) -> Found:
-    """Give the point nearest to `x0` in `metric` (k, k) that meets `equations`.
+class Relations(Protocol):
+    """Residuals and their slopes; when they are met."""
 
-    Where none is found, the point of least |r| near there.
+    def __call__(self, x: Floats) -> tuple[Floats, Floats]:
+        """Give r (m,) and dr/dx (m, k)."""
+
+    def met(self, x: Floats, errors: Floats) -> bool:
+        """Tell whether r is small against its terms, or rounding for these errors."""
+
+    def exact(self, x: Floats) -> bool:
+        """Tell whether r is within the rounding errors of x as it was stated."""
+
+
+def nearest(
+    relations: Relations, x0: Floats, metric: Floats, *, far: bool = True
+) -> Found:
+    """Give the point nearest to `x0` in `metric` (k, k) that meets `relations`.
+
+    Where none is found, the point of least |r| near there. `far`: other starts are
+    tried, too, for a nearer point or where the first fails.
     """
-    reached = reach(equations, x0, metric)
-    if not reached.met:
-        return _explained(equations, reached)
-    x = _descend(equations, x0, reached.x, metric)
-    return Found(x, met=True, trouble=reached.trouble)
+    if relations.exact(x0):
+        return Found(x0.copy(), met=True)
+    reached = reach(relations, x0, metric)
+    if far and not reached.met:
+        # In the metric the way can be a narrow valley.
+        other = reach(relations, x0, _by_size(x0, metric))
+        reached = other if other.met else reached
+    best = _descend(relations, x0, reached.x, metric) if reached.met else None
+    if far and (best is None or len(x0) <= FEW):
+        for start in _others(x0, best, metric):
+            other = reach(relations, start, metric)
+            if not other.met:
+                continue
+            x = _descend(relations, x0, other.x, metric)
+            if best is None:
+                reached = other
+            if best is None or _length(x - x0, metric) < (1 - 1e-6) * _length(
+                best - x0, metric
+            ):
+                best = x
+    if best is None:
+        return _explained(relations, reached, metric)
+    return Found(best, met=True, trouble=reached.trouble)
 
 
-def reach(equations: Equations, x0: Floats, metric: Floats) -> Found:
-    """Take damped steps of least change until the equations are met."""
+def _by_size(x0: Floats, metric: Floats) -> Floats:
+    """Give the metric in which each value counts against its own size."""
+    diagonal = np.diag(metric)
+    size = np.abs(x0)
+    rest = np.sqrt(_length(x0, metric) or 1.0) / np.sqrt(diagonal)
+    return np.diag(np.where(size > 0, size, rest) ** -2.0)
+
+
+def _others(x0: Floats, best: Floats | None, metric: Floats) -> Iterator[Floats]:
+    """Give other starts around x0, as far as the point found; the same each time."""
+    random = np.random.default_rng(3)
+    L = cholesky(metric)
+    if best is None:
+        size = float(np.sqrt(_length(x0, metric))) or 1.0
+    else:
+        size = float(np.sqrt(_length(best - x0, metric)))
+    for k in range(OTHER_STARTS):
+        kick = np.linalg.solve(L.T, random.standard_normal(len(x0)))
+        yield x0 + size * 10.0 ** ((k % 3) - 1) * kick
+
+
+def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
+    """Take damped steps of least change until the relations are met."""
     x = x0.copy()
-    r, J = equations(x)
+    L = cholesky(metric)
+    r, J = relations(x)
+    # What x is left with: the rounding errors of the largest that it has been.
+    largest = float(np.linalg.norm(L.T @ x))
+    ulp = SOLVED / np.sqrt(np.diag(metric))
     halvings, last = 0, np.inf
-    double = False
+    double, polished = False, 0
     for _ in range(MOST_STEPS):
-        if not np.any(r):
+        if not np.any(r) or polished >= POLISHING:
             break
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
             return Found(x, met=False, trouble=Trouble.NOT_FINITE)
-        step = least_change(J, r, metric)
+        step = least_change(J, r, L)
         length = float(np.sqrt(_length(step, metric)))
-        halvings = halvings + 1 if 0.4 < length / last < 0.6 else 0
+        halvings = halvings + 1 if 0.4 < length / (last or 1.0) < 0.6 else 0
         last = length
         if halvings >= HALVINGS:  # at a double root twice the step goes all the way
             double, step = True, 2 * step
-        damped = _damped(equations, x, r, J, step)
+        met = relations.met(x, largest * ulp)
+        polished += met
+        damped = _damped(relations, x, r, _lengths(J, L), step, once=met)
         if damped is None:
             break  # no decrease: rounding, or a minimum of |r|
         x, r, J = damped
-    met = relative(r, J, x) < MET or not np.any(r)
+        largest = max(largest, float(np.linalg.norm(L.T @ x)))
+    met = not np.any(r) or relations.met(x, largest * ulp)
     trouble = Trouble.DOUBLE_ROOT if double and met else Trouble.NONE
     return Found(x, met=met, trouble=trouble)
 
 
 def _damped(
-    equations: Equations, x: Floats, r: Floats, J: Floats, step: Floats
+    relations: Relations,
+    x: Floats,
+    r: Floats,
+    weights: Floats,
+    step: Floats,
+    *,
+    once: bool,
 ) -> tuple[Floats, Floats, Floats] | None:
     """Take as much of the step as lowers |r|; None where no part of it does."""
-    weights = np.abs(J).max(axis=1, initial=0.0)
-    weights[weights == 0] = 1.0
     before = np.linalg.norm(r / weights)
     damping = 1.0
-    while damping > SMALLEST_DAMPING:
+    while damping > (0.6 if once else SMALLEST_DAMPING):
         trial = x + damping * step
-        r_trial, J_trial = equations(trial)
+        r_trial, J_trial = relations(trial)
         if np.linalg.norm(r_trial / weights) < before:
             return trial, r_trial, J_trial
         damping /= 2
     return None
 
 
-def least_change(J: Floats, residual: Floats, metric: Floats) -> Floats:
-    """Give the least dx in `metric` with J dx = -residual (in the least squares)."""
-    L = np.linalg.cholesky(metric)
-    Y = np.linalg.solve(L, J.T).T
-    lengths = np.linalg.norm(Y, axis=1)
+def _lengths(J: Floats, L: Floats) -> Floats:
+    """Give the lengths of the rows of J in the metric L L^T; 1 where one vanishes."""
+    lengths = np.linalg.norm(np.linalg.solve(L, J.T), axis=0)
     lengths[lengths == 0] = 1.0
+    return np.asarray(lengths)
+
+
+def least_change(J: Floats, residual: Floats, L: Floats) -> Floats:
+    """Give the least dx in L L^T with J dx = -residual (in the least squares)."""
+    Y = np.linalg.solve(L, J.T).T
+    lengths = _lengths(J, L)
     right = -residual / lengths
     solution = np.linalg.lstsq(Y / lengths[:, None], right, rcond=RANK)[0]
     return np.asarray(np.linalg.solve(L.T, solution))
 
 
-def relative(residual: Floats, J: Floats, x: Floats) -> float:
-    """Give the largest residual against |J| |x|, the size of its linear terms."""
-    if not np.all(np.isfinite(residual)):
-        return np.inf
-    sizes = np.abs(J) @ np.abs(x)
-    floor = np.max(np.abs(J), axis=1, initial=0.0) * np.max(np.abs(x), initial=0.0)
-    sizes = np.maximum(sizes, floor)
-    sizes[sizes == 0] = 1.0
-    return float(np.max(np.abs(residual) / sizes, initial=0.0))
-
-
-def _explained(equations: Equations, reached: Found) -> Found:
-    """Say why the equations were not reached; give the point of least |r|."""
+def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
+    """Say why the relations were not reached; give the point of least |r|."""
     if reached.trouble is Trouble.NOT_FINITE:
         return reached
     from scipy.optimize import least_squares  # slow to load, and only failures need it
 
-    def residual(x: Floats) -> Floats:
-        return np.nan_to_num(equations(x)[0], nan=1e100, posinf=1e100, neginf=-1e100)
+    L = cholesky(metric)
+    weights = _lengths(np.nan_to_num(relations(reached.x)[1]), L)
 
-    def slopes(x: Floats) -> Floats:
-        return np.nan_to_num(equations(x)[1])
+    # In z = L^T x, so that units do not matter.
+    def back(z: Floats) -> Floats:
+        return np.asarray(np.linalg.solve(L.T, z), dtype=float)
 
-    fit = least_squares(residual, reached.x, jac=slopes, xtol=1e-15, ftol=1e-15)
-    x: Floats = np.asarray(fit.x, dtype=float)
-    r, J = equations(x)
-    if relative(r, J, x) < MET:
+    def residual(z: Floats) -> Floats:
+        r = relations(back(z))[0] / weights
+        return np.nan_to_num(r, nan=1e100, posinf=1e100, neginf=-1e100)
+
+    def slopes(z: Floats) -> Floats:
+        J = np.nan_to_num(relations(back(z))[1])
+        return np.asarray(np.linalg.solve(L, (J / weights[:, None]).T).T)
+
+    fit = least_squares(
+        residual, L.T @ reached.x, jac=slopes, xtol=1e-15, ftol=1e-15, gtol=1e-15
+    )
+    z: Floats = np.asarray(fit.x, dtype=float)
+    x = back(z)
+    ulp = SOLVED / np.sqrt(np.diag(metric))
+    if relations.met(x, float(np.linalg.norm(z)) * ulp):
         return Found(x, met=True)
+    r, J = residual(z), slopes(z)
     sizes = np.linalg.svd(J, compute_uv=False)
     steepest = float(np.linalg.norm(J.T @ r))
     size = float(np.linalg.norm(J)) * float(np.linalg.norm(r))
-    flat = steepest <= 1e-6 * size
-    if flat or not np.any(J):
+    if steepest <= 1e-6 * size or not np.any(J):
         return Found(x, met=False, trouble=Trouble.MINIMUM)
     lost = sizes[-1] <= 1e-6 * sizes[0]
     return Found(x, met=False, trouble=Trouble.RANK_LOSS if lost else Trouble.MINIMUM)
 
 
-def _descend(equations: Equations, x0: Floats, x: Floats, metric: Floats) -> Floats:
-    """Go from an admissible point to the nearest one, where Newton's method can."""
-    r, J = equations(x)
-    if np.linalg.matrix_rank(J) == len(x):
-        return x  # isolated: there is nothing to choose
-    gap = metric @ (x - x0)
-    multipliers = np.asarray(np.linalg.lstsq(J.T, gap, rcond=RANK)[0], dtype=float)
-    best = x
+class _Slope:
+    """|x - x0|^2 / 2 along the relations: its gradient and a step down."""
+
+    def __init__(
+        self, relations: Relations, x0: Floats, x: Floats, metric: Floats
+    ) -> None:
+        self.relations, self.x, self.metric = relations, x, metric
+        self.J = relations(x)[1]
+        self.L = cholesky(metric)
+        lengths = _lengths(self.J, self.L)
+        Y = np.linalg.solve(self.L, self.J.T).T / lengths[:, None]
+        gap = self.L.T @ (x - x0)
+        self.multipliers = np.linalg.lstsq(Y.T, gap, rcond=RANK)[0] / lengths
+        self.kernel = np.linalg.solve(self.L.T, null_space(Y))
+        self.gradient = self.kernel.T @ (metric @ (x - x0))
+        self.change = float(np.linalg.norm(gap))
+        self.steepness = float(np.linalg.norm(self.gradient))
+
+    def step(self) -> Floats:
+        """Give Newton's step along the relations; one downwards where that is not."""
+        H = self.kernel.T @ self._hessian() @ self.kernel
+        bends, directions = np.linalg.eigh(H)
+        along = directions.T @ self.gradient
+        if self.steepness <= FLAT * self.change and bends[0] < -1e-6:
+            # A ridge, not a valley: leave it on the side that is the same each time.
+            return np.asarray(0.1 * self.change * (self.kernel @ directions[:, 0]))
+        down = -along / np.maximum(np.abs(bends), 1e-3)
+        return np.asarray(self.kernel @ (directions @ down))
+
+    def _hessian(self) -> Floats:
+        """Give metric - sum multiplier_i r_i'' by central differences of the slopes."""
+        k = len(self.x)
+        curvature = np.empty((k, k))
+        reach_of_all = np.linalg.norm(self.L.T @ self.x) or 1.0
+        for j in range(k):
+            e = np.zeros(k)
+            size = max(abs(self.x[j]), reach_of_all / np.sqrt(self.metric[j, j]))
+            e[j] = DIFFERENCE * size
+            ahead = self.relations(self.x + e)[1]
+            behind = self.relations(self.x - e)[1]
+            curvature[j] = self.multipliers @ (ahead - behind) / (2 * e[j])
+        H = self.metric - (curvature + curvature.T) / 2
+        return H if np.all(np.isfinite(H)) else self.metric
+
+
+def _descend(relations: Relations, x0: Floats, x: Floats, metric: Floats) -> Floats:
+    """Go along the relations from a point that meets them to the nearest one."""
+    here = _Slope(relations, x0, x, metric)
     for _ in range(MOST_STEPS):
-        H = _hessian(equations, x, multipliers, metric)
-        m, k = J.shape
-        K = np.block([[H, -J.T], [J, np.zeros((m, m))]])
-        right = np.concatenate([-metric @ (x - x0), -r])
-        solution = np.linalg.lstsq(K, right, rcond=RANK)[0]
-        step, multipliers = solution[:k], np.asarray(solution[k:], dtype=float)
-        x = x + step
-        r, J = equations(x)
-        if not np.all(np.isfinite(r)):
-            return best
-        if np.linalg.norm(step) <= 1e-13 * np.linalg.norm(x):
+        if not here.kernel.shape[1] or here.change == 0:
+            break  # isolated: there is nothing to choose
+        step = here.step()
+        if not np.any(step):
             break
-    polished = reach(equations, x, metric)
-    if not polished.met:
-        return best
-    nearer = _length(polished.x - x0, metric) <= _length(best - x0, metric)
-    return polished.x if nearer else best
+        there = _lower(here, x0, step)
+        if there is None:
+            break
+        here = there
+    return here.x
 
 
-def _hessian(
-    equations: Equations, x: Floats, multipliers: Floats, metric: Floats
-) -> Floats:
-    """Give metric - sum multiplier_i r_i'' by central differences of the slopes.
+def _lower(here: _Slope, x0: Floats, step: Floats) -> _Slope | None:
+    """Take as much of the step as comes nearer; None where no part of it does."""
+    damping = 1.0
+    while damping > SMALLEST_DAMPING:
+        trial = reach(here.relations, here.x + damping * step, here.metric)
+        if trial.met:
+            there = _Slope(here.relations, x0, trial.x, here.metric)
+            if there.change < (1 - 1e-10) * here.change:
+                return there
+            # Near the minimum only the gradient still tells nearer from farther.
+            level = there.change <= (1 + 1e-10) * here.change
+            if level and there.steepness < 0.5 * here.steepness:
+                return there
+            if level and damping == 1.0 and here.steepness < 1e-6 * here.change:
+                return None
+        damping /= 2
+    return None
 
-    Where that is not positive along the equations, the metric alone.
-    """
-    k = len(x)
-    curvature = np.empty((k, k))
-    for j in range(k):
-        e = np.zeros(k)
-        e[j] = DIFFERENCE * max(abs(x[j]), np.max(np.abs(x)), 1e-300)
-        ahead, behind = equations(x + e)[1], equations(x - e)[1]
-        curvature[j] = multipliers @ (ahead - behind) / (2 * e[j])
-    H = metric - (curvature + curvature.T) / 2
-    if not np.all(np.isfinite(H)):
-        return metric
-    kernel = null_space(equations(x)[1])
-    if kernel.shape[1] and np.linalg.eigvalsh(kernel.T @ H @ kernel)[0] <= 0:
-        return metric
-    return H
+
+def cholesky(metric: Floats) -> Floats:
+    """Give L with L L^T = metric."""
+    return np.asarray(np.linalg.cholesky(metric), dtype=float)
 
 
 def null_space(J: Floats) -> Floats:

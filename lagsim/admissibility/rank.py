@@ -2,7 +2,7 @@
 
 Rows are compared in the metric of M and scaled to length 1, so that neither units nor
 the scale of a relation count. A nearly parallel row is a real constraint: only what
-vanishes against RANK is dependent.
+vanishes against RANK is dependent. A gradient that is nothing but rounding is zero.
 """
 
 from __future__ import annotations
@@ -12,62 +12,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.newton import RANK, reach
+from lagsim.admissibility.dependence import LEVELS, Demands, Dependence
+from lagsim.admissibility.metric import RANK, rank_metric
+from lagsim.admissibility.newton import reach
+from lagsim.admissibility.point import Asked
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.point import Point
     from lagsim.native.kernel_types import Floats
 
-# What dependent rows ask for may differ by this part of its size: rounding, and starts
-# that were typed.
-CONTRADICTION = 1e-8
-# Bounds of rounding errors are to first order; this keeps them bounds.
-CAUTION = 100.0
 # How far, against the state, and how often generic states are looked for nearby.
 NEARBY = 0.05
 SAMPLES = 3
+TRIALS = 8
 # Newton's method leaves such states a little off, and dependent rows a little less so.
-GENERIC_RANK = 1e-8
-LEVELS = ("position", "velocity", "acceleration")
-
-
-@dataclass(frozen=True, slots=True)
-class Dependence:
-    """A row that others span: row = sum of coefficient times row.
-
-    Attributes
-    ----------
-    combination : tuple of (name, coefficient)
-        Empty where the row itself vanishes.
-    everywhere : bool or None
-        Whether it is so at generic admissible states nearby, or only here; None where
-        no such state was found.
-    contradictions : dict
-        Level -> by how much what the row asks for differs from what the others imply.
-    """
-
-    name: str
-    combination: tuple[tuple[str, float], ...]
-    everywhere: bool | None
-    contradictions: dict[str, float]
-
-    def __str__(self) -> str:
-        return f"{self.name} = {self.right_side()}"
-
-    def right_side(self) -> str:
-        """Give the combination as text, `2 c1 - c2`."""
-        text = ""
-        for name, c in self.combination:
-            sign = " - " if c < 0 else " + "
-            size = "" if abs(abs(c) - 1) < 1e-9 else f"{abs(c):.6g} "
-            text += f"{sign}{size}{name}"
-        return (
-            text.removeprefix(" + ").replace(" - ", "-", 1)
-            if (text.startswith(" - "))
-            else text.removeprefix(" + ") or "0"
-        )
+GENERIC_RANK = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,55 +60,92 @@ class RankReport:
         return any(d.contradictions for d in self.dependences)
 
 
-def analyse(point: Point, q: Floats, v: Floats, metric: Floats) -> RankReport:
-    """Find the rank of the constraint rows, and the dependent ones by name."""
+@dataclass(frozen=True, slots=True)
+class _Generic:
+    """Rank and smallest singular value at a generic state, and the rows to spare."""
+
+    rank: int
+    smallest: float
+    redundant: tuple[bool, ...]
+
+
+def analyse(
+    point: Point,
+    q: Floats,
+    v: Floats,
+    errors: Mapping[str, float],
+    levels: Sequence[str] = LEVELS,
+) -> RankReport:
+    """Find the rank of the constraint rows, and the dependent ones by name.
+
+    Parameters
+    ----------
+    errors
+        Of the state's values, by name.
+    levels
+        Those on which contradictions are looked for: what the state meets, and the
+        first one that it does not.
+    """
     rows = point.e.rows
     if not rows:
         return RankReport(0, 1.0, 0, 1.0)
-    Y, lengths = scaled_rows(point, q, v, metric)
-    sizes = np.linalg.svd(Y, compute_uv=False)
-    rank = int(np.sum(sizes > RANK))
-    smallest = float(sizes[rank - 1]) if rank else 1.0
+    Y, lengths = scaled_rows(point, q, v, errors=errors)
     flags = redundant_rows(Y)
-    if not any(flags):
+    rank = flags.count(False)
+    left, sizes, _ = np.linalg.svd(Y)
+    smallest = float(sizes[rank - 1]) if rank else 1.0
+    if rank == len(rows):
         return RankReport(rank, smallest, rank, smallest)
     independent = [i for i, flag in enumerate(flags) if not flag]
-    generic = _generic(point, q, v, metric)
-    everywhere = None if generic is None else generic[0] == rank
-    asked = _Asked(point, q, v)
+    generic = _generic(point, q, v)
+    demands = Demands(point, q, v, errors, levels)
     dependences = []
     for i in [i for i, flag in enumerate(flags) if flag]:
         coefficients = _coefficients(Y, lengths, i, independent)
+        everywhere = None
+        if generic is not None:
+            everywhere = generic.redundant[i] or generic.rank <= rank
         dependences.append(
             Dependence(
                 rows[i].name,
                 tuple((rows[j].name, c) for j, c in coefficients.items()),
                 everywhere,
-                asked.contradictions(i, coefficients),
+                demands.contradictions(i, coefficients),
             )
         )
-    left = np.linalg.svd(Y.T)[2][rank:]
-    loose = np.any(np.abs(left) > 1e-9, axis=0)
+    loose = np.any(np.abs(left[:, rank:]) > 1e-9, axis=1)
     names = tuple(
         row.name for row, is_loose in zip(rows, loose, strict=True) if is_loose
     )
-    generic_rank, generic_smallest = generic or (rank, smallest)
+    # Rank can only be lost at a state, not won.
+    if generic is None or generic.rank < rank:
+        generic = _Generic(rank, smallest, tuple(flags))
     return RankReport(
-        rank, smallest, generic_rank, generic_smallest, tuple(dependences), names
+        rank, smallest, generic.rank, generic.smallest, tuple(dependences), names
     )
 
 
 def scaled_rows(
-    point: Point, q: Floats, v: Floats, metric: Floats
+    point: Point,
+    q: Floats,
+    v: Floats,
+    metric: Floats | None = None,
+    errors: Mapping[str, float] | None = None,
 ) -> tuple[Floats, Floats]:
-    """Give the rows (m, n) in the metric, scaled to length 1, and their lengths."""
-    A = np.nan_to_num(point.jacobian(point.e.rows, q, v))
+    """Give the rows (m, n) in a metric, scaled to length 1, and their lengths.
+
+    Without one, in that of M. With `errors`, those of the state, entries that are only
+    rounding are zero.
+    """
+    A = np.nan_to_num(point.jacobian(point.e.rows, q, v, errors))
+    if metric is None:
+        metric = rank_metric(point.mass(q, v), A)
     Y = np.linalg.solve(np.linalg.cholesky(metric), A.T).T
     lengths = np.linalg.norm(Y, axis=1)
     return Y / np.where(lengths > 0, lengths, 1.0)[:, None], lengths
 
 
-def redundant_rows(Y: Floats) -> list[bool]:
+def redundant_rows(Y: Floats, cutoff: float = RANK) -> list[bool]:
     """Tell of each scaled row whether the earlier ones already span it."""
     basis: list[Floats] = []
     flags = []
@@ -157,7 +155,7 @@ def redundant_rows(Y: Floats) -> list[bool]:
             for b in basis:
                 left -= (b @ left) * b
         length = float(np.linalg.norm(left))
-        flags.append(length <= RANK)
+        flags.append(length <= cutoff)
         if not flags[-1]:
             basis.append(left / length)
     return flags
@@ -170,7 +168,7 @@ def _coefficients(
     before = [j for j in independent if j < i]
     if not before or lengths[i] == 0:
         return {}
-    k = np.linalg.lstsq(Y[before].T, Y[i], rcond=RANK)[0]
+    k = np.linalg.lstsq(Y[before].T, Y[i], rcond=None)[0]
     return {
         j: float(c * lengths[i] / lengths[j])
         for j, c in zip(before, k, strict=True)
@@ -178,78 +176,66 @@ def _coefficients(
     }
 
 
-class _Asked:
-    """What each row asks for on each level, with scales and rounding errors."""
-
-    def __init__(self, point: Point, q: Floats, v: Floats) -> None:
-        rows = point.e.rows
-        levels = {
-            "position": [r.residual if r.holonomic else point.g.zero for r in rows],
-            "velocity": [r.rate for r in rows],
-            "acceleration": [r.b for r in rows],
-        }
-        scales = {
-            "position": [r.residual_scale for r in rows],
-            "velocity": [r.rate_scale for r in rows],
-        }
-        self.values = {level: point.array(n, q, v) for level, n in levels.items()}
-        self.errors = {
-            level: point.rounding(n, q, v, {}) for level, n in levels.items()
-        }
-        self.scales = {level: point.array(n, q, v) for level, n in scales.items()}
-        self.scales["acceleration"] = np.abs(self.values["acceleration"])
-
-    def contradictions(self, i: int, others: dict[int, float]) -> dict[str, float]:
-        """Give the levels on which row i differs from the combination of others."""
-        found = {}
-        for level in LEVELS:
-            values, errors = self.values[level], self.errors[level]
-            scales = self.scales[level]
-            gap, scale, error = values[i], scales[i], errors[i]
-            for j, c in others.items():
-                gap = gap - c * values[j]
-                scale, error = scale + abs(c) * scales[j], error + abs(c) * errors[j]
-            if abs(gap) > CONTRADICTION * scale + CAUTION * error:
-                found[level] = float(abs(gap))
-        return found
-
-
-def _generic(
-    point: Point, q: Floats, v: Floats, metric: Floats
-) -> tuple[int, float] | None:
-    """Give rank and smallest singular value at generic admissible states nearby."""
+def _generic(point: Point, q: Floats, v: Floats) -> _Generic | None:
+    """Give what the rows are like at generic admissible states nearby."""
     random = np.random.default_rng(1)  # the same states each time
-    L = np.linalg.cholesky(metric)
-    held = [row for row in point.e.rows if row.holonomic]
-    everything = range(point.n)
-    found: list[tuple[int, float]] = []
-    for _ in range(SAMPLES):
-        state = []
-        for x in (q, v):
-            size = np.sqrt(x @ metric @ x) or 1.0
-            kick = np.linalg.solve(L.T, random.standard_normal(point.n))
-            state.append(x + NEARBY * size * kick / np.sqrt(point.n))
-        if held:
-            equations = point.equations_for(
-                [row.residual for row in held], np.zeros(len(held)), everything,
-                state[0], state[1], velocities=False,
-            )  # fmt: skip
-            reached = reach(equations, state[0], metric)
-            if not reached.met:
-                continue
-            state[0] = reached.x
-        Y, _ = scaled_rows(point, state[0], state[1], metric)
+    found: list[_Generic] = []
+    for trial in range(TRIALS):
+        nearby = NEARBY if trial < SAMPLES else NEARBY / 10.0 ** (trial - SAMPLES)
+        state = admissible_near(point, q, v, nearby, random)
+        if state is None:
+            continue
+        errors = point.solved_errors(*state)
+        Y, _ = scaled_rows(point, *state, errors=errors)
+        flags = redundant_rows(Y, GENERIC_RANK)
+        rank = flags.count(False)
         sizes = np.linalg.svd(Y, compute_uv=False)
-        rank = int(np.sum(sizes > GENERIC_RANK))
-        found.append((rank, float(sizes[rank - 1]) if rank else 1.0))
-    return max(found, default=None)
+        smallest = float(sizes[rank - 1]) if rank else 1.0
+        found.append(_Generic(rank, smallest, tuple(flags)))
+        if len(found) == SAMPLES:
+            break
+    return max(found, key=lambda g: (g.rank, g.smallest), default=None)
+
+
+def admissible_near(
+    point: Point, q: Floats, v: Floats, nearby: float, random: np.random.Generator
+) -> tuple[Floats, Floats] | None:
+    """Give a random state near (q, v) that the constraints admit; None if not found."""
+    metric = rank_metric(point.mass(q, v), point.jacobian(point.e.rows, q, v))
+    if not np.all(np.isfinite(metric)):
+        return None
+    state = []
+    for x in (q, v):
+        size = np.sqrt(x @ metric @ x) or 1.0
+        kick = random.standard_normal(point.n) * size / np.sqrt(point.n)
+        # Each value by its own size, as far as it has one.
+        own = np.where(x != 0, np.abs(x), size / np.sqrt(np.diag(metric)))
+        limit = np.minimum(np.abs(kick) / np.sqrt(np.diag(metric)), own)
+        state.append(x + nearby * np.copysign(limit, kick))
+    names = frozenset(point.e.velocities)
+    moving = point.g.depends([a for row in point.e.rows for a in row.A]) & names
+    for velocities in (False, True) if moving else (False,):
+        asked = Asked()
+        for row in point.e.rows:
+            if velocities:
+                asked.add(row.name, row.rate, row.rate_scale)
+            elif row.holonomic:
+                asked.add(row.name, row.residual, row.residual_scale)
+        if not asked.nodes:
+            continue
+        relations = point.relations(
+            asked, range(point.n), state[0], state[1], {}, velocities=velocities
+        )
+        reached = reach(relations, state[velocities], metric)
+        if not reached.met:
+            return None
+        state[velocities] = reached.x
+    return state[0], state[1]
 
 
 def weakest_rows(point: Point, q: Floats, v: Floats) -> tuple[list[str], float]:
     """Give the constraints that are closest to dependent, and how close they are."""
-    metric = np.diag(np.maximum(np.diag(point.mass(q, v)), 0.0))
-    metric[metric.diagonal() == 0, metric.diagonal() == 0] = 1.0
-    Y, _ = scaled_rows(point, q, v, metric)
+    Y, _ = scaled_rows(point, q, v)
     left, sizes, _ = np.linalg.svd(Y)
     weights = np.abs(left[:, len(sizes) - 1])
     names = [row.name for row in point.e.rows]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -15,11 +14,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.point import Point
-    from lagsim.model import Constraint
     from lagsim.native.kernel_types import Floats
 
 TOLERANCE = 1e-6
+# What all digits of a number leave in a residual of a few terms.
+ALL_DIGITS = 2.0**-47
 ONE_SIDED = "one-sided"
+START_VALUE = "start value"
 # The bound of rounding errors is to first order; this keeps it a bound.
 CAUTION = 4.0
 
@@ -60,7 +61,8 @@ class Residual:
     @property
     def digits(self) -> int | None:
         """With how many digits the start seems typed; None where it is exact."""
-        if not self.met or abs(self.value) <= self.rounding or self.scale == 0:
+        exact = max(self.rounding, ALL_DIGITS * self.scale)
+        if not self.met or abs(self.value) <= exact:
             return None
         return max(1, int(-math.log10(abs(self.value) / self.scale)))
 
@@ -168,11 +170,11 @@ def judge_gaps(
     return found
 
 
-def unmet_starts(
+def judge_starts(
     point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
 ) -> list[Verdict]:
-    """Judge the start values of definitions; give those that are not met."""
-    unmet = []
+    """Judge the start values of definitions."""
+    found = []
     names = (*point.e.q, *point.e.velocities)
     variables = [point.g.variable(name) for name in names]
     for wanted in point.e.model.initial:
@@ -188,23 +190,6 @@ def unmet_starts(
             float(scale),
             float(CAUTION * (rounding + wanted.error)),
         )
-        if not residual.met:
-            name = f"{wanted.name}: {wanted.text}"
-            unmet.append(Verdict(name, "start value", True, None, residual, None))
-    return unmet
-
-
-def suggestion(constraint: Constraint, coordinates: Sequence[str]) -> str:
-    """Give the line of `initial` that would make a relation exact, where one is plain.
-
-    That is where one side of `=` is a coordinate or a velocity.
-    """
-    left, equals, right = constraint.relation.text.partition("=")
-    if not equals:
-        return ""
-    names = {*coordinates, *(f"{q}_dot" for q in coordinates)}
-    left, right = left.strip(), right.strip()
-    for name, other in ((left, right), (right, left)):
-        if name in names and not re.search(rf"\b{re.escape(name)}\b", other):
-            return f"{name}: {other}"
-    return ""
+        name = f"{wanted.name}: {wanted.text}"
+        found.append(Verdict(name, START_VALUE, True, None, residual, None))
+    return found

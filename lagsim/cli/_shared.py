@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._streams import complain, put, say
 from lagsim import __version__
+from lagsim.cli._streams import complain, put, say
 from lagsim.errors import InputError, LagsimError, Place, Problem
 from lagsim.methods import names
 

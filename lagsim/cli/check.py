@@ -21,7 +21,7 @@ from lagsim.cli._streams import say
 from lagsim.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility import Start, Verdict
     from lagsim.equations import Equations
@@ -89,11 +89,21 @@ def document(equations: Equations, start: Start) -> dict[str, Any]:
         "admissible": start.admissible,
         "degrees_of_freedom": start.degrees_of_freedom,
         "rank": ranks.rank,
+        "generic_rank": ranks.generic_rank,
         "conditioning": ranks.smallest,
+        "generic_conditioning": ranks.generic_smallest,
         "multipliers_not_unique": list(ranks.not_unique),
         "mass_matrix": "singular alone" if start.augmented else "regular",
         "constraints": [
             _constraint(v) for v in start.verdicts if v.kind != _START_VALUE
+        ],
+        "contradictions": [
+            {
+                "name": d.name,
+                "combination": dict(d.combination),
+                "levels": d.contradictions,
+            }
+            for d in start.contradictions
         ],
         "start_values": [
             {"name": v.name, "residual": v.position.value, "bound": v.position.bound}
@@ -104,7 +114,6 @@ def document(equations: Equations, start: Start) -> dict[str, Any]:
                 "name": d.name,
                 "combination": dict(d.combination),
                 "everywhere": d.everywhere,
-                "contradictions": d.contradictions,
             }
             for d in ranks.dependences
         ],
@@ -142,6 +151,7 @@ def _constraint(verdict: Verdict) -> dict[str, Any]:
         "velocity_residual": velocity.value if velocity else None,
         "velocity_scale": velocity.scale if velocity else None,
         "velocity_bound": velocity.bound if velocity else None,
+        "velocity_bound_reason": velocity.why if velocity else None,
         "satisfied": verdict.satisfied,
         "redundant": verdict.redundant,
     }
@@ -174,14 +184,12 @@ def report(equations: Equations, start: Start, *, repair: bool = False) -> str:
 
 def _faults(start: Start) -> list[str]:
     """Say what keeps a start from being admissible."""
-    faults = [_violation(v) for v in start.verdicts if not v.satisfied]
-    for d in start.ranks.dependences:
-        for level, size in d.contradictions.items():
-            others = " and ".join(f"`{name}`" for name, _ in d.combination)
-            faults.append(
-                f"`{d.name}` contradicts {others or 'itself'} on the level of "
-                f"{level}, by {size:.6g}"
-            )
+    faults = [d.contradiction() for d in start.contradictions]
+    told = {d.name for d in start.contradictions}
+    told |= {name for d in start.contradictions for name, _ in d.combination}
+    faults += [
+        _violation(v) for v in start.verdicts if not v.satisfied and v.name not in told
+    ]
     return faults
 
 
@@ -233,14 +241,23 @@ def _reached(equations: Equations, start: Start) -> list[str]:
 
 
 def _repair(start: Start) -> list[str]:
+    """Give what to write into `initial:`, or why there is nothing to write."""
     if start.admissible:
-        return ["  nothing to repair"]
-    if start.unsolved:
-        return [f"  no admissible state was found: {start.unsolved}"]
+        if not start.changes:
+            return ["  nothing to repair"]
+        exact = {name: new for name, (_, new) in start.changes.items()}
+        return ["  the exact state, for `initial:`", *_pasteable(exact)]
     if not start.repair:
-        return ["  no admissible state was found from here"]
-    lines = ["  the nearest admissible state, for `initial:`"]
-    lines += [f"    {name}: {value!r}" for name, value in start.repair.items()]
+        return [f"  no admissible state was found: {start.unsolved}"]
+    lines = []
+    if start.unsolved:
+        lines.append(f"  the guesses alone do not suffice: {start.unsolved}")
+    lines += ["  the nearest admissible state, for `initial:`"]
+    lines += _pasteable(start.repair)
     guesses = ", ".join(f"{name}: {{guess: ...}}" for name in start.repair)
     lines.append(f"  or have them solved, or some of them: {guesses}")
     return lines
+
+
+def _pasteable(values: Mapping[str, float]) -> list[str]:
+    return [f"    {name}: {value!r}" for name, value in values.items()]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import time
 
 import pytest
-from _scenes import CAPTION, CONTACT, ON_THE_CURVE, PENDULUM
+from _scenes import CAPTION, CONTACT, CURVE, ON_THE_CURVE, PENDULUM
 
 from tests.support import MODELS
 
@@ -150,18 +151,132 @@ def test_several_models_give_the_worst_exit_code(lagsim, write):
     assert documents[1]["errors"][0]["code"] == "unreadable"
 
 
+ROUGH = CURVE.replace("theta: 1, u: START", "theta: 0.7, u: 0.5100003")
+
+
+def test_repair_of_a_rough_start_gives_the_exact_state(lagsim, write):
+    called = lagsim("check", write(ROUGH), "--repair")
+    assert called.code == 0
+    assert "as if the start had been typed with 6 digits" in called.out
+    lines = [line.strip() for line in called.out.splitlines()]
+    first = lines.index("the exact state, for `initial:`") + 1
+    exact = ", ".join(lines[first : first + 2])
+    assert exact.startswith("theta: 0.69999")
+    pasted = write(CURVE.replace("theta: 1, u: START", exact))
+    again = lagsim("check", pasted, "--repair")
+    assert again.code == 0
+    assert "nothing to repair" in again.out
+    assert "typed" not in again.out
+    assert "the exact state" not in lagsim("check", write(ROUGH)).out
+
+
+CONTRADICTORY = """\
+coordinates: {x: , y: }
+energy: {kinetic: x_dot^2 + y_dot^2, potential: 0}
+constraints: {a: x^2 + y^2 = 1, b: x^2 + y^2 = 2}
+initial: {x: -1, y: 0}
+"""
+
+
+def test_the_first_line_names_the_rows_that_contradict(lagsim, write):
+    called = lagsim("check", write(CONTRADICTORY))
+    assert called.code == 1
+    assert called.out.splitlines()[0] == (
+        "inadmissible: model: `b` contradicts `a` on the level of position, by 1"
+    )
+    assert "no admissible state was found: `b` contradicts `a`" in called.out
+    document = lagsim("check", write(CONTRADICTORY), "--json").json
+    [found] = document["contradictions"]
+    assert found["name"] == "b"
+    assert found["combination"] == pytest.approx({"a": 1.0})
+    assert found["levels"] == pytest.approx({"position": 1.0})
+
+
+def test_inadmissible_guesses_get_a_repair_of_all_values(lagsim, write):
+    model = write(
+        "coordinates: {x: , y: }\n"
+        "energy: {kinetic: x_dot^2 + y_dot^2, potential: 0}\n"
+        "constraints: {a: x^2 + y^2 = 1}\n"
+        "initial: {x: 2, y: {guess: 0.5}}\n"
+    )
+    called = lagsim("check", model)
+    assert called.code == 1
+    assert "the guesses alone do not suffice: `a` cannot be satisfied" in called.out
+    assert "the nearest admissible state" in called.out
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
+def test_the_keys_of_shipped_models(lagsim, path):
+    called = lagsim("check", path, "--json")
+    assert called.code == 0
+    found = called.json
+    kinds = {
+        "admissible": bool,
+        "degrees_of_freedom": int,
+        "constraints": list,
+        "rank": int,
+        "generic_rank": int,
+        "conditioning": float,
+        "generic_conditioning": float,
+        "multipliers_not_unique": list,
+        "mass_matrix": str,
+        "start_values": list,
+        "dependences": list,
+        "contradictions": list,
+        "changes": dict,
+        "unsolved": str,
+        "warnings": list,
+    }
+    assert {key: type(found[key]) for key in kinds} == kinds
+    assert found["admissible"] is True
+    assert found["repair"] is None
+    assert found["changes"] == {}
+    for c in found["constraints"]:
+        assert c["satisfied"] is True
+        assert abs(c["residual"]) <= c["bound"]
+        assert isinstance(c["scleronomic"], bool)
+        assert isinstance(c["redundant"], bool)
+        nonholonomic = c["kind"] == "nonholonomic"
+        assert (c["velocity_residual"] is None) is nonholonomic
+        assert (c["pfaffian"] is None) is not nonholonomic
+        decided = nonholonomic and c["pfaffian"]
+        assert isinstance(c["integrable"], bool) is decided
+
+
 def test_no_heavy_library_is_imported():
     code = (
-        "import sys, json; sys.argv = ['lagsim', 'check', sys.argv[1], '--json']\n"
+        "import sys, json; sys.argv = ['lagsim', 'check', '--json', *sys.argv[1:]]\n"
         "from lagsim.cli import main\n"
         "code = main()\n"
         "heavy = [m for m in ('sympy', 'scipy', 'matplotlib') if m in sys.modules]\n"
         "print(json.dumps([code, heavy]), file=sys.stderr)"
     )
+    models = sorted(map(str, MODELS.glob("*.yaml")))
     done = subprocess.run(
-        [sys.executable, "-c", code, str(MODELS / "elastic-pendulum-curve.yaml")],
-        capture_output=True,
-        text=True,
+        [sys.executable, "-c", code, *models], capture_output=True, text=True
     )
     assert json.loads(done.stderr) == [0, []]
-    assert json.loads(done.stdout)["admissible"] is True
+    assert [m["admissible"] for m in json.loads(done.stdout)] == [True] * len(models)
+
+
+def quickest(*command):
+    """Give the time of the quickest of a few runs, for other work disturbs them."""
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        subprocess.run([sys.executable, *command], check=True, capture_output=True)
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(path.stem, marks=[] if "disk" in path.stem else pytest.mark.slow)
+        for path in sorted(MODELS.glob("*.yaml"))
+    ],
+)
+def test_a_check_takes_no_longer_than_three_times_its_imports(name):
+    bare = quickest("-c", "import numpy, yaml, typer")
+    checked = quickest("-m", "lagsim", "check", str(MODELS / f"{name}.yaml"))
+    assert checked < 3 * bare

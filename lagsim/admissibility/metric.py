@@ -1,0 +1,55 @@
+"""What changes are measured by: M, and what stands in where M is singular."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.native.kernel_types import Floats
+
+# Singular values below this part of the largest, of what was scaled, are zero.
+RANK = 1e-10
+
+
+def metric_of(M: Floats, free: Sequence[int]) -> Floats:
+    """Give the metric of least change on the values `free`: M, or Euclid's.
+
+    Euclid's where M is not positive definite on them.
+    """
+    part = M[np.ix_(list(free), list(free))]
+    return part if _positive(part) else np.eye(len(free))
+
+
+def rank_metric(M: Floats, A: Floats) -> Floats:
+    """Give the metric in which rows are compared: M, or its diagonal, completed."""
+    return M if _positive(M) else np.diag(sizes_of(M, A) ** 2)
+
+
+def sizes_of(M: Floats, A: Floats) -> Floats:
+    """Give for each coordinate sqrt(M_jj), or what the rows A (m, n) put in its place.
+
+    A massless coordinate counts as much as the others in the row that weighs it most,
+    so that its unit does not matter.
+    """
+    sizes = np.sqrt(np.abs(np.diag(M)))
+    massless = sizes == 0
+    if not massless.any():
+        return sizes
+    heavy = ~massless
+    known = np.linalg.norm(A[:, heavy] / sizes[heavy], axis=1)
+    weights = np.abs(A[:, massless]) / np.where(known > 0, known, 1.0)[:, None]
+    found = np.max(weights, axis=0, initial=0.0)
+    usable = np.isfinite(found) & (found > 0)
+    sizes[massless] = np.where(usable, found, 1.0)
+    return sizes
+
+
+def _positive(M: Floats) -> bool:
+    size = np.sqrt(np.abs(np.diag(M)))
+    if not np.all(size > 0) or not np.all(np.isfinite(M)):
+        return False
+    return bool(np.linalg.eigvalsh(M / np.outer(size, size))[0] > RANK)

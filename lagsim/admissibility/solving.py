@@ -1,0 +1,212 @@
+"""Values of the start that are solved for: guesses, exact states, the nearest state."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.admissibility.metric import metric_of
+from lagsim.admissibility.newton import Found, Trouble, nearest, reach
+from lagsim.admissibility.point import Asked
+from lagsim.trajectory import Caution
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lagsim.admissibility.newton import Relations
+    from lagsim.admissibility.point import Point
+    from lagsim.native.kernel_types import Floats
+
+# Other roots are looked for from this many starts around the guess, this far away.
+OTHER_STARTS = 16
+AROUND = 1.0
+# The rows that share in a least residual: their distances, against the largest.
+SHARES = 1e-6
+
+
+class Solver:
+    """Solves for values of the start, and keeps what there is to say about that."""
+
+    def __init__(self, point: Point, M: Floats, errors: Mapping[str, float]) -> None:
+        self.point, self.e = point, point.e
+        self.M, self.errors = M, errors
+        self.warnings: list[Caution] = []
+        self.unsolved = self.least = ""
+        # One-sided relations that are to be met as equalities: name -> gap.
+        self.touching: dict[str, int] = {}
+
+    def asked(self, *, velocities: bool, definitions: bool = True) -> Asked:
+        """Give what is asked of positions, or of velocities."""
+        asked, g = Asked(), self.e.graph
+        for row in self.e.rows:
+            if velocities:
+                asked.add(row.name, row.rate, row.rate_scale)
+            elif row.holonomic:
+                asked.add(row.name, row.residual, row.residual_scale)
+        if not velocities:
+            for name, gap in self.touching.items():
+                asked.add(name, gap, g.call("abs", gap))
+        names = frozenset(self.e.velocities)
+        for wanted in self.e.model.initial if definitions else ():
+            node = wanted.node
+            if node is None or bool(g.depends([node]) & names) is not velocities:
+                continue
+            size = g.call("abs", node)
+            asked.add(
+                f"{wanted.name}: {wanted.text}", node, size, wanted.value, wanted.error
+            )
+        return asked
+
+    def relations(
+        self,
+        free: Sequence[int],
+        q: Floats,
+        v: Floats,
+        *,
+        velocities: bool,
+        definitions: bool = True,
+    ) -> Relations:
+        """Give what is asked of the values `free`."""
+        asked = self.asked(velocities=velocities, definitions=definitions)
+        return self.point.relations(
+            asked, free, q, v, self.errors, velocities=velocities
+        )
+
+    def names(self, free: Sequence[int], *, velocities: bool) -> list[str]:
+        """Give the names of the values `free`."""
+        return [(self.e.velocities if velocities else self.e.q)[j] for j in free]
+
+    def nearest(
+        self, free: Sequence[int], q: Floats, v: Floats, *, velocities: bool
+    ) -> Found:
+        """Solve for the values `free`, from where they are."""
+        asked = self.asked(velocities=velocities)
+        x = (v if velocities else q)[list(free)]
+        if not asked.nodes:
+            return Found(x, met=True)
+        relations = self.relations(free, q, v, velocities=velocities)
+        found = nearest(relations, x, metric_of(self.M, free))
+        self._note(found, relations, asked.names, free, velocities)
+        return found
+
+    def guesses(
+        self, free: Sequence[int], q: Floats, v: Floats, *, velocities: bool
+    ) -> Found:
+        """Solve for guesses: the nearest of several roots, and a hint that there are.
+
+        A guess that nothing determines stays as given.
+        """
+        found = self.nearest(free, q, v, velocities=velocities)
+        if not found.met:
+            return found
+        x0 = (v if velocities else q)[list(free)]
+        slopes = np.zeros((0, len(free)))
+        if self.asked(velocities=velocities).nodes:
+            relations = self.relations(free, q, v, velocities=velocities)
+            slopes = relations(x0)[1]
+            found = self._closest_root(relations, x0, found, free, velocities)
+        names = self.names(free, velocities=velocities)
+        for name, column in zip(names, slopes.T, strict=True):
+            if not np.any(column):
+                self._warn(
+                    "undetermined-guess",
+                    f"nothing determines the guess `{name}`: it stays as given",
+                )
+        return found
+
+    def _closest_root(
+        self,
+        relations: Relations,
+        x0: Floats,
+        found: Found,
+        free: Sequence[int],
+        velocities: bool,
+    ) -> Found:
+        """Look for other roots around a guess; take the nearest, and say so."""
+        slopes = relations(found.x)[1]
+        double = found.trouble is Trouble.DOUBLE_ROOT
+        if double or np.linalg.matrix_rank(slopes) < len(free):
+            return found  # a family of roots: the nearest of them has been found
+        random = np.random.default_rng(3)  # the same starts each time
+        size = np.maximum(np.abs(found.x), np.max(np.abs(found.x), initial=0.0))
+        size = np.maximum(size, np.abs(x0 - found.x))
+        size[size == 0] = 1.0
+        metric = metric_of(self.M, free)
+        roots = [found.x]
+        for _ in range(OTHER_STARTS):
+            start = x0 + AROUND * size * random.standard_normal(len(free))
+            other = reach(relations, start, metric)
+            apart = [np.max(np.abs(other.x - r) / size) > 1e-6 for r in roots]
+            if other.met and all(apart):
+                roots.append(other.x)
+        if len(roots) == 1:
+            return found
+        roots.sort(key=lambda r: float((r - x0) @ metric @ (r - x0)))
+        names = self.names(free, velocities=velocities)
+        listed = "; ".join(_listed(names, root) for root in roots[1:3])
+        self._warn(
+            "other-roots",
+            f"the guesses have other solutions too, such as {listed}; the nearest to "
+            "the guess is taken",
+        )
+        return Found(roots[0], met=True)
+
+    def _note(
+        self,
+        found: Found,
+        relations: Relations,
+        asked: Sequence[str],
+        free: Sequence[int],
+        velocities: bool,
+    ) -> None:
+        """Say what was odd about a root, or why there is none."""
+        where = _listed(self.names(free, velocities=velocities), found.x)
+        residual, slopes = relations(found.x)
+        worst = int(np.argmax(np.abs(residual)))
+        name = asked[worst]
+        if found.met:
+            if found.trouble is Trouble.DOUBLE_ROOT:
+                self._warn(
+                    "double-root",
+                    f"Newton's method halves its way to {where}: a double root of "
+                    f"`{name}`, or a singular configuration; its multiplier means "
+                    "little",
+                )
+            return
+        least = f"the least |residual| is {abs(residual[worst]):.6g}, at {where}"
+        self.least = least
+        if found.trouble is Trouble.MINIMUM:
+            lengths = np.linalg.norm(slopes, axis=1)
+            lengths[lengths == 0] = 1.0
+            far = np.abs(residual) / lengths
+            shared = far > SHARES * np.max(far)
+            named = [f"`{x}`" for x, is_in in zip(asked, shared, strict=True) if is_in]
+            what = " and ".join(named)
+            together = " together" if len(named) > 1 else ""
+            self.unsolved = f"{what} cannot be satisfied{together} near there: {least}"
+        elif found.trouble is Trouble.RANK_LOSS:
+            self.unsolved = (
+                f"the constraints lose their independence on the way to meeting "
+                f"`{name}`: {least}"
+            )
+        else:
+            self.unsolved = f"`{name}` has no finite value on the way, near {where}"
+
+    def _warn(self, code: str, text: str) -> None:
+        self.warnings.append(Caution(code, text))
+
+    def exact(
+        self, free: Sequence[int], q: Floats, v: Floats, *, velocities: bool
+    ) -> Floats:
+        """Give the nearest exact values; those that are exact to rounding stay."""
+        x = v if velocities else q
+        if not self.asked(velocities=velocities, definitions=False).nodes:
+            return x
+        relations = self.relations(free, q, v, velocities=velocities, definitions=False)
+        found = nearest(relations, x, metric_of(self.M, free), far=False)
+        return found.x if found.met else x
+
+
+def _listed(names: Sequence[str], values: Floats) -> str:
+    return ", ".join(f"{n} = {x:.6g}" for n, x in zip(names, values, strict=True))

@@ -1,0 +1,104 @@
+"""Scenes as text, and what the examination of their starts gives."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from lagsim.admissibility import examine
+from lagsim.equations import derive
+from lagsim.reader import read
+
+if TYPE_CHECKING:
+    from lagsim.admissibility import Start
+
+
+def judged(text: str, *, classify: bool = False) -> Start:
+    """Examine the start of a model's text."""
+    return examine(derive(read(text, "model.yaml")), classify=classify)
+
+
+def scene(
+    relations: dict[str, str] | str,
+    initial: dict[str, Any],
+    *,
+    kinetic: str = "",
+    potential: str = "0",
+    parameters: str = "",
+    definitions: str = "",
+    more: str = "",
+) -> str:
+    """Give a model: coordinates are the plain names in `initial`.
+
+    Without `kinetic` each has mass 1. A single relation is called `a`.
+    """
+    if isinstance(relations, str):
+        relations = {"a": relations}
+    names = set()
+    if definitions:
+        names = {line.split(":")[0].strip() for line in definitions.splitlines()}
+    coordinates = [q for q in initial if not q.endswith("_dot") and q not in names]
+    kinetic = kinetic or " + ".join(f"{q}_dot^2/2" for q in coordinates)
+    lines = []
+    if parameters:
+        lines.append(f"parameters: {{{parameters}}}")
+    lines.append(f"coordinates: {{{', '.join(f'{q}: ' for q in coordinates)}}}")
+    if definitions:
+        lines += ["definitions:", *(f"  {x}" for x in definitions.splitlines())]
+    lines.append(f'energy: {{kinetic: "{kinetic}", potential: "{potential}"}}')
+    if relations:
+        lines.append("constraints:")
+        lines += [f'  {name}: "{relation}"' for name, relation in relations.items()]
+    lines += ["initial:", *(f"  {name}: {value}" for name, value in initial.items())]
+    return "\n".join([*lines, more or "simulation: {duration: 1}"]) + "\n"
+
+
+def codes(start: Start) -> list[str]:
+    """Give the codes of the warnings."""
+    return [w.code for w in start.warnings]
+
+
+def warning(start: Start, code: str) -> str:
+    """Give the text of the only warning of this code."""
+    [text] = [w.text for w in start.warnings if w.code == code]
+    return text
+
+
+PARALLELOGRAM = {
+    "p1": "x - cos(c)/2 = cos(a)",
+    "p2": "y - sin(c)/2 = sin(a)",
+    "p3": "x + cos(c)/2 = 1 + cos(b)",
+    "p4": "y + sin(c)/2 = sin(b)",
+}
+
+
+def parallelogram(angle: str, b_dot: str = "1") -> str:
+    """Give cranks at an angle, turning at rate 1, joined by a coupler."""
+    return scene(
+        PARALLELOGRAM,
+        {
+            "a": angle,
+            "b": "a",
+            "c": "0",
+            "x": "cos(a) + 0.5",
+            "y": "sin(a)",
+            "a_dot": 1,
+            "b_dot": b_dot,
+            "x_dot": "-sin(a)",
+            "y_dot": "cos(a)",
+        },
+    )
+
+
+def slider_crank(angle: str) -> str:
+    """Give a crank and a rod of length 1 at an angle, turning at rate 1."""
+    return scene(
+        {"along": "cos(a) + cos(b) = x", "across": "sin(a) + sin(b) = 0"},
+        {
+            "a": angle,
+            "b": "-a",
+            "x": "2*cos(a)",
+            "a_dot": 1,
+            "b_dot": -1,
+            "x_dot": "-2*sin(a)",
+        },
+    )

@@ -1,0 +1,155 @@
+"""Integrability: what velocity constraints let the motion reach."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from tests.admissibility.scenes import judged, scene
+from tests.support import MODELS
+
+WHEELS = {
+    "side": "y_dot*cos(p) = x_dot*sin(p)",
+    "left": "x_dot*cos(p) + y_dot*sin(p) - 0.5*p_dot = 0.3*a_dot",
+    "right": "x_dot*cos(p) + y_dot*sin(p) + 0.5*p_dot = 0.3*b_dot",
+}
+# A sphere of radius 1 rolls in the plane: its angular velocity from Euler angles.
+SPHERE = {
+    "x": "x_dot = b_dot*sin(a) - c_dot*sin(b)*cos(a)",
+    "y": "y_dot = -(b_dot*cos(a) + c_dot*sin(b)*sin(a))",
+}
+DISK = {
+    "x": "x_dot + 0.3*s_dot*cos(p) = 0",
+    "y": "y_dot + 0.3*s_dot*sin(p) = 0",
+}
+
+
+def reach(relations, initial, **more):
+    start = judged(scene(relations, initial, **more), classify=True)
+    verdicts = {v.name: (v.integrable, v.undecided) for v in start.verdicts}
+    return start.reach, verdicts
+
+
+def zeros(names, **values):
+    return {name: values.get(name, 0) for name in names.split()}
+
+
+@pytest.mark.parametrize(
+    ("relations", "initial", "dimension", "hidden", "entering"),
+    [
+        # One form in two coordinates, free of t, always is integrable.
+        ("u_dot*cos(p + 5*u) = p_dot*sin(p + 5*u)", zeros("p u", u=0.5), 1, 1, "a"),
+        ("x*x_dot + y*y_dot = 0", {"x": 1, "y": 0}, 1, 1, "a"),
+        ("x_dot = y", {"x": 0, "y": 0}, 2, 0, ""),
+        ("x_dot = 2*t", {"x": 0, "y": 0}, 1, 1, "a"),
+        ("x_dot*sin(p) = y_dot*cos(p)", zeros("x y p", p=0.2), 3, 0, ""),
+        ("x_dot*sin(p) = y_dot*cos(p)", zeros("x y p"), 3, 0, ""),
+        (DISK, zeros("x y p s"), 4, 0, ""),
+        (SPHERE, zeros("x y a b c", a=0.3, b=0.7), 5, 0, ""),
+        (WHEELS, zeros("x y p a b", p=0.3), 4, 1, "left right"),
+        # Rolling on what grows with time: x = (1 + t) f is hidden in the second only.
+        ("x_dot = (1 + t)*f_dot", zeros("x f"), 2, 0, ""),
+        ("x_dot = (1 + t)*f_dot + f", zeros("x f"), 1, 1, "a"),
+        # With holonomic relations, which hide nothing.
+        (
+            {"h": "p^2 + f^2 = 1", "edge": "x_dot*sin(y) = p_dot*cos(y)"},
+            zeros("x p f y", p=0.6, f=0.8, y=0.3), 3, 0, "",
+        ),
+        (
+            {"h": "z = x^2", "again": "z_dot = 2*x*x_dot", "w": "y_dot = 0"},
+            zeros("x y z"), 1, 1, "w",
+        ),
+        # Dependent forms.
+        (
+            {"a": "x_dot*sin(p) = y_dot*cos(p)", "b": "2*x_dot = 2*y_dot/tan(p)"},
+            zeros("x y p", p=0.2), 3, 0, "",
+        ),
+        # Three brackets deep: Engel's system.
+        ({"a": "y_dot = z*x_dot", "b": "z_dot = w*x_dot"}, zeros("x y z w"), 4, 0, ""),
+        # A hidden one that only brackets separate from the others.
+        (
+            {"a": "z_dot = y*x_dot", "b": "w_dot = z_dot + x*y_dot"},
+            zeros("x y z w"), 3, 1, "a b",
+        ),
+    ],
+)  # fmt: skip
+def test_what_can_be_reached(relations, initial, dimension, hidden, entering):
+    found, _ = reach(relations, initial)
+    assert (found.dimension, found.hidden) == (dimension, hidden)
+    assert " ".join(found.entering) == entering
+
+
+def test_each_relation_alone():
+    _, alone = reach(WHEELS, zeros("x y p a b"))
+    assert alone == dict.fromkeys(WHEELS, (False, ""))
+    _, alone = reach(
+        {"a": "x_dot = 0", "b": "y_dot = x*z_dot", "c": "x + y = 0"}, zeros("x y z")
+    )
+    assert alone == {"a": (True, ""), "b": (False, ""), "c": (None, "")}
+
+
+def test_a_relation_that_is_not_linear_is_left_open():
+    found, alone = reach(
+        {"a": "x_dot^2 + y_dot^2 = z_dot^2", "b": "x_dot = y*z_dot"}, zeros("x y z")
+    )
+    assert found.dimension is None
+    assert "not linear" in found.reason
+    assert alone == {"a": (None, ""), "b": (False, "")}
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
+@pytest.mark.parametrize("factor", [1e-8, 1.0, 1e8])
+def test_reach_depends_on_neither_scale_nor_units(unit, factor):
+    u, f = repr(unit), repr(factor)
+    relations = {
+        "side": f"{f}*(y_dot*cos(p/{u}) - x_dot*sin(p/{u})) = 0",
+        "left": f"x_dot*cos(p/{u}) + y_dot*sin(p/{u}) - 0.5*p_dot/{u} = a_dot",
+        "right": f"x_dot*cos(p/{u}) + y_dot*sin(p/{u}) + 0.5*p_dot/{u} = b_dot",
+    }
+    kinetic = f"(x_dot^2 + y_dot^2 + a_dot^2 + b_dot^2 + p_dot^2/{u}^2)/2"
+    found, alone = reach(relations, zeros("x y p a b"), kinetic=kinetic)
+    assert (found.dimension, found.hidden) == (4, 1)
+    assert found.entering == ("left", "right")
+    assert {integrable for integrable, _ in alone.values()} == {False}
+
+
+TEN = " ".join(f"q{k}" for k in range(10))
+
+
+@pytest.mark.parametrize(
+    "relations",
+    [
+        [f"q{k}_dot = q{k + 1}*q9_dot" for k in range(4)],
+        [
+            f"sin(q{k})*q{k + 1}_dot*exp(q7)"
+            f" = cos(q{k})*q{k + 2}_dot + q{k + 3}*q{k}_dot"
+            for k in range(4)
+        ],
+        [f"q{k}_dot = q{k + 4}*q8_dot + q8*q{k + 4}_dot" for k in range(4)],
+    ],
+)
+def test_ten_coordinates_and_four_relations_take_less_than_a_second(relations):
+    text = scene(
+        {f"c{k}": r for k, r in enumerate(relations)}, zeros(TEN, q4=0.3, q5=0.2)
+    )
+    start = time.perf_counter()
+    found = judged(text, classify=True).reach
+    assert time.perf_counter() - start < 1.0
+    assert found.dimension is not None
+
+
+@pytest.mark.parametrize(
+    ("name", "dimension", "integrable"),
+    [
+        ("elastic-pendulum-steered", 1, True),
+        ("chaplygin-sleigh", 3, False),
+        ("rolling-disk", 5, False),
+        ("rolling-disk-steady", 5, False),
+    ],
+)
+def test_shipped_models(name, dimension, integrable):
+    text = (MODELS / f"{name}.yaml").read_text()
+    start = judged(text, classify=True)
+    assert start.reach.dimension == dimension
+    assert {v.integrable for v in start.verdicts} == {integrable}

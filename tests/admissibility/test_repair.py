@@ -1,0 +1,274 @@
+"""Guesses, repair, and states that must not be harmed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from tests.admissibility.scenes import codes, judged, scene, warning
+from tests.scenes.reference import model_text
+from tests.support import MODELS
+
+CIRCLE = "x^2 + y^2 = 1"
+ELLIPSE = "x^2/4 + y^2 = 1"
+
+
+def repaired(text):
+    start = judged(text)
+    assert not start.admissible
+    assert start.repair is not None, start.unsolved
+    return start
+
+
+def replaced(text, repair):
+    """Paste a repair into `initial`."""
+    lines = text.splitlines()
+    at = lines.index("initial:")
+    rest = [x for x in lines[at + 1 :] if x.split(":")[0].strip() not in repair]
+    return "\n".join(
+        [*lines[: at + 1], *(f"  {k}: {v!r}" for k, v in repair.items()), *rest]
+    )
+
+
+@pytest.mark.parametrize("mass", [1.0, 9.0, 1e-4])
+@pytest.mark.parametrize("place", [(3.0, 0.5), (0.2, 0.1), (-1.0, 4.0), (30.0, 20.0)])
+def test_repair_is_the_nearest_state_in_the_metric_of_inertia(mass, place):
+    x0, y0 = place
+    text = scene(ELLIPSE, {"x": x0, "y": y0}, kinetic=f"({mass}*x_dot^2 + y_dot^2)/2")
+    found = repaired(text)
+    at = {"x": x0, "y": y0, **found.repair}
+
+    def distance(angle):
+        x, y = 2 * np.cos(angle), np.sin(angle)
+        return mass * (x - x0) ** 2 + (y - y0) ** 2
+
+    angles = np.linspace(-math.pi, math.pi, 2001)
+    rough = angles[np.argmin(distance(angles))]
+    best = minimize(lambda a: distance(a[0]), [rough], tol=1e-14)
+    reached = mass * (at["x"] - x0) ** 2 + (at["y"] - y0) ** 2
+    assert reached == pytest.approx(best.fun, rel=1e-9)
+    # Its gradient along the ellipse vanishes: a minimum, not only a near value.
+    x, y = at["x"], at["y"]
+    slope = mass * (x - x0) * (-2 * y) + (y - y0) * (x / 2)
+    assert abs(slope) < 1e-8 * max(1.0, mass) * (abs(x0) + abs(y0))
+    again = judged(replaced(text, found.repair))
+    assert again.admissible
+    assert not again.warnings
+    assert not again.changes
+
+
+def test_a_start_where_the_gradient_vanishes():
+    # From the centre every direction is as good; one is taken, the same each time.
+    found = [repaired(scene(CIRCLE, {"x": 0, "y": 0})).repair for _ in range(2)]
+    assert found[0] == found[1]
+    assert math.hypot(*found[0].values()) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_a_ridge_is_left():
+    # From (0, 0.1) Newton's method stays on the axis: (0, 1) is 0.9 away and nearest.
+    assert repaired(scene(CIRCLE, {"x": 0, "y": 0.1})).repair == {"y": 1.0}
+    # On the flat ellipse's short axis it is a minimum, on its long one from near the
+    # centre it is not: (2, 0) is 1.9 away, (0, 1) only 1.
+    found = repaired(scene(ELLIPSE, {"x": 0.1, "y": 0})).repair
+    x, y = found["x"], found["y"]
+    # By Lagrange: x (1 - 1/4) ... = 0.1, y != 0.
+    assert x == pytest.approx(0.1 / (1 - 0.25), rel=1e-9)
+    assert abs(y) == pytest.approx(math.sqrt(1 - x * x / 4), rel=1e-9)
+
+
+def test_repair_of_a_massless_coordinate():
+    text = scene("y = x^2", {"x": 1, "y": 3}, kinetic="x_dot^2/2", potential="y")
+    found = repaired(text)
+    x, y = found.repair["x"], found.repair["y"]
+    assert y == pytest.approx(x * x, rel=1e-12)
+    # Euclid's metric, for M is singular.
+    assert (x - 1) + 2 * x * (y - 3) == pytest.approx(0, abs=1e-9)
+
+
+def test_repair_of_velocities():
+    text = scene(
+        "x_dot*sin(p) = y_dot*cos(p)",
+        {"x": 0, "y": 0, "p": 0.2, "x_dot": 1, "y_dot": 1, "p_dot": 3},
+        kinetic="(x_dot^2 + 4*y_dot^2 + p_dot^2)/2",
+    )
+    found = repaired(text)
+    assert found.repair.keys() == {"x_dot", "y_dot"}
+    row, weights = np.array([math.sin(0.2), -math.cos(0.2)]), np.array([1.0, 0.25])
+    moved = -weights * row * (row.sum() / (row @ (weights * row)))
+    assert [found.repair["x_dot"], found.repair["y_dot"]] == pytest.approx(1 + moved)
+
+
+def test_repair_of_velocities_that_are_not_linear():
+    # Nearest to (3, 0.1) with x'^2 + y'^2 = 4: on the ray from the origin.
+    text = scene("x_dot^2 + y_dot^2 = 4", {"x": 0, "y": 0, "x_dot": 3, "y_dot": 0.4})
+    found = repaired(text).repair
+    far = math.hypot(3, 0.4)
+    assert found == pytest.approx({"x_dot": 6 / far, "y_dot": 0.8 / far}, rel=1e-12)
+
+
+@pytest.mark.parametrize("far", [1e2, 1e4, 1e6])
+def test_far_starts(far):
+    found = repaired(scene(CIRCLE, {"x": far, "y": 2 * far})).repair
+    expected = {"x": 1 / math.sqrt(5), "y": 2 / math.sqrt(5)}
+    assert found == pytest.approx(expected, rel=1e-9)
+    found = repaired(scene("atan(x) = 0.3*y", {"x": far / 10, "y": 0.1}))
+    x, y = (found.repair | {}).get("x", far / 10), found.repair.get("y", 0.1)
+    assert math.atan(x) == pytest.approx(0.3 * y, rel=1e-9)
+
+
+def test_what_cannot_be_satisfied_is_named_with_the_point_of_least_residual():
+    for initial in ({"x": 1, "y": 1}, {"x": "{guess: 1}", "y": "{guess: 1}"}):
+        start = judged(scene("x^2 + y^2 = -1", initial))
+        assert not start.admissible
+        assert start.repair is None
+        assert not start.contradictions
+        assert start.unsolved.startswith("`a` cannot be satisfied near there")
+        assert "the least |residual| is 1, at x = " in start.unsolved
+        assert start.degrees_of_freedom == 1
+
+
+def test_two_that_exclude_each_other():
+    start = judged(scene({"a": CIRCLE, "b": "x = 3"}, {"x": 1, "y": 0.1}))
+    assert start.repair is None
+    assert "`a` and `b` cannot be satisfied together near there" in start.unsolved
+
+
+def test_a_penetrated_contact_is_touched():
+    floor = "\n  floor: {relation: y >= x/2, restitution: 0.5}"
+    text = scene({}, {"x": 1, "y": 0}).replace(
+        "initial:", f"constraints:{floor}\ninitial:"
+    )
+    found = repaired(text).repair
+    # The foot of the perpendicular from (1, 0).
+    assert found == pytest.approx({"x": 0.8, "y": 0.4}, rel=1e-12)
+    assert judged(replaced(text, found)).admissible
+    text = scene({"a": CIRCLE}, {"x": 0.6, "y": -0.8}).replace(
+        "initial:", "  floor: {relation: y >= 0, restitution: 0.5}\ninitial:"
+    )
+    assert repaired(text).repair == pytest.approx({"x": 1, "y": 0}, abs=1e-12)
+
+
+# Guesses
+
+ARM = scene(
+    {},
+    {"a": "{guess: 0.2}", "b": "{guess: 1}", "x": 0.7, "y": 0.3},
+    definitions="x: l*cos(a) + l*cos(a + b)\ny: l*sin(a) + l*sin(a + b)",
+    kinetic="(x_dot^2 + y_dot^2 + a_dot^2)/2",
+    parameters="l: 0.5",
+)
+
+
+def elbow(sign):
+    """Give the arm's angles with the tip at (0.7, 0.3)."""
+    reach = math.hypot(0.7, 0.3)
+    b = sign * 2 * math.acos(reach)
+    return {"a": math.atan2(0.3, 0.7) - b / 2, "b": b}
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_start_values_of_definitions_are_met_through_guesses(sign):
+    text = (
+        ARM
+        if sign > 0
+        else ARM.replace("0.2", "0.9").replace("guess: 1}", "guess: -1}")
+    )
+    start = judged(text)
+    assert start.admissible
+    assert dict(zip("ab", start.q, strict=True)) == pytest.approx(elbow(sign))
+    other = elbow(-sign)
+    assert f"a = {other['a']:.6g}, b = {other['b']:.6g}" in warning(
+        start, "other-roots"
+    )
+
+
+def test_a_tip_out_of_reach():
+    start = judged(ARM.replace("0.7", "1.7"))
+    assert not start.admissible
+    assert "x: 1.7" in start.unsolved
+    assert "cannot be satisfied" in start.unsolved
+
+
+def test_values_that_are_no_guess_stay():
+    start = judged(scene(CIRCLE, {"x": 0.6, "y": "{guess: 0.1}"}))
+    assert start.admissible
+    assert start.q[0] == 0.6
+    assert start.q[1] == pytest.approx(0.8, rel=1e-15)
+    assert not start.changes
+
+
+@pytest.mark.parametrize(("guess", "root"), [(0.1, 0.8), (-0.1, -0.8), (5, 0.8)])
+def test_the_nearest_root_is_taken(guess, root):
+    start = judged(scene(CIRCLE, {"x": 0.6, "y": f"{{guess: {guess}}}"}))
+    assert start.q[1] == pytest.approx(root, rel=1e-15)
+    assert f"y = {-root:g}" in warning(start, "other-roots")
+
+
+def test_a_guess_that_does_not_suffice():
+    # No y meets it with x = 2: both must move.
+    start = judged(scene(CIRCLE, {"x": 2, "y": "{guess: 0.5}"}))
+    assert not start.admissible
+    assert "cannot be satisfied" in start.unsolved
+    far = math.hypot(2, 0.5)
+    assert start.repair == pytest.approx({"x": 2 / far, "y": 0.5 / far}, rel=1e-12)
+
+
+def test_a_guess_that_nothing_determines():
+    start = judged(scene("x = 1", {"x": 1, "y": "{guess: 7}"}))
+    assert start.q[1] == 7.0
+    assert codes(start) == ["undetermined-guess"]
+
+
+# Never harm
+
+EXACT = [
+    (CIRCLE, {"x": 0.6, "y": 0.8}),
+    (CIRCLE, {"x": "cos(0.3)", "y": "sin(0.3)"}),
+    ("y = x^3 + x", {"x": 0.1, "y": "x^3 + x"}),
+    ("y = sin(x)/(1 + x^2)", {"x": 0.7, "y": "sin(x)/(1 + x^2)"}),
+    ("x = 0", {"x": "cos(pi/2)", "y": 3}),
+    (
+        "x_dot*sin(y) = z_dot*cos(y)",
+        {"x": 1, "y": 0.3, "z": 2, "z_dot": 0.1, "x_dot": "z_dot/tan(y)"},
+    ),
+]
+
+
+@pytest.mark.parametrize(("relation", "initial"), EXACT)
+@pytest.mark.parametrize("guessed", [False, True])
+def test_an_exact_start_comes_back_bit_for_bit(relation, initial, guessed):
+    stated = judged(scene({}, initial))
+    if guessed:
+        initial = {name: f"{{guess: {value}}}" for name, value in initial.items()}
+    start = judged(scene(relation, initial))
+    assert start.admissible
+    assert np.array_equal(start.q, stated.q)
+    assert np.array_equal(start.v, stated.v)
+    assert not start.changes
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_models_start_exactly_where_they_say(path):
+    start = judged(path.read_text())
+    assert start.admissible
+    assert not start.changes
+    assert not {"rough-start", "redundant", "vanishing-gradient"} & set(codes(start))
+
+
+def test_a_repaired_mechanism_pastes_back():
+    # 20 coordinates, 24 rows of rank 23.
+    stated = model_text("bricard")
+    at = stated.index("initial:")
+    text = stated[:at] + stated[at:].replace('"', "")
+    lines = text.splitlines()
+    first = lines.index("initial:") + 1
+    lines[first] += " + 0.07"
+    found = repaired("\n".join(lines))
+    again = judged(replaced("\n".join(lines), found.repair))
+    assert again.admissible
+    assert again.ranks.rank == 23
+    assert set(codes(again)) == {"redundant", "multipliers-not-unique"}
+    assert not again.changes
