@@ -231,13 +231,3 @@ def admissible_near(
             return None
         state[velocities] = reached.x
     return state[0], state[1]
-
-
-def weakest_rows(point: Point, q: Floats, v: Floats) -> tuple[list[str], float]:
-    """Give the constraints that are closest to dependent, and how close they are."""
-    Y, _ = scaled_rows(point, q, v)
-    left, sizes, _ = np.linalg.svd(Y)
-    weights = np.abs(left[:, len(sizes) - 1])
-    names = [row.name for row in point.e.rows]
-    chosen = [n for n, w in zip(names, weights, strict=True) if w > 1e-3]
-    return chosen, float(sizes[-1])

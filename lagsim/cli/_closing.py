@@ -46,7 +46,8 @@ def summary(
     unit = document["columns"]["energy"]
     drift = f"{document['energy_drift']:.2g} {unit}".rstrip()
     ledger = "energy - work" if "work" in document["columns"] else "energy"
-    rows.append(("energy drift", f"{drift} in {ledger} (energy {first_energy:.7g} at the start)"))
+    start = f"(energy {first_energy:.7g} at the start)"
+    rows.append(("energy drift", f"{drift} in {ledger} {start}"))
     if m:
         residual = document["constraint_residual"]
         rows.append(("residual", f"largest {residual:.2g} of its scale"))

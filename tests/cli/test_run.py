@@ -176,7 +176,8 @@ def test_the_closing_lines(lagsim, write):
     assert len(lines) <= 12
     text = called.out
     for told in ("2 coordinates, 1 constraint\n", "dop853", "projection", "steps",
-                 "in energy (energy 4.505037 at the start)", "of its scale", "rtol 1e-11",
+                 "in energy (energy 4.505037 at the start)", "of its scale",
+                 "rtol 1e-11",
                  "out: trajectory.csv, run.json"):  # fmt: skip
         assert told in text
     forced = lagsim("run", write(PENDULUM + "forces: {theta: 1}\n"), "--no-plots")
