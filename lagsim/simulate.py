@@ -7,9 +7,6 @@ memory does not grow with the number of rows.
 
 from __future__ import annotations
 
-import contextlib
-import signal
-import threading
 from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Protocol
@@ -29,6 +26,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
+    from lagsim.interrupt import Interrupt
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
@@ -56,30 +54,6 @@ class Consumer(Protocol):
 
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns) in the order of `System.columns.names`."""
-
-
-class Interrupt:
-    """Notes SIGINT and SIGTERM instead of raising, so that nothing computed is lost."""
-
-    def __init__(self) -> None:
-        self.signal: int | None = None
-
-    @contextlib.contextmanager
-    def noted(self) -> Iterator[Interrupt]:
-        """Note the signals while the context lasts (in the main thread only)."""
-        if threading.current_thread() is not threading.main_thread():
-            yield self
-            return
-        kinds = (signal.SIGINT, signal.SIGTERM)
-        before = [signal.signal(kind, self._note) for kind in kinds]
-        try:
-            yield self
-        finally:
-            for kind, handler in zip(kinds, before, strict=True):
-                signal.signal(kind, handler)
-
-    def _note(self, number: int, _frame: object) -> None:
-        self.signal = number
 
 
 def simulate(

@@ -12,9 +12,10 @@ import pytest
 
 from lagsim.admissibility import examine
 from lagsim.equations import derive
+from lagsim.interrupt import Interrupt
 from lagsim.plan import make_plan
 from lagsim.reader import read
-from lagsim.simulate import BLOCK, Interrupt, simulate
+from lagsim.simulate import BLOCK, simulate
 from lagsim.system import System
 from lagsim.trajectory import Outcome
 from tests.small_scenes import expected_times, oscillator

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.expressions.parser import ExpressionError, parse
+from lagsim.expressions.parser import parse
+from lagsim.expressions.tokens import ExpressionError
 from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
+    from lagsim.interrupt import Interrupt
     from lagsim.model import Model
     from lagsim.native.kernel_types import Floats
     from lagsim.outputs.ledger import Ledger
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from lagsim.outputs.table import TableWriter
     from lagsim.outputs.thinning import Thinning
     from lagsim.plan import Plan
-    from lagsim.simulate import Interrupt
     from lagsim.system import System
     from lagsim.trajectory import Caution, Trajectory
 
@@ -165,10 +165,11 @@ class _Job:
         system: System,
         results: Results,
     ) -> int:
+        from lagsim.interrupt import Interrupt
         from lagsim.outputs.ledger import Ledger
         from lagsim.outputs.manifest import encode
         from lagsim.outputs.results import MANIFEST
-        from lagsim.simulate import Interrupt, simulate
+        from lagsim.simulate import simulate
 
         names = system.columns.names
         ledger = Ledger(names)

@@ -248,197 +248,138 @@ def _conditions() -> tuple[Function, ...]:
     )
 
 
-def _root_of(g: Graph, *terms: tuple[float, int]) -> int:
-    """Give sqrt of the sum of c * x^2."""
-    total = g.zero
-    for c, x in terms:
-        square = g.call("mul", x, x) if x != g.one else g.one
-        total = g.call("add", total, g.call("mul", g.constant(c), square))
-    return g.call("sqrt", total)
+def _unary(
+    name: str,
+    value: Callable[[float], float],
+    slope: Callable[[Graph, int, int], int],
+    code: dict[str, Any],
+    sympy: Callable[..., Any] | None = None,
+) -> Function:
+    """Give the row of a smooth f(x); `slope` is (graph, x, f) -> df/dx."""
+    return Function(
+        name,
+        1,
+        value,
+        sympy=sympy or (lambda s, x: getattr(s, name)(x)),
+        partials=lambda g, a, f: (slope(g, a[0], f),),
+        **code,
+    )
+
+
+def _over(g: Graph, x: int) -> int:
+    return g.call("div", g.one, x)
+
+
+def _square(g: Graph, x: int) -> int:
+    return g.call("mul", x, x)
+
+
+def _one_plus(g: Graph, square_of: int) -> int:
+    return g.call("add", g.one, _square(g, square_of))
+
+
+def _one_minus(g: Graph, square_of: int) -> int:
+    return g.call("sub", g.one, _square(g, square_of))
+
+
+def _atan2_partials(g: Graph, a: tuple[int, ...], _: int) -> tuple[int, ...]:
+    y, x = a
+    r2 = g.call("add", _square(g, x), _square(g, y))
+    return g.call("div", x, r2), g.call("neg", g.call("div", y, r2))
+
+
+def _acosh_slope(g: Graph, x: int, _: int) -> int:
+    return _over(g, g.call("sqrt", g.call("sub", _square(g, x), g.one)))
 
 
 def _smooth() -> tuple[Function, ...]:
-    def reciprocal(g: Graph, x: int) -> int:
-        return g.call("div", g.one, x)
+    def root(g: Graph, x: int) -> int:
+        return g.call("sqrt", x)
 
-    def one_plus_square(g: Graph, x: int) -> int:
-        return g.call("add", g.one, g.call("mul", x, x))
-
-    def atan2_partials(g: Graph, a: tuple[int, ...], _: int) -> tuple[int, ...]:
-        y, x = a
-        r2 = g.call("add", g.call("mul", x, x), g.call("mul", y, y))
-        return g.call("div", x, r2), g.call("neg", g.call("div", y, r2))
-
-    def log10_partials(g: Graph, a: tuple[int, ...], _: int) -> tuple[int, ...]:
-        ten = g.constant(math.log(10.0))
-        return (g.call("div", g.one, g.call("mul", ten, a[0])),)
+    def thrice_square(g: Graph, f: int) -> int:
+        return g.call("mul", g.constant(3.0), _square(g, f))
 
     return (
-        Function(
-            "sin",
-            1,
-            math.sin,
-            sympy=lambda s, x: s.sin(x),
-            partials=lambda g, a, _: (g.call("cos", a[0]),),
-            **_intrinsic("sin"),
-        ),
-        Function(
+        _unary("sin", math.sin, lambda g, x, f: g.call("cos", x), _intrinsic("sin")),
+        _unary(
             "cos",
-            1,
             math.cos,
-            sympy=lambda s, x: s.cos(x),
-            partials=lambda g, a, _: (g.call("neg", g.call("sin", a[0])),),
-            **_intrinsic("cos"),
+            lambda g, x, f: g.call("neg", g.call("sin", x)),
+            _intrinsic("cos"),
         ),
-        Function(
-            "tan",
-            1,
-            math.tan,
-            sympy=lambda s, x: s.tan(x),
-            partials=lambda g, a, f: (one_plus_square(g, f),),
-            **_libm("tan"),
-        ),
-        Function(
+        _unary("tan", math.tan, lambda g, x, f: _one_plus(g, f), _libm("tan")),
+        _unary(
             "asin",
-            1,
             math.asin,
-            sympy=lambda s, x: s.asin(x),
-            partials=lambda g, a, _: (
-                reciprocal(g, _root_of(g, (1.0, g.one), (-1.0, a[0]))),
-            ),
-            **_libm("asin"),
+            lambda g, x, f: _over(g, root(g, _one_minus(g, x))),
+            _libm("asin"),
         ),
-        Function(
+        _unary(
             "acos",
-            1,
             math.acos,
-            sympy=lambda s, x: s.acos(x),
-            partials=lambda g, a, _: (
-                g.call("neg", reciprocal(g, _root_of(g, (1.0, g.one), (-1.0, a[0])))),
-            ),
-            **_libm("acos"),
+            lambda g, x, f: g.call("neg", _over(g, root(g, _one_minus(g, x)))),
+            _libm("acos"),
         ),
-        Function(
-            "atan",
-            1,
-            math.atan,
-            sympy=lambda s, x: s.atan(x),
-            partials=lambda g, a, _: (reciprocal(g, one_plus_square(g, a[0])),),
-            **_libm("atan"),
+        _unary(
+            "atan", math.atan, lambda g, x, f: _over(g, _one_plus(g, x)), _libm("atan")
         ),
         Function(
             "atan2",
             2,
             math.atan2,
             sympy=lambda s, y, x: s.atan2(y, x),
-            partials=atan2_partials,
+            partials=_atan2_partials,
             **_libm("atan2", 2),
         ),
-        Function(
-            "sinh",
-            1,
-            math.sinh,
-            sympy=lambda s, x: s.sinh(x),
-            partials=lambda g, a, _: (g.call("cosh", a[0]),),
-            **_libm("sinh"),
-        ),
-        Function(
-            "cosh",
-            1,
-            math.cosh,
-            sympy=lambda s, x: s.cosh(x),
-            partials=lambda g, a, _: (g.call("sinh", a[0]),),
-            **_libm("cosh"),
-        ),
-        Function(
-            "tanh",
-            1,
-            math.tanh,
-            sympy=lambda s, x: s.tanh(x),
-            partials=lambda g, a, f: (g.call("sub", g.one, g.call("mul", f, f)),),
-            **_libm("tanh"),
-        ),
-        Function(
+        _unary("sinh", math.sinh, lambda g, x, f: g.call("cosh", x), _libm("sinh")),
+        _unary("cosh", math.cosh, lambda g, x, f: g.call("sinh", x), _libm("cosh")),
+        _unary("tanh", math.tanh, lambda g, x, f: _one_minus(g, f), _libm("tanh")),
+        _unary(
             "asinh",
-            1,
             math.asinh,
-            sympy=lambda s, x: s.asinh(x),
-            partials=lambda g, a, _: (
-                reciprocal(g, _root_of(g, (1.0, g.one), (1.0, a[0]))),
-            ),
-            **_libm("asinh"),
+            lambda g, x, f: _over(g, root(g, _one_plus(g, x))),
+            _libm("asinh"),
         ),
-        Function(
-            "acosh",
-            1,
-            math.acosh,
-            sympy=lambda s, x: s.acosh(x),
-            partials=lambda g, a, _: (
-                reciprocal(g, _root_of(g, (1.0, a[0]), (-1.0, g.one))),
-            ),
-            **_libm("acosh"),
-        ),
-        Function(
+        _unary("acosh", math.acosh, _acosh_slope, _libm("acosh")),
+        _unary(
             "atanh",
-            1,
             lambda x: math.copysign(math.inf, x) if abs(x) == 1 else math.atanh(x),
-            sympy=lambda s, x: s.atanh(x),
-            partials=lambda g, a, _: (
-                reciprocal(g, g.call("sub", g.one, g.call("mul", a[0], a[0]))),
-            ),
-            **_libm("atanh"),
+            lambda g, x, f: _over(g, _one_minus(g, x)),
+            _libm("atanh"),
         ),
-        Function(
-            "exp",
-            1,
-            math.exp,
-            sympy=lambda s, x: s.exp(x),
-            partials=lambda g, a, f: (f,),
-            **_intrinsic("exp"),
-        ),
-        Function(
+        _unary("exp", math.exp, lambda g, x, f: f, _intrinsic("exp")),
+        _unary(
             "log",
-            1,
             lambda x: -math.inf if x == 0 else math.log(x),
-            sympy=lambda s, x: s.log(x),
-            partials=lambda g, a, _: (reciprocal(g, a[0]),),
-            **_intrinsic("log"),
+            lambda g, x, f: _over(g, x),
+            _intrinsic("log"),
         ),
-        Function(
+        _unary(
             "log10",
-            1,
             lambda x: -math.inf if x == 0 else math.log10(x),
+            lambda g, x, f: _over(g, g.call("mul", g.constant(math.log(10.0)), x)),
+            _intrinsic("log10"),
             sympy=lambda s, x: s.log(x, 10),
-            partials=log10_partials,
-            **_intrinsic("log10"),
         ),
-        Function(
+        _unary(
             "sqrt",
-            1,
             math.sqrt,
-            sympy=lambda s, x: s.sqrt(x),
-            partials=lambda g, a, f: (g.call("div", g.constant(0.5), f),),
-            **_intrinsic("sqrt"),
+            lambda g, x, f: g.call("div", g.constant(0.5), f),
+            _intrinsic("sqrt"),
         ),
-        Function(
+        _unary(
             "cbrt",
-            1,
             math.cbrt,
+            lambda g, x, f: _over(g, thrice_square(g, f)),
+            _libm("cbrt"),
             sympy=lambda s, x: s.real_root(x, 3),
-            partials=lambda g, a, f: (
-                reciprocal(g, g.call("mul", g.constant(3.0), g.call("mul", f, f))),
-            ),
-            **_libm("cbrt"),
         ),
         Function(
             "hypot",
             2,
             math.hypot,
             sympy=lambda s, x, y: s.sqrt(x**2 + y**2),
-            partials=lambda g, a, f: (
-                g.call("div", a[0], f),
-                g.call("div", a[1], f),
-            ),
+            partials=lambda g, a, f: (g.call("div", a[0], f), g.call("div", a[1], f)),
             **_libm("hypot", 2),
         ),
     )

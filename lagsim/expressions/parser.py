@@ -1,4 +1,4 @@
-"""Text of the expression language -> graph, by a precedence parser with its own stack.
+"""Tokens -> graph, by a precedence parser with its own stack.
 
 Parsing gives a `Parsed` (postfix, with the names used), so that definitions can be put
 in order before anything is built. Nothing recurses, and nothing is ever evaluated by
@@ -7,46 +7,23 @@ Python or sympy.
 
 from __future__ import annotations
 
-import math
-import re
-import unicodedata
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from lagsim.expressions.functions import FUNCTIONS
+from lagsim.expressions.tokens import ExpressionError, Token, tokens
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from lagsim.expressions.graph import Graph
-
-
-class ExpressionError(Exception):
-    """A fault in an expression: where in the text, what, and what to write instead."""
-
-    def __init__(
-        self, offset: int, length: int, text: str, hint: str = "", code: str = "syntax"
-    ) -> None:
-        super().__init__(text)
-        self.offset = offset
-        self.length = max(1, length)
-        self.text = text
-        self.hint = hint
-        self.code = code
 
 
 @dataclass(frozen=True, slots=True)
 class Name:
     """A variable used, and where."""
 
-    text: str
-    offset: int
-
-
-@dataclass(frozen=True, slots=True)
-class _Token:
-    kind: str  # number, name, function, operator, open, close, comma, relation, end
     text: str
     offset: int
 
@@ -90,121 +67,6 @@ class ParsedRelation:
         return self.left.names + (self.right.names if self.right else ())
 
 
-_TOKEN = re.compile(
-    r"""(?P<space>\s+)
-  | (?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)
-  | (?P<name>[^\W\d_]\w*)
-  | (?P<operator>\*\*|<=|>=|==|!=|<>|&&|\|\||[-+*/^<>=])
-  | (?P<open>\()
-  | (?P<close>\))
-  | (?P<comma>,)""",
-    re.VERBOSE,
-)
-
-_CALL = re.compile(r"\s*\(")
-_WORD = re.compile(r"\w+")
-_WORDS = ("and", "or", "not")
-
-_WRONG = {
-    "==": "write a single `=`",
-    "!=": "write `not` and a comparison, or two of them",
-    "<>": "write `not` and a comparison, or two of them",
-    "&&": "write `and`",
-    "||": "write `or`",
-    "−": "write a plain minus `-`",
-    "–": "write a plain minus `-`",
-    "×": "write `*`",
-    "·": "write `*`",
-    "÷": "write `/`",
-    "≤": "write `<=`",
-    "≥": "write `>=`",
-    "!": "write `not`",
-    "%": "there is no remainder; `x - y*floor(x/y)` is one",
-    "[": "group with parentheses",
-    "{": "group with parentheses",
-    ";": "an expression is one line without `;`",
-    "'": "an expression contains no quotes; a rate is written q_dot",
-    '"': "an expression contains no quotes",
-}
-
-
-def tokens(text: str) -> Iterator[_Token]:
-    """Give the tokens of `text`, then one of kind `end`."""
-    offset = 0
-    while offset < len(text):
-        match = _TOKEN.match(text, offset)
-        if match is None:
-            raise _bad_character(text, offset)
-        kind, word = match.lastgroup or "", match.group()
-        end = match.end()
-        if kind == "number":
-            _check_number(text, offset, word, end)
-        elif kind == "name":
-            _check_name(offset, word)
-            if word in _WORDS:
-                kind = "operator"
-            elif _CALL.match(text, end):
-                kind = "function"
-        elif word in _WRONG:
-            raise ExpressionError(
-                offset, len(word), f"`{word}` is no operator here", _WRONG[word]
-            )
-        elif word in ("=", "<=", ">="):
-            kind = "relation" if word == "=" else "operator"
-        if kind != "space":
-            yield _Token(kind, word, offset)
-        offset = end
-    yield _Token("end", "", len(text))
-
-
-def _bad_character(text: str, offset: int) -> ExpressionError:
-    c = text[offset]
-    if c == "_":
-        message = "a name begins with a letter, not with `_`"
-        return ExpressionError(offset, 1, message, code="name")
-    plain = unicodedata.normalize("NFKC", c)
-    hint = _WRONG.get(c, "")
-    if not hint and plain != c:
-        hint = f"write its plain form, {plain!r}" if plain.isprintable() else ""
-    return ExpressionError(offset, 1, f"unexpected character {c!r}", hint)
-
-
-def _check_number(text: str, offset: int, word: str, end: int) -> None:
-    tail = _WORD.match(text, end)
-    if tail:
-        whole = word + tail.group()
-        hint = "a product is written with `*`"
-        if re.fullmatch(r"[0-9][0-9_]*", whole):
-            hint = f"write {whole.replace('_', '')}"
-        elif whole[:2].lower() in ("0x", "0b", "0o"):
-            hint = "numbers are decimal"
-        raise ExpressionError(
-            offset, len(whole), f"`{whole}` is not a number", hint, "number"
-        )
-    if not math.isfinite(float(word)):
-        raise ExpressionError(
-            offset, len(word), f"the number {_short(word)} is too large to be finite",
-            "the largest is about 1.8e308", "not-finite",
-        )  # fmt: skip
-
-
-def _short(word: str) -> str:
-    return word if len(word) < 30 else f"{word[:24]}..."
-
-
-def _check_name(offset: int, word: str) -> None:
-    plain = unicodedata.normalize("NFKC", word)
-    if plain == word:
-        return
-    hint = f"write `{plain}`"
-    if "²" in word or "³" in word:
-        hint = f"write `{word.replace('²', '^2').replace('³', '^3')}`"
-    raise ExpressionError(
-        offset, len(word), f"the name `{word}` is not in its plain (NFKC) form",
-        hint, "name",
-    )  # fmt: skip
-
-
 # Binding powers, weakest first. Unary minus binds weaker than `^` and tighter than `*`.
 _BINARY = {
     "or": (1, "or"),
@@ -229,7 +91,7 @@ class _Pending:
 
     op: str  # an operation, "(" or "+" (unary plus)
     power: int
-    token: _Token
+    token: Token
     arity: int = 1
     call: bool = False
 
@@ -237,11 +99,11 @@ class _Pending:
 class _Parser:
     """One pass over the tokens: `output` is postfix, `kinds` what each value is."""
 
-    def __init__(self, text: str, part: list[_Token]) -> None:
+    def __init__(self, text: str, part: list[Token]) -> None:
         self.text = text
         self.part = part
         self.output: list[tuple[str, float | str | int]] = []
-        self.kinds: list[tuple[bool, _Token]] = []  # (is a condition, begins at)
+        self.kinds: list[tuple[bool, Token]] = []  # (is a condition, begins at)
         self.pending: list[_Pending] = []
         self.names: list[Name] = []
 
@@ -258,7 +120,7 @@ class _Parser:
             )  # fmt: skip
         return Parsed(self.text, tuple(self.output), tuple(self.names))
 
-    def _operand(self, token: _Token) -> bool:
+    def _operand(self, token: Token) -> bool:
         """Take the beginning of an operand; give whether one is still expected."""
         if token.kind == "number":
             self._value(token, ("number", float(token.text)))
@@ -283,13 +145,13 @@ class _Parser:
             raise self._missing_operand(token)
         return True
 
-    def _just_named(self, token: _Token) -> bool:
+    def _just_named(self, token: Token) -> bool:
         """Tell whether `token` is the parenthesis of the function just named."""
         name = self.pending[-1].token
         between = self.text[name.offset + len(name.text) : token.offset]
         return not between.strip()
 
-    def _missing_operand(self, token: _Token) -> ExpressionError:
+    def _missing_operand(self, token: Token) -> ExpressionError:
         if token.kind == "end":
             if not self.part[:-1]:
                 return ExpressionError(
@@ -308,7 +170,7 @@ class _Parser:
             hint,
         )  # fmt: skip
 
-    def _function(self, token: _Token) -> None:
+    def _function(self, token: Token) -> None:
         if token.text not in FUNCTIONS:
             near = get_close_matches(token.text, FUNCTIONS, 1)
             hint = f"did you mean `{near[0]}`?" if near else "a product is written `*`"
@@ -318,11 +180,11 @@ class _Parser:
             )  # fmt: skip
         self.pending.append(_Pending(token.text, 0, token, call=True))
 
-    def _value(self, token: _Token, item: tuple[str, float | str | int]) -> None:
+    def _value(self, token: Token, item: tuple[str, float | str | int]) -> None:
         self.output.append(item)
         self.kinds.append((False, token))
 
-    def _after_operand(self, token: _Token) -> bool:
+    def _after_operand(self, token: Token) -> bool:
         """Take what follows an operand; give whether an operand is expected next."""
         if token.kind == "operator" and token.text in _BINARY:
             power, op = _BINARY[token.text]
@@ -345,7 +207,7 @@ class _Parser:
             return False
         raise self._missing_operator(token)
 
-    def _missing_operator(self, token: _Token) -> ExpressionError:
+    def _missing_operator(self, token: Token) -> ExpressionError:
         if token.kind == "relation":
             return _relation_inside(token)
         before = self.text[: token.offset].rstrip()
@@ -359,7 +221,7 @@ class _Parser:
             hint,
         )
 
-    def _reduce(self, power: int, token: _Token) -> None:
+    def _reduce(self, power: int, token: Token) -> None:
         """Apply pending operators that bind at least as tightly as `power`."""
         while self.pending and self.pending[-1].power >= power:
             top = self.pending.pop()
@@ -383,7 +245,7 @@ class _Parser:
         if top.op != "+":
             self.output.append((top.op, top.arity))
 
-    def _comma(self, token: _Token) -> bool:
+    def _comma(self, token: Token) -> bool:
         if not self.pending or not self.pending[-1].call:
             raise ExpressionError(
                 token.offset, 1, "a comma stands only between a function's arguments",
@@ -392,7 +254,7 @@ class _Parser:
         self.pending[-1].arity += 1
         return True
 
-    def _close(self, token: _Token) -> bool:
+    def _close(self, token: Token) -> bool:
         if not self.pending:
             raise ExpressionError(
                 token.offset, 1, "this parenthesis was never opened", code="parenthesis"
@@ -425,7 +287,7 @@ def _count(function: str) -> str:
     return "1 argument" if arity == 1 else f"{arity} arguments"
 
 
-def _wrong_kind(operator: _Token, at: _Token, wants: bool) -> ExpressionError:
+def _wrong_kind(operator: Token, at: Token, wants: bool) -> ExpressionError:
     if wants:
         text = f"`{operator.text}` expects a comparison here, found a number"
         return ExpressionError(at.offset, len(at.text), text, "such as x > 0")
@@ -433,7 +295,7 @@ def _wrong_kind(operator: _Token, at: _Token, wants: bool) -> ExpressionError:
     return ExpressionError(at.offset, len(at.text), text, "write if(condition, a, b)")
 
 
-def _relation_inside(token: _Token) -> ExpressionError:
+def _relation_inside(token: Token) -> ExpressionError:
     return ExpressionError(
         token.offset, 1, "`=` has no meaning here",
         "relations stand only in constraints and `until`, one each",
@@ -479,7 +341,7 @@ def parse_relation(text: str) -> ParsedRelation:
     if not at:
         return ParsedRelation(_Parser(text, found).parse(), None, "=")
     middle = found[at[0]]
-    left = [*found[: at[0]], _Token("end", "", middle.offset)]
+    left = [*found[: at[0]], Token("end", "", middle.offset)]
     right = found[at[0] + 1 :]
     return ParsedRelation(
         _Parser(text, left).parse(), _Parser(text, right).parse(), middle.text

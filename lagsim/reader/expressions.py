@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 from lagsim.expressions.derivatives import tangent
 from lagsim.expressions.evaluate import evaluate
-from lagsim.expressions.parser import ExpressionError, Parsed, parse, parse_relation
+from lagsim.expressions.parser import Parsed, parse, parse_relation
+from lagsim.expressions.tokens import ExpressionError
 from lagsim.model import Level
 from lagsim.nodes import Broken, Node, Scalar
 from lagsim.reader.fields import kind_of

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from lagsim.errors import Place
-    from lagsim.expressions.parser import ExpressionError
+    from lagsim.expressions.tokens import ExpressionError
     from lagsim.nodes import Scalar
 
 # Comparing a name with all others is slow where both are many; past these bounds a

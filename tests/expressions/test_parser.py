@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from lagsim.expressions.evaluate import evaluate
 from lagsim.expressions.functions import FUNCTIONS
 from lagsim.expressions.graph import Graph
-from lagsim.expressions.parser import ExpressionError, parse, parse_relation
+from lagsim.expressions.parser import parse, parse_relation
+from lagsim.expressions.tokens import ExpressionError
 
 VALUES = {"x": 3.0, "y": -2.0, "z": 0.5, "min": 7.0, "E": 11.0, "lambda": 13.0}
 

@@ -1,0 +1,35 @@
+"""SIGINT and SIGTERM as something noted, so that nothing computed is lost."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+class Interrupt:
+    """Notes SIGINT and SIGTERM instead of raising, so that nothing computed is lost."""
+
+    def __init__(self) -> None:
+        self.signal: int | None = None
+
+    @contextlib.contextmanager
+    def noted(self) -> Iterator[Interrupt]:
+        """Note the signals while the context lasts (in the main thread only)."""
+        if threading.current_thread() is not threading.main_thread():
+            yield self
+            return
+        kinds = (signal.SIGINT, signal.SIGTERM)
+        before = [signal.signal(kind, self._note) for kind in kinds]
+        try:
+            yield self
+        finally:
+            for kind, handler in zip(kinds, before, strict=True):
+                signal.signal(kind, handler)
+
+    def _note(self, number: int, _frame: object) -> None:
+        self.signal = number
