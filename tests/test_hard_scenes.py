@@ -133,3 +133,23 @@ def test_a_load_on_a_hanging_pendulum_costs_few_steps(force, loops):
     assert found.trajectory.outcome is Outcome.DONE
     assert found.trajectory.statistics.steps < 300
     assert found.drift < 1e-12
+
+
+def test_dry_friction_begins_from_rest():
+    # At rest sign(0) = 0, and the force jumps as soon as the block moves: a jump that
+    # is the same part of every first step, however short.
+    result = run(
+        """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 2*x^2}
+forces: {x: -0.3*sign(x_dot)}
+initial: {x: 1}
+simulation: {duration: 1.5}
+"""
+    )
+    assert result.trajectory.outcome.complete
+    # x'' = -4 x + 0.3 while it moves down, to t = pi/2. Stepping over the jump costs a
+    # few hundred times the tolerance at most.
+    exact = 0.075 + 0.925 * np.cos(2 * result["t"])
+    assert np.max(np.abs(result["x"] - exact)) < 1e-8
+    assert result.trajectory.statistics.rejections < 100

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods._interface import derivative, measure
 from lagsim.methods._state import (
+    ARC_START,
     ATOL,
     END,
     ENERGY,
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
 FLOOR = 1e-3
+# Of the length of an arc: too short to matter.
+INSTANT = 1e-6
 # No component is controlled below its share of the rounding of the whole motion.
 NOISE = 4.0 * 2.0**-53
 # Forces that cancel, as in equilibrium, leave rounding of their own size in y', which
@@ -90,15 +93,21 @@ def set_tolerances(
         return
     energy = energy_scale(s, p, t, new)
     masses = at(s, HEADER + 3 * size + 2)
-    # What the forces could do within the step counts as motion: at rest under load,
-    # nothing else gives a scale.
-    energy = max(energy, 0.5 * h * h * masses[n])
+    # A start from rest with a jump in the force (dry friction) is off by the same part
+    # of every step, however short; what happens in an instant is not controlled finer.
+    instant = INSTANT * (s[END] - s[ARC_START])
+    moment = max(h, instant)
+    # What the forces could do meanwhile counts as motion: at rest under load, nothing
+    # else gives a scale.
+    energy = max(energy, 0.5 * moment * moment * masses[n])
     whole = 0.0
     for i in range(n):
         whole += masses[i] * sizes[i] * sizes[i]
     rtol = LOCAL * s[RTOL]
     for i in range(size):
-        scale = max(sizes[i], abs(new[i]), h * abs(rates[i]))
+        scale = max(sizes[i], abs(new[i]), moment * abs(rates[i]))
+        if i < n:
+            scale = max(scale, instant * instant * abs(rates[n + i]))
         mass = energy
         if i < 2 * n:
             mass = masses[i % n]
