@@ -15,7 +15,6 @@ import numpy as np
 from lagsim.admissibility.advice import about_ranks, rough_starts
 from lagsim.admissibility.dependence import LEVELS
 from lagsim.admissibility.inertia import needs_constraints
-from lagsim.admissibility.integrability import Reach, reach_of
 from lagsim.admissibility.metric import metric_of
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import RankReport, analyse
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.admissibility.dependence import Dependence
+    from lagsim.admissibility.integrability import Reach
     from lagsim.equations import Equations
     from lagsim.native.kernel_types import Floats
     from lagsim.trajectory import Caution
@@ -304,6 +304,8 @@ class _Examination:
         rows = self.e.rows
         if all(row.holonomic for row in rows):
             return None
+        from lagsim.admissibility.integrability import reach_of
+
         return reach_of(self.point, rows, q)
 
     def _classified(self, verdict: Verdict, q: Floats, all_rows: Reach) -> Verdict:
@@ -311,6 +313,8 @@ class _Examination:
         if not verdict.pfaffian:
             return verdict
         row = next(r for r in self.e.rows if r.name == verdict.name)
+        from lagsim.admissibility.integrability import reach_of
+
         alone = all_rows if len(self.e.rows) == 1 else reach_of(self.point, [row], q)
         if alone.hidden is None:
             return replace(verdict, undecided=alone.reason)

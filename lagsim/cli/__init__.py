@@ -38,9 +38,11 @@ def main() -> int:
 
 
 def entry() -> int:
-    """Run the command line and get ready to exit at once; give the exit code."""
+    """Run the command line as a process of its own; give the exit code."""
+    # Loading and deriving make many objects and no garbage; looking through them again
+    # and again takes longer than integrating. What is left goes with the process.
+    gc.disable()
     code = main()
-    # Whatever is left goes with the process; collecting it first takes longer.
     gc.freeze()
     return code
 
