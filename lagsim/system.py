@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.kkt import _layout, dense
+from lagsim.kkt import _layout
 from lagsim.methods import _driver, method
 from lagsim.methods._interface import LEAST_HEALTH
 from lagsim.native.cache import kernel_object, object_code
@@ -141,10 +141,7 @@ class System:
         self._runners: dict[str, Runner] = {}
         self._objects = [object_code(code.ir)]
         if plan.elimination is None:
-            kernels: list[Callable[..., Any]] = [dense.derivative, dense.observe]
-            if self.m:
-                kernels += [dense.position_step, dense.velocity_step]
-            self._objects.append(kernel_object(kernels))
+            self._objects.append(_loops(constrained=self.m > 0))
 
     def _weak(self) -> int:
         """Give where loops note the weakest direction; 0 where none do."""
@@ -370,6 +367,16 @@ def _physics(equations: Equations) -> list[int]:
     for row in equations.rows:
         nodes += [row.residual, row.rate, *row.A, row.b, row.transport]
     return nodes
+
+
+def _loops(*, constrained: bool) -> bytes:
+    """Give the object code of the solve by loops."""
+    from lagsim.kkt import dense
+
+    kernels: list[Callable[..., Any]] = [dense.derivative, dense.observe]
+    if constrained:
+        kernels += [dense.position_step, dense.velocity_step]
+    return kernel_object(kernels)
 
 
 def _used(statics: Mapping[str, object], module: Any) -> dict[str, object]:

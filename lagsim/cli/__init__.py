@@ -8,12 +8,15 @@ import gc
 import signal
 import sys
 import threading
+from importlib import import_module
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import typer
+
+COMMANDS = ("run", "check", "methods")
 
 _INTERRUPTED = 128 + signal.SIGINT
 _TERMINATED = 128 + signal.SIGTERM
@@ -50,7 +53,6 @@ def entry() -> int:
 def _application() -> typer.Typer:
     import typer
 
-    from lagsim.cli import check, methods, run
     from lagsim.cli._shared import ask_version
 
     app = typer.Typer(
@@ -62,9 +64,10 @@ def _application() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(ask_version)
-    app.command("run")(run.command)
-    app.command("check")(check.command)
-    app.command("methods")(methods.command)
+    # Only the command that is called is loaded; all of them where none is, for help.
+    called = [name for name in COMMANDS if name in sys.argv[1:2]]
+    for name in called or COMMANDS:
+        app.command(name)(import_module(f"lagsim.cli.{name}").command)
     return app
 
 
