@@ -216,7 +216,8 @@ def _elimination(
         choices.append(Choice("solve: loops", "straight-line code would be too long"))
         return None
     count = elimination.operations
-    choices.append(Choice("solve: straight-line code", f"{count} multiplications"))
+    many = f"{count} multiplication{'s' * (count != 1)}"
+    choices.append(Choice("solve: straight-line code", many))
     return elimination
 
 
