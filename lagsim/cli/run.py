@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from lagsim.system import System
     from lagsim.trajectory import Caution, Trajectory
 
+# Rows meet the constraints to rounding; what is off by more than this part is not met.
+HELD = 1e-6
 LAPS = ("import", "read", "derive", "compile", "integrate", "output", "plots")
 
 
@@ -193,6 +195,7 @@ class _Job:
                 full = self._draw(system, trajectory, thin, results)
             cautions = [
                 *start.warnings, *_cautions(start, plan, system), *trajectory.warnings,
+                *_not_held(ledger),
             ]  # fmt: skip
             document = self._document(
                 system, plan, trajectory, ledger, cautions, [*results.names, MANIFEST]
@@ -331,6 +334,20 @@ def _cut_short(output: _Output, full: OSError, start: float) -> dict[str, Any]:
         "up to there were kept"
     )
     return found | {"end": end, "rows": output.writer.rows}
+
+
+def _not_held(ledger: Ledger) -> list[Caution]:
+    """Say so where rows do not meet the constraints: the motion is then no answer."""
+    from lagsim.trajectory import Caution
+
+    worst = ledger.constraint_residual
+    if worst <= HELD:
+        return []
+    text = (
+        f"the constraints are not met in all rows (off by {worst:.2g} of their scale): "
+        "they do not determine this motion, and the rows are no answer"
+    )
+    return [Caution("constraint-not-held", text)]
 
 
 def _cautions(start: Start, plan: Plan, system: System) -> list[Caution]:
