@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from lagsim.system import System
     from lagsim.trajectory import Caution, Trajectory
 
-# Rows meet the constraints to rounding; what is off by more than this part is not met.
-HELD = 1e-6
 LAPS = ("import", "read", "derive", "compile", "integrate", "output", "plots")
 
 
@@ -167,6 +165,7 @@ class _Job:
         system: System,
         results: Results,
     ) -> int:
+        from lagsim.cli._cautions import about_inputs, about_rows
         from lagsim.interrupt import Interrupt
         from lagsim.outputs.ledger import Ledger
         from lagsim.outputs.manifest import encode
@@ -194,8 +193,8 @@ class _Job:
             if thin and not full:
                 full = self._draw(system, trajectory, thin, results)
             cautions = [
-                *start.warnings, *_cautions(start, plan, system), *trajectory.warnings,
-                *_not_held(ledger),
+                *start.warnings, *about_inputs(start, plan, system),
+                *trajectory.warnings, *about_rows(ledger),
             ]  # fmt: skip
             document = self._document(
                 system, plan, trajectory, ledger, cautions, [*results.names, MANIFEST]
@@ -334,49 +333,6 @@ def _cut_short(output: _Output, full: OSError, start: float) -> dict[str, Any]:
         "up to there were kept"
     )
     return found | {"end": end, "rows": output.writer.rows}
-
-
-def _not_held(ledger: Ledger) -> list[Caution]:
-    """Say so where rows do not meet the constraints: the motion is then no answer."""
-    from lagsim.trajectory import Caution
-
-    worst = ledger.constraint_residual
-    if worst <= HELD:
-        return []
-    text = (
-        f"the constraints are not met in all rows (off by {worst:.2g} of their scale): "
-        "they do not determine this motion, and the rows are no answer"
-    )
-    return [Caution("constraint-not-held", text)]
-
-
-def _cautions(start: Start, plan: Plan, system: System) -> list[Caution]:
-    from lagsim.trajectory import Caution
-
-    found = []
-    if start.changes:
-        moved = ", ".join(
-            f"{name} from {old!r} to {new!r}"
-            for name, (old, new) in start.changes.items()
-        )
-        text = f"the run starts from the nearest exact state: {moved}"
-        found.append(Caution("start-changed", text))
-    for switch in system.switches.state:
-        text = (
-            f"{switch} depends on the state: its jumps are stepped over, not located, "
-            "which costs accuracy"
-        )
-        found.append(Caution("switch-not-located", text))
-    simulation = system.equations.model.simulation
-    if simulation is None:
-        return found
-    if plan.step is None and simulation.step is not None:
-        text = f"`step` has no effect: {plan.method} chooses its steps"
-        found.append(Caution("step-unused", text))
-    if plan.rtol is None and (simulation.rtol, simulation.atol) != (None, None):
-        text = f"tolerances have no effect: {plan.method} takes fixed steps"
-        found.append(Caution("tolerance-unused", text))
-    return found
 
 
 def _exit_code(trajectory: Trajectory, interrupt: Interrupt) -> int:

@@ -333,6 +333,7 @@ initial: {x: 0, y: 0, z: 0}
 simulation: {duration: 1e-3, output_step: 1e-4}
 """
     called = lagsim("run", write(model), "--no-plots", "-o", "out")
-    codes = {w["code"] for w in json.loads(Path("out/run.json").read_text())["warnings"]}
+    document = json.loads(Path("out/run.json").read_text())
+    codes = {w["code"] for w in document["warnings"]}
     assert "vanishing-gradient" in codes
     assert called.code == 3 or "constraint-not-held" in codes

@@ -1,0 +1,56 @@
+"""What a person should know about a run besides its result."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.trajectory import Caution
+
+if TYPE_CHECKING:
+    from lagsim.admissibility import Start
+    from lagsim.outputs.ledger import Ledger
+    from lagsim.plan import Plan
+    from lagsim.system import System
+
+# Rows meet the constraints to rounding; what is off by more than this part is not met.
+HELD = 1e-6
+
+
+def about_inputs(start: Start, plan: Plan, system: System) -> list[Caution]:
+    """Say what the file or the options asked for and the run does otherwise."""
+    found = []
+    if start.changes:
+        moved = ", ".join(
+            f"{name} from {old!r} to {new!r}"
+            for name, (old, new) in start.changes.items()
+        )
+        text = f"the run starts from the nearest exact state: {moved}"
+        found.append(Caution("start-changed", text))
+    for switch in system.switches.state:
+        text = (
+            f"{switch} depends on the state: its jumps are stepped over, not located, "
+            "which costs accuracy"
+        )
+        found.append(Caution("switch-not-located", text))
+    simulation = system.equations.model.simulation
+    if simulation is None:
+        return found
+    if plan.step is None and simulation.step is not None:
+        text = f"`step` has no effect: {plan.method} chooses its steps"
+        found.append(Caution("step-unused", text))
+    if plan.rtol is None and (simulation.rtol, simulation.atol) != (None, None):
+        text = f"tolerances have no effect: {plan.method} takes fixed steps"
+        found.append(Caution("tolerance-unused", text))
+    return found
+
+
+def about_rows(ledger: Ledger) -> list[Caution]:
+    """Say so where rows do not meet the constraints: the motion is then no answer."""
+    worst = ledger.constraint_residual
+    if worst <= HELD:
+        return []
+    text = (
+        f"the constraints are not met in all rows (off by {worst:.2g} of their scale): "
+        "they do not determine this motion, and the rows are no answer"
+    )
+    return [Caution("constraint-not-held", text)]
