@@ -54,11 +54,6 @@ class RankReport:
     dependences: tuple[Dependence, ...] = ()
     not_unique: tuple[str, ...] = ()
 
-    @property
-    def contradictory(self) -> bool:
-        """Whether dependent rows contradict each other, on any level."""
-        return any(d.contradictions for d in self.dependences)
-
 
 @dataclass(frozen=True, slots=True)
 class _Generic:

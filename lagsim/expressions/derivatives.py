@@ -133,13 +133,3 @@ def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
         for slope, rate in zip(slopes, moving, strict=True)
         if rate != g.zero
     )
-
-
-def total_rate(g: Graph, node: int, coordinates: Iterable[str]) -> int:
-    """Give the total time derivative of an expression of positions and time.
-
-    The sum of d node/dq_j q_j_dot over the `coordinates`, plus d node/dt.
-    """
-    seed = {g.variable(q): g.variable(f"{q}_dot") for q in coordinates}
-    seed[g.variable("t")] = g.one
-    return tangent(g, [node], seed)[0]

@@ -10,7 +10,7 @@ import pytest
 import sympy as sp
 from hypothesis import assume, given, settings
 
-from lagsim.expressions.derivatives import gradient, tangent, total_rate
+from lagsim.expressions.derivatives import gradient, tangent
 from lagsim.expressions.evaluate import evaluate, evaluate_with_error
 from lagsim.expressions.graph import Graph
 from lagsim.expressions.parser import parse
@@ -121,6 +121,13 @@ def test_gradient_keeps_order_and_absent_variables() -> None:
     assert gradient(g, x, [x, y]) == [g.one, g.zero]
     assert gradient(g, g.one, [x]) == [g.zero]
     assert tangent(g, [node, x, g.one], {x: z}) == [g.call("mul", y, z), z, g.zero]
+
+
+def total_rate(g: Graph, node: int, coordinates: list[str]) -> int:
+    """Give d node/dt, by the tangent along the motion."""
+    seed = {g.variable(q): g.variable(f"{q}_dot") for q in coordinates}
+    seed[g.variable("t")] = g.one
+    return tangent(g, [node], seed)[0]
 
 
 def test_total_rate() -> None:
