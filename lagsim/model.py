@@ -146,6 +146,10 @@ class Simulation:
     atol: float | None = None
     step: float | None = None
     method_place: Place | None = None
+    formulation: str = "auto"
+    gain: float | None = None
+    spectral_radius: float | None = None
+    formulation_place: Place | None = None
 
 
 @dataclass(frozen=True, slots=True)

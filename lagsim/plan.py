@@ -13,12 +13,14 @@ from lagsim.admissibility.start import metric_of
 from lagsim.errors import InputError, Problem
 from lagsim.kkt.straight import Elimination, TooLongError
 from lagsim.methods import method, names
+from lagsim.structure import structure
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
+    from lagsim.structure import Structure
 
 DEFAULT_RTOL = 1e-11
 # Normal equations square the condition of the rows: below this the loops with their QR
@@ -87,8 +89,9 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         Where the method asked for is not known.
     """
     choices: list[Choice] = []
-    mass = _mass_matrix(equations)
-    choices.append(Choice(f"mass matrix: {mass}", _mass_reason(equations, mass)))
+    scene = structure(equations)
+    mass = _mass_matrix(scene)
+    choices.append(Choice(f"mass matrix: {mass}", _mass_reason(equations, scene)))
     formulation = _formulation(equations, choices)
     elimination = None if loops else _elimination(equations, start, choices)
     if loops:
@@ -100,7 +103,7 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
             Choice("mass matrix solved with the constraints", "it is singular alone")
         )
     simulation = equations.model.simulation
-    name = _method(simulation, choices)
+    name = _method(simulation, scene, choices)
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -154,26 +157,14 @@ def _kicked(x: Floats, random: np.random.Generator) -> Floats:
     return x + NEARBY * size * random.standard_normal(len(x))
 
 
-def _mass_matrix(equations: Equations) -> str:
-    g = equations.graph
-    entries = [node for row in equations.M for node in row if node != g.zero]
-    names_ = g.depends(entries)
-    n = len(equations.q)
-    off = any(equations.M[i][j] != g.zero for i in range(n) for j in range(n) if i != j)
-    kinds = [] if off else ["diagonal"]
-    if names_ & set(equations.velocities):
-        kinds.append("depends on velocities")
-    elif names_ & set(equations.q):
-        kinds.append("depends on positions")
-    elif "t" in names_:
-        kinds.append("depends on time")
-    else:
-        kinds.append("constant")
-    return ", ".join(reversed(kinds))
+def _mass_matrix(scene: Structure) -> str:
+    varies = scene.mass_varies_with
+    kind = "constant" if scene.constant_mass else f"depends on {varies}"
+    return f"{kind}, diagonal" if scene.diagonal else kind
 
 
-def _mass_reason(equations: Equations, mass: str) -> str:
-    if mass.startswith("constant"):
+def _mass_reason(equations: Equations, scene: Structure) -> str:
+    if scene.constant_mass:
         return "factored once, before the run"
     zero = equations.graph.zero
     n = len(equations.q)
@@ -221,24 +212,25 @@ def _elimination(
     return elimination
 
 
-def _method(simulation: Simulation | None, choices: list[Choice]) -> str:
+def _method(
+    simulation: Simulation | None, scene: Structure, choices: list[Choice]
+) -> str:
     asked = simulation.method if simulation else "auto"
     if asked == "auto":
         choices.append(
             Choice("method: dop853", "order 8, the most digits for smooth motion")
         )
         return "dop853"
+    place = simulation.method_place if simulation else None
     if asked not in names():
         known = ", ".join(names())
-        raise InputError(
-            [
-                Problem(
-                    "unknown-method",
-                    f"there is no method `{asked}`",
-                    simulation.method_place if simulation else None,
-                    hint=f"one of auto, {known}; `lagsim methods` describes them",
-                )
-            ]
-        )
+        hint = f"one of auto, {known}; `lagsim methods` describes them"
+        text = f"there is no method `{asked}`"
+        raise InputError([Problem("unknown-method", text, place, hint)])
+    refusal = method(asked).refusal(scene)
+    if refusal:
+        text = f"`{asked}` cannot handle this model: {refusal}"
+        hint = "`lagsim methods` says what each handles; `auto` chooses one that can"
+        raise InputError([Problem("method-refused", text, place, hint)])
     choices.append(Choice(f"method: {asked}", "asked for"))
     return asked

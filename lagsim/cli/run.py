@@ -71,6 +71,20 @@ def command(
             metavar="H", help="Step of fixed-step methods; default the output step."
         ),
     ] = None,
+    formulation: Annotated[
+        str | None,
+        typer.Option(
+            metavar="F",
+            help="How constraints are met: projection, elimination, baumgarte, drift.",
+        ),
+    ] = None,
+    gain: Annotated[
+        str | None, typer.Option(metavar="X", help="Of baumgarte, per unit of time.")
+    ] = None,
+    spectral_radius: Annotated[
+        str | None,
+        typer.Option(metavar="X", help="Of generalized-alpha, from 0 to 1."),
+    ] = None,
     duration: Annotated[
         str | None, typer.Option(metavar="T", help="How long to run.")
     ] = None,
@@ -90,6 +104,9 @@ def command(
         "rtol": rtol,
         "atol": atol,
         "step": step,
+        "formulation": formulation,
+        "gain": gain,
+        "spectral_radius": spectral_radius,
         "duration": duration,
         "output_step": output_step,
     }

@@ -15,14 +15,23 @@ if TYPE_CHECKING:
 def names() -> tuple[str, ...]:
     """Give the names of all methods, in alphabetical order."""
     modules = (m.name for m in pkgutil.iter_modules(__path__))
-    return tuple(sorted(name for name in modules if not name.startswith("_")))
+    return tuple(
+        sorted(name.replace("_", "-") for name in modules if not name.startswith("_"))
+    )
 
 
 def method(name: str) -> ModuleType:
     """Give the module of a method.
 
-    It has NAME, TITLE, ORDER, DENSE_ORDER, ADAPTIVE, IMAGINARY_LIMIT, HANDLES, a
-    docstring that is its page in `lagsim methods`, `state_size(size)`, and the kernels
-    `start`, `step` and `interpolate`.
+    It has
+
+    - NAME, TITLE, ORDER, DENSE_ORDER, ADAPTIVE, HANDLES, and a docstring that is its
+      page in `lagsim methods`;
+    - `refusal(scene)`: why it cannot handle a `Structure`, or "";
+    - `amplification(z)`: the spectral radius of one step h of an oscillation with the
+      eigenvalues z/h and their conjugate, and IMAGINARY_LIMIT, the largest |z| on the
+      imaginary axis below which it does not exceed 1 (inf: none);
+    - NEEDS: names of functions of the model beyond y', see `system.functions`;
+    - `state_size(size)`, and the kernels `start`, `step` and `interpolate`.
     """
-    return import_module(f"{__name__}.{name}")
+    return import_module(f"{__name__}.{name.replace('-', '_')}")

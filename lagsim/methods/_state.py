@@ -45,6 +45,7 @@ LOST_AT = 31  # where rank was lost last
 FORCES = 32  # the largest size of forces, which may cancel: sum of M_ii a_i^2
 HEALTH_SLOPE = 33  # the steepest change of the health so far
 WATCHED = 34  # 1 if the last step is to be searched for a loss of rank
+SPECTRAL_RADIUS = 35  # at infinite frequency, for methods that have it as a parameter
 HEADER = 36
 
 # What `advance` and `step` return.

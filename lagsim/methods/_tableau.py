@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Tableau:
-    """An explicit Runge-Kutta method.
+    """A Runge-Kutta method.
 
     Attributes
     ----------
@@ -39,3 +39,17 @@ class Tableau:
             terms = [b * c ** (k - 1) for b, c in zip(self.B, self.C, strict=False)]
             if abs(sum(terms) - 1 / k) > 1e-14 * (1.0 + sum(map(abs, terms))):
                 raise ValueError(f"B fails the quadrature condition of order {k}")
+
+    def amplification(self, z: complex) -> float:
+        """Give |R(z)|, R(z) = 1 + z B^T (1 - z A)^-1 1, for y' = (z/h) y.
+
+        Hairer, Norsett and Wanner, Solving ODEs II, (IV.3.2).
+        """
+        import numpy as np
+
+        s = len(self.B)
+        A = np.zeros((s, s))
+        for i, row in enumerate(self.A[:s]):
+            A[i, : len(row)] = row
+        stages = np.linalg.solve(np.eye(s) - z * A, np.ones(s))
+        return float(abs(1.0 + z * np.dot(self.B, stages)))

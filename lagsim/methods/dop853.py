@@ -57,6 +57,7 @@ from lagsim.native.kernel_types import at, total, unrolled
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
+    from lagsim.structure import Structure
 
 NAME = "dop853"
 TITLE = "Dormand-Prince 8(5,3)"
@@ -66,6 +67,8 @@ ADAPTIVE = True
 IMAGINARY_LIMIT = 5.96
 HANDLES = "any model; equality constraints by projection"
 TABLEAU = Tableau(A[:12], B, C[:12], ORDER)
+
+NEEDS = ()
 
 CONSTRAINED = True
 UNTIL = True
@@ -78,6 +81,16 @@ SHRINK = 3.0  # a step shrinks at most by this, and grows at most by the next
 GROW = 6.0
 # Below this many units in the last place of t a step makes no progress.
 SMALLEST = 8.0 * 2.0**-52
+
+
+def refusal(_scene: Structure) -> str:
+    """Give "": it handles everything."""
+    return ""
+
+
+def amplification(z: complex) -> float:
+    """Give the size of the stability function at z = h * eigenvalue."""
+    return TABLEAU.amplification(z)
 
 
 def state_size(size: int) -> int:

@@ -38,6 +38,7 @@ from lagsim.native.kernel_types import at, total, unrolled
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
+    from lagsim.structure import Structure
 
 NAME = "rk4"
 TITLE = "classic Runge-Kutta"
@@ -52,7 +53,19 @@ B = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 C = (0.0, 1 / 2, 1 / 2, 1.0)
 TABLEAU = Tableau(A, B, C, ORDER)
 
+NEEDS = ()
+
 CONSTRAINED = True
+
+
+def refusal(_scene: Structure) -> str:
+    """Give "": it handles everything."""
+    return ""
+
+
+def amplification(z: complex) -> float:
+    """Give the size of the stability function at z = h * eigenvalue."""
+    return TABLEAU.amplification(z)
 
 
 def state_size(size: int) -> int:

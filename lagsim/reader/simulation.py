@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 KEYS = (
     "start", "duration", "end", "until", "output_step", "method", "rtol", "atol",
-    "step",
+    "step", "formulation", "gain", "spectral_radius",
 )  # fmt: skip
 
 MAX_ROWS = 10**8
@@ -71,20 +71,30 @@ class _Reader:
         end = self._end(start)
         output_step = self._positive("output_step")
         until = self._until()
-        method = self._method()
+        method = self._name("method", "see `lagsim methods`")
+        formulation = self._name("formulation", "see docs/model-file.md")
         rtol, atol = self._not_negative("rtol"), self._not_negative("atol")
         self._check_tolerances(rtol, atol)
         step = self._positive("step")
+        gain = self._positive("gain")
+        spectral_radius = self._not_negative("spectral_radius")
+        if spectral_radius is not None and spectral_radius > 1:
+            text = f"`spectral_radius` is {spectral_radius:g}; it must not exceed 1"
+            self._fault("out-of-range", text, "spectral_radius")
         if start is None or end is None:
             return None
         if output_step is None:
             output_step = (end - start) / DEFAULT_ROWS
         self._check_rows(end - start, output_step)
-        named = self.given.value("method")
-        place = named.place if named else None
         return Simulation(
-            start, end, output_step, until, method, rtol, atol, step, place
+            start, end, output_step, until, method, rtol, atol, step,
+            self._place("method"), formulation, gain, spectral_radius,
+            self._place("formulation"),
         )  # fmt: skip
+
+    def _place(self, key: str) -> Place | None:
+        node = self.given.value(key)
+        return node.place if node else None
 
     def _fault(self, code: str, text: str, key: str, hint: str = "") -> None:
         node = self.given.value(key)
@@ -135,14 +145,13 @@ class _Reader:
         node = self.given.value("until")
         return None if node is None else read_relation(node, "`until`", self.x)[0]
 
-    def _method(self) -> str:
-        node = self.given.value("method")
+    def _name(self, key: str, hint: str) -> str:
+        node = self.given.value(key)
         if node is None:
             return "auto"
-        name = self.given.text("method", self.x.faults)
+        name = self.given.text(key, self.x.faults)
         if not name and isinstance(node, Scalar):
-            text = "`method` must be a name, found nothing"
-            self._fault("empty", text, "method", "see `lagsim methods`")
+            self._fault("empty", f"`{key}` must be a name, found nothing", key, hint)
         return name or "auto"
 
     def _check_tolerances(self, rtol: float | None, atol: float | None) -> None:

@@ -9,13 +9,13 @@ import numpy as np
 from lagsim.methods import _driver
 from lagsim.methods import _state as at
 from lagsim.native.kernel_code import bind
-from lagsim.system import _FUNCTION
+from lagsim.system.runner import FUNCTION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from types import ModuleType
 
-    from lagsim.system import Runner
+    from lagsim.system.runner import Runner
 
 
 def fresh_state(method: ModuleType, y: Any, **header: float) -> Any:
@@ -78,7 +78,7 @@ def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
     simulation = runner.system.equations.model.simulation
     if simulation and simulation.until:
         names.append("until")
-    return {name: _through(runner.engine.function(name, *_FUNCTION)) for name in names}
+    return {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}
 
 
 def _through(call: Callable[..., Any]) -> Callable[..., Any]:

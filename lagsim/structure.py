@@ -1,0 +1,98 @@
+"""The structure of the equations of motion, as far as the graph shows it.
+
+What a method or a formulation can handle, and what a scene does not need, is decided
+by this. All of it is seen in the expressions: a structure that only shows at some
+values of the parameters is not found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lagsim.equations import Equations
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """What the equations of motion are made of.
+
+    Attributes
+    ----------
+    mass_varies_with : str
+        `nothing`, or the first of `velocities`, `positions`, `time` that M depends on.
+    diagonal : bool
+        M is.
+    constraints : str
+        `none`, `holonomic`, `nonholonomic` or `mixed`.
+    forces_free_of_velocities : bool
+        f is.
+    conservative : bool
+        Nothing does work: energy is constant.
+    autonomous : bool
+        Time does not stand in the equations.
+    linear : bool
+        y' is affine in the state: M and A constant, f and b affine.
+    """
+
+    mass_varies_with: str
+    diagonal: bool
+    constraints: str
+    forces_free_of_velocities: bool
+    conservative: bool
+    autonomous: bool
+    linear: bool
+
+    @property
+    def constant_mass(self) -> bool:
+        """M is made of parameters only."""
+        return self.mass_varies_with == "nothing"
+
+    @property
+    def separable(self) -> bool:
+        """T(q') + V(q, t): M is constant and the forces depend on positions, time."""
+        return self.constant_mass and self.forces_free_of_velocities
+
+    @property
+    def linear_time_invariant(self) -> bool:
+        """Y' = J y + c, with constants J and c."""
+        return self.linear and self.autonomous
+
+
+def structure(equations: Equations) -> Structure:
+    """Find the structure of `equations`."""
+    g = equations.graph
+    n = len(equations.q)
+    entries = [node for row in equations.M for node in row]
+    rows = equations.rows
+    A = [node for row in rows for node in row.A]
+    right = [*equations.f, *(row.b for row in rows)]
+    state = (*equations.q, *equations.velocities)
+    everything = [*entries, *A, *right, *(row.rate for row in rows)]
+    levels = {row.holonomic for row in rows}
+    kinds = {(): "none", (True,): "holonomic", (False,): "nonholonomic"}
+    constants = g.depends([*entries, *A])
+    degrees = [g.degree(node, state) for node in right]
+    return Structure(
+        mass_varies_with=_varies(equations, entries),
+        diagonal=all(
+            equations.M[i][j] == g.zero for i in range(n) for j in range(n) if i != j
+        ),
+        constraints=kinds.get(tuple(levels), "mixed"),
+        forces_free_of_velocities=not g.depends(equations.f)
+        & frozenset(equations.velocities),
+        conservative=equations.power is None,
+        autonomous="t" not in g.depends(everything),
+        linear=not constants & frozenset((*state, "t"))
+        and all(d is not None and d <= frozenset((0, 1)) for d in degrees),
+    )
+
+
+def _varies(equations: Equations, entries: list[int]) -> str:
+    names = equations.graph.depends(entries)
+    if names & frozenset(equations.velocities):
+        return "velocities"
+    if names & frozenset(equations.q):
+        return "positions"
+    return "time" if "t" in names else "nothing"

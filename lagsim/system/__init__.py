@@ -1,0 +1,141 @@
+"""Equations -> compiled functions, linked with a method into something that runs.
+
+The state is y = (q, q', work where the model has it). Compiled functions take
+(t, y, p, out); p holds the parameters, the modes of the arc and working memory, so that
+new values of parameters compile nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagsim.kkt import _layout
+from lagsim.methods import method
+from lagsim.native.cache import kernel_object, object_code
+from lagsim.native.graph_code import Layout, generate
+from lagsim.switches import find_switches
+from lagsim.system.columns import Columns
+from lagsim.system.functions import functions, physics
+from lagsim.system.runner import Runner
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from lagsim.equations import Equations
+    from lagsim.plan import Plan
+
+
+class System:
+    """The compiled functions of a model, for one formulation.
+
+    Parameters
+    ----------
+    equations : Equations
+    plan : Plan
+        The formulation decides between straight-line code and loops.
+
+    Attributes
+    ----------
+    size : int
+        Components of y.
+    p : ndarray
+        Parameters, modes, and working memory.
+    objects : list of bytes
+        Object code of the model's functions.
+    """
+
+    def __init__(self, equations: Equations, plan: Plan) -> None:
+        self.equations = equations
+        self.plan = plan
+        self.n, self.m = len(equations.q), len(equations.rows)
+        self.has_work = equations.power is not None
+        self.size = 2 * self.n + self.has_work
+        self.columns = Columns(equations)
+        self.rows_observed = len(self.columns.nodes)
+        nodes_of = functions(equations, plan, self.columns, method(plan.method).NEEDS)
+        state = [*equations.q, *equations.velocities]
+        moving = [*state, "work", *equations.accelerations, *equations.multipliers]
+        self.switches = find_switches(equations.graph, physics(equations), moving)
+        # Rows show the expressions as written; the method sees the arc's branches.
+        live = ("observe", "columns", "until")
+        nodes_of = {
+            name: nodes if name in live else self.switches.freeze(nodes)
+            for name, nodes in nodes_of.items()
+        }
+        layout = self._layout()
+        code = generate(equations.graph, nodes_of, layout)
+        self.p = np.zeros(code.p_size)
+        self.p[: _layout.HEADER] = [
+            self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
+            plan.independence, 1.0, 1.0, self._weak(),
+        ]  # fmt: skip
+        for row, length in zip(equations.rows, plan.lengths, strict=True):
+            self.p[layout.p[f"length.{row.name}"]] = length
+        for parameter in equations.model.parameters:
+            self.p[layout.p[parameter.name]] = parameter.value
+        self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
+        self._runners: dict[str, Runner] = {}
+        self.objects = [object_code(code.ir)]
+        if plan.elimination is None:
+            self.objects.append(_loops(constrained=self.m > 0))
+
+    def _weak(self) -> int:
+        """Give where loops note the weakest direction; 0 where none do."""
+        if self.plan.elimination is not None:
+            return 0
+        return self.motion + _layout.weak_direction(self.n, self.m)
+
+    def _layout(self) -> Layout:
+        e = self.equations
+        state = (*e.q, *e.velocities, "work")
+        fixed = [p.name for p in e.model.parameters]
+        fixed += [mode.variable for mode in self.switches.modes]
+        fixed += [f"length.{row.name}" for row in e.rows]
+        p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
+        self.motion = _layout.HEADER + len(fixed)
+        motion = (*e.accelerations, *e.multipliers)
+        p |= {name: self.motion + k for k, name in enumerate(motion)}
+        loops = (
+            _layout.workspace(self.n, self.m) if self.plan.elimination is None else 0
+        )
+        return Layout(
+            y={name: k for k, name in enumerate(state)},
+            p=p,
+            fixed=frozenset(fixed),
+            size=self.motion + max(loops, len(motion)),
+        )
+
+    def link(self, name: str) -> Runner:
+        """Link with the method `name`, once."""
+        if name not in self._runners:
+            self._runners[name] = Runner(self, name)
+        return self._runners[name]
+
+    def set_modes(self, values: Sequence[float]) -> None:
+        """Set the branch of each switch in time for the arc to come."""
+        self.p[self.modes_at] = values
+
+    def units(self) -> dict[str, str]:
+        """Give the unit of each column of the table, where it is known."""
+        model = self.equations.model
+        units = dict.fromkeys(self.columns.names[: self.columns.table], "")
+        for c in model.coordinates:
+            if c.unit:
+                units[c.name] = c.unit
+                units[f"{c.name}_dot"] = f"{c.unit}/s"
+                units[f"{c.name}_ddot"] = f"{c.unit}/s^2"
+        units["t"] = "s"
+        known = {d.name: d.unit for d in model.definitions}
+        return {name: known.get(name, unit) for name, unit in units.items()}
+
+
+def _loops(*, constrained: bool) -> bytes:
+    """Give the object code of the solve by loops."""
+    from lagsim.kkt import dense
+
+    kernels: list[Callable[..., Any]] = [dense.derivative, dense.observe]
+    if constrained:
+        kernels += [dense.position_step, dense.velocity_step]
+    return kernel_object(kernels)

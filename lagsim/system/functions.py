@@ -1,0 +1,127 @@
+"""What is compiled from the graph: the name of a function -> what it writes to out.
+
+What a method needs beyond y' it names in NEEDS; a row of NEEDED makes it, so that
+nothing is differentiated or compiled that nobody asked for.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from lagsim.equations import Equations
+    from lagsim.plan import Plan
+    from lagsim.system.columns import Columns
+
+NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {}
+
+
+def functions(
+    equations: Equations, plan: Plan, columns: Columns, needs: Sequence[str] = ()
+) -> dict[str, list[int]]:
+    """Give all functions of a system for a method that `needs` more than y'."""
+    g = equations.graph
+    diagonal = [equations.M[i][i] for i in range(len(equations.q))]
+    rest = g.call("sub", equations.energy, equations.kinetic_form)
+    found = {
+        "measure": [equations.kinetic_form, rest, *diagonal, _driven(equations)],
+    }
+    simulation = equations.model.simulation
+    if simulation and simulation.until:
+        found["until"] = [simulation.until.node]
+    if plan.elimination is None:
+        found |= _terms(equations, columns)
+    else:
+        found |= _solved(equations, plan, columns)
+    for need in needs:
+        found |= NEEDED[need](equations, plan)
+    return found
+
+
+def physics(equations: Equations) -> list[int]:
+    """Give the expressions whose switches are the model's own."""
+    nodes = [node for row in equations.M for node in row]
+    nodes += [*equations.f, equations.energy]
+    nodes += [] if equations.power is None else [equations.power]
+    for row in equations.rows:
+        nodes += [row.residual, row.rate, *row.A, row.b, row.transport]
+    return nodes
+
+
+def _solved(equations: Equations, plan: Plan, columns: Columns) -> dict[str, list[int]]:
+    """Give the equations solved on the graph."""
+    e, g, elimination = equations, equations.graph, plan.elimination
+    assert elimination is not None
+    accelerations, multipliers = elimination.motion()
+    new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
+    velocities = [g.variable(v) for v in e.velocities]
+    power = [e.power] if e.power is not None else []
+    found = {
+        "derivative": [*velocities, *accelerations, *g.substitute(power, new)],
+    }
+    new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
+    found["observe"] = g.substitute(columns.nodes.values(), new)
+    if e.rows:
+        held, moving, worst_held, worst_moving = _residuals(e)
+        found["position_step"] = [*elimination.correction(held), worst_held]
+        found["velocity_step"] = [
+            *elimination.correction(moving), worst_moving, elimination.health(),
+        ]  # fmt: skip
+    return found
+
+
+def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
+    """Give what the loops of `kkt.dense` begin with."""
+    e, g = equations, equations.graph
+    M = [node for row in e.M for node in row]
+    A = [node for row in e.rows for node in row.A]
+    power = e.power if e.power is not None else g.zero
+    none = {g.variable(v): g.zero for v in e.multipliers}
+    dynamics = [
+        *M, *A, *e.f, *(r.b for r in e.rows),
+        *g.substitute([power], none), *(r.transport for r in e.rows),
+    ]  # fmt: skip
+    found = {"dynamics": dynamics, "columns": list(columns.nodes.values())}
+    if e.rows:
+        held, moving, worst_held, worst_moving = _residuals(e)
+        found["geometry"] = [*M, *A, *held, *moving, worst_held, worst_moving]
+    return found
+
+
+def _driven(equations: Equations) -> int:
+    """Give the sum of f^2 / M over the diagonal, where it is not zero."""
+    e, g = equations, equations.graph
+    total = g.zero
+    for i, force in enumerate(e.f):
+        if e.M[i][i] != g.zero:
+            part = g.call("div", g.call("mul", force, force), e.M[i][i])
+            some = g.call("gt", e.M[i][i], g.zero)
+            total = g.call("add", total, g.call("if", some, part, g.zero))
+    return total
+
+
+def _residuals(equations: Equations) -> tuple[list[int], list[int], int, int]:
+    """Give residuals (m,), rates (m,), and the largest of each against its scale.
+
+    Relations between velocities have no residual on the level of positions.
+    """
+    g, rows = equations.graph, equations.rows
+    held = [r.residual if r.holonomic else g.zero for r in rows]
+    rates = [r.rate for r in rows]
+
+    def worst(pairs: list[tuple[int, int]]) -> int:
+        largest = g.zero
+        for residual, scale in pairs:
+            part = g.call("div", g.call("abs", residual), scale)
+            some = g.call("gt", scale, g.zero)
+            largest = g.call("max", g.call("if", some, part, g.zero), largest)
+        return largest
+
+    return (
+        held,
+        rates,
+        worst([(r, row.residual_scale) for r, row in zip(held, rows, strict=True)]),
+        worst([(r, row.rate_scale) for r, row in zip(rates, rows, strict=True)]),
+    )

@@ -1,0 +1,114 @@
+"""A system linked with a method: what a run calls."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagsim.kkt import _layout
+from lagsim.methods import _driver, method
+from lagsim.methods._interface import LEAST_HEALTH
+from lagsim.native.cache import kernel_object
+from lagsim.native.engine import Engine
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from lagsim.native.kernel_types import Floats
+    from lagsim.system import System
+
+_POINTER = ctypes.c_void_p
+# Of the functions of a model: t, y, p, out.
+FUNCTION = (None, (ctypes.c_double, _POINTER, _POINTER, _POINTER))
+_ADVANCE = (
+    ctypes.c_int64,
+    (_POINTER, _POINTER, _POINTER, ctypes.c_int64, ctypes.c_int64),
+)
+_TABULATE = (
+    None,
+    (_POINTER, ctypes.c_int64, ctypes.c_int64, _POINTER, _POINTER, ctypes.c_int64),
+)
+
+
+class Runner:
+    """A system linked with a method.
+
+    Attributes
+    ----------
+    method : module
+    """
+
+    def __init__(self, system: System, name: str) -> None:
+        self.system = system
+        self.method = method(name)
+        simulation = system.equations.model.simulation
+        statics = {
+            "CONSTRAINED": system.m > 0,
+            "UNTIL": bool(simulation and simulation.until),
+        }
+        kernels = [self.method.start, self.method.step, self.method.interpolate]
+        self.engine = Engine(
+            [
+                *system.objects,
+                kernel_object(kernels, _used(statics, self.method)),
+                kernel_object([_driver.advance, _driver.tabulate], statics),
+            ]
+        )
+        self._advance = self.engine.function("advance", *_ADVANCE)
+        self._tabulate = self.engine.function("tabulate", *_TABULATE)
+
+    def function(self, name: str) -> Callable[[float, Floats], Floats]:
+        """Give one of the model's functions as (t, y) -> out, for tests and reports."""
+        call = self.engine.function(name, *FUNCTION)
+        p = self.system.p
+        length = max(self.system.rows_observed, self.system.size + 2, 2 + self.system.n)
+
+        def evaluate(t: float, y: Floats) -> Floats:
+            out = np.zeros(length)
+            y = np.ascontiguousarray(y, dtype=float)
+            call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+            return out
+
+        return evaluate
+
+    def prepare(self) -> None:
+        """Compute what depends on parameters and modes alone, before each arc.
+
+        No arc sees what another one left in the working memory.
+        """
+        call = self.engine.function("prepare", *FUNCTION)
+        p = self.system.p
+        p[_layout.REFERENCE] = self.system.plan.independence
+        p[_layout.HEALTH] = p[LEAST_HEALTH] = 1.0
+        p[self.system.motion :] = 0.0
+        if self.system.plan.elimination is None:
+            lengths = self.system.motion + self.system.n + self.system.m
+            p[lengths : lengths + self.system.m] = self.system.plan.lengths
+            aside = lengths + self.system.m
+            p[aside : aside + self.system.m] = self.system.plan.set_aside
+        call(0.0, None, p.ctypes.data, None)
+
+    def advance(self, state: Floats, out: Floats, budget: int) -> int:
+        """Run the method on; see `methods._driver.advance`. out : (rows, 1 + size)."""
+        p = self.system.p
+        return int(
+            self._advance(
+                state.ctypes.data, p.ctypes.data, out.ctypes.data, len(out), budget
+            )
+        )
+
+    def tabulate(self, states: Floats) -> Floats:
+        """Give the columns (rows, columns) of `states` (rows, 1 + size)."""
+        out = np.empty((len(states), self.system.rows_observed))
+        states = np.ascontiguousarray(states)
+        self._tabulate(
+            states.ctypes.data, len(states), states.shape[1] - 1,
+            self.system.p.ctypes.data, out.ctypes.data, out.shape[1],
+        )  # fmt: skip
+        return out
+
+
+def _used(statics: Mapping[str, object], module: Any) -> dict[str, object]:
+    return {name: value for name, value in statics.items() if hasattr(module, name)}
