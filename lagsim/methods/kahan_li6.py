@@ -39,7 +39,7 @@ ORDER = 6
 DENSE_ORDER = 6
 ADAPTIVE = False
 IMAGINARY_LIMIT = 2.532
-HANDLES = "constant M, forces free of velocities; no constraints"
+HANDLES = "constant M, forces f(q, t); no constraints"
 
 # Half of the weights and the middle one; the others mirror them.
 HALF = (

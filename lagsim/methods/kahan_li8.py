@@ -38,7 +38,7 @@ ORDER = 8
 DENSE_ORDER = 6
 ADAPTIVE = False
 IMAGINARY_LIMIT = 3.096
-HANDLES = "constant M, forces free of velocities; no constraints"
+HANDLES = "constant M, forces f(q, t); no constraints"
 
 # Half of the weights and the middle one; the others mirror them.
 HALF = (

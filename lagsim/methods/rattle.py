@@ -58,7 +58,7 @@ ORDER = 2
 DENSE_ORDER = 2
 ADAPTIVE = False
 IMAGINARY_LIMIT = 2.0
-HANDLES = "constant M, forces free of velocities; holonomic constraints"
+HANDLES = "constant M, forces f(q, t); holonomic constraints"
 
 NEEDS = ()
 

@@ -46,7 +46,7 @@ ORDER = 2
 DENSE_ORDER = 2
 ADAPTIVE = False
 IMAGINARY_LIMIT = 2.0
-HANDLES = "constant M, forces free of velocities; no constraints"
+HANDLES = "constant M, forces f(q, t); no constraints"
 
 NEEDS = ("power",)
 
