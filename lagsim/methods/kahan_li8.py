@@ -2,7 +2,7 @@
 
 What `kahan-li6` does, taken two orders further. Where an energy is to be kept to
 rounding over millions of periods, as of planets, this is the method: with compensated
-summation the error of Kepler's energy stays at some 1e-15 for ten thousand orbits.
+summation the error of Kepler's energy stays below 1e-14 for ten thousand orbits.
 Where fewer digits will do, `kahan-li6` or `verlet` are cheaper, and where it is the
 path that counts for a few hundred periods, `dop853` is.
 
