@@ -25,7 +25,7 @@ from lagsim.methods import _symplectic
 from lagsim.methods._composition import ARRAYS, make_dense, within
 from lagsim.methods._fixed import begin, is_finite, next_time, step_length, take
 from lagsim.methods._state import DONE, EVALUATIONS, HEADER, NOT_FINITE, SIZE, T
-from lagsim.methods._symplectic import arrive, clear, depart, verlet_step
+from lagsim.methods._symplectic import arrive, clear, depart, drift, kick
 from lagsim.native.kernel_types import at, unrolled
 
 if TYPE_CHECKING:
@@ -56,6 +56,8 @@ WEIGHTS = (*HALF, *HALF[-2::-1])
 STAGES = 17
 # Where the Verlet steps end, as parts of the whole step.
 ENDS = (*itertools.accumulate(WEIGHTS[:-1]), 1.0)
+# Half of a step's kick before it and half after it; those that meet are one.
+KICKS = tuple(0.5 * (a + b) for a, b in itertools.pairwise((0.0, *WEIGHTS, 0.0)))
 
 NEEDS = ("power",)
 
@@ -96,8 +98,10 @@ def step(s: Floats, p: Floats) -> int:
     after = next_time(s)
     h = step_length(s, after)
     depart(s)
+    kick(s, p, t, KICKS[0] * h)
     for stage in unrolled(STAGES):
-        verlet_step(s, p, t + ENDS[stage] * h, WEIGHTS[stage] * h)
+        drift(s, p, t + ENDS[stage] * h, WEIGHTS[stage] * h)
+        kick(s, p, t + ENDS[stage] * h, KICKS[stage + 1] * h)
     if not is_finite(size, new):
         return NOT_FINITE
     s[EVALUATIONS] += STAGES

@@ -32,8 +32,8 @@ from lagsim.methods._fixed import (
     step_length,
     take,
 )
-from lagsim.methods._state import DONE, EVALUATIONS, HEADER, NOT_FINITE, SIZE
-from lagsim.methods._symplectic import arrive, clear, depart, verlet_step
+from lagsim.methods._state import DONE, EVALUATIONS, HEADER, NOT_FINITE, SIZE, T
+from lagsim.methods._symplectic import arrive, clear, depart, drift, kick
 from lagsim.native.kernel_types import at
 
 if TYPE_CHECKING:
@@ -83,8 +83,11 @@ def step(s: Floats, p: Floats) -> int:
     slope = at(s, HEADER + 9 * size + 6)
     new = at(slope, size)
     after = next_time(s)
+    h = step_length(s, after)
     depart(s)
-    verlet_step(s, p, after, step_length(s, after))
+    kick(s, p, s[T], 0.5 * h)
+    drift(s, p, after, h)
+    kick(s, p, after, 0.5 * h)
     if not is_finite(size, new):
         return NOT_FINITE
     s[EVALUATIONS] += 1.0
