@@ -2,13 +2,13 @@
 
 What `kahan-li6` does, taken two orders further. Where an energy is to be kept to
 rounding over millions of periods, as of planets, this is the method: with compensated
-summation the error of Kepler's energy stays below 1e-14 for ten thousand orbits.
+summation the error of Kepler's energy is some 1e-14 after ten thousand orbits.
 Where fewer digits will do, `kahan-li6` or `verlet` are cheaper, and where it is the
 path that counts for a few hundred periods, `dop853` is.
 
 It costs seventeen evaluations per step. Stable for h w < 3.096, w the fastest
-frequency; a step of h w = 0.5 to 1 is usual. It needs a constant mass matrix and forces
-that depend on positions and time only.
+frequency; a step of h w = 0.1 to 0.5 is usual. It needs a constant mass matrix and
+forces that depend on positions and time only.
 
 Source: W. Kahan and R.-C. Li, Composition constants for raising the orders of
 unconventional schemes for ordinary differential equations, Math. Comp. 66 (1997)

@@ -4,7 +4,7 @@ The leapfrog of molecular dynamics and of the planets. Each part of the step is 
 made exactly, so the step preserves the symplectic form, and run backwards it returns
 on its own path. It does not conserve the energy but a nearby one: the error of the
 energy swings within bounds of size (h w)^2 and does not grow, for millions of periods,
-where a Runge-Kutta method of any order gains or loses a little in each.
+where an explicit Runge-Kutta method gains or loses a little in each.
 
 Stable for h w < 2, w the fastest frequency: 3.14 steps per period. Well below that, an
 oscillation comes out too fast by the part (h w)^2/24, its amplitude right. With a
@@ -15,8 +15,8 @@ size.
 It needs a constant mass matrix and forces that depend on positions and time only.
 
 Source: L. Verlet, Phys. Rev. 159 (1967) 98-103; E. Hairer, C. Lubich and G. Wanner,
-Geometric numerical integration illustrated by the Stoermer-Verlet method, Acta Numerica
-12 (2003) 399-450, sections 1 and 5 (stability and energy).
+Geometric Numerical Integration, 2nd ed., sections I.1.4 and IX.8 (energy over long
+times).
 """
 
 from __future__ import annotations
