@@ -2,10 +2,10 @@
 
 A symmetric method has only even powers of the step in its error. Verlet steps of
 different lengths can cancel these powers one after the other, if some of them go back
-in time; of the ways to reach order 6 with nine, this one was found
-by a long search for small weights. It inherits from Verlet's method that it is
-symplectic and reversible: the energy's error, of size (h w)^6, swings and does not
-grow. What would grow is rounding, so it is carried along (compensated summation).
+in time; of the ways to reach order 6 with nine, this one was found by a long search for
+small weights. It inherits from Verlet's method that it is symplectic and reversible:
+the energy's error, of size (h w)^6, swings and does not grow. What would grow is
+rounding, so it is carried along (compensated summation).
 
 For many periods of a smooth motion; it costs nine evaluations per step. Stable for
 h w < 2.532, w the fastest frequency; a step of h w = 0.1 to 0.5 is usual. It needs a

@@ -1,9 +1,9 @@
 """Kahan-Li 8: seventeen Verlet steps, five of them backwards, make order 8.
 
 What `kahan-li6` does, taken two orders further. Where an energy is to be kept to
-rounding over millions of periods, as of planets, this is the method: with compensated
-summation the error of Kepler's energy is some 1e-14 after ten thousand orbits.
-Where fewer digits will do, `kahan-li6` or `verlet` are cheaper, and where it is the
+rounding over many thousands of periods, as of planets, this is the method: with
+compensated summation the error of Kepler's energy is some 1e-14 after ten thousand
+orbits. Where fewer digits will do, `kahan-li6` or `verlet` are cheaper, and where it is the
 path that counts for a few hundred periods, `dop853` is.
 
 It costs seventeen evaluations per step. Stable for h w < 3.096, w the fastest
