@@ -21,12 +21,11 @@ from lagsim.methods._controller import (
 )
 from lagsim.methods._dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
 from lagsim.methods._interface import LEAST_HEALTH, derivative
-from lagsim.methods._projection import project
+from lagsim.methods._projection import meet_constraints
 from lagsim.methods._singular import (
     clear_of_loss,
     forget_weak_direction,
     leave_loss,
-    record_health,
 )
 from lagsim.methods._state import (
     CLOSE_BELOW,
@@ -205,16 +204,9 @@ def error_norm(size: int, h: float, errors: Floats, tolerances: Floats) -> float
 
 def settle(s: Floats, p: Floats, h: float) -> int:
     """Project the new state onto the constraints; give 0 where that fails."""
-    n = int(s[N])
     size = int(s[SIZE])
     new = at(s, HEADER + 6 * size + 6 + (STAGES + 1) * size)
-    work = at(s, HEADER + 4 * size + 2)
-    sizes = at(s, HEADER + size)
-    masses = at(s, HEADER + 3 * size + 2)
-    if project(n, s[T] + h, h, new, p, sizes, masses, work) == 0:
-        return 0
-    record_health(s, work[n + 1], h)
-    return 1
+    return meet_constraints(s, p, s[T] + h, h, new)
 
 
 def accept(s: Floats, p: Floats, h: float) -> None:

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from lagsim.plan import Plan
     from lagsim.system.columns import Columns
 
-NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {}
-
 
 def functions(
     equations: Equations, plan: Plan, columns: Columns, needs: Sequence[str] = ()
@@ -125,3 +123,14 @@ def _residuals(equations: Equations) -> tuple[list[int], list[int], int, int]:
         worst([(r, row.residual_scale) for r, row in zip(held, rows, strict=True)]),
         worst([(r, row.rate_scale) for r, row in zip(rates, rows, strict=True)]),
     )
+
+
+def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give the rate of `work` by itself, for scenes without constraints."""
+    power = equations.power
+    return {"power": [equations.graph.zero if power is None else power]}
+
+
+NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
+    "power": _power,
+}
