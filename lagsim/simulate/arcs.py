@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
+    from lagsim.simulate.switching import Switching
 
 # Rows in one block: a few hundred kilobytes.
 BLOCK = 2048
@@ -76,11 +77,17 @@ class Run:
         self.events: list[Event] = []
         self.warnings: list[Caution] = []
         self.torn = ""
+        self.accumulating = ""
         self._told: set[tuple[str, ...]] = set()
         self.rows = 0
         self.use(system)
         self.state = self._fresh_state(np.concatenate([start.q, start.v]))
         self.block = np.empty((BLOCK, 1 + system.size))
+        self.switching: Switching | None = None
+        if system.surfaces:
+            from lagsim.simulate.switching import Switching
+
+            self.switching = Switching(self)
 
     def use(self, system: System) -> None:
         """Go on with another formulation."""
@@ -126,14 +133,19 @@ class Run:
         """The state at that time: a view."""
         return self.state[at.HEADER : at.HEADER + self.system.size]
 
+    @property
+    def sizes(self) -> Floats:
+        """The largest sizes of the components so far: a view."""
+        size = self.system.size
+        return self.state[at.HEADER + size : at.HEADER + 2 * size]
+
     def whole(self, most_steps: int) -> Trajectory:
         """Go through all arcs."""
         outcome = Outcome.DONE
         for end in chain(self._breaks(), [self.simulation.end]):
             if self.t > self.simulation.start:
                 self.events.append(Event(self.t, "switch"))
-            torn = self._begin_arc(end)
-            outcome = Outcome.CONSTRAINT_JUMPS if torn else self._arc(most_steps)
+            outcome = self._between_breaks(end, most_steps)
             if outcome is not Outcome.DONE:
                 break
         if outcome is Outcome.UNTIL:
@@ -157,6 +169,19 @@ class Run:
             warnings=tuple(self.warnings),
         )
 
+    def _between_breaks(self, end: float, most_steps: int) -> Outcome:
+        """Go through the arcs up to the next break in time."""
+        if self._begin_arc(end):
+            return Outcome.CONSTRAINT_JUMPS
+        while (outcome := self._arc(most_steps)) is Outcome.SWITCHED:
+            assert self.switching is not None
+            if not self.switching.meet():
+                return Outcome.SWITCHES_ACCUMULATE
+            self._set_limits(end)
+            if self.system.m and self._impact():
+                return Outcome.CONSTRAINT_JUMPS
+        return outcome
+
     def _breaks(self) -> Iterator[float]:
         modes = self.system.switches.modes
         if not modes:
@@ -174,22 +199,28 @@ class Run:
 
     def _begin_arc(self, end: float) -> bool:
         """Set the branches of the arc that ends at `end`; tell if a constraint tore."""
-        state, simulation = self.state, self.simulation
         self._set_branches(end)
+        self._set_limits(end)
+        torn = False
+        if self.system.m and self.t > self.simulation.start:
+            torn = self._impact()
+        return torn
+
+    def _set_limits(self, end: float) -> None:
+        state, simulation = self.state, self.simulation
         state[at.END] = end
         last = simulation.end - SAME_ROW * simulation.output_step
         state[at.ROW_LIMIT] = min(end, last)
         state[at.FRESH] = 1.0
         state[at.ARC_START] = self.t
-        if self.system.m and self.t > simulation.start:
-            return self._impact()
-        return False
 
     def _set_branches(self, end: float) -> None:
         parameters = {p.name: p.value for p in self.equations.model.parameters}
         switches = self.system.switches
         self.system.set_modes(switches.mode_values(self.t, end, parameters))
         self.runner.prepare()
+        if self.switching is not None:
+            self.switching.begin()
 
     def _impact(self) -> bool:
         """Meet a constraint whose rate jumps: the velocities are projected.
@@ -235,6 +266,7 @@ class Run:
             code = self.runner.advance(state, self.block, budget)
             self._emit(self.block[: int(state[at.EMITTED])])
             over = code == at.EVENT_FOUND or self.t >= self.simulation.end
+            over |= state[at.CUT] > 0.0  # the state is that of the step as it was
             pressed = self.interrupt is not None and self.interrupt.signal is not None
             if pressed and not over:
                 return Outcome.INTERRUPTED
@@ -242,6 +274,8 @@ class Run:
                 self._switch_to_loops()
             elif code == at.RANK_LOST:
                 self._note_rank_loss()
+            elif code == at.SWITCH_FOUND:
+                return Outcome.SWITCHED
             elif code == at.PAUSED and left <= budget:
                 return Outcome.TOO_MANY_STEPS
             elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST):
