@@ -14,6 +14,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.kkt.straight import Elimination, TooLongError
 from lagsim.methods import method, names
 from lagsim.structure import structure
+from lagsim.switches import model_switches
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
@@ -93,6 +94,7 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     mass = _mass_matrix(scene)
     choices.append(Choice(f"mass matrix: {mass}", _mass_reason(equations, scene)))
     formulation = _formulation(equations, choices)
+    _switches(equations, choices)
     elimination = None if loops else _elimination(equations, start, choices)
     if loops:
         choices.append(
@@ -127,6 +129,13 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         mass_matrix=mass,
         choices=tuple(choices),
     )
+
+
+def _switches(equations: Equations, choices: list[Choice]) -> None:
+    count = len(model_switches(equations).sides)
+    if count:
+        reason = "forces step or bend there: each ends an arc, where it is met"
+        choices.append(Choice(f"switches: {count} located", reason))
 
 
 def _set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from lagsim.methods import _state as at
-from lagsim.plan import WELL_CONDITIONED, make_plan
+from lagsim.methods import method
+from lagsim.plan import DEFAULT_RTOL, WELL_CONDITIONED, make_plan
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
 from lagsim.system import System
@@ -45,6 +46,9 @@ LOST = 1e-5
 # A mechanism may pass the same dead point for ever: these events are kept up to this
 # many, the warning is given once.
 MOST_RANK_EVENTS = 10_000
+# The method where the motion slides along a surface and the method of the run needs more
+# of the model than y'.
+SLIDING = "dop853"
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6
 
@@ -96,10 +100,11 @@ class Run:
 
     def _fresh_state(self, y: Floats) -> Floats:
         system, simulation = self.system, self.simulation
-        state = np.zeros(self.runner.method.state_size(system.size))
+        methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
+        state = np.zeros(max(method(m).state_size(system.size) for m in methods))
         state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
         state[at.ROW_STEP] = simulation.output_step
-        state[at.RTOL] = self.plan.rtol or 0.0
+        state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
         state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
         state[at.FIXED_STEP] = self.plan.step or 0.0
         state[at.N], state[at.SIZE] = system.n, system.size
@@ -173,14 +178,24 @@ class Run:
         """Go through the arcs up to the next break in time."""
         if self._begin_arc(end):
             return Outcome.CONSTRAINT_JUMPS
-        while (outcome := self._arc(most_steps)) is Outcome.SWITCHED:
-            assert self.switching is not None
-            if not self.switching.meet():
-                return Outcome.SWITCHES_ACCUMULATE
-            self._set_limits(end)
-            if self.system.m and self._impact():
-                return Outcome.CONSTRAINT_JUMPS
-        return outcome
+        while True:
+            outcome = self._arc(most_steps)
+            short = outcome is Outcome.DONE and self.t < end
+            blocked = outcome in _BLOCKED
+            if self.switching is None or not (
+                short or blocked or outcome is Outcome.SWITCHED
+            ):
+                return outcome
+            ahead = self.switching.approach(end) if short or blocked else end
+            if ahead is None and blocked:
+                return outcome
+            if self.state[at.SWITCHED] > 0.0:
+                ahead = end
+                if not self.switching.meet():
+                    return Outcome.SWITCHES_ACCUMULATE
+                if self.system.m and self._impact():
+                    return Outcome.CONSTRAINT_JUMPS
+            self._set_limits(end if ahead is None else ahead)
 
     def _breaks(self) -> Iterator[float]:
         modes = self.system.switches.modes
@@ -208,11 +223,20 @@ class Run:
 
     def _set_limits(self, end: float) -> None:
         state, simulation = self.state, self.simulation
+        if self.switching is not None:
+            self.runner = self.system.link(self._method_now())
         state[at.END] = end
         last = simulation.end - SAME_ROW * simulation.output_step
         state[at.ROW_LIMIT] = min(end, last)
         state[at.FRESH] = 1.0
         state[at.ARC_START] = self.t
+
+    def _method_now(self) -> str:
+        """Give the method of the arc: sliding is written for y' alone."""
+        assert self.switching is not None
+        name = self.plan.method
+        slides = bool(np.any(self.switching.slides))
+        return SLIDING if slides and method(name).NEEDS else name
 
     def _set_branches(self, end: float) -> None:
         parameters = {p.name: p.value for p in self.equations.model.parameters}
@@ -292,8 +316,9 @@ class Run:
             "on they are solved by a QR decomposition"
         )
         self.warnings.append(Caution("nearly-dependent", text))
+        name = self.plan.method
         self.plan = make_plan(self.equations, self.start, loops=True)
-        self.plan = replace(self.plan, method=self.runner.method.NAME)
+        self.plan = replace(self.plan, method=name)
         self.use(System(self.equations, self.plan))
         self._set_watch(self.state)
         self._set_branches(end)
@@ -337,6 +362,8 @@ class Run:
         return 1 if constant and not self.system.m else evaluations
 
 
+# What may come of a switch close by: past it, the arc's expressions may have no values.
+_BLOCKED = (Outcome.NOT_FINITE, Outcome.STEP_TOO_SMALL, Outcome.PROJECTION_FAILED)
 _OUTCOMES = {
     at.DONE: Outcome.DONE,
     at.EVENT_FOUND: Outcome.UNTIL,

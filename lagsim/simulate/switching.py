@@ -15,7 +15,7 @@ import numpy as np
 
 from lagsim.methods import _interface as kept
 from lagsim.methods import _state as at
-from lagsim.simulate.shares import ABOVE, ALONG, BELOW, ways
+from lagsim.simulate.shares import ABOVE, ALONG, BELOW, Crossroads
 from lagsim.system.switching import on_velocities
 from lagsim.trajectory import Caution, Event
 
@@ -31,9 +31,15 @@ ON = 2.0**-47
 # A share this far past its bound still counts as within.
 SHARE_SLACK = 1e-12
 # Switches accumulate where this many take less than this part of the longest arc, and
-# come ever faster. What is left of the motion then is the square of that.
+# come ever faster. What is left of the motion then is about the square of that, and a
+# few times its rounding.
 WINDOW = 4
-SHORT = 1e-8
+SHORT = 2e-6
+# Towards a surface past which there are no finite values, steps end after this part of
+# the way to it; where even that fails, after this part of it; and so often at most.
+AHEAD = 0.9
+BACK = 0.25
+MOST_APPROACHES = 60
 # So many switches in no time at all: no way is found.
 STUCK = 40
 # They are all counted, and so many kept.
@@ -60,6 +66,10 @@ class Switching:
         self.slides = np.zeros(self.count, dtype=bool)
         self.recent: deque[tuple[float, int]] = deque(maxlen=STUCK)
         self.longest = 0.0
+        self.time = run.t
+        self.approaches = 0
+        self.reach = AHEAD
+        self.tried_at = math.nan
 
     # What the compiled functions know
 
@@ -100,7 +110,13 @@ class Switching:
 
     # The start of an arc
 
-    def begin(self, met: int | None = None, *, at_rest: Collection[int] = ()) -> None:
+    def begin(
+        self,
+        met: int | None = None,
+        *,
+        at_rest: Collection[int] = (),
+        time: float | None = None,
+    ) -> None:
         """Choose the mode at the state reached.
 
         Parameters
@@ -109,7 +125,10 @@ class Switching:
             The surface whose mode has just ended.
         at_rest
             Surfaces that the state is on, and whose rate is zero.
+        time
+            What events are dated, if not the time reached.
         """
+        self.time = self.run.t if time is None else time
         before = self.slides.copy()
         held = {}
         if met is not None and before[met]:
@@ -195,19 +214,17 @@ class Switching:
         if not open_:
             return
         now = [self._way_now(k, levels[k]) for k in open_]
-        B, r, scale = self._effects(open_, levels)
         known = {i: held[k] for i, k in enumerate(open_) if k in held}
-        found = ways(B, r, scale, now, known)
-        if found is None:
-            middle = B @ np.full(len(r), 0.5) - r
-            found = [ABOVE if x > 0 else BELOW for x in middle]
+        crossroads = self._crossroads(open_, levels, known)
+        found = crossroads.way(now)
+        if found is None or crossroads.is_fork(found):
             names = ", ".join(f"`{self.sides[k].text}`" for k in open_)
             text = (
                 f"at t = {self.run.t:.9g} nothing decides how the motion goes on from "
                 f"{names}: one way of several was taken"
             )
             self.run.warnings.append(Caution("unresolved-switch", text))
-        for k, way in zip(open_, found, strict=True):
+        for k, way in zip(open_, found or now, strict=True):
             self._put(k, levels[k], way)
 
     def _way_now(self, k: int, level: float) -> int:
@@ -215,25 +232,27 @@ class Switching:
             return ABOVE if self.value[k] >= level else BELOW
         return ABOVE if self.value[k] > 0.0 else BELOW
 
-    def _effects(
-        self, open_: list[int], levels: dict[int, float]
-    ) -> tuple[Floats, Floats, Floats]:
-        """Give B, r and the size of the terms of the rates."""
-        for k in open_:
-            self._put(k, levels[k], BELOW)
-        self._write()
-        _, _, J, b, _ = self._rows()
-        base = self._field()
-        B = np.empty((len(open_), len(open_)))
-        scale = np.abs(J) @ np.abs(base) + np.abs(b)
-        for j, k in enumerate(open_):
-            self._put(k, levels[k], ABOVE)
+    def _crossroads(
+        self, open_: list[int], levels: dict[int, float], held: dict[int, int]
+    ) -> Crossroads:
+        """Give what the forces do with each of the surfaces below or above."""
+
+        def terms(corner: tuple[int, ...]) -> tuple[Floats, Floats, Floats]:
+            for k, way in zip(open_, corner, strict=True):
+                self._put(k, levels[k], way)
             self._write()
-            change = self._field() - base
-            B[:, j] = J[open_] @ change
-            scale += np.abs(J) @ np.abs(change)
-            self._put(k, levels[k], BELOW)
-        return B, (b - J @ base)[open_], scale[open_]
+            _, _, J, b, _ = self._rows()
+            return J[open_], b[open_], self._field()
+
+        def rates(corner: tuple[int, ...]) -> Floats:
+            J, b, a = terms(corner)
+            return np.asarray(J @ a - b)
+
+        scale = np.zeros(len(open_))
+        for way in (BELOW, ABOVE):
+            J, b, a = terms((way,) * len(open_))
+            scale = np.maximum(scale, np.abs(J) @ np.abs(a) + np.abs(b))
+        return Crossroads(rates, scale, held)
 
     def _set_slack(self, levels: dict[int, float], sizes: Floats) -> None:
         """Let rounding not end a mode that has just begun."""
@@ -247,27 +266,27 @@ class Switching:
     # What a switch leads to
 
     def _record(self, before: Floats, met: int | None) -> None:
-        run = self.run
         for k in np.flatnonzero(before != self.slides):
             kind = "switch"
             if self.of_velocities[k]:
                 kind = "stick" if self.slides[k] else "slip"
-            if self.slides[k] or run.t > run.simulation.start:
-                self._event(kind, int(k))
+            if self.slides[k] and kind == "switch" and self._ratio() < 1.0:
+                kind = "zeno"  # it has come to rest sooner than looked for
+            self._event(kind, int(k))
         if met is not None and before[met] == self.slides[met]:
             self._event("switch", met)
 
-    def _event(self, kind: str, k: int, time: float | None = None) -> None:
+    def _event(self, kind: str, k: int) -> None:
         events = self.run.events
         if len(events) < MOST_EVENTS:
-            t = self.run.t if time is None else time
-            events.append(Event(t, kind, switch=self.sides[k].text))
+            events.append(Event(self.time, kind, switch=self.sides[k].text))
 
     def meet(self) -> bool:
         """Go through the switch that was located; tell whether the motion goes on."""
         run = self.run
         k = int(run.state[at.SWITCHED]) - 1
         run.state[at.SWITCHED] = 0.0
+        self.approaches = 0
         if self.recent:
             self.longest = max(self.longest, run.t - self.recent[-1][0])
         else:
@@ -277,24 +296,60 @@ class Switching:
         if limit is None:
             self.begin(k)
             return not self._stuck()
+        self.time = limit
         several = sorted({k for _, k in list(self.recent)[-2 * WINDOW :]})
         run.accumulating = ", ".join(f"`{self.sides[k].text}`" for k in several)
         for k in several:
-            self._event("zeno", k, limit)
+            self._event("zeno", k)
         self.recent.clear()
-        self.begin(at_rest=several)
+        self.begin(at_rest=several, time=limit)
         return bool(np.all(self.slides[several]))
+
+    def approach(self, end: float) -> float | None:
+        """Give a time at which to end an arc that cannot be stepped over its surface.
+
+        On its other side what is frozen may have no finite value (a root, an inverse).
+        Gives None where no surface is near; the state may be on one already, which
+        counts as met.
+        """
+        run = self.run
+        self.approaches += 1
+        if self.approaches > MOST_APPROACHES:
+            return None
+        self.reach = AHEAD if run.t != self.tried_at else self.reach * BACK
+        self.tried_at = run.t
+        _, rates, J, b, _ = self._rows()
+        speeds = np.where(self.of_velocities, J @ self._field() - b, rates)
+        values = run.runner.function("surfaces", self.count)(run.t, run.y)
+        ends = np.where(speeds > 0, self._kept(kept.MOST), self._kept(kept.LEAST))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ahead = np.where(self.slides, math.inf, (ends - values) / speeds)
+        ahead[~(ahead >= 0.0)] = math.inf
+        k = int(np.argmin(ahead))
+        if not run.t + ahead[k] < end:
+            return None
+        if abs(ends[k] - values[k]) <= 8.0 * ON * self._sizes()[k]:
+            run.state[at.SWITCHED] = k + 1
+        return float(run.t + self.reach * ahead[k])
+
+    def _ratio(self) -> float:
+        """Give how much faster the last switches came than those before; else inf."""
+        times = [t for t, _ in self.recent]
+        if len(times) <= 2 * WINDOW:
+            return math.inf
+        last = times[-1] - times[-1 - WINDOW]
+        former = times[-1 - WINDOW] - times[-1 - 2 * WINDOW]
+        return last / former if former > 0.0 else math.inf
 
     def _limit(self) -> float | None:
         """Give the time at which switches accumulate, if they do so right now."""
+        ratio = self._ratio()
+        if ratio >= 1.0:
+            return None
         times = [t for t, _ in self.recent]
-        if len(times) <= 2 * WINDOW:
+        if times[-1] - times[-1 - 2 * WINDOW] > SHORT * self.longest:
             return None
         last = times[-1] - times[-1 - WINDOW]
-        former = times[-1 - WINDOW] - times[-1 - 2 * WINDOW]
-        if not last < former or last + former > SHORT * self.longest:
-            return None
-        ratio = last / former
         return times[-1] + last * ratio / (1.0 - ratio)
 
     def _stuck(self) -> bool:

@@ -9,6 +9,7 @@ from lagsim.switches.find import (
     find_switches,
     prevailing,
 )
+from lagsim.switches.motion import model_switches
 from lagsim.switches.surfaces import Side, Surface, joined_conditions, surfaces
 from lagsim.switches.text import expression_text
 
@@ -21,6 +22,7 @@ __all__ = [
     "expression_text",
     "find_switches",
     "joined_conditions",
+    "model_switches",
     "prevailing",
     "surfaces",
 ]

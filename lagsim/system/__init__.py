@@ -16,10 +16,11 @@ from lagsim.methods import method
 from lagsim.methods._interface import SIDE, SLIDES
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout, generate
+from lagsim.switches import model_switches
 from lagsim.system.columns import Columns
 from lagsim.system.functions import functions
 from lagsim.system.runner import Runner
-from lagsim.system.switching import model_switches, surface_functions
+from lagsim.system.switching import surface_functions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

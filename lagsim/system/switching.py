@@ -1,4 +1,4 @@
-"""The switches of a model's motion, and the functions that locate them."""
+"""The functions that locate the switches of a motion."""
 
 from __future__ import annotations
 
@@ -6,27 +6,10 @@ from typing import TYPE_CHECKING
 
 from lagsim.constraints import scale_of
 from lagsim.expressions.derivatives import gradient, tangent
-from lagsim.switches import find_switches
 
 if TYPE_CHECKING:
     from lagsim.equations import Equations
     from lagsim.switches import Side, Switches
-
-
-def model_switches(equations: Equations) -> Switches:
-    """Find the switches of the equations of motion.
-
-    Those of the state that only stand in outputs or in an energy without a slope make
-    no difference to the motion.
-    """
-    e = equations
-    dynamics = [node for row in e.M for node in row]
-    dynamics += [*e.f, *([] if e.power is None else [e.power])]
-    for row in e.rows:
-        dynamics += [row.residual, row.rate, *row.A, row.b, row.transport]
-    state = [*e.q, *e.velocities]
-    moving = [*state, "work", *e.accelerations, *e.multipliers]
-    return find_switches(e.graph, [*dynamics, e.energy], moving, dynamics)
 
 
 def on_velocities(equations: Equations, side: Side) -> bool:
