@@ -46,8 +46,8 @@ LOST = 1e-5
 # A mechanism may pass the same dead point for ever: these events are kept up to this
 # many, the warning is given once.
 MOST_RANK_EVENTS = 10_000
-# The method where the motion slides along a surface and the method of the run needs more
-# of the model than y'.
+# The method where the motion slides along a surface and the method of the run needs
+# more of the model than y'.
 SLIDING = "dop853"
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6

@@ -303,7 +303,7 @@ class Switching:
             self._event("zeno", k)
         self.recent.clear()
         self.begin(at_rest=several, time=limit)
-        return bool(np.all(self.slides[several]))
+        return bool(np.any(self.slides[several]))
 
     def approach(self, end: float) -> float | None:
         """Give a time at which to end an arc that cannot be stepped over its surface.

@@ -16,7 +16,6 @@ from lagsim.methods import method
 from lagsim.methods._interface import SIDE, SLIDES
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout, generate
-from lagsim.switches import model_switches
 from lagsim.system.columns import Columns
 from lagsim.system.functions import functions
 from lagsim.system.runner import Runner
@@ -56,7 +55,7 @@ class System:
         self.size = 2 * self.n + self.has_work
         self.columns = Columns(equations)
         self.rows_observed = len(self.columns.nodes)
-        self.switches = model_switches(equations)
+        self.switches = plan.switches
         self.surfaces = len(self.switches.sides)
         nodes_of = functions(
             equations, plan, self.columns, method(plan.method).NEEDS,
