@@ -1,4 +1,4 @@
-"""Filippov's conditions at a point on several surfaces, and the equations of sliding."""
+"""Filippov's conditions at a point on several surfaces."""
 
 from __future__ import annotations
 
