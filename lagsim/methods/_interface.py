@@ -50,6 +50,14 @@ def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
+def jacobian(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give dq''/d(q, q') (n, 2 n) row by row, exactly; for NEEDS = ("jacobian",).
+
+    Where the model has work, the row of its rate (2 n,) follows.
+    """
+
+
+@external
 def until(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the residual or gap (1,) of the relation that ends the run."""
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.expressions.derivatives import gradient
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from lagsim.equations import Equations
     from lagsim.plan import Plan
     from lagsim.system.columns import Columns
-
-NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {}
 
 
 def functions(
@@ -74,20 +74,49 @@ def _solved(equations: Equations, plan: Plan, columns: Columns) -> dict[str, lis
 
 def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
     """Give what the loops of `kkt.dense` begin with."""
-    e, g = equations, equations.graph
-    M = [node for row in e.M for node in row]
-    A = [node for row in e.rows for node in row.A]
-    power = e.power if e.power is not None else g.zero
-    none = {g.variable(v): g.zero for v in e.multipliers}
-    dynamics = [
-        *M, *A, *e.f, *(r.b for r in e.rows),
-        *g.substitute([power], none), *(r.transport for r in e.rows),
-    ]  # fmt: skip
-    found = {"dynamics": dynamics, "columns": list(columns.nodes.values())}
+    e = equations
+    found = {"dynamics": _dynamics(e), "columns": list(columns.nodes.values())}
     if e.rows:
+        M = [node for row in e.M for node in row]
+        A = [node for row in e.rows for node in row.A]
         held, moving, worst_held, worst_moving = _residuals(e)
         found["geometry"] = [*M, *A, *held, *moving, worst_held, worst_moving]
     return found
+
+
+def _dynamics(e: Equations) -> list[int]:
+    """Give M, A, f, b, power without the constraints' part, transport."""
+    g = e.graph
+    power = e.power if e.power is not None else g.zero
+    none = {g.variable(v): g.zero for v in e.multipliers}
+    return [
+        *(node for row in e.M for node in row),
+        *(node for row in e.rows for node in row.A),
+        *e.f, *(row.b for row in e.rows),
+        *g.substitute([power], none), *(row.transport for row in e.rows),
+    ]  # fmt: skip
+
+
+def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give what `kkt.jacobian` begins with."""
+    e, g = equations, equations.graph
+    accelerations = [g.variable(name) for name in e.accelerations]
+    residuals = []
+    for M, f, held in zip(e.M, e.f, e.constraint_forces(), strict=True):
+        inertia = g.product_sum(zip(M, accelerations, strict=True))
+        residuals.append(g.call("sub", inertia, g.call("add", f, held)))
+    for row in e.rows:
+        moved = g.product_sum(zip(row.A, accelerations, strict=True))
+        residuals.append(g.call("sub", moved, row.b))
+    residuals += [] if e.power is None else [e.power]
+    state = [g.variable(name) for name in (*e.q, *e.velocities)]
+    slopes = [slope for r in residuals for slope in gradient(g, r, state)]
+    return {"dynamics": _dynamics(e), "slopes": slopes}
+
+
+NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
+    "jacobian": _jacobian,
+}
 
 
 def _driven(equations: Equations) -> int:

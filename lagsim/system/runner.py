@@ -63,7 +63,8 @@ class Runner:
         """Give one of the model's functions as (t, y) -> out, for tests and reports."""
         call = self.engine.function(name, *FUNCTION)
         p = self.system.p
-        length = max(self.system.rows_observed, self.system.size + 2, 2 + self.system.n)
+        n, size = self.system.n, self.system.size
+        length = max(self.system.rows_observed, size + 2, (n + 1) * 2 * n)
 
         def evaluate(t: float, y: Floats) -> Floats:
             out = np.zeros(length)
@@ -83,7 +84,7 @@ class Runner:
         p[_layout.REFERENCE] = self.system.plan.independence
         p[_layout.HEALTH] = p[LEAST_HEALTH] = 1.0
         p[self.system.motion :] = 0.0
-        if self.system.plan.elimination is None:
+        if self.system.has_loops:
             lengths = self.system.motion + self.system.n + self.system.m
             p[lengths : lengths + self.system.m] = self.system.plan.lengths
             aside = lengths + self.system.m
