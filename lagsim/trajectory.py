@@ -37,6 +37,12 @@ class Outcome(Enum):
         """the constraints cannot all be met near this state: the mechanism is at a dead
         point or taken apart, or a fixed step is too large""",
     )
+    NEWTON_FAILED = (
+        "failed",
+        """Newton's method did not converge: a fixed step is too large for how strongly
+        the forces bend, or a force jumps there; take a smaller step, or a method that
+        chooses its own""",
+    )
     CONSTRAINT_JUMPS = (
         "failed",
         """a moving constraint may change its speed at once, not its position: join the

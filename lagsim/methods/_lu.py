@@ -26,28 +26,39 @@ def decompose(n: int, A: Floats, pivots: Floats) -> int:
         if not 0.0 < pivots[i] < 1e300:
             return 0
     for k in range(n):
-        best = k
-        largest = 0.0
-        for i in range(k, n):
-            size = abs(A[i * n + k]) / pivots[i]
-            if size > largest:
-                largest = size
-                best = i
-        if not largest > 0.0:
+        best = largest_in_column(n, k, A, pivots)
+        if A[best * n + k] == 0.0:
             return 0
         if best != k:
             for j in range(n):
                 A[k * n + j], A[best * n + j] = A[best * n + j], A[k * n + j]
         pivots[best] = pivots[k]
         pivots[k] = best
-        row = at(A, k * n)
-        for i in range(k + 1, n):
-            below = at(A, i * n)
-            if below[k] != 0.0:
-                below[k] /= row[k]
-                for j in range(k + 1, n):
-                    below[j] -= below[k] * row[j]
+        eliminate(n, k, A)
     return 1
+
+
+def eliminate(n: int, k: int, A: Floats) -> None:
+    """Subtract row k from those below, each times its entry of L, which stays."""
+    row = at(A, k * n)
+    for i in range(k + 1, n):
+        below = at(A, i * n)
+        if below[k] != 0.0:
+            below[k] /= row[k]
+            for j in range(k + 1, n):
+                below[j] -= below[k] * row[j]
+
+
+def largest_in_column(n: int, k: int, A: Floats, sizes: Floats) -> int:
+    """Give the row from k on whose entry in column k is largest for its row."""
+    best = k
+    largest = 0.0
+    for i in range(k, n):
+        size = abs(A[i * n + k]) / sizes[i]
+        if size > largest:
+            largest = size
+            best = i
+    return best
 
 
 def solve(n: int, A: Floats, pivots: Floats, x: Floats) -> None:

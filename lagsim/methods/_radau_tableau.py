@@ -21,7 +21,7 @@ Rows = tuple[tuple[float, ...], ...]
 
 
 def integrals(nodes: Sequence[float]) -> Rows:
-    """Give, for each node, the integral from 0 of Lagrange's polynomial: x^1, x^2, ..."""
+    """Give, for each node, the integral from 0 of its polynomial: x^1, x^2, ..."""
     rows = []
     for j, own in enumerate(nodes):
         product, scale = [1.0], 1.0

@@ -49,6 +49,9 @@ SPECTRAL_RADIUS = 35  # at infinite frequency, for methods that have it as a par
 FACTORISATIONS = 36  # made by the method itself, and for the Jacobian
 HEADER = 37
 
+# The spectral radius of the methods that have it, unless another is asked for.
+USUAL_RADIUS = 0.8
+
 # What `advance` and `step` return.
 DONE = 0
 BLOCK_FULL = 1

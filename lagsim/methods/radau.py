@@ -14,42 +14,42 @@ sections IV.5, IV.8 and IV.15; K. Gustafsson, ACM Trans. Math. Software 20 (1994
 
 from __future__ import annotations
 
-from math import inf, sqrt
+from math import inf
 from typing import TYPE_CHECKING
 
 from lagsim.methods._adaptive import settle, usable_step
-from lagsim.methods._controller import (
-    LOCAL,
-    first_step,
-    record_sizes,
-    set_tolerances,
+from lagsim.methods._controller import first_step, record_sizes, set_tolerances
+from lagsim.methods._interface import LEAST_HEALTH, derivative
+from lagsim.methods._linearised import solve_real
+from lagsim.methods._radau_newton import (
+    CEILING,
+    ERRORS,
+    INCREMENTS,
+    ITERATIONS,
+    JACOBIAN,
+    LAST_SLOPE,
+    LEFT_OVER,
+    MATRICES,
+    MOST,
+    NEW,
+    OWN,
+    POLYNOMIAL,
+    PREVIOUS_ERROR,
+    PREVIOUS_H,
+    RATE,
+    RIGHT,
+    STAGE,
+    converge,
+    norm,
+    polynomial,
+    renew,
 )
-from lagsim.methods._interface import LEAST_HEALTH, derivative, jacobian
-from lagsim.methods._linearised import (
-    decompose_pair,
-    decompose_real,
-    solve_pair,
-    solve_real,
-)
-from lagsim.methods._radau_tableau import (
-    A_INVERSE,
-    ALPHA,
-    BETA,
-    DENSE,
-    ERROR,
-    GAMMA,
-    T_INVERSE,
-    A,
-    B,
-    C,
-)
-from lagsim.methods._radau_tableau import T as TRANSFORM
+from lagsim.methods._radau_tableau import A_INVERSE, DENSE, ERROR, GAMMA, A, B, C
 from lagsim.methods._singular import forget_weak_direction, leave_loss
 from lagsim.methods._state import (
     CLOSE_BELOW,
     DONE,
     EVALUATIONS,
-    FACTORISATIONS,
     HEADER,
     NEWTON_FAILED,
     NOT_FINITE,
@@ -85,28 +85,17 @@ NEEDS = ("jacobian",)
 
 CONSTRAINED = True
 
-# The names and values of RADAU5 (IV.8): iterations, safety, bounds of the step's
-# change, the rate of convergence below which the Jacobian is kept, and the growth of
-# the step that is not worth a factorisation.
-MOST = 10
+# A step at which Newton's method failed is kept clear of, and grows by this per step.
+FORGOTTEN = 1.1
+CLEAR = 0.8
+# The values of RADAU5 (IV.8): safety, bounds of the step's change, the rate of
+# convergence below which the Jacobian is kept, and the growth of the step that is not
+# worth a factorisation.
 SAFETY = 0.9
 SHRINK = 8.0
 GROW = 5.0
 KEEP_BELOW = 1e-3
 NOT_WORTH = 1.2
-# What Newton's method may leave, in parts of the tolerance; not below rounding.
-LEFT = 0.03
-ROUNDING = 10.0 * 2.0**-52
-
-# The method's own words.
-RATE = 0  # of convergence, in the last step
-LEFT_OVER = 1  # RATE/(1 - RATE), carried from step to step
-PREVIOUS_H = 2  # of the last step; 0 at the start of an arc
-PREVIOUS_ERROR = 3
-FACTORED_H = 4  # the step that the factors belong to; 0: none
-JACOBIAN = 5  # 0: to be evaluated; 1: of an earlier state; 2: of this one
-ITERATIONS = 6
-OWN = 7
 
 
 def refusal(_scene: Structure) -> str:
@@ -128,22 +117,6 @@ def state_size(size: int) -> int:
 def matrices(n: int) -> int:
     """Give the length of the Jacobian, both factorisations and room for a solution."""
     return (n + 1) * 2 * n + n * n + n + 4 * n * n + 2 * n + 2 * n
-
-
-# The method's own arrays, after its words: y' at the start (size), the same as the
-# collocation polynomial before has it (size), z (size), new (size), error (size),
-# dense: y and four coefficients (5 size), Z (3 size), W (3 size), F (3 size); then the
-# Jacobian (n + 1, 2 n), real factors and pivots, complex ones, and x (2 n).
-SLOPE = OWN
-LAST_SLOPE = 1
-STAGE = 2
-NEW = 3
-ERRORS = 4
-POLYNOMIAL = 5
-INCREMENTS = 10
-TRANSFORMED = 13
-RIGHT = 16
-MATRICES = 19
 
 
 def start(s: Floats, p: Floats) -> None:
@@ -168,9 +141,7 @@ def start(s: Floats, p: Floats) -> None:
 
 def step(s: Floats, p: Floats) -> int:
     """Make one accepted step, or give a code other than 0."""
-    size = int(s[SIZE])
-    own = at(s, HEADER + 6 * size + 6)
-    new = at(own, OWN + NEW * size)
+    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
     rejected = False
     trouble = STEP_TOO_SMALL
     while True:
@@ -178,20 +149,8 @@ def step(s: Floats, p: Floats) -> int:
         if h == 0.0:
             return trouble
         error = attempt(s, p, h)
-        if not error < 1e300:
-            s[H] = 0.1 * h
-            trouble = NOT_FINITE
-        elif error < 0.0:
-            trouble = NEWTON_FAILED
-        elif error >= 1.0:
-            s[H] = 0.1 * h
-            if own[PREVIOUS_H] > 0.0:
-                s[H] = h / change(s, error)
-            trouble = STEP_TOO_SMALL
-        elif CONSTRAINED and settle(s, p, h, new) == 0:
-            s[H] = 0.25 * h
-            trouble = PROJECTION_FAILED
-        else:
+        trouble = verdict(s, p, h, error)
+        if trouble == DONE:
             break
         rejected = True
         s[REJECTIONS] += 1.0
@@ -202,11 +161,35 @@ def step(s: Floats, p: Floats) -> int:
     s[H] = h / quotient
     if rejected:
         s[H] = min(s[H], h)
+    if own[CEILING] > 0.0:
+        own[CEILING] *= FORGOTTEN
+        s[H] = min(s[H], CLEAR * own[CEILING])
     own[JACOBIAN] = 0.0
     if own[RATE] <= KEEP_BELOW:
         own[JACOBIAN] = 1.0
         if h <= s[H] and s[H] <= NOT_WORTH * h:
             s[H] = h
+    return DONE
+
+
+def verdict(s: Floats, p: Floats, h: float, error: float) -> int:
+    """Give DONE, or what is wrong with the step and, in s[H], the one to try next."""
+    size = int(s[SIZE])
+    own = at(s, HEADER + 6 * size + 6)
+    if not error < 1e300:
+        s[H] = 0.1 * h
+        return NOT_FINITE
+    if error < 0.0:
+        own[CEILING] = h
+        return NEWTON_FAILED
+    if error >= 1.0:
+        s[H] = 0.1 * h
+        if own[PREVIOUS_H] > 0.0:
+            s[H] = h / change(s, error)
+        return STEP_TOO_SMALL
+    if CONSTRAINED and settle(s, p, h, at(own, OWN + NEW * size)) == 0:
+        s[H] = 0.25 * h
+        return PROJECTION_FAILED
     return DONE
 
 
@@ -224,9 +207,9 @@ def predict(s: Floats, h: float, error: float) -> float:
     if own[PREVIOUS_H] > 0.0:
         ahead = (error * error / own[PREVIOUS_ERROR]) ** 0.25 / SAFETY
         ahead *= own[PREVIOUS_H] / h
-        quotient = max(quotient, max(1.0 / GROW, min(SHRINK, ahead)))
+        quotient = max(quotient, 1.0 / GROW, min(SHRINK, ahead))
     own[PREVIOUS_ERROR] = max(0.01, error)
-    return quotient
+    return float(quotient)
 
 
 def attempt(s: Floats, p: Floats, h: float) -> float:
@@ -253,172 +236,9 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
     return estimate(s, p, h)
 
 
-def renew(s: Floats, p: Floats, h: float) -> int:
-    """Evaluate the Jacobian and factor, as far as that is due; give 0 where singular."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    own = at(s, HEADER + 6 * size + 6)
-    J = at(own, OWN + MATRICES * size)
-    K = at(J, (n + 1) * 2 * n)
-    pair = at(K, n * n + n)
-    if own[JACOBIAN] == 0.0:
-        jacobian(s[T], at(s, HEADER), p, J)
-        s[FACTORISATIONS] += 1.0
-        own[JACOBIAN] = 2.0
-        own[FACTORED_H] = 0.0
-    # The last bits of h do not matter to the iteration.
-    if abs(h - own[FACTORED_H]) <= 1e-9 * h:
-        return 1
-    own[FACTORED_H] = h
-    s[FACTORISATIONS] += 2.0
-    done = decompose_real(n, GAMMA / h, J, K, at(K, n * n))
-    if done > 0:
-        pivots = at(pair, 4 * n * n)
-        done = decompose_pair(n, ALPHA / h, BETA / h, J, pair, pivots)
-    if done == 0:
-        own[FACTORED_H] = 0.0
-    return done
-
-
-def converge(s: Floats, p: Floats, h: float) -> int:
-    """Solve for the stages by simplified Newton iterations; give 0 where that fails.
-
-    Section IV.8, (8.13); the rate of convergence says what is left, and what will be.
-    """
-    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
-    limit = max(LEFT, ROUNDING / (LOCAL * s[RTOL]))
-    guess(s, h)
-    left_over = max(own[LEFT_OVER], 2.0**-52) ** 0.8
-    previous = 0.0
-    rate = 0.0
-    for iteration in range(MOST):
-        size = newton_step(s, p, h)
-        if not size < 1e300:
-            return 0
-        if iteration > 0:
-            latest = size / previous
-            if iteration == 1:
-                rate = latest
-            else:
-                rate = sqrt(rate * latest)
-            if rate >= 0.99:
-                return 0
-            left_over = rate / (1.0 - rate)
-            ahead = MOST - 2 - iteration
-            coming = left_over * size * rate**ahead / limit
-            if coming >= 1.0 and left_over * size > limit:
-                slower = max(1e-4, min(20.0, coming))
-                s[H] = 0.8 * h * slower ** (-1.0 / (4.0 + ahead))
-                return 0
-        previous = max(size, 1e-300)
-        apply_step(s)
-        if left_over * size <= limit:
-            own[RATE] = rate
-            own[LEFT_OVER] = left_over
-            own[ITERATIONS] = iteration + 1
-            return 1
-    return 0
-
-
-def guess(s: Floats, h: float) -> None:
-    """Start from the polynomial of the step before, or from nothing."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    own = at(s, HEADER + 6 * size + 6)
-    Z = at(own, OWN + INCREMENTS * size)
-    W = at(own, OWN + TRANSFORMED * size)
-    if own[PREVIOUS_H] > 0.0:
-        for stage in unrolled(3):
-            part = at(Z, stage * size)
-            interpolate(s, 1.0 + C[stage] * h / own[PREVIOUS_H], part)
-            for i in range(size):
-                part[i] -= y[i]
-    else:
-        for i in range(3 * size):
-            Z[i] = 0.0
-    for i in range(size):
-        for j in unrolled(3):
-            W[j * size + i] = total(
-                T_INVERSE[j][k] * Z[k * size + i] for k in unrolled(3)
-            )
-
-
-def newton_step(s: Floats, p: Floats, h: float) -> float:
-    """Leave the change of W where F was, and give its size against the tolerance."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    own = at(s, HEADER + 6 * size + 6)
-    z = at(own, OWN + STAGE * size)
-    Z = at(own, OWN + INCREMENTS * size)
-    W = at(own, OWN + TRANSFORMED * size)
-    F = at(own, OWN + RIGHT * size)
-    for stage in unrolled(3):
-        for i in range(size):
-            z[i] = y[i] + Z[stage * size + i]
-        derivative(s[T] + C[stage] * h, z, p, at(F, stage * size))
-    s[EVALUATIONS] += 3.0
-    g = GAMMA / h
-    alpha = ALPHA / h
-    beta = BETA / h
-    for i in range(size):
-        a = total(T_INVERSE[0][k] * F[k * size + i] for k in unrolled(3))
-        b = total(T_INVERSE[1][k] * F[k * size + i] for k in unrolled(3))
-        c = total(T_INVERSE[2][k] * F[k * size + i] for k in unrolled(3))
-        F[i] = a - g * W[i]
-        F[size + i] = b - alpha * W[size + i] + beta * W[2 * size + i]
-        F[2 * size + i] = c - beta * W[size + i] - alpha * W[2 * size + i]
-    J = at(own, OWN + MATRICES * size)
-    K = at(J, (n + 1) * 2 * n)
-    pair = at(K, n * n + n)
-    pivots = at(pair, 4 * n * n)
-    work = size > 2 * n
-    imaginary = at(F, 2 * size)
-    solve_real(n, work, g, J, K, at(K, n * n), F)
-    solve_pair(
-        n, work, alpha, beta, J, pair, pivots, at(F, size), imaginary, at(pivots, 2 * n)
-    )
-    return (
-        norm(size, F, at(s, HEADER + 2 * size))
-        + norm(size, at(F, size), at(s, HEADER + 2 * size))
-        + norm(size, imaginary, at(s, HEADER + 2 * size))
-    )
-
-
-def norm(size: int, x: Floats, tolerances: Floats) -> float:
-    """Give the mean size (root of the mean square) of x against the tolerances."""
-    square = 0.0
-    controlled = 0
-    for i in range(size):
-        if tolerances[i] > 0.0:
-            part = x[i] / tolerances[i]
-            square += part * part
-            controlled += 1
-    if controlled == 0:
-        return 0.0
-    return sqrt(square / controlled)
-
-
-def apply_step(s: Floats) -> None:
-    """Add the change to W, and make Z of it."""
-    size = int(s[SIZE])
-    own = at(s, HEADER + 6 * size + 6)
-    Z = at(own, OWN + INCREMENTS * size)
-    W = at(own, OWN + TRANSFORMED * size)
-    F = at(own, OWN + RIGHT * size)
-    for i in range(3 * size):
-        W[i] += F[i]
-    for i in range(size):
-        for j in unrolled(3):
-            Z[j * size + i] = total(
-                TRANSFORM[j][k] * W[k * size + i] for k in unrolled(3)
-            )
-
-
 def estimate(s: Floats, p: Floats, h: float) -> float:
     """Give the error of the step: IV.8 (8.19), (8.20) for a first or repeated step."""
     size = int(s[SIZE])
-    n = int(s[N])
     y = at(s, HEADER)
     own = at(s, HEADER + 6 * size + 6)
     slope = at(own, OWN)
@@ -444,8 +264,8 @@ def estimate(s: Floats, p: Floats, h: float) -> float:
 def filtered(s: Floats, p: Floats, h: float, errors: Floats) -> float:
     """Solve for the errors, and give their size against the estimate's tolerance.
 
-    The estimate is of order 3: held to the tolerance itself, it would ask for steps
-    that make the result far better. So its tolerance is tolerance^(2/3), as in RADAU5.
+    The estimate goes with h^4, the error of the whole motion with h^5: held to
+    tolerance^(4/5), the result follows the tolerance (RADAU5 takes 2/3).
     """
     size = int(s[SIZE])
     n = int(s[N])
@@ -455,7 +275,7 @@ def filtered(s: Floats, p: Floats, h: float, errors: Floats) -> float:
     solve_real(n, size > 2 * n, GAMMA / h, J, K, at(K, n * n), errors)
     if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
         forget_weak_direction(n, p, errors)
-    return norm(size, errors, at(s, HEADER + 2 * size)) * s[RTOL] ** (1.0 / 3.0)
+    return float(norm(size, errors, at(s, HEADER + 2 * size)) * s[RTOL] ** 0.2)
 
 
 def accept(s: Floats, p: Floats, h: float) -> None:
@@ -495,10 +315,4 @@ def accept(s: Floats, p: Floats, h: float) -> None:
 
 def interpolate(s: Floats, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step."""
-    size = int(s[SIZE])
-    dense = at(s, HEADER + 6 * size + 6 + OWN + POLYNOMIAL * size)
-    for i in range(size):
-        value = 0.0
-        for m in unrolled(4):
-            value = (value + dense[(4 - m) * size + i]) * x
-        out[i] = dense[i] + value
+    polynomial(s, x, out)

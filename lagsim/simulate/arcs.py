@@ -95,6 +95,8 @@ class Run:
         state[at.RTOL] = self.plan.rtol or 0.0
         state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
         state[at.FIXED_STEP] = self.plan.step or 0.0
+        radius = simulation.spectral_radius
+        state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
         state[at.N], state[at.SIZE] = system.n, system.size
         state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
         self._set_watch(state)
@@ -298,9 +300,10 @@ class Run:
         return float(state[at.ROW_START] + (state[at.ROW] + k) * state[at.ROW_STEP])
 
     def _factorisations(self, evaluations: int) -> int:
-        """Count them: one where M is constant and nothing else is factored."""
+        """Count them: one of M where it is constant, and those of the method."""
         constant = self.plan.mass_matrix.startswith("constant")
-        return 1 if constant and not self.system.m else evaluations
+        inertia = 1 if constant and not self.system.m else evaluations
+        return inertia + int(self.state[at.FACTORISATIONS])
 
 
 _OUTCOMES = {
@@ -309,4 +312,5 @@ _OUTCOMES = {
     at.STEP_TOO_SMALL: Outcome.STEP_TOO_SMALL,
     at.NOT_FINITE: Outcome.NOT_FINITE,
     at.PROJECTION_FAILED: Outcome.PROJECTION_FAILED,
+    at.NEWTON_FAILED: Outcome.NEWTON_FAILED,
 }

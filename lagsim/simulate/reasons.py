@@ -34,6 +34,8 @@ def _what_failed(run: Run, outcome: Outcome) -> str:
         return f"the position that constraint `{run.torn}` asks for jumps {where}"
     if outcome is Outcome.PROJECTION_FAILED:
         return f"the constraints could not be met {where}"
+    if outcome is Outcome.NEWTON_FAILED:
+        return f"the equations of an implicit step could not be solved {where}"
     return f"the step size became too small {where}; {_fastest(run)}"
 
 
