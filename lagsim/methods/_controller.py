@@ -54,13 +54,19 @@ LOCAL = 0.1
 def record_sizes(s: Floats, p: Floats) -> None:
     """Take the state, accepted, into the largest sizes and the energy."""
     size = int(s[SIZE])
+    record_extents(s)
+    s[ENERGY] = energy_scale(s, p, s[T], at(s, HEADER))
+    driven = at(s, HEADER + 3 * size + 2 + int(s[N]))
+    s[FORCES] = max(s[FORCES], driven[0])
+
+
+def record_extents(s: Floats) -> None:
+    """Take the state into the largest sizes: all that a fixed step asks for."""
+    size = int(s[SIZE])
     y = at(s, HEADER)
     sizes = at(s, HEADER + size)
     for i in range(size):
         sizes[i] = max(sizes[i], abs(y[i]))
-    s[ENERGY] = energy_scale(s, p, s[T], y)
-    driven = at(s, HEADER + 3 * size + 2 + int(s[N]))
-    s[FORCES] = max(s[FORCES], driven[0])
 
 
 def energy_scale(s: Floats, p: Floats, t: float, y: Floats) -> float:

@@ -58,6 +58,11 @@ def jacobian(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
+def power(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the rate of `work` (1,), 0 where the model has none. NEEDS "power"."""
+
+
+@external
 def until(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the residual or gap (1,) of the relation that ends the run."""
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods._adaptive import settle, usable_step
+from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
     first_step,
     record_sizes,
@@ -22,6 +22,7 @@ from lagsim.methods._controller import (
 )
 from lagsim.methods._dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
 from lagsim.methods._interface import LEAST_HEALTH, derivative
+from lagsim.methods._projection import meet_constraints
 from lagsim.methods._singular import (
     forget_weak_direction,
     leave_loss,
@@ -125,7 +126,7 @@ def step(s: Floats, p: Floats) -> int:
         elif error >= 1.0:
             s[H] = h / min(SHRINK, error**EXPONENT / SAFETY)
             trouble = STEP_TOO_SMALL
-        elif CONSTRAINED and settle(s, p, h, new) == 0:
+        elif CONSTRAINED and meet_constraints(s, p, s[T] + h, h, new) == 0:
             s[H] = 0.25 * h
             trouble = PROJECTION_FAILED
         else:

@@ -17,10 +17,11 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING
 
-from lagsim.methods._adaptive import settle, usable_step
+from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import first_step, record_sizes, set_tolerances
 from lagsim.methods._interface import LEAST_HEALTH, derivative
 from lagsim.methods._linearised import solve_real
+from lagsim.methods._projection import meet_constraints
 from lagsim.methods._radau_newton import (
     CEILING,
     ERRORS,
@@ -78,7 +79,7 @@ ORDER = 5
 DENSE_ORDER = 4
 ADAPTIVE = True
 IMAGINARY_LIMIT = inf
-HANDLES = "any model, stiff ones too; equality constraints by projection"
+HANDLES = "any model, stiff too; equality constraints by projection"
 TABLEAU = Tableau(A, B, C, ORDER)
 
 NEEDS = ("jacobian",)
@@ -187,7 +188,8 @@ def verdict(s: Floats, p: Floats, h: float, error: float) -> int:
         if own[PREVIOUS_H] > 0.0:
             s[H] = h / change(s, error)
         return STEP_TOO_SMALL
-    if CONSTRAINED and settle(s, p, h, at(own, OWN + NEW * size)) == 0:
+    new = at(own, OWN + NEW * size)
+    if CONSTRAINED and meet_constraints(s, p, s[T] + h, h, new) == 0:
         s[H] = 0.25 * h
         return PROJECTION_FAILED
     return DONE
@@ -197,7 +199,7 @@ def change(s: Floats, error: float) -> float:
     """Give by how much the step should shrink: IV.8 (8.21), less after long Newton."""
     own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
     safety = SAFETY * (2.0 * MOST + 1.0) / (2.0 * MOST + own[ITERATIONS])
-    return max(1.0 / GROW, min(SHRINK, error**0.25 / safety))
+    return float(max(1.0 / GROW, min(SHRINK, error**0.25 / safety)))
 
 
 def predict(s: Floats, h: float, error: float) -> float:

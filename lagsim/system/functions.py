@@ -97,28 +97,6 @@ def _dynamics(e: Equations) -> list[int]:
     ]  # fmt: skip
 
 
-def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
-    """Give what `kkt.jacobian` begins with."""
-    e, g = equations, equations.graph
-    accelerations = [g.variable(name) for name in e.accelerations]
-    residuals = []
-    for M, f, held in zip(e.M, e.f, e.constraint_forces(), strict=True):
-        inertia = g.product_sum(zip(M, accelerations, strict=True))
-        residuals.append(g.call("sub", inertia, g.call("add", f, held)))
-    for row in e.rows:
-        moved = g.product_sum(zip(row.A, accelerations, strict=True))
-        residuals.append(g.call("sub", moved, row.b))
-    residuals += [] if e.power is None else [e.power]
-    state = [g.variable(name) for name in (*e.q, *e.velocities)]
-    slopes = [slope for r in residuals for slope in gradient(g, r, state)]
-    return {"dynamics": _dynamics(e), "slopes": slopes}
-
-
-NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
-    "jacobian": _jacobian,
-}
-
-
 def _driven(equations: Equations) -> int:
     """Give the sum of f^2 / M over the diagonal, where it is not zero."""
     e, g = equations, equations.graph
@@ -154,3 +132,32 @@ def _residuals(equations: Equations) -> tuple[list[int], list[int], int, int]:
         worst([(r, row.residual_scale) for r, row in zip(held, rows, strict=True)]),
         worst([(r, row.rate_scale) for r, row in zip(rates, rows, strict=True)]),
     )
+
+
+def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give the rate of `work` by itself, for scenes without constraints."""
+    power = equations.power
+    return {"power": [equations.graph.zero if power is None else power]}
+
+
+def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give what `kkt.jacobian` begins with."""
+    e, g = equations, equations.graph
+    accelerations = [g.variable(name) for name in e.accelerations]
+    residuals = []
+    for M, f, held in zip(e.M, e.f, e.constraint_forces(), strict=True):
+        inertia = g.product_sum(zip(M, accelerations, strict=True))
+        residuals.append(g.call("sub", inertia, g.call("add", f, held)))
+    for row in e.rows:
+        moved = g.product_sum(zip(row.A, accelerations, strict=True))
+        residuals.append(g.call("sub", moved, row.b))
+    residuals += [] if e.power is None else [e.power]
+    state = [g.variable(name) for name in (*e.q, *e.velocities)]
+    slopes = [slope for r in residuals for slope in gradient(g, r, state)]
+    return {"dynamics": _dynamics(e), "slopes": slopes}
+
+
+NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
+    "jacobian": _jacobian,
+    "power": _power,
+}

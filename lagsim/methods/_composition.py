@@ -1,0 +1,185 @@
+"""Symmetric compositions of Verlet steps, and rows within them.
+
+Dense output of order 6: the quintic through q, q', q'' at both ends of the step is good
+enough to evaluate the acceleration at four points between; the polynomial that has
+those too is right to two orders more (W. H. Enright, K. R. Jackson, S. P. Norsett and
+P. G. Thomsen, Interpolants for Runge-Kutta formulas, ACM Trans. Math. Softw. 12 (1986)
+193-218: bootstrapping). In w = x (1 - x) and c = x - 1/2,
+
+    q(x) = quintic(x) + w^3 (r0 + r1 c + r2 c^2 + r3 c^3),
+    work(x) = cubic(x) + w^2 (r0 + r1 c + r2 c^2 + r3 c^3)
+
+with r from what is left over at the four points, of q'' and of the power. It is made
+where a row needs it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.methods import _symplectic
+from lagsim.methods._interface import derivative, power
+from lagsim.methods._state import (
+    EVALUATIONS,
+    HEADER,
+    ROW,
+    ROW_LIMIT,
+    ROW_START,
+    ROW_STEP,
+    SIZE,
+    STEP_H,
+    STEP_T,
+    N,
+    T,
+)
+from lagsim.native.kernel_types import at, total, unrolled
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+
+UNTIL = True
+
+NODES = (0.2, 0.4, 0.6, 0.8)
+# r from what is left over at the nodes: the inverse of (w^3 c^m)'' there, and of
+# (w^2 c^m)'.
+BEND = (
+    (-2375 / 2816, -29125 / 12672, -29125 / 12672, -2375 / 2816),
+    (321875 / 153216, 334375 / 76608, -334375 / 76608, -321875 / 153216),
+    (-15625 / 704, -15625 / 1056, -15625 / 1056, -15625 / 704),
+    (1328125 / 38304, -78125 / 6384, 78125 / 6384, -1328125 / 38304),
+)
+RISE = (
+    (1375 / 576, 125 / 288, -125 / 288, -1375 / 576),
+    (-2125 / 352, 1125 / 176, 1125 / 176, -2125 / 352),
+    (3125 / 144, -3125 / 72, 3125 / 72, -3125 / 144),
+    (15625 / 88, 15625 / 132, 15625 / 132, 15625 / 88),
+)
+
+# Those of `_symplectic`, r (4 size), the quintic (3 size), what is left over (4 size)
+# and a state (size).
+ARRAYS = _symplectic.ARRAYS + 12
+
+
+def make_dense(s: Floats, p: Floats) -> None:
+    """Make the polynomials: the quintic always, r where a row lies within the step."""
+    size = int(s[SIZE])
+    r = at(s, HEADER + 12 * size + 6)
+    for i in range(4 * size):
+        r[i] = 0.0
+    quintic(s)
+    row = s[ROW_START] + s[ROW] * s[ROW_STEP]
+    if UNTIL or (row < s[ROW_LIMIT] and row < s[T]):
+        bend(s, p)
+        if size > 2 * int(s[N]):
+            rise(s, p)
+
+
+def quintic(s: Floats) -> None:
+    """Find what x^3, x^4, x^5 have in the quintics (3, size) of the positions."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    h = s[STEP_H]
+    y = at(s, HEADER)
+    old = at(s, HEADER + 6 * size + 6)
+    before = at(old, size)
+    k = at(before, size)
+    c3 = at(s, HEADER + 16 * size + 6)
+    c4 = at(c3, size)
+    c5 = at(c4, size)
+    for i in range(n):
+        a0 = h * h * before[n + i]
+        rest = y[i] - old[i] - h * old[n + i] - 0.5 * a0
+        turn = h * (y[n + i] - old[n + i]) - a0
+        change = h * h * k[n + i] - a0
+        c3[i] = 10.0 * rest - 4.0 * turn + 0.5 * change
+        c4[i] = -15.0 * rest + 7.0 * turn - change
+        c5[i] = 6.0 * rest - 3.0 * turn + 0.5 * change
+
+
+def bend(s: Floats, p: Floats) -> None:
+    """Find r of the positions."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    h = s[STEP_H]
+    before = at(s, HEADER + 7 * size + 6)
+    slope = at(s, HEADER + 9 * size + 6)
+    r = at(s, HEADER + 12 * size + 6)
+    c3 = at(r, 4 * size)
+    c4 = at(c3, size)
+    c5 = at(c4, size)
+    left = at(c5, size)
+    z = at(left, 4 * size)
+    for j in unrolled(4):
+        x = NODES[j]
+        within(s, x, z)
+        derivative(s[STEP_T] + x * h, z, p, slope)
+        s[EVALUATIONS] += 1.0
+        for i in range(n):
+            curved = x * (6.0 * c3[i] + x * (12.0 * c4[i] + x * 20.0 * c5[i]))
+            left[j * size + i] = h * h * (slope[n + i] - before[n + i]) - curved
+    for i in range(n):
+        for m in unrolled(4):
+            r[m * size + i] = total(
+                BEND[m][j] * left[j * size + i] for j in unrolled(4)
+            )
+
+
+def rise(s: Floats, p: Floats) -> None:
+    """Find r of the work, from the power on the way now known."""
+    size = int(s[SIZE])
+    h = s[STEP_H]
+    i = 2 * int(s[N])
+    y = at(s, HEADER)
+    old = at(s, HEADER + 6 * size + 6)
+    before = at(old, size)
+    k = at(before, size)
+    r = at(s, HEADER + 12 * size + 6)
+    left = at(r, 7 * size)
+    z = at(left, 4 * size)
+    change = y[i] - old[i]
+    b0 = h * before[i] - change
+    b1 = h * k[i] - change
+    for j in unrolled(4):
+        x = NODES[j]
+        u = 1.0 - x
+        within(s, x, z)
+        power(s[STEP_T] + x * h, z, p, at(left, j))
+        steep = change + u * (u - 2.0 * x) * b0 + x * (x - 2.0 * u) * b1
+        left[j] = h * left[j] - steep
+    for m in unrolled(4):
+        r[m * size + i] = total(RISE[m][j] * left[j] for j in unrolled(4))
+
+
+def within(s: Floats, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    h = s[STEP_H]
+    old = at(s, HEADER + 6 * size + 6)
+    before = at(old, size)
+    r = at(s, HEADER + 12 * size + 6)
+    c3 = at(r, 4 * size)
+    c4 = at(c3, size)
+    c5 = at(c4, size)
+    w = x * (1.0 - x)
+    c = x - 0.5
+    for i in range(n):
+        r1 = r[size + i]
+        r2 = r[2 * size + i]
+        r3 = r[3 * size + i]
+        more = r[i] + c * (r1 + c * (r2 + c * r3))
+        steeper = r1 + c * (2.0 * r2 + 3.0 * c * r3)
+        far = x * x * x * (c3[i] + x * (c4[i] + x * c5[i])) + w * w * w * more
+        rate = x * x * (3.0 * c3[i] + x * (4.0 * c4[i] + x * 5.0 * c5[i]))
+        rate += w * w * (w * steeper - 6.0 * c * more)
+        straight = x * h * (old[n + i] + 0.5 * x * h * before[n + i])
+        out[i] = old[i] + straight + far
+        out[n + i] = old[n + i] + x * h * before[n + i] + rate / h
+    if size > 2 * n:
+        i = 2 * n
+        k = at(before, size)
+        change = s[HEADER + i] - old[i]
+        u = 1.0 - x
+        turn = u * (h * before[i] - change) - x * (h * k[i] - change)
+        more = r[i] + c * (r[size + i] + c * (r[2 * size + i] + c * r[3 * size + i]))
+        out[i] = old[i] + x * (change + u * turn) + w * w * more
