@@ -1,15 +1,16 @@
 """Symmetric compositions of Verlet steps, and rows within them.
 
 Dense output of order 6: the quintic through q, q', q'' at both ends of the step is good
-enough to evaluate the acceleration at four points between; the polynomial that has
-those too is right to two orders more (W. H. Enright, K. R. Jackson, S. P. Norsett and
+enough to evaluate the acceleration at four points between; the polynomials that have
+those too are right to two orders more (W. H. Enright, K. R. Jackson, S. P. Norsett and
 P. G. Thomsen, Interpolants for Runge-Kutta formulas, ACM Trans. Math. Softw. 12 (1986)
 193-218: bootstrapping). In w = x (1 - x) and c = x - 1/2,
 
     q(x) = quintic(x) + w^3 (r0 + r1 c + r2 c^2 + r3 c^3),
-    work(x) = cubic(x) + w^2 (r0 + r1 c + r2 c^2 + r3 c^3)
+    q'(x), work(x) = cubic(x) + w^2 (r0 + r1 c + r2 c^2 + r3 c^3)
 
-with r from what is left over at the four points, of q'' and of the power. It is made
+with r from what is left over at the four points, of the accelerations and the power.
+(The derivative of q(x) would divide the error of the step by its length.) It is made
 where a row needs it.
 """
 
@@ -18,6 +19,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods import _symplectic
+from lagsim.methods._fixed import hermite
 from lagsim.methods._interface import derivative, power
 from lagsim.methods._state import (
     EVALUATIONS,
@@ -63,15 +65,23 @@ ARRAYS = _symplectic.ARRAYS + 12
 def make_dense(s: Floats, p: Floats) -> None:
     """Make the polynomials: the quintic always, r where a row lies within the step."""
     size = int(s[SIZE])
+    n = int(s[N])
     r = at(s, HEADER + 12 * size + 6)
+    left = at(r, 7 * size)
     for i in range(4 * size):
         r[i] = 0.0
     quintic(s)
     row = s[ROW_START] + s[ROW] * s[ROW_STEP]
     if UNTIL or (row < s[ROW_LIMIT] and row < s[T]):
-        bend(s, p)
-        if size > 2 * int(s[N]):
-            rise(s, p)
+        look_within(s, p)
+        for i in range(n):
+            for m in unrolled(4):
+                some = total(BEND[m][j] * left[j * size + i] for j in unrolled(4))
+                r[m * size + i] = some
+        correct(s, n, 2 * n)
+        if size > 2 * n:
+            look_at_power(s, p)
+            correct(s, 2 * n, size)
 
 
 def quintic(s: Floats) -> None:
@@ -96,15 +106,14 @@ def quintic(s: Floats) -> None:
         c5[i] = 6.0 * rest - 3.0 * turn + 0.5 * change
 
 
-def bend(s: Floats, p: Floats) -> None:
-    """Find r of the positions."""
+def look_within(s: Floats, p: Floats) -> None:
+    """Find what is left over of the accelerations (4, size)."""
     size = int(s[SIZE])
     n = int(s[N])
     h = s[STEP_H]
     before = at(s, HEADER + 7 * size + 6)
     slope = at(s, HEADER + 9 * size + 6)
-    r = at(s, HEADER + 12 * size + 6)
-    c3 = at(r, 4 * size)
+    c3 = at(s, HEADER + 16 * size + 6)
     c4 = at(c3, size)
     c5 = at(c4, size)
     left = at(c5, size)
@@ -117,37 +126,47 @@ def bend(s: Floats, p: Floats) -> None:
         for i in range(n):
             curved = x * (6.0 * c3[i] + x * (12.0 * c4[i] + x * 20.0 * c5[i]))
             left[j * size + i] = h * h * (slope[n + i] - before[n + i]) - curved
-    for i in range(n):
-        for m in unrolled(4):
-            r[m * size + i] = total(
-                BEND[m][j] * left[j * size + i] for j in unrolled(4)
-            )
+            left[j * size + n + i] = h * slope[n + i] - steepness(s, n + i, x)
 
 
-def rise(s: Floats, p: Floats) -> None:
-    """Find r of the work, from the power on the way now known."""
+def look_at_power(s: Floats, p: Floats) -> None:
+    """Find what is left over of the power, on the way now known."""
     size = int(s[SIZE])
     h = s[STEP_H]
     i = 2 * int(s[N])
-    y = at(s, HEADER)
+    left = at(s, HEADER + 19 * size + 6)
+    z = at(left, 4 * size)
+    for j in unrolled(4):
+        x = NODES[j]
+        within(s, x, z)
+        rate = at(left, j * size + i)
+        power(s[STEP_T] + x * h, z, p, rate)
+        rate[0] = h * rate[0] - steepness(s, i, x)
+
+
+def correct(s: Floats, first: int, end: int) -> None:
+    """Find r of the components from `first` on whose rates were looked at."""
+    size = int(s[SIZE])
+    r = at(s, HEADER + 12 * size + 6)
+    left = at(r, 7 * size)
+    for i in range(first, end):
+        for m in unrolled(4):
+            some = total(RISE[m][j] * left[j * size + i] for j in unrolled(4))
+            r[m * size + i] = some
+
+
+def steepness(s: Floats, i: int, x: float) -> float:
+    """Give how steep the cubic of component i is, times the step."""
+    size = int(s[SIZE])
+    h = s[STEP_H]
     old = at(s, HEADER + 6 * size + 6)
     before = at(old, size)
     k = at(before, size)
-    r = at(s, HEADER + 12 * size + 6)
-    left = at(r, 7 * size)
-    z = at(left, 4 * size)
-    change = y[i] - old[i]
-    b0 = h * before[i] - change
-    b1 = h * k[i] - change
-    for j in unrolled(4):
-        x = NODES[j]
-        u = 1.0 - x
-        within(s, x, z)
-        power(s[STEP_T] + x * h, z, p, at(left, j))
-        steep = change + u * (u - 2.0 * x) * b0 + x * (x - 2.0 * u) * b1
-        left[j] = h * left[j] - steep
-    for m in unrolled(4):
-        r[m * size + i] = total(RISE[m][j] * left[j] for j in unrolled(4))
+    u = 1.0 - x
+    change = s[HEADER + i] - old[i]
+    first = h * before[i] - change
+    last = h * k[i] - change
+    return float(change + u * (u - 2.0 * x) * first + x * (x - 2.0 * u) * last)
 
 
 def within(s: Floats, x: float, out: Floats) -> None:
@@ -157,29 +176,23 @@ def within(s: Floats, x: float, out: Floats) -> None:
     h = s[STEP_H]
     old = at(s, HEADER + 6 * size + 6)
     before = at(old, size)
-    r = at(s, HEADER + 12 * size + 6)
-    c3 = at(r, 4 * size)
+    c3 = at(s, HEADER + 16 * size + 6)
     c4 = at(c3, size)
     c5 = at(c4, size)
     w = x * (1.0 - x)
-    c = x - 0.5
+    hermite(s, x, out)
     for i in range(n):
-        r1 = r[size + i]
-        r2 = r[2 * size + i]
-        r3 = r[3 * size + i]
-        more = r[i] + c * (r1 + c * (r2 + c * r3))
-        steeper = r1 + c * (2.0 * r2 + 3.0 * c * r3)
-        far = x * x * x * (c3[i] + x * (c4[i] + x * c5[i])) + w * w * w * more
-        rate = x * x * (3.0 * c3[i] + x * (4.0 * c4[i] + x * 5.0 * c5[i]))
-        rate += w * w * (w * steeper - 6.0 * c * more)
         straight = x * h * (old[n + i] + 0.5 * x * h * before[n + i])
-        out[i] = old[i] + straight + far
-        out[n + i] = old[n + i] + x * h * before[n + i] + rate / h
-    if size > 2 * n:
-        i = 2 * n
-        k = at(before, size)
-        change = s[HEADER + i] - old[i]
-        u = 1.0 - x
-        turn = u * (h * before[i] - change) - x * (h * k[i] - change)
-        more = r[i] + c * (r[size + i] + c * (r[2 * size + i] + c * r[3 * size + i]))
-        out[i] = old[i] + x * (change + u * turn) + w * w * more
+        far = x * x * x * (c3[i] + x * (c4[i] + x * c5[i]))
+        out[i] = old[i] + straight + far + w * w * w * polynomial(s, i, x)
+    for i in range(n, size):
+        out[i] += w * w * polynomial(s, i, x)
+
+
+def polynomial(s: Floats, i: int, x: float) -> float:
+    """Give r0 + r1 c + r2 c^2 + r3 c^3 of component i, c = x - 1/2."""
+    size = int(s[SIZE])
+    r = at(s, HEADER + 12 * size + 6)
+    c = x - 0.5
+    more = r[size + i] + c * (r[2 * size + i] + c * r[3 * size + i])
+    return float(r[i] + c * more)
