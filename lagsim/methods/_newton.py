@@ -10,7 +10,7 @@ ROUNDING = 2.0**-53
 # Steps that no longer shrink are rounding if smaller than this.
 STALLED = 1e-9
 # At a slower rate the derivatives are evaluated anew.
-SLOW = 0.1
+SLOW = 0.05
 MOST = 30
 
 GO_ON = 0

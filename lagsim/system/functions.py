@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.equations import generalized_forces
 from lagsim.expressions.derivatives import gradient
 
 if TYPE_CHECKING:
@@ -157,7 +158,32 @@ def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     return {"dynamics": _dynamics(e), "slopes": slopes}
 
 
+def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give momenta, dL/dq + Q and power; their slopes; and the slopes M alone."""
+    e, g, L = equations, equations.graph, equations.model.lagrangian
+    positions = [g.variable(name) for name in e.q]
+    rates = [g.variable(name) for name in e.velocities]
+    Q = generalized_forces(g, e.model, positions, rates)
+    dL_dq = gradient(g, L, positions)
+    forces = [g.call("add", a, b) for a, b in zip(dL_dq, Q, strict=True)]
+    M = [node for row in e.M for node in row]
+    by_position = [s for p in e.momenta for s in gradient(g, p, positions)]
+    bends = [
+        slope
+        for variables in (positions, rates)
+        for force in forces
+        for slope in gradient(g, force, variables)
+    ]
+    power = g.zero if e.power is None else e.power
+    return {
+        "lagrangian": [*e.momenta, *forces, power],
+        "lagrangian_slopes": [*by_position, *M, *bends],
+        "inertia": M,
+    }
+
+
 NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
     "jacobian": _jacobian,
+    "lagrangian": _lagrangian,
     "power": _power,
 }
