@@ -79,7 +79,7 @@ ORDER = 5
 DENSE_ORDER = 4
 ADAPTIVE = True
 IMAGINARY_LIMIT = inf
-HANDLES = "any model, stiff too; equality constraints by projection"
+HANDLES = "any model; equality constraints by projection"
 TABLEAU = Tableau(A, B, C, ORDER)
 
 NEEDS = ("jacobian",)
