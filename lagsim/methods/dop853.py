@@ -27,7 +27,9 @@ from lagsim.methods._singular import (
     forget_weak_direction,
     leave_loss,
 )
+from lagsim.methods._stability import record_speed
 from lagsim.methods._state import (
+    AT_BOUND,
     CLOSE_BELOW,
     DONE,
     EVALUATIONS,
@@ -105,6 +107,7 @@ def start(s: Floats, p: Floats) -> None:
     s[PREVIOUS_ERROR] = 1e-4
     record_sizes(s, p)
     s[H] = first_step(s, p, ORDER, k)
+    s[AT_BOUND] = 0.0
     if CONSTRAINED:
         s[H] = leave_loss(s, p, s[H])
 
@@ -200,6 +203,8 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     s[STEPS] += 1.0
     derivative(s[T], new, p, at(k, 12 * size))
     s[EVALUATIONS] += 1.0
+    z = at(k, STAGES * size)
+    record_speed(s, h, IMAGINARY_LIMIT, new, at(k, 12 * size), z, at(k, 11 * size))
     row = s[ROW_START] + s[ROW] * s[ROW_STEP]
     watched = CONSTRAINED and s[WATCHED] > 0.0
     if UNTIL or watched or (row < s[ROW_LIMIT] and row < s[T]):
