@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 # A state this close to a surface, against the size of its terms, is on it.
 ON = 2.0**-47
+# Errors of what hardly moves, in parts of rtol and of the speed that the energy gives.
+NOISE = 1e-4
 # A share this far past its bound still counts as within.
 SHARE_SLACK = 1e-12
 # Switches accumulate where this many take less than this part of the longest arc, and
@@ -51,9 +53,9 @@ class Rows(NamedTuple):
 
     residuals: Floats
     rates: Floats
-    J: Floats
     b: Floats
     scales: Floats
+    J: Floats
 
 
 class Switching:
@@ -71,6 +73,7 @@ class Switching:
         system = run.system
         self.sides: tuple[Side, ...] = system.switches.sides
         self.count = len(self.sides)
+        self.whole = np.array([s.whole for s in self.sides])
         self.of_velocities = [on_velocities(run.equations, s) for s in self.sides]
         variables = {s.variable for s in self.sides}
         nodes = system.switches.freeze([s.node for s in self.sides])
@@ -97,21 +100,22 @@ class Switching:
         system.p[system.switching] = np.count_nonzero(self.slides)
         self._kept(kept.SIDE)[:] = self.value
         self._kept(kept.SLIDES)[:] = self.slides
-        for k, side in enumerate(self.sides):
-            value = self.value[k]
-            if side.whole:
-                low, high, least, most = value, value + 1.0, value, value + 1.0
-            else:
-                low, high = -1.0, 1.0
-                least, most = (0.0, math.inf) if value > 0 else (-math.inf, 0.0)
-            self._kept(kept.LOW)[k], self._kept(kept.HIGH)[k] = low, high
-            self._kept(kept.LEAST)[k], self._kept(kept.MOST)[k] = least, most
+        value, whole = self.value, self.whole
+        up = value > 0.0
+        self._kept(kept.LOW)[:] = np.where(whole, value, -1.0)
+        self._kept(kept.HIGH)[:] = np.where(whole, value + 1.0, 1.0)
+        least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
+        self._kept(kept.LEAST)[:] = np.where(whole, value, least)
+        self._kept(kept.MOST)[:] = np.where(whole, value + 1.0, most)
 
     def _rows(self) -> Rows:
-        run, K, n = self.run, self.count, self.run.system.n
-        rows = run.runner.function("surface_rows", K * (n + 4))(run.t, run.y)
-        J = rows[2 * K : 2 * K + K * n].reshape(K, n)
-        return Rows(rows[:K], rows[K : 2 * K], J, rows[-2 * K : -K], rows[-K:])
+        run, K = self.run, self.count
+        starts, columns = run.system.pattern
+        rows = run.runner.function("surface_rows", 4 * K + len(columns))(run.t, run.y)
+        J = np.zeros((K, run.system.n))
+        J[np.repeat(np.arange(K), np.diff(starts)), list(columns)] = rows[4 * K :]
+        residuals, rates, b, scales = rows[: 4 * K].reshape(4, K)
+        return Rows(residuals, rates, b, scales, J)
 
     def _field(self) -> Floats:
         """Give q'' with the sides as written."""
@@ -153,7 +157,7 @@ class Switching:
         open_ = self._by_rates(levels, rows, at_rest)
         self._by_forces(open_, levels, held)
         self._write()
-        self._set_slack(levels, sizes)
+        self._set_slack(levels, rows, sizes)
         self.run.runner.pull(self.run.t, self.run.y)
         self._record(before, met)
 
@@ -265,14 +269,31 @@ class Switching:
             scale = np.maximum(scale, np.abs(J) @ np.abs(a) + np.abs(b))
         return Crossroads(rates, scale, held)
 
-    def _set_slack(self, levels: dict[int, float], sizes: Floats) -> None:
-        """Let rounding not end a mode that has just begun."""
+    def _set_slack(self, levels: dict[int, float], rows: Rows, sizes: Floats) -> None:
+        """Let rounding not end a mode that has just begun, and noise none at all."""
         slack = self._kept(kept.SLACK)
         slack[:] = 0.0
         margins = self.run.runner.margins(self.run.t, self.run.y)
         for k in levels:
             least = SHARE_SLACK if self.slides[k] else ON * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -margins[k])
+        self._kept(kept.BAND)[:] = np.where(self.slides, 0.0, self._noise(rows))
+
+    def _noise(self, rows: Rows) -> Floats:
+        """Give what errors within the tolerance may do to each surface.
+
+        Where a coordinate hardly moves they have any sign. The tolerance has a floor,
+        see `methods._controller`.
+        """
+        run, n = self.run, self.run.system.n
+        measured = run.runner.function("measure")(run.t, run.y)
+        energy = max(float(run.state[at.ENERGY]), abs(float(measured[0])))
+        masses = measured[2 : 2 + n]
+        inverse = np.divide(1.0, masses, out=np.zeros(n), where=masses > 0.0)
+        speeds = np.abs(rows.J) @ np.sqrt(2.0 * energy * inverse)
+        step = max(float(run.state[at.STEP_H]), float(run.state[at.FIXED_STEP]))
+        factor = NOISE * float(run.state[at.RTOL])
+        return np.asarray(factor * np.where(self.of_velocities, speeds, step * speeds))
 
     # What a switch leads to
 
