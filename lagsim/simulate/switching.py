@@ -8,13 +8,13 @@ Filippov's conditions (`shares`) do: the motion leaves to a side or follows the 
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.methods import _interface as kept
 from lagsim.methods import _state as at
+from lagsim.simulate.sequence import Sequence
 from lagsim.simulate.shares import ABOVE, ALONG, BELOW, Crossroads
 from lagsim.system.switching import on_velocities
 from lagsim.trajectory import Caution, Event
@@ -32,18 +32,11 @@ ON = 2.0**-47
 NOISE = 1e-4
 # A share this far past its bound still counts as within.
 SHARE_SLACK = 1e-12
-# Switches accumulate where this many take less than this part of the longest arc, and
-# come ever faster. What is left of the motion then is about the square of that, and a
-# few times its rounding.
-WINDOW = 4
-SHORT = 2e-6
 # Towards a surface past which there are no finite values, steps end after this part of
 # the way to it; where even that fails, after this part of it; and so often at most.
 AHEAD = 0.9
 BACK = 0.25
 MOST_APPROACHES = 60
-# So many switches in no time at all: no way is found.
-STUCK = 40
 # They are all counted, and so many kept.
 MOST_EVENTS = 10_000
 
@@ -80,8 +73,9 @@ class Switching:
         self.nested = bool(variables & run.equations.graph.depends(nodes))
         self.value = np.ones(self.count)
         self.slides = np.zeros(self.count, dtype=bool)
-        self.recent: deque[tuple[float, int]] = deque(maxlen=STUCK)
-        self.longest = 0.0
+        simulation = run.simulation
+        self.sequence = Sequence(simulation.start, simulation.end - simulation.start)
+        self.told: set[str] = set()
         self.time = run.t
         self.approaches = 0
         self.reach = AHEAD
@@ -233,14 +227,24 @@ class Switching:
         crossroads = self._crossroads(open_, levels, known)
         found = crossroads.way(now)
         if found is None or crossroads.is_fork(found):
-            names = ", ".join(f"`{self.sides[k].text}`" for k in open_)
+            self._tell(open_)
+
+        for k, way in zip(open_, found or now, strict=True):
+            self._put(k, levels[k], way)
+
+    def _tell(self, several: list[int]) -> None:
+        """Warn of a choice that nothing decides, once."""
+        names = self._names(several)
+        if names not in self.told:
+            self.told.add(names)
             text = (
                 f"at t = {self.run.t:.9g} nothing decides how the motion goes on from "
                 f"{names}: one way of several was taken"
             )
             self.run.warnings.append(Caution("unresolved-switch", text))
-        for k, way in zip(open_, found or now, strict=True):
-            self._put(k, levels[k], way)
+
+    def _names(self, several: Collection[int]) -> str:
+        return ", ".join(f"`{self.sides[k].text}`" for k in sorted(several))
 
     def _way_now(self, k: int, level: float) -> int:
         if self.sides[k].whole:
@@ -302,7 +306,7 @@ class Switching:
             kind = "switch"
             if self.of_velocities[k]:
                 kind = "stick" if self.slides[k] else "slip"
-            if self.slides[k] and kind == "switch" and self._ratio() < 1.0:
+            if self.slides[k] and kind == "switch" and self.sequence.ratio() < 1.0:
                 kind = "zeno"  # it has come to rest sooner than looked for
             self._event(kind, int(k))
         if met is not None and before[met] == self.slides[met]:
@@ -319,21 +323,17 @@ class Switching:
         k = int(run.state[at.SWITCHED]) - 1
         run.state[at.SWITCHED] = 0.0
         self.approaches = 0
-        if self.recent:
-            self.longest = max(self.longest, run.t - self.recent[-1][0])
-        else:
-            self.longest = run.t - run.simulation.start
-        self.recent.append((run.t, k))
-        limit = self._limit()
+        self.sequence.add(run.t, k)
+        several = self.sequence.lately()
+        run.accumulating = self._names(several)
+        limit = self.sequence.limit()
         if limit is None:
             self.begin(k)
-            return not self._stuck()
+            return not self.sequence.is_stuck()
         self.time = limit
-        several = sorted({k for _, k in list(self.recent)[-2 * WINDOW :]})
-        run.accumulating = ", ".join(f"`{self.sides[k].text}`" for k in several)
         for k in several:
             self._event("zeno", k)
-        self.recent.clear()
+        self.sequence.recent.clear()
         self.begin(at_rest=several, time=limit)
         return bool(np.any(self.slides[several]))
 
@@ -364,32 +364,3 @@ class Switching:
         if abs(ends[k] - values[k]) <= 8.0 * ON * self._sizes(rows)[k]:
             run.state[at.SWITCHED] = k + 1
         return float(run.t + self.reach * ahead[k])
-
-    def _ratio(self) -> float:
-        """Give how much faster the last switches came than those before; else inf."""
-        times = [t for t, _ in self.recent]
-        if len(times) <= 2 * WINDOW:
-            return math.inf
-        last = times[-1] - times[-1 - WINDOW]
-        former = times[-1 - WINDOW] - times[-1 - 2 * WINDOW]
-        return last / former if former > 0.0 else math.inf
-
-    def _limit(self) -> float | None:
-        """Give the time at which switches accumulate, if they do so right now."""
-        ratio = self._ratio()
-        if ratio >= 1.0:
-            return None
-        times = [t for t, _ in self.recent]
-        if times[-1] - times[-1 - 2 * WINDOW] > SHORT * self.longest:
-            return None
-        last = times[-1] - times[-1 - WINDOW]
-        return times[-1] + last * ratio / (1.0 - ratio)
-
-    def _stuck(self) -> bool:
-        """Tell whether the last switches took no time."""
-        if len(self.recent) < STUCK:
-            return False
-        first, last = self.recent[0][0], self.recent[-1][0]
-        several = sorted({k for _, k in self.recent})
-        self.run.accumulating = ", ".join(f"`{self.sides[k].text}`" for k in several)
-        return last - first <= STUCK * math.ulp(last)
