@@ -25,6 +25,11 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
+def series(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the order K (1,), then the Taylor coefficients y_0 ... y_K (K + 1, size)."""
+
+
+@external
 def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the Newton step onto the holonomic constraints, in the metric of M.
 

@@ -17,7 +17,7 @@ from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout, generate
 from lagsim.switches import find_switches
 from lagsim.system.columns import Columns
-from lagsim.system.functions import functions, physics
+from lagsim.system.functions import functions, physics, series
 from lagsim.system.runner import Runner
 
 if TYPE_CHECKING:
@@ -64,6 +64,8 @@ class System:
             name: nodes if name in live else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
+        if "series" in method(plan.method).NEEDS:
+            nodes_of["series"] = series(equations, plan, nodes_of["derivative"])
         layout = self._layout()
         code = generate(equations.graph, nodes_of, layout)
         self.p = np.zeros(code.p_size)

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.expressions.series import taylor_series
+from lagsim.methods.taylor import order_for
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -16,6 +19,19 @@ if TYPE_CHECKING:
     from lagsim.system.columns import Columns
 
 NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {}
+
+
+def series(equations: Equations, plan: Plan, rates: Sequence[int]) -> list[int]:
+    """Give the order and the Taylor coefficients for y' = `rates`.
+
+    Of rates whose branches are frozen: a series made before would not know the arc's.
+    """
+    g = equations.graph
+    state = [g.variable(name) for name in (*equations.q, *equations.velocities)]
+    state += [g.variable("work")] * (equations.power is not None)
+    order = order_for(plan.rtol or 0.0)
+    rows = taylor_series(g, state, rates, order)
+    return [g.constant(order), *(node for row in rows for node in row)]
 
 
 def functions(
@@ -36,7 +52,8 @@ def functions(
     else:
         found |= _solved(equations, plan, columns)
     for need in needs:
-        found |= NEEDED[need](equations, plan)
+        if need in NEEDED:
+            found |= NEEDED[need](equations, plan)
     return found
 
 
