@@ -11,6 +11,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.admissibility.start import metric_of
 from lagsim.errors import InputError, Problem
+from lagsim.kkt.series import MOST_OPERATIONS, series_length
 from lagsim.kkt.straight import Elimination, TooLongError
 from lagsim.methods import method, names
 from lagsim.structure import structure
@@ -104,6 +105,8 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         )
     simulation = equations.model.simulation
     name = _method(simulation, scene, choices)
+    if "series" in method(name).NEEDS:
+        name = _series_or_not(equations, elimination, loops, choices)
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -234,3 +237,37 @@ def _method(
         raise InputError([Problem("method-refused", text, place, hint)])
     choices.append(Choice(f"method: {asked}", "asked for"))
     return asked
+
+
+def _series_or_not(
+    equations: Equations,
+    elimination: Elimination | None,
+    loops: bool,
+    choices: list[Choice],
+) -> str:
+    """Give `taylor` where its series can be made; refuse it where not.
+
+    On the way, where `loops` take over, no user can be asked: another method goes on.
+    """
+    if loops:
+        reason = "the loops that solve the constraints have no series"
+        choices.append(Choice("method: dop853", reason))
+        return "dop853"
+    simulation = equations.model.simulation
+    assert simulation is not None
+    text = (
+        "its equations are not solved by straight-line code, and loops have no series"
+    )
+    if elimination is not None:
+        rtol = DEFAULT_RTOL if simulation.rtol is None else simulation.rtol
+        length = series_length(equations, elimination, rtol)
+        if length <= MOST_OPERATIONS:
+            reason = f"about {length} operations per step"
+            choices.append(Choice("series: straight-line code", reason))
+            return "taylor"
+        text = f"a step's series takes about {length} operations, more than "
+        text += f"{MOST_OPERATIONS}"
+    hint = "`--method dop853` handles it; a larger --rtol makes the series shorter"
+    text = f"`taylor` cannot handle this model: {text}"
+    place = simulation.method_place
+    raise InputError([Problem("method-refused", text, place, hint)])

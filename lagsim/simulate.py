@@ -274,8 +274,13 @@ class _Run:
         )
         self.warnings.append(Caution("nearly-dependent", text))
         self.plan = make_plan(self.equations, self.start, loops=True)
-        self.plan = replace(self.plan, method=self.runner.method.NAME)
+        if "series" not in self.runner.method.NEEDS:
+            self.plan = replace(self.plan, method=self.runner.method.NAME)
         self.use(System(self.equations, self.plan))
+        size = self.system.size
+        common = self.state[: at.HEADER + 6 * size + 6]
+        self.state = np.zeros(self.runner.method.state_size(size))
+        self.state[: len(common)] = common
         self._set_watch(self.state)
         self._set_branches(end)
         self.state[at.FRESH] = 1.0

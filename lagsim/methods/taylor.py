@@ -75,6 +75,10 @@ MOST_ORDER = 22
 GUARD = 4
 # A step that is made anew is shortened by not less than the first and not more than the
 # second.
+# A priori bounds are met with this much room, or one step in two fails the check.
+SAFETY = 0.9
+# An error of up to this many tolerances is let pass: the bound is for the step before.
+PASSED = 1.0
 SHORTER = 0.9
 SHORTEST = 0.2
 
@@ -136,7 +140,7 @@ def chosen_step(s: Floats, c: Floats) -> float:
     size = int(s[SIZE])
     order = int(c[0])
     tolerances = at(s, HEADER + 2 * size)
-    h = s[END] - s[T]
+    h = (s[END] - s[T]) / SAFETY
     power = h**order
     bound = 1.0
     for back in range(GUARD):
@@ -150,7 +154,7 @@ def chosen_step(s: Floats, c: Floats) -> float:
             power = bound / largest
             h = power ** (1.0 / k)
         power = power / h
-    return float(h)
+    return float(SAFETY * h)
 
 
 def step(s: Floats, p: Floats) -> int:
@@ -168,13 +172,13 @@ def step(s: Floats, p: Floats) -> int:
             trouble = PROJECTION_FAILED
         else:
             error = check(s, p, h)
-            if error <= 1.0:
+            if error <= PASSED:
                 break
             s[H] = SHORTEST * h
             trouble = NOT_FINITE
             if error < 1e300:
                 order = s[HEADER + 6 * int(s[SIZE]) + 7]
-                shorter = SHORTER / error ** (1.0 / (order + 1.0))
+                shorter = SHORTER * (PASSED / error) ** (1.0 / (order + 1.0))
                 s[H] = h * max(SHORTEST, shorter)
                 trouble = STEP_TOO_SMALL
         s[REJECTIONS] += 1.0

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.kkt import _layout
+from lagsim.kkt.series import motion_series
 from lagsim.methods import method
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout, generate
 from lagsim.switches import find_switches
 from lagsim.system.columns import Columns
-from lagsim.system.functions import functions, physics, series
+from lagsim.system.functions import functions, physics
 from lagsim.system.runner import Runner
 
 if TYPE_CHECKING:
@@ -65,9 +66,10 @@ class System:
             for name, nodes in nodes_of.items()
         }
         if "series" in method(plan.method).NEEDS:
-            nodes_of["series"] = series(equations, plan, nodes_of["derivative"])
+            rates = nodes_of["derivative"]
+            nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
         layout = self._layout()
-        code = generate(equations.graph, nodes_of, layout)
+        code = generate(equations.graph, nodes_of, layout, ("series",))
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.expressions.series import taylor_series
-from lagsim.methods.taylor import order_for
+from lagsim.kkt.series import motion_rates
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -19,19 +18,6 @@ if TYPE_CHECKING:
     from lagsim.system.columns import Columns
 
 NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {}
-
-
-def series(equations: Equations, plan: Plan, rates: Sequence[int]) -> list[int]:
-    """Give the order and the Taylor coefficients for y' = `rates`.
-
-    Of rates whose branches are frozen: a series made before would not know the arc's.
-    """
-    g = equations.graph
-    state = [g.variable(name) for name in (*equations.q, *equations.velocities)]
-    state += [g.variable("work")] * (equations.power is not None)
-    order = order_for(plan.rtol or 0.0)
-    rows = taylor_series(g, state, rates, order)
-    return [g.constant(order), *(node for row in rows for node in row)]
 
 
 def functions(
@@ -73,11 +59,7 @@ def _solved(equations: Equations, plan: Plan, columns: Columns) -> dict[str, lis
     assert elimination is not None
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
-    velocities = [g.variable(v) for v in e.velocities]
-    power = [e.power] if e.power is not None else []
-    found = {
-        "derivative": [*velocities, *accelerations, *g.substitute(power, new)],
-    }
+    found = {"derivative": motion_rates(e, elimination)}
     new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
     found["observe"] = g.substitute(columns.nodes.values(), new)
     if e.rows:
