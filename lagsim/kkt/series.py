@@ -30,8 +30,8 @@ def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
 
 def series_length(equations: Equations, elimination: Elimination, rtol: float) -> int:
     """Estimate the operations of one step's series, without making it."""
-    rates = motion_rates(equations, elimination)
-    state, rates = _state(equations), _shorter(equations, rates)
+    rates = _shorter(equations, motion_rates(equations, elimination))
+    state = _state(equations)
     return series_operations(equations.graph, state, rates, order_for(rtol))
 
 

@@ -30,6 +30,14 @@ def series(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
+def linear(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give A of z' = A z and P of power = z^T P z, where z = (q, q', 1).
+
+    Of each: how many entries are not zero, then i, j and the value of each of them.
+    """
+
+
+@external
 def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the Newton step onto the holonomic constraints, in the metric of M.
 

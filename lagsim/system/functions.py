@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.kkt.linear import linear_form
 from lagsim.kkt.series import motion_rates
 
 if TYPE_CHECKING:
@@ -17,7 +18,15 @@ if TYPE_CHECKING:
     from lagsim.plan import Plan
     from lagsim.system.columns import Columns
 
-NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {}
+
+def _linear(equations: Equations, plan: Plan) -> dict[str, list[int]]:
+    assert plan.elimination is not None
+    return {"linear": linear_form(equations, plan.elimination)}
+
+
+NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
+    "linear": _linear,
+}
 
 
 def functions(
