@@ -30,6 +30,8 @@ WELL_CONDITIONED = 1e-2
 # How many states tell how long the rows usually are, and how far around the start.
 AROUND = 4
 NEARBY = 0.1
+# Needs of a method that are made from y' as nodes of the graph.
+STRAIGHT_ONLY = frozenset(("series", "linear"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +107,8 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         )
     simulation = equations.model.simulation
     name = _method(simulation, scene, choices)
-    if "series" in method(name).NEEDS:
-        name = _series_or_not(equations, elimination, loops, choices)
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        name = _straight_method(name, equations, elimination, loops, choices)
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -239,35 +241,34 @@ def _method(
     return asked
 
 
-def _series_or_not(
+def _straight_method(
+    name: str,
     equations: Equations,
     elimination: Elimination | None,
     loops: bool,
     choices: list[Choice],
 ) -> str:
-    """Give `taylor` where its series can be made; refuse it where not.
+    """Give a method that needs y' as nodes where it has them; refuse it where not.
 
     On the way, where `loops` take over, no user can be asked: another method goes on.
     """
     if loops:
-        reason = "the loops that solve the constraints have no series"
-        choices.append(Choice("method: dop853", reason))
+        choices.append(Choice("method: dop853", f"`{name}` needs straight-line code"))
         return "dop853"
     simulation = equations.model.simulation
     assert simulation is not None
-    text = (
-        "its equations are not solved by straight-line code, and loops have no series"
-    )
+    text = "its equations are solved by loops, not by straight-line code"
+    hint = "`--method dop853` handles it"
     if elimination is not None:
+        if "series" not in method(name).NEEDS:
+            return name
         rtol = DEFAULT_RTOL if simulation.rtol is None else simulation.rtol
         length = series_length(equations, elimination, rtol)
         if length <= MOST_OPERATIONS:
             reason = f"about {length} operations per step"
             choices.append(Choice("series: straight-line code", reason))
-            return "taylor"
-        text = f"a step's series takes about {length} operations, more than "
-        text += f"{MOST_OPERATIONS}"
-    hint = "`--method dop853` handles it; a larger --rtol makes the series shorter"
-    text = f"`taylor` cannot handle this model: {text}"
-    place = simulation.method_place
-    raise InputError([Problem("method-refused", text, place, hint)])
+            return name
+        text = f"its series takes about {length} operations, over {MOST_OPERATIONS}"
+        hint += "; a larger --rtol makes the series shorter"
+    text = f"`{name}` cannot handle this model: {text}"
+    raise InputError([Problem("method-refused", text, simulation.method_place, hint)])

@@ -17,7 +17,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.admissibility.start import metric_of
 from lagsim.methods import _state as at
-from lagsim.plan import WELL_CONDITIONED, make_plan
+from lagsim.plan import STRAIGHT_ONLY, WELL_CONDITIONED, make_plan
 from lagsim.system import System
 from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
 
@@ -112,9 +112,7 @@ class _Run:
         state = np.zeros(self.runner.method.state_size(system.size))
         state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
         state[at.ROW_STEP] = simulation.output_step
-        state[at.RTOL] = self.plan.rtol or 0.0
-        state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
-        state[at.FIXED_STEP] = self.plan.step or 0.0
+        self._set_tolerances(state)
         state[at.N], state[at.SIZE] = system.n, system.size
         state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
         self._set_watch(state)
@@ -122,6 +120,11 @@ class _Run:
             state[at.EQUATION] = simulation.until.sense.value == "="
         state[at.HEADER : at.HEADER + len(y)] = y
         return state
+
+    def _set_tolerances(self, state: Floats) -> None:
+        state[at.RTOL] = self.plan.rtol or 0.0
+        state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
+        state[at.FIXED_STEP] = self.plan.step or 0.0
 
     def _set_watch(self, state: Floats) -> None:
         """Set when a loss of rank is looked for, and what counts as one."""
@@ -274,13 +277,14 @@ class _Run:
         )
         self.warnings.append(Caution("nearly-dependent", text))
         self.plan = make_plan(self.equations, self.start, loops=True)
-        if "series" not in self.runner.method.NEEDS:
+        if not STRAIGHT_ONLY.intersection(self.runner.method.NEEDS):
             self.plan = replace(self.plan, method=self.runner.method.NAME)
         self.use(System(self.equations, self.plan))
         size = self.system.size
         common = self.state[: at.HEADER + 6 * size + 6]
         self.state = np.zeros(self.runner.method.state_size(size))
         self.state[: len(common)] = common
+        self._set_tolerances(self.state)
         self._set_watch(self.state)
         self._set_branches(end)
         self.state[at.FRESH] = 1.0

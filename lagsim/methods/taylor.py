@@ -6,9 +6,9 @@ last four coefficients: two alone vanish where a start is symmetric, and the err
 grows without a warning. The next step's series, which is needed anyway, tells how far
 the motion is off the equations at the step's end: a step that is too long is made anew.
 Rows between steps are the series itself, to full order. The method for tight
-tolerances; its code grows with the square of K and takes longer to compile. Stable on
-the imaginary axis for step * frequency below 6.78 at order 15; steps for accuracy are
-shorter.
+tolerances; its code grows with the square of K and takes longer to compile. On the
+imaginary axis order 15 does not grow for step * frequency below 1.67, and beyond by
+less than its truncation error, which is what bounds the step.
 
 Sources: A. Jorba and M. Zou, Experimental Mathematics 14 (2005), sections 3.1 to 3.3;
 E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I, 2nd
@@ -59,7 +59,7 @@ TITLE = "Taylor series, order from the tolerance"
 ORDER = 15  # at the default tolerance
 DENSE_ORDER = 15
 ADAPTIVE = True
-IMAGINARY_LIMIT = 6.78
+IMAGINARY_LIMIT = 1.67
 HANDLES = "smooth models of moderate size; equality constraints by projection"
 
 NEEDS = ("series",)
