@@ -258,6 +258,7 @@ class _Run:
                 return Outcome.INTERRUPTED
             if code == at.DEGENERATE:
                 self._switch_to_loops()
+                state = self.state
             elif code == at.RANK_LOST:
                 self._note_rank_loss()
             elif code == at.PAUSED and left <= budget:

@@ -7,7 +7,7 @@ grows without a warning. The next step's series, which is needed anyway, tells h
 the motion is off the equations at the step's end: a step that is too long is made anew.
 Rows between steps are the series itself, to full order. The method for tight
 tolerances; its code grows with the square of K and takes longer to compile. On the
-imaginary axis order 15 does not grow for step * frequency below 1.67, and beyond by
+imaginary axis order 15 does not grow for step * frequency below 1.66, and beyond by
 less than its truncation error, which is what bounds the step.
 
 Sources: A. Jorba and M. Zou, Experimental Mathematics 14 (2005), sections 3.1 to 3.3;
@@ -59,7 +59,7 @@ TITLE = "Taylor series, order from the tolerance"
 ORDER = 15  # at the default tolerance
 DENSE_ORDER = 15
 ADAPTIVE = True
-IMAGINARY_LIMIT = 1.67
+IMAGINARY_LIMIT = 1.66
 HANDLES = "smooth models of moderate size; equality constraints by projection"
 
 NEEDS = ("series",)
@@ -141,6 +141,8 @@ def chosen_step(s: Floats, c: Floats) -> float:
     order = int(c[0])
     tolerances = at(s, HEADER + 2 * size)
     h = (s[END] - s[T]) / SAFETY
+    if h <= 0.0:
+        return 0.0
     power = h**order
     bound = 1.0
     for back in range(GUARD):
