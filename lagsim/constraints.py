@@ -68,14 +68,14 @@ def constraint_row(
         drift = gradient(g, node, [g.variable("t")])[0]
         rate = g.call("add", g.product_sum(zip(A, rates, strict=True)), drift)
         transport = g.call("neg", drift)
-        residual_scale = _scale(g, node, positions, A)
+        residual_scale = scale_of(g, node, positions, A)
     else:
         A = gradient(g, node, rates)
         rate = node
         degrees = g.degree(node, velocities)
         homogeneous = degrees is not None and len(degrees) == 1
         transport = g.zero if homogeneous else g.product_sum(zip(A, rates, strict=True))
-        residual_scale = _scale(g, node, rates, A)
+        residual_scale = scale_of(g, node, rates, A)
     degrees = g.degree(rate, velocities)
     return Row(
         name=constraint.name,
@@ -86,13 +86,16 @@ def constraint_row(
         b=g.call("neg", tangent(g, [rate], flow)[0]),
         transport=transport,
         residual_scale=residual_scale,
-        rate_scale=_scale(g, rate, rates, A),
+        rate_scale=scale_of(g, rate, rates, A),
         scleronomic="t" not in names,
         pfaffian=degrees is not None and degrees <= frozenset((0, 1)),
     )
 
 
-def _scale(g: Graph, node: int, variables: Sequence[int], slopes: Sequence[int]) -> int:
+def scale_of(
+    g: Graph, node: int, variables: Sequence[int], slopes: Sequence[int]
+) -> int:
+    """Give the largest of the terms of `node` and of |v d node/d v|."""
     sizes = [g.call("abs", term) for term in _terms(g, node)]
     sizes += [
         g.call("abs", g.call("mul", v, slope))

@@ -99,7 +99,7 @@ def derive(model: Model) -> Equations:
     M = _mass_matrix(g, momenta, rates)
     flow = dict(zip(positions, rates, strict=True)) | {time: g.one}
     convective = tangent(g, momenta, flow)
-    Q = _generalized_forces(g, model, positions, rates)
+    Q = generalized_forces(g, model, positions, rates)
     f = [
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
@@ -160,7 +160,7 @@ def _mass_matrix(
     return tuple(map(tuple, M))
 
 
-def _generalized_forces(
+def generalized_forces(
     g: Graph, model: Model, positions: Sequence[int], rates: Sequence[int]
 ) -> list[int]:
     """Give Q_j: virtual work of the forces, and -dF/dq' of the dissipation."""

@@ -18,6 +18,7 @@ import math
 from typing import TYPE_CHECKING
 
 from lagsim.methods._controller import record_sizes
+from lagsim.methods._fixed import next_time
 from lagsim.methods._interface import linear
 from lagsim.methods._projection import project
 from lagsim.methods._singular import record_health
@@ -35,7 +36,6 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.methods.rk4 import next_time
 from lagsim.native.kernel_types import at, unrolled
 
 if TYPE_CHECKING:

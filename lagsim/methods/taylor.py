@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
     LOCAL,
     probe_forces,
@@ -47,7 +48,6 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.methods.dop853 import usable_step
 from lagsim.native.kernel_types import at
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ ORDER = 15  # at the default tolerance
 DENSE_ORDER = 15
 ADAPTIVE = True
 IMAGINARY_LIMIT = 1.66
-HANDLES = "smooth models of moderate size; equality constraints by projection"
+HANDLES = "smooth models, not large; equality constraints"
 
 NEEDS = ("series",)
 
