@@ -295,3 +295,37 @@ def test_amplification():
         assert taylor.amplification(z) == pytest.approx(abs(np.exp(z)), abs=2e-13)
     assert taylor.amplification(1j * taylor.IMAGINARY_LIMIT) <= 1.0 + 1e-15
     assert taylor.amplification(2.5j) > 1.0
+
+
+STEPPING = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: "POTENTIAL"}
+forces: {x: "FORCE"}
+initial: {x: 1}
+simulation: {duration: 12, output_step: 0.1, method: taylor}
+"""
+
+
+def test_a_force_that_steps_with_the_position():
+    # |x| = 1 - t^2/2 up to sqrt(2), then its mirror image, and so on: parabolas.
+    found = run(STEPPING.replace("POTENTIAL", "abs(x)").replace("FORCE", "0*t"))
+    quarter = math.sqrt(2.0)
+    phase = (found["t"] + quarter) % (4 * quarter)
+    half = np.where(phase < 2 * quarter, phase, phase - 2 * quarter) - quarter
+    exact = np.where(phase < 2 * quarter, 1.0, -1.0) * (1.0 - half**2 / 2)
+    # Each of 8 crossings is located to a few units in the last place of t < 12.
+    assert np.max(np.abs(found["x"] - exact)) < 1e-13
+
+
+def test_dry_friction_sticks():
+    # Each swing between two stops loses 0.3; where the spring pulls by less than 0.15
+    # the block stays.
+    text = STEPPING.replace("POTENTIAL", "x^2/2").replace("FORCE", "-0.15*sign(x_dot)")
+    found = run(text)
+    stops = np.array([1.0, -0.7, 0.4, -0.1, -0.1])
+    k = np.minimum(found["t"] // math.pi, 3).astype(int)
+    middle = (stops[k] + stops[k + 1]) / 2
+    exact = middle + (stops[k] - middle) * np.cos(found["t"] - k * math.pi)
+    # The tolerance, and 4 arcs.
+    assert np.max(np.abs(found["x"] - exact)) < 1e-10
+    assert np.max(np.abs(found["x_dot"][k == 3])) < 1e-12
