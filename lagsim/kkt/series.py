@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from lagsim.equations import Equations
     from lagsim.kkt.straight import Elimination
 
-# Straight-line code this long compiles in some 2 s (measured: 0.12 s per thousand).
-MOST_OPERATIONS = 15_000
+# Straight-line code this long compiles in 2 to 3 s (measured: 0.12 s per thousand).
+MOST_OPERATIONS = 20_000
 
 
 def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:

@@ -247,7 +247,7 @@ def test_plain_python_is_the_native_run(text):
 
 @pytest.mark.parametrize(
     ("model", "loops", "words"),
-    [("andrews", False, "operations"), ("car-axis", False, "operations")],
+    [("andrews", False, "operations"), ("chain-angles", False, "operations")],
 )
 def test_what_is_too_long_is_refused(model, loops, words):
     with pytest.raises(InputError) as raised:
