@@ -8,10 +8,10 @@ constrained motion. A Verlet step that is merely projected back is neither: its 
 drifts. Here the error of the energy, of size (h w)^2, swings and does not grow.
 
 Positions and velocities meet the constraints to rounding after every step. One
-evaluation of the forces per step (two where the scene has `work`), and a few solves
+evaluation of the forces per step (two where the scene has `work`), and some ten solves
 with the constraint matrix. Stable for h w < 2, w the fastest frequency. The solve needs
-steps short enough that the gradients of the constraints turn by less than a right angle
-in each.
+steps short enough that the gradients of the constraints turn by well less than a right
+angle in each.
 
 It needs a constant mass matrix and forces that depend on positions and time only;
 without constraints it is `verlet`.
@@ -34,7 +34,7 @@ from lagsim.methods._fixed import (
     take,
 )
 from lagsim.methods._interface import derivative, position_step, velocity_step
-from lagsim.methods._projection import ROUNDING, project_level
+from lagsim.methods._projection import ROUNDING, project_level, relative_size
 from lagsim.methods._singular import record_health
 from lagsim.methods._state import (
     DONE,
@@ -64,11 +64,10 @@ NEEDS = ()
 
 CONSTRAINED = True
 
-# The iteration ends at this residual, against its terms, or where it no longer halves.
+# The iteration ends at this residual against its terms, or at this change against the
+# positions, or where rounding keeps the residual from falling.
 EXACT = 2.0**-52
-MOST = 60
-# Gradients that turn further than this (the square of the cosine) cannot be followed.
-TURNED = 1e-4
+MOST = 30
 
 
 def refusal(scene: Structure) -> str:
@@ -88,11 +87,11 @@ def amplification(z: complex) -> float:
 
 def state_size(size: int) -> int:
     """Give the length of the array of state for `size` components."""
-    return HEADER + 6 * size + 6 + 7 * size + 4
+    return HEADER + 6 * size + 6 + 7 * size + 4 + MOST * (size // 2)
 
 
 # The method's own arrays: those of `_fixed`, y' after the step (size), the new state
-# (size), a state to ask at (size), corrections (size + 4).
+# (size), a state to ask at (size), corrections (size + 4), their history (MOST n).
 def start(s: Floats, p: Floats) -> None:
     """Begin an arc: evaluate at its start."""
     begin(s, p)
@@ -136,44 +135,77 @@ def step(s: Floats, p: Floats) -> int:
 def hold(s: Floats, p: Floats, after: float, h: float) -> int:
     """Move the new positions onto the constraints, along the gradients at the old ones.
 
-    Give 0 where that fails. The step of Newton's method there would be along the
-    gradients at the new positions; projected onto the span of the old ones, and made
-    longer by as much as that has shortened it, it solves for one constraint as fast,
-    and for several with an error that shrinks with the square of the angle between
-    the two.
+    Give 0 where that fails. A step of Newton's method would be along the gradients at
+    the new positions; projected onto the span of the old ones it leaves an error that
+    grows with the angle between the two, and Broyden's method learns from the steps
+    what the projection has taken away (C. T. Kelley, Iterative Methods for Linear and
+    Nonlinear Equations, SIAM 1995, section 7.3: only the steps are kept).
     """
     size = int(s[SIZE])
     n = int(s[N])
     y = at(s, HEADER)
+    sizes = at(s, HEADER + size)
     masses = at(s, HEADER + 3 * size + 2)
     new = at(s, HEADER + 10 * size + 6)
-    asked = at(new, size)
-    out = at(asked, size)
+    work = at(s, HEADER + 12 * size + 6)
+    steps = at(work, size + 4)
+    least = h * h * h * h * masses[n]
     previous = 1e300
-    for _ in range(MOST):
-        position_step(after, new, p, out)
-        residual = out[n]
-        if residual <= EXACT or (residual <= ROUNDING and residual > 0.5 * previous):
+    for made in range(MOST):
+        position_step(after, new, p, work)
+        residual = work[n]
+        change = relative_size(n, work, masses, new, sizes, least)
+        if residual <= EXACT or change <= EXACT:
+            return 1
+        if residual <= ROUNDING and residual > 0.5 * previous:
             return 1
         if not residual < 1e300:
             return 0
         previous = residual
-        whole = 0.0
+        moved = at(steps, made * n)
+        along_old(s, p, h, moved)
+        learn(n, made, masses, steps)
         for i in range(n):
-            asked[i] = y[i]
-            asked[n + i] = y[n + i] + out[i] / h
-            whole += masses[i] * (out[i] / h) * (out[i] / h)
-        # The old velocities are tangent, so what is taken away is the span's part.
-        velocity_step(s[T], asked, p, out)
-        part = 0.0
-        for i in range(n):
-            part += masses[i] * out[i] * out[i]
-        if not part > TURNED * whole:
-            return 1 if residual <= ROUNDING else 0
-        for i in range(n):
-            new[n + i] -= whole / part * out[i]
+            new[n + i] += moved[i]
             new[i] = y[i] + h * new[n + i]
     return 0
+
+
+def along_old(s: Floats, p: Floats, h: float, moved: Floats) -> None:
+    """Project the step of the positions, over h, onto the span of the old gradients."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    asked = at(s, HEADER + 11 * size + 6)
+    work = at(asked, size)
+    for i in range(n):
+        asked[i] = y[i]
+        asked[n + i] = y[n + i] + work[i] / h
+    # The old velocities are tangent: what is taken away is the part that is looked for.
+    velocity_step(s[T], asked, p, work)
+    for i in range(n):
+        moved[i] = -work[i]
+
+
+def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
+    """Replace the last of the steps (made + 1, n) by Broyden's."""
+    last = at(steps, made * n)
+    for j in range(made):
+        step = at(steps, j * n)
+        square = 0.0
+        share = 0.0
+        for i in range(n):
+            square += masses[i] * step[i] * step[i]
+            share += masses[i] * step[i] * last[i]
+        if square > 0.0:
+            share /= square
+        if j + 1 < made:
+            following = at(steps, (j + 1) * n)
+            for i in range(n):
+                last[i] += share * following[i]
+        else:
+            for i in range(n):
+                last[i] /= 1.0 - share
 
 
 def hold_velocities(s: Floats, p: Floats, after: float, h: float) -> int:

@@ -31,6 +31,7 @@ FEW = 5
 MOST_EXCHANGES = 1000
 # A rate this small against its terms is rounding.
 ROUNDING = 1e-12
+TINY = 1e-300
 
 
 class Crossroads:
@@ -51,6 +52,7 @@ class Crossroads:
     ) -> None:
         self.count = len(scale)
         self.tolerance = ROUNDING * scale
+        self._clear = np.maximum(self.tolerance, TINY)  # not 0, where nothing pushes
         self.held = held or {}
         few = self.count <= FEW
         self.rates: Rates = cache(rates) if few else _affine(rates, self.count)
@@ -65,7 +67,7 @@ class Crossroads:
             return self._exchanged(now)
         # On a side only with a rate above rounding, at first: else the motion follows
         # the surface rather than to creep along it.
-        for least in (self.tolerance, -self.tolerance):
+        for least in (self._clear, -self.tolerance):
             for way in self._candidates(now):
                 if self.holds(way, least):
                     return way
@@ -75,7 +77,7 @@ class Crossroads:
         """Tell whether the other side of some surface would do as well."""
         for i, k in enumerate(way):
             other = [*way[:i], 1 - k, *way[i + 1 :]]
-            if k != ALONG and i not in self.held and self.holds(other, self.tolerance):
+            if k != ALONG and i not in self.held and self.holds(other, self._clear):
                 return True
         return False
 

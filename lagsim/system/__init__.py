@@ -23,7 +23,7 @@ from lagsim.system.runner import Runner
 from lagsim.system.switching import surface_functions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.equations import Equations
     from lagsim.plan import Plan
@@ -46,6 +46,8 @@ class System:
         Parameters, modes, and working memory.
     objects : list of bytes
         Object code of the model's functions.
+    operations : int
+        About how many one evaluation of y' takes.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -71,6 +73,7 @@ class System:
             else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
+        self.operations = self._operations(nodes_of)
         if self.surfaces:
             nodes_of |= surface_functions(equations, self.switches)
         if AFTER_FREEZING in needs:
@@ -115,6 +118,15 @@ class System:
         if not self.has_loops:
             return 0
         return self.motion + _layout.weak_direction(self.n, self.m)
+
+    def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+        if self.plan.elimination is not None:
+            solved = nodes_of["field" if self.surfaces else "derivative"]
+            return len(self.equations.graph.cone(solved))
+        # Cholesky's decomposition of M, L^-1 A^T and its QR decomposition.
+        n, m = self.n, self.m
+        loops = n * n * n // 6 + n * n * m // 2 + n * m * m
+        return len(self.equations.graph.cone(nodes_of["dynamics"])) + loops
 
     def _layout(self) -> Layout:
         e = self.equations

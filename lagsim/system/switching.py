@@ -35,5 +35,5 @@ def surface_functions(equations: Equations, switches: Switches) -> dict[str, lis
         speeds.append(speed)
         J += slopes
         b.append(g.call("neg", tangent(g, [speed], flow)[0]))
-        scales.append(scale_of(g, node, variables, slopes))
+        scales.append(scale_of(g, node, variables, dict(enumerate(slopes))))
     return {"surfaces": nodes, "surface_rows": [*residuals, *speeds, *J, *b, *scales]}
