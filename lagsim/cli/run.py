@@ -153,7 +153,7 @@ class _Job:
 
         self.lap("import")
         model = read_file(path, overrides, options)
-        _refuse(model)
+        refuse(model)
         self.lap("read")
         equations = derive(model)
         start = examine(equations)
@@ -299,7 +299,7 @@ class _Job:
             say(summary(equations, document, folder, ledger.first_energy))
 
 
-def _refuse(model: Model) -> None:
+def refuse(model: Model) -> None:
     """Refuse what this version cannot run."""
     simulation = model.simulation
     problems = [
