@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 # The first of these that a scene lets through makes the reference ...
 FIRST = ("exponential", "taylor", "dop853")
 # ... and the one of these that comes closest to it verifies it.
-SECOND = ("taylor", "dop853", "gauss4", "radau", "rk4")
+SECOND = ("taylor", "dop853", "kahan-li8", "gauss4", "radau", "rk4")
 TOLERANCES = (1e-14, 1e-13, 1e-12)
 SCIPY_TOLERANCE = 3e-14
 # Fixed steps are halved this often, from a quarter of a row's spacing on, ...
@@ -42,7 +42,7 @@ SECONDS = 5.0
 # Rows count as known while both agree to this part of each coordinate's range.
 TRUSTED = 1e-10
 # A range that is this small beside others of its unit is that of rounding errors.
-NOISE = 1e-9
+NOISE = 1e-11
 
 
 class NoReferenceError(LagsimError):
@@ -266,10 +266,9 @@ def _scales(
 
 
 def _fill(scales: Floats, ranges: Floats, rows: Floats, alike: list[int]) -> None:
-    largest = float(np.max(ranges[alike]))
+    largest = float(max(np.max(np.abs(rows[:, alike])), np.max(ranges[alike])))
     for column in alike:
-        size = float(np.max(np.abs(rows[:, column])))
-        wide = ranges[column] > NOISE * max(largest, size)
-        scale = ranges[column] if wide else max(size, largest)
+        wide = ranges[column] > NOISE * largest
+        scale = ranges[column] if wide else largest
         if scale > 0.0:
             scales[column] = scale
