@@ -87,8 +87,10 @@ def tables(_turns, models=()):
     behind = sum(row[-1].startswith("**") for row in rows)
     notes = [
         f"{behind} of {len(rows)} miss the goal of a factor {GOAL:g} (bold).",
-        "Errors of state and velocities against their ranges, over all rows that the "
-        "reference knows; costs read off the curves in logarithms.",
+        (
+            "Errors of state and velocities against their ranges, over all rows that the "
+            "reference knows; costs read off the curves in logarithms."
+        ),
     ]
     return [Table("What `auto` takes, and the cheapest", head, rows, notes)]
 

@@ -95,9 +95,7 @@ def _index_one(e, _mu):
     g = e.graph
     v = [g.variable(name) for name in e.velocities]
     a = [g.variable(name) for name in e.accelerations]
-    found = [
-        g.call("sub", g.variable(f"rate.{q}"), v[k]) for k, q in enumerate(e.q)
-    ]
+    found = [g.call("sub", g.variable(f"rate.{q}"), v[k]) for k, q in enumerate(e.q)]
     found += _momentum(e, a)
     for row in e.rows:
         found.append(g.call("sub", g.product_sum(zip(row.A, a, strict=True)), row.b))

@@ -88,7 +88,9 @@ def measured(case):
     from lagsim.equations import derive
     from lagsim.reader import read_file
 
-    equations = derive(read_file(str(MODELS / f"{case.model}.yaml"), options=case.options))
+    equations = derive(
+        read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)
+    )
     scene = Scene(equations, examine(equations))
     own = Own(scene, "dop853")
     patience = Patience(60.0)
@@ -261,13 +263,17 @@ def report(results):
     versions = ", ".join(f"{p} {version(p)}" for p in packages)
     about = [described(machine()), f"lagsim {__version__}, {versions}"]
     about += [
-        "Least of several, warm, one after the other at each tolerance; compile time "
-        "apart. lagsim: every row with all its columns (q'', energies, lambda), and "
-        "projected onto the constraints; rivals: the states of the same rows alone.",
-        "heyoka: batch size 1, compact mode off (it is slower); constrained scenes as "
-        f"index 1, unprojected. It compiles for each tolerance: {compiling(results)}. "
-        "IDA: residual and Jacobian compiled from the same graph, called through "
-        "Python. scipy: the same right-hand side through ctypes.",
+        (
+            "Least of several, warm, one after the other at each tolerance; compile time "
+            "apart. lagsim: every row with all its columns (q'', energies, lambda), and "
+            "projected onto the constraints; rivals: the states of the same rows alone."
+        ),
+        (
+            "heyoka: batch size 1, compact mode off (it is slower); constrained scenes as "
+            f"index 1, unprojected. It compiles for each tolerance: {compiling(results)}. "
+            "IDA: residual and Jacobian compiled from the same graph, called through "
+            "Python. scipy: the same right-hand side through ctypes."
+        ),
         "Reference: heyoka in quadruple precision; two tolerances agree to "
         + ", ".join(f"{r['agreement']:.0e} ({r['title']})" for r in results)
         + ".",

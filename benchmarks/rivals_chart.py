@@ -58,7 +58,9 @@ def _panel(sheet, place, result):
         curves[name] = x, y
     low = min(y.min() for _, y in curves.values() if len(y))
     high = max(y.max() for _, y in curves.values() if len(y))
-    panel = Panel(sheet, place, DecadeAxis(0.3, -14.3), DecadeAxis(low - 0.15, high + 0.15))
+    panel = Panel(
+        sheet, place, DecadeAxis(0.3, -14.3), DecadeAxis(low - 0.15, high + 0.15)
+    )
     for name, (x, y) in curves.items():
         pen, mark = STYLES[name]
         panel.curve(x, y, pen)

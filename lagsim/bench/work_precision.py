@@ -303,9 +303,12 @@ class _Sweep:
 
 
 def decades(between: tuple[float, float]) -> list[float]:
-    """Give the powers of ten from the first to the second, both included."""
+    """Give tolerances from the first to the second, both included, ten times apart.
+
+    About ten times, where the ends are not powers of ten from each other.
+    """
     first, last = (math.log10(x) for x in between)
-    count = max(1, round(abs(last - first)))
+    count = round(abs(last - first))
     return [float(f"{10**x:.6g}") for x in np.linspace(first, last, count + 1)]
 
 

@@ -85,7 +85,8 @@ def command(
             documents += job.documents
         codes += code
     if as_json:
-        show_json(faults[0] if faults else documents)
+        problems = [problem for fault in faults for problem in fault["errors"]]
+        show_json({"errors": problems} if problems else documents)
     return max(codes)
 
 
@@ -106,7 +107,7 @@ class _Job:
         from lagsim.reader import read_file
 
         model = read_file(path, overrides)
-        refuse(model)
+        refuse(model, "bench")
         equations = derive(model)
         start = examine(equations)
         if not start.admissible:
