@@ -85,13 +85,10 @@ def tables(_turns, models=()):
         print(*rows[-len(ERRORS) :], sep="\n", file=sys.stderr, flush=True)
     head = ["model", "error", "auto takes", "cheapest, ms", "auto, ms", "factor"]
     behind = sum(row[-1].startswith("**") for row in rows)
-    notes = [
-        f"{behind} of {len(rows)} miss the goal of a factor {GOAL:g} (bold).",
-        (
-            "Errors of state and velocities against their ranges, over all rows that the "
-            "reference knows; costs read off the curves in logarithms."
-        ),
-    ]
+    missed = f"{behind} of {len(rows)} miss the goal of a factor {GOAL:g} (bold)."
+    how = "Errors of state and velocities against their ranges, over all rows that the "
+    how += "reference knows; costs read off the curves in logarithms."
+    notes = [missed, how]
     return [Table("What `auto` takes, and the cheapest", head, rows, notes)]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -205,14 +206,9 @@ def _notes(found: WorkPrecision, document: Mapping[str, Any]) -> list[str]:
             "which the motion is not known: errors are those of the rows before"
         )
     lines = [f"{known}."]
-    curves = found.curves()
-    gaps = [
-        f"{_name(e.curve, curves)} at {e.setting} {e.value:.3g}: {e.outcome}"
-        for e in found.entries
-        if e.error is None
-    ]
+    gaps = _gaps(found)
     if gaps:
-        lines.append(f"Gaps: {'; '.join(gaps[:12])}{'; ...' if gaps[12:] else ''}.")
+        lines.append(f"Gaps: {'; '.join(gaps)}.")
     packages = " ".join(f"{k} {v}" for k, v in document["versions"].items())
     lines.append(
         "Seconds: the integration with all its rows and columns (scipy's without), "
@@ -220,6 +216,25 @@ def _notes(found: WorkPrecision, document: Mapping[str, Any]) -> list[str]:
         f"{document['lagsim']}, {packages}."
     )
     return lines
+
+
+def _gaps(found: WorkPrecision) -> list[str]:
+    """Say which settings gave nothing, and why, those next to each other together."""
+    curves = found.curves()
+    said = []
+    for curve, entries in curves.items():
+        for outcome, group in groupby(entries, _without_answer):
+            if outcome is not None:
+                missing = list(group)
+                ends = (missing[0], missing[-1])
+                values = dict.fromkeys(f"{e.value:.3g}" for e in ends)
+                where = f"{_name(curve, curves)} at {missing[0].setting}"
+                said.append(f"{where} {' to '.join(values)}: {outcome}")
+    return said
+
+
+def _without_answer(entry: Entry) -> str | None:
+    return entry.outcome if entry.error is None else None
 
 
 def wrapped(text: str, room: float) -> list[str]:

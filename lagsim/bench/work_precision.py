@@ -130,9 +130,10 @@ class WorkPrecision:
     def front(self, of: str) -> list[int]:
         """Give the entries that none beats in error and `seconds` or `evaluations`.
 
-        Errors that the reference cannot tell apart count as equal.
+        Errors that the reference cannot tell apart count as equal; one as large as the
+        range is no answer.
         """
-        solved = self.solved()
+        solved = [k for k in self.solved() if (self.entries[k].error or 0.0) < 1.0]
         floor = self.reference.floor
         points = [
             (max(e.error or 0.0, floor), e.cost(of))
