@@ -77,7 +77,7 @@ def document(
         "complete": not found.interrupted,
         "reference": _reference(found.reference),
         "curves": curves,
-        "refused": [{"method": m, "reason": why} for m, why in found.refused],
+        "refused": [refused._asdict() for refused in found.refused],
         "rows": rows,
         "files": list(files),
     }

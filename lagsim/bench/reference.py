@@ -15,9 +15,7 @@ import numpy as np
 from lagsim.bench.scipy_solvers import PREFIX, Scipy
 from lagsim.bench.scipy_solvers import refusal as scipy_refusal
 from lagsim.bench.solving import GivenUpError, Own, Patience, Solver
-from lagsim.errors import LagsimError
-from lagsim.methods import names
-from lagsim.system.columns import Columns
+from lagsim.errors import InputError, LagsimError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -53,10 +51,11 @@ class NoReferenceError(LagsimError):
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Rows and how they were made."""
+    """Rows, what their columns are, and how they were made."""
 
     how: str
     method: str
+    columns: tuple[str, ...]
     rows: Floats
 
 
@@ -146,7 +145,7 @@ def make_reference(scene: Scene, interrupt: Interrupt | None = None) -> Referenc
 
 
 def _compared(e: Equations, first: Solution, second: Solution) -> Reference:
-    columns = Columns(e).names
+    columns = first.columns
     state = [columns.index(name) for name in (*e.q, *e.velocities)]
     multipliers = [columns.index(name) for name in e.multipliers]
     count = min(len(first.rows), len(second.rows))
@@ -176,14 +175,21 @@ def difference(rows: Floats, others: Floats, scales: Floats) -> Floats:
 
 def _first(scene: Scene, patience: Patience) -> Iterator[Solution]:
     for name in FIRST:
-        if name in names() and not scene.refusal(name):
-            yield from _solved(Own(scene, name), TOLERANCES, patience)
+        if own := _able(scene, name):
+            yield from _solved(own, TOLERANCES, patience)
+
+
+def _able(scene: Scene, name: str) -> Own | None:
+    """Give a method that is there and can handle the scene."""
+    try:
+        return Own(scene, name)
+    except InputError:
+        return None
 
 
 def _verifiers(scene: Scene, first: Solution, patience: Patience) -> Iterator[Solution]:
     for name in SECOND:
-        if name != first.method and name in names() and not scene.refusal(name):
-            own = Own(scene, name)
+        if name != first.method and (own := _able(scene, name)):
             values = _steps(own) if own.setting == "step" else TOLERANCES
             yield from _solved(own, values, patience)
     yield from _by_scipy(scene, first, patience)
@@ -199,7 +205,7 @@ def _by_scipy(scene: Scene, first: Solution, patience: Patience) -> Iterator[Sol
 
 def index_one(scene: Scene) -> Own:
     """Give what has the right-hand side with lambda solved away, and nothing else."""
-    return Own(scene, "dop853", "drift" if scene.equations.rows else "auto")
+    return Own(scene, "dop853", "drift" if scene.equations.rows else "full")
 
 
 def state_sizes(own: Own, rows: Floats) -> Floats:
@@ -226,7 +232,7 @@ def _solved(
             continue
         if solved.rows is not None:
             how = f"{solver.method} at {solver.setting} {value:.3g}"
-            yield Solution(how, solver.method, solved.rows)
+            yield Solution(how, solver.method, solver.names, solved.rows)
             if solver.setting == "rtol":
                 return
 

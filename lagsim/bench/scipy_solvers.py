@@ -95,6 +95,7 @@ class Scipy:
         self.own, self.times, self.sizes = own, times, sizes
         self.method = method
         self.formulation = "drift" if own.system.m else "none"
+        self.names = own.names
 
     def solve(self, value: float, patience: Patience) -> Solved:
         """Solve once with the tolerance `value`."""

@@ -12,7 +12,6 @@ from lagsim.errors import InputError
 from lagsim.methods import method as method_named
 from lagsim.plan import make_plan
 from lagsim.simulate import simulate
-from lagsim.structure import structure
 from lagsim.system import System
 
 if TYPE_CHECKING:
@@ -29,7 +28,8 @@ if TYPE_CHECKING:
 REPEATING_SECONDS = 0.2
 MOST_REPEATS = 20
 
-FORMULATIONS = ("auto", "projection", "elimination", "baumgarte", "drift")
+FORMULATIONS = ("auto", "full", "ignorable")
+OF_CONSTRAINTS = ("projection", "elimination", "baumgarte", "drift")
 
 
 class GivenUpError(Exception):
@@ -97,6 +97,10 @@ class Solver(Protocol):
     setting: str
     compile_seconds: float
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns of the rows."""
+
     def solve(self, value: float, patience: Patience) -> Solved:
         """Solve once.
 
@@ -111,7 +115,6 @@ class Scene:
 
     def __init__(self, equations: Equations, start: Start) -> None:
         self.equations, self.start = equations, start
-        self.structure = structure(equations)
 
     def asking(
         self,
@@ -139,10 +142,6 @@ class Scene:
         model = replace(model, simulation=simulation)
         equations = replace(self.equations, model=model)
         return equations, make_plan(equations, self.start)
-
-    def refusal(self, name: str) -> str:
-        """Say why a method of ours cannot handle the scene; "" if it can."""
-        return str(method_named(name).refusal(self.structure))
 
 
 class Own:
@@ -224,18 +223,21 @@ class Keep:
         return np.concatenate(self._blocks)
 
 
-def formulations(scene: Scene, method: str) -> tuple[list[Own], list[str]]:
-    """Give a solver for each formulation that a method can take, and who refused."""
+def formulations(scene: Scene, method: str) -> tuple[list[Own], dict[str, str]]:
+    """Give a solver for each formulation that a method can take.
+
+    And by formulation why another cannot be had.
+    """
     found: dict[str, Own] = {}
-    refused = []
-    asked = FORMULATIONS if scene.equations.rows else FORMULATIONS[:1]
-    for formulation in asked:
+    refused: dict[str, str] = {}
+    constrained = bool(scene.equations.rows)
+    for formulation in (*FORMULATIONS, *(OF_CONSTRAINTS if constrained else ())):
         try:
             plan = scene.asking(method, formulation)[1]
             if plan.formulation not in found:
                 found[plan.formulation] = Own(scene, method, formulation)
         except InputError as fault:
-            refused.append(f"{formulation}: {fault.problems[0].text}")
+            refused[formulation] = fault.problems[0].text
     return list(found.values()), refused
 
 

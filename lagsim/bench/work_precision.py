@@ -103,14 +103,21 @@ class Curve(NamedTuple):
     values: list[float]
 
 
+class Refused(NamedTuple):
+    """A method, in a formulation, that does not apply; `auto` stands for all."""
+
+    method: str
+    formulation: str
+    reason: str
+
+
 @dataclass
 class WorkPrecision:
     """Everything measured on one scene.
 
     Attributes
     ----------
-    refused : list of (str, str)
-        Methods that do not apply, and why.
+    refused : list of Refused
     compile_seconds : dict
         What making each curve's solver ready took.
     interrupted : bool
@@ -119,7 +126,7 @@ class WorkPrecision:
 
     reference: Reference
     entries: list[Entry] = field(default_factory=list)
-    refused: list[tuple[str, str]] = field(default_factory=list)
+    refused: list[Refused] = field(default_factory=list)
     compile_seconds: dict[tuple[str, str], float] = field(default_factory=dict)
     interrupted: bool = False
 
@@ -333,11 +340,8 @@ def _curves(
     for name in names():
         if not wish.wants(name):
             continue
-        if refusal := scene.refusal(name):
-            found.refused.append((name, refusal))
-            continue
         solvers, refused = formulations(scene, name)
-        found.refused += [(name, why) for why in refused]
+        found.refused += [Refused(name, *why) for why in refused.items()]
         for own in solvers:
             values = tolerances if own.setting == "rtol" else steps
             more = auto.chosen.get((own.method, own.formulation), {})
@@ -353,7 +357,7 @@ def _scipy(
         return
     own = index_one(scene)
     if refusal := scipy_refusal(own):
-        found.refused += [(name, refusal) for name in wanted]
+        found.refused += [Refused(name, "auto", refusal) for name in wanted]
         return
     rows = found.reference.rows
     sizes = state_sizes(own, rows)

@@ -219,7 +219,8 @@ def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
     if reference.horizon is not None:
         known += f" up to t = {reference.horizon:.4g}: no row past it is judged"
     rows = [("reference", known)]
-    rows += [("left out", f"{name}: {why}") for name, why in found.refused]
+    out = [f"{r.method}: {r.reason}" for r in found.refused if r.formulation == "auto"]
+    rows += [("" if k else "left out", text) for k, text in enumerate(out)]
     front = [found.entries[k] for k in found.front("seconds")]
     rows += [("" if k else "best", _point(e)) for k, e in enumerate(front)]
     rows.append(("files", f"{folder}: {TABLE}, {CHART}, {MANIFEST}"))

@@ -108,7 +108,7 @@ def test_what_does_not_apply_is_left_out_with_its_reason():
     found = measure(scene(forced), Wish(("scipy:RK45", "rk4"), steps=(0.1, 0.1)))
     assert [e.method for e in found.entries] == ["rk4"]
     assert found.refused == [
-        ("scipy:RK45", "they would step over the scene's switches")
+        ("scipy:RK45", "auto", "they would step over the scene's switches")
     ]
 
 
@@ -152,11 +152,14 @@ def test_what_only_one_solution_says_is_not_known():
     # Two that part as 1e-16 exp(t): they agree to 1e-10 of the range, here 2, while
     # t < log(2e6) = 14.5.
     scene_ = scene(oscillator("duration: 20, output_step: 0.1"))
-    rows = Own(scene_, "dop853").solve(1e-13, Patience(10.0)).rows
+    own = Own(scene_, "dop853")
+    rows, names = own.solve(1e-13, Patience(10.0)).rows, own.names
     other = rows.copy()
     other[:, 1] += 1e-16 * np.exp(rows[:, 0])
     found = _compared(
-        scene_.equations, Solution("a", "a", rows), Solution("b", "b", other)
+        scene_.equations,
+        Solution("a", "a", names, rows),
+        Solution("b", "b", names, other),
     )
     assert found.horizon == pytest.approx(math.log(2e6), abs=0.11)
     assert found.floor == pytest.approx(1e-10, rel=0.11)
