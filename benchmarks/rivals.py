@@ -30,7 +30,7 @@ LONG_SECONDS = 2.0
 # which is faster, for most of a minute where there are this many operations: then at
 # fewer tolerances.
 MANY_NODES = 1000
-FEWER_DECADES = [1e-6, 1e-8, 1e-10, 1e-12, 1e-14]
+FEWER_DECADES = [1e-8, 1e-10, 1e-12, 1e-14]
 QUADRUPLE = (1e-25, 1e-22)
 
 
@@ -49,7 +49,8 @@ HOW = """\
 - lagsim: every row with all its columns (accelerations, energies, lambda), and
   projected onto the constraints. Rivals: the states of the same rows alone.
 - heyoka: batch size 1, compact mode off (on, it compiles faster and runs slower);
-  constrained scenes as index 1, unprojected.
+  constrained scenes as index 1, unprojected. It compiles for each tolerance, when it
+  first meets a scene for 0.1 (Kepler) to 50 s (ten links), and keeps that.
 - IDA: residual and Jacobian compiled from the same graph, called through Python.
 - scipy: the same compiled right-hand side through ctypes.
 - Reference: heyoka in quadruple precision."""
@@ -255,16 +256,6 @@ def compared(result, error, costs):
     return [*shown, f"{own / costs[name]:.2f}", f"{bare / costs[name]:.2f}"]
 
 
-def compiling(results):
-    """Say how long heyoka compiles at the tightest tolerance reported."""
-    said = []
-    for result in results:
-        at = [p for p in result["points"]["heyoka"] if p["tolerance"] == REPORTED[-1]]
-        if at:
-            said.append(f"{result['title']} {at[0]['compile_seconds']:.2g} s")
-    return ", ".join(said)
-
-
 def report(results):
     """Give the page."""
     from lagsim import __version__
@@ -273,7 +264,6 @@ def report(results):
     packages = ("heyoka", "scikit-sundae", "scipy", "numpy", "llvmlite")
     versions = ", ".join(f"{p} {version(p)}" for p in packages)
     about = [described(machine()), f"lagsim {__version__}, {versions}"]
-    about += [f"heyoka compiles for each tolerance: {compiling(results)}."]
     agreed = [f"{r['agreement']:.0e} ({r['title']})" for r in results]
     about.append(f"Two tolerances of the reference agree to {', '.join(agreed)}.")
     lines = "\n".join(f"- {line}" for line in about)
