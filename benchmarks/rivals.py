@@ -232,7 +232,9 @@ def by_error(results):
     head += ["lagsim without columns / rival"]
     rows = []
     for result in results:
-        for error in REPORTED:
+        reached = tightest(result)
+        # Where one of the two does not get there: where both do.
+        for error in sorted({max(error, reached) for error in REPORTED}, reverse=True):
             costs = {}
             for name, points in result["points"].items():
                 curve = [(p["error"], p["seconds"]) for p in points]
@@ -241,6 +243,14 @@ def by_error(results):
                     costs[name] = cost
             rows.append(compared(result, error, costs))
     return Table("At equal errors", head, rows, [])
+
+
+def tightest(result):
+    """Give the least error that both lagsim and heyoka reach."""
+    return max(
+        min((p["error"] for p in result["points"][name]), default=0.0)
+        for name in ("lagsim", "heyoka")
+    )
 
 
 def compared(result, error, costs):
@@ -264,8 +274,8 @@ def report(results):
     packages = ("heyoka", "scikit-sundae", "scipy", "numpy", "llvmlite")
     versions = ", ".join(f"{p} {version(p)}" for p in packages)
     about = [described(machine()), f"lagsim {__version__}, {versions}"]
-    agreed = [f"{r['agreement']:.0e} ({r['title']})" for r in results]
-    about.append(f"Two tolerances of the reference agree to {', '.join(agreed)}.")
+    worst = max(r["agreement"] for r in results)
+    about.append(f"At two tolerances the reference agrees with itself to {worst:.0e}.")
     lines = "\n".join(f"- {line}" for line in about)
     tables = [by_error(results), by_tolerance(results)]
     return "\n".join([f"# Rivals\n\n{HOW}\n{lines}\n", *(t.markdown() for t in tables)])
