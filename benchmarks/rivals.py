@@ -150,10 +150,14 @@ def measured(case, method):
 
 
 def ours(scene, method, rtol):
-    """Give lagsim with a method, or its own choice, at a tolerance, ready."""
+    """Give lagsim with a method, or its own choice where that refuses, ready."""
     from lagsim.bench.solving import Own, Patience
+    from lagsim.errors import InputError
 
-    own = Own(scene, method, "auto", rtol)
+    try:
+        own = Own(scene, method, "auto", rtol)
+    except InputError:
+        own = Own(scene, "auto", "auto", rtol)
     value = rtol if own.setting == "rtol" else own.plan.step
     patience = Patience(60.0)
     return (lambda: own.solve(value, patience)), own.compile_seconds, own.method
