@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from lagsim.expressions.evaluate import evaluate, evaluate_with_error
 from lagsim.expressions.graph import Graph
 from lagsim.expressions.parser import parse
-from lagsim.native import graph_code
+from lagsim.native import graph_code, tape_code
 from lagsim.native.engine import Engine, compile_object
 from lagsim.native.graph_code import Layout, generate
 from tests.expressions._programs import VARIABLES, on_graph, programs, states
