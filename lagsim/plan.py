@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.admissibility.large import SparseRows, is_large
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.admissibility.start import metric_of
 from lagsim.errors import InputError, Problem
-from lagsim.kkt.straight import Elimination, TooLongError
+from lagsim.expressions.evaluate import evaluate
+from lagsim.kkt.straight import BUDGET, Elimination, TooLongError, dense_operations
 from lagsim.methods import method, names
 from lagsim.structure import structure
 
@@ -26,6 +28,11 @@ DEFAULT_RTOL = 1e-11
 # Normal equations square the condition of the rows: below this the loops with their QR
 # decomposition take over (numerics: S loses half of the digits of lambda).
 WELL_CONDITIONED = 1e-2
+# Loops of so many multiplications take a millisecond: that is no reason to do without
+# their QR decomposition.
+CHEAP = 10**6
+# A multiplication of a sparse elimination costs as much as these of a dense one.
+WORTH = 4
 # How many states tell how long the rows usually are, and how far around the start.
 AROUND = 4
 NEARBY = 0.1
@@ -50,10 +57,13 @@ class Plan:
         `none`, `projection` or `velocity projection`.
     elimination : Elimination or None
         The equations solved on the graph; None where loops solve them.
+    tape : bool
+        The model's functions are run from tapes, not compiled.
     rank : int
         Of the constraint rows, in general.
     independence : float
-        The smallest singular value of the scaled rows, in general.
+        The smallest singular value of the scaled rows, in general; with tapes, what
+        `Elimination.health` is at the start.
     set_aside : tuple of bool, length m
         The rows that others imply everywhere.
     lengths : tuple of float, length m
@@ -68,6 +78,7 @@ class Plan:
     method: str
     formulation: str
     elimination: Elimination | None
+    tape: bool
     rank: int
     independence: float
     set_aside: tuple[bool, ...]
@@ -104,6 +115,11 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         )
     simulation = equations.model.simulation
     name = _method(simulation, scene, choices)
+    tape = elimination is not None and elimination.operations > BUDGET
+    independence = start.ranks.generic_smallest
+    if elimination is not None and tape:
+        # As the run will see it: of long chains the smallest singular value is small.
+        independence = _independence(equations, start, elimination)
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -116,8 +132,9 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         method=name,
         formulation=formulation,
         elimination=elimination,
+        tape=tape,
         rank=start.ranks.generic_rank,
-        independence=start.ranks.generic_smallest,
+        independence=independence,
         set_aside=_set_aside(equations, start),
         lengths=_usual_lengths(equations, start),
         augmented=start.augmented,
@@ -145,6 +162,11 @@ def _usual_lengths(equations: Equations, start: Start) -> tuple[float, ...]:
         q, v = start.q, start.v
         if nearby:
             q, v = (_kicked(x, random) for x in (start.q, start.v))
+        if is_large(point):
+            found = SparseRows(point, q, v).lengths
+            if np.all(np.isfinite(found)):
+                longest = np.fmax(longest, found)
+                continue
         M = point.mass(q, v)
         if np.all(np.isfinite(M)):
             metric = metric_of(M, range(len(q)))
@@ -196,19 +218,40 @@ def _elimination(
         reason = f"{len(equations.rows)} constraints have rank {start.ranks.rank}"
         choices.append(Choice("solve: loops with QR, least-norm lambda", reason))
         return None
-    if start.ranks.smallest < WELL_CONDITIONED:
-        reason = f"the rows are nearly dependent ({start.ranks.smallest:.1e})"
+    n, m = len(equations.q), len(equations.rows)
+    dense = dense_operations(n, m)
+    close = start.ranks.smallest < WELL_CONDITIONED
+    reason = f"the rows are nearly dependent ({start.ranks.smallest:.1e})"
+    if close and dense <= CHEAP:
         choices.append(Choice("solve: loops with QR", reason))
         return None
     try:
-        elimination = Elimination(equations)
+        elimination = Elimination(equations, max(BUDGET, dense // WORTH))
     except TooLongError:
-        choices.append(Choice("solve: loops", "straight-line code would be too long"))
+        text = f"elimination saves too little of their {dense} multiplications"
+        choices.append(Choice("solve: loops", text))
+        return None
+    if close and _independence(equations, start, elimination) < WELL_CONDITIONED:
+        choices.append(Choice("solve: loops with QR", f"{reason}: {dense} operations"))
         return None
     count = elimination.operations
     many = f"{count} multiplication{'s' * (count != 1)}"
-    choices.append(Choice("solve: straight-line code", many))
+    if count <= BUDGET:
+        choices.append(Choice("solve: straight-line code", many))
+    else:
+        reason = f"{many} on what is not zero; loops would make {dense}"
+        choices.append(Choice("solve: sparse elimination", reason))
     return elimination
+
+
+def _independence(
+    equations: Equations, start: Start, elimination: Elimination
+) -> float:
+    """Give how independent the rows are at the start by the pivots of `elimination`."""
+    point = Point(equations)
+    lengths = dict.fromkeys((f"length.{row.name}" for row in equations.rows), 0.0)
+    values = point.values(start.q, start.v) | lengths
+    return float(evaluate(equations.graph, [elimination.health()], values)[0])
 
 
 def _method(

@@ -28,6 +28,11 @@ BUDGET = 3000
 Vector = dict[int, int]  # index -> node; what is absent is zero
 
 
+def dense_operations(n: int, m: int) -> int:
+    """Give about how many multiplications `dense` makes: M factored, the rows, QR."""
+    return n**3 // 6 + m * n**2 // 2 + m**2 * (n - m // 3)
+
+
 class TooLongError(Exception):
     """The elimination would take more operations than it may."""
 

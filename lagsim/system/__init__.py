@@ -13,8 +13,9 @@ import numpy as np
 
 from lagsim.kkt import _layout
 from lagsim.methods import method
+from lagsim.native import graph_code, tape_code
 from lagsim.native.cache import kernel_object, object_code
-from lagsim.native.graph_code import Layout, generate
+from lagsim.native.graph_code import Layout
 from lagsim.switches import find_switches
 from lagsim.system.columns import Columns
 from lagsim.system.functions import functions, physics
@@ -34,7 +35,7 @@ class System:
     ----------
     equations : Equations
     plan : Plan
-        The formulation decides between straight-line code and loops.
+        Decides between straight-line code, tapes, and loops.
 
     Attributes
     ----------
@@ -65,6 +66,7 @@ class System:
             for name, nodes in nodes_of.items()
         }
         layout = self._layout()
+        generate = tape_code.generate if plan.tape else graph_code.generate
         code = generate(equations.graph, nodes_of, layout)
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
