@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.large import SparseRows, is_large
+from lagsim.admissibility.large import is_large, row_lengths
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.admissibility.start import metric_of
@@ -18,6 +18,8 @@ from lagsim.methods import method, names
 from lagsim.structure import structure
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
     from lagsim.model import Simulation
@@ -104,7 +106,8 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     mass = _mass_matrix(scene)
     choices.append(Choice(f"mass matrix: {mass}", _mass_reason(equations, scene)))
     formulation = _formulation(equations, choices)
-    elimination = None if loops else _elimination(equations, start, choices)
+    lengths = _usual_lengths(equations, start)
+    elimination = None if loops else _elimination(equations, start, lengths, choices)
     if loops:
         choices.append(
             Choice("solve: loops with QR", "the rows lost their independence")
@@ -119,7 +122,7 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     independence = start.ranks.generic_smallest
     if elimination is not None and tape:
         # As the run will see it: of long chains the smallest singular value is small.
-        independence = _independence(equations, start, elimination)
+        independence = _independence(equations, start, lengths, elimination)
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -136,7 +139,7 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         rank=start.ranks.generic_rank,
         independence=independence,
         set_aside=_set_aside(equations, start),
-        lengths=_usual_lengths(equations, start),
+        lengths=lengths,
         augmented=start.augmented,
         rtol=rtol,
         atol=atol,
@@ -163,7 +166,7 @@ def _usual_lengths(equations: Equations, start: Start) -> tuple[float, ...]:
         if nearby:
             q, v = (_kicked(x, random) for x in (start.q, start.v))
         if is_large(point):
-            found = SparseRows(point, q, v).lengths
+            found = row_lengths(point, q, v)
             if np.all(np.isfinite(found)):
                 longest = np.fmax(longest, found)
                 continue
@@ -210,7 +213,10 @@ def _formulation(equations: Equations, choices: list[Choice]) -> str:
 
 
 def _elimination(
-    equations: Equations, start: Start, choices: list[Choice]
+    equations: Equations,
+    start: Start,
+    lengths: Sequence[float],
+    choices: list[Choice],
 ) -> Elimination | None:
     if start.augmented:
         return None
@@ -231,9 +237,12 @@ def _elimination(
         text = f"elimination saves too little of their {dense} multiplications"
         choices.append(Choice("solve: loops", text))
         return None
-    if close and _independence(equations, start, elimination) < WELL_CONDITIONED:
-        choices.append(Choice("solve: loops with QR", f"{reason}: {dense} operations"))
-        return None
+    if close:
+        independence = _independence(equations, start, lengths, elimination)
+        if independence < WELL_CONDITIONED:
+            slow = f"{reason}, at the price of {dense} multiplications"
+            choices.append(Choice("solve: loops with QR", slow))
+            return None
     count = elimination.operations
     many = f"{count} multiplication{'s' * (count != 1)}"
     if count <= BUDGET:
@@ -245,12 +254,15 @@ def _elimination(
 
 
 def _independence(
-    equations: Equations, start: Start, elimination: Elimination
+    equations: Equations,
+    start: Start,
+    lengths: Sequence[float],
+    elimination: Elimination,
 ) -> float:
     """Give how independent the rows are at the start by the pivots of `elimination`."""
-    point = Point(equations)
-    lengths = dict.fromkeys((f"length.{row.name}" for row in equations.rows), 0.0)
-    values = point.values(start.q, start.v) | lengths
+    values = Point(equations).values(start.q, start.v)
+    for row, length in zip(equations.rows, lengths, strict=True):
+        values[f"length.{row.name}"] = length
     return float(evaluate(equations.graph, [elimination.health()], values)[0])
 
 

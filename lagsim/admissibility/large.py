@@ -63,12 +63,18 @@ def is_positive(point: Point, q: Floats, v: Floats) -> bool:
     return 1.0 / _largest(factors.solve, point.n)[0] > SURELY
 
 
+def row_lengths(point: Point, q: Floats, v: Floats) -> Floats:
+    """Give the lengths (m,) of rows in the metric of M; nan where M is singular."""
+    rows, n = point.e.rows, point.n
+    A = matrix(point.jacobian_entries(rows, q, v), len(rows), n)
+    return _lengths(matrix(point.mass_entries(q, v), n, n), A)
+
+
 class SparseRows:
     """The constraint rows at a state, in the metric of M.
 
     Attributes
     ----------
-    lengths : ndarray, shape (m,)
     smallest : float
         The smallest singular value of the rows, each divided by its length or by
         `usual`; 0 where that is not safe to tell.
@@ -90,9 +96,9 @@ class SparseRows:
         A = matrix(point.jacobian_entries(rows, q, v, errors), m, n)
         self.smallest = 0.0
         self.weakest = np.zeros(m)
-        self.lengths = _lengths(M, A)
-        scale = self.lengths if usual is None else np.fmax(usual, self.lengths)
-        if np.all(self.lengths > 0) and is_positive(point, q, v):
+        lengths = _lengths(M, A)
+        scale = lengths if usual is None else np.fmax(usual, lengths)
+        if np.all(lengths > 0) and is_positive(point, q, v):
             self._weigh(M, A, scale)
 
     def _weigh(self, M: Any, A: Any, scale: Floats) -> None:
@@ -143,7 +149,7 @@ def nearest(relations: AtState, x0: Floats, M: Any) -> Found | None:
 
 
 def _lengths(M: Any, A: Any) -> Floats:
-    """Give the lengths (m,) of the rows A in the metric of M; nan where M is singular."""
+    """Give the lengths (m,) of the rows of A."""
     if _is_diagonal(M):
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.sqrt(A.multiply(A) @ (1.0 / M.diagonal())))
@@ -155,7 +161,7 @@ def _lengths(M: Any, A: Any) -> Floats:
     for k in range(0, A.shape[0], TOGETHER):
         part = columns[:, k : k + TOGETHER].toarray()
         squares.append(np.sum(part * factors.solve(part), axis=0))
-    return np.sqrt(np.concatenate(squares))
+    return np.asarray(np.sqrt(np.concatenate(squares)))
 
 
 def _is_diagonal(M: Any) -> bool:
@@ -164,14 +170,17 @@ def _is_diagonal(M: Any) -> bool:
 
 
 def _factored(A: Any, *, symmetric: bool = False) -> Any:
-    """Give the LU factors, with pivots on the diagonal; None where A is singular."""
+    """Give LU factors, `symmetric` without pivoting; None where A is singular."""
     from scipy.sparse.linalg import splu
 
-    options = {"permc_spec": "MMD_AT_PLUS_A"}
-    if symmetric:
-        options |= {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    threshold = 0.0 if symmetric else 1.0
     try:
-        return splu(A.tocsc(), **options)
+        return splu(
+            A.tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=threshold,
+            options={"SymmetricMode": symmetric},
+        )
     except RuntimeError:
         return None
 

@@ -234,6 +234,7 @@ class AtState(Relations):
         return state
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats]:
+        """Give r (m,) and dr/dx (m, k)."""
         r, entries = self.sparse(x)
         J = np.zeros((len(r), len(self.free)))
         J[entries.i, entries.j] = entries.values
@@ -250,9 +251,11 @@ class AtState(Relations):
         return r, Entries(i, j, found[len(nodes) :])
 
     def _residual(self, x: Floats) -> Floats:
-        return self.point.array(self.asked.nodes, *self._state(x)) - self.targets
+        found = self.point.array(self.asked.nodes, *self._state(x))
+        return np.asarray(found - self.targets)
 
     def met(self, x: Floats, errors: Floats) -> bool:
+        """Tell whether r is small against its terms, or rounding for these errors."""
         residual = self._residual(x)
         state = self._state(x)
         scale = np.abs(self.point.array(self.asked.scales, *state))
@@ -265,6 +268,7 @@ class AtState(Relations):
         return bool(np.all(np.abs(residual) <= bound))
 
     def exact(self, x: Floats) -> bool:
+        """Tell whether r is within the rounding errors of x as it was stated."""
         residual = self._residual(x)
         return bool(np.all(np.abs(residual) <= self._rounding(x, self.errors)))
 

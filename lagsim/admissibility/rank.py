@@ -234,7 +234,10 @@ def admissible_near(
         limit = np.minimum(np.abs(kick) / np.sqrt(np.diag(metric)), own)
         state.append(x + nearby * np.copysign(limit, kick))
     names = frozenset(point.e.velocities)
-    moving = point.g.depends([a for row in point.e.rows for a in row.A.entries.values()]) & names
+    moving = (
+        point.g.depends([a for row in point.e.rows for a in row.A.entries.values()])
+        & names
+    )
     for velocities in (False, True) if moving else (False,):
         asked = Asked()
         for row in point.e.rows:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.expressions.functions import OPERATIONS
-from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.expressions.graph import VARIABLE
 from lagsim.native.graph_code import Code, Lines, exponent_of, fixed_nodes
 
 if TYPE_CHECKING:
@@ -76,6 +76,8 @@ class _Writer:
         self.places = {node: layout.size + k for k, node in enumerate(fixed)}
         self.numbers: dict[int, int] = {}
         self.size = layout.size + len(fixed)
+        # Indices that are used again and again, and those of them that are free.
+        self.temporary: set[int] = set()
         self.free: list[int] = []
 
     def function(self, nodes: Sequence[int]) -> list[int]:
@@ -87,7 +89,7 @@ class _Writer:
 
     def preparation(self) -> list[int]:
         """Give the tape of what lasts."""
-        tape = self._tape(dict.fromkeys(self.places, []), {}, self.places)
+        tape = self._tape(dict.fromkeys(self.places, ()), {}, self.places)
         filled: list[int] = []
         for node, index in self.numbers.items():
             halves = struct.unpack("=ii", struct.pack("=d", self.g.payload(node)))
@@ -118,28 +120,31 @@ class _Writer:
         code: list[int] = []
         index = dict(known)
 
-        def operand(n: int) -> int:
-            if n not in index:
-                index[n] = self._leaf(n, code)
-            return index[n]
-
-        def used(n: int) -> None:
-            uses[n] -= 1
-            if not uses[n] and n not in pinned and self._is_temporary(n, known):
-                self.free.append(index.pop(n))
+        def taken(nodes: Sequence[int]) -> list[int]:
+            """Give the indices of operands, and free those that are not used again."""
+            fields = []
+            for n in nodes:
+                if n not in index:
+                    index[n] = self._leaf(n, code)
+                fields.append(index[n])
+                uses[n] -= 1
+            for n in nodes:
+                if not uses[n] and n in index and index[n] in self.temporary:
+                    self.free.append(index.pop(n))
+            return fields
 
         for n in order:
-            if g.args[n] and n not in known and n not in inner:
-                outer = [g.args[a] if a in inner else (a,) for a in g.args[n]]
-                args = [a for group in outer for a in group]
-                operands = [operand(a) for a in args]
-                for a in args:
-                    used(a)
+            args = g.args[n]
+            if args and n not in known and n not in inner:
+                products = tuple(a in inner for a in args)
+                if any(products):
+                    groups = (g.args[a] if a in inner else (a,) for a in args)
+                    args = tuple(a for group in groups for a in group)
+                fields = taken(args)
                 index[n] = pinned[n] if n in pinned else self._new()
-                code += [self._opcode(n, inner), index[n], *operands]
+                code += [self._opcode(n, products), index[n], *fields]
             for k in results.get(n, ()):
-                code += [RESULT, k, operand(n)]
-                used(n)
+                code += [RESULT, k, *taken((n,))]
         return [*code, STOP]
 
     def _inner(
@@ -154,13 +159,6 @@ class _Writer:
             for a in g.args[n]
             if g.ops[a] == "mul" and uses[a] == 1 and a not in kept
         }
-
-    def _is_temporary(self, n: int, known: Mapping[int, int]) -> bool:
-        """Tell whether the index of a node is its own only while it is used."""
-        op = self.g.ops[n]
-        if op == VARIABLE:
-            return self.g.payload(n) not in self.layout.p
-        return n not in known and op not in (CONSTANT, TRUTH)
 
     def _leaf(self, n: int, code: list[int]) -> int:
         """Give the index of a number or a variable, loaded where it is not in p."""
@@ -183,17 +181,18 @@ class _Writer:
     def _new(self) -> int:
         if self.free:
             return self.free.pop()
+        self.temporary.add(self.size)
         self.size += 1
         return self.size - 1
 
-    def _opcode(self, n: int, inner: set[int]) -> int:
-        g = self.g
-        products = tuple(a in inner for a in g.args[n])
-        operation = g.ops[n], exponent_of(g, n), products
+    def _opcode(self, n: int, products: tuple[bool, ...]) -> int:
+        operation = self.g.ops[n], exponent_of(self.g, n), products
         return self.opcodes.setdefault(operation, FIRST + len(self.opcodes))
 
 
-def _order(g: Graph, roots: Mapping[int, object], known: Mapping[int, int]) -> list[int]:
+def _order(
+    g: Graph, roots: Mapping[int, object], known: Mapping[int, int]
+) -> list[int]:
     """Give the nodes to evaluate, in order, and those of `roots` that need none."""
     seen = set(roots)
     stack = list(seen)

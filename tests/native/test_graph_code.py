@@ -15,13 +15,15 @@ from hypothesis import strategies as st
 from lagsim.expressions.evaluate import evaluate, evaluate_with_error
 from lagsim.expressions.graph import Graph
 from lagsim.expressions.parser import parse
-from lagsim.native import graph_code, tape_code
+from lagsim.native import graph_code
 from lagsim.native.engine import Engine, compile_object
 from lagsim.native.graph_code import Layout, generate
 from tests.expressions._programs import VARIABLES, on_graph, programs, states
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
+
+    from lagsim.native.graph_code import Code
 
 # x, y, z move and lie in y; a, b are parameters; w is written to p while running.
 STATE = ("x", "y", "z")
@@ -40,7 +42,12 @@ GUARD = 12345.0
 class Compiled:
     """The functions of a graph, called with values by name."""
 
-    def __init__(self, g: Graph, functions: Mapping[str, Sequence[int]]) -> None:
+    def __init__(
+        self,
+        g: Graph,
+        functions: Mapping[str, Sequence[int]],
+        generate: Callable[..., Code] = generate,
+    ) -> None:
         self.functions = functions
         self.code = generate(g, functions, LAYOUT)
         self.engine = Engine([compile_object(self.code.ir, optimise=False)])
