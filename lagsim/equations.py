@@ -105,7 +105,7 @@ def derive(model: Model) -> Equations:
     momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
     M = _mass_matrix(g, momenta, rates)
     convective = tangent(g, momenta, flow.forward)
-    Q = _generalized_forces(g, model, positions, rates)
+    Q = _generalized_forces(g, model, flow)
     f = [
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
@@ -175,17 +175,17 @@ def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[
     return below
 
 
-def _generalized_forces(
-    g: Graph, model: Model, positions: Sequence[int], rates: Sequence[int]
-) -> list[int]:
+def _generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:
     """Give Q_j: virtual work of the forces, and -dF/dq' of the dissipation."""
-    Q = [g.zero] * len(positions)
+    Q = [g.zero] * len(flow.rates)
     for force in model.forces:
-        variables = positions if force.level is Level.POSITION else rates
-        for j, lever in enumerate(gradient(g, force.direction, variables)):
+        by_rates = force.level is not Level.POSITION
+        levers = flow.gradient(g, force.direction, by_rates=by_rates)
+        for j, lever in levers.entries.items():
             Q[j] = g.call("add", Q[j], g.call("mul", force.node, lever))
     if model.dissipation is not None:
-        for j, loss in enumerate(gradient(g, model.dissipation, rates)):
+        losses = flow.gradient(g, model.dissipation, by_rates=True)
+        for j, loss in losses.entries.items():
             Q[j] = g.call("sub", Q[j], loss)
     return Q
 

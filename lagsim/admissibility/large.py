@@ -29,7 +29,7 @@ MOST_ITERATIONS = 200
 # Columns that are solved for together.
 TOGETHER = 64
 # A step this small, against the values, is the last.
-LAST = 1e-13
+LAST = 1e-12
 
 
 def is_large(point: Point) -> bool:
@@ -64,8 +64,10 @@ def is_positive(point: Point, q: Floats, v: Floats) -> bool:
 
 
 def row_lengths(point: Point, q: Floats, v: Floats) -> Floats:
-    """Give the lengths (m,) of rows in the metric of M; nan where M is singular."""
+    """Give the lengths (m,) of rows in the metric of M; nan where M is not safe."""
     rows, n = point.e.rows, point.n
+    if not is_positive(point, q, v):
+        return np.full(len(rows), np.nan)
     A = matrix(point.jacobian_entries(rows, q, v), len(rows), n)
     return _lengths(matrix(point.mass_entries(q, v), n, n), A)
 
@@ -96,10 +98,11 @@ class SparseRows:
         A = matrix(point.jacobian_entries(rows, q, v, errors), m, n)
         self.smallest = 0.0
         self.weakest = np.zeros(m)
-        lengths = _lengths(M, A)
-        scale = lengths if usual is None else np.fmax(usual, lengths)
-        if np.all(lengths > 0) and is_positive(point, q, v):
-            self._weigh(M, A, scale)
+        if is_positive(point, q, v):
+            lengths = _lengths(M, A)
+            scale = lengths if usual is None else np.fmax(usual, lengths)
+            if np.all(scale > 0):
+                self._weigh(M, A, scale)
 
     def _weigh(self, M: Any, A: Any, scale: Floats) -> None:
         from scipy.sparse import bmat, diags
@@ -144,18 +147,16 @@ def nearest(relations: AtState, x0: Floats, M: Any) -> Found | None:
         x = x + step
         size = float(np.sqrt(x @ (M @ x)))
         if np.sqrt(step @ (M @ step)) <= LAST * size:
-            break
-    return Found(x, met=True) if relations.met(x, size * ulp) else None
+            met = relations.met(x, size * ulp)
+            return Found(x, met=True) if met else None
+    return None
 
 
 def _lengths(M: Any, A: Any) -> Floats:
     """Give the lengths (m,) of the rows of A."""
     if _is_diagonal(M):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.sqrt(A.multiply(A) @ (1.0 / M.diagonal())))
-    factors = _factored(M)
-    if factors is None:
-        return np.full(A.shape[0], np.nan)
+        return np.asarray(np.sqrt(A.multiply(A) @ (1.0 / M.diagonal())))
+    factors = _factored(M, symmetric=True)
     columns = A.T.tocsc()
     squares = []
     for k in range(0, A.shape[0], TOGETHER):
