@@ -33,6 +33,8 @@ WELL_CONDITIONED = 1e-2
 # Loops of so many multiplications take a millisecond: that is no reason to do without
 # their QR decomposition.
 CHEAP = 10**6
+# Code that fills in more entries of M and A than these compiles for long.
+MOST_ENTRIES = 10_000
 # A multiplication of a sparse elimination costs as much as these of a dense one.
 WORTH = 4
 # How many states tell how long the rows usually are, and how far around the start.
@@ -118,9 +120,11 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         )
     simulation = equations.model.simulation
     name = _method(simulation, scene, choices)
-    tape = elimination is not None and elimination.operations > BUDGET
     independence = start.ranks.generic_smallest
-    if elimination is not None and tape:
+    entries = len(equations.q) * (len(equations.q) + len(equations.rows))
+    tape = elimination is None and entries > MOST_ENTRIES
+    if elimination is not None and elimination.operations > BUDGET:
+        tape = True
         # As the run will see it: of long chains the smallest singular value is small.
         independence = _independence(equations, start, lengths, elimination)
     adaptive = bool(method(name).ADAPTIVE)
