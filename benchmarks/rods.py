@@ -52,6 +52,7 @@ def candidates(n):
     from lagsim.plan import make_plan
     from lagsim.reader import read
     from lagsim.system import System
+    from lagsim.system.runner import FUNCTION
 
     equations = derive(read(rod_chain(n, 1.0), "rods.yaml"))
     start = examine(equations)
@@ -66,12 +67,15 @@ def candidates(n):
     def timed(chosen):
         runner = System(equations, chosen).link(chosen.method)
         runner.prepare()
-        call = runner.function("derivative")
+        call = runner.engine.function("derivative", *FUNCTION)
+        out = np.zeros(len(y))
+        arrays = y, runner.system.p, out
 
         def seconds():
+            addresses = [array.ctypes.data for array in arrays]
             began, made = time.perf_counter(), 0
             while time.perf_counter() - began < SECONDS or made < 2:
-                call(0.0, y)
+                call(0.0, *addresses)
                 made += 1
             return (time.perf_counter() - began) / made
 
