@@ -61,8 +61,9 @@ class System:
         self.switches = find_switches(equations.graph, physics(equations), moving)
         # Rows show the expressions as written; the method sees the arc's branches.
         live = ("observe", "columns", "until")
+        modes = self.switches.modes
         nodes_of = {
-            name: nodes if name in live else self.switches.freeze(nodes)
+            name: nodes if name in live or not modes else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
         layout = self._layout()
