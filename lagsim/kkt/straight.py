@@ -7,7 +7,8 @@ by M = L D L^T, Z = L^-1 A^T, S = Z^T D^-1 Z = A M^-1 A^T and S = L D L^T again.
 is zero in M and A is never multiplied, each factorisation is made in an order that
 keeps fill small, and what depends on parameters alone is later computed only once
 (`graph_code`). What is too long to compile runs from a tape (`tape_code`): a chain of
-n rods in Cartesian coordinates takes O(n) operations. For regular M and rows; `dense` is for all else.
+n rods in Cartesian coordinates takes O(n) operations. For regular M and rows; `dense`
+is for all else.
 """
 
 from __future__ import annotations
