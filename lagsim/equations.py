@@ -105,7 +105,7 @@ def derive(model: Model) -> Equations:
     momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
     M = _mass_matrix(g, momenta, rates)
     convective = tangent(g, momenta, flow.forward)
-    Q = generalized_forces(g, model, positions, rates)
+    Q = generalized_forces(g, model, flow)
     f = [
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
@@ -142,6 +142,24 @@ def _mass_matrix(
 ) -> tuple[SparseVector, ...]:
     """Give d momenta / d rates: for each rate one sweep over what depends on it."""
     n = len(rates)
+    rows_of: dict[int, list[int]] = {}
+    for i, momentum in enumerate(momenta):
+        rows_of.setdefault(momentum, []).append(i)
+    M: list[dict[int, int]] = [{} for _ in range(n)]
+    below = _below(g, momenta, rates)
+    for j, v in enumerate(rates):
+        moving = {v: g.one}
+        for node in below[j]:
+            moving[node] = rate_of(g, node, moving)
+        for node in moving.keys() & rows_of.keys():
+            for i in rows_of[node]:
+                if i >= j:
+                    M[i][j] = M[j][i] = moving[node]
+    return tuple(SparseVector(g, n, row) for row in M)
+
+
+def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[int]]:
+    """Give for each rate what depends on it, in order of evaluation."""
     below: list[list[int]] = [[] for _ in rates]
     dependence: dict[int, int] = {v: 1 << j for j, v in enumerate(rates)}
     for node in g.cone(momenta):
@@ -154,32 +172,20 @@ def _mass_matrix(
                 j = (mask & -mask).bit_length() - 1
                 below[j].append(node)
                 mask &= mask - 1
-    rows_of: dict[int, list[int]] = {}
-    for i, momentum in enumerate(momenta):
-        rows_of.setdefault(momentum, []).append(i)
-    M: list[dict[int, int]] = [{} for _ in range(n)]
-    for j, v in enumerate(rates):
-        moving = {v: g.one}
-        for node in below[j]:
-            moving[node] = rate_of(g, node, moving)
-        for node in moving.keys() & rows_of.keys():
-            for i in rows_of[node]:
-                if i >= j:
-                    M[i][j] = M[j][i] = moving[node]
-    return tuple(SparseVector(g, n, row) for row in M)
+    return below
 
 
-def generalized_forces(
-    g: Graph, model: Model, positions: Sequence[int], rates: Sequence[int]
-) -> list[int]:
+def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:
     """Give Q_j: virtual work of the forces, and -dF/dq' of the dissipation."""
-    Q = [g.zero] * len(positions)
+    Q = [g.zero] * len(flow.rates)
     for force in model.forces:
-        variables = positions if force.level is Level.POSITION else rates
-        for j, lever in enumerate(gradient(g, force.direction, variables)):
+        by_rates = force.level is not Level.POSITION
+        levers = flow.gradient(g, force.direction, by_rates=by_rates)
+        for j, lever in levers.entries.items():
             Q[j] = g.call("add", Q[j], g.call("mul", force.node, lever))
     if model.dissipation is not None:
-        for j, loss in enumerate(gradient(g, model.dissipation, rates)):
+        losses = flow.gradient(g, model.dissipation, by_rates=True)
+        for j, loss in losses.entries.items():
             Q[j] = g.call("sub", Q[j], loss)
     return Q
 

@@ -7,17 +7,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.admissibility.large import is_large, row_lengths
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.admissibility.start import metric_of
 from lagsim.errors import InputError, Problem
+from lagsim.expressions.evaluate import evaluate
 from lagsim.kkt.series import MOST_OPERATIONS, series_length
-from lagsim.kkt.straight import Elimination, TooLongError
+from lagsim.kkt.straight import BUDGET, Elimination, TooLongError, dense_operations
 from lagsim.methods import method, names
 from lagsim.structure import structure
 from lagsim.switches import model_switches
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
     from lagsim.model import Simulation
@@ -29,6 +33,13 @@ DEFAULT_RTOL = 1e-11
 # Normal equations square the condition of the rows: below this the loops with their QR
 # decomposition take over (numerics: S loses half of the digits of lambda).
 WELL_CONDITIONED = 1e-2
+# Loops of so many multiplications take a millisecond: that is no reason to do without
+# their QR decomposition.
+CHEAP = 10**6
+# Code that fills in more entries of M and A than these compiles for long.
+MOST_ENTRIES = 10_000
+# A multiplication of a sparse elimination costs as much as these of a dense one.
+WORTH = 4
 # How many states tell how long the rows usually are, and how far around the start.
 AROUND = 4
 NEARBY = 0.1
@@ -55,10 +66,13 @@ class Plan:
         `none`, `projection` or `velocity projection`.
     elimination : Elimination or None
         The equations solved on the graph; None where loops solve them.
+    tape : bool
+        The model's functions are run from tapes, not compiled.
     rank : int
         Of the constraint rows, in general.
     independence : float
-        The smallest singular value of the scaled rows, in general.
+        The smallest singular value of the scaled rows, in general; with tapes, what
+        `Elimination.health` is at the start.
     set_aside : tuple of bool, length m
         The rows that others imply everywhere.
     lengths : tuple of float, length m
@@ -74,6 +88,7 @@ class Plan:
     method: str
     formulation: str
     elimination: Elimination | None
+    tape: bool
     rank: int
     independence: float
     set_aside: tuple[bool, ...]
@@ -101,7 +116,8 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     choices.append(Choice(f"mass matrix: {mass}", _mass_reason(equations, scene)))
     formulation = _formulation(equations, choices)
     switches = _switches(equations, choices)
-    elimination = None if loops else _elimination(equations, start, choices)
+    lengths = _usual_lengths(equations, start)
+    elimination = None if loops else _elimination(equations, start, lengths, choices)
     if loops:
         choices.append(
             Choice("solve: loops with QR", "the rows lost their independence")
@@ -114,6 +130,13 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     name = _method(simulation, scene, choices)
     if STRAIGHT_ONLY.intersection(method(name).NEEDS):
         name = _straight_method(name, equations, elimination, loops, choices)
+    independence = start.ranks.generic_smallest
+    entries = len(equations.q) * (len(equations.q) + len(equations.rows))
+    tape = elimination is None and entries > MOST_ENTRIES
+    if elimination is not None and elimination.operations > BUDGET:
+        tape = True
+        # As the run will see it: of long chains the smallest singular value is small.
+        independence = _independence(equations, start, lengths, elimination)
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -126,10 +149,11 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         method=name,
         formulation=formulation,
         elimination=elimination,
+        tape=tape,
         rank=start.ranks.generic_rank,
-        independence=start.ranks.generic_smallest,
+        independence=independence,
         set_aside=_set_aside(equations, start),
-        lengths=_usual_lengths(equations, start),
+        lengths=lengths,
         augmented=start.augmented,
         rtol=rtol,
         atol=atol,
@@ -164,6 +188,11 @@ def _usual_lengths(equations: Equations, start: Start) -> tuple[float, ...]:
         q, v = start.q, start.v
         if nearby:
             q, v = (_kicked(x, random) for x in (start.q, start.v))
+        if is_large(point):
+            found = row_lengths(point, q, v)
+            if np.all(np.isfinite(found)):
+                longest = np.fmax(longest, found)
+                continue
         M = point.mass(q, v)
         if np.all(np.isfinite(M)):
             metric = metric_of(M, range(len(q)))
@@ -207,7 +236,10 @@ def _formulation(equations: Equations, choices: list[Choice]) -> str:
 
 
 def _elimination(
-    equations: Equations, start: Start, choices: list[Choice]
+    equations: Equations,
+    start: Start,
+    lengths: Sequence[float],
+    choices: list[Choice],
 ) -> Elimination | None:
     if start.augmented:
         return None
@@ -215,19 +247,46 @@ def _elimination(
         reason = f"{len(equations.rows)} constraints have rank {start.ranks.rank}"
         choices.append(Choice("solve: loops with QR, least-norm lambda", reason))
         return None
-    if start.ranks.smallest < WELL_CONDITIONED:
-        reason = f"the rows are nearly dependent ({start.ranks.smallest:.1e})"
+    n, m = len(equations.q), len(equations.rows)
+    dense = dense_operations(n, m)
+    close = start.ranks.smallest < WELL_CONDITIONED
+    reason = f"the rows are nearly dependent ({start.ranks.smallest:.1e})"
+    if close and dense <= CHEAP:
         choices.append(Choice("solve: loops with QR", reason))
         return None
     try:
-        elimination = Elimination(equations)
+        elimination = Elimination(equations, max(BUDGET, dense // WORTH))
     except TooLongError:
-        choices.append(Choice("solve: loops", "straight-line code would be too long"))
+        text = f"elimination saves too little of their {dense} multiplications"
+        choices.append(Choice("solve: loops", text))
         return None
+    if close:
+        independence = _independence(equations, start, lengths, elimination)
+        if independence < WELL_CONDITIONED:
+            slow = f"{reason}, at the price of {dense} multiplications"
+            choices.append(Choice("solve: loops with QR", slow))
+            return None
     count = elimination.operations
     many = f"{count} multiplication{'s' * (count != 1)}"
-    choices.append(Choice("solve: straight-line code", many))
+    if count <= BUDGET:
+        choices.append(Choice("solve: straight-line code", many))
+    else:
+        reason = f"{many} on what is not zero; loops would make {dense}"
+        choices.append(Choice("solve: sparse elimination", reason))
     return elimination
+
+
+def _independence(
+    equations: Equations,
+    start: Start,
+    lengths: Sequence[float],
+    elimination: Elimination,
+) -> float:
+    """Give how independent the rows are at the start by the pivots of `elimination`."""
+    values = Point(equations).values(start.q, start.v)
+    for row, length in zip(equations.rows, lengths, strict=True):
+        values[f"length.{row.name}"] = length
+    return float(evaluate(equations.graph, [elimination.health()], values)[0])
 
 
 def _method(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from lagsim.kkt.straight import dense_operations
 from lagsim.methods import _state as at
 from lagsim.methods import method
 from lagsim.plan import DEFAULT_RTOL, STRAIGHT_ONLY, WELL_CONDITIONED, make_plan
@@ -32,8 +33,9 @@ if TYPE_CHECKING:
     from lagsim.plan import Choice, Plan
     from lagsim.simulate.switching import Switching
 
-# Rows in one block: a few hundred kilobytes.
+# Rows in one block: a few hundred kilobytes; fewer where there are many columns.
 BLOCK = 2048
+MOST_NUMBERS = 2**20
 # Steps between two looks at interrupts and progress: some tens of milliseconds.
 STEPS_PER_CALL = 4000
 MOST_STEPS = 100_000_000
@@ -51,6 +53,8 @@ MOST_RANK_EVENTS = 10_000
 SLIDING = "dop853"
 # Steps at the stability bound after which something may be done about it.
 AT_BOUND = 15
+# Beyond so many multiplications, about a second, the loops are not gone on with.
+MOST_DENSE = 10**9
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6
 
@@ -89,7 +93,8 @@ class Run:
         self.rows = 0
         self.use(system)
         self.state = self._fresh_state(np.concatenate([start.q, start.v]))
-        self.block = np.empty((BLOCK, 1 + system.size))
+        rows = max(1, min(BLOCK, MOST_NUMBERS // system.rows_observed))
+        self.block = np.empty((rows, 1 + system.size))
         self.switching: Switching | None = None
         if system.surfaces:
             from lagsim.simulate.switching import Switching
@@ -329,6 +334,16 @@ class Run:
     def _switch_to_loops(self) -> None:
         """Go on with the QR decomposition where the rows lose their independence."""
         end = float(self.state[at.END])
+        n, m = self.system.n, self.system.m
+        if dense_operations(n, m) > MOST_DENSE:
+            text = (
+                f"at t = {self.t:.9g} the constraints come close to dependent, and "
+                f"there are too many for a QR decomposition: from there on multipliers "
+                "may lose digits"
+            )
+            self.warnings.append(Caution("nearly-dependent", text))
+            self.state[at.DEGENERATE_BELOW] = 0.0
+            return
         text = (
             f"at t = {self.t:.9g} the constraints come close to dependent; from there "
             "on they are solved by a QR decomposition"

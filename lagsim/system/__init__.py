@@ -15,8 +15,9 @@ from lagsim.kkt import _layout
 from lagsim.kkt.series import motion_series
 from lagsim.methods import method
 from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
+from lagsim.native import graph_code, tape_code
 from lagsim.native.cache import kernel_object, object_code
-from lagsim.native.graph_code import Layout, generate
+from lagsim.native.graph_code import Layout
 from lagsim.system.columns import Columns
 from lagsim.system.functions import AFTER_FREEZING, functions
 from lagsim.system.runner import Runner
@@ -36,7 +37,7 @@ class System:
     ----------
     equations : Equations
     plan : Plan
-        The formulation decides between straight-line code and loops.
+        Decides between straight-line code, tapes, and loops.
 
     Attributes
     ----------
@@ -81,7 +82,11 @@ class System:
             rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
             nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
         layout = self._layout()
-        code = generate(equations.graph, nodes_of, layout, ("series",))
+        if plan.tape:
+            code = tape_code.generate(equations.graph, nodes_of, layout)
+        else:
+            contracted = ("series",)
+            code = graph_code.generate(equations.graph, nodes_of, layout, contracted)
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.constraints import Flow
 from lagsim.equations import generalized_forces
 from lagsim.expressions.derivatives import gradient
 from lagsim.kkt.linear import linear_form
@@ -169,7 +170,7 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     e, g, L = equations, equations.graph, equations.model.lagrangian
     positions = [g.variable(name) for name in e.q]
     rates = [g.variable(name) for name in e.velocities]
-    Q = generalized_forces(g, e.model, positions, rates)
+    Q = generalized_forces(g, e.model, Flow(g, e.q, e.velocities))
     dL_dq = gradient(g, L, positions)
     forces = [g.call("add", a, b) for a, b in zip(dL_dq, Q, strict=True)]
     M = [node for row in e.M for node in row]
