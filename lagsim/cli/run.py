@@ -178,7 +178,7 @@ class _Job:
 
         self.lap("import")
         model = read_file(path, overrides, options)
-        _refuse(model)
+        refuse(model)
         self.lap("read")
         equations = derive(model)
         start = examine(equations)
@@ -350,13 +350,13 @@ class _Job:
             say(summary(equations, document, folder, ledger.first_energy, bar))
 
 
-def _refuse(model: Model) -> None:
+def refuse(model: Model, command: str = "run") -> None:
     """Refuse what this version cannot run."""
     simulation = model.simulation
     problems = [
         Problem(
             "one-sided",
-            f"constraint `{c.name}` is one-sided, and `run` has no contact yet",
+            f"constraint `{c.name}` is one-sided, and `{command}` has no contact yet",
             c.relation.place,
             "`check` reads it; an equality `=` holds both ways",
         )
@@ -367,9 +367,9 @@ def _refuse(model: Model) -> None:
         problems.append(
             Problem(
                 "missing-key",
-                f"{model.file}: `run` needs to know how long: there is no "
+                f"{model.file}: `{command}` needs to know how long: there is no "
                 "`simulation.duration` (or `end`)",
-                hint="add it, or give --duration",
+                hint="add it, or give --duration" if command == "run" else "add it",
             )
         )
     else:
