@@ -14,6 +14,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.kkt.straight import Elimination, TooLongError
 from lagsim.methods import method, names
 from lagsim.structure import structure
+from lagsim.switches import model_switches
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
     from lagsim.structure import Structure
+    from lagsim.switches import Switches
 
 DEFAULT_RTOL = 1e-11
 # Normal equations square the condition of the rows: below this the loops with their QR
@@ -63,6 +65,7 @@ class Plan:
     rtol, atol, step : float or None
     mass_matrix : str
         `constant`, or what it depends on.
+    switches : Switches
     """
 
     method: str
@@ -77,6 +80,7 @@ class Plan:
     atol: float | None
     step: float | None
     mass_matrix: str
+    switches: Switches
     choices: tuple[Choice, ...]
 
 
@@ -93,6 +97,7 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     mass = _mass_matrix(scene)
     choices.append(Choice(f"mass matrix: {mass}", _mass_reason(equations, scene)))
     formulation = _formulation(equations, choices)
+    switches = _switches(equations, choices)
     elimination = None if loops else _elimination(equations, start, choices)
     if loops:
         choices.append(
@@ -125,8 +130,17 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         atol=atol,
         step=step,
         mass_matrix=mass,
+        switches=switches,
         choices=tuple(choices),
     )
+
+
+def _switches(equations: Equations, choices: list[Choice]) -> Switches:
+    found = model_switches(equations)
+    if found.sides:
+        reason = "forces step or bend there: each ends an arc, where it is met"
+        choices.append(Choice(f"switches: {len(found.sides)} located", reason))
+    return found
 
 
 def _set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:

@@ -72,6 +72,16 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
             out[2 * n] += power[1 + i] * motion[n + i]
 
 
+def field(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give y' (size,) and lambda (m,)."""
+    n = int(p[COUNT])
+    size = 2 * n + int(p[HAS_WORK])
+    derivative(t, y, p, out)
+    motion = at(p, int(p[MOTION]))
+    for i in range(int(p[ROWS])):
+        out[size + i] = motion[n + i]
+
+
 def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the columns of a row."""
     solve_motion(t, y, p)

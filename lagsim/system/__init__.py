@@ -13,12 +13,13 @@ import numpy as np
 
 from lagsim.kkt import _layout
 from lagsim.methods import method
+from lagsim.methods._interface import SIDE, SLIDES
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout, generate
-from lagsim.switches import find_switches
 from lagsim.system.columns import Columns
-from lagsim.system.functions import functions, physics
+from lagsim.system.functions import functions
 from lagsim.system.runner import Runner
+from lagsim.system.switching import surface_functions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -56,23 +57,29 @@ class System:
         self.size = 2 * self.n + self.has_work
         self.columns = Columns(equations)
         self.rows_observed = len(self.columns.nodes)
-        nodes_of = functions(equations, plan, self.columns, method(plan.method).NEEDS)
-        state = [*equations.q, *equations.velocities]
-        moving = [*state, "work", *equations.accelerations, *equations.multipliers]
-        self.switches = find_switches(equations.graph, physics(equations), moving)
+        self.switches = plan.switches
+        self.surfaces = len(self.switches.sides)
+        nodes_of = functions(
+            equations, plan, self.columns, method(plan.method).NEEDS,
+            switching=self.surfaces > 0,
+        )  # fmt: skip
         # Rows show the expressions as written; the method sees the arc's branches.
-        live = ("observe", "columns", "until")
+        shown = ("observe", "columns", "until")
         nodes_of = {
-            name: nodes if name in live else self.switches.freeze(nodes)
+            name: self.switches.shown(nodes)
+            if name in shown
+            else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
         self.operations = self._operations(nodes_of)
+        if self.surfaces:
+            nodes_of |= surface_functions(equations, self.switches)
         layout = self._layout()
         code = generate(equations.graph, nodes_of, layout)
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
-            plan.independence, 1.0, 1.0, self._weak(),
+            plan.independence, 1.0, 1.0, self._weak(), self.switching, self.surfaces,
         ]  # fmt: skip
         for row, length in zip(equations.rows, plan.lengths, strict=True):
             self.p[layout.p[f"length.{row.name}"]] = length
@@ -82,7 +89,15 @@ class System:
         self._runners: dict[str, Runner] = {}
         self.objects = [object_code(code.ir)]
         if plan.elimination is None:
-            self.objects.append(_loops(constrained=self.m > 0))
+            self.objects.append(_loops(self.m > 0, self.surfaces > 0))
+        if self.surfaces:
+            from lagsim.kkt import sliding
+
+            self.objects.append(
+                kernel_object(
+                    [sliding.derivative, sliding.observe, sliding.margins, sliding.pull]
+                )
+            )
 
     def _weak(self) -> int:
         """Give where loops note the weakest direction; 0 where none do."""
@@ -92,7 +107,8 @@ class System:
 
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
         if self.plan.elimination is not None:
-            return len(self.equations.graph.cone(nodes_of["derivative"]))
+            solved = nodes_of["field" if self.surfaces else "derivative"]
+            return len(self.equations.graph.cone(solved))
         # Cholesky's decomposition of M, L^-1 A^T and its QR decomposition.
         n, m = self.n, self.m
         loops = n * n * n // 6 + n * n * m // 2 + n * m * m
@@ -105,7 +121,13 @@ class System:
         fixed += [mode.variable for mode in self.switches.modes]
         fixed += [f"length.{row.name}" for row in e.rows]
         p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
-        self.motion = _layout.HEADER + len(fixed)
+        self.switching = _layout.HEADER + len(fixed)
+        kept = _layout.switching(self.n, self.m, self.size, self.surfaces)
+        for k, side in enumerate(self.switches.sides):
+            first = self.switching + 1 + k
+            p[side.variable] = first + SIDE * self.surfaces
+            p[side.sliding] = first + SLIDES * self.surfaces
+        self.motion = self.switching + kept
         motion = (*e.accelerations, *e.multipliers)
         p |= {name: self.motion + k for k, name in enumerate(motion)}
         loops = (
@@ -142,11 +164,13 @@ class System:
         return {name: known.get(name, unit) for name, unit in units.items()}
 
 
-def _loops(*, constrained: bool) -> bytes:
+def _loops(constrained: bool, switching: bool) -> bytes:
     """Give the object code of the solve by loops."""
     from lagsim.kkt import dense
 
     kernels: list[Callable[..., Any]] = [dense.derivative, dense.observe]
+    if switching:
+        kernels = [dense.field]
     if constrained:
         kernels += [dense.position_step, dense.velocity_step]
     return kernel_object(kernels)
