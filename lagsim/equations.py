@@ -105,7 +105,7 @@ def derive(model: Model) -> Equations:
     momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
     M = _mass_matrix(g, momenta, rates)
     convective = tangent(g, momenta, flow.forward)
-    Q = _generalized_forces(g, model, positions, rates)
+    Q = generalized_forces(g, model, positions, rates)
     f = [
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
@@ -169,7 +169,7 @@ def _mass_matrix(
     return tuple(SparseVector(g, n, row) for row in M)
 
 
-def _generalized_forces(
+def generalized_forces(
     g: Graph, model: Model, positions: Sequence[int], rates: Sequence[int]
 ) -> list[int]:
     """Give Q_j: virtual work of the forces, and -dF/dq' of the dissipation."""

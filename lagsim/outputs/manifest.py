@@ -45,7 +45,10 @@ def manifest(
         "rtol": plan.rtol,
         "atol": plan.atol,
         "step": plan.step,
-        "plan": [{"choice": c.choice, "reason": c.reason} for c in plan.choices],
+        "plan": [
+            {"choice": c.choice, "reason": c.reason}
+            for c in (*plan.choices, *trajectory.choices)
+        ],
         "outcome": trajectory.outcome.word,
         "complete": trajectory.outcome.complete,
         "reason": trajectory.reason,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -46,6 +46,16 @@ STUCK = 40
 MOST_EVENTS = 10_000
 
 
+class Rows(NamedTuple):
+    """What surfaces do at a state, as `kkt.sliding.surface_rows` gives it."""
+
+    residuals: Floats
+    rates: Floats
+    J: Floats
+    b: Floats
+    scales: Floats
+
+
 class Switching:
     """The surfaces of a run: which side each is on.
 
@@ -62,6 +72,9 @@ class Switching:
         self.sides: tuple[Side, ...] = system.switches.sides
         self.count = len(self.sides)
         self.of_velocities = [on_velocities(run.equations, s) for s in self.sides]
+        variables = {s.variable for s in self.sides}
+        nodes = system.switches.freeze([s.node for s in self.sides])
+        self.nested = bool(variables & run.equations.graph.depends(nodes))
         self.value = np.ones(self.count)
         self.slides = np.zeros(self.count, dtype=bool)
         self.recent: deque[tuple[float, int]] = deque(maxlen=STUCK)
@@ -94,12 +107,11 @@ class Switching:
             self._kept(kept.LOW)[k], self._kept(kept.HIGH)[k] = low, high
             self._kept(kept.LEAST)[k], self._kept(kept.MOST)[k] = least, most
 
-    def _rows(self) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """Give residuals, rates, J, b and scales of the surfaces."""
+    def _rows(self) -> Rows:
         run, K, n = self.run, self.count, self.run.system.n
         rows = run.runner.function("surface_rows", K * (n + 4))(run.t, run.y)
         J = rows[2 * K : 2 * K + K * n].reshape(K, n)
-        return rows[:K], rows[K : 2 * K], J, rows[-2 * K : -K], rows[-K:]
+        return Rows(rows[:K], rows[K : 2 * K], J, rows[-2 * K : -K], rows[-K:])
 
     def _field(self) -> Floats:
         """Give q'' with the sides as written."""
@@ -137,25 +149,26 @@ class Switching:
             held[met] = ABOVE if share > 0.5 else BELOW
         self.slides[:] = False
         on = set(at_rest) | ({met} if met is not None else set())
-        levels = self._find_sides(on)
-        open_, sizes = self._by_rates(levels, at_rest)
+        levels, rows, sizes = self._find_sides(on)
+        open_ = self._by_rates(levels, rows, at_rest)
         self._by_forces(open_, levels, held)
         self._write()
         self._set_slack(levels, sizes)
         self.run.runner.pull(self.run.t, self.run.y)
         self._record(before, met)
 
-    def _find_sides(self, on: set[int]) -> dict[int, float]:
+    def _find_sides(self, on: set[int]) -> tuple[dict[int, float], Rows, Floats]:
         """Set the sides that are clear; give the level of each surface it is on.
 
-        A surface may depend on others' sides.
+        And the rows and the sizes of the terms. A surface may depend on others' sides.
         """
         run = self.run
         levels: dict[int, float] = {}
-        for _ in range(self.count + 2):
+        for _ in range(self.count + 2 if self.nested else 1):
             self._write()
             values = run.runner.function("surfaces", self.count)(run.t, run.y)
-            sizes = self._sizes()
+            rows = self._rows()
+            sizes = self._sizes(rows)
             old = self.value.copy()
             for k, side in enumerate(self.sides):
                 level = float(np.round(values[k])) if side.whole else 0.0
@@ -167,34 +180,32 @@ class Switching:
                     self.value[k] = 1.0 if values[k] > 0.0 else -1.0
             if np.array_equal(old, self.value):
                 break
-        return levels
+        return levels, rows, sizes
 
-    def _sizes(self) -> Floats:
+    def _sizes(self, rows: Rows) -> Floats:
         """Give the size of the terms of each surface, with sizes seen so far."""
         run, n = self.run, self.run.system.n
-        _, _, J, _, scales = self._rows()
         seen = np.maximum(np.abs(run.y), run.sizes)
-        parts = [
-            seen[n : 2 * n] if moving else seen[:n] for moving in self.of_velocities
-        ]
-        terms = [np.abs(row) @ part for row, part in zip(J, parts, strict=True)]
-        return np.asarray(np.maximum(scales, np.array(terms)))
+        slopes = np.abs(rows.J)
+        velocities = slopes @ seen[n : 2 * n]
+        terms = np.where(self.of_velocities, velocities, slopes @ seen[:n])
+        return np.asarray(np.maximum(rows.scales, terms))
 
     def _by_rates(
-        self, levels: dict[int, float], at_rest: Collection[int]
-    ) -> tuple[list[int], Floats]:
+        self, levels: dict[int, float], rows: Rows, at_rest: Collection[int]
+    ) -> list[int]:
         """Decide what a surface's own rate decides; give the rest."""
         run, n = self.run, self.run.system.n
-        _, rates, J, _, _ = self._rows()
         seen = np.maximum(np.abs(run.y), run.sizes)[n : 2 * n]
         left = []
         for k, level in levels.items():
-            clear = ON * (np.abs(J[k]) @ seen)
-            if self.of_velocities[k] or k in at_rest or abs(rates[k]) <= clear:
+            rate = rows.rates[k]
+            clear = ON * (np.abs(rows.J[k]) @ seen)
+            if self.of_velocities[k] or k in at_rest or abs(rate) <= clear:
                 left.append(k)
             else:
-                self._put(k, level, ABOVE if rates[k] > 0.0 else BELOW)
-        return left, self._sizes()
+                self._put(k, level, ABOVE if rate > 0.0 else BELOW)
+        return left
 
     def _put(self, k: int, level: float, way: int) -> None:
         """Put surface k below or above its level, or along it."""
@@ -241,8 +252,8 @@ class Switching:
             for k, way in zip(open_, corner, strict=True):
                 self._put(k, levels[k], way)
             self._write()
-            _, _, J, b, _ = self._rows()
-            return J[open_], b[open_], self._field()
+            rows = self._rows()
+            return rows.J[open_], rows.b[open_], self._field()
 
         def rates(corner: tuple[int, ...]) -> Floats:
             J, b, a = terms(corner)
@@ -318,8 +329,9 @@ class Switching:
             return None
         self.reach = AHEAD if run.t != self.tried_at else self.reach * BACK
         self.tried_at = run.t
-        _, rates, J, b, _ = self._rows()
-        speeds = np.where(self.of_velocities, J @ self._field() - b, rates)
+        rows = self._rows()
+        forced = rows.J @ self._field() - rows.b
+        speeds = np.where(self.of_velocities, forced, rows.rates)
         values = run.runner.function("surfaces", self.count)(run.t, run.y)
         ends = np.where(speeds > 0, self._kept(kept.MOST), self._kept(kept.LEAST))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -328,7 +340,7 @@ class Switching:
         k = int(np.argmin(ahead))
         if not run.t + ahead[k] < end:
             return None
-        if abs(ends[k] - values[k]) <= 8.0 * ON * self._sizes()[k]:
+        if abs(ends[k] - values[k]) <= 8.0 * ON * self._sizes(rows)[k]:
             run.state[at.SWITCHED] = k + 1
         return float(run.t + self.reach * ahead[k])
 

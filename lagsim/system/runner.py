@@ -43,6 +43,7 @@ class Runner:
 
     def __init__(self, system: System, name: str) -> None:
         self.system = system
+        self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
         simulation = system.equations.model.simulation
         until = bool(simulation and simulation.until)
@@ -59,12 +60,21 @@ class Runner:
             ]
         )
         self._advance = self.engine.function("advance", *_ADVANCE)
+        if switches:
+            self._pull = self.engine.function("pull", *_PULL)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
 
     def function(
         self, name: str, length: int | None = None
     ) -> Callable[[float, Floats], Floats]:
         """Give one of the model's functions as (t, y) -> out (length,)."""
+        if (name, length) not in self._functions:
+            self._functions[name, length] = self._function(name, length)
+        return self._functions[name, length]
+
+    def _function(
+        self, name: str, length: int | None
+    ) -> Callable[[float, Floats], Floats]:
         call = self.engine.function(name, *FUNCTION)
         p, system = self.system.p, self.system
         if length is None:
@@ -84,8 +94,7 @@ class Runner:
 
     def pull(self, t: float, y: Floats) -> None:
         """Take y back, in place, onto the surfaces that the motion slides along."""
-        call = self.engine.function("pull", *_PULL)
-        call(t, y.ctypes.data, self.system.p.ctypes.data)
+        self._pull(t, y.ctypes.data, self.system.p.ctypes.data)
 
     def prepare(self) -> None:
         """Compute what depends on parameters and modes alone, before each arc.
@@ -97,7 +106,7 @@ class Runner:
         p[_layout.REFERENCE] = self.system.plan.independence
         p[_layout.HEALTH] = p[LEAST_HEALTH] = 1.0
         p[self.system.motion :] = 0.0
-        if self.system.plan.elimination is None:
+        if self.system.has_loops:
             lengths = self.system.motion + self.system.n + self.system.m
             p[lengths : lengths + self.system.m] = self.system.plan.lengths
             aside = lengths + self.system.m
