@@ -70,7 +70,7 @@ def predicted(
     found: dict[complex, float] = {}
     fastest_first = sorted(eigenvalues, key=lambda x: -abs(x))
     for eigenvalue in fastest_first:
-        size = abs(eigenvalue)
+        size = float(abs(eigenvalue))
         if size * span < SEEN:
             break
         if eigenvalue.real > SLACK * size:

@@ -46,11 +46,12 @@ OF_PERIOD = (0.02, 1.0)
 OF_RUN = (1e-4, 0.1)
 
 # Steps of a run: so many, or what the model lasts, within what all of it may cost.
-STEPS, MOST_STEPS, LEAST_STEPS = 20_000, 100_000, 500
-# Operations, worth about 10 s; of a step those of so many evaluations, and those of
-# its own and of its row.
-BUDGET = 1.5e10
-EVALUATIONS, OVERHEAD = 5, 600
+STEPS, MOST_STEPS, LEAST_STEPS = 10_000, 40_000, 400
+# Operations, worth about 10 s; a step and its row cost so many besides those of its
+# evaluations, which a few steps tell.
+BUDGET = 1e10
+OVERHEAD = 2000
+PILOT = 20
 
 
 @dataclass(frozen=True)
@@ -144,8 +145,8 @@ class Stability:
         The steps of the cells.
     values : list of float or None
         Of the parameter.
-    runs : tuple of int
-        The least and the largest number of steps of a run.
+    runs : dict
+        By method, the least and the largest number of steps of a run.
     """
 
     subject: Subject
@@ -154,7 +155,7 @@ class Stability:
     adaptive: tuple[str, ...]
     steps: list[float]
     values: list[float | None]
-    runs: tuple[int, int]
+    runs: dict[str, tuple[int, int]]
     cells: list[Cell] = field(default_factory=list)
     borders: list[Border] = field(default_factory=list)
     refused: list[Refused] = field(default_factory=list)
@@ -191,12 +192,7 @@ def measure(
         values = list(spaced(wish.between, wish.map[1]))
     steps = _steps(subject, fixed, wish)
     count = len(values) * len(fixed) * (len(steps) + SEARCH)
-    cost = EVALUATIONS * subject.evaluation() + OVERHEAD
-    affordable = int(BUDGET / (max(1, count) * cost))
-    runs = (
-        max(LEAST_STEPS, min(STEPS, affordable)),
-        max(LEAST_STEPS, min(MOST_STEPS, affordable)),
-    )
+    runs = {name: _runs(subject, name, steps, BUDGET / count) for name in fixed}
     found = Stability(
         subject, _rest(subject), fixed, adaptive, steps, values, runs, refused=refused
     )
@@ -279,8 +275,10 @@ class _Work:
         if self.pressed:
             return
         amplification = method_named(name).amplification
+        top = self.found.steps[-1]
+        span = top * self.length(subject, name, top)
         at_start, along = (
-            predicted(amplification, eigenvalues, self.span(subject, None))
+            predicted(amplification, eigenvalues, span)
             for eigenvalues in (subject.at_start, subject.along)
         )
         self.found.borders.append(Border(name, value, border, at_start, along, note))
@@ -309,19 +307,17 @@ class _Work:
     ) -> Cell:
         steps = 0
         if step is not None:
-            least, most = self.found.runs
-            steps = min(most, max(least, math.ceil(subject.span / step)))
+            steps = self.length(subject, name, step)
         try:
             return subject.run(name, step, steps, value)
         except InputError as fault:
             reason = fault.problems[0].text
             return Cell(name, step, value, FAILS, None, None, reason=reason)
 
-    def span(self, subject: Subject, step: float | None) -> float:
-        """Give how long runs are, with the smallest steps where none is said."""
-        least, most = self.found.runs
-        step = step or self.found.steps[0]
-        return step * min(most, max(least, math.ceil(subject.span / step)))
+    def length(self, subject: Subject, name: str, step: float) -> int:
+        """Give how many steps a run takes."""
+        least, most = self.found.runs[name]
+        return min(most, max(least, math.ceil(subject.span / step)))
 
     def _count(self, cells: int) -> None:
         self.done += cells
@@ -359,6 +355,22 @@ def _methods(
     if wish.methods is not None and problems:
         raise InputError(problems)
     return tuple(found[False]), tuple(found[True]), refused
+
+
+def _runs(
+    subject: Subject, name: str, steps: list[float], budget: float
+) -> tuple[int, int]:
+    """Give the least and the largest number of steps that a run may cost."""
+    pilot = subject.run(name, steps[len(steps) // 2], PILOT, None)
+    evaluations = (pilot.evaluations or PILOT) / PILOT
+    n = len(subject.equations.q)
+    solving = (2 * n) ** 3 if method_named(name).NEEDS not in ((), ("power",)) else 0
+    cost = evaluations * (subject.evaluation() + 50) + OVERHEAD + solving
+    affordable = int(budget / cost)
+    return (
+        max(LEAST_STEPS, min(STEPS, affordable)),
+        max(LEAST_STEPS, min(MOST_STEPS, affordable)),
+    )
 
 
 def spaced(between: tuple[float, float], count: int) -> Iterator[float]:

@@ -298,13 +298,13 @@ class _Watch:
             return (FAILS if outcome.complete else _lost(outcome)), None
         energy, ledger = energy / scale, (ledger - ledger[0]) / scale
         growth = _rate(t, ledger)
-        gone = max(abs(ledger[-1]), float(np.max(ledger))) > BEYOND
+        gone = float(np.max(np.abs(energy - energy[0]))) > BEYOND
         lost = not outcome.complete or count < len(known)
         if self.residual > BROKEN and not gone:
             return BREAKS, growth
         if lost or gone:
             return (DIVERGES if gone else _lost(outcome)), growth
-        return _trend(energy, ledger), growth
+        return _trend(energy, ledger, works=self._work is not None), growth
 
 
 def _lost(outcome: Outcome) -> str:
@@ -326,24 +326,26 @@ def _rate(t: Floats, ledger: Floats) -> float | None:
     return math.log(left) / middle if middle > 0.0 else None
 
 
-def _trend(energy: Floats, ledger: Floats) -> str:
+def _trend(energy: Floats, ledger: Floats, *, works: bool) -> str:
     """Tell whether what is not explained has changed the energy.
 
     A change lifts or lowers the whole last part of a run past its first value. Where
-    the energy itself no longer rises it does not grow: the work of a damper, summed up
-    with a method of low order, explains no more than about what was there.
+    something does work the energy itself must go the same way: the work, summed up with
+    the order of the method, explains a long run no more than roughly.
     """
     count = len(ledger)
     last = ledger[-max(1, int(count * LAST)) :]
     low, high = float(np.min(last)), float(np.max(last))
     bound = CHANGE * (1.0 - LAST) + HIDDEN * (high - low)
+    late = energy[-len(last) :]
+    level = float(np.mean(late))
     if high < -bound:
-        return DECAYS
+        return DECAYS if not works or level < energy[0] - bound else HOLDS
     if low <= bound:
         return HOLDS
-    late = energy[-len(last) :]
     begin, end = (int(count * part) for part in MIDDLE)
     before = energy[begin : max(end, begin + 1)]
     varies = min(float(np.ptp(late)), float(np.ptp(before)))
-    rise = float(np.mean(late) - np.mean(before))
-    return GROWS if rise > 0.25 * CHANGE + HIDDEN * varies else HOLDS
+    rise = level - float(np.mean(before))
+    rises = rise > 0.25 * CHANGE + HIDDEN * varies
+    return GROWS if not works or rises else HOLDS
