@@ -42,8 +42,10 @@ from lagsim.methods._state import (
     ROW_START,
     ROW_STEP,
     SIZE,
+    SMALLEST_STEP,
     STEP_H,
     STEP_T,
+    STEPS,
     STIFF,
     SWITCH_FOUND,
     SWITCHED,
@@ -62,6 +64,8 @@ SWITCHES = True
 
 # A step is looked at this often for the moment that ends the run.
 LOOKS = 8
+# By then the first steps, which are guessed, have grown to what the motion needs.
+SETTLING = 10.0
 NOWHERE = -1
 
 
@@ -88,6 +92,7 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
         code = step(s, p)
         if code != DONE:
             return code
+        record_step(s)
         inspect(s, p)
         if CONSTRAINED and watch(s, p) > 0:
             return RANK_LOST
@@ -106,6 +111,14 @@ def arrived(s: Floats, p: Floats) -> int:
     if CONSTRAINED and s[HEALTH] < s[DEGENERATE_BELOW]:
         return DEGENERATE
     return NOWHERE
+
+
+def record_step(s: Floats) -> None:
+    """Note the smallest step; what an end cuts short does not count."""
+    h = s[STEP_H]
+    if s[STEPS] > SETTLING and s[T] < s[END]:
+        if s[SMALLEST_STEP] == 0.0 or h < s[SMALLEST_STEP]:
+            s[SMALLEST_STEP] = h
 
 
 def inspect(s: Floats, p: Floats) -> None:

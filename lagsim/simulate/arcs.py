@@ -187,6 +187,7 @@ class Run:
                 int(state[at.REJECTIONS]),
                 evaluations,
                 self._factorisations(evaluations),
+                float(state[at.SMALLEST_STEP]) or None,
             ),
             events=tuple(self.events),
             warnings=tuple(self.warnings),
