@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods._interface import (
+    inertias,
     interpolate,
     observe,
     pull,
@@ -34,6 +35,8 @@ from lagsim.methods._state import (
     FRESH,
     HEADER,
     HEALTH,
+    INERTIAS,
+    INERTIAS_AT,
     ORIENTATION,
     PAUSED,
     RANK_LOST,
@@ -129,6 +132,26 @@ def inspect(s: Floats, p: Floats) -> None:
             pull(s[T], at(s, HEADER), p)
     if UNTIL:
         locate(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+    if s[INERTIAS] > 0.0:
+        note_inertias(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+
+
+def note_inertias(s: Floats, p: Floats, now: Floats) -> None:
+    """Note how large and how small each inertia is, and when it is smallest.
+
+    Where one vanishes beside its usual size, a coordinate loses its meaning. Steps get
+    short there, so that the ends of steps come as close as the motion does.
+    """
+    count = int(s[INERTIAS])
+    largest = at(s, int(s[INERTIAS_AT]))
+    smallest = at(largest, count)
+    when = at(smallest, count)
+    inertias(s[T], at(s, HEADER), p, now)
+    for i in range(count):
+        largest[i] = max(largest[i], now[i])
+        if now[i] < smallest[i]:
+            smallest[i] = now[i]
+            when[i] = s[T]
 
 
 def take_cut(s: Floats, p: Floats) -> None:

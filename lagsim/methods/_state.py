@@ -5,7 +5,7 @@ progress, interrupted and resumed at no cost.
 
 After the header lie, for a state of `size` components: y (size), their largest sizes
 (size), tolerances (size), what `measure` gave (size + 2), work (2 size + 4), and from
-HEADER + 6 size + 6 on whatever the method needs.
+HEADER + 6 size + 6 on whatever the method needs; last what `note_inertias` follows.
 """
 
 from __future__ import annotations
@@ -54,7 +54,9 @@ AT_BOUND = 40  # steps held by stability ...
 OFF_BOUND = 41  # ... since when so many were not
 ASK_AT = 42  # at so many the kernel returns; 0: never
 SMALLEST_STEP = 43  # once the first steps have found their size; 0: none yet
-HEADER = 44
+INERTIAS = 44  # how many are followed, whether they vanish on the way ...
+INERTIAS_AT = 45  # ... and where: the largest, the smallest and its time, of each
+HEADER = 46
 
 # The spectral radius of the methods that have it, unless another is asked for.
 USUAL_RADIUS = 0.8

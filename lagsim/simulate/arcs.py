@@ -17,6 +17,7 @@ from lagsim.kkt.straight import dense_operations
 from lagsim.methods import _state as at
 from lagsim.methods import method
 from lagsim.plan import DEFAULT_RTOL, STRAIGHT_ONLY, WELL_CONDITIONED, make_plan
+from lagsim.simulate.coordinates import converted, follow, singularity_caution
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
 from lagsim.system import System
@@ -121,7 +122,7 @@ class Run:
         if simulation.until is not None:
             state[at.EQUATION] = simulation.until.sense.value == "="
         state[at.HEADER : at.HEADER + len(y)] = y
-        return state
+        return follow(state, system)
 
     def _state_size(self) -> int:
         system = self.system
@@ -176,6 +177,7 @@ class Run:
         self._last_row()
         state = self.state
         evaluations = int(state[at.EVALUATIONS])
+        self.warnings += singularity_caution(self)
         return Trajectory(
             outcome=outcome,
             reason=reason_of(self, outcome),
@@ -365,14 +367,10 @@ class Run:
         if not STRAIGHT_ONLY.intersection(method(name).NEEDS):
             self.plan = replace(self.plan, method=name)
         self.use(System(self.equations, self.plan))
-        size = self.system.size
-        common = self.state[: at.HEADER + 6 * size + 6]
-        self.state = np.zeros(self._state_size())
-        self.state[: len(common)] = common
+        self.state = converted(self.state, self._state_size(), self.system)
         self._set_tolerances(self.state)
         self._set_watch(self.state)
         self._set_branches(end)
-        self.state[at.FRESH] = 1.0
 
     def _note_rank_loss(self) -> None:
         """Record a loss of rank on the way, with the constraints in it."""

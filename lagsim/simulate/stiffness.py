@@ -18,6 +18,7 @@ import numpy as np
 from lagsim.methods import _state as at
 from lagsim.methods import method
 from lagsim.plan import Choice
+from lagsim.simulate.coordinates import converted
 from lagsim.system import System
 from lagsim.trajectory import Caution
 
@@ -162,11 +163,7 @@ def _operations(equations: Equations) -> float:
 
 def _converted(run: Run, system: System) -> Floats:
     """Give the state of the run as the stiff method's, at the start of an arc."""
-    state = np.zeros(method(STIFF).state_size(system.size))
-    common = at.HEADER + 6 * system.size + 6
-    state[:common] = run.state[:common]
-    state[at.FRESH] = 1.0
-    return state
+    return converted(run.state, method(STIFF).state_size(system.size), system)
 
 
 def _switch(run: Run, system: System, fast: Fast, gained: float) -> None:

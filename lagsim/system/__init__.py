@@ -19,7 +19,7 @@ from lagsim.native import graph_code, tape_code
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout
 from lagsim.system.columns import Columns
-from lagsim.system.functions import AFTER_FREEZING, functions
+from lagsim.system.functions import AFTER_FREEZING, functions, varying_inertias
 from lagsim.system.runner import Runner
 from lagsim.system.switching import surface_functions
 
@@ -45,6 +45,8 @@ class System:
         Components of y.
     p : ndarray
         Parameters, modes, and working memory.
+    inertias : tuple of str
+        The coordinates whose inertia varies with positions.
     objects : list of bytes
         Object code of the model's functions.
     operations : int
@@ -57,6 +59,7 @@ class System:
         self.n, self.m = len(equations.q), len(equations.rows)
         self.has_work = equations.power is not None
         self.size = 2 * self.n + self.has_work
+        self.inertias = tuple(varying_inertias(equations, plan))
         self.columns = Columns(equations)
         self.rows_observed = len(self.columns.nodes)
         needs = method(plan.method).NEEDS

@@ -41,6 +41,7 @@ def functions(
     found = {
         "measure": [equations.kinetic_form, rest, *diagonal, _driven(equations)],
     }
+    found["inertias"] = list(varying_inertias(equations, plan).values())
     simulation = equations.model.simulation
     if simulation and simulation.until:
         found["until"] = [simulation.until.node]
@@ -52,6 +53,23 @@ def functions(
         if need != AFTER_FREEZING:
             found |= NEEDED[need](equations, plan)
     return found
+
+
+def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
+    """Give the inertias that vary with positions, as coordinate -> node.
+
+    They are the pivots of M where it is solved on the graph, which see that a
+    coordinate can be replaced by others (Euler angles at theta = 0); else its diagonal.
+    """
+    g, positions = equations.graph, frozenset(equations.q)
+    if plan.elimination is None:
+        found = {i: equations.M[i][i] for i in range(len(equations.q))}
+    else:
+        found = {i: node for i, (node, _) in plan.elimination.mass.pivots.items()}
+    return {
+        equations.q[i]: found[i] for i in sorted(found)
+        if g.depends([found[i]]) & positions
+    }  # fmt: skip
 
 
 def _solved(
