@@ -1,0 +1,233 @@
+"""Expressions in the form that a person would write, as far as a budget goes.
+
+Several forms of an expression are made: as it is, and written out as sums of products
+(with more or fewer of its sums kept whole), where sines and cosines are drawn together
+and what belongs together is collected. The shortest is taken, by the number of symbols
+and operations in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+import sympy as sp
+
+from lagsim.derivation.terms import (
+    ONE,
+    CutError,
+    Meter,
+    Monomial,
+    Terms,
+    add_to,
+    contract,
+    expression,
+    times,
+    written_out,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+# Products of terms, and looks at pairs of them, for one form of one expression. An
+# equation of a ten-link chain takes some thousands.
+BUDGET = 40_000
+
+
+@dataclass(frozen=True)
+class Roles:
+    """What the symbols of a model are.
+
+    Attributes
+    ----------
+    constants
+        Parameters, and definitions of parameters only.
+    moving
+        Velocities, accelerations, multipliers: what terms are sorted by.
+    """
+
+    constants: frozenset[Any]
+    moving: frozenset[Any]
+
+
+@dataclass
+class Tidier:
+    """Tidies expressions of one model.
+
+    Attributes
+    ----------
+    cut : bool
+        Some expression was left longer than it might have been: the budget was spent.
+    """
+
+    roles: Roles
+    budget: int = BUDGET
+    cut: bool = False
+    _known: dict[tuple[Any, bool], Any] = field(default_factory=dict)
+
+    def __call__(self, e: Any, *, factored: bool = False) -> Any:
+        """Give the shortest form of `e`.
+
+        Parameters
+        ----------
+        e
+            A sympy expression.
+        factored
+            Also try to draw a common factor out of the whole.
+        """
+        if e.is_Atom:
+            return e
+        key = e, factored
+        if key not in self._known:
+            self._known[key] = self._shortest(e, factored=factored)
+        return self._known[key]
+
+    def is_zero(self, e: Any) -> bool:
+        """Tell whether `e` is seen to vanish identically."""
+        return bool(self(e) == 0)
+
+    def _shortest(self, e: Any, *, factored: bool) -> Any:
+        if isinstance(e, sp.Piecewise):
+            return self._piecewise(e)
+        if e.is_Relational or e.is_Boolean:
+            return e
+        forms = [e]
+        for whole in (self._still, self._plain, _none):
+            terms = self._terms(e, whole)
+            if terms is None:
+                continue
+            forms.append(self._collected(terms))
+            if factored:
+                forms.append(self._factored(terms))
+        return min(forms, key=cost)  # the first of equals
+
+    def _piecewise(self, e: Any) -> Any:
+        return sp.Piecewise(*((self(x), c) for x, c in e.args), evaluate=False)
+
+    def _terms(self, e: Any, whole: Callable[[Any], bool]) -> Terms | None:
+        meter = Meter(self.budget)
+        try:
+            terms = written_out(e, whole, self._inner, meter)
+            contract(terms, meter)
+        except CutError:
+            self.cut = True
+            return None
+        return terms
+
+    def _inner(self, e: Any) -> Any:
+        """Tidy the arguments of a function, or a sum under a power."""
+        if e.is_Add:
+            return self(e)
+        if isinstance(e, sp.Piecewise):
+            return self._piecewise(e)
+        if e.is_Function:
+            return e.func(*(self(a) for a in e.args))
+        if e.is_Pow:
+            return self(e.base) ** e.exp
+        return e
+
+    # Which sums stay whole
+
+    def _still(self, e: Any) -> bool:
+        """Tell whether a sum has nothing that moves."""
+        return not e.free_symbols & self.roles.moving
+
+    def _plain(self, e: Any) -> bool:
+        """Tell whether a sum has nothing that moves, and no angles in it."""
+        return self._still(e) and not e.has(sp.sin, sp.cos)
+
+    # Putting terms together
+
+    def _collected(self, terms: Terms) -> Any:
+        """Give the sum of `terms`, those with the same velocities together."""
+        groups: dict[Monomial, Terms] = {}
+        for monomial, number in terms.items():
+            outer = self._part(monomial, self._moves)
+            rest = times(monomial, _inverse(outer))
+            add_to(groups.setdefault(outer, {}), rest, number)
+        return sp.Add(
+            *(
+                self._product(outer, rest) if outer else self._sum(rest)
+                for outer, rest in groups.items()
+            )
+        )
+
+    def _factored(self, terms: Terms) -> Any:
+        """Give the same with the factors that all terms have in common before it."""
+        common, rest = _common(terms)
+        return sp.Mul(expression(common), self._collected(rest))
+
+    def _product(self, outer: Monomial, terms: Terms) -> Any:
+        """Give outer * terms, with what is common to them drawn out if shorter."""
+        direct = sp.Mul(expression(outer), self._sum(terms))
+        common, rest = _common(terms)
+        drawn = sp.Mul(expression(times(outer, common)), self._sum(rest))
+        return min(direct, drawn, key=cost)
+
+    def _sum(self, terms: Terms) -> Any:
+        """Give the sum, the parameters of terms that differ in them only together."""
+        groups: dict[Monomial, Terms] = {}
+        for monomial, number in terms.items():
+            outer = self._part(monomial, self._varies)
+            rest = times(monomial, _inverse(outer))
+            add_to(groups.setdefault(outer, {}), rest, number)
+        parts = []
+        for outer, constants in groups.items():
+            common, rest = _common(constants)
+            total = sp.Add(*(x * expression(m) for m, x in rest.items()))
+            factors = [b**k for b, k in times(outer, common)]
+            parts.append(sp.Mul(*factors, total))
+        return sp.Add(*parts)
+
+    def _part(self, monomial: Monomial, belongs: Callable[[Any], bool]) -> Monomial:
+        return frozenset((x, k) for x, k in monomial if belongs(x))
+
+    def _moves(self, base: Any) -> bool:
+        return base in self.roles.moving
+
+    def _varies(self, base: Any) -> bool:
+        return not base.free_symbols <= self.roles.constants
+
+
+def _none(_: Any) -> bool:
+    return False
+
+
+def _inverse(monomial: Monomial) -> Monomial:
+    return frozenset((x, -k) for x, k in monomial)
+
+
+def _common(terms: Terms) -> tuple[Monomial, Terms]:
+    """Give what all terms have in common, their number apart, and the rest."""
+    if len(terms) < 2:
+        return ONE, terms
+    exponents = [dict(m) for m in terms]
+    bases = reduce(lambda a, b: a | b, (e.keys() for e in exponents))
+    common: Mapping[Any, Any] = {
+        x: k for x in bases if (k := min(e.get(x, 0) for e in exponents)) != 0
+    }
+    numbers = [sp.Rational(x) for x in terms.values()]
+    content = reduce(sp.gcd, numbers)
+    shared = frozenset(common.items())
+    rest = {
+        times(m, _inverse(shared)): x / content
+        for m, x in zip(terms, numbers, strict=True)
+    }
+    if all(x < 0 for x in rest.values()):
+        content, rest = -content, {m: -x for m, x in rest.items()}
+    if content != 1:
+        shared = shared | {(content, sp.S.One)}
+    return shared, rest
+
+
+def cost(e: Any) -> int:
+    """Give the number of symbols, functions and operations in an expression."""
+    total, stack = 0, [e]
+    while stack:
+        x = stack.pop()
+        total += 1
+        if x.is_Add or x.is_Mul:
+            total += len(x.args) - 1
+        stack.extend(x.args)
+    return total
