@@ -36,7 +36,8 @@ DOTS = ("", "dot", "ddot")
 class Name:
     """What a symbol shows: a name, how often it is differentiated, and what it is.
 
-    `kind` is "" for a name of the file, "multiplier" for that of a constraint.
+    `kind` is "" for a name of the file, "multiplier" for that of a constraint, and
+    "unconstrained" for the acceleration of a coordinate without constraints.
     """
 
     base: str
@@ -71,6 +72,8 @@ class Typeset:
         """Give what stands for `name`."""
         if name.kind == "multiplier":
             return self.multiplier(name.base)
+        if name.kind == "unconstrained":
+            return self.unconstrained(self.show(Name(name.base)))
         base, below = self._shown.get(name.base) or self.split(name.base)
         return self.joined(base, below, name.order)
 
@@ -93,6 +96,10 @@ class Typeset:
     def multiplier(self, constraint: str) -> str:
         """Give the multiplier of a constraint."""
         raise NotImplementedError
+
+    def unconstrained(self, shown: str) -> str:
+        """Give the acceleration without constraints of a coordinate."""
+        return f"a_{shown}"
 
 
 class ModelNames(Typeset):
@@ -167,6 +174,10 @@ class LatexNames(Typeset):
     def multiplier(self, constraint: str) -> str:
         """Give lambda with the constraint as an upright subscript."""
         return r"\lambda_{\mathrm{" + _escaped(constraint) + "}}"
+
+    def unconstrained(self, shown: str) -> str:
+        """Give the acceleration without constraints of a coordinate."""
+        return f"a_{{{shown}}}"
 
     def _word(self, word: str) -> str:
         name = _OF_LETTER.get(word, word)

@@ -101,10 +101,10 @@ class Inverse:
 
 def quotient(x: Translation, over: Any, under: Any) -> Any:
     """Give a tidy fraction."""
-    over, under = x.tidy(over, factored=True), x.tidy(under, factored=True)
-    if under.is_Add:
-        return over / under
-    return x.tidy(over / under, factored=True)
+    whole = x.tidy.one_fraction(under)
+    if any(part.is_Add for part in sp.Mul.make_args(whole)):
+        return x.tidy.one_fraction(over) / whole
+    return x.tidy(over / whole, factored=True)
 
 
 def inverted(x: Translation, M: Matrix) -> Inverse | None:

@@ -83,6 +83,11 @@ class Tidier:
             self._known[key] = self._shortest(e, factored=factored)
         return self._known[key]
 
+    def one_fraction(self, e: Any) -> Any:
+        """Give `e` as one product, over what its terms have below the line together."""
+        terms = self._terms(e, self._plain)
+        return e if terms is None else self._factored(terms)
+
     def is_zero(self, e: Any) -> bool:
         """Tell whether `e` is seen to vanish identically."""
         return bool(self(e) == 0)

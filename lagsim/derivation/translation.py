@@ -195,6 +195,11 @@ class Translation:
         rank = {s: (k, i) for k, group in enumerate(groups) for i, s in enumerate(group)}
         return names, rank
 
+    @property
+    def own_names(self) -> list[str]:
+        """The names that symbols show, once each, in the order of the file."""
+        return list(dict.fromkeys(n.base for n in self.names.values() if not n.kind))
+
     # Expressions
 
     def sympy(self, nodes: Iterable[int | None]) -> list[Any]:

@@ -252,7 +252,7 @@ class Writer:
         _, index = min(ranks, default=(0, 0))
         if base.is_Add:
             last = max(ranks, default=(0, 0))[0]
-            return (0 if last == 0 else 2.5), index, *key
+            return (0 if last == 0 else last + 0.5), index, *key
         return 6, index, *key
 
     # Powers and functions
