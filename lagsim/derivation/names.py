@@ -119,6 +119,13 @@ class ModelNames(Typeset):
         """Give `lambda_c`."""
         return f"lambda_{constraint}"
 
+    def unconstrained(self, shown: str) -> str:
+        """Give `a_q`, or what is like it and no name of the file."""
+        name = f"a_{shown}"
+        while name in self._shown:
+            name += "_"
+        return name
+
 
 class UnicodeNames(Typeset):
     """Greek letters, subscripts, and dots above."""
