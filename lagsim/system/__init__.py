@@ -21,7 +21,7 @@ from lagsim.system.functions import functions, physics
 from lagsim.system.runner import Runner
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.equations import Equations
     from lagsim.plan import Plan
@@ -44,6 +44,8 @@ class System:
         Parameters, modes, and working memory.
     objects : list of bytes
         Object code of the model's functions.
+    operations : int
+        About how many one evaluation of y' takes.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -64,6 +66,7 @@ class System:
             name: nodes if name in live else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
+        self.operations = self._operations(nodes_of)
         layout = self._layout()
         code = generate(equations.graph, nodes_of, layout)
         self.p = np.zeros(code.p_size)
@@ -86,6 +89,14 @@ class System:
         if self.plan.elimination is not None:
             return 0
         return self.motion + _layout.weak_direction(self.n, self.m)
+
+    def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+        if self.plan.elimination is not None:
+            return len(self.equations.graph.cone(nodes_of["derivative"]))
+        # Cholesky's decomposition of M, L^-1 A^T and its QR decomposition.
+        n, m = self.n, self.m
+        loops = n * n * n // 6 + n * n * m // 2 + n * m * m
+        return len(self.equations.graph.cone(nodes_of["dynamics"])) + loops
 
     def _layout(self) -> Layout:
         e = self.equations

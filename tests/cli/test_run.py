@@ -141,7 +141,7 @@ def test_run_json_has_the_keys_of_the_contract(lagsim, write):
     assert (document["outcome"], document["complete"]) == ("done", True)
     assert (document["start"], document["end"], document["rows"]) == (0.0, 1.0, 21)
     assert all(c["choice"] and c["reason"] for c in document["plan"])
-    assert document["timings"].keys() == LAPS
+    assert document["timings"].keys() == {*LAPS, "error_bar"}
     assert all(seconds >= 0 for seconds in document["timings"].values())
     assert document["columns"]["theta_ddot"] == "rad/s^2"
     assert document["columns"]["u_dot"] == "m/s"
