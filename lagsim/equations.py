@@ -71,6 +71,11 @@ class Equations:
         """The names of the variables lambda."""
         return tuple(f"lambda_{row.name}" for row in self.rows)
 
+    @property
+    def unconstrained(self) -> tuple[str, ...]:
+        """The names of the columns of M^-1 f, the accelerations without constraints."""
+        return tuple(f"gauss.a_{q}" for q in self.q)
+
     def constraint_forces(self) -> list[int]:
         """Give Qc = A^T lambda, with the multipliers as variables."""
         g = self.graph

@@ -86,8 +86,10 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     Raises
     ------
     InputError
-        Where the method asked for is not known.
+        Where the method asked for is not known, or `output.gauss` has no meaning.
     """
+    if equations.model.output.gauss and start.augmented:
+        raise InputError([_no_unconstrained_acceleration()])
     choices: list[Choice] = []
     scene = structure(equations)
     mass = _mass_matrix(scene)
@@ -126,6 +128,15 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         step=step,
         mass_matrix=mass,
         choices=tuple(choices),
+    )
+
+
+def _no_unconstrained_acceleration() -> Problem:
+    return Problem(
+        "singular-mass",
+        "`output.gauss` asks for the accelerations without constraints, M^-1 f, and "
+        "the mass matrix of this model is singular: the constraints complete it",
+        hint="leave `gauss` out, or give every coordinate some mass",
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lagsim.equations import Equations
 
 
-class Format(str, Enum):
+class Format(StrEnum):
     """What can be written."""
 
     text = "text"

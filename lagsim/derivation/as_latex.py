@@ -120,7 +120,9 @@ class _Latex:
         self.title("Generalized forces by virtual work")
         coordinates = [line.coordinate for line in c.lines]
         for force in c.forces:
-            text = f"The force ${self.write(force.force)}$ works on ${self.show(force.on)}"
+            text = (
+                f"The force ${self.write(force.force)}$ works on ${self.show(force.on)}"
+            )
             if force.on not in coordinates:
                 text += f" = {self.write(force.direction)}"
             self.parts.append(text + "$.\n")
@@ -159,7 +161,9 @@ class _Latex:
     def _matrix_form(self) -> None:
         c = self.c
         self.title("Matrix form")
-        held = r" + \mathbf{A}^{\mathsf{T}} \boldsymbol{\lambda}" if c.constraints else ""
+        held = (
+            r" + \mathbf{A}^{\mathsf{T}} \boldsymbol{\lambda}" if c.constraints else ""
+        )
         also = r", \qquad \mathbf{A} \ddot{\mathbf{q}} = \mathbf{b}"
         also = also if c.constraints else ""
         self.parts.append(
@@ -266,18 +270,20 @@ class _Latex:
     def _named(self, item: Conserved) -> tuple[str, str]:
         names = ", ".join(f"${self.show(q)}$" for q in item.of)
         below = self.show(item.of[0]) if item.of else ""
+        rate = rf"\partial {self.L} / \partial {below}"
+        function = (
+            rf"\sum \dot{{q}} \, \partial {self.L} / \partial \dot{{q}} - {self.L}"
+        )
         return {
             "energy": (f"{self.T} + {self.V}", f"Energy ({_plain(item.why)})"),
             "energy function": (
                 self.h,
-                rf"Energy function $\sum \dot{{q}} \, \partial {self.L} / \partial "
-                rf"\dot{{q}} - {self.L}$ ({_plain(item.why)})",
+                rf"Energy function ${function}$ ({_plain(item.why)})",
             ),
             "momentum": (f"p_{{{below}}}", f"Momentum of the ignorable {names}"),
             "shifted momentum": (
                 rf"\mathrm{{const}}_{{{below}}}",
-                f"Momentum of {names} less a function whose rate is "
-                rf"$\partial {self.L} / \partial {below}$",
+                rf"Momentum of {names} less a function of the rate ${rate}$",
             ),
             "total momentum": (r"\mathrm{const}", f"Total momentum of {names}"),
             "angular momentum": (r"\mathrm{const}", f"Angular momentum of {names}"),
@@ -343,7 +349,9 @@ def _lines(left: str, terms: list[tuple[str, str]]) -> list[str]:
     return [*lines, line.rstrip()]
 
 
-_COMMAND = re.compile(r"\\(?:frac|left|right|mathrm|mathit|text|operatorname|dot|ddot|,)")
+_COMMAND = re.compile(
+    r"\\(?:frac|left|right|mathrm|mathit|text|operatorname|dot|ddot|,)"
+)
 _LETTER = re.compile(r"\\[A-Za-z]+")
 
 
@@ -360,4 +368,6 @@ def _plain(text: str) -> str:
 
 def _roman(name: str) -> str:
     r"""Give the name of a constraint for subscripts."""
-    return rf"\mathrm{{{_plain(name)}}}" if name.isascii() else rf"\text{{{_plain(name)}}}"
+    return (
+        rf"\mathrm{{{_plain(name)}}}" if name.isascii() else rf"\text{{{_plain(name)}}}"
+    )

@@ -11,6 +11,8 @@ import keyword
 import re
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from lagsim.constraints import constraint_row
 from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
 
@@ -41,12 +43,8 @@ CODE |= {
     name: f"{f}({{0}}, {{1}})" if name in ("hypot", "atan2") else f"{f}({{0}})"
     for name, f in _FUNCTIONS.items()
 }
-_TAKEN = frozenset(
-    (
-        *keyword.kwlist, "np", "t", "q", "q_dot", "out", "COORDINATES", "CONSTRAINTS",
-        "ONE_SIDED", "PARAMETERS",
-    )  # fmt: skip
-)
+_OWN = ("np", "t", "q", "q_dot", "out", "COORDINATES", "CONSTRAINTS", "ONE_SIDED")
+_TAKEN = frozenset((*keyword.kwlist, *_OWN, "PARAMETERS"))
 _HEAD = '''"""Equations of motion of {name}, written by lagsim {version}.
 
 M q'' = f + A^T lambda,  A q'' = b,  Qc = A^T lambda.
@@ -118,8 +116,8 @@ def _function(
         lines.append('    with np.errstate(all="ignore"):')
         lines += [f"        {step}" for step in steps]
         for (k, _), value in zip(filled, values, strict=True):
-            at = f"{k}" if len(shape) == 1 else f"{k // shape[1]}, {k % shape[1]}"
-            lines.append(f"        out[{at}] = {value}")
+            index = ", ".join(map(str, np.unravel_index(k, shape)))
+            lines.append(f"        out[{index}] = {value}")
     lines.append("    return out")
     return "\n".join(lines) + "\n"
 
@@ -147,11 +145,9 @@ class _Steps:
         for n in self.cone:
             for a in g.args[n]:
                 uses[a] += 1
-        lines: list[str] = []
         used: set[str] = set()
-        for n in self.cone:
-            if g.ops[n] == VARIABLE:
-                lines.append(self._input(n, used))
+        inputs = [n for n in self.cone if g.ops[n] == VARIABLE]
+        lines = [self._input(n, used) for n in inputs]
         prefix = "z"
         while any(name.startswith(prefix) for name in used):
             prefix += "_"
@@ -196,5 +192,5 @@ _ATOM = re.compile(r"[\w.]+(\([^()]*\))?\Z")
 
 
 def _is_atom(text: str) -> bool:
-    """Tell whether text binds tightly: a name, a number, a call with plain arguments."""
+    """Tell whether text binds tightly: a name, a number, a call of plain arguments."""
     return bool(_ATOM.match(text)) or (text[0] == "(" and ")" not in text[:-1])

@@ -86,7 +86,9 @@ class _Text:
         """Write left = right, broken before a sign where it is too long."""
         self.broken(f"  {left} = ", self.write.terms(right), unit)
 
-    def broken(self, head: str, terms: Sequence[tuple[str, str]], tail: str = "") -> None:
+    def broken(
+        self, head: str, terms: Sequence[tuple[str, str]], tail: str = ""
+    ) -> None:
         style = self.write.style
         line = head
         for k, (sign, text) in enumerate(terms):
@@ -279,7 +281,9 @@ class _Text:
             "total momentum": f"a shift of {names} does not change {self.L}",
             "angular momentum": f"a turn of {names} does not change {self.L}",
         }[item.kind]
-        return why + (f"; the file calls it {item.definition}" if item.definition else "")
+        return why + (
+            f"; the file calls it {item.definition}" if item.definition else ""
+        )
 
     def _gauss(self) -> None:
         principle, words = self.c.gauss, self.words
@@ -313,4 +317,3 @@ class _Text:
 def _width(text: str) -> int:
     """Give how many columns a text takes; dots above take none."""
     return sum(not unicodedata.combining(c) for c in text)
-

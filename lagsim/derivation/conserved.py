@@ -210,7 +210,9 @@ def _rows(
         v = np.array([at[name] for name in e.velocities])
         slope, momentum = flat[:n], flat[n : 2 * n]
         A = flat[2 * n :].reshape(m, n)
-        rows.append(_change(slope, q, shifts, turns) + _turned(momentum, v, len(shifts), turns))
+        rows.append(
+            _change(slope, q, shifts, turns) + _turned(momentum, v, len(shifts), turns)
+        )
         rows += [_change(a, q, shifts, turns) for a in A]
     if len(rows) < wanted * (1 + m):
         return None
@@ -302,7 +304,7 @@ def _holds(
     turns: Sequence[tuple[int, int]],
     vector: Sequence[int],
 ) -> bool:
-    """Tell whether forces and constraints respect the symmetry, as is seen by algebra."""
+    """Tell whether forces and constraints are seen to respect the symmetry."""
     change = _generator(x, x.q, shifts, turns, vector)
     along = [[line.terms["Q"] for line in lines], *(c.A for c in constraints)]
     return all(

@@ -13,18 +13,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-_SMALL = (
-    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi "
-    "rho sigma tau upsilon phi chi psi omega"
-).split()
-_LETTERS = "αβγδεζηθικλμνξοπρστυφχψω"
-GREEK = dict(zip(_SMALL, _LETTERS, strict=True))
+GREEK = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ",
+    "eta": "η", "theta": "θ", "iota": "ι", "kappa": "κ", "lambda": "λ", "mu": "μ",
+    "nu": "ν", "xi": "ξ", "omicron": "ο", "pi": "π", "rho": "ρ", "sigma": "σ",
+    "tau": "τ", "upsilon": "υ", "phi": "φ", "chi": "χ", "psi": "ψ", "omega": "ω",
+}  # fmt: skip
 GREEK |= {name.capitalize(): letter.upper() for name, letter in GREEK.items()}
 _OF_LETTER = {letter: name for name, letter in GREEK.items()}
-# Capitals that look like Latin ones have no command of their own.
-_COMMANDS = frozenset(_SMALL) - {"omicron"} | frozenset(
-    "Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega".split()
-)
+# Letters that look like Latin ones have no command of their own.
+_LATIN = {
+    "omicron": "o", "Alpha": "A", "Beta": "B", "Epsilon": "E", "Zeta": "Z", "Eta": "H",
+    "Iota": "I", "Kappa": "K", "Mu": "M", "Nu": "N", "Omicron": "O", "Rho": "P",
+    "Tau": "T", "Chi": "X",
+}  # fmt: skip
 _LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _PARTS = re.compile(r"([^\W\d_]+)_?([0-9]*)((?:_\w+)?)\Z")
 _ESCAPED = {"_": r"\_"}
@@ -189,7 +191,8 @@ class LatexNames(Typeset):
     def _word(self, word: str) -> str:
         name = _OF_LETTER.get(word, word)
         if name in GREEK:
-            return f"\\{name}" if name in _COMMANDS else _latin(name)
+            latin = _LATIN.get(name)
+            return rf"\mathrm{{{latin}}}" if latin else f"\\{name}"
         if len(word) == 1 and word.isascii():
             return word
         return rf"\mathit{{{word}}}" if word.isascii() else rf"\text{{{word}}}"
@@ -201,14 +204,6 @@ class LatexNames(Typeset):
         return self._word(name) if len(part) == 1 or name in GREEK else (
             rf"\mathrm{{{part}}}" if part.isascii() else rf"\text{{{part}}}"
         )  # fmt: skip
-
-
-def _latin(name: str) -> str:
-    """Give a Greek letter that looks like a Latin one."""
-    letter = "o" if name == "omicron" else {"Eta": "H", "Rho": "P", "Chi": "X"}.get(
-        name, name[0]
-    )  # fmt: skip
-    return rf"\mathrm{{{letter}}}"
 
 
 def _escaped(name: str) -> str:

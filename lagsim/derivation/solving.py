@@ -69,7 +69,8 @@ def _closed(
     if inverse is None:
         return None
     right = [
-        fj + sp.Add(*(c.A[j] * s for c, s in zip(constraints, x.multipliers, strict=True)))
+        fj
+        + sp.Add(*(c.A[j] * s for c, s in zip(constraints, x.multipliers, strict=True)))
         for j, fj in enumerate(f)
     ]
     accelerations = tuple(inverse.times(right))
@@ -149,7 +150,9 @@ def multipliers_of(
     if small is None:
         return None
     free = inverse.times(f)
-    return small.times([x.tidy(c.b - dot(c.A, free), factored=True) for c in constraints])
+    return small.times(
+        [x.tidy(c.b - dot(c.A, free), factored=True) for c in constraints]
+    )
 
 
 def gram(
@@ -182,9 +185,9 @@ def _stepwise(
         notes.append("contacts come and go; the accelerations hold their multipliers")
         return None
     elimination = Elimination(e)
-    known: dict[int, Any] = {g.variable(p): None for p in ()}
-    for i, row in enumerate(e.M):
-        known |= {node: M[i][j] for j, node in enumerate(row)}
+    known = dict(x.known)
+    for entries, values in zip(e.M, M, strict=True):
+        known |= dict(zip(entries, values, strict=True))
     known |= dict(zip(e.f, f, strict=True))
     for row, c in zip(e.rows, constraints, strict=True):
         known |= dict(zip(row.A, c.A, strict=True)) | {row.b: c.b}
@@ -212,10 +215,9 @@ def _steps(
     prefix = _free_letter(x)
     steps: list[tuple[Any, Any]] = []
     for n in sorted(seen):
-        if n in known:
-            continue
-        known[n] = to_sympy(g, [n], known=known, twins=TWINS, number=number)[0]
-        if uses[n] > 1 and n not in wanted and not known[n].is_Atom:
+        if n not in known:
+            known[n] = to_sympy(g, [n], known=known, twins=TWINS, number=number)[0]
+        if uses[n] > 1 and n not in wanted and cost(known[n]) > 2:
             s = symbol(f"{prefix}{len(steps) + 1}")
             x.names[s] = Name(s.name)
             x.rank[s] = 1, len(x.rank)

@@ -1,8 +1,8 @@
-"""How expressions look in plain text and in LaTeX; `Style` itself is the model language."""
+"""How expressions look in plain text and in LaTeX; `Style` is the model language."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from lagsim.derivation.writer import ATOM, POWER, PRODUCT, Piece, Style
 
@@ -17,7 +17,7 @@ class UnicodeStyle(Style):
 
     between = " "
     minus, negative = " − ", "−"
-    comparisons = {"<": "<", "<=": "≤", ">": ">", ">=": "≥"}
+    comparisons: ClassVar = {"<": "<", "<=": "≤", ">": ">", ">=": "≥"}
 
     def whole(self, x: int) -> str:
         """Give a whole number that is not negative."""
@@ -54,9 +54,7 @@ class UnicodeStyle(Style):
         return self.raised(value, Piece(str(exponent), ATOM))
 
 
-_COMMANDS = frozenset(
-    "sin cos tan sinh cosh tanh exp min max".split()
-)
+_COMMANDS = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "min", "max")
 _SPECIAL = {
     "asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan", "log": r"\ln",
     "log10": r"\log_{10}", "sign": r"\operatorname{sgn}",
@@ -72,8 +70,8 @@ class LatexStyle(Style):
     """Mathematics of LaTeX, with amsmath."""
 
     between = r" \, "
-    comparisons = {"<": "<", "<=": r"\le", ">": ">", ">=": r"\ge"}
-    joins = {
+    comparisons: ClassVar = {"<": "<", "<=": r"\le", ">": ">", ">=": r"\ge"}
+    joins: ClassVar = {
         "and": r" \text{ and } ", "or": r" \text{ or } ", "not": r"\text{not } ",
     }  # fmt: skip
 
@@ -112,11 +110,9 @@ class LatexStyle(Style):
         inside = ", ".join(a.text for a in args)
         if name in _BRACKETS or name == "cbrt":
             left, right = _BRACKETS.get(name, (r"\sqrt[3]{", "}"))
-            value = Piece(left + inside + right, ATOM)
-            return value if exponent == 1 else self.raised(
-                Piece(value.text, PRODUCT if name == "cbrt" else ATOM),
-                Piece(str(exponent), ATOM),
-            )  # fmt: skip
+            whole = Piece(left + inside + right, ATOM)
+            power = Piece(str(exponent), ATOM)
+            return whole if exponent == 1 else self.raised(whole, power)
         command = _SPECIAL.get(name) or (
             f"\\{name}" if name in _COMMANDS else rf"\operatorname{{{name}}}"
         )

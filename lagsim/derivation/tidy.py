@@ -179,8 +179,8 @@ class Tidier:
             add_to(groups.setdefault(outer, {}), rest, number)
         parts = []
         for outer, constants in groups.items():
-            common, rest = _common(constants)
-            total = sp.Add(*(x * expression(m) for m, x in rest.items()))
+            common, inner = _common(constants)
+            total = sp.Add(*(x * expression(m) for m, x in inner.items()))
             factors = [b**k for b, k in times(outer, common)]
             parts.append(sp.Mul(*factors, total))
         return sp.Add(*parts)
@@ -208,7 +208,7 @@ def _common(terms: Terms) -> tuple[Monomial, Terms]:
     if len(terms) < 2:
         return ONE, terms
     exponents = [dict(m) for m in terms]
-    bases = reduce(lambda a, b: a | b, (e.keys() for e in exponents))
+    bases = {x: None for e in exponents for x in e}
     common: Mapping[Any, Any] = {
         x: k for x in bases if (k := min(e.get(x, 0) for e in exponents)) != 0
     }

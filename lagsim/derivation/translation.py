@@ -65,6 +65,8 @@ class Translation:
     ----------
     q, v, a, multipliers : list of Symbol
     t : Symbol
+    known : dict
+        What stands for nodes of the graph: names of definitions, numbers.
     kept : list of Kept
         In an order in which each needs earlier ones only.
     names : dict
@@ -84,11 +86,9 @@ class Translation:
         self.multipliers = [symbol(f"lambda_{c.name}") for c in model.constraints]
         physics = self._physics()
         refuse_endless(g, physics)
-        self._known: dict[int, Any] = {}
+        self.known: dict[int, Any] = {}
         if substitute:
-            self._known = {
-                g.variable(p.name): number(p.value) for p in model.parameters
-            }
+            self.known = {g.variable(p.name): number(p.value) for p in model.parameters}
         self.kept = self._keep(physics, substitute=substitute)
         self._slopes = {
             (k.symbol, x): slope for k in self.kept for x, slope in self._slopes_of(k)
@@ -138,17 +138,17 @@ class Translation:
         kept = []
         for n, name in sorted(wanted.items()):
             kept.append(Kept(name, symbol(name), self._value(n)))
-            self._known[n] = symbol(name)
+            self.known[n] = symbol(name)
         return kept
 
     def _value(self, node: int) -> Any:
         return to_sympy(
-            self.g, [node], known=self._known, twins=TWINS, number=number
+            self.g, [node], known=self.known, twins=TWINS, number=number
         )[0]  # fmt: skip
 
     def _slopes_of(self, kept: Kept) -> list[tuple[Any, Any]]:
         g = self.g
-        node = next(n for n, x in self._known.items() if x == kept.symbol)
+        node = next(n for n, x in self.known.items() if x == kept.symbol)
         # The slope with respect to all that moves, through other definitions too.
         variables = [*self.q, self.t]
         slopes = gradient(g, node, [g.variable(x.name) for x in variables])
@@ -182,17 +182,21 @@ class Translation:
         names |= {k.symbol: Name(k.name) for k in self.kept}
         names[self.t] = Name("t")
         for order, group in enumerate((self.q, self.v, self.a)):
-            names |= {s: Name(q.name, order) for s, q in zip(group, self.q, strict=True)}
+            names |= {
+                s: Name(q.name, order) for s, q in zip(group, self.q, strict=True)
+            }
         constraints = self.equations.model.constraints
         names |= {
             s: Name(c.name, 0, "multiplier")
             for s, c in zip(self.multipliers, constraints, strict=True)
         }
         kept = [k.symbol for k in self.kept]
-        groups = [
-            _as_people_order(self.equations.model.parameters), kept, [self.t, *self.q], self.v, self.a, self.multipliers
-        ]  # fmt: skip
-        rank = {s: (k, i) for k, group in enumerate(groups) for i, s in enumerate(group)}
+        parameters = _as_people_order(self.equations.model.parameters)
+        positions = [self.t, *self.q]
+        groups = [parameters, kept, positions, self.v, self.a, self.multipliers]
+        rank = {
+            s: (k, i) for k, group in enumerate(groups) for i, s in enumerate(group)
+        }
         return names, rank
 
     @property

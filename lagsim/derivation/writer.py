@@ -8,7 +8,7 @@ style says how each operation looks.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import sympy as sp
 
@@ -51,8 +51,8 @@ class Style:
 
     between = "*"
     plus, minus, negative = " + ", " - ", "-"
-    comparisons: Mapping[str, str] = _COMPARED
-    joins: Mapping[str, str] = {"and": " and ", "or": " or ", "not": "not "}
+    comparisons: ClassVar[Mapping[str, str]] = _COMPARED
+    joins: ClassVar[Mapping[str, str]] = {"and": " and ", "or": " or ", "not": "not "}
 
     def __init__(self, names: Typeset, digits: int | None = None) -> None:
         self.names = names
@@ -90,7 +90,9 @@ class Style:
         """Give a function's value, or a power of it."""
         inside = ", ".join(a.text for a in args)
         value = Piece(f"{name}({inside})", ATOM)
-        return value if exponent == 1 else self.raised(value, Piece(str(exponent), ATOM))
+        return (
+            value if exponent == 1 else self.raised(value, Piece(str(exponent), ATOM))
+        )
 
     def choice(self, cases: Sequence[tuple[str, str]], otherwise: str) -> Piece:
         """Give one of several values, by conditions."""
@@ -285,9 +287,7 @@ class Writer:
     # Conditions
 
     def _choice(self, e: Any) -> Piece:
-        *cases, (last, condition) = e.args
-        if condition != sp.true:  # sympy has seen that nothing is left over
-            cases, last = list(e.args)[:-1], last
+        *cases, (last, _) = e.args
         shown = [(self(x), self._condition(c)) for x, c in cases]
         return self.style.choice(shown, self(last))
 

@@ -9,15 +9,21 @@ EXPECTED = 5  # the rank that the rows have in general
 REFERENCE = 6  # the largest health so far: what is small is small against it
 HEALTH = 7  # size of the last independent column, now
 # 8 and 9: LEAST_HEALTH and WEAK, see methods._interface.
-HEADER = 10
+HAS_ACTION = 10
+HEADER = 11
 
 
 def workspace(n: int, m: int) -> int:
     """Give the length from MOTION on.
 
     q'', lambda, the rows' largest lengths, which rows are set aside, terms, L, Y, u, v,
-    what `per_row` has, and the weakest direction.
+    what `per_row` has, the weakest direction, and M^-1 f.
     """
+    return unconstrained(n, m) + n
+
+
+def unconstrained(n: int, m: int) -> int:
+    """Give where M^-1 f (n,) lies, from MOTION on."""
     return weak_direction(n, m) + 3 * n
 
 

@@ -187,6 +187,11 @@ class Elimination:
         """Give q'' (n,) and lambda (m,)."""
         return self._motion
 
+    def unconstrained(self) -> list[int]:
+        """Give M^-1 f (n,)."""
+        x = self.mass.backward(self.f)
+        return [x.get(j, self.g.zero) for j in range(self.n)]
+
     def _solve(self) -> tuple[list[int], list[int]]:
         g = self.g
         right = {

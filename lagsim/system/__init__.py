@@ -16,7 +16,7 @@ from lagsim.methods import method
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout, generate
 from lagsim.switches import find_switches
-from lagsim.system.columns import Columns
+from lagsim.system.columns import ACTION, Columns
 from lagsim.system.functions import functions, physics
 from lagsim.system.runner import Runner
 
@@ -53,7 +53,8 @@ class System:
         self.plan = plan
         self.n, self.m = len(equations.q), len(equations.rows)
         self.has_work = equations.power is not None
-        self.size = 2 * self.n + self.has_work
+        self.has_action = equations.model.output.action
+        self.size = 2 * self.n + self.has_work + self.has_action
         self.columns = Columns(equations)
         self.rows_observed = len(self.columns.nodes)
         nodes_of = functions(equations, plan, self.columns, method(plan.method).NEEDS)
@@ -72,7 +73,7 @@ class System:
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
-            plan.independence, 1.0, 1.0, self._weak(),
+            plan.independence, 1.0, 1.0, self._weak(), self.has_action,
         ]  # fmt: skip
         for row, length in zip(equations.rows, plan.lengths, strict=True):
             self.p[layout.p[f"length.{row.name}"]] = length
@@ -100,7 +101,9 @@ class System:
 
     def _layout(self) -> Layout:
         e = self.equations
-        state = (*e.q, *e.velocities, "work")
+        state = [*e.q, *e.velocities]
+        state += ["work"] if self.has_work else []
+        state += [ACTION] if self.has_action else []
         fixed = [p.name for p in e.model.parameters]
         fixed += [mode.variable for mode in self.switches.modes]
         fixed += [f"length.{row.name}" for row in e.rows]
@@ -108,9 +111,11 @@ class System:
         self.motion = _layout.HEADER + len(fixed)
         motion = (*e.accelerations, *e.multipliers)
         p |= {name: self.motion + k for k, name in enumerate(motion)}
-        loops = (
-            _layout.workspace(self.n, self.m) if self.plan.elimination is None else 0
-        )
+        loops = 0
+        if self.plan.elimination is None:
+            loops = _layout.workspace(self.n, self.m)
+            free = self.motion + _layout.unconstrained(self.n, self.m)
+            p |= {name: free + k for k, name in enumerate(e.unconstrained)}
         return Layout(
             y={name: k for k, name in enumerate(state)},
             p=p,
@@ -137,6 +142,8 @@ class System:
                 units[c.name] = c.unit
                 units[f"{c.name}_dot"] = f"{c.unit}/s"
                 units[f"{c.name}_ddot"] = f"{c.unit}/s^2"
+                if model.output.gauss:
+                    units[f"gauss.a_{c.name}"] = f"{c.unit}/s^2"
         units["t"] = "s"
         known = {d.name: d.unit for d in model.definitions}
         return {name: known.get(name, unit) for name, unit in units.items()}

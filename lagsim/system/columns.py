@@ -8,6 +8,9 @@ if TYPE_CHECKING:
     from lagsim.equations import Equations
 
 
+ACTION = "action.S"
+
+
 class Columns:
     """What is computed for each row: the columns of the table, then what plots need.
 
@@ -38,6 +41,7 @@ class Columns:
         names = [f"Qc_{q}" for q in equations.q]
         nodes.update(zip(names, forces, strict=False))
         nodes.update((f"residual_{row.name}", row.residual) for row in equations.rows)
+        nodes |= _optional(equations)
         self.table = len(nodes)
         nodes.update(
             (f"scale.{row.name}", row.residual_scale) for row in equations.rows
@@ -57,3 +61,23 @@ class Columns:
     def names(self) -> tuple[str, ...]:
         """All names, in order."""
         return tuple(self.nodes)
+
+
+def _optional(equations: Equations) -> dict[str, int]:
+    """Give the columns that `output.gauss` and `output.action` ask for."""
+    e, g = equations, equations.graph
+    nodes: dict[str, int] = {}
+    if e.model.output.gauss:
+        free = [g.variable(name) for name in e.unconstrained]
+        nodes.update(zip(e.unconstrained, free, strict=True))
+        # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least.
+        apart = [
+            g.call("sub", g.variable(name), a)
+            for name, a in zip(e.accelerations, free, strict=True)
+        ]
+        rows = [g.product_sum(zip(row, apart, strict=True)) for row in e.M]
+        square = g.product_sum(zip(apart, rows, strict=True))
+        nodes["gauss.G"] = g.call("mul", g.constant(0.5), square)
+    if e.model.output.action:
+        nodes[ACTION] = g.variable(ACTION)
+    return nodes

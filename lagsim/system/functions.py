@@ -45,6 +45,7 @@ def physics(equations: Equations) -> list[int]:
     nodes = [node for row in equations.M for node in row]
     nodes += [*equations.f, equations.energy]
     nodes += [] if equations.power is None else [equations.power]
+    nodes += _action(equations)
     for row in equations.rows:
         nodes += [row.residual, row.rate, *row.A, row.b, row.transport]
     return nodes
@@ -59,9 +60,17 @@ def _solved(equations: Equations, plan: Plan, columns: Columns) -> dict[str, lis
     velocities = [g.variable(v) for v in e.velocities]
     power = [e.power] if e.power is not None else []
     found = {
-        "derivative": [*velocities, *accelerations, *g.substitute(power, new)],
+        "derivative": [
+            *velocities,
+            *accelerations,
+            *g.substitute(power, new),
+            *_action(e),
+        ],
     }
     new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
+    if e.model.output.gauss:
+        free = elimination.unconstrained()
+        new |= dict(zip(map(g.variable, e.unconstrained), free, strict=True))
     found["observe"] = g.substitute(columns.nodes.values(), new)
     if e.rows:
         held, moving, worst_held, worst_moving = _residuals(e)
@@ -81,13 +90,19 @@ def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
     none = {g.variable(v): g.zero for v in e.multipliers}
     dynamics = [
         *M, *A, *e.f, *(r.b for r in e.rows),
-        *g.substitute([power], none), *(r.transport for r in e.rows),
+        *g.substitute([power], none), *(r.transport for r in e.rows), *_action(e),
     ]  # fmt: skip
     found = {"dynamics": dynamics, "columns": list(columns.nodes.values())}
     if e.rows:
         held, moving, worst_held, worst_moving = _residuals(e)
         found["geometry"] = [*M, *A, *held, *moving, worst_held, worst_moving]
     return found
+
+
+def _action(equations: Equations) -> list[int]:
+    """Give L, the rate of the action, where that is asked for."""
+    model = equations.model
+    return [model.lagrangian] if model.output.action else []
 
 
 def _driven(equations: Equations) -> int:
