@@ -37,6 +37,13 @@ def same(found: Any, expected: Any) -> bool:
     return bool(sp.simplify(sp.expand(found - expected)) == 0)
 
 
+def alike(found: Any, expected: Any) -> bool:
+    """Compare with 60 digits at a point where all symbols differ; quick for quotients."""
+    e = sp.Add(found, -expected)
+    at = {x: sp.Rational(7 + 3 * k, 11) for k, x in enumerate(sorted(e.free_symbols, key=str))}
+    return bool(abs(e.subs(at).evalf(60)) < 1e-50)
+
+
 @pytest.mark.parametrize("name", PENDULUM)
 @pytest.mark.parametrize(("j", "expected"), [(0, THETA), (1, U)])
 def test_34_to_39_term_by_term(name: str, j: int, expected: dict[str, Any]) -> None:
@@ -132,13 +139,13 @@ def test_70_to_73_gauss() -> None:
     forces = gain * (A * a - b)
     # 70: [M A^T; A 0] [q''; -lambda] = [f; b], whose solution they must be.
     accelerations = a + mass.inv() * forces
-    assert all(same(e, 0) for e in A * accelerations - b)
+    assert all(alike(e, 0) for e in A * accelerations - b)
     (lam,) = c.solution.multipliers
     for j in range(2):
-        assert same(c.gauss.a[j], a[j])
-        assert same(c.gauss.K[j][0], gain[j])
+        assert alike(c.gauss.a[j], a[j])
+        assert alike(c.gauss.K[j][0], gain[j])
         free = {s.__getattr__(f"a.{q.name}"): x for q, x in zip((th, u), a, strict=True)}
-        assert same(c.gauss.Qc[j].subs(free), forces[j])
-        assert same(c.gauss.Qc[j].subs(free), A[j] * lam)
+        assert alike(c.gauss.Qc[j].subs(free), forces[j])
+        assert alike(c.gauss.Qc[j].subs(free), A[j] * lam)
         found = c.solution.accelerations[j].subs(s.lambda_path, lam)
-        assert same(found, accelerations[j])
+        assert alike(found, accelerations[j])
