@@ -281,6 +281,8 @@ class _Text:
             "total momentum": f"a shift of {names} does not change {self.L}",
             "angular momentum": f"a turn of {names} does not change {self.L}",
         }[item.kind]
+        # The file may have an L of its own.
+        why = why.replace(": L ", f": {self.L} ")
         return why + (
             f"; the file calls it {item.definition}" if item.definition else ""
         )

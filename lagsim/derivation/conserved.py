@@ -39,11 +39,16 @@ SPARE, TRIES = 8, 4
 
 
 def conserved_quantities(
-    x: Translation, lines: Sequence[Line], constraints: Sequence[Condition]
+    x: Translation,
+    lagrangian: Any,
+    lines: Sequence[Line],
+    constraints: Sequence[Condition],
 ) -> list[Conserved]:
     """Give what is seen to be conserved."""
-    found = _energy(x, lines)
-    single = [_momentum(x, j, lines[j], constraints) for j in range(len(lines))]
+    found = _energy(x, lagrangian, lines)
+    single = [
+        _momentum(x, lagrangian, j, line, constraints) for j, line in enumerate(lines)
+    ]
     found += [c for c in single if c is not None]
     ignorable = {j for j, c in enumerate(single) if c is not None}
     samples = _Samples(x.equations)
@@ -51,11 +56,10 @@ def conserved_quantities(
     return [samples.named(x, c) for c in found]
 
 
-def _energy(x: Translation, lines: Sequence[Line]) -> list[Conserved]:
+def _energy(x: Translation, lagrangian: Any, lines: Sequence[Line]) -> list[Conserved]:
     e, g = x.equations, x.g
     if any(row.transport != g.zero for row in e.rows) or _has_contact(e):
         return []
-    lagrangian = x.sympy([e.model.lagrangian])[0]
     worked = (line.terms["Q"] * v for line, v in zip(lines, x.v, strict=True))
     if not x.tidy.is_zero(sp.Add(-x.slope(lagrangian, x.t), *worked)):
         return []
@@ -64,7 +68,7 @@ def _energy(x: Translation, lines: Sequence[Line]) -> list[Conserved]:
         why = "L does not depend on t"
     if e.energy_is_sum:
         total = sp.Add(*x.sympy([e.model.kinetic, e.model.potential]))
-        return [Conserved("energy", (), x.tidy(total), why)]
+        return [Conserved("energy", (), x.tidy(total, written=True), why)]
     moved = (v * line.momentum for v, line in zip(x.v, lines, strict=True))
     value = x.tidy(sp.Add(-lagrangian, *moved))
     return [Conserved("energy function", (), value, why)]
@@ -75,7 +79,11 @@ def _has_contact(e: Equations) -> bool:
 
 
 def _momentum(
-    x: Translation, j: int, line: Line, constraints: Sequence[Condition]
+    x: Translation,
+    lagrangian: Any,
+    j: int,
+    line: Line,
+    constraints: Sequence[Condition],
 ) -> Conserved | None:
     """Give the momentum of coordinate j where it is conserved.
 
@@ -85,7 +93,6 @@ def _momentum(
     held = any(c.A[j] != 0 or _slips(c, x.v[j]) for c in constraints)
     if held or line.terms["Q"] != 0:
         return None
-    lagrangian = x.sympy([x.equations.model.lagrangian])[0]
     slope = x.tidy(x.slope(lagrangian, x.q[j]))
     coefficients = [sp.diff(slope, v) for v in x.v]
     changing = {*x.q, *x.v, x.t}
@@ -239,11 +246,11 @@ def _turned(
 def _simple_null_vectors(rows: Floats) -> list[list[int]]:
     """Give a basis of the null space, those of its vectors made of -1, 0 and 1."""
     size = rows.shape[1]
-    if not len(rows):
-        return []
-    _, sizes, right = np.linalg.svd(rows)
-    rank = int(np.sum(sizes > ROUNDING * sizes[0]))
-    basis = right[rank:].copy()
+    basis = np.eye(size)
+    if len(rows):
+        # The triangular factor has the same null space, and is small.
+        _, sizes, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
+        basis = right[int(np.sum(sizes > ROUNDING * sizes[0])) :].copy()
     pivots: list[int] = []
     for row in range(len(basis)):  # to echelon form, from the first column on
         left = [c for c in range(size) if c not in pivots]
@@ -265,21 +272,17 @@ def _simple_null_vectors(rows: Floats) -> list[list[int]]:
 
 def _generator(
     x: Translation,
-    of: Sequence[Any],
     shifts: Sequence[int],
     turns: Sequence[tuple[int, int]],
     vector: Sequence[int],
-    *,
-    rates: bool = False,
 ) -> list[Any]:
-    """Give dq (n,), or dq' where `rates`."""
+    """Give dq (n,)."""
     change = [sp.S.Zero] * len(x.q)
-    if not rates:
-        for j, c in zip(shifts, vector, strict=False):
-            change[j] += c
+    for j, c in zip(shifts, vector, strict=False):
+        change[j] += c
     for (i, k), c in zip(turns, vector[len(shifts) :], strict=True):
-        change[k] += c * of[i]
-        change[i] -= c * of[k]
+        change[k] += c * x.q[i]
+        change[i] -= c * x.q[k]
     return change
 
 
@@ -290,7 +293,7 @@ def _noether(
     turns: Sequence[tuple[int, int]],
     vector: Sequence[int],
 ) -> Any:
-    change = _generator(x, x.q, shifts, turns, vector)
+    change = _generator(x, shifts, turns, vector)
     return x.tidy(
         sp.Add(*(line.momentum * c for line, c in zip(lines, change, strict=True)))
     )
@@ -305,7 +308,7 @@ def _holds(
     vector: Sequence[int],
 ) -> bool:
     """Tell whether forces and constraints are seen to respect the symmetry."""
-    change = _generator(x, x.q, shifts, turns, vector)
+    change = _generator(x, shifts, turns, vector)
     along = [[line.terms["Q"] for line in lines], *(c.A for c in constraints)]
     return all(
         x.tidy.is_zero(sp.Add(*(a * c for a, c in zip(row, change, strict=True))))

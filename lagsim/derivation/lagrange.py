@@ -72,7 +72,9 @@ class _Derivation:
         x = self.x
         M = [[x.tidy(sp.diff(line.momentum, v)) for v in x.v] for line in self.lines]
         f = [self._f(j) for j in range(len(x.q))]
-        conserved = conserved_quantities(x, self.lines, self.constraints)
+        conserved = conserved_quantities(
+            x, self.lagrangian, self.lines, self.constraints
+        )
         notes: list[str] = []
         solved = solution(x, M, f, self.constraints, notes, insist=solve)
         principle = None
@@ -87,7 +89,7 @@ class _Derivation:
             translation=x,
             kinetic=self.kinetic,
             potential=self.potential,
-            lagrangian=x.tidy(self.lagrangian),
+            lagrangian=x.tidy(self.lagrangian, written=True),
             dissipation=self.dissipation,
             forces=tuple(self.forces),
             lines=tuple(self.lines),

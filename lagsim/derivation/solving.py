@@ -217,7 +217,7 @@ def _steps(
     for n in sorted(seen):
         if n not in known:
             known[n] = to_sympy(g, [n], known=known, twins=TWINS, number=number)[0]
-        if uses[n] > 1 and n not in wanted and cost(known[n]) > 2:
+        if uses[n] > 1 and cost(known[n]) > 2:
             s = symbol(f"{prefix}{len(steps) + 1}")
             x.names[s] = Name(s.name)
             x.rank[s] = 1, len(x.rank)

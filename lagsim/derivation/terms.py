@@ -163,11 +163,17 @@ class _Expansion:
         return total
 
 
-def contract(terms: Terms, meter: Meter) -> None:
+def contract(terms: Terms, meter: Meter) -> int:
     """Draw sines and cosines together, in place, where that leaves fewer terms.
 
     sin^2 + cos^2 = 1 first, then the sines and cosines of sums and differences.
+
+    Returns
+    -------
+    int
+        How often that was done.
     """
+    times_done = 0
     for rule in (_pythagoras, _sums_of_angles):
         pending = deque(terms)
         while pending:
@@ -176,7 +182,9 @@ def contract(terms: Terms, meter: Meter) -> None:
                 found = rule(terms, monomial, meter)
                 if found is None:
                     break
+                times_done += 1
                 pending.append(found)
+    return times_done
 
 
 def _trigonometric(monomial: Monomial, function: Any) -> list[tuple[Any, Any]]:

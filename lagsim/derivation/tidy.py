@@ -33,6 +33,11 @@ if TYPE_CHECKING:
 # Products of terms, and looks at pairs of them, for one form of one expression. An
 # equation of a ten-link chain takes some thousands.
 BUDGET = 40_000
+# A form in which sines and cosines were drawn together may be this much longer, in
+# parts, and still reads better: cos(a - b) says what its two products hide.
+DRAWN_TOGETHER = 0.6
+# What the rules of differentiation leave must be shorter by this much to stay.
+AS_IT_COMES = 1.5
 
 
 @dataclass(frozen=True)
@@ -64,9 +69,9 @@ class Tidier:
     roles: Roles
     budget: int = BUDGET
     cut: bool = False
-    _known: dict[tuple[Any, bool], Any] = field(default_factory=dict)
+    _known: dict[tuple[Any, bool, bool], Any] = field(default_factory=dict)
 
-    def __call__(self, e: Any, *, factored: bool = False) -> Any:
+    def __call__(self, e: Any, *, factored: bool = False, written: bool = False) -> Any:
         """Give the shortest form of `e`.
 
         Parameters
@@ -75,50 +80,55 @@ class Tidier:
             A sympy expression.
         factored
             Also try to draw a common factor out of the whole.
+        written
+            A person wrote it like this, which counts for it.
         """
         if e.is_Atom:
             return e
-        key = e, factored
+        key = e, factored, written
         if key not in self._known:
-            self._known[key] = self._shortest(e, factored=factored)
+            self._known[key] = self._shortest(e, factored=factored, written=written)
         return self._known[key]
 
     def one_fraction(self, e: Any) -> Any:
         """Give `e` as one product, over what its terms have below the line together."""
-        terms = self._terms(e, self._plain)
-        return e if terms is None else self._factored(terms)
+        found = self._terms(e, self._plain)
+        return e if found is None else self._factored(found[0])
 
     def is_zero(self, e: Any) -> bool:
         """Tell whether `e` is seen to vanish identically."""
         return bool(self(e) == 0)
 
-    def _shortest(self, e: Any, *, factored: bool) -> Any:
+    def _shortest(self, e: Any, *, factored: bool, written: bool) -> Any:
         if isinstance(e, sp.Piecewise):
             return self._piecewise(e)
         if e.is_Relational or e.is_Boolean:
             return e
-        forms = [e]
+        forms = [((1.0 if written else AS_IT_COMES) * cost(e), e)]
         for whole in (self._still, self._plain, _none):
-            terms = self._terms(e, whole)
-            if terms is None:
+            found = self._terms(e, whole)
+            if found is None:
                 continue
-            forms.append(self._collected(terms))
+            terms, contracted = found
+            made = [self._collected(terms)]
             if factored:
-                forms.append(self._factored(terms))
-        return min(forms, key=cost)  # the first of equals
+                made.append(self._factored(terms))
+            weight = DRAWN_TOGETHER if contracted else 1.0
+            forms += [(weight * cost(form), form) for form in made]
+        return min(forms, key=lambda form: form[0])[1]  # the first of equals
 
     def _piecewise(self, e: Any) -> Any:
         return sp.Piecewise(*((self(x), c) for x, c in e.args), evaluate=False)
 
-    def _terms(self, e: Any, whole: Callable[[Any], bool]) -> Terms | None:
+    def _terms(self, e: Any, whole: Callable[[Any], bool]) -> tuple[Terms, bool] | None:
         meter = Meter(self.budget)
         try:
             terms = written_out(e, whole, self._inner, meter)
-            contract(terms, meter)
+            contracted = contract(terms, meter)
         except CutError:
             self.cut = True
             return None
-        return terms
+        return terms, contracted > 0
 
     def _inner(self, e: Any) -> Any:
         """Tidy the arguments of a function, or a sum under a power."""
@@ -227,12 +237,17 @@ def _common(terms: Terms) -> tuple[Monomial, Terms]:
 
 
 def cost(e: Any) -> int:
-    """Give the number of symbols, functions and operations in an expression."""
+    """Give the number of symbols, functions and operations in an expression.
+
+    A sign costs nothing: it is part of the sum that it stands in.
+    """
     total, stack = 0, [e]
     while stack:
         x = stack.pop()
-        total += 1
+        parts = [a for a in x.args if a is not sp.S.NegativeOne or x.is_Pow]
         if x.is_Add or x.is_Mul:
-            total += len(x.args) - 1
-        stack.extend(x.args)
+            total += len(parts) - 1
+        else:
+            total += 1
+        stack.extend(parts)
     return total

@@ -208,7 +208,10 @@ class Translation:
 
     def sympy(self, nodes: Iterable[int | None]) -> list[Any]:
         """Give nodes as tidy sympy expressions; None stays None."""
-        return [None if n is None else self.tidy(self._value(n)) for n in nodes]
+        return [
+            None if n is None else self.tidy(self._value(n), written=True)
+            for n in nodes
+        ]
 
     def slope(self, e: Any, x: Any) -> Any:
         """Give de/dx, through definitions that keep their names too."""
