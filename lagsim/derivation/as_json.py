@@ -24,7 +24,9 @@ class _Document:
         x = content.translation
         self.c, self.x = content, x
         # All digits, so that who reads an expression computes what lagsim computes.
-        self.write = Writer(Style(ModelNames(x.own_names)), x.names, x.rank)
+        self.write = Writer(
+            Style(ModelNames(x.own_names)), x.names, x.rank, decimals=x.substitute
+        )
 
     def whole(self) -> dict[str, Any]:
         c, x = self.c, self.x

@@ -44,7 +44,9 @@ class _Latex:
         x = content.translation
         self.c = content
         self.names = LatexNames(x.own_names)
-        self.write = Writer(LatexStyle(self.names, DIGITS), x.names, x.rank)
+        self.write = Writer(
+            LatexStyle(self.names, DIGITS), x.names, x.rank, decimals=x.substitute
+        )
         shown = {self.names.show(Name(n)) for n in x.own_names}
         # The letters of mechanics give way to the file's names.
         letters = {k: rf"\mathcal{{{k}}}" if k in shown else k for k in "TVFGh"}
@@ -311,7 +313,7 @@ class _Latex:
         if not self.c.constraints:
             return
         self.parts.append(
-            r"The constraint forces are $\mathbf{Q}_c = \mathbf{K} (\mathbf{A} "
+            r"The constraint forces are $\mathbf{Q}_{c} = \mathbf{K} (\mathbf{A} "
             r"\mathbf{a} - \mathbf{b})$ with the gain $\mathbf{K} = "
             r"-\mathbf{A}^{\mathsf{T}} (\mathbf{A} \mathbf{M}^{-1} "
             r"\mathbf{A}^{\mathsf{T}})^{-1}$."

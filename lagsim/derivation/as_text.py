@@ -45,7 +45,7 @@ class _Text:
         plain = x.own_names
         names: Any = ModelNames(plain) if ascii_only else UnicodeNames(plain)
         style = Style(names, DIGITS) if ascii_only else UnicodeStyle(names, DIGITS)
-        self.write = Writer(style, x.names, x.rank)
+        self.write = Writer(style, x.names, x.rank, decimals=x.substitute)
         self.names = names
         shown = {names.show(Name(n)) for n in plain}
         # The letters of mechanics give way to the file's names.

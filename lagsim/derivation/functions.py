@@ -2,7 +2,8 @@
 
 They are differentiated branch by branch: a step has slope 0, also where it jumps, and
 `min` and `max` have the slope of the argument that is taken. sympy's own would answer
-with Dirac's delta, and rewrite what a person wrote.
+with Dirac's delta, and rewrite what a person wrote. (Their names differ from sympy's,
+whose printers and simplifiers go by the name of a class.)
 """
 
 from __future__ import annotations
@@ -30,41 +31,41 @@ class _Step(Spelled):
         return sp.S.Zero
 
 
-class Sign(_Step):
+class SignStep(_Step):
     """-1, 0 or 1."""
 
     spelled = "sign"
 
 
-class Heaviside(_Step):
+class HeavisideStep(_Step):
     """0 below 0, 1 from there on."""
 
     spelled = "heaviside"
 
 
-class Floor(_Step):
+class FloorStep(_Step):
     """The largest whole number that is not greater."""
 
     spelled = "floor"
 
 
-class Ceil(_Step):
+class CeilStep(_Step):
     """The smallest whole number that is not less."""
 
     spelled = "ceil"
 
 
-class Abs(Spelled):
+class RealAbs(Spelled):
     """The absolute value."""
 
     spelled = "abs"
 
     def fdiff(self, _argindex: int = 1) -> Any:
         """Give the slope."""
-        return Sign(self.args[0])
+        return SignStep(self.args[0])
 
 
-class Cbrt(Spelled):
+class RealCbrt(Spelled):
     """The real cube root."""
 
     spelled = "cbrt"
@@ -74,7 +75,7 @@ class Cbrt(Spelled):
         return 1 / (3 * self**2)
 
 
-class Log10(Spelled):
+class RealLog10(Spelled):
     """The logarithm to base 10."""
 
     spelled = "log10"
@@ -98,7 +99,7 @@ class _Extreme(Spelled):
         raise NotImplementedError
 
 
-class Min(_Extreme):
+class MinBranch(_Extreme):
     """The smaller of two."""
 
     spelled = "min"
@@ -109,7 +110,7 @@ class Min(_Extreme):
         return sp.Le(x, y)
 
 
-class Max(_Extreme):
+class MaxBranch(_Extreme):
     """The greater of two."""
 
     spelled = "max"
@@ -121,5 +122,9 @@ class Max(_Extreme):
 
 
 TWINS: dict[str, Callable[..., Any]] = {
-    c.spelled: c for c in (Sign, Heaviside, Floor, Ceil, Abs, Cbrt, Log10, Min, Max)
-}
+    c.spelled: c
+    for c in (
+        SignStep, HeavisideStep, FloorStep, CeilStep, RealAbs, RealCbrt, RealLog10,
+        MinBranch, MaxBranch,
+    )
+}  # fmt: skip

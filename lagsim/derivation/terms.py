@@ -123,6 +123,8 @@ class _Expansion:
         return {frozenset(((self.inner(e), sp.S.One),)): sp.S.One}
 
     def _power(self, base: Any, exponent: Any) -> Terms:
+        if not exponent.is_Rational:
+            return {frozenset(((self.inner(base) ** exponent, sp.S.One),)): sp.S.One}
         if base.is_Add:
             return self._sum(base, exponent)
         if not exponent.is_Integer:

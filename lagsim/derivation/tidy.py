@@ -171,13 +171,13 @@ class Tidier:
     def _factored(self, terms: Terms) -> Any:
         """Give the same with the factors that all terms have in common before it."""
         common, rest = _common(terms)
-        return sp.Mul(expression(common), self._collected(rest))
+        return _product(expression(common), self._collected(rest))
 
     def _product(self, outer: Monomial, terms: Terms) -> Any:
         """Give outer * terms, with what is common to them drawn out if shorter."""
-        direct = sp.Mul(expression(outer), self._sum(terms))
+        direct = _product(expression(outer), self._sum(terms))
         common, rest = _common(terms)
-        drawn = sp.Mul(expression(times(outer, common)), self._sum(rest))
+        drawn = _product(expression(times(outer, common)), self._sum(rest))
         return min(direct, drawn, key=cost)
 
     def _sum(self, terms: Terms) -> Any:
@@ -192,7 +192,7 @@ class Tidier:
             common, inner = _common(constants)
             total = sp.Add(*(x * expression(m) for m, x in inner.items()))
             factors = [b**k for b, k in times(outer, common)]
-            parts.append(sp.Mul(*factors, total))
+            parts.append(_product(*factors, total))
         return sp.Add(*parts)
 
     def _part(self, monomial: Monomial, belongs: Callable[[Any], bool]) -> Monomial:
@@ -203,6 +203,16 @@ class Tidier:
 
     def _varies(self, base: Any) -> bool:
         return not base.free_symbols <= self.roles.constants
+
+
+def _product(*factors: Any) -> Any:
+    """Give the product; sympy alone would carry a number into a sum beside it."""
+    whole = sp.Mul(*factors)
+    sums = [x for x in factors if x.is_Add]
+    if not whole.is_Add or not sums:
+        return whole
+    number = sp.Mul(*(x for x in factors if x is not sums[0]))
+    return whole if number == 1 else sp.Mul(number, sums[0], evaluate=False)
 
 
 def _none(_: Any) -> bool:
@@ -244,7 +254,7 @@ def cost(e: Any) -> int:
     total, stack = 0, [e]
     while stack:
         x = stack.pop()
-        parts = [a for a in x.args if a is not sp.S.NegativeOne or x.is_Pow]
+        parts = [a for a in x.args if not (x.is_Mul and a is sp.S.NegativeOne)]
         if x.is_Add or x.is_Mul:
             total += len(parts) - 1
         else:

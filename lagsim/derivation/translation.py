@@ -65,6 +65,8 @@ class Translation:
     ----------
     q, v, a, multipliers : list of Symbol
     t : Symbol
+    substitute : bool
+        The parameters are numbers.
     known : dict
         What stands for nodes of the graph: names of definitions, numbers.
     kept : list of Kept
@@ -79,6 +81,7 @@ class Translation:
     def __init__(self, equations: Equations, *, substitute: bool = False) -> None:
         model, g = equations.model, equations.graph
         self.equations, self.g = equations, g
+        self.substitute = substitute
         self.t = symbol("t")
         self.q = [symbol(c.name) for c in model.coordinates]
         self.v = [symbol(f"{q}_dot") for q in equations.q]
@@ -201,8 +204,10 @@ class Translation:
 
     @property
     def own_names(self) -> list[str]:
-        """The names that symbols show, once each, in the order of the file."""
-        return list(dict.fromkeys(n.base for n in self.names.values() if not n.kind))
+        """The names that symbols show, once each, coordinates first."""
+        found = [q.name for q in self.q]
+        found += [n.base for n in self.names.values() if not n.kind]
+        return list(dict.fromkeys(found))
 
     # Expressions
 

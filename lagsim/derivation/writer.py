@@ -118,6 +118,8 @@ class Writer:
         Where a symbol stands in products and sums: its class (0 for parameters, 1 for
         definitions, 2 for coordinates, 3 for velocities, 4 for accelerations, 5 for
         multipliers) and its place in the file.
+    decimals
+        Numbers are those of parameters: 9.8, not 49/5, and 0.4, not 2/5.
     """
 
     def __init__(
@@ -125,8 +127,11 @@ class Writer:
         style: Style,
         symbols: Mapping[Any, Name],
         rank: Mapping[Any, tuple[int, int]],
+        *,
+        decimals: bool = False,
     ) -> None:
         self.style, self.symbols, self.rank = style, symbols, rank
+        self.decimals = decimals
 
     def __call__(self, e: Any) -> str:
         """Give the text of an expression."""
@@ -165,12 +170,18 @@ class Writer:
         negative, size = _sign(e)
         if size.is_Rational and size.q == 1:
             piece = Piece(self.style.whole(size.p), ATOM)
-        elif size.is_Rational and size.q <= LARGEST_DENOMINATOR:
+        elif size.is_Rational and self._is_fraction(size):
             over, under = (Piece(self.style.whole(x), ATOM) for x in (size.p, size.q))
             piece = self.style.fraction(over, under)
         else:
             piece = Piece(self.style.decimal(float(size)), ATOM)
         return Piece(self.style.negative + piece.text, SUM) if negative else piece
+
+    def _is_fraction(self, x: Any) -> bool:
+        """Tell whether a person would write a fraction, and not a decimal."""
+        if x.q > LARGEST_DENOMINATOR:
+            return False
+        return bool(x.q % 5 or (abs(x) < 1 and not self.decimals))
 
     # Sums
 
@@ -225,7 +236,7 @@ class Writer:
 
     def _split(self, number: Any) -> tuple[list[Any], list[Any]]:
         """Give what of a number stands above the line, and below it."""
-        if number.q > LARGEST_DENOMINATOR:
+        if not self._is_fraction(number):
             return [number], []
         return (
             [sp.Integer(number.p)] if number.p != 1 else [],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import TYPE_CHECKING, Any
 
 from lagsim.derivation.as_json import as_json
@@ -46,7 +47,7 @@ def numbers(texts: list[str], values: Mapping[str, float]) -> list[float]:
     """Read expressions by the parser of model files; give their values."""
     g = Graph()
     nodes = [parse(text).build(g, g.variable) for text in texts]
-    return evaluate(g, nodes, values)
+    return evaluate(g, nodes, {**values, "pi": math.pi})
 
 
 def known(document: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, float]:

@@ -40,7 +40,10 @@ def same(found: Any, expected: Any) -> bool:
 def alike(found: Any, expected: Any) -> bool:
     """Compare with 60 digits at a point where all symbols differ; quick for quotients."""
     e = sp.Add(found, -expected)
-    at = {x: sp.Rational(7 + 3 * k, 11) for k, x in enumerate(sorted(e.free_symbols, key=str))}
+    at = {
+        x: sp.Rational(7 + 3 * k, 11)
+        for k, x in enumerate(sorted(e.free_symbols, key=str))
+    }
     return bool(abs(e.subs(at).evalf(60)) < 1e-50)
 
 
@@ -92,7 +95,9 @@ def test_50_to_56_on_the_curve() -> None:
     assert same(first, M * (l + u) ** 2 * ddth + 2 * th * lam - right53)
     assert same(second, M * ddu + lam / l - right54)
     # 56: the matrix [M A^T; A 0] with the third row divided by l, as 70 has it.
-    matrix = sp.Matrix([[M * (l + u) ** 2, 0, 2 * th], [0, M, 1 / l], [2 * th, 1 / l, 0]])
+    matrix = sp.Matrix(
+        [[M * (l + u) ** 2, 0, 2 * th], [0, M, 1 / l], [2 * th, 1 / l, 0]]
+    )
     rows = matrix * sp.Matrix([ddth, ddu, lam])
     assert same(rows[0] - right53, first)
     assert same(rows[1] - right54, second)
@@ -144,7 +149,9 @@ def test_70_to_73_gauss() -> None:
     for j in range(2):
         assert alike(c.gauss.a[j], a[j])
         assert alike(c.gauss.K[j][0], gain[j])
-        free = {s.__getattr__(f"a.{q.name}"): x for q, x in zip((th, u), a, strict=True)}
+        free = {
+            s.__getattr__(f"a.{q.name}"): x for q, x in zip((th, u), a, strict=True)
+        }
         assert alike(c.gauss.Qc[j].subs(free), forces[j])
         assert alike(c.gauss.Qc[j].subs(free), A[j] * lam)
         found = c.solution.accelerations[j].subs(s.lambda_path, lam)

@@ -111,7 +111,9 @@ def test_json_read_again_gives_the_same_numbers(name: str) -> None:
         )
         random = np.random.default_rng(seed)
         q_ddot, lam = random.standard_normal(n), random.standard_normal(m)
-        values |= dict(zip((f"{q}_ddot" for q in d["coordinates"]), q_ddot, strict=True))
+        values |= dict(
+            zip((f"{q}_ddot" for q in d["coordinates"]), q_ddot, strict=True)
+        )
         multipliers = [f"lambda_{c['name']}" for c in d["constraints"]]
         values |= dict(zip(multipliers, lam, strict=True))
         sides = [line[side] for line in d["equations"] for side in ("left", "right")]

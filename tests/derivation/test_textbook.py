@@ -30,7 +30,9 @@ def test_double_pendulum() -> None:
     L += (m1 + m2) * g * l1 * cos(a) + m2 * g * l2 * cos(b)
     c = content_of("double-pendulum")
     assert same(c.lagrangian, L)
-    first = (m1 + m2) * l1**2 * s.theta1_ddot + m2 * l1 * l2 * s.theta2_ddot * cos(a - b)
+    first = (m1 + m2) * l1**2 * s.theta1_ddot + m2 * l1 * l2 * s.theta2_ddot * cos(
+        a - b
+    )
     first += m2 * l1 * l2 * db**2 * sin(a - b) + (m1 + m2) * g * l1 * sin(a)
     second = m2 * l2**2 * s.theta2_ddot + m2 * l1 * l2 * s.theta1_ddot * cos(a - b)
     second += -m2 * l1 * l2 * da**2 * sin(a - b) + m2 * g * l2 * sin(b)
