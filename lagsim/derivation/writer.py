@@ -194,11 +194,16 @@ class Writer:
 
     def _ordered(self, e: Any) -> list[Any]:
         parts = sorted(sp.Add.make_args(e), key=self._place_in_sum)
+        if _sign(parts[0])[0] and self._is_constant(parts[0]):
+            parts.append(parts.pop(0))  # x + y - l
         positive = next((p for p in parts if not _sign(p)[0]), None)
         if positive is not None and _sign(parts[0])[0]:
             parts.remove(positive)
             parts.insert(0, positive)
         return parts
+
+    def _is_constant(self, e: Any) -> bool:
+        return all(self.rank[s][0] < _VARYING for s in e.free_symbols)
 
     def _place_in_sum(self, term: Any) -> tuple[Any, ...]:
         factors = sp.Mul.make_args(_sign(term)[1])
@@ -207,6 +212,8 @@ class Writer:
         for (group, *_), x in found:
             if group in _MOVING:
                 degree[_MOVING[group]] -= int(x.exp) if x.is_Pow else 1
+            elif group - 0.5 in _MOVING:  # a sum in which these are
+                degree[_MOVING[group - 0.5]] -= 2
         varying = sorted(place for place, _ in found if place[0] >= _VARYING)
         constant = sorted(place for place, _ in found if place[0] < _VARYING)
         return *degree, varying, constant, sp.default_sort_key(term)

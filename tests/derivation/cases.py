@@ -6,6 +6,8 @@ import functools
 import math
 from typing import TYPE_CHECKING, Any
 
+import pytest
+
 from lagsim.derivation.as_json import as_json
 from lagsim.derivation.lagrange import content
 from lagsim.equations import Equations, derive
@@ -22,6 +24,12 @@ if TYPE_CHECKING:
     from lagsim.derivation.content import Content
 
 NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
+# Their equations fill pages: some seconds each.
+LONG = ("andrews", "chain-angles", "chain-cartesian")
+EACH = [
+    pytest.param(name, marks=[pytest.mark.slow] if name in LONG else [])
+    for name in NAMES
+]
 
 
 @functools.cache

@@ -19,7 +19,7 @@ from lagsim.expressions.graph import Graph
 from lagsim.expressions.parser import parse
 from lagsim.reader import read
 from tests.derivation.cases import (
-    NAMES,
+    EACH,
     content_of,
     equations_of,
     known,
@@ -54,7 +54,7 @@ FIRST = {"x": 0.43, "y": 1.27, "x_dot": 0.3, "y_dot": -0.7, "a": 0.7, "t": 0.2}
 OTHERS = ({"x": 2.3, "y": 0.6}, {"x": 3.7, "y": 7.1})
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EACH)
 def test_latex_is_read_by_a_strict_reader(name: str) -> None:
     displays = check(as_latex(content_of(name)))
     assert len(displays) >= 3
@@ -177,7 +177,7 @@ initial: {class: 1, q_dot_: 1}
     assert scope["constraint_rhs"](0, [0, 0], [0, 0]).shape == (0,)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EACH)
 def test_ascii_is_ascii_and_lines_break(name: str) -> None:
     text = as_text(content_of(name), ascii_only=True)
     assert text.isascii()
@@ -205,6 +205,7 @@ def test_numbers_look_as_they_were_written() -> None:
         assert str(number(value[0])) == shown
 
 
+@pytest.mark.slow
 def test_accelerations_step_by_step() -> None:
     c = content(equations_of("chain-cartesian"), solve=True)
     d = as_json(c)

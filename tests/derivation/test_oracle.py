@@ -17,7 +17,7 @@ import pytest
 from lagsim.derivation.as_python import as_python
 from lagsim.expressions.evaluate import evaluate
 from lagsim.expressions.graph import CONSTANT, VARIABLE
-from tests.derivation.cases import NAMES, document_of, equations_of, known, numbers
+from tests.derivation.cases import EACH, document_of, equations_of, known, numbers
 from tests.sympy_oracle import DIGITS, Oracle, random_values
 from tests.support import MODELS
 
@@ -65,7 +65,7 @@ def agrees(found: Any, expected: Any) -> None:
         assert abs(x - y) <= 1e-12 * abs(y) + 1e-15 * largest
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EACH)
 def test_graph_with_fifty_digits(name: str) -> None:
     e = equations_of(name)
     for seed in range(3):
@@ -88,7 +88,7 @@ def close(found: Any, expected: Any) -> None:
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * largest)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EACH)
 def test_json_read_again_gives_the_same_numbers(name: str) -> None:
     d = document_of(name)
     n, m = len(d["coordinates"]), len(d["constraints"])
@@ -126,7 +126,7 @@ def test_json_read_again_gives_the_same_numbers(name: str) -> None:
         close(numbers(accelerations, values), expected.A @ q_ddot - expected.b)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EACH)
 def test_terms_add_up_to_the_equation(name: str) -> None:
     d = document_of(name)
     values = known(d, state_of(name, seed=1))
@@ -145,7 +145,7 @@ def test_terms_add_up_to_the_equation(name: str) -> None:
         assert left - right == pytest.approx(total, rel=0, abs=1e-12 * (size or 1.0))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EACH)
 def test_accelerations_in_closed_form_solve_the_equations(name: str) -> None:
     d = document_of(name)
     if d["accelerations"] is None:
@@ -172,7 +172,7 @@ def module_of(name: str) -> dict[str, Any]:
     return scope
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EACH)
 def test_the_python_module_gives_the_numbers_of_the_graph(name: str) -> None:
     e, module = equations_of(name), module_of(name)
     assert module["COORDINATES"] == e.q
