@@ -266,7 +266,7 @@ class Writer:
         key = str(base), str(exponent)
         if base.is_Symbol:
             return *self.rank[base], *key
-        if base.is_Number:
+        if base.is_number:
             return -1, 0, *key
         ranks = [self.rank[s] for s in base.free_symbols]
         _, index = min(ranks, default=(0, 0))

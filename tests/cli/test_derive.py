@@ -69,7 +69,8 @@ def test_python_stands_alone_and_needs_no_sympy(tmp_path):
     target = tmp_path / "equations.py"
     code = (
         "import sys; from lagsim.cli import main; "
-        f"sys.argv[1:] = ['derive', {PENDULUM!r}, '--format', 'python', '-o', {str(target)!r}];"
+        f"sys.argv[1:] = ['derive', {PENDULUM!r}, '--format', 'python', '-o'];"
+        f"sys.argv.append({str(target)!r});"
         "code = main(); print('sympy' in sys.modules); sys.exit(code)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -9,26 +9,20 @@ from __future__ import annotations
 
 import re
 
+_LETTERS = """
+alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi rho pi sigma
+tau upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi
+Omega
+varphi partial sum cdot le ge sin cos tan sinh cosh tanh exp min max ln arcsin arccos
+arctan quad qquad lfloor rfloor lceil rceil log
+"""
+_OVER = "dot ddot mathrm mathit mathbf mathcal mathsf boldsymbol operatorname text sqrt"
 # Command -> how many arguments in braces it takes.
-MATH = {
-    **dict.fromkeys(
-        "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi rho pi "
-        "sigma tau upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon "
-        "Phi Psi Omega varphi partial sum cdot le ge sin cos tan sinh cosh tanh exp min "
-        "max ln arcsin arccos arctan quad qquad lfloor rfloor lceil rceil log".split(),
-        0,
-    ),
-    **dict.fromkeys(
-        "dot ddot mathrm mathit mathbf mathcal mathsf boldsymbol operatorname text "
-        "sqrt".split(),
-        1,
-    ),
-    "frac": 2,
-}
-TEXT = {"section": 1, "subsection": 1, "textasciicircum": 1, "textbackslash": 1,
-        "textless": 1, "textgreater": 1, "textasciitilde": 1, "texttt": 1,
-        "allowdisplaybreaks": 0, "documentclass": 1, "usepackage": 1,
-        "setcounter": 2}  # fmt: skip
+MATH = dict.fromkeys(_LETTERS.split(), 0) | dict.fromkeys(_OVER.split(), 1)
+MATH["frac"] = 2
+TEXT = ("section", "subsection", "textasciicircum", "textbackslash", "textless",
+        "textgreater", "textasciitilde", "texttt", "allowdisplaybreaks",
+        "documentclass", "usepackage", "setcounter")  # fmt: skip
 _TOKEN = re.compile(r"\\([A-Za-z]+)\*?|\\(.)|([{}$&_^])|(\s+)|(.)", re.DOTALL)
 _ENVIRONMENTS = {"align*": True, "bmatrix": None, "cases": None, "document": False}
 
@@ -84,7 +78,7 @@ class _Reader:
             name += token
         return name
 
-    def text(self) -> None:
+    def text(self) -> None:  # noqa: C901  one branch for each kind of sign
         token = self.next()
         command, escaped, special = token[1], token[2], token[3]
         if command == "begin":
@@ -121,7 +115,7 @@ class _Reader:
         if not self.stack or self.stack.pop() != name:
             raise self.fail(f"\\end{{{name}}} closes nothing")
 
-    def math(self, end: str, *, depth: int = 0) -> None:
+    def math(self, end: str, *, depth: int = 0) -> None:  # noqa: C901
         """Read mathematics up to `end`."""
         columns, base = 0, False
         while True:

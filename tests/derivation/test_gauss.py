@@ -51,7 +51,7 @@ def observed(name: str, *, loops: bool) -> tuple[Any, dict[str, float], System]:
 
 @pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
 @pytest.mark.parametrize("name", EACH)
-def test_accelerations_make_G_least_among_admissible_ones(
+def test_accelerations_make_it_least_among_admissible_ones(
     name: str, loops: bool
 ) -> None:
     e, row, system = observed(name, loops=loops)
@@ -68,10 +68,10 @@ def test_accelerations_make_G_least_among_admissible_ones(
     size = np.abs(M) @ np.abs(a) + np.abs(f)
     assert np.all(np.abs(M @ a - f) <= 1e-12 * (size + np.max(size)))
 
-    def G(x: Any) -> float:
+    def gauss(x: Any) -> float:
         return float((x - a) @ M @ (x - a) / 2)
 
-    least = G(q_ddot)
+    least = gauss(q_ddot)
     assert row["gauss.G"] == pytest.approx(least, rel=1e-12, abs=1e-300)
     _, sizes, right = np.linalg.svd(A)
     free = right[int(np.sum(sizes > 1e-9 * sizes[0])) :]
@@ -83,13 +83,13 @@ def test_accelerations_make_G_least_among_admissible_ones(
             step = size * scale * random.standard_normal(len(free)) @ free
             assert np.allclose(A @ (q_ddot + step), b, rtol=0, atol=1e-9 * (
                 np.max(np.abs(A)) * (scale + np.max(np.abs(step)))))  # fmt: skip
-            other = G(q_ddot + step)
+            other = gauss(q_ddot + step)
             # G grows by the square of the step; only rounding of G itself may hide it.
             assert other - least >= 0.999 * (step @ M @ step) / 2 - 1e-11 * least
             assert other > least or step @ M @ step < 1e-11 * least
     # A step that is not admissible can make it less: the test can fail.
-    if least > 1e-9 * G(0 * q_ddot):
-        assert G(q_ddot + 0.01 * (a - q_ddot)) < least
+    if least > 1e-9 * gauss(0 * q_ddot):
+        assert gauss(q_ddot + 0.01 * (a - q_ddot)) < least
     assert list(system.columns.names[: system.columns.table][-n - 1 :]) == [
         *(f"gauss.a_{q}" for q in e.q), "gauss.G",
     ]  # fmt: skip
@@ -131,7 +131,7 @@ def test_a_singular_mass_matrix_has_no_unconstrained_acceleration() -> None:
     content(e)
 
 
-def test_without_constraints_G_is_zero() -> None:
+def test_without_constraints_it_is_zero() -> None:
     r = run(asking("double-pendulum", gauss=True), duration=0.1)
     assert np.all(r["gauss.G"] < 1e-20)
     assert np.array_equal(r["gauss.a_theta1"], r["theta1_ddot"])

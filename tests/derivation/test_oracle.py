@@ -18,8 +18,8 @@ from lagsim.derivation.as_python import as_python
 from lagsim.expressions.evaluate import evaluate
 from lagsim.expressions.graph import CONSTANT, VARIABLE
 from tests.derivation.cases import EACH, document_of, equations_of, known, numbers
-from tests.sympy_oracle import DIGITS, Oracle, random_values
 from tests.support import MODELS
+from tests.sympy_oracle import DIGITS, Oracle, random_values
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -18,7 +18,8 @@ from lagsim.reader import read
 from tests.derivation.cases import equations_of, s
 
 sin, cos = sp.sin, sp.cos
-m, l, a, b, u, v, w = s.m, s.l, s.a, s.b, s.u, s.v, s.w
+m, a, b, u, v, w = s.m, s.a, s.b, s.u, s.v, s.w
+l = s.l  # noqa: E741  a length
 
 
 def tidier(budget: int = 10_000) -> Tidier:
