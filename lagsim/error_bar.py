@@ -19,7 +19,8 @@ import numpy as np
 
 from lagsim.expressions.evaluate import evaluate
 from lagsim.plan import DEFAULT_RTOL, make_plan
-from lagsim.simulate import MOST_STEPS, simulate
+from lagsim.simulate import simulate
+from lagsim.simulate.arcs import MOST_STEPS
 from lagsim.system import System
 from lagsim.trajectory import Outcome
 

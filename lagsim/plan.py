@@ -14,6 +14,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.kkt.straight import Elimination, TooLongError
 from lagsim.methods import method, names
 from lagsim.structure import structure
+from lagsim.switches import model_switches
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
     from lagsim.structure import Structure
+    from lagsim.switches import Switches
 
 DEFAULT_RTOL = 1e-11
 # Normal equations square the condition of the rows: below this the loops with their QR
@@ -63,6 +65,7 @@ class Plan:
     rtol, atol, step : float or None
     mass_matrix : str
         `constant`, or what it depends on.
+    switches : Switches
     """
 
     method: str
@@ -77,6 +80,7 @@ class Plan:
     atol: float | None
     step: float | None
     mass_matrix: str
+    switches: Switches
     choices: tuple[Choice, ...]
 
 
@@ -86,7 +90,8 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     Raises
     ------
     InputError
-        Where the method asked for is not known, or `output.gauss` has no meaning.
+        Where the method asked for is not known, or `output` asks for what the model or
+        the method has not.
     """
     if equations.model.output.gauss and start.augmented:
         raise InputError([_no_unconstrained_acceleration()])
@@ -95,6 +100,7 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     mass = _mass_matrix(scene)
     choices.append(Choice(f"mass matrix: {mass}", _mass_reason(equations, scene)))
     formulation = _formulation(equations, choices)
+    switches = _switches(equations, choices)
     elimination = None if loops else _elimination(equations, start, choices)
     if loops:
         choices.append(
@@ -106,6 +112,8 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         )
     simulation = equations.model.simulation
     name = _method(simulation, scene, choices)
+    if equations.model.output.action and method(name).NEEDS:
+        raise InputError([_no_action(name)])
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -127,6 +135,7 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         atol=atol,
         step=step,
         mass_matrix=mass,
+        switches=switches,
         choices=tuple(choices),
     )
 
@@ -138,6 +147,22 @@ def _no_unconstrained_acceleration() -> Problem:
         "the mass matrix of this model is singular: the constraints complete it",
         hint="leave `gauss` out, or give every coordinate some mass",
     )
+
+
+def _no_action(name: str) -> Problem:
+    return Problem(
+        "no-action",
+        f"`output.action` is not integrated by {name}",
+        hint="dop853 does it under its error control, or leave `action` out",
+    )
+
+
+def _switches(equations: Equations, choices: list[Choice]) -> Switches:
+    found = model_switches(equations)
+    if found.sides:
+        reason = "forces step or bend there: each ends an arc, where it is met"
+        choices.append(Choice(f"switches: {len(found.sides)} located", reason))
+    return found
 
 
 def _set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
@@ -177,9 +202,8 @@ def _mass_matrix(scene: Structure) -> str:
 def _mass_reason(equations: Equations, scene: Structure) -> str:
     if scene.constant_mass:
         return "factored once, before the run"
-    zero = equations.graph.zero
     n = len(equations.q)
-    full = sum(1 for row in equations.M for node in row if node != zero)
+    full = len(equations.mass_entries)
     return f"{full} of {n * n} entries are not zero"
 
 

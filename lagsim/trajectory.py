@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lagsim.plan import Choice
+
 
 class Outcome(Enum):
     """How a run ended; `word` is what run.json says, `advice` what to try."""
@@ -37,12 +39,24 @@ class Outcome(Enum):
         """the constraints cannot all be met near this state: the mechanism is at a dead
         point or taken apart, or a fixed step is too large""",
     )
+    NEWTON_FAILED = (
+        "failed",
+        """Newton's method did not converge: a fixed step is too large for how strongly
+        the forces bend, or a force jumps there; take a smaller step, or a method that
+        chooses its own""",
+    )
     CONSTRAINT_JUMPS = (
         "failed",
         """a moving constraint may change its speed at once, not its position: join the
         pieces of its motion""",
     )
+    SWITCHES_ACCUMULATE = (
+        "failed",
+        """no motion leads on from there: change the forces near their switches, or stop
+        before that time""",
+    )
     INTERRUPTED = "interrupted", ""
+    SWITCHED = "switched", ""  # of an arc: the next one begins
 
     def __init__(self, word: str, advice: str) -> None:
         self.word = word
@@ -58,13 +72,15 @@ class Outcome(Enum):
 class Event:
     """Something that happened at a time, to a constraint or to the run.
 
-    `conditioning` goes with a loss of rank: the smallest singular value then.
+    `conditioning` goes with a loss of rank: the smallest singular value then; `switch`
+    is the switch in the state, roughly as it was written.
     """
 
     time: float
     kind: str
     constraint: str | None = None
     conditioning: float | None = None
+    switch: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +105,8 @@ class Statistics:
 class Trajectory:
     """The result of a run; its rows have gone to the consumers.
 
-    `reason` says in words why it ended where it did; `end` is the time reached.
+    `reason` says in words why it ended where it did; `end` is the time reached;
+    `choices` are those made on the way.
     """
 
     outcome: Outcome
@@ -100,3 +117,4 @@ class Trajectory:
     statistics: Statistics
     events: Sequence[Event] = ()
     warnings: Sequence[Caution] = field(default_factory=tuple)
+    choices: Sequence[Choice] = ()

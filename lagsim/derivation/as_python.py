@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.constraints import constraint_row
+from lagsim.constraints import Flow, constraint_row
 from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
 
 if TYPE_CHECKING:
@@ -67,7 +67,8 @@ def as_python(equations: Equations, version: str) -> str:
     """Give the module; see the section `derive --format python` of the contract."""
     e, g = equations, equations.graph
     model = e.model
-    rows = [constraint_row(g, c, e.q, e.velocities) for c in model.constraints]
+    flow = Flow(g, e.q, e.velocities)
+    rows = [constraint_row(g, c, flow) for c in model.constraints]
     head = _HEAD.format(
         name=model.name.replace("\\", "/").replace('"', "'"),
         version=version,

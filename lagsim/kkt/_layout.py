@@ -1,33 +1,54 @@
 """Where the loops of `dense` find things in p."""
 
+from __future__ import annotations
+
+from lagsim.methods._interface import PER_SURFACE
+
 COUNT = 0  # n
 ROWS = 1  # m
 MOTION = 2  # offset of q'' (n) and lambda (m), then working memory
-HAS_WORK = 3
+HAS_WORK = 3  # 1; 2 where the action is integrated too, after the work
 AUGMENTED = 4
 EXPECTED = 5  # the rank that the rows have in general
 REFERENCE = 6  # the largest health so far: what is small is small against it
 HEALTH = 7  # size of the last independent column, now
-# 8 and 9: LEAST_HEALTH and WEAK, see methods._interface.
-HAS_ACTION = 10
-HEADER = 11
+# 8 to 11: see methods._interface.
+HEADER = 12
 
 
 def workspace(n: int, m: int) -> int:
     """Give the length from MOTION on.
 
     q'', lambda, the rows' largest lengths, which rows are set aside, terms, L, Y, u, v,
-    what `per_row` has, the weakest direction, and M^-1 f.
+    what `per_row` has, and the weakest direction.
     """
-    return unconstrained(n, m) + n
+    return slopes_at(n, m)
 
 
-def unconstrained(n: int, m: int) -> int:
-    """Give where M^-1 f (n,) lies, from MOTION on."""
+def slopes_at(n: int, m: int) -> int:
+    """Give where `jacobian` has its own room, from MOTION on."""
     return weak_direction(n, m) + 3 * n
+
+
+def jacobian_workspace(n: int, m: int) -> int:
+    """Give the length from MOTION on: slopes, q'' and lambda of a column besides."""
+    return slopes_at(n, m) + (n + m + 1) * 2 * n + n + m
 
 
 def weak_direction(n: int, m: int) -> int:
     """Give where z, M z and room for one more (n,) lie, from MOTION on."""
     terms = n * n + n * m + n + 3 * m + 2
     return (n + 3 * m) + terms + n * n + n * m + 2 * n + 7 * m + m * m
+
+
+def switching(n: int, m: int, size: int, surfaces: int) -> int:
+    """Give the length from SWITCHING on, for so many surfaces.
+
+    What `methods._interface` names; residuals, rates, J, b and scales of the surfaces;
+    the fields on both sides; the equations for the shares.
+    """
+    if not surfaces:
+        return 0
+    rows = PER_SURFACE + n + 4
+    fields = (surfaces + 1) * (size + m)
+    return 1 + surfaces * rows + fields + surfaces * (surfaces + 3)

@@ -24,13 +24,11 @@ from lagsim.kkt._cholesky import augment_force, backward, factor, forward
 from lagsim.kkt._layout import (
     AUGMENTED,
     COUNT,
-    HAS_ACTION,
     HAS_WORK,
     HEALTH,
     MOTION,
     REFERENCE,
     ROWS,
-    unconstrained,
 )
 from lagsim.kkt._rows import impress, multipliers, reflect, spread
 from lagsim.native.kernel_types import at, external
@@ -41,7 +39,10 @@ if TYPE_CHECKING:
 
 @external
 def dynamics(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give M (n, n), A (m, n), f (n,), b (m,), power (1,), transport (m,), L (1,)."""
+    """Give M (n, n), A (m, n), f (n,), b (m,), power (1,), transport (m,).
+
+    Then L (1,) where the action is asked for.
+    """
 
 
 @external
@@ -66,24 +67,29 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
     for i in range(n):
         out[i] = y[n + i]
         out[n + i] = motion[i]
-    power = at(motion, n + 3 * m + n * n + n * m + n + m)
-    if p[HAS_ACTION] > 0.0:
-        out[2 * n + int(p[HAS_WORK])] = power[1 + m]
     if p[HAS_WORK] > 0.0:
+        terms = at(motion, n + 3 * m)
+        power = at(terms, n * n + n * m + n + m)
         out[2 * n] = power[0]
         for i in range(m):
             out[2 * n] += power[1 + i] * motion[n + i]
+        if p[HAS_WORK] > 1.0:
+            out[2 * n + 1] = power[1 + m]
+
+
+def field(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give y' (size,) and lambda (m,)."""
+    n = int(p[COUNT])
+    size = 2 * n + int(p[HAS_WORK])
+    derivative(t, y, p, out)
+    motion = at(p, int(p[MOTION]))
+    for i in range(int(p[ROWS])):
+        out[size + i] = motion[n + i]
 
 
 def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the columns of a row."""
-    n = int(p[COUNT])
-    m = int(p[ROWS])
-    motion = at(p, int(p[MOTION]))
-    L = at(motion, (n + 3 * m) + n * n + n * m + n + 3 * m + 2)
-    v = at(L, n * n + n * m + n)
     solve_motion(t, y, p)
-    backward(n, L, v, at(motion, unconstrained(n, m)))
     columns(t, y, p, out)
 
 

@@ -45,7 +45,10 @@ def manifest(
         "rtol": plan.rtol,
         "atol": plan.atol,
         "step": plan.step,
-        "plan": [{"choice": c.choice, "reason": c.reason} for c in plan.choices],
+        "plan": [
+            {"choice": c.choice, "reason": c.reason}
+            for c in (*plan.choices, *trajectory.choices)
+        ],
         "outcome": trajectory.outcome.word,
         "complete": trajectory.outcome.complete,
         "reason": trajectory.reason,
@@ -62,6 +65,7 @@ def manifest(
                 "kind": e.kind,
                 "constraint": e.constraint,
                 "conditioning": e.conditioning,
+                "switch": e.switch,
             }
             for e in trajectory.events
         ],

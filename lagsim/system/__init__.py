@@ -13,12 +13,13 @@ import numpy as np
 
 from lagsim.kkt import _layout
 from lagsim.methods import method
+from lagsim.methods._interface import SIDE, SLIDES
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout, generate
-from lagsim.switches import find_switches
 from lagsim.system.columns import ACTION, Columns
-from lagsim.system.functions import functions, physics
+from lagsim.system.functions import functions
 from lagsim.system.runner import Runner
+from lagsim.system.switching import surface_functions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -54,26 +55,35 @@ class System:
         self.n, self.m = len(equations.q), len(equations.rows)
         self.has_work = equations.power is not None
         self.has_action = equations.model.output.action
-        self.size = 2 * self.n + self.has_work + self.has_action
+        # Beside the action the work has its place also where there is none.
+        quadratures = 2 if self.has_action else int(self.has_work)
+        self.size = 2 * self.n + quadratures
         self.columns = Columns(equations)
         self.rows_observed = len(self.columns.nodes)
-        nodes_of = functions(equations, plan, self.columns, method(plan.method).NEEDS)
-        state = [*equations.q, *equations.velocities]
-        moving = [*state, "work", *equations.accelerations, *equations.multipliers]
-        self.switches = find_switches(equations.graph, physics(equations), moving)
+        needs = method(plan.method).NEEDS
+        self.has_jacobian = "jacobian" in needs
+        self.switches = plan.switches
+        self.surfaces = len(self.switches.sides)
+        nodes_of = functions(
+            equations, plan, self.columns, needs, switching=self.surfaces > 0
+        )
         # Rows show the expressions as written; the method sees the arc's branches.
-        live = ("observe", "columns", "until")
+        shown = ("observe", "columns", "until")
         nodes_of = {
-            name: nodes if name in live else self.switches.freeze(nodes)
+            name: self.switches.shown(nodes)
+            if name in shown
+            else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
         self.operations = self._operations(nodes_of)
+        if self.surfaces:
+            nodes_of |= surface_functions(equations, self.switches)
         layout = self._layout()
         code = generate(equations.graph, nodes_of, layout)
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
-            self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
-            plan.independence, 1.0, 1.0, self._weak(), self.has_action,
+            self.n, self.m, self.motion, quadratures, plan.augmented, plan.rank,
+            plan.independence, 1.0, 1.0, self._weak(), self.switching, self.surfaces,
         ]  # fmt: skip
         for row, length in zip(equations.rows, plan.lengths, strict=True):
             self.p[layout.p[f"length.{row.name}"]] = length
@@ -83,17 +93,35 @@ class System:
         self._runners: dict[str, Runner] = {}
         self.objects = [object_code(code.ir)]
         if plan.elimination is None:
-            self.objects.append(_loops(constrained=self.m > 0))
+            self.objects.append(_loops(self.m > 0, self.surfaces > 0))
+        if self.has_jacobian:
+            from lagsim.kkt.jacobian import jacobian
+
+            self.objects.append(kernel_object([jacobian]))
+        if self.surfaces:
+            from lagsim.kkt import sliding
+
+            self.objects.append(
+                kernel_object(
+                    [sliding.derivative, sliding.observe, sliding.margins, sliding.pull]
+                )
+            )
+
+    @property
+    def has_loops(self) -> bool:
+        """Something is solved by the loops of `kkt`, so they need their workspace."""
+        return self.plan.elimination is None or self.has_jacobian
 
     def _weak(self) -> int:
         """Give where loops note the weakest direction; 0 where none do."""
-        if self.plan.elimination is not None:
+        if not self.has_loops:
             return 0
         return self.motion + _layout.weak_direction(self.n, self.m)
 
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
         if self.plan.elimination is not None:
-            return len(self.equations.graph.cone(nodes_of["derivative"]))
+            solved = nodes_of["field" if self.surfaces else "derivative"]
+            return len(self.equations.graph.cone(solved))
         # Cholesky's decomposition of M, L^-1 A^T and its QR decomposition.
         n, m = self.n, self.m
         loops = n * n * n // 6 + n * n * m // 2 + n * m * m
@@ -101,21 +129,25 @@ class System:
 
     def _layout(self) -> Layout:
         e = self.equations
-        state = [*e.q, *e.velocities]
-        state += ["work"] if self.has_work else []
-        state += [ACTION] if self.has_action else []
+        state = (*e.q, *e.velocities, "work", ACTION)
         fixed = [p.name for p in e.model.parameters]
         fixed += [mode.variable for mode in self.switches.modes]
         fixed += [f"length.{row.name}" for row in e.rows]
         p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
-        self.motion = _layout.HEADER + len(fixed)
+        self.switching = _layout.HEADER + len(fixed)
+        kept = _layout.switching(self.n, self.m, self.size, self.surfaces)
+        for k, side in enumerate(self.switches.sides):
+            first = self.switching + 1 + k
+            p[side.variable] = first + SIDE * self.surfaces
+            p[side.sliding] = first + SLIDES * self.surfaces
+        self.motion = self.switching + kept
         motion = (*e.accelerations, *e.multipliers)
         p |= {name: self.motion + k for k, name in enumerate(motion)}
         loops = 0
-        if self.plan.elimination is None:
+        if self.has_jacobian:
+            loops = _layout.jacobian_workspace(self.n, self.m)
+        elif self.has_loops:
             loops = _layout.workspace(self.n, self.m)
-            free = self.motion + _layout.unconstrained(self.n, self.m)
-            p |= {name: free + k for k, name in enumerate(e.unconstrained)}
         return Layout(
             y={name: k for k, name in enumerate(state)},
             p=p,
@@ -149,11 +181,13 @@ class System:
         return {name: known.get(name, unit) for name, unit in units.items()}
 
 
-def _loops(*, constrained: bool) -> bytes:
+def _loops(constrained: bool, switching: bool) -> bytes:
     """Give the object code of the solve by loops."""
     from lagsim.kkt import dense
 
     kernels: list[Callable[..., Any]] = [dense.derivative, dense.observe]
+    if switching:
+        kernels = [dense.field]
     if constrained:
         kernels += [dense.position_step, dense.velocity_step]
     return kernel_object(kernels)

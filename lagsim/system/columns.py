@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.kkt.straight import unconstrained
+
 if TYPE_CHECKING:
     from lagsim.equations import Equations
 
@@ -68,15 +70,18 @@ def _optional(equations: Equations) -> dict[str, int]:
     e, g = equations, equations.graph
     nodes: dict[str, int] = {}
     if e.model.output.gauss:
-        free = [g.variable(name) for name in e.unconstrained]
-        nodes.update(zip(e.unconstrained, free, strict=True))
+        free = unconstrained(e)
+        nodes.update((f"gauss.a_{q}", a) for q, a in zip(e.q, free, strict=True))
         # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least.
         apart = [
             g.call("sub", g.variable(name), a)
             for name, a in zip(e.accelerations, free, strict=True)
         ]
-        rows = [g.product_sum(zip(row, apart, strict=True)) for row in e.M]
-        square = g.product_sum(zip(apart, rows, strict=True))
+        square = g.zero
+        for x, row in zip(apart, e.M, strict=True):
+            for j, m in row.entries.items():
+                term = g.call("mul", g.call("mul", m, x), apart[j])
+                square = g.call("add", square, term)
         nodes["gauss.G"] = g.call("mul", g.constant(0.5), square)
     if e.model.output.action:
         nodes[ACTION] = g.variable(ACTION)

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.equations import generalized_forces
+from lagsim.expressions.derivatives import gradient
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -15,13 +18,19 @@ if TYPE_CHECKING:
     from lagsim.plan import Plan
     from lagsim.system.columns import Columns
 
-NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {}
-
 
 def functions(
-    equations: Equations, plan: Plan, columns: Columns, needs: Sequence[str] = ()
+    equations: Equations,
+    plan: Plan,
+    columns: Columns,
+    needs: Sequence[str] = (),
+    *,
+    switching: bool = False,
 ) -> dict[str, list[int]]:
-    """Give all functions of a system for a method that `needs` more than y'."""
+    """Give all functions of a system for a method that `needs` more than y'.
+
+    With `switching`, y' and the rows come from what `kkt.sliding` makes of `field`.
+    """
     g = equations.graph
     diagonal = [equations.M[i][i] for i in range(len(equations.q))]
     rest = g.call("sub", equations.energy, equations.kinetic_form)
@@ -34,24 +43,15 @@ def functions(
     if plan.elimination is None:
         found |= _terms(equations, columns)
     else:
-        found |= _solved(equations, plan, columns)
+        found |= _solved(equations, plan, columns, switching=switching)
     for need in needs:
         found |= NEEDED[need](equations, plan)
     return found
 
 
-def physics(equations: Equations) -> list[int]:
-    """Give the expressions whose switches are the model's own."""
-    nodes = [node for row in equations.M for node in row]
-    nodes += [*equations.f, equations.energy]
-    nodes += [] if equations.power is None else [equations.power]
-    nodes += _action(equations)
-    for row in equations.rows:
-        nodes += [row.residual, row.rate, *row.A, row.b, row.transport]
-    return nodes
-
-
-def _solved(equations: Equations, plan: Plan, columns: Columns) -> dict[str, list[int]]:
+def _solved(
+    equations: Equations, plan: Plan, columns: Columns, *, switching: bool
+) -> dict[str, list[int]]:
     """Give the equations solved on the graph."""
     e, g, elimination = equations, equations.graph, plan.elimination
     assert elimination is not None
@@ -59,19 +59,18 @@ def _solved(equations: Equations, plan: Plan, columns: Columns) -> dict[str, lis
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
     velocities = [g.variable(v) for v in e.velocities]
     power = [e.power] if e.power is not None else []
-    found = {
-        "derivative": [
-            *velocities,
-            *accelerations,
-            *g.substitute(power, new),
-            *_action(e),
-        ],
-    }
-    new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
-    if e.model.output.gauss:
-        free = elimination.unconstrained()
-        new |= dict(zip(map(g.variable, e.unconstrained), free, strict=True))
-    found["observe"] = g.substitute(columns.nodes.values(), new)
+    if e.model.output.action:
+        power = [*(power or [g.zero]), e.model.lagrangian]
+    rates = [*velocities, *accelerations, *g.substitute(power, new)]
+    if switching:
+        found = {
+            "field": [*rates, *multipliers],
+            "columns": list(columns.nodes.values()),
+        }
+    else:
+        found = {"derivative": rates}
+        new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
+        found["observe"] = g.substitute(columns.nodes.values(), new)
     if e.rows:
         held, moving, worst_held, worst_moving = _residuals(e)
         found["position_step"] = [*elimination.correction(held), worst_held]
@@ -83,26 +82,28 @@ def _solved(equations: Equations, plan: Plan, columns: Columns) -> dict[str, lis
 
 def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
     """Give what the loops of `kkt.dense` begin with."""
-    e, g = equations, equations.graph
-    M = [node for row in e.M for node in row]
-    A = [node for row in e.rows for node in row.A]
-    power = e.power if e.power is not None else g.zero
-    none = {g.variable(v): g.zero for v in e.multipliers}
-    dynamics = [
-        *M, *A, *e.f, *(r.b for r in e.rows),
-        *g.substitute([power], none), *(r.transport for r in e.rows), *_action(e),
-    ]  # fmt: skip
-    found = {"dynamics": dynamics, "columns": list(columns.nodes.values())}
+    e = equations
+    found = {"dynamics": _dynamics(e), "columns": list(columns.nodes.values())}
     if e.rows:
+        M = [node for row in e.M for node in row]
+        A = [node for row in e.rows for node in row.A]
         held, moving, worst_held, worst_moving = _residuals(e)
         found["geometry"] = [*M, *A, *held, *moving, worst_held, worst_moving]
     return found
 
 
-def _action(equations: Equations) -> list[int]:
-    """Give L, the rate of the action, where that is asked for."""
-    model = equations.model
-    return [model.lagrangian] if model.output.action else []
+def _dynamics(e: Equations) -> list[int]:
+    """Give M, A, f, b, power without the constraints' part, transport, L."""
+    g = e.graph
+    power = e.power if e.power is not None else g.zero
+    none = {g.variable(v): g.zero for v in e.multipliers}
+    return [
+        *(node for row in e.M for node in row),
+        *(node for row in e.rows for node in row.A),
+        *e.f, *(row.b for row in e.rows),
+        *g.substitute([power], none), *(row.transport for row in e.rows),
+        *([e.model.lagrangian] if e.model.output.action else []),
+    ]  # fmt: skip
 
 
 def _driven(equations: Equations) -> int:
@@ -140,3 +141,57 @@ def _residuals(equations: Equations) -> tuple[list[int], list[int], int, int]:
         worst([(r, row.residual_scale) for r, row in zip(held, rows, strict=True)]),
         worst([(r, row.rate_scale) for r, row in zip(rates, rows, strict=True)]),
     )
+
+
+def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give the rate of `work` by itself, for scenes without constraints."""
+    power = equations.power
+    return {"power": [equations.graph.zero if power is None else power]}
+
+
+def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give what `kkt.jacobian` begins with."""
+    e, g = equations, equations.graph
+    accelerations = [g.variable(name) for name in e.accelerations]
+    residuals = []
+    for M, f, held in zip(e.M, e.f, e.constraint_forces(), strict=True):
+        inertia = g.product_sum(zip(M, accelerations, strict=True))
+        residuals.append(g.call("sub", inertia, g.call("add", f, held)))
+    for row in e.rows:
+        moved = g.product_sum(zip(row.A, accelerations, strict=True))
+        residuals.append(g.call("sub", moved, row.b))
+    residuals += [] if e.power is None else [e.power]
+    state = [g.variable(name) for name in (*e.q, *e.velocities)]
+    slopes = [slope for r in residuals for slope in gradient(g, r, state)]
+    return {"dynamics": _dynamics(e), "slopes": slopes}
+
+
+def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give momenta, dL/dq + Q and power; their slopes; and the slopes M alone."""
+    e, g, L = equations, equations.graph, equations.model.lagrangian
+    positions = [g.variable(name) for name in e.q]
+    rates = [g.variable(name) for name in e.velocities]
+    Q = generalized_forces(g, e.model, positions, rates)
+    dL_dq = gradient(g, L, positions)
+    forces = [g.call("add", a, b) for a, b in zip(dL_dq, Q, strict=True)]
+    M = [node for row in e.M for node in row]
+    by_position = [s for p in e.momenta for s in gradient(g, p, positions)]
+    bends = [
+        slope
+        for variables in (positions, rates)
+        for force in forces
+        for slope in gradient(g, force, variables)
+    ]
+    power = g.zero if e.power is None else e.power
+    return {
+        "lagrangian": [*e.momenta, *forces, power],
+        "lagrangian_slopes": [*by_position, *M, *bends],
+        "inertia": M,
+    }
+
+
+NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
+    "jacobian": _jacobian,
+    "lagrangian": _lagrangian,
+    "power": _power,
+}

@@ -1,4 +1,4 @@
-"""The run: a loop over arcs, each integrated by a kernel that fills blocks of rows.
+"""The loop over arcs, each integrated by a kernel that fills blocks of rows.
 
 An arc ends at a break in time, at `until`, or at the end of the run; the branch of each
 switch in time is fixed within it. Blocks go to the consumers and are forgotten, so
@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import scaled_rows
-from lagsim.admissibility.start import metric_of
 from lagsim.methods import _state as at
-from lagsim.plan import WELL_CONDITIONED, make_plan
+from lagsim.methods import method
+from lagsim.plan import DEFAULT_RTOL, WELL_CONDITIONED, make_plan
+from lagsim.simulate.ranks import rank_caution, weakest
+from lagsim.simulate.reasons import reason_of
 from lagsim.system import System
 from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
 
@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from lagsim.interrupt import Interrupt
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
-    from lagsim.plan import Plan
+    from lagsim.plan import Choice, Plan
+    from lagsim.simulate.switching import Switching
 
 # Rows in one block: a few hundred kilobytes.
 BLOCK = 2048
@@ -45,6 +46,11 @@ LOST = 1e-5
 # A mechanism may pass the same dead point for ever: these events are kept up to this
 # many, the warning is given once.
 MOST_RANK_EVENTS = 10_000
+# The method where the motion slides along a surface and the method of the run needs
+# more of the model than y'.
+SLIDING = "dop853"
+# Steps at the stability bound after which something may be done about it.
+AT_BOUND = 15
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6
 
@@ -56,29 +62,9 @@ class Consumer(Protocol):
         """Take rows (k, columns) in the order of `System.columns.names`."""
 
 
-def simulate(
-    equations: Equations,
-    start: Start,
-    plan: Plan,
-    system: System,
-    consumers: Sequence[Consumer],
-    *,
-    interrupt: Interrupt | None = None,
-    progress: Callable[[float], None] | None = None,
-    most_steps: int = MOST_STEPS,
-) -> Trajectory:
-    """Integrate from `start`, handing every row to the consumers.
+class Run:
+    """A run on its way."""
 
-    Parameters
-    ----------
-    progress
-        Called with the fraction of the run that is done.
-    """
-    run = _Run(equations, start, plan, system, consumers, interrupt, progress)
-    return run.whole(most_steps)
-
-
-class _Run:
     def __init__(
         self,
         equations: Equations,
@@ -96,11 +82,19 @@ class _Run:
         self.consumers, self.interrupt, self.progress = consumers, interrupt, progress
         self.events: list[Event] = []
         self.warnings: list[Caution] = []
+        self.choices: list[Choice] = []
+        self.torn = ""
+        self.accumulating = ""
         self._told: set[tuple[str, ...]] = set()
         self.rows = 0
         self.use(system)
         self.state = self._fresh_state(np.concatenate([start.q, start.v]))
         self.block = np.empty((BLOCK, 1 + system.size))
+        self.switching: Switching | None = None
+        if system.surfaces:
+            from lagsim.simulate.switching import Switching
+
+            self.switching = Switching(self)
 
     def use(self, system: System) -> None:
         """Go on with another formulation."""
@@ -109,12 +103,16 @@ class _Run:
 
     def _fresh_state(self, y: Floats) -> Floats:
         system, simulation = self.system, self.simulation
-        state = np.zeros(self.runner.method.state_size(system.size))
+        methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
+        state = np.zeros(max(method(m).state_size(system.size) for m in methods))
         state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
         state[at.ROW_STEP] = simulation.output_step
-        state[at.RTOL] = self.plan.rtol or 0.0
+        state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
         state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
         state[at.FIXED_STEP] = self.plan.step or 0.0
+        radius = simulation.spectral_radius
+        state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
+        state[at.ASK_AT] = AT_BOUND
         state[at.N], state[at.SIZE] = system.n, system.size
         state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
         self._set_watch(state)
@@ -137,9 +135,20 @@ class _Run:
         return float(self.state[at.T])
 
     @property
+    def steps(self) -> int:
+        """The steps made."""
+        return int(self.state[at.STEPS])
+
+    @property
     def y(self) -> Floats:
         """The state at that time: a view."""
         return self.state[at.HEADER : at.HEADER + self.system.size]
+
+    @property
+    def sizes(self) -> Floats:
+        """The largest sizes of the components so far: a view."""
+        size = self.system.size
+        return self.state[at.HEADER + size : at.HEADER + 2 * size]
 
     def whole(self, most_steps: int) -> Trajectory:
         """Go through all arcs."""
@@ -147,8 +156,7 @@ class _Run:
         for end in chain(self._breaks(), [self.simulation.end]):
             if self.t > self.simulation.start:
                 self.events.append(Event(self.t, "switch"))
-            torn = self._begin_arc(end)
-            outcome = Outcome.CONSTRAINT_JUMPS if torn else self._arc(most_steps)
+            outcome = self._between_breaks(end, most_steps)
             if outcome is not Outcome.DONE:
                 break
         if outcome is Outcome.UNTIL:
@@ -158,19 +166,43 @@ class _Run:
         evaluations = int(state[at.EVALUATIONS])
         return Trajectory(
             outcome=outcome,
-            reason=self._reason(outcome),
+            reason=reason_of(self, outcome),
             start=self.simulation.start,
             end=self.t,
             rows=self.rows,
             statistics=Statistics(
-                int(state[at.STEPS]),
+                self.steps,
                 int(state[at.REJECTIONS]),
                 evaluations,
                 self._factorisations(evaluations),
             ),
             events=tuple(self.events),
             warnings=tuple(self.warnings),
+            choices=tuple(self.choices),
         )
+
+    def _between_breaks(self, end: float, most_steps: int) -> Outcome:
+        """Go through the arcs up to the next break in time."""
+        if self._begin_arc(end):
+            return Outcome.CONSTRAINT_JUMPS
+        while True:
+            outcome = self._arc(most_steps)
+            short = outcome is Outcome.DONE and self.t < end
+            blocked = outcome in _BLOCKED
+            if self.switching is None or not (
+                short or blocked or outcome is Outcome.SWITCHED
+            ):
+                return outcome
+            ahead = self.switching.approach(end) if short or blocked else end
+            if ahead is None and blocked:
+                return outcome
+            if self.state[at.SWITCHED] > 0.0:
+                ahead = end
+                if not self.switching.meet():
+                    return Outcome.SWITCHES_ACCUMULATE
+                if self.system.m and self._impact():
+                    return Outcome.CONSTRAINT_JUMPS
+            self._set_limits(end if ahead is None else ahead)
 
     def _breaks(self) -> Iterator[float]:
         modes = self.system.switches.modes
@@ -189,22 +221,37 @@ class _Run:
 
     def _begin_arc(self, end: float) -> bool:
         """Set the branches of the arc that ends at `end`; tell if a constraint tore."""
-        state, simulation = self.state, self.simulation
         self._set_branches(end)
+        self._set_limits(end)
+        torn = False
+        if self.system.m and self.t > self.simulation.start:
+            torn = self._impact()
+        return torn
+
+    def _set_limits(self, end: float) -> None:
+        state, simulation = self.state, self.simulation
+        if self.switching is not None:
+            self.runner = self.system.link(self._method_now())
         state[at.END] = end
         last = simulation.end - SAME_ROW * simulation.output_step
         state[at.ROW_LIMIT] = min(end, last)
         state[at.FRESH] = 1.0
         state[at.ARC_START] = self.t
-        if self.system.m and self.t > simulation.start:
-            return self._impact()
-        return False
+
+    def _method_now(self) -> str:
+        """Give the method of the arc: sliding is written for y' alone."""
+        assert self.switching is not None
+        name = self.plan.method
+        slides = bool(np.any(self.switching.slides))
+        return SLIDING if slides and method(name).NEEDS else name
 
     def _set_branches(self, end: float) -> None:
         parameters = {p.name: p.value for p in self.equations.model.parameters}
         switches = self.system.switches
         self.system.set_modes(switches.mode_values(self.t, end, parameters))
         self.runner.prepare()
+        if self.switching is not None:
+            self.switching.begin()
 
     def _impact(self) -> bool:
         """Meet a constraint whose rate jumps: the velocities are projected.
@@ -243,13 +290,14 @@ class _Run:
 
     def _arc(self, most_steps: int) -> Outcome:
         """Integrate to the end of the arc."""
-        state = self.state
         while True:
-            left = most_steps - int(state[at.STEPS])
+            state = self.state
+            left = most_steps - self.steps
             budget = min(STEPS_PER_CALL, left)
             code = self.runner.advance(state, self.block, budget)
             self._emit(self.block[: int(state[at.EMITTED])])
             over = code == at.EVENT_FOUND or self.t >= self.simulation.end
+            over |= state[at.CUT] > 0.0  # the state is that of the step as it was
             pressed = self.interrupt is not None and self.interrupt.signal is not None
             if pressed and not over:
                 return Outcome.INTERRUPTED
@@ -257,6 +305,12 @@ class _Run:
                 self._switch_to_loops()
             elif code == at.RANK_LOST:
                 self._note_rank_loss()
+            elif code == at.STIFF:
+                from lagsim.simulate.stiffness import consider
+
+                consider(self)
+            elif code == at.SWITCH_FOUND:
+                return Outcome.SWITCHED
             elif code == at.PAUSED and left <= budget:
                 return Outcome.TOO_MANY_STEPS
             elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST):
@@ -273,8 +327,9 @@ class _Run:
             "on they are solved by a QR decomposition"
         )
         self.warnings.append(Caution("nearly-dependent", text))
+        name = self.plan.method
         self.plan = make_plan(self.equations, self.start, loops=True)
-        self.plan = replace(self.plan, method=self.runner.method.NAME)
+        self.plan = replace(self.plan, method=name)
         self.use(System(self.equations, self.plan))
         self._set_watch(self.state)
         self._set_branches(end)
@@ -283,38 +338,16 @@ class _Run:
     def _note_rank_loss(self) -> None:
         """Record a loss of rank on the way, with the constraints in it."""
         time = float(self.state[at.LOST_AT])
-        size = self.system.size
+        n, size = self.system.n, self.system.size
         at_loss = self.state[at.HEADER + 4 * size + 2 :][:size]
-        n = self.system.n
-        point = Point(self.equations)
-        point.move_to(time)
-        q, v = at_loss[:n], at_loss[n : 2 * n]
-        names, smallest = self._weakest(point, q, v)
+        names, smallest = weakest(
+            self.equations, self.plan, time, at_loss[:n], at_loss[n : 2 * n]
+        )
         if len(self.events) < MOST_RANK_EVENTS:
             self.events += [Event(time, "rank", name, smallest) for name in names]
-        if names in self._told:
-            return
-        self._told.add(names)
-        text = (
-            f"at t = {time:.9g} the constraints {', '.join(names)} lose their "
-            f"independence (smallest singular value {smallest:.1e}): a singular "
-            "configuration, where motions branch; their multipliers are large around it"
-        )
-        self.warnings.append(Caution("rank", text))
-
-    def _weakest(
-        self, point: Point, q: Floats, v: Floats
-    ) -> tuple[tuple[str, ...], float]:
-        """Give the constraints closest to dependent, and how close they are."""
-        metric = metric_of(point.mass(q, v), range(len(q)))
-        Y, lengths = scaled_rows(point, q, v, metric)
-        usual = np.maximum(lengths, self.plan.lengths)
-        Y = Y * (lengths / np.where(usual > 0, usual, 1.0))[:, None]
-        left, sizes, _ = np.linalg.svd(Y)
-        last = min(self.plan.rank, len(sizes)) - 1
-        heavy = np.abs(left[:, last]) > 1e-3
-        rows = zip(self.equations.rows, heavy, strict=True)
-        return tuple(row.name for row, is_in in rows if is_in), float(sizes[last])
+        if names not in self._told:
+            self._told.add(names)
+            self.warnings.append(rank_caution(time, names, smallest))
 
     def _emit(self, states: Floats) -> None:
         if not len(states):
@@ -335,56 +368,24 @@ class _Run:
         return float(state[at.ROW_START] + (state[at.ROW] + k) * state[at.ROW_STEP])
 
     def _factorisations(self, evaluations: int) -> int:
-        """Count them: one where M is constant and nothing else is factored."""
+        """Count them: one of M where it is constant, and those of the method."""
         constant = self.plan.mass_matrix.startswith("constant")
-        return 1 if constant and not self.system.m else evaluations
-
-    def _reason(self, outcome: Outcome) -> str:
-        if outcome is Outcome.DONE:
-            return f"the end was reached at t = {self.t!r}"
-        if outcome is Outcome.UNTIL:
-            assert self.simulation.until is not None
-            return f"`{self.simulation.until.text}` at t = {self.t!r}"
-        if outcome is Outcome.INTERRUPTED:
-            return f"interrupted at t = {self.t!r}; the rows up to there were kept"
-        return f"{self._what_failed(outcome)}: {outcome.advice}"
-
-    def _what_failed(self, outcome: Outcome) -> str:
-        where = f"at t = {self.t!r} ({self._described_state()})"
-        if outcome is Outcome.TOO_MANY_STEPS:
-            return f"too many steps ({int(self.state[at.STEPS])}) {where}"
-        if outcome is Outcome.NOT_FINITE:
-            return f"values that are not finite {where}"
-        if outcome is Outcome.CONSTRAINT_JUMPS:
-            return f"the position that constraint `{self.torn}` asks for jumps {where}"
-        if outcome is Outcome.PROJECTION_FAILED:
-            return f"the constraints could not be met {where}"
-        return f"the step size became too small {where}; {self._fastest()}"
-
-    def _described_state(self) -> str:
-        names = (*self.equations.q, *self.equations.velocities)
-        shown = [f"{name} = {x:.6g}" for name, x in zip(names, self.y, strict=False)]
-        if len(shown) > 12:
-            shown = [*shown[:12], f"... {len(shown) - 12} more"]
-        return ", ".join(shown)
-
-    def _fastest(self) -> str:
-        """Name the component that grows fastest for its size."""
-        names = (*self.equations.q, *self.equations.velocities, "work")
-        rates = np.abs(self.runner.function("derivative")(self.t, self.y))
-        size = self.system.size
-        sizes = np.maximum(np.abs(self.y), 1e-300)
-        ratio = np.where(np.isfinite(rates[:size]), rates[:size] / sizes, np.inf)
-        # A component near zero changes fast for its size without any singularity.
-        large = np.abs(self.y) > 1e-3 * np.max(np.abs(self.y))
-        k = int(np.argmax(np.where(large, ratio, -1.0)))
-        return f"`{names[k]}` grows fastest, at {rates[k]:.3g} per unit of time"
+        inertia = 1 if constant and not self.system.m else evaluations
+        return inertia + int(self.state[at.FACTORISATIONS])
 
 
+# What may come of a switch close by: past it, the arc's expressions may have no values.
+_BLOCKED = (
+    Outcome.NOT_FINITE,
+    Outcome.STEP_TOO_SMALL,
+    Outcome.PROJECTION_FAILED,
+    Outcome.NEWTON_FAILED,
+)
 _OUTCOMES = {
     at.DONE: Outcome.DONE,
     at.EVENT_FOUND: Outcome.UNTIL,
     at.STEP_TOO_SMALL: Outcome.STEP_TOO_SMALL,
     at.NOT_FINITE: Outcome.NOT_FINITE,
     at.PROJECTION_FAILED: Outcome.PROJECTION_FAILED,
+    at.NEWTON_FAILED: Outcome.NEWTON_FAILED,
 }
