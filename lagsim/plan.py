@@ -112,7 +112,8 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         )
     simulation = equations.model.simulation
     name = _method(simulation, scene, choices)
-    if equations.model.output.action and method(name).NEEDS:
+    quadratures = getattr(method(name), "QUADRATURES", False)
+    if equations.model.output.action and not quadratures:
         raise InputError([_no_action(name)])
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None

@@ -212,6 +212,13 @@ def test_the_action_stands_beside_the_work(loops: bool) -> None:
     assert integral(L, 0.002) == pytest.approx(r["action.S"][-1], abs=1e-8)
 
 
+def test_methods_that_would_leave_the_action_out_are_refused() -> None:
+    text = asking("pendulum-cartesian", action=True)
+    for name in ("rattle", "radau"):
+        with pytest.raises(InputError, match="`output.action` is not integrated by"):
+            run(text, method=name)
+
+
 @pytest.mark.parametrize("value", ["maybe", "1", "[true]", "{a: b}", "yes"])
 def test_keys_of_output_are_true_or_false(value: str) -> None:
     text = MASSLESS.replace("gauss: true", f"action: {value}")
