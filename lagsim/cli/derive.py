@@ -58,7 +58,7 @@ def command(
     told = documents if form is Format.json else None
     options = {"substitute": substitute, "solve": solve, "gauss": gauss}
     with faults_shown(told, file=model) as code:
-        _refuse(form, {**options, "ascii": ascii_only})
+        _refuse(form, {**options, "ascii": ascii_only}, output)
         content = _written(model, sets, form, ascii_only=ascii_only, **options)
         _deliver(content, output)
         code.append(0)
@@ -67,8 +67,8 @@ def command(
     return code[-1]
 
 
-def _refuse(form: Format, options: dict[str, bool]) -> None:
-    """Refuse options that mean nothing for the format.
+def _refuse(form: Format, options: dict[str, bool], output: Path | None) -> None:
+    """Refuse options that mean nothing for the format, and a file that cannot be.
 
     Raises
     ------
@@ -83,8 +83,16 @@ def _refuse(form: Format, options: dict[str, bool]) -> None:
         for name, given in options.items()
         if given and name not in meant
     ]
+    if output is not None and output.is_dir():
+        problems.append(_unwritable(output, "it is a folder"))
+    elif output is not None and not output.parent.is_dir():
+        problems.append(_unwritable(output, "there is no such folder"))
     if problems:
         raise InputError(problems)
+
+
+def _unwritable(output: Path, why: str | None) -> Problem:
+    return Problem("output-file", f"{output} cannot be written: {why}")
 
 
 def _written(
@@ -134,11 +142,14 @@ def _deliver(content: bytes, output: Path | None) -> None:
     if output is None:
         put(lambda: _print(content))
         return
+    output = output.resolve()  # the file behind a link is replaced, not the link
     try:
+        if output.exists() and not output.is_file():  # a pipe, /dev/null
+            output.write_bytes(content)
+            return
         handle, part = tempfile.mkstemp(prefix=".lagsim-", dir=output.parent)
     except OSError as error:
-        text = f"{output} cannot be written: {error.strerror}"
-        raise InputError([Problem("output-file", text)]) from None
+        raise InputError([_unwritable(output, error.strerror)]) from None
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
@@ -147,10 +158,7 @@ def _deliver(content: bytes, output: Path | None) -> None:
         Path(part).chmod(0o666 & ~mask)  # as any new file
         Path(part).replace(output)
     except OSError as error:
-        text = f"{output} cannot be written: {error.strerror}"
-        if output.is_dir():
-            raise InputError([Problem("output-file", text)]) from None
-        raise UnwritableError(text) from None
+        raise UnwritableError(_unwritable(output, error.strerror).text) from None
     finally:
         with contextlib.suppress(OSError):
             Path(part).unlink(missing_ok=True)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
 # Their equations fill pages: some seconds each.
-LONG = ("andrews", "chain-angles", "chain-cartesian")
+LONG = ("andrews", "chain-angles", "chain-cartesian", "rolling-disk-steady")
 EACH = [
     pytest.param(name, marks=[pytest.mark.slow] if name in LONG else [])
     for name in NAMES

@@ -30,7 +30,7 @@ OPERATIONS = {
     "add": lambda x, y: x + y, "sub": lambda x, y: x - y, "mul": lambda x, y: x * y,
     "div": lambda x, y: x / y, "neg": lambda x: -x, "pow": mpmath.power,
     "sin": mpmath.sin, "cos": mpmath.cos, "exp": mpmath.exp, "sqrt": mpmath.sqrt,
-    "log": mpmath.log, "hypot": mpmath.hypot,
+    "log": mpmath.log, "hypot": mpmath.hypot, "sign": mpmath.sign, "abs": abs,
 }  # fmt: skip
 
 
