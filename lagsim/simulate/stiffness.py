@@ -63,7 +63,7 @@ def consider(run: Run) -> None:
     state[at.AT_BOUND] = 0.0
     state[at.ASK_AT] *= ASKED_AGAIN
     n = run.system.n
-    if n > LARGEST:
+    if n > LARGEST or run.system.has_action:
         _warn(run, (), "")
         return
     plan = replace(run.plan, method=STIFF)

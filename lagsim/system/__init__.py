@@ -18,7 +18,7 @@ from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
 from lagsim.native import graph_code, tape_code
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout
-from lagsim.system.columns import Columns
+from lagsim.system.columns import ACTION, Columns
 from lagsim.system.functions import AFTER_FREEZING, functions
 from lagsim.system.runner import Runner
 from lagsim.system.switching import surface_functions
@@ -56,7 +56,10 @@ class System:
         self.plan = plan
         self.n, self.m = len(equations.q), len(equations.rows)
         self.has_work = equations.power is not None
-        self.size = 2 * self.n + self.has_work
+        self.has_action = equations.model.output.action
+        # Beside the action the work has its place also where there is none.
+        quadratures = 2 if self.has_action else int(self.has_work)
+        self.size = 2 * self.n + quadratures
         self.columns = Columns(equations)
         self.rows_observed = len(self.columns.nodes)
         needs = method(plan.method).NEEDS
@@ -89,7 +92,7 @@ class System:
             code = graph_code.generate(equations.graph, nodes_of, layout, contracted)
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
-            self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
+            self.n, self.m, self.motion, quadratures, plan.augmented, plan.rank,
             plan.independence, 1.0, 1.0, self._weak(), self.switching, self.surfaces,
         ]  # fmt: skip
         for row, length in zip(equations.rows, plan.lengths, strict=True):
@@ -140,7 +143,7 @@ class System:
 
     def _layout(self) -> Layout:
         e = self.equations
-        state = (*e.q, *e.velocities, "work")
+        state = (*e.q, *e.velocities, "work", ACTION)
         fixed = [p.name for p in e.model.parameters]
         fixed += [mode.variable for mode in self.switches.modes]
         fixed += [f"length.{row.name}" for row in e.rows]
@@ -186,6 +189,8 @@ class System:
                 units[c.name] = c.unit
                 units[f"{c.name}_dot"] = f"{c.unit}/s"
                 units[f"{c.name}_ddot"] = f"{c.unit}/s^2"
+                if model.output.gauss:
+                    units[f"gauss.a_{c.name}"] = f"{c.unit}/s^2"
         units["t"] = "s"
         known = {d.name: d.unit for d in model.definitions}
         return {name: known.get(name, unit) for name, unit in units.items()}
