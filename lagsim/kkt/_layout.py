@@ -22,7 +22,17 @@ def workspace(n: int, m: int) -> int:
     q'', lambda, the rows' largest lengths, which rows are set aside, terms, L, Y, u, v,
     what `per_row` has, and the weakest direction.
     """
+    return slopes_at(n, m)
+
+
+def slopes_at(n: int, m: int) -> int:
+    """Give where `jacobian` has its own room, from MOTION on."""
     return weak_direction(n, m) + 3 * n
+
+
+def jacobian_workspace(n: int, m: int) -> int:
+    """Give the length from MOTION on: slopes, q'' and lambda of a column besides."""
+    return slopes_at(n, m) + (n + m + 1) * 2 * n + n + m
 
 
 def weak_direction(n: int, m: int) -> int:

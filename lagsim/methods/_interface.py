@@ -66,6 +66,37 @@ def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
+def jacobian(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give dq''/d(q, q') (n, 2 n) row by row, exactly; for NEEDS = ("jacobian",).
+
+    Where the model has work, the row of its rate (2 n,) follows.
+    """
+
+
+@external
+def power(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the rate of `work` (1,), 0 where the model has none. NEEDS "power"."""
+
+
+@external
+def lagrangian(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give dL/dq' (n,), dL/dq + Q (n,), the rate of `work` (1,). NEEDS "lagrangian".
+
+    Q are the generalized forces; for scenes without constraints.
+    """
+
+
+@external
+def lagrangian_slopes(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the derivatives of dL/dq' to q and q', of dL/dq + Q to both; (n, n) each."""
+
+
+@external
+def inertia(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give M (n, n), which dL/dq' has as its derivative to q'. NEEDS "lagrangian"."""
+
+
+@external
 def until(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the residual or gap (1,) of the relation that ends the run."""
 

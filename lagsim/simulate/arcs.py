@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lagsim.interrupt import Interrupt
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
-    from lagsim.plan import Plan
+    from lagsim.plan import Choice, Plan
     from lagsim.simulate.switching import Switching
 
 # Rows in one block: a few hundred kilobytes.
@@ -49,6 +49,8 @@ MOST_RANK_EVENTS = 10_000
 # The method where the motion slides along a surface and the method of the run needs
 # more of the model than y'.
 SLIDING = "dop853"
+# Steps at the stability bound after which something may be done about it.
+AT_BOUND = 15
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6
 
@@ -80,6 +82,7 @@ class Run:
         self.consumers, self.interrupt, self.progress = consumers, interrupt, progress
         self.events: list[Event] = []
         self.warnings: list[Caution] = []
+        self.choices: list[Choice] = []
         self.torn = ""
         self.accumulating = ""
         self._told: set[tuple[str, ...]] = set()
@@ -107,6 +110,9 @@ class Run:
         state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
         state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
         state[at.FIXED_STEP] = self.plan.step or 0.0
+        radius = simulation.spectral_radius
+        state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
+        state[at.ASK_AT] = AT_BOUND
         state[at.N], state[at.SIZE] = system.n, system.size
         state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
         self._set_watch(state)
@@ -172,6 +178,7 @@ class Run:
             ),
             events=tuple(self.events),
             warnings=tuple(self.warnings),
+            choices=tuple(self.choices),
         )
 
     def _between_breaks(self, end: float, most_steps: int) -> Outcome:
@@ -283,8 +290,8 @@ class Run:
 
     def _arc(self, most_steps: int) -> Outcome:
         """Integrate to the end of the arc."""
-        state = self.state
         while True:
+            state = self.state
             left = most_steps - self.steps
             budget = min(STEPS_PER_CALL, left)
             code = self.runner.advance(state, self.block, budget)
@@ -298,6 +305,10 @@ class Run:
                 self._switch_to_loops()
             elif code == at.RANK_LOST:
                 self._note_rank_loss()
+            elif code == at.STIFF:
+                from lagsim.simulate.stiffness import consider
+
+                consider(self)
             elif code == at.SWITCH_FOUND:
                 return Outcome.SWITCHED
             elif code == at.PAUSED and left <= budget:
@@ -357,17 +368,24 @@ class Run:
         return float(state[at.ROW_START] + (state[at.ROW] + k) * state[at.ROW_STEP])
 
     def _factorisations(self, evaluations: int) -> int:
-        """Count them: one where M is constant and nothing else is factored."""
+        """Count them: one of M where it is constant, and those of the method."""
         constant = self.plan.mass_matrix.startswith("constant")
-        return 1 if constant and not self.system.m else evaluations
+        inertia = 1 if constant and not self.system.m else evaluations
+        return inertia + int(self.state[at.FACTORISATIONS])
 
 
 # What may come of a switch close by: past it, the arc's expressions may have no values.
-_BLOCKED = (Outcome.NOT_FINITE, Outcome.STEP_TOO_SMALL, Outcome.PROJECTION_FAILED)
+_BLOCKED = (
+    Outcome.NOT_FINITE,
+    Outcome.STEP_TOO_SMALL,
+    Outcome.PROJECTION_FAILED,
+    Outcome.NEWTON_FAILED,
+)
 _OUTCOMES = {
     at.DONE: Outcome.DONE,
     at.EVENT_FOUND: Outcome.UNTIL,
     at.STEP_TOO_SMALL: Outcome.STEP_TOO_SMALL,
     at.NOT_FINITE: Outcome.NOT_FINITE,
     at.PROJECTION_FAILED: Outcome.PROJECTION_FAILED,
+    at.NEWTON_FAILED: Outcome.NEWTON_FAILED,
 }

@@ -20,7 +20,13 @@ def model_switches(equations: Equations) -> Switches:
     dynamics = [node for row in e.M for node in row]
     dynamics += [*e.f, *([] if e.power is None else [e.power])]
     for row in e.rows:
-        dynamics += [row.residual, row.rate, *row.A, row.b, row.transport]
+        dynamics += [
+            row.residual,
+            row.rate,
+            *row.A.entries.values(),
+            row.b,
+            row.transport,
+        ]
     state = [*e.q, *e.velocities]
     moving = [*state, "work", *e.accelerations, *e.multipliers]
     return find_switches(e.graph, [*dynamics, e.energy], moving, dynamics)

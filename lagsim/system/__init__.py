@@ -22,7 +22,7 @@ from lagsim.system.runner import Runner
 from lagsim.system.switching import surface_functions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.equations import Equations
     from lagsim.plan import Plan
@@ -45,6 +45,8 @@ class System:
         Parameters, modes, and working memory.
     objects : list of bytes
         Object code of the model's functions.
+    operations : int
+        About how many one evaluation of y' takes.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -55,12 +57,13 @@ class System:
         self.size = 2 * self.n + self.has_work
         self.columns = Columns(equations)
         self.rows_observed = len(self.columns.nodes)
+        needs = method(plan.method).NEEDS
+        self.has_jacobian = "jacobian" in needs
         self.switches = plan.switches
         self.surfaces = len(self.switches.sides)
         nodes_of = functions(
-            equations, plan, self.columns, method(plan.method).NEEDS,
-            switching=self.surfaces > 0,
-        )  # fmt: skip
+            equations, plan, self.columns, needs, switching=self.surfaces > 0
+        )
         # Rows show the expressions as written; the method sees the arc's branches.
         shown = ("observe", "columns", "until")
         nodes_of = {
@@ -69,6 +72,7 @@ class System:
             else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
+        self.operations = self._operations(nodes_of)
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
@@ -92,6 +96,10 @@ class System:
         self.objects = [object_code(code.ir)]
         if plan.elimination is None:
             self.objects.append(_loops(self.m > 0, self.surfaces > 0))
+        if self.has_jacobian:
+            from lagsim.kkt.jacobian import jacobian
+
+            self.objects.append(kernel_object([jacobian]))
         if self.surfaces:
             from lagsim.kkt import sliding
 
@@ -101,11 +109,25 @@ class System:
                 )
             )
 
+    @property
+    def has_loops(self) -> bool:
+        """Something is solved by the loops of `kkt`, so they need their workspace."""
+        return self.plan.elimination is None or self.has_jacobian
+
     def _weak(self) -> int:
         """Give where loops note the weakest direction; 0 where none do."""
-        if self.plan.elimination is not None:
+        if not self.has_loops:
             return 0
         return self.motion + _layout.weak_direction(self.n, self.m)
+
+    def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+        if self.plan.elimination is not None:
+            solved = nodes_of["field" if self.surfaces else "derivative"]
+            return len(self.equations.graph.cone(solved))
+        # Cholesky's decomposition of M, L^-1 A^T and its QR decomposition.
+        n, m = self.n, self.m
+        loops = n * n * n // 6 + n * n * m // 2 + n * m * m
+        return len(self.equations.graph.cone(nodes_of["dynamics"])) + loops
 
     def _layout(self) -> Layout:
         e = self.equations
@@ -124,9 +146,11 @@ class System:
         self.motion = self.switching + kept
         motion = (*e.accelerations, *e.multipliers)
         p |= {name: self.motion + k for k, name in enumerate(motion)}
-        loops = (
-            _layout.workspace(self.n, self.m) if self.plan.elimination is None else 0
-        )
+        loops = 0
+        if self.has_jacobian:
+            loops = _layout.jacobian_workspace(self.n, self.m)
+        elif self.has_loops:
+            loops = _layout.workspace(self.n, self.m)
         return Layout(
             y={name: k for k, name in enumerate(state)},
             p=p,

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.equations import generalized_forces
+from lagsim.expressions.derivatives import gradient
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from lagsim.equations import Equations
     from lagsim.plan import Plan
     from lagsim.system.columns import Columns
-
-NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {}
 
 
 def functions(
@@ -79,20 +80,27 @@ def _solved(
 
 def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
     """Give what the loops of `kkt.dense` begin with."""
-    e, g = equations, equations.graph
-    M = [node for row in e.M for node in row]
-    A = [node for row in e.rows for node in row.A]
-    power = e.power if e.power is not None else g.zero
-    none = {g.variable(v): g.zero for v in e.multipliers}
-    dynamics = [
-        *M, *A, *e.f, *(r.b for r in e.rows),
-        *g.substitute([power], none), *(r.transport for r in e.rows),
-    ]  # fmt: skip
-    found = {"dynamics": dynamics, "columns": list(columns.nodes.values())}
+    e = equations
+    found = {"dynamics": _dynamics(e), "columns": list(columns.nodes.values())}
     if e.rows:
+        M = [node for row in e.M for node in row]
+        A = [node for row in e.rows for node in row.A]
         held, moving, worst_held, worst_moving = _residuals(e)
         found["geometry"] = [*M, *A, *held, *moving, worst_held, worst_moving]
     return found
+
+
+def _dynamics(e: Equations) -> list[int]:
+    """Give M, A, f, b, power without the constraints' part, transport."""
+    g = e.graph
+    power = e.power if e.power is not None else g.zero
+    none = {g.variable(v): g.zero for v in e.multipliers}
+    return [
+        *(node for row in e.M for node in row),
+        *(node for row in e.rows for node in row.A),
+        *e.f, *(row.b for row in e.rows),
+        *g.substitute([power], none), *(row.transport for row in e.rows),
+    ]  # fmt: skip
 
 
 def _driven(equations: Equations) -> int:
@@ -130,3 +138,57 @@ def _residuals(equations: Equations) -> tuple[list[int], list[int], int, int]:
         worst([(r, row.residual_scale) for r, row in zip(held, rows, strict=True)]),
         worst([(r, row.rate_scale) for r, row in zip(rates, rows, strict=True)]),
     )
+
+
+def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give the rate of `work` by itself, for scenes without constraints."""
+    power = equations.power
+    return {"power": [equations.graph.zero if power is None else power]}
+
+
+def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give what `kkt.jacobian` begins with."""
+    e, g = equations, equations.graph
+    accelerations = [g.variable(name) for name in e.accelerations]
+    residuals = []
+    for M, f, held in zip(e.M, e.f, e.constraint_forces(), strict=True):
+        inertia = g.product_sum(zip(M, accelerations, strict=True))
+        residuals.append(g.call("sub", inertia, g.call("add", f, held)))
+    for row in e.rows:
+        moved = g.product_sum(zip(row.A, accelerations, strict=True))
+        residuals.append(g.call("sub", moved, row.b))
+    residuals += [] if e.power is None else [e.power]
+    state = [g.variable(name) for name in (*e.q, *e.velocities)]
+    slopes = [slope for r in residuals for slope in gradient(g, r, state)]
+    return {"dynamics": _dynamics(e), "slopes": slopes}
+
+
+def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give momenta, dL/dq + Q and power; their slopes; and the slopes M alone."""
+    e, g, L = equations, equations.graph, equations.model.lagrangian
+    positions = [g.variable(name) for name in e.q]
+    rates = [g.variable(name) for name in e.velocities]
+    Q = generalized_forces(g, e.model, positions, rates)
+    dL_dq = gradient(g, L, positions)
+    forces = [g.call("add", a, b) for a, b in zip(dL_dq, Q, strict=True)]
+    M = [node for row in e.M for node in row]
+    by_position = [s for p in e.momenta for s in gradient(g, p, positions)]
+    bends = [
+        slope
+        for variables in (positions, rates)
+        for force in forces
+        for slope in gradient(g, force, variables)
+    ]
+    power = g.zero if e.power is None else e.power
+    return {
+        "lagrangian": [*e.momenta, *forces, power],
+        "lagrangian_slopes": [*by_position, *M, *bends],
+        "inertia": M,
+    }
+
+
+NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
+    "jacobian": _jacobian,
+    "lagrangian": _lagrangian,
+    "power": _power,
+}

@@ -51,7 +51,7 @@ def surface_functions(equations: Equations, switches: Switches) -> SurfaceFuncti
         residuals.append(g.zero if moving else node)
         speeds.append(speed)
         b.append(g.call("neg", tangent(g, [speed], flow)[0]))
-        scales.append(scale_of(g, node, variables, slopes))
+        scales.append(scale_of(g, node, variables, dict(enumerate(slopes))))
         some = [j for j, slope in enumerate(slopes) if slope != g.zero]
         elements += [slopes[j] for j in some]
         columns += some
