@@ -11,6 +11,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.admissibility.start import metric_of
 from lagsim.errors import InputError, Problem
+from lagsim.kkt.series import MOST_OPERATIONS, series_length
 from lagsim.kkt.straight import Elimination, TooLongError
 from lagsim.methods import method, names
 from lagsim.structure import structure
@@ -31,6 +32,8 @@ WELL_CONDITIONED = 1e-2
 # How many states tell how long the rows usually are, and how far around the start.
 AROUND = 4
 NEARBY = 0.1
+# Needs of a method that are made from y' as nodes of the graph.
+STRAIGHT_ONLY = frozenset(("series", "linear"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +112,8 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         )
     simulation = equations.model.simulation
     name = _method(simulation, scene, choices)
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        name = _straight_method(name, equations, elimination, loops, choices)
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -247,3 +252,36 @@ def _method(
         raise InputError([Problem("method-refused", text, place, hint)])
     choices.append(Choice(f"method: {asked}", "asked for"))
     return asked
+
+
+def _straight_method(
+    name: str,
+    equations: Equations,
+    elimination: Elimination | None,
+    loops: bool,
+    choices: list[Choice],
+) -> str:
+    """Give a method that needs y' as nodes where it has them; refuse it where not.
+
+    On the way, where `loops` take over, no user can be asked: another method goes on.
+    """
+    if loops:
+        choices.append(Choice("method: dop853", f"`{name}` needs straight-line code"))
+        return "dop853"
+    simulation = equations.model.simulation
+    assert simulation is not None
+    text = "its equations are solved by loops, not by straight-line code"
+    hint = "`--method dop853` handles it"
+    if elimination is not None:
+        if "series" not in method(name).NEEDS:
+            return name
+        rtol = DEFAULT_RTOL if simulation.rtol is None else simulation.rtol
+        length = series_length(equations, elimination, rtol)
+        if length <= MOST_OPERATIONS:
+            reason = f"about {length} operations per step"
+            choices.append(Choice("series: straight-line code", reason))
+            return name
+        text = f"its series takes about {length} operations, over {MOST_OPERATIONS}"
+        hint += "; a larger --rtol makes the series shorter"
+    text = f"`{name}` cannot handle this model: {text}"
+    raise InputError([Problem("method-refused", text, simulation.method_place, hint)])

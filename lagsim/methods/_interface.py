@@ -41,6 +41,19 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
+def series(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the order K (1,), then the Taylor coefficients y_0 ... y_K (K + 1, size)."""
+
+
+@external
+def linear(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give A of z' = A z and P of power = z^T P z, where z = (q, q', 1).
+
+    Of each: how many entries are not zero, then i, j and the value of each of them.
+    """
+
+
+@external
 def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the Newton step onto the holonomic constraints, in the metric of M.
 

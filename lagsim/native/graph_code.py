@@ -16,7 +16,7 @@ from lagsim.expressions.functions import OPERATIONS
 from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.expressions.graph import Graph
 
@@ -55,8 +55,17 @@ def number(x: float) -> str:
     return f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}"
 
 
-def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -> Code:
-    """Give the code of `functions`: name -> the nodes written to out[0], out[1], ..."""
+def generate(
+    g: Graph,
+    functions: Mapping[str, Sequence[int]],
+    layout: Layout,
+    contracted: Collection[str] = (),
+) -> Code:
+    """Give the code of `functions`: name -> the nodes written to out[0], out[1], ...
+
+    In those named in `contracted` a product may be added without being rounded first,
+    where the processor can: last digits then depend on it.
+    """
     roots = sorted({node for nodes in functions.values() for node in nodes})
     varying = _varying(g, roots, layout)
     hoisted = _hoisted(g, roots, varying)
@@ -66,6 +75,7 @@ def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -
     writer.function("prepare", [(node, "p", k) for node, k in places.items()], {})
     for name, nodes in functions.items():
         stores = [(node, "out", k) for k, node in enumerate(nodes)]
+        writer.contract = name in contracted
         writer.function(name, stores, places)
     ir = "\n".join([*sorted(writer.declared), *writer.lines, ""])
     return Code(ir, scratch + writer.scratch_used)
@@ -104,6 +114,7 @@ class _Writer:
         self.scratch_used = 0
         self.lines: list[str] = []
         self.declared: set[str] = set()
+        self.contract = False
         self._fresh = 0
 
     def function(
@@ -216,7 +227,10 @@ class _Writer:
         row = OPERATIONS[op]
         self.declared.update(row.declares)
         fresh = {key: self._name() for key in "abcdef"}
-        *before, last = row.native.format(*operands, **fresh).split("\n")
+        native = row.native
+        if self.contract and op in _CONTRACTED:
+            native = native.replace(" ", " contract ", 1)
+        *before, last = native.format(*operands, **fresh).split("\n")
         self.lines += before
         return self._line(last)
 
@@ -260,6 +274,8 @@ class _Writer:
         self._fresh += 1
         return f"%v{self._fresh}"
 
+
+_CONTRACTED = ("add", "sub", "mul")
 
 # Twice the exponents that are written out: products are exact to an ulp or two up to
 # the 6th power, and faster than `pow`.

@@ -15,7 +15,7 @@ import numpy as np
 
 from lagsim.methods import _state as at
 from lagsim.methods import method
-from lagsim.plan import DEFAULT_RTOL, WELL_CONDITIONED, make_plan
+from lagsim.plan import DEFAULT_RTOL, STRAIGHT_ONLY, WELL_CONDITIONED, make_plan
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
 from lagsim.system import System
@@ -103,13 +103,10 @@ class Run:
 
     def _fresh_state(self, y: Floats) -> Floats:
         system, simulation = self.system, self.simulation
-        methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
-        state = np.zeros(max(method(m).state_size(system.size) for m in methods))
+        state = np.zeros(self._state_size())
         state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
         state[at.ROW_STEP] = simulation.output_step
-        state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
-        state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
-        state[at.FIXED_STEP] = self.plan.step or 0.0
+        self._set_tolerances(state)
         radius = simulation.spectral_radius
         state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
         state[at.ASK_AT] = AT_BOUND
@@ -120,6 +117,16 @@ class Run:
             state[at.EQUATION] = simulation.until.sense.value == "="
         state[at.HEADER : at.HEADER + len(y)] = y
         return state
+
+    def _state_size(self) -> int:
+        system = self.system
+        methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
+        return max(int(method(m).state_size(system.size)) for m in methods)
+
+    def _set_tolerances(self, state: Floats) -> None:
+        state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
+        state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
+        state[at.FIXED_STEP] = self.plan.step or 0.0
 
     def _set_watch(self, state: Floats) -> None:
         """Set when a loss of rank is looked for, and what counts as one."""
@@ -329,8 +336,14 @@ class Run:
         self.warnings.append(Caution("nearly-dependent", text))
         name = self.plan.method
         self.plan = make_plan(self.equations, self.start, loops=True)
-        self.plan = replace(self.plan, method=name)
+        if not STRAIGHT_ONLY.intersection(method(name).NEEDS):
+            self.plan = replace(self.plan, method=name)
         self.use(System(self.equations, self.plan))
+        size = self.system.size
+        common = self.state[: at.HEADER + 6 * size + 6]
+        self.state = np.zeros(self._state_size())
+        self.state[: len(common)] = common
+        self._set_tolerances(self.state)
         self._set_watch(self.state)
         self._set_branches(end)
         self.state[at.FRESH] = 1.0

@@ -62,7 +62,8 @@ def consider(run: Run) -> None:
     state = run.state
     state[at.AT_BOUND] = 0.0
     state[at.ASK_AT] *= ASKED_AGAIN
-    if run.system.n > LARGEST:
+    n = run.system.n
+    if n > LARGEST:
         _warn(run, (), "")
         return
     plan = replace(run.plan, method=STIFF)
@@ -70,9 +71,11 @@ def consider(run: Run) -> None:
     system.take_modes(run.system)
     runner = system.link(STIFF)
     runner.prepare()
-    n = run.system.n
-    J = runner.function("jacobian", (n + 1) * 2 * n)(run.t, run.y)
-    fast = _fastest(run, J[: 2 * n * n].reshape(n, 2 * n))
+    J = runner.function("jacobian", (n + 1) * 2 * n)(run.t, run.y)[: 2 * n * n]
+    if not np.all(np.isfinite(J)):
+        _warn(run, (), "")
+        return
+    fast = _fastest(run, J.reshape(n, 2 * n))
     if run.simulation.method != "auto":
         advice = f"`--method {STIFF}` passes over fast motion that has died out"
         _warn(run, fast.where, advice)
@@ -93,29 +96,32 @@ def consider(run: Run) -> None:
 
 def _fastest(run: Run, J: Floats) -> Fast:
     """Analyse q' = v, v' = J (q, v)."""
-    from scipy.linalg import eig
-
     n, size = run.system.n, run.system.size
-    first = np.hstack([np.zeros((n, n)), np.eye(n)])
-    found: Any = eig(np.vstack([first, J]), left=True, right=True)
-    values, left, right = found
-    speeds = np.abs(values)
-    fast = speeds > FAST * np.max(speeds)
-    swinging = fast & (-values.real < OSCILLATING * speeds)
+    whole = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), J])
+    values, right = _fast_modes(whole)
+    _, left = _fast_modes(whole.T)
     masses = np.maximum(run.state[at.HEADER + 3 * size + 2 :][:n], 0.0)
-    rates = run.runner.function("derivative")(run.t, run.y)[: 2 * n]
     shape = np.abs(right[:n]) * np.sqrt(masses)[:, None]
     shape /= np.maximum(np.max(shape, axis=0), 1e-300)
-    heavy = np.max(shape[:, fast], axis=1) > 0.5
+    heavy = np.max(shape, axis=1) > 0.5
     where = tuple(q for q, is_in in zip(run.equations.q, heavy, strict=True) if is_in)
-    moving = np.zeros(n)
-    for k in np.flatnonzero(swinging):
-        own = left[:, k].conj()
-        amplitude = (own @ rates) / (own @ right[:, k])
-        moving += np.abs(amplitude * right[:n, k])
+    # Of y' itself: how fast the state moves along each of them. Left and right ones of
+    # equal eigenvalues need not come in pairs.
+    rates = run.runner.function("derivative")(run.t, run.y)[: 2 * n]
+    amplitudes = np.linalg.lstsq(left.T @ right, left.T @ rates, rcond=None)[0]
+    swinging = -values.real < OSCILLATING * np.abs(values)
+    moving = np.abs(right[:n]) @ np.abs(amplitudes * swinging)
     energy = 0.5 * float(np.sum(masses * moving**2))
     excited = energy > EXCITED * run.state[at.ENERGY]
-    return Fast(float(np.max(speeds)), where, bool(excited))
+    return Fast(float(np.max(np.abs(values))), where, bool(excited))
+
+
+def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
+    """Give the large eigenvalues (k,) and their vectors (2 n, k)."""
+    values, vectors = np.linalg.eig(matrix)
+    speeds = np.abs(values)
+    fast = speeds > FAST * np.max(speeds)
+    return values[fast], vectors[:, fast]
 
 
 def _gain(run: Run, system: System) -> float:

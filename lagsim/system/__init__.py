@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.kkt import _layout
+from lagsim.kkt.series import motion_series
 from lagsim.methods import method
 from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout, generate
 from lagsim.system.columns import Columns
-from lagsim.system.functions import functions
+from lagsim.system.functions import AFTER_FREEZING, functions
 from lagsim.system.runner import Runner
 from lagsim.system.switching import surface_functions
 
@@ -76,8 +77,11 @@ class System:
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
+        if AFTER_FREEZING in needs:
+            rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
+            nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
         layout = self._layout()
-        code = generate(equations.graph, nodes_of, layout)
+        code = generate(equations.graph, nodes_of, layout, ("series",))
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 from lagsim.equations import generalized_forces
 from lagsim.expressions.derivatives import gradient
+from lagsim.kkt.linear import linear_form
+from lagsim.kkt.series import motion_rates
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -45,7 +47,8 @@ def functions(
     else:
         found |= _solved(equations, plan, columns, switching=switching)
     for need in needs:
-        found |= NEEDED[need](equations, plan)
+        if need != AFTER_FREEZING:
+            found |= NEEDED[need](equations, plan)
     return found
 
 
@@ -57,9 +60,7 @@ def _solved(
     assert elimination is not None
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
-    velocities = [g.variable(v) for v in e.velocities]
-    power = [e.power] if e.power is not None else []
-    rates = [*velocities, *accelerations, *g.substitute(power, new)]
+    rates = motion_rates(e, elimination)
     if switching:
         found = {
             "field": [*rates, *multipliers],
@@ -187,8 +188,17 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     }
 
 
+def _linear(equations: Equations, plan: Plan) -> dict[str, list[int]]:
+    """Give the matrices of a linear scene."""
+    assert plan.elimination is not None
+    return {"linear": linear_form(equations, plan.elimination)}
+
+
 NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
     "jacobian": _jacobian,
     "lagrangian": _lagrangian,
+    "linear": _linear,
     "power": _power,
 }
+# Made by the system from y' with its branches frozen.
+AFTER_FREEZING = "series"
