@@ -68,7 +68,7 @@ def consider(run: Run) -> None:
         return
     plan = replace(run.plan, method=STIFF)
     system = System(run.equations, plan)
-    system.set_modes(list(run.system.p[run.system.modes_at]))
+    system.take_modes(run.system)
     runner = system.link(STIFF)
     runner.prepare()
     J = runner.function("jacobian", (n + 1) * 2 * n)(run.t, run.y)[: 2 * n * n]

@@ -180,6 +180,13 @@ class System:
         """Set the branch of each switch in time for the arc to come."""
         self.p[self.modes_at] = values
 
+    def take_modes(self, other: System) -> None:
+        """Take the branches of all switches from another system of the same model."""
+        self.set_modes(list(other.p[other.modes_at]))
+        length = 1 + PER_SURFACE * self.surfaces if self.surfaces else 0
+        mine, theirs = self.switching, other.switching
+        self.p[mine : mine + length] = other.p[theirs : theirs + length]
+
     def units(self) -> dict[str, str]:
         """Give the unit of each column of the table, where it is known."""
         model = self.equations.model
