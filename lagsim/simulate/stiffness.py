@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.kkt import _layout
 from lagsim.methods import _state as at
 from lagsim.methods import method
 from lagsim.plan import Choice
@@ -63,12 +64,16 @@ def consider(run: Run) -> None:
     state[at.AT_BOUND] = 0.0
     state[at.ASK_AT] *= ASKED_AGAIN
     n = run.system.n
-    if n > LARGEST:
+    sliding = run.switching is not None and bool(np.any(run.switching.slides))
+    if n > LARGEST or sliding:  # sliding has a method of its own
         _warn(run, (), "")
         return
     plan = replace(run.plan, method=STIFF)
     system = System(run.equations, plan)
-    system.set_modes(list(run.system.p[run.system.modes_at]))
+    # Parameters, modes and the sides of surfaces, which all systems have there.
+    system.p[_layout.HEADER : system.motion] = run.system.p[_layout.HEADER :][
+        : system.motion - _layout.HEADER
+    ]
     runner = system.link(STIFF)
     runner.prepare()
     J = runner.function("jacobian", (n + 1) * 2 * n)(run.t, run.y)[: 2 * n * n]
@@ -86,8 +91,6 @@ def consider(run: Run) -> None:
             "constraint, or give it the damping it has"
         )
         _warn(run, fast.where, advice)
-        return
-    if run.system.surfaces:
         return
     gained = _gain(run, system)
     if gained >= WORTH:
@@ -162,7 +165,8 @@ def _operations(equations: Equations) -> float:
 
 def _converted(run: Run, system: System) -> Floats:
     """Give the state of the run as the stiff method's, at the start of an arc."""
-    state = np.zeros(method(STIFF).state_size(system.size))
+    length = max(len(run.state), method(STIFF).state_size(system.size))
+    state = np.zeros(length)
     common = at.HEADER + 6 * system.size + 6
     state[:common] = run.state[:common]
     state[at.FRESH] = 1.0
@@ -188,7 +192,7 @@ def _warn(run: Run, where: tuple[str, ...], advice: str) -> None:
     h, rate = run.state[at.STEP_H], run.state[at.SPEED]
     text = (
         f"at t = {run.t:.9g} the step ({h:.3g}) is held at the stability bound of "
-        f"{run.plan.method}, not by accuracy: {_named(where)} at about {rate:.3g} per "
+        f"{run.runner.method.NAME}, not by accuracy: {_named(where)} at about {rate:.3g} per "
         f"unit of time"
     )
     run.warnings.append(Caution(code, f"{text}; {advice}" if advice else text))
