@@ -41,14 +41,15 @@ def weak_direction(n: int, m: int) -> int:
     return (n + 3 * m) + terms + n * n + n * m + 2 * n + 7 * m + m * m
 
 
-def switching(n: int, m: int, size: int, surfaces: int) -> int:
-    """Give the length from SWITCHING on, for so many surfaces.
+def switching(m: int, size: int, surfaces: int, elements: int) -> int:
+    """Give the length from SWITCHING on, with so many surfaces and elements of J.
 
-    What `methods._interface` names; residuals, rates, J, b and scales of the surfaces;
-    the fields on both sides; the equations for the shares.
+    What `methods._interface` names; where the rows of J begin, and the columns of its
+    elements; what `surface_rows` gives; the fields on both sides; the equations for the
+    shares.
     """
     if not surfaces:
         return 0
-    rows = PER_SURFACE + n + 4
+    rows = surfaces + 1 + elements + 4 * surfaces + elements
     fields = (surfaces + 1) * (size + m)
-    return 1 + surfaces * rows + fields + surfaces * (surfaces + 3)
+    return 1 + surfaces * PER_SURFACE + rows + fields + surfaces * (surfaces + 3)

@@ -1,6 +1,8 @@
 """The run: plan -> integrate -> Trajectory; its rows go to the consumers.
 
-`arcs` is the loop, `ranks` tells of losses of rank, `reasons` puts an outcome in words.
+`arcs` is the loop. `switching` finds the mode of each arc, with `shares` where it is on
+surfaces, and `sequence` for those that come ever faster. `ranks` tells of losses of
+rank, `reasons` puts an outcome in words.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ import numpy as np
 
 from lagsim.kkt import _layout
 from lagsim.methods import method
-from lagsim.methods._interface import SIDE, SLIDES
+from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout, generate
 from lagsim.system.columns import Columns
@@ -73,8 +73,9 @@ class System:
             for name, nodes in nodes_of.items()
         }
         self.operations = self._operations(nodes_of)
-        if self.surfaces:
-            nodes_of |= surface_functions(equations, self.switches)
+        found = surface_functions(equations, self.switches)
+        nodes_of |= found.functions
+        self.pattern = found.starts, found.columns
         layout = self._layout()
         code = generate(equations.graph, nodes_of, layout)
         self.p = np.zeros(code.p_size)
@@ -86,6 +87,10 @@ class System:
             self.p[layout.p[f"length.{row.name}"]] = length
         for parameter in equations.model.parameters:
             self.p[layout.p[parameter.name]] = parameter.value
+        if self.surfaces:
+            where = self.switching + 1 + PER_SURFACE * self.surfaces
+            pattern = [*self.pattern[0], *self.pattern[1]]
+            self.p[where : where + len(pattern)] = pattern
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self.objects = [object_code(code.ir)]
@@ -132,7 +137,8 @@ class System:
         fixed += [f"length.{row.name}" for row in e.rows]
         p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
         self.switching = _layout.HEADER + len(fixed)
-        kept = _layout.switching(self.n, self.m, self.size, self.surfaces)
+        elements = len(self.pattern[1])
+        kept = _layout.switching(self.m, self.size, self.surfaces, elements)
         for k, side in enumerate(self.switches.sides):
             first = self.switching + 1 + k
             p[side.variable] = first + SIDE * self.surfaces
