@@ -34,6 +34,8 @@ class Structure:
         Time does not stand in the equations.
     linear : bool
         y' is affine in the state: M and A constant, f and b affine.
+    unknowns : int
+        Coordinates and constraints.
     """
 
     mass_varies_with: str
@@ -43,6 +45,7 @@ class Structure:
     conservative: bool
     autonomous: bool
     linear: bool
+    unknowns: int
 
     @property
     def constant_mass(self) -> bool:
@@ -84,6 +87,7 @@ def structure(equations: Equations) -> Structure:
         autonomous="t" not in g.depends(everything),
         linear=not constants & (state | {"t"})
         and all(d is not None and d <= frozenset((0, 1)) for d in degrees),
+        unknowns=len(equations.q) + len(rows),
     )
 
 

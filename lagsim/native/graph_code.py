@@ -16,7 +16,7 @@ from lagsim.expressions.functions import OPERATIONS
 from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.expressions.graph import Graph
 
@@ -55,8 +55,16 @@ def number(x: float) -> str:
     return f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}"
 
 
-def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -> Code:
-    """Give the code of `functions`: name -> the nodes written to out[0], out[1], ..."""
+def generate(
+    g: Graph,
+    functions: Mapping[str, Sequence[int]],
+    layout: Layout,
+    sparse: Collection[str] = (),
+) -> Code:
+    """Give the code of `functions`: name -> the nodes written to out[0], out[1], ...
+
+    Those named in `sparse` do not write what is zero identically: they find zeros.
+    """
     roots = sorted({node for nodes in functions.values() for node in nodes})
     varying = _varying(g, roots, layout)
     hoisted = _hoisted(g, roots, varying)
@@ -65,7 +73,11 @@ def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -
     writer = _Writer(g, layout, scratch)
     writer.function("prepare", [(node, "p", k) for node, k in places.items()], {})
     for name, nodes in functions.items():
-        stores = [(node, "out", k) for k, node in enumerate(nodes)]
+        stores = [
+            (node, "out", k)
+            for k, node in enumerate(nodes)
+            if node != g.zero or name not in sparse
+        ]
         writer.function(name, stores, places)
     ir = "\n".join([*sorted(writer.declared), *writer.lines, ""])
     return Code(ir, scratch + writer.scratch_used)

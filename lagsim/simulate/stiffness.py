@@ -19,6 +19,7 @@ from lagsim.kkt import _layout
 from lagsim.methods import _state as at
 from lagsim.methods import method
 from lagsim.plan import Choice
+from lagsim.structure import structure
 from lagsim.system import System
 from lagsim.trajectory import Caution
 
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 STIFF = "radau"
 # Asked again after this many times as many steps at the bound.
 ASKED_AGAIN = 4.0
-# Eigenvalues of larger systems take longer than what they could save.
-LARGEST = 200
 # What is faster than this part of the fastest is fast, and oscillates if the damping
 # ratio is below the next.
 FAST = 0.5
@@ -65,7 +64,8 @@ def consider(run: Run) -> None:
     state[at.ASK_AT] *= ASKED_AGAIN
     n = run.system.n
     sliding = run.switching is not None and bool(np.any(run.switching.slides))
-    if n > LARGEST or sliding:  # sliding has a method of its own
+    # Sliding has a method of its own.
+    if sliding or method(STIFF).refusal(structure(run.equations)):
         _warn(run, (), "")
         return
     plan = replace(run.plan, method=STIFF)
@@ -192,8 +192,8 @@ def _warn(run: Run, where: tuple[str, ...], advice: str) -> None:
     h, rate = run.state[at.STEP_H], run.state[at.SPEED]
     text = (
         f"at t = {run.t:.9g} the step ({h:.3g}) is held at the stability bound of "
-        f"{run.runner.method.NAME}, not by accuracy: {_named(where)} at about {rate:.3g} per "
-        f"unit of time"
+        f"{run.runner.method.NAME}, not by accuracy: {_named(where)} at about "
+        f"{rate:.3g} per unit of time"
     )
     run.warnings.append(Caution(code, f"{text}; {advice}" if advice else text))
 

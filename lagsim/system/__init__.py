@@ -77,7 +77,7 @@ class System:
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
         layout = self._layout()
-        code = generate(equations.graph, nodes_of, layout)
+        code = generate(equations.graph, nodes_of, layout, sparse=("slopes",))
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
