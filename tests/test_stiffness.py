@@ -156,3 +156,17 @@ def test_switches_are_located_by_the_stiff_method_too():
     assert len(times[0]) == 2
     assert times[0] == pytest.approx(times[1], abs=1e-6)
     assert np.max(np.abs(found["y"] - explicit["y"])) < 1e-6
+
+
+def test_steps_that_shrink_for_another_reason_are_no_stiffness():
+    # At rest the rows of this relation vanish: y' is rounding divided by rounding.
+    text = """
+    coordinates: {x: {}, y: {}, z: {}}
+    energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*z}
+    constraints: {ratio: x_dot^2 + y_dot^2 = 4*z_dot^2}
+    initial: {x: 0, y: 0, z: 0}
+    simulation: {duration: 1e-3, output_step: 1e-4}
+    """
+    found = run(text)
+    assert not found.trajectory.choices
+    assert "step-at-stability-bound" not in codes(found)

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 STIFF = "radau"
 # Asked again after this many times as many steps at the bound.
 ASKED_AGAIN = 4.0
+# The eigenvalues confirm the bound from this part of it on.
+CLOSE = 0.25
 # What is faster than this part of the fastest is fast, and oscillates if the damping
 # ratio is below the next.
 FAST = 0.5
@@ -81,6 +83,8 @@ def consider(run: Run) -> None:
         _warn(run, (), "")
         return
     fast = _fastest(run, J.reshape(n, 2 * n))
+    if fast.rate * state[at.STEP_H] < CLOSE * run.runner.method.IMAGINARY_LIMIT:
+        return  # something else, as where rows lose their rank
     if run.simulation.method != "auto":
         advice = f"`--method {STIFF}` passes over fast motion that has died out"
         _warn(run, fast.where, advice)
@@ -123,7 +127,7 @@ def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
     """Give the large eigenvalues (k,) and their vectors (2 n, k)."""
     values, vectors = np.linalg.eig(matrix)
     speeds = np.abs(values)
-    fast = speeds > FAST * np.max(speeds)
+    fast = speeds >= FAST * np.max(speeds)
     return values[fast], vectors[:, fast]
 
 
