@@ -16,6 +16,7 @@ from lagsim.expressions.evaluate import evaluate
 from lagsim.kkt.series import MOST_OPERATIONS, series_length
 from lagsim.kkt.straight import BUDGET, Elimination, TooLongError, dense_operations
 from lagsim.methods import method, names
+from lagsim.methods._state import USUAL_RADIUS
 from lagsim.structure import structure
 from lagsim.switches import model_switches
 
@@ -333,6 +334,11 @@ def _method(
         hint = "`lagsim methods` says what each handles; `auto` chooses one that can"
         raise InputError([Problem("method-refused", text, place, hint)])
     choices.append(Choice(f"method: {asked}", "asked for"))
+    if asked == "generalized-alpha":
+        given = simulation.spectral_radius if simulation else None
+        radius = USUAL_RADIUS if given is None else given
+        reason = "as usual" if given is None else "asked for"
+        choices.append(Choice(f"spectral radius: {radius:g}", reason))
     return asked
 
 

@@ -88,8 +88,10 @@ class System:
         if plan.tape:
             code = tape_code.generate(equations.graph, nodes_of, layout)
         else:
-            contracted = ("series",)
-            code = graph_code.generate(equations.graph, nodes_of, layout, contracted)
+            code = graph_code.generate(
+                equations.graph, nodes_of, layout,
+                contracted=("series",), sparse=("slopes",),
+            )  # fmt: skip
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, quadratures, plan.augmented, plan.rank,
