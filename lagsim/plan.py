@@ -16,6 +16,7 @@ from lagsim.expressions.evaluate import evaluate
 from lagsim.kkt.series import MOST_OPERATIONS, series_length
 from lagsim.kkt.straight import BUDGET, Elimination, TooLongError, dense_operations
 from lagsim.methods import method, names
+from lagsim.methods._state import USUAL_RADIUS
 from lagsim.structure import structure
 from lagsim.switches import model_switches
 
@@ -108,8 +109,11 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     Raises
     ------
     InputError
-        Where the method asked for is not known.
+        Where the method asked for is not known, or `output` asks for what the model or
+        the method has not.
     """
+    if equations.model.output.gauss and start.augmented:
+        raise InputError([_no_unconstrained_acceleration()])
     choices: list[Choice] = []
     scene = structure(equations)
     mass = _mass_matrix(scene)
@@ -137,6 +141,9 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         tape = True
         # As the run will see it: of long chains the smallest singular value is small.
         independence = _independence(equations, start, lengths, elimination)
+    quadratures = getattr(method(name), "QUADRATURES", False)
+    if equations.model.output.action and not quadratures:
+        raise InputError([_no_action(name)])
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -161,6 +168,23 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         mass_matrix=mass,
         switches=switches,
         choices=tuple(choices),
+    )
+
+
+def _no_unconstrained_acceleration() -> Problem:
+    return Problem(
+        "singular-mass",
+        "`output.gauss` asks for the accelerations without constraints, M^-1 f, and "
+        "the mass matrix of this model is singular: the constraints complete it",
+        hint="leave `gauss` out, or give every coordinate some mass",
+    )
+
+
+def _no_action(name: str) -> Problem:
+    return Problem(
+        "no-action",
+        f"`output.action` is not integrated by {name}",
+        hint="dop853 does it under its error control, or leave `action` out",
     )
 
 
@@ -310,6 +334,11 @@ def _method(
         hint = "`lagsim methods` says what each handles; `auto` chooses one that can"
         raise InputError([Problem("method-refused", text, place, hint)])
     choices.append(Choice(f"method: {asked}", "asked for"))
+    if asked == "generalized-alpha":
+        given = simulation.spectral_radius if simulation else None
+        radius = USUAL_RADIUS if given is None else given
+        reason = "as usual" if given is None else "asked for"
+        choices.append(Choice(f"spectral radius: {radius:g}", reason))
     return asked
 
 

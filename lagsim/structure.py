@@ -35,6 +35,8 @@ class Structure:
     linear : bool
         y' is affine in the state: M and A constant, f and b affine; and the power,
         where there is one, quadratic.
+    unknowns : int
+        Coordinates and constraints.
     """
 
     mass_varies_with: str
@@ -44,6 +46,7 @@ class Structure:
     conservative: bool
     autonomous: bool
     linear: bool
+    unknowns: int
 
     @property
     def constant_mass(self) -> bool:
@@ -89,6 +92,7 @@ def structure(equations: Equations) -> Structure:
         linear=not constants & (state | {"t"})
         and all(d is not None and d <= frozenset((0, 1)) for d in degrees)
         and all(d is not None and d <= frozenset((0, 1, 2)) for d in of_power),
+        unknowns=len(equations.q) + len(rows),
     )
 
 

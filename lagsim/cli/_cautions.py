@@ -33,6 +33,9 @@ def about_inputs(start: Start, plan: Plan, system: System) -> list[Caution]:
     if plan.step is None and simulation.step is not None:
         text = f"`step` has no effect: {plan.method} chooses its steps"
         found.append(Caution("step-unused", text))
+    if simulation.spectral_radius is not None and plan.method != "generalized-alpha":
+        text = f"`spectral_radius` has no effect: {plan.method} has no such parameter"
+        found.append(Caution("spectral-radius-unused", text))
     if plan.rtol is None and (simulation.rtol, simulation.atol) != (None, None):
         text = f"tolerances have no effect: {plan.method} takes fixed steps"
         found.append(Caution("tolerance-unused", text))

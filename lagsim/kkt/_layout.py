@@ -7,7 +7,7 @@ from lagsim.methods._interface import PER_SURFACE
 COUNT = 0  # n
 ROWS = 1  # m
 MOTION = 2  # offset of q'' (n) and lambda (m), then working memory
-HAS_WORK = 3
+HAS_WORK = 3  # 1; 2 where the action is integrated too, after the work
 AUGMENTED = 4
 EXPECTED = 5  # the rank that the rows have in general
 REFERENCE = 6  # the largest health so far: what is small is small against it

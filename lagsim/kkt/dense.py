@@ -39,7 +39,10 @@ if TYPE_CHECKING:
 
 @external
 def dynamics(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give M (n, n), A (m, n), f (n,), b (m,), power (1,), transport (m,)."""
+    """Give M (n, n), A (m, n), f (n,), b (m,), power (1,), transport (m,).
+
+    Then L (1,) where the action is asked for.
+    """
 
 
 @external
@@ -70,6 +73,8 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
         out[2 * n] = power[0]
         for i in range(m):
             out[2 * n] += power[1 + i] * motion[n + i]
+        if p[HAS_WORK] > 1.0:
+            out[2 * n + 1] = power[1 + m]
 
 
 def field(t: float, y: Floats, p: Floats, out: Floats) -> None:

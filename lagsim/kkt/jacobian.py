@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 def slopes(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give dr/dy (n, 2 n), ds/dy (m, 2 n) and, where there is work, dpower/dy (2 n,).
 
-    y = (q, q'); at the q'' and lambda that p holds.
+    y = (q, q'); at the q'' and lambda that p holds. What is zero identically is not
+    written: the room for it holds zeros from the start.
     """
 
 

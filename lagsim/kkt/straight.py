@@ -171,6 +171,15 @@ class Factorisation:
         return self.backward(self.forward(right))
 
 
+def unconstrained(equations: Equations) -> list[int]:
+    """Give M^-1 f (n,), the accelerations without constraints."""
+    size = len(equations.q)
+    entries = equations.mass_entries
+    mass = Factorisation(equations.graph, size, entries, Meter(math.inf))
+    x = mass.solve(dict(enumerate(equations.f)))
+    return [x.get(j, equations.graph.zero) for j in range(size)]
+
+
 class Elimination:
     """Solves for q'' and lambda, and for corrections in the metric of M.
 

@@ -65,11 +65,13 @@ def generate(
     functions: Mapping[str, Sequence[int]],
     layout: Layout,
     contracted: Collection[str] = (),
+    sparse: Collection[str] = (),
 ) -> Code:
     """Give the code of `functions`: name -> the nodes written to out[0], out[1], ...
 
     In those named in `contracted` a product may be added without being rounded first,
-    where the processor can: last digits then depend on it.
+    where the processor can: last digits then depend on it. Those named in `sparse` do
+    not write what is zero identically: they find zeros.
     """
     hoisted = fixed_nodes(g, functions, layout)
     places = {node: layout.size + k for k, node in enumerate(hoisted)}
@@ -77,7 +79,11 @@ def generate(
     writer = _Writer(g, layout, scratch)
     writer.function("prepare", [(node, "p", k) for node, k in places.items()], {})
     for name, nodes in functions.items():
-        stores = [(node, "out", k) for k, node in enumerate(nodes)]
+        stores = [
+            (node, "out", k)
+            for k, node in enumerate(nodes)
+            if node != g.zero or name not in sparse
+        ]
         writer.contract = name in contracted
         writer.function(name, stores, places)
     ir = "\n".join([*sorted(writer.declared), *writer.lines, ""])

@@ -17,9 +17,10 @@ from lagsim.kkt.straight import dense_operations
 from lagsim.methods import _state as at
 from lagsim.methods import method
 from lagsim.plan import DEFAULT_RTOL, STRAIGHT_ONLY, WELL_CONDITIONED, make_plan
-from lagsim.simulate.coordinates import converted, follow, singularity_caution
+from lagsim.simulate.coordinates import singularity_caution
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
+from lagsim.simulate.states import converted, followed, state_length
 from lagsim.system import System
 from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
 
@@ -122,12 +123,12 @@ class Run:
         if simulation.until is not None:
             state[at.EQUATION] = simulation.until.sense.value == "="
         state[at.HEADER : at.HEADER + len(y)] = y
-        return follow(state, system)
+        return followed(state, system)
 
     def _state_size(self) -> int:
         system = self.system
         methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
-        return max(int(method(m).state_size(system.size)) for m in methods)
+        return state_length(methods, system)
 
     def _set_tolerances(self, state: Floats) -> None:
         state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol

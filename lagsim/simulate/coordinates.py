@@ -17,41 +17,13 @@ from lagsim.methods import _state as at
 from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
     from lagsim.simulate.arcs import Run
-    from lagsim.system import System
 
 # An inertia below this part of its largest value is close to none: the lever arm is a
 # 300th of what it was. (Measured on an oscillator in polar coordinates that misses the
 # pole by 1e-1, 3e-3 and 1e-5 of its amplitude: 20,600, 33,900 and 46,500 evaluations,
 # errors of 2e-11, 1e-9 and 1e-8 of the range.)
 VANISHING = 1e-5
-
-
-def follow(state: Floats, system: System) -> Floats:
-    """Give a state, whose method's arrays end it, with room for the inertias."""
-    count = len(system.inertias)
-    state[at.INERTIAS], state[at.INERTIAS_AT] = count, len(state)
-    if not count:
-        return state
-    kept = np.concatenate([np.zeros(count), np.full(count, np.inf), np.zeros(count)])
-    return np.concatenate([state, kept])
-
-
-def converted(old: Floats, length: int, system: System) -> Floats:
-    """Give a state for another method, whose arrays need `length` in all.
-
-    They are empty: an arc begins.
-    """
-    new = np.zeros(length)
-    common = at.HEADER + 6 * system.size + 6
-    new[:common] = old[:common]
-    new = follow(new, system)
-    first = int(old[at.INERTIAS_AT])
-    if old[at.INERTIAS] == len(system.inertias):
-        new[length:] = old[first:]
-    new[at.FRESH] = 1.0
-    return new
 
 
 def singularity_caution(run: Run) -> list[Caution]:

@@ -18,7 +18,8 @@ import numpy as np
 from lagsim.methods import _state as at
 from lagsim.methods import method
 from lagsim.plan import Choice
-from lagsim.simulate.coordinates import converted
+from lagsim.simulate.states import converted, state_length
+from lagsim.structure import structure
 from lagsim.system import System
 from lagsim.trajectory import Caution
 
@@ -30,8 +31,8 @@ if TYPE_CHECKING:
 STIFF = "radau"
 # Asked again after this many times as many steps at the bound.
 ASKED_AGAIN = 4.0
-# Eigenvalues of larger systems take longer than what they could save.
-LARGEST = 200
+# The eigenvalues confirm the bound from this part of it on.
+CLOSE = 0.25
 # What is faster than this part of the fastest is fast, and oscillates if the damping
 # ratio is below the next.
 FAST = 0.5
@@ -64,12 +65,15 @@ def consider(run: Run) -> None:
     state[at.AT_BOUND] = 0.0
     state[at.ASK_AT] *= ASKED_AGAIN
     n = run.system.n
-    if n > LARGEST:
+    sliding = run.switching is not None and bool(np.any(run.switching.slides))
+    # Sliding has a method of its own.
+    refused = method(STIFF).refusal(structure(run.equations))
+    if sliding or refused or run.system.has_action:
         _warn(run, (), "")
         return
     plan = replace(run.plan, method=STIFF)
     system = System(run.equations, plan)
-    system.set_modes(list(run.system.p[run.system.modes_at]))
+    system.take_modes(run.system)
     runner = system.link(STIFF)
     runner.prepare()
     J = runner.function("jacobian", (n + 1) * 2 * n)(run.t, run.y)[: 2 * n * n]
@@ -77,6 +81,8 @@ def consider(run: Run) -> None:
         _warn(run, (), "")
         return
     fast = _fastest(run, J.reshape(n, 2 * n))
+    if fast.rate * state[at.STEP_H] < CLOSE * run.runner.method.IMAGINARY_LIMIT:
+        return  # something else, as where rows lose their rank
     if run.simulation.method != "auto":
         advice = f"`--method {STIFF}` passes over fast motion that has died out"
         _warn(run, fast.where, advice)
@@ -87,8 +93,6 @@ def consider(run: Run) -> None:
             "constraint, or give it the damping it has"
         )
         _warn(run, fast.where, advice)
-        return
-    if run.system.surfaces:
         return
     gained = _gain(run, system)
     if gained >= WORTH:
@@ -121,7 +125,7 @@ def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
     """Give the large eigenvalues (k,) and their vectors (2 n, k)."""
     values, vectors = np.linalg.eig(matrix)
     speeds = np.abs(values)
-    fast = speeds > FAST * np.max(speeds)
+    fast = speeds >= FAST * np.max(speeds)
     return values[fast], vectors[:, fast]
 
 
@@ -163,7 +167,8 @@ def _operations(equations: Equations) -> float:
 
 def _converted(run: Run, system: System) -> Floats:
     """Give the state of the run as the stiff method's, at the start of an arc."""
-    return converted(run.state, method(STIFF).state_size(system.size), system)
+    names = {STIFF, *([run.plan.method] if run.system.surfaces else [])}
+    return converted(run.state, state_length(names, system), system)
 
 
 def _switch(run: Run, system: System, fast: Fast, gained: float) -> None:
@@ -185,8 +190,8 @@ def _warn(run: Run, where: tuple[str, ...], advice: str) -> None:
     h, rate = run.state[at.STEP_H], run.state[at.SPEED]
     text = (
         f"at t = {run.t:.9g} the step ({h:.3g}) is held at the stability bound of "
-        f"{run.plan.method}, not by accuracy: {_named(where)} at about {rate:.3g} per "
-        f"unit of time"
+        f"{run.runner.method.NAME}, not by accuracy: {_named(where)} at about "
+        f"{rate:.3g} per unit of time"
     )
     run.warnings.append(Caution(code, f"{text}; {advice}" if advice else text))
 

@@ -18,7 +18,7 @@ from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
 from lagsim.native import graph_code, tape_code
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout
-from lagsim.system.columns import Columns
+from lagsim.system.columns import ACTION, Columns
 from lagsim.system.functions import AFTER_FREEZING, functions, varying_inertias
 from lagsim.system.runner import Runner
 from lagsim.system.switching import surface_functions
@@ -58,7 +58,10 @@ class System:
         self.plan = plan
         self.n, self.m = len(equations.q), len(equations.rows)
         self.has_work = equations.power is not None
-        self.size = 2 * self.n + self.has_work
+        self.has_action = equations.model.output.action
+        # Beside the action the work has its place also where there is none.
+        quadratures = 2 if self.has_action else int(self.has_work)
+        self.size = 2 * self.n + quadratures
         self.inertias = tuple(varying_inertias(equations, plan))
         self.columns = Columns(equations)
         self.rows_observed = len(self.columns.nodes)
@@ -88,11 +91,13 @@ class System:
         if plan.tape:
             code = tape_code.generate(equations.graph, nodes_of, layout)
         else:
-            contracted = ("series",)
-            code = graph_code.generate(equations.graph, nodes_of, layout, contracted)
+            code = graph_code.generate(
+                equations.graph, nodes_of, layout,
+                contracted=("series",), sparse=("slopes",),
+            )  # fmt: skip
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
-            self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
+            self.n, self.m, self.motion, quadratures, plan.augmented, plan.rank,
             plan.independence, 1.0, 1.0, self._weak(), self.switching, self.surfaces,
         ]  # fmt: skip
         for row, length in zip(equations.rows, plan.lengths, strict=True):
@@ -143,7 +148,7 @@ class System:
 
     def _layout(self) -> Layout:
         e = self.equations
-        state = (*e.q, *e.velocities, "work")
+        state = (*e.q, *e.velocities, "work", ACTION)
         fixed = [p.name for p in e.model.parameters]
         fixed += [mode.variable for mode in self.switches.modes]
         fixed += [f"length.{row.name}" for row in e.rows]
@@ -180,6 +185,13 @@ class System:
         """Set the branch of each switch in time for the arc to come."""
         self.p[self.modes_at] = values
 
+    def take_modes(self, other: System) -> None:
+        """Take the branches of all switches from another system of the same model."""
+        self.set_modes(list(other.p[other.modes_at]))
+        length = 1 + PER_SURFACE * self.surfaces if self.surfaces else 0
+        mine, theirs = self.switching, other.switching
+        self.p[mine : mine + length] = other.p[theirs : theirs + length]
+
     def units(self) -> dict[str, str]:
         """Give the unit of each column of the table, where it is known."""
         model = self.equations.model
@@ -189,6 +201,8 @@ class System:
                 units[c.name] = c.unit
                 units[f"{c.name}_dot"] = f"{c.unit}/s"
                 units[f"{c.name}_ddot"] = f"{c.unit}/s^2"
+                if model.output.gauss:
+                    units[f"gauss.a_{c.name}"] = f"{c.unit}/s^2"
         units["t"] = "s"
         known = {d.name: d.unit for d in model.definitions}
         return {name: known.get(name, unit) for name, unit in units.items()}

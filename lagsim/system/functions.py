@@ -112,7 +112,7 @@ def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
 
 
 def _dynamics(e: Equations) -> list[int]:
-    """Give M, A, f, b, power without the constraints' part, transport."""
+    """Give M, A, f, b, power without the constraints' part, transport, L."""
     g = e.graph
     power = e.power if e.power is not None else g.zero
     none = {g.variable(v): g.zero for v in e.multipliers}
@@ -121,6 +121,7 @@ def _dynamics(e: Equations) -> list[int]:
         *(node for row in e.rows for node in row.A),
         *e.f, *(row.b for row in e.rows),
         *g.substitute([power], none), *(row.transport for row in e.rows),
+        *([e.model.lagrangian] if e.model.output.action else []),
     ]  # fmt: skip
 
 
