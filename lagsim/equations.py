@@ -25,6 +25,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
+class Quadrature:
+    """A coordinate that stands in no equation: only its rate is integrated.
+
+    `rate` and `mass` (its entry of M's diagonal) are nodes.
+    """
+
+    name: str
+    rate: int
+    mass: int
+
+
+@dataclass(frozen=True, slots=True)
 class Equations:
     """Everything a run needs, as nodes of `graph`.
 
@@ -46,6 +58,8 @@ class Equations:
     power : int or None
         The rate of `work`, with the multipliers as variables `lambda_<c>`; None where
         the model has nothing that could do work.
+    quadratures : tuple of Quadrature
+        Coordinates that are integrated beside these equations; see `reduction`.
     """
 
     model: Model
@@ -60,6 +74,7 @@ class Equations:
     energy_is_sum: bool
     kinetic_form: int
     power: int | None
+    quadratures: tuple[Quadrature, ...] = ()
 
     @property
     def accelerations(self) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.admissibility.start import metric_of
 from lagsim.errors import InputError, Problem
+from lagsim.formulation import Choice, formulate
 from lagsim.kkt.straight import Elimination, TooLongError
 from lagsim.methods import method, names
 from lagsim.structure import structure
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from lagsim.equations import Equations
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
+    from lagsim.reduction import Reduction
     from lagsim.structure import Structure
 
 DEFAULT_RTOL = 1e-11
@@ -32,14 +35,6 @@ NEARBY = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
-    """One thing chosen, and why."""
-
-    choice: str
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
 class Plan:
     """The choices of a run.
 
@@ -47,7 +42,13 @@ class Plan:
     ----------
     method : str
     formulation : str
-        `none`, `projection` or `velocity projection`.
+        See `lagsim.formulation`.
+    reduction : Reduction
+        The equations that are integrated.
+    projected : bool
+        States are projected onto their constraints.
+    gain : float
+        Of the formulation `baumgarte`; else 0.
     elimination : Elimination or None
         The equations solved on the graph; None where loops solve them.
     rank : int
@@ -67,6 +68,9 @@ class Plan:
 
     method: str
     formulation: str
+    reduction: Reduction
+    projected: bool
+    gain: float
     elimination: Elimination | None
     rank: int
     independence: float
@@ -88,11 +92,13 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
     InputError
         Where the method asked for is not known.
     """
-    choices: list[Choice] = []
+    simulation = equations.model.simulation
+    found = formulate(equations, start, partial(_suits, simulation))
+    equations, start = found.reduction.equations, found.start
     scene = structure(equations)
     mass = _mass_matrix(scene)
-    choices.append(Choice(f"mass matrix: {mass}", _mass_reason(equations, scene)))
-    formulation = _formulation(equations, choices)
+    choices = [Choice(f"mass matrix: {mass}", _mass_reason(equations, scene))]
+    choices += found.choices
     elimination = None if loops else _elimination(equations, start, choices)
     if loops:
         choices.append(
@@ -102,7 +108,6 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
         choices.append(
             Choice("mass matrix solved with the constraints", "it is singular alone")
         )
-    simulation = equations.model.simulation
     name = _method(simulation, scene, choices)
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
@@ -114,7 +119,10 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
             step = simulation.step or simulation.output_step
     return Plan(
         method=name,
-        formulation=formulation,
+        formulation=found.name,
+        reduction=found.reduction,
+        projected=found.projected,
+        gain=found.gain,
         elimination=elimination,
         rank=start.ranks.generic_rank,
         independence=start.ranks.generic_smallest,
@@ -172,20 +180,15 @@ def _mass_reason(equations: Equations, scene: Structure) -> str:
     return f"{full} of {n * n} entries are not zero"
 
 
-def _formulation(equations: Equations, choices: list[Choice]) -> str:
-    rows = equations.rows
-    if not rows:
-        choices.append(Choice("formulation: none", "no constraints"))
-        return "none"
-    held = [row for row in rows if row.holonomic]
-    if held:
-        reason = f"{len(held)} of {len(rows)} constraints hold positions"
-        choices.append(Choice("formulation: projection", reason))
-        return "projection"
-    choices.append(
-        Choice("formulation: velocity projection", "the constraints hold velocities")
-    )
-    return "velocity projection"
+def _suits(simulation: Simulation | None, equations: Equations) -> bool:
+    """Tell whether the method that is asked for can handle `equations`."""
+    asked = simulation.method if simulation else "auto"
+    if asked not in names():
+        return True
+    chosen = method(asked)
+    if equations.quadratures and not chosen.QUADRATURES:
+        return False
+    return not chosen.refusal(structure(equations))
 
 
 def _elimination(

@@ -99,7 +99,7 @@ class _Run:
         self._told: set[tuple[str, ...]] = set()
         self.rows = 0
         self.use(system)
-        self.state = self._fresh_state(np.concatenate([start.q, start.v]))
+        self.state = self._fresh_state(system.begin(start))
         self.block = np.empty((BLOCK, 1 + system.size))
 
     def use(self, system: System) -> None:
@@ -286,7 +286,7 @@ class _Run:
         size = self.system.size
         at_loss = self.state[at.HEADER + 4 * size + 2 :][:size]
         n = self.system.n
-        point = Point(self.equations)
+        point = Point(self.system.equations)
         point.move_to(time)
         q, v = at_loss[:n], at_loss[n : 2 * n]
         names, smallest = self._weakest(point, q, v)
@@ -313,7 +313,7 @@ class _Run:
         left, sizes, _ = np.linalg.svd(Y)
         last = min(self.plan.rank, len(sizes)) - 1
         heavy = np.abs(left[:, last]) > 1e-3
-        rows = zip(self.equations.rows, heavy, strict=True)
+        rows = zip(self.system.equations.rows, heavy, strict=True)
         return tuple(row.name for row, is_in in rows if is_in), float(sizes[last])
 
     def _emit(self, states: Floats) -> None:
@@ -363,14 +363,17 @@ class _Run:
 
     def _described_state(self) -> str:
         names = (*self.equations.q, *self.equations.velocities)
-        shown = [f"{name} = {x:.6g}" for name, x in zip(names, self.y, strict=False)]
+        row = self._observed()[1:]  # after t
+        shown = [f"{name} = {x:.6g}" for name, x in zip(names, row, strict=False)]
         if len(shown) > 12:
             shown = [*shown[:12], f"... {len(shown) - 12} more"]
         return ", ".join(shown)
 
     def _fastest(self) -> str:
         """Name the component that grows fastest for its size."""
-        names = (*self.equations.q, *self.equations.velocities, "work")
+        e = self.system.equations
+        names = [*e.q, *e.velocities, *["work"][: self.system.has_work]]
+        names += [x.name for x in e.quadratures]
         rates = np.abs(self.runner.function("derivative")(self.t, self.y))
         size = self.system.size
         sizes = np.maximum(np.abs(self.y), 1e-300)

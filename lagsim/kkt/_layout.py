@@ -3,13 +3,14 @@
 COUNT = 0  # n
 ROWS = 1  # m
 MOTION = 2  # offset of q'' (n) and lambda (m), then working memory
-HAS_WORK = 3
+QUADRATURES = 3  # components of y after q and q'
 AUGMENTED = 4
 EXPECTED = 5  # the rank that the rows have in general
 REFERENCE = 6  # the largest health so far: what is small is small against it
 HEALTH = 7  # size of the last independent column, now
 # 8 and 9: LEAST_HEALTH and WEAK, see methods._interface.
-HEADER = 10
+GAIN = 10  # of what pulls the state to the constraints
+HEADER = 11
 
 
 def workspace(n: int, m: int) -> int:

@@ -24,9 +24,10 @@ from lagsim.kkt._cholesky import augment_force, backward, factor, forward
 from lagsim.kkt._layout import (
     AUGMENTED,
     COUNT,
-    HAS_WORK,
+    GAIN,
     HEALTH,
     MOTION,
+    QUADRATURES,
     REFERENCE,
     ROWS,
 )
@@ -39,7 +40,12 @@ if TYPE_CHECKING:
 
 @external
 def dynamics(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give M (n, n), A (m, n), f (n,), b (m,), power (1,), transport (m,)."""
+    """Give M (n, n), A (m, n), f (n,), b (m,)."""
+
+
+@external
+def quadratures(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the rates of what follows the velocities, from q'' and lambda in p."""
 
 
 @external
@@ -58,24 +64,22 @@ def columns(t: float, y: Floats, p: Floats, out: Floats) -> None:
 def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give y' (size,)."""
     n = int(p[COUNT])
-    m = int(p[ROWS])
     motion = at(p, int(p[MOTION]))
     solve_motion(t, y, p)
     for i in range(n):
         out[i] = y[n + i]
         out[n + i] = motion[i]
-    if p[HAS_WORK] > 0.0:
-        terms = at(motion, n + 3 * m)
-        power = at(terms, n * n + n * m + n + m)
-        out[2 * n] = power[0]
-        for i in range(m):
-            out[2 * n] += power[1 + i] * motion[n + i]
+    if p[QUADRATURES] > 0.0:
+        quadratures(t, y, p, at(out, 2 * n))
 
 
 def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the columns of a row."""
+    """Give the columns of a row, without what pulls the state to the constraints."""
+    gain = p[GAIN]
+    p[GAIN] = 0.0
     solve_motion(t, y, p)
     columns(t, y, p, out)
+    p[GAIN] = gain
 
 
 def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:

@@ -31,6 +31,7 @@ def method(name: str) -> ModuleType:
     - `amplification(z)`: the spectral radius of one step h of an oscillation with the
       eigenvalues z/h and their conjugate, and IMAGINARY_LIMIT, the largest |z| on the
       imaginary axis below which it does not exceed 1 (inf: none);
+    - QUADRATURES: whether y may have coordinates after `work`, see `reduction`;
     - NEEDS: names of functions of the model beyond y', see `system.functions`;
     - `state_size(size)`, and the kernels `start`, `step` and `interpolate`.
     """

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.formulation import GAIN
 from lagsim.kkt import _layout
 from lagsim.methods import method
 from lagsim.native.cache import kernel_object, object_code
@@ -23,7 +24,9 @@ from lagsim.system.runner import Runner
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from lagsim.admissibility import Start
     from lagsim.equations import Equations
+    from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
 
 
@@ -33,11 +36,14 @@ class System:
     Parameters
     ----------
     equations : Equations
+        The full ones: rows show all of their columns.
     plan : Plan
         The formulation decides between straight-line code and loops.
 
     Attributes
     ----------
+    equations : Equations
+        Those that are integrated.
     size : int
         Components of y.
     p : ndarray
@@ -47,13 +53,14 @@ class System:
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
-        self.equations = equations
         self.plan = plan
+        self.columns = Columns(equations, plan.reduction.recovered)
+        self.rows_observed = len(self.columns.nodes)
+        equations = self.equations = plan.reduction.equations
         self.n, self.m = len(equations.q), len(equations.rows)
         self.has_work = equations.power is not None
-        self.size = 2 * self.n + self.has_work
-        self.columns = Columns(equations)
-        self.rows_observed = len(self.columns.nodes)
+        quadratures = self.has_work + len(equations.quadratures)
+        self.size = 2 * self.n + quadratures
         nodes_of = functions(equations, plan, self.columns, method(plan.method).NEEDS)
         state = [*equations.q, *equations.velocities]
         moving = [*state, "work", *equations.accelerations, *equations.multipliers]
@@ -68,13 +75,14 @@ class System:
         code = generate(equations.graph, nodes_of, layout)
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
-            self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
-            plan.independence, 1.0, 1.0, self._weak(),
+            self.n, self.m, self.motion, quadratures, plan.augmented, plan.rank,
+            plan.independence, 1.0, 1.0, self._weak(), plan.gain,
         ]  # fmt: skip
         for row, length in zip(equations.rows, plan.lengths, strict=True):
             self.p[layout.p[f"length.{row.name}"]] = length
         for parameter in equations.model.parameters:
             self.p[layout.p[parameter.name]] = parameter.value
+        self._layout_of = layout.p
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self.objects = [object_code(code.ir)]
@@ -89,11 +97,13 @@ class System:
 
     def _layout(self) -> Layout:
         e = self.equations
-        state = (*e.q, *e.velocities, "work")
+        work = () if e.power is None else ("work",)
+        state = (*e.q, *e.velocities, *work, *(x.name for x in e.quadratures))
         fixed = [p.name for p in e.model.parameters]
         fixed += [mode.variable for mode in self.switches.modes]
         fixed += [f"length.{row.name}" for row in e.rows]
         p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
+        p[GAIN] = _layout.GAIN
         self.motion = _layout.HEADER + len(fixed)
         motion = (*e.accelerations, *e.multipliers)
         p |= {name: self.motion + k for k, name in enumerate(motion)}
@@ -112,6 +122,12 @@ class System:
         if name not in self._runners:
             self._runners[name] = Runner(self, name)
         return self._runners[name]
+
+    def begin(self, start: Start) -> Floats:
+        """Give y at a start; sets what it determines for the whole run."""
+        for name, value in self.plan.reduction.constants(start).items():
+            self.p[self._layout_of[name]] = value
+        return self.plan.reduction.state(start)
 
     def set_modes(self, values: Sequence[float]) -> None:
         """Set the branch of each switch in time for the arc to come."""

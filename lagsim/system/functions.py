@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.formulation import GAIN
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -26,8 +28,12 @@ def functions(
     diagonal = [equations.M[i][i] for i in range(len(equations.q))]
     rest = g.call("sub", equations.energy, equations.kinetic_form)
     found = {
-        "measure": [equations.kinetic_form, rest, *diagonal, _driven(equations)],
-    }
+        "measure": [
+            equations.kinetic_form, rest, *diagonal, _driven(equations),
+            *([] if equations.power is None else [g.zero]),
+            *(x.mass for x in equations.quadratures),
+        ],
+    }  # fmt: skip
     simulation = equations.model.simulation
     if simulation and simulation.until:
         found["until"] = [simulation.until.node]
@@ -44,7 +50,7 @@ def physics(equations: Equations) -> list[int]:
     """Give the expressions whose switches are the model's own."""
     nodes = [node for row in equations.M for node in row]
     nodes += [*equations.f, equations.energy]
-    nodes += [] if equations.power is None else [equations.power]
+    nodes += _quadratures(equations)
     for row in equations.rows:
         nodes += [row.residual, row.rate, *row.A, row.b, row.transport]
     return nodes
@@ -57,12 +63,14 @@ def _solved(equations: Equations, plan: Plan, columns: Columns) -> dict[str, lis
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
     velocities = [g.variable(v) for v in e.velocities]
-    power = [e.power] if e.power is not None else []
-    found = {
-        "derivative": [*velocities, *accelerations, *g.substitute(power, new)],
-    }
     new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
-    found["observe"] = g.substitute(columns.nodes.values(), new)
+    rates = g.substitute(_quadratures(e), new)
+    observed = g.substitute(columns.nodes.values(), new)
+    found = {
+        "derivative": [*velocities, *accelerations, *rates],
+        # Rows show the motion without what pulls the state back to the constraints.
+        "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
+    }
     if e.rows:
         held, moving, worst_held, worst_moving = _residuals(e)
         found["position_step"] = [*elimination.correction(held), worst_held]
@@ -74,20 +82,24 @@ def _solved(equations: Equations, plan: Plan, columns: Columns) -> dict[str, lis
 
 def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
     """Give what the loops of `kkt.dense` begin with."""
-    e, g = equations, equations.graph
+    e = equations
     M = [node for row in e.M for node in row]
     A = [node for row in e.rows for node in row.A]
-    power = e.power if e.power is not None else g.zero
-    none = {g.variable(v): g.zero for v in e.multipliers}
-    dynamics = [
-        *M, *A, *e.f, *(r.b for r in e.rows),
-        *g.substitute([power], none), *(r.transport for r in e.rows),
-    ]  # fmt: skip
-    found = {"dynamics": dynamics, "columns": list(columns.nodes.values())}
+    found = {
+        "dynamics": [*M, *A, *e.f, *(r.b for r in e.rows)],
+        "quadratures": _quadratures(e),
+        "columns": list(columns.nodes.values()),
+    }
     if e.rows:
         held, moving, worst_held, worst_moving = _residuals(e)
         found["geometry"] = [*M, *A, *held, *moving, worst_held, worst_moving]
     return found
+
+
+def _quadratures(equations: Equations) -> list[int]:
+    """Give the rates of what follows the velocities in y."""
+    work = [] if equations.power is None else [equations.power]
+    return [*work, *(x.rate for x in equations.quadratures)]
 
 
 def _driven(equations: Equations) -> int:

@@ -45,7 +45,7 @@ class Runner:
         self.method = method(name)
         simulation = system.equations.model.simulation
         statics = {
-            "CONSTRAINED": system.m > 0,
+            "CONSTRAINED": system.m > 0 and system.plan.projected,
             "UNTIL": bool(simulation and simulation.until),
         }
         kernels = [self.method.start, self.method.step, self.method.interpolate]

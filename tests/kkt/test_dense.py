@@ -23,10 +23,10 @@ ROUNDING = 2.0**-53
 
 # The model's functions that the loops call: they give the system that lies in y.
 def dynamics(t: float, y: Floats, p: Floats, out: Floats) -> None:  # noqa: ARG001
-    """Give M, A, f, b, power, transport."""
+    """Give M, A, f, b."""
     n = int(p[0])
     m = int(p[1])
-    for i in range(n * n + n * m + n + m + 1 + m):
+    for i in range(n * n + n * m + n + m):
         out[i] = y[i]
 
 
@@ -91,13 +91,13 @@ class System:
     @property
     def arrays(self) -> tuple[Any, Any, Any]:
         m, n = self.A.shape
-        parts = (self.M, self.A, self.f, self.b, [0.0], np.zeros(m))
+        parts = (self.M, self.A, self.f, self.b)
         y = np.concatenate([np.ravel(part) for part in parts])
         p = np.zeros(_layout.HEADER + _layout.workspace(n, m) + 4)
         rank = min(n, m) if self.expected is None else self.expected
         p[: _layout.HEADER] = [
             n, m, _layout.HEADER, 0, self.augmented, rank, self.reference, 0, 1.0,
-            _layout.HEADER + _layout.weak_direction(n, m),
+            _layout.HEADER + _layout.weak_direction(n, m), 0,
         ]  # fmt: skip
         p[-4:] = GUARD
         return y, p, np.zeros(n + 3)

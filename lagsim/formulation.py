@@ -1,0 +1,360 @@
+"""How constraints are met, and how much of the equations needs to be integrated.
+
+- `none`: no constraints; the equations as they are.
+- `projection`: q'' and lambda from the equations as they are; states are projected.
+- `velocity projection`: the same where all constraints hold velocities.
+- `elimination`: constraints that give a coordinate are solved; others are projected.
+- `baumgarte`: b - 2 a (A q' + g_t) - a^2 g stands for b, and b - a phi for relations
+  between velocities: what is off the constraints decays at the rate a. Nothing is
+  projected. The rows show q'' and lambda without this pull.
+- `drift`: nothing is done about what is off the constraints.
+- `ignorable`: coordinates that keep their momentum are integrated by quadrature.
+
+`auto` takes what costs the least operations; any name keeps all else as it is.
+
+Source: J. Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), of his method; of the
+others see `reduction` and `methods._projection`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.admissibility.inertia import needs_constraints
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import analyse
+from lagsim.errors import InputError, Problem
+from lagsim.kkt.straight import Elimination, TooLongError
+from lagsim.reduction import Reduction, given_by, ignorable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from lagsim.admissibility import Start
+    from lagsim.equations import Equations
+    from lagsim.model import Simulation
+
+GAIN = "baumgarte.gain"
+# A coordinate is given by a constraint only if it does not move much more, in the
+# metric of M, than those that it is expressed by: their errors are its own.
+STEEPEST = 1e3
+# Looking for what can be eliminated takes the square of the number of coordinates.
+LARGEST = 200
+# Evaluations in a step of order 8, and solves for its projection.
+STAGES = 12
+SOLVES = 4
+# Operations of a step on each component of the state, per evaluation.
+PER_COMPONENT = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One thing chosen, and why."""
+
+    choice: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Formulation:
+    """What is integrated, and how constraints are met.
+
+    Attributes
+    ----------
+    name : str
+    reduction : Reduction
+        The equations that are integrated.
+    start : Start
+        Of those equations.
+    projected : bool
+        States are projected onto the constraints left.
+    gain : float
+        Of `baumgarte`; 0 for others.
+    choices : tuple of Choice
+    """
+
+    name: str
+    reduction: Reduction
+    start: Start
+    projected: bool
+    gain: float
+    choices: tuple[Choice, ...]
+
+
+def formulate(
+    equations: Equations, start: Start, suits: Callable[[Equations], bool]
+) -> Formulation:
+    """Choose how to meet the constraints, or do as the model asks.
+
+    Parameters
+    ----------
+    suits
+        Whether the method, if one is asked for, can handle equations.
+
+    Raises
+    ------
+    InputError
+        Where the formulation asked for is not known or cannot be had.
+    """
+    simulation = equations.model.simulation
+    asked = simulation.formulation if simulation else "auto"
+    if asked == "auto":
+        return _chosen(equations, start, suits)
+    make = _ASKED.get(asked)
+    if make is None:
+        hint = f"one of auto, {', '.join(_ASKED)}"
+        raise _refused(
+            simulation,
+            f"there is no formulation `{asked}`",
+            hint,
+            "unknown-formulation",
+        )
+    return make(equations, start)
+
+
+def _refused(
+    simulation: Simulation | None,
+    text: str,
+    hint: str = "`auto` chooses one that can be had",
+    code: str = "formulation-refused",
+) -> InputError:
+    place = simulation.formulation_place if simulation else None
+    return InputError([Problem(code, text, place, hint)])
+
+
+def _cannot(equations: Equations, why: str) -> InputError:
+    simulation = equations.model.simulation
+    assert simulation is not None
+    return _refused(simulation, f"`{simulation.formulation}` cannot be had: {why}")
+
+
+def _whole(
+    equations: Equations,
+    start: Start,
+    name: str,
+    reason: str,
+    *,
+    projected: bool = False,
+    gain: float = 0.0,
+) -> Formulation:
+    """Give a formulation with the equations as they are."""
+    choices = (Choice(f"formulation: {name}", reason),)
+    return Formulation(name, Reduction(equations), start, projected, gain, choices)
+
+
+def _constrained(equations: Equations) -> None:
+    if not equations.rows:
+        raise _cannot(equations, "the model has no constraints")
+
+
+def _none(equations: Equations, start: Start) -> Formulation:
+    if equations.rows:
+        why = "the model has constraints; `drift` does nothing about them"
+        raise _cannot(equations, why)
+    return _whole(equations, start, "none", "no constraints")
+
+
+def _projection(equations: Equations, start: Start) -> Formulation:
+    rows = equations.rows
+    _constrained(equations)
+    held = sum(row.holonomic for row in rows)
+    if held:
+        reason = f"{held} of {len(rows)} constraints hold positions"
+        return _whole(equations, start, "projection", reason, projected=True)
+    reason = "the constraints hold velocities"
+    return _whole(equations, start, "velocity projection", reason, projected=True)
+
+
+def _velocity_projection(equations: Equations, start: Start) -> Formulation:
+    found = _projection(equations, start)
+    if found.name == "projection":
+        raise _cannot(equations, found.choices[0].reason)
+    return found
+
+
+def _drift(equations: Equations, start: Start) -> Formulation:
+    _constrained(equations)
+    return _whole(
+        equations, start, "drift", "asked for; the motion leaves the constraints"
+    )
+
+
+def _baumgarte(equations: Equations, start: Start) -> Formulation:
+    _constrained(equations)
+    simulation = equations.model.simulation
+    assert simulation is not None
+    gain = simulation.gain or 1.0 / (simulation.step or simulation.output_step)
+    reason = f"asked for; gain {gain:g} per unit of time"
+    found = _whole(equations, start, "baumgarte", reason, gain=gain)
+    return replace(found, reduction=Reduction(_stabilised(equations)))
+
+
+def _stabilised(equations: Equations) -> Equations:
+    """Let b drive the state back to the constraints."""
+    g = equations.graph
+    a = g.variable(GAIN)
+    rows = []
+    for row in equations.rows:
+        pull = g.call("mul", a, row.rate)
+        if row.holonomic:
+            square = g.call("mul", g.call("mul", a, a), row.residual)
+            pull = g.call("add", g.call("mul", g.constant(2.0), pull), square)
+        rows.append(replace(row, b=g.call("sub", row.b, pull)))
+    return replace(equations, rows=tuple(rows))
+
+
+def _elimination(equations: Equations, start: Start) -> Formulation:
+    _constrained(equations)
+    reduction, why = _eliminated(equations, start)
+    if not reduction.eliminated:
+        raise _cannot(equations, why)
+    return _reduced(reduction, start, "asked for")
+
+
+def _ignorable(equations: Equations, start: Start) -> Formulation:
+    found = ignorable(equations)
+    if not found:
+        why = "no coordinate keeps its momentum and is absent from the equations"
+        raise _cannot(equations, why)
+    return _reduced(Reduction(equations).ignore(found, start), start, "asked for")
+
+
+_ASKED: dict[str, Callable[[Equations, Start], Formulation]] = {
+    "none": _none,
+    "projection": _projection,
+    "velocity projection": _velocity_projection,
+    "elimination": _elimination,
+    "baumgarte": _baumgarte,
+    "drift": _drift,
+    "ignorable": _ignorable,
+}
+
+
+def _chosen(
+    equations: Equations, start: Start, suits: Callable[[Equations], bool]
+) -> Formulation:
+    """Give the least costly of the formulations that the method can handle."""
+    whole = (_projection if equations.rows else _none)(equations, start)
+    best, least = whole, step_cost(equations)
+    full, fits = least, suits(equations)
+    candidates = []
+    cyclic = ignorable(equations)
+    base = Reduction(equations)
+    if cyclic:
+        candidates.append(base.ignore(cyclic, start))
+    if equations.rows:
+        eliminated, _ = _eliminated(equations, start)
+        if eliminated.eliminated:
+            candidates.append(eliminated)
+            if cyclic:
+                ignoring = candidates[0]
+                candidates.append(_eliminated(ignoring.equations, start, ignoring)[0])
+    for reduction in candidates:
+        cost = step_cost(reduction.equations)
+        suitable = suits(reduction.equations)
+        if suitable and (cost < least or not fits):
+            reason = f"{cost:.0f} operations a step instead of {full:.0f}"
+            best, least, fits = _reduced(reduction, start, reason), cost, True
+    return best
+
+
+def step_cost(equations: Equations) -> float:
+    """Give about how many operations a step takes, projection included."""
+    g, n, m = equations.graph, len(equations.q), len(equations.rows)
+    try:
+        q, lam = Elimination(equations).motion()
+        nodes = [*q, *lam]
+        solve = 0.0
+    except TooLongError:
+        nodes = [node for row in equations.M for node in row]
+        nodes += [*equations.f, *(a for row in equations.rows for a in row.A)]
+        solve = n**3 / 3 + n * m * (n + m)
+    nodes += [x.rate for x in equations.quadratures]
+    evaluation = len(g.cone(nodes)) + solve
+    size = 2 * n + len(equations.quadratures)
+    solves = SOLVES if m else 0
+    return STAGES * (evaluation + PER_COMPONENT * size) + solves * evaluation
+
+
+def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
+    """Give the formulation of a reduction, with its start and its choices."""
+    rows = reduction.equations.rows
+    choices, name = [], "none"
+    if reduction.eliminated:
+        name = "elimination"
+        pairs = ", ".join(f"{q} from {row}" for q, row in reduction.eliminated)
+        left = ""
+        if rows:
+            many = "constraint is" if len(rows) == 1 else "constraints are"
+            left = f"; {len(rows)} {many} left and projected"
+        choices.append(Choice(f"formulation: {name}", f"{pairs}: {reason}{left}"))
+    elif rows:
+        held = any(row.holonomic for row in rows)
+        name = "projection" if held else "velocity projection"
+        choices.append(Choice(f"formulation: {name}", "for the constraints"))
+    else:
+        choices.append(Choice("formulation: none", "no constraints"))
+    if reduction.ignored:
+        what = f"ignorable: {', '.join(reduction.ignored)}"
+        choices.append(Choice(what, f"momentum is kept: a quadrature; {reason}"))
+    return Formulation(
+        name, reduction, reduced_start(reduction, start), bool(rows), 0.0,
+        tuple(choices),
+    )  # fmt: skip
+
+
+def reduced_start(reduction: Reduction, start: Start) -> Start:
+    """Give the start of the equations that are left."""
+    q, v = reduction.kept(start.q), reduction.kept(start.v)
+    point = Point(reduction.equations)
+    errors = point.solved_errors(q, v)
+    return replace(
+        start, q=q, v=v, ranks=analyse(point, q, v, errors),
+        augmented=needs_constraints(point, q, v, errors),
+    )  # fmt: skip
+
+
+def _eliminated(
+    equations: Equations, start: Start, base: Reduction | None = None
+) -> tuple[Reduction, str]:
+    """Eliminate what can be, sparse constraints first; say why if nothing can be."""
+    reduction = base or Reduction(equations)
+    if start.ranks.rank < len(equations.rows):
+        return reduction, f"the constraints have rank {start.ranks.rank}"
+    if len(equations.q) > LARGEST:
+        return reduction, f"there are more than {LARGEST} coordinates"
+    while found := _next(reduction, start):
+        reduction = reduction.eliminate(*found)
+    names = ", ".join(f"`{row.name}`" for row in equations.rows)
+    why = f"no coordinate stands in {names} with a factor that is constant and not 0"
+    return reduction, why
+
+
+def _next(reduction: Reduction, start: Start) -> tuple[int, int] | None:
+    """Give the row and the coordinate that make the least fill; None if none can be."""
+    e = reduction.equations
+    g = e.graph
+    q, v = reduction.kept(start.q), reduction.kept(start.v)
+    point = Point(e)
+    sizes = point.sizes(q, v)
+    across = [
+        sum(x != g.zero for x in e.M[c]) + sum(row.A[c] != g.zero for row in e.rows)
+        for c in range(len(q))
+    ]
+    best = None
+    for k, row in enumerate(e.rows):
+        candidates = given_by(e, row)
+        if not candidates:
+            continue
+        slopes = np.abs(point.jacobian([row], q, v)[0]) / sizes
+        steepest = float(np.max(slopes))
+        along = sum(node != g.zero for node in row.A)
+        for c in candidates:
+            if not slopes[c] * STEEPEST > steepest:
+                continue
+            key = ((along - 1) * (across[c] - 2), -slopes[c] / steepest, k, c)
+            best = key if best is None else min(best, key)
+    return None if best is None else best[2:]
