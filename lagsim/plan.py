@@ -84,16 +84,29 @@ class Plan:
     choices: tuple[Choice, ...]
 
 
-def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Plan:
+def make_plan(
+    equations: Equations,
+    start: Start,
+    *,
+    loops: bool = False,
+    formulation: str | None = None,
+) -> Plan:
     """Choose for the model; `loops` insists on solving by loops.
+
+    Parameters
+    ----------
+    formulation
+        Stands for the model's.
 
     Raises
     ------
     InputError
-        Where the method asked for is not known.
+        Where the method or the formulation asked for is not known or cannot be had.
     """
     simulation = equations.model.simulation
-    found = formulate(equations, start, partial(_suits, simulation))
+    if formulation is None:
+        formulation = simulation.formulation if simulation else "auto"
+    found = formulate(equations, start, formulation, partial(_suits, simulation))
     equations, start = found.reduction.equations, found.start
     scene = structure(equations)
     mass = _mass_matrix(scene)
