@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -112,11 +112,7 @@ def make_plan(
     mass = _mass_matrix(scene)
     choices = [Choice(f"mass matrix: {mass}", _mass_reason(equations, scene))]
     choices += found.choices
-    elimination = None if loops else _elimination(equations, start, choices)
-    if loops:
-        choices.append(
-            Choice("solve: loops with QR", "the rows lost their independence")
-        )
+    elimination = _elimination(equations, start, choices)
     if start.augmented:
         choices.append(
             Choice("mass matrix solved with the constraints", "it is singular alone")
@@ -130,7 +126,7 @@ def make_plan(
             atol = simulation.atol
         else:
             step = simulation.step or simulation.output_step
-    return Plan(
+    plan = Plan(
         method=name,
         formulation=found.name,
         reduction=found.reduction,
@@ -140,7 +136,7 @@ def make_plan(
         rank=start.ranks.generic_rank,
         independence=start.ranks.generic_smallest,
         set_aside=_set_aside(equations, start),
-        lengths=_usual_lengths(equations, start),
+        lengths=usual_lengths(equations, start),
         augmented=start.augmented,
         rtol=rtol,
         atol=atol,
@@ -148,6 +144,14 @@ def make_plan(
         mass_matrix=mass,
         choices=tuple(choices),
     )
+    return by_loops(plan) if loops else plan
+
+
+def by_loops(plan: Plan) -> Plan:
+    """Give the same plan with the equations solved by loops."""
+    kept = [c for c in plan.choices if not c.choice.startswith("solve:")]
+    told = Choice("solve: loops with QR", "the rows lost their independence")
+    return replace(plan, elimination=None, choices=(*kept, told))
 
 
 def _set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
@@ -155,7 +159,7 @@ def _set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
     return tuple(row.name in implied for row in equations.rows)
 
 
-def _usual_lengths(equations: Equations, start: Start) -> tuple[float, ...]:
+def usual_lengths(equations: Equations, start: Start) -> tuple[float, ...]:
     """Give the largest length of each row at the start and around it."""
     if not equations.rows:
         return ()

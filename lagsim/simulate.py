@@ -7,7 +7,6 @@ memory does not grow with the number of rows.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Protocol
 
@@ -17,7 +16,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.admissibility.start import metric_of
 from lagsim.methods import _state as at
-from lagsim.plan import WELL_CONDITIONED, make_plan
+from lagsim.plan import WELL_CONDITIONED, by_loops, usual_lengths
 from lagsim.system import System
 from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
 
@@ -97,6 +96,7 @@ class _Run:
         self.events: list[Event] = []
         self.warnings: list[Caution] = []
         self._told: set[tuple[str, ...]] = set()
+        self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
         self.rows = 0
         self.use(system)
         self.state = self._fresh_state(system.begin(start))
@@ -273,9 +273,9 @@ class _Run:
             "on they are solved by a QR decomposition"
         )
         self.warnings.append(Caution("nearly-dependent", text))
-        self.plan = make_plan(self.equations, self.start, loops=True)
-        self.plan = replace(self.plan, method=self.runner.method.NAME)
+        self.plan = by_loops(self.plan)
         self.use(System(self.equations, self.plan))
+        self.system.begin(self.start)
         self._set_watch(self.state)
         self._set_branches(end)
         self.state[at.FRESH] = 1.0
@@ -285,10 +285,11 @@ class _Run:
         time = float(self.state[at.LOST_AT])
         size = self.system.size
         at_loss = self.state[at.HEADER + 4 * size + 2 :][:size]
-        n = self.system.n
-        point = Point(self.system.equations)
+        n = len(self.equations.q)
+        seen = self.runner.tabulate(np.array([[time, *at_loss]]))[0]
+        q, v = seen[1 : 1 + n], seen[1 + n : 1 + 2 * n]
+        point = Point(self.equations)
         point.move_to(time)
-        q, v = at_loss[:n], at_loss[n : 2 * n]
         names, smallest = self._weakest(point, q, v)
         if len(self.events) < MOST_RANK_EVENTS:
             self.events += [Event(time, "rank", name, smallest) for name in names]
@@ -308,12 +309,15 @@ class _Run:
         """Give the constraints closest to dependent, and how close they are."""
         metric = metric_of(point.mass(q, v), range(len(q)))
         Y, lengths = scaled_rows(point, q, v, metric)
-        usual = np.maximum(lengths, self.plan.lengths)
+        if self._usual is None:
+            self._usual = usual_lengths(self.equations, self.start)
+        usual = np.maximum(lengths, self._usual)
         Y = Y * (lengths / np.where(usual > 0, usual, 1.0))[:, None]
         left, sizes, _ = np.linalg.svd(Y)
-        last = min(self.plan.rank, len(sizes)) - 1
+        rank = self.plan.rank + len(self.plan.reduction.eliminated)
+        last = min(rank, len(sizes)) - 1
         heavy = np.abs(left[:, last]) > 1e-3
-        rows = zip(self.system.equations.rows, heavy, strict=True)
+        rows = zip(self.equations.rows, heavy, strict=True)
         return tuple(row.name for row, is_in in rows if is_in), float(sizes[last])
 
     def _emit(self, states: Floats) -> None:
