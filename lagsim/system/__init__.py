@@ -46,6 +46,8 @@ class System:
         Those that are integrated.
     size : int
         Components of y.
+    state : tuple of str
+        Their names.
     p : ndarray
         Parameters, modes, and working memory.
     objects : list of bytes
@@ -59,8 +61,12 @@ class System:
         equations = self.equations = plan.reduction.equations
         self.n, self.m = len(equations.q), len(equations.rows)
         self.has_work = equations.power is not None
-        quadratures = self.has_work + len(equations.quadratures)
-        self.size = 2 * self.n + quadratures
+        work = ("work",) if self.has_work else ()
+        self.state = (
+            *equations.q, *equations.velocities, *work,
+            *(x.name for x in equations.quadratures),
+        )  # fmt: skip
+        self.size = len(self.state)
         nodes_of = functions(equations, plan, self.columns, method(plan.method).NEEDS)
         state = [*equations.q, *equations.velocities]
         moving = [*state, "work", *equations.accelerations, *equations.multipliers]
@@ -75,8 +81,8 @@ class System:
         code = generate(equations.graph, nodes_of, layout)
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
-            self.n, self.m, self.motion, quadratures, plan.augmented, plan.rank,
-            plan.independence, 1.0, 1.0, self._weak(), plan.gain,
+            self.n, self.m, self.motion, self.size - 2 * self.n, plan.augmented,
+            plan.rank, plan.independence, 1.0, 1.0, self._weak(), plan.gain,
         ]  # fmt: skip
         for row, length in zip(equations.rows, plan.lengths, strict=True):
             self.p[layout.p[f"length.{row.name}"]] = length
@@ -97,8 +103,6 @@ class System:
 
     def _layout(self) -> Layout:
         e = self.equations
-        work = () if e.power is None else ("work",)
-        state = (*e.q, *e.velocities, *work, *(x.name for x in e.quadratures))
         fixed = [p.name for p in e.model.parameters]
         fixed += [mode.variable for mode in self.switches.modes]
         fixed += [f"length.{row.name}" for row in e.rows]
@@ -111,7 +115,7 @@ class System:
             _layout.workspace(self.n, self.m) if self.plan.elimination is None else 0
         )
         return Layout(
-            y={name: k for k, name in enumerate(state)},
+            y={name: k for k, name in enumerate(self.state)},
             p=p,
             fixed=frozenset(fixed),
             size=self.motion + max(loops, len(motion)),

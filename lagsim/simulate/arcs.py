@@ -1,4 +1,4 @@
-"""The run: a loop over arcs, each integrated by a kernel that fills blocks of rows.
+"""The loop over arcs, each integrated by a kernel that fills blocks of rows.
 
 An arc ends at a break in time, at `until`, or at the end of the run; the branch of each
 switch in time is fixed within it. Blocks go to the consumers and are forgotten, so
@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import scaled_rows
-from lagsim.admissibility.start import metric_of
 from lagsim.methods import _state as at
 from lagsim.plan import WELL_CONDITIONED, by_loops, usual_lengths
+from lagsim.simulate.ranks import rank_caution, weakest
+from lagsim.simulate.reasons import reason_of
 from lagsim.system import System
 from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
 
@@ -55,29 +54,9 @@ class Consumer(Protocol):
         """Take rows (k, columns) in the order of `System.columns.names`."""
 
 
-def simulate(
-    equations: Equations,
-    start: Start,
-    plan: Plan,
-    system: System,
-    consumers: Sequence[Consumer],
-    *,
-    interrupt: Interrupt | None = None,
-    progress: Callable[[float], None] | None = None,
-    most_steps: int = MOST_STEPS,
-) -> Trajectory:
-    """Integrate from `start`, handing every row to the consumers.
+class Run:
+    """A run on its way."""
 
-    Parameters
-    ----------
-    progress
-        Called with the fraction of the run that is done.
-    """
-    run = _Run(equations, start, plan, system, consumers, interrupt, progress)
-    return run.whole(most_steps)
-
-
-class _Run:
     def __init__(
         self,
         equations: Equations,
@@ -95,6 +74,7 @@ class _Run:
         self.consumers, self.interrupt, self.progress = consumers, interrupt, progress
         self.events: list[Event] = []
         self.warnings: list[Caution] = []
+        self.torn = ""
         self._told: set[tuple[str, ...]] = set()
         self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
         self.rows = 0
@@ -137,6 +117,11 @@ class _Run:
         return float(self.state[at.T])
 
     @property
+    def steps(self) -> int:
+        """The steps made."""
+        return int(self.state[at.STEPS])
+
+    @property
     def y(self) -> Floats:
         """The state at that time: a view."""
         return self.state[at.HEADER : at.HEADER + self.system.size]
@@ -158,12 +143,12 @@ class _Run:
         evaluations = int(state[at.EVALUATIONS])
         return Trajectory(
             outcome=outcome,
-            reason=self._reason(outcome),
+            reason=reason_of(self, outcome),
             start=self.simulation.start,
             end=self.t,
             rows=self.rows,
             statistics=Statistics(
-                int(state[at.STEPS]),
+                self.steps,
                 int(state[at.REJECTIONS]),
                 evaluations,
                 self._factorisations(evaluations),
@@ -196,7 +181,7 @@ class _Run:
         state[at.ROW_LIMIT] = min(end, last)
         state[at.FRESH] = 1.0
         state[at.ARC_START] = self.t
-        if self.system.m and self.t > simulation.start:
+        if self.system.m and self.plan.projected and self.t > simulation.start:
             return self._impact()
         return False
 
@@ -212,7 +197,7 @@ class _Run:
         That is the inelastic impact, the least change in the metric of M. Gives whether
         a position has jumped instead, which no motion can follow.
         """
-        before = self._observed()
+        before = self.observed()
         names = self.system.columns.names
         for row in self.equations.rows:
             g = before[names.index(f"residual_{row.name}")]
@@ -229,7 +214,7 @@ class _Run:
         self.y[n : 2 * n] += step
         if self.system.has_work:
             energy = names.index("energy")
-            self.y[2 * n] += self._observed()[energy] - before[energy]
+            self.y[2 * n] += self.observed()[energy] - before[energy]
         self.events.append(Event(self.t, "impact"))
         if self._row_time(0) > self.t:
             self._emit(self._row())
@@ -238,14 +223,15 @@ class _Run:
     def _row(self) -> Floats:
         return np.concatenate([[self.t], self.y])[None, :]
 
-    def _observed(self) -> Floats:
+    def observed(self) -> Floats:
+        """Give the columns of the state reached."""
         return np.asarray(self.runner.tabulate(self._row())[0])
 
     def _arc(self, most_steps: int) -> Outcome:
         """Integrate to the end of the arc."""
         state = self.state
         while True:
-            left = most_steps - int(state[at.STEPS])
+            left = most_steps - self.steps
             budget = min(STEPS_PER_CALL, left)
             code = self.runner.advance(state, self.block, budget)
             self._emit(self.block[: int(state[at.EMITTED])])
@@ -285,40 +271,18 @@ class _Run:
         time = float(self.state[at.LOST_AT])
         size = self.system.size
         at_loss = self.state[at.HEADER + 4 * size + 2 :][:size]
-        n = len(self.equations.q)
-        seen = self.runner.tabulate(np.array([[time, *at_loss]]))[0]
-        q, v = seen[1 : 1 + n], seen[1 + n : 1 + 2 * n]
-        point = Point(self.equations)
-        point.move_to(time)
-        names, smallest = self._weakest(point, q, v)
-        if len(self.events) < MOST_RANK_EVENTS:
-            self.events += [Event(time, "rank", name, smallest) for name in names]
-        if names in self._told:
-            return
-        self._told.add(names)
-        text = (
-            f"at t = {time:.9g} the constraints {', '.join(names)} lose their "
-            f"independence (smallest singular value {smallest:.1e}): a singular "
-            "configuration, where motions branch; their multipliers are large around it"
-        )
-        self.warnings.append(Caution("rank", text))
-
-    def _weakest(
-        self, point: Point, q: Floats, v: Floats
-    ) -> tuple[tuple[str, ...], float]:
-        """Give the constraints closest to dependent, and how close they are."""
-        metric = metric_of(point.mass(q, v), range(len(q)))
-        Y, lengths = scaled_rows(point, q, v, metric)
+        full = len(self.equations.q)
+        row = self.runner.tabulate(np.array([[time, *at_loss]]))[0]
+        q, v = row[1 : 1 + full], row[1 + full : 1 + 2 * full]
         if self._usual is None:
             self._usual = usual_lengths(self.equations, self.start)
-        usual = np.maximum(lengths, self._usual)
-        Y = Y * (lengths / np.where(usual > 0, usual, 1.0))[:, None]
-        left, sizes, _ = np.linalg.svd(Y)
         rank = self.plan.rank + len(self.plan.reduction.eliminated)
-        last = min(rank, len(sizes)) - 1
-        heavy = np.abs(left[:, last]) > 1e-3
-        rows = zip(self.equations.rows, heavy, strict=True)
-        return tuple(row.name for row, is_in in rows if is_in), float(sizes[last])
+        names, smallest = weakest(self.equations, rank, self._usual, time, q, v)
+        if len(self.events) < MOST_RANK_EVENTS:
+            self.events += [Event(time, "rank", name, smallest) for name in names]
+        if names not in self._told:
+            self._told.add(names)
+            self.warnings.append(rank_caution(time, names, smallest))
 
     def _emit(self, states: Floats) -> None:
         if not len(states):
@@ -342,50 +306,6 @@ class _Run:
         """Count them: one where M is constant and nothing else is factored."""
         constant = self.plan.mass_matrix.startswith("constant")
         return 1 if constant and not self.system.m else evaluations
-
-    def _reason(self, outcome: Outcome) -> str:
-        if outcome is Outcome.DONE:
-            return f"the end was reached at t = {self.t!r}"
-        if outcome is Outcome.UNTIL:
-            assert self.simulation.until is not None
-            return f"`{self.simulation.until.text}` at t = {self.t!r}"
-        if outcome is Outcome.INTERRUPTED:
-            return f"interrupted at t = {self.t!r}; the rows up to there were kept"
-        return f"{self._what_failed(outcome)}: {outcome.advice}"
-
-    def _what_failed(self, outcome: Outcome) -> str:
-        where = f"at t = {self.t!r} ({self._described_state()})"
-        if outcome is Outcome.TOO_MANY_STEPS:
-            return f"too many steps ({int(self.state[at.STEPS])}) {where}"
-        if outcome is Outcome.NOT_FINITE:
-            return f"values that are not finite {where}"
-        if outcome is Outcome.CONSTRAINT_JUMPS:
-            return f"the position that constraint `{self.torn}` asks for jumps {where}"
-        if outcome is Outcome.PROJECTION_FAILED:
-            return f"the constraints could not be met {where}"
-        return f"the step size became too small {where}; {self._fastest()}"
-
-    def _described_state(self) -> str:
-        names = (*self.equations.q, *self.equations.velocities)
-        row = self._observed()[1:]  # after t
-        shown = [f"{name} = {x:.6g}" for name, x in zip(names, row, strict=False)]
-        if len(shown) > 12:
-            shown = [*shown[:12], f"... {len(shown) - 12} more"]
-        return ", ".join(shown)
-
-    def _fastest(self) -> str:
-        """Name the component that grows fastest for its size."""
-        e = self.system.equations
-        names = [*e.q, *e.velocities, *["work"][: self.system.has_work]]
-        names += [x.name for x in e.quadratures]
-        rates = np.abs(self.runner.function("derivative")(self.t, self.y))
-        size = self.system.size
-        sizes = np.maximum(np.abs(self.y), 1e-300)
-        ratio = np.where(np.isfinite(rates[:size]), rates[:size] / sizes, np.inf)
-        # A component near zero changes fast for its size without any singularity.
-        large = np.abs(self.y) > 1e-3 * np.max(np.abs(self.y))
-        k = int(np.argmax(np.where(large, ratio, -1.0)))
-        return f"`{names[k]}` grows fastest, at {rates[k]:.3g} per unit of time"
 
 
 _OUTCOMES = {

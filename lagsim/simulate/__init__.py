@@ -1,0 +1,45 @@
+"""The run: plan -> integrate -> Trajectory; its rows go to the consumers.
+
+`arcs` is the loop, `ranks` tells of losses of rank, `reasons` puts an outcome in words.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.simulate.arcs import BLOCK, MOST_STEPS, Run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from lagsim.admissibility import Start
+    from lagsim.equations import Equations
+    from lagsim.interrupt import Interrupt
+    from lagsim.plan import Plan
+    from lagsim.simulate.arcs import Consumer
+    from lagsim.system import System
+    from lagsim.trajectory import Trajectory
+
+__all__ = ["BLOCK", "simulate"]
+
+
+def simulate(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    system: System,
+    consumers: Sequence[Consumer],
+    *,
+    interrupt: Interrupt | None = None,
+    progress: Callable[[float], None] | None = None,
+    most_steps: int = MOST_STEPS,
+) -> Trajectory:
+    """Integrate from `start`, handing every row to the consumers.
+
+    Parameters
+    ----------
+    progress
+        Called with the fraction of the run that is done.
+    """
+    run = Run(equations, start, plan, system, consumers, interrupt, progress)
+    return run.whole(most_steps)
