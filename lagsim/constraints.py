@@ -10,10 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from lagsim.expressions.derivatives import gradient, tangent
+from lagsim.expressions.derivatives import gradient, slopes, tangent
+from lagsim.expressions.sparse import SparseVector
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.expressions.graph import Graph
     from lagsim.model import Constraint
@@ -29,7 +30,7 @@ class Row:
         g, or phi.
     rate : int
         What must vanish on the level of velocities: A q' + g_t, or phi.
-    A : tuple of int, shape (n,)
+    A : SparseVector, shape (n,)
     b : int
     transport : int
         A q' on the constraint: -g_t, or A q' for phi not homogeneous in q', else 0.
@@ -43,7 +44,7 @@ class Row:
     holonomic: bool
     residual: int
     rate: int
-    A: tuple[int, ...]
+    A: SparseVector
     b: int
     transport: int
     residual_scale: int
@@ -52,51 +53,79 @@ class Row:
     pfaffian: bool
 
 
-def constraint_row(
-    g: Graph, constraint: Constraint, q: Sequence[str], velocities: Sequence[str]
-) -> Row:
+class Flow:
+    """The variables of motion, as nodes: what rows are differentiated by.
+
+    Attributes
+    ----------
+    positions, rates : tuple of int, shape (n,)
+    velocities : frozenset of str
+        Their names.
+    forward : dict
+        The total time derivative at constant q': variable -> rate.
+    """
+
+    def __init__(self, g: Graph, q: Sequence[str], velocities: Sequence[str]) -> None:
+        self.positions = tuple(g.variable(name) for name in q)
+        self.rates = tuple(g.variable(name) for name in velocities)
+        self.velocities = frozenset(velocities)
+        self.forward = dict(zip(self.positions, self.rates, strict=True))
+        self.forward[g.variable("t")] = g.one
+        self.indices = [
+            {v: j for j, v in enumerate(group)} for group in (self.positions, self.rates)
+        ]
+
+    def gradient(self, g: Graph, node: int, *, by_rates: bool) -> SparseVector:
+        """Give d node / d q, or d node / d q'."""
+        index = self.indices[by_rates]
+        here = frozenset(v for v in g.cone([node]) if v in index)
+        found = slopes(g, node, here)
+        entries = {index[v]: slope for v, slope in found.items()}
+        return SparseVector(g, len(index), entries)
+
+
+def constraint_row(g: Graph, constraint: Constraint, flow: Flow) -> Row:
     """Derive the row of an equality constraint."""
     node = constraint.relation.node
-    positions = [g.variable(name) for name in q]
-    rates = [g.variable(name) for name in velocities]
     names = g.depends([node])
-    flow = dict(zip(positions, rates, strict=True))
-    flow[g.variable("t")] = g.one
-    holonomic = not names & frozenset(velocities)
+    holonomic = not names & flow.velocities
+    A = flow.gradient(g, node, by_rates=not holonomic)
+    moved = g.product_sum((slope, flow.rates[j]) for j, slope in A.entries.items())
     if holonomic:
-        A = gradient(g, node, positions)
         drift = gradient(g, node, [g.variable("t")])[0]
-        rate = g.call("add", g.product_sum(zip(A, rates, strict=True)), drift)
+        rate = g.call("add", moved, drift)
         transport = g.call("neg", drift)
-        residual_scale = _scale(g, node, positions, A)
+        residual_scale = _scale(g, node, flow.positions, A.entries)
     else:
-        A = gradient(g, node, rates)
         rate = node
-        degrees = g.degree(node, velocities)
+        degrees = g.degree(node, flow.velocities)
         homogeneous = degrees is not None and len(degrees) == 1
-        transport = g.zero if homogeneous else g.product_sum(zip(A, rates, strict=True))
-        residual_scale = _scale(g, node, rates, A)
-    degrees = g.degree(rate, velocities)
+        transport = g.zero if homogeneous else moved
+        residual_scale = _scale(g, node, flow.rates, A.entries)
+    degrees = g.degree(rate, flow.velocities)
     return Row(
         name=constraint.name,
         holonomic=holonomic,
         residual=node,
         rate=rate,
-        A=tuple(A),
-        b=g.call("neg", tangent(g, [rate], flow)[0]),
+        A=A,
+        b=g.call("neg", tangent(g, [rate], flow.forward)[0]),
         transport=transport,
         residual_scale=residual_scale,
-        rate_scale=_scale(g, rate, rates, A),
+        rate_scale=_scale(g, rate, flow.rates, A.entries),
         scleronomic="t" not in names,
         pfaffian=degrees is not None and degrees <= frozenset((0, 1)),
     )
 
 
-def _scale(g: Graph, node: int, variables: Sequence[int], slopes: Sequence[int]) -> int:
+def _scale(
+    g: Graph, node: int, variables: Sequence[int], entries: Mapping[int, int]
+) -> int:
+    """Give the largest of the terms of `node` and of |variable * slope|."""
     sizes = [g.call("abs", term) for term in _terms(g, node)]
     sizes += [
-        g.call("abs", g.call("mul", v, slope))
-        for v, slope in zip(variables, slopes, strict=True)
+        g.call("abs", g.call("mul", variables[j], slope))
+        for j, slope in entries.items()
     ]
     largest = g.zero
     for size in sizes:

@@ -13,8 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from lagsim.constraints import Row, constraint_row
+from lagsim.constraints import Flow, Row, constraint_row
 from lagsim.expressions.derivatives import gradient, rate_of, tangent
+from lagsim.expressions.sparse import SparseVector
 from lagsim.model import Level
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class Equations:
 
     Attributes
     ----------
-    M : tuple of tuple of int, shape (n, n)
+    M : tuple of SparseVector, shape (n, n)
         Symmetric; entries that vanish identically are `graph.zero`.
     f : tuple of int, shape (n,)
     rows : tuple of Row, length m
@@ -66,7 +67,7 @@ class Equations:
     graph: Graph
     q: tuple[str, ...]
     velocities: tuple[str, ...]
-    M: tuple[tuple[int, ...], ...]
+    M: tuple[SparseVector, ...]
     f: tuple[int, ...]
     rows: tuple[Row, ...]
     momenta: tuple[int, ...]
@@ -86,18 +87,24 @@ class Equations:
         """The names of the variables lambda."""
         return tuple(f"lambda_{row.name}" for row in self.rows)
 
+    @property
+    def mass_entries(self) -> dict[tuple[int, int], int]:
+        """The entries of M that do not vanish identically: (i, j) -> node."""
+        return {
+            (i, j): node
+            for i, row in enumerate(self.M)
+            for j, node in row.entries.items()
+        }
+
     def constraint_forces(self) -> list[int]:
         """Give Qc = A^T lambda, with the multipliers as variables."""
         g = self.graph
-        lambdas = [g.variable(name) for name in self.multipliers]
-        return [
-            g.product_sum(
-                (row.A[j], lam)
-                for row, lam in zip(self.rows, lambdas, strict=True)
-                if row.A[j] != g.zero
-            )
-            for j in range(len(self.q))
-        ]
+        forces = [g.zero] * len(self.q)
+        for row, name in zip(self.rows, self.multipliers, strict=True):
+            lam = g.variable(name)
+            for j, entry in row.A.entries.items():
+                forces[j] = g.call("add", forces[j], g.call("mul", entry, lam))
+        return forces
 
 
 def derive(model: Model) -> Equations:
@@ -105,30 +112,29 @@ def derive(model: Model) -> Equations:
     g = model.graph
     q = tuple(c.name for c in model.coordinates)
     velocities = tuple(f"{name}_dot" for name in q)
-    positions = [g.variable(name) for name in q]
-    rates = [g.variable(name) for name in velocities]
+    flow = Flow(g, q, velocities)
+    positions, rates = flow.positions, flow.rates
     time = g.variable("t")
 
     slopes = gradient(g, model.lagrangian, [*rates, *positions, time])
     momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
     M = _mass_matrix(g, momenta, rates)
-    flow = dict(zip(positions, rates, strict=True)) | {time: g.one}
-    convective = tangent(g, momenta, flow)
+    convective = tangent(g, momenta, flow.forward)
     Q = _generalized_forces(g, model, positions, rates)
     f = [
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
     ]
     rows = tuple(
-        constraint_row(g, c, q, velocities) for c in model.constraints if c.law is None
+        constraint_row(g, c, flow) for c in model.constraints if c.law is None
     )
-    energy, is_sum = _energy(g, model, momenta, rates, velocities)
+    energy, is_sum = _energy(g, model, momenta, rates, flow.velocities)
     half = g.constant(0.5)
     kinetic_form = g.call(
         "mul",
         half,
         g.product_sum(
-            (v, g.product_sum(zip(row, rates, strict=True)))
+            (v, g.product_sum((m, rates[j]) for j, m in row.entries.items()))
             for v, row in zip(rates, M, strict=True)
         ),
     )
@@ -150,7 +156,7 @@ def derive(model: Model) -> Equations:
 
 def _mass_matrix(
     g: Graph, momenta: Sequence[int], rates: Sequence[int]
-) -> tuple[tuple[int, ...], ...]:
+) -> tuple[SparseVector, ...]:
     """Give d momenta / d rates: for each rate one sweep over what depends on it."""
     n = len(rates)
     below: list[list[int]] = [[] for _ in rates]
@@ -165,14 +171,19 @@ def _mass_matrix(
                 j = (mask & -mask).bit_length() - 1
                 below[j].append(node)
                 mask &= mask - 1
-    M = [[g.zero] * n for _ in range(n)]
+    rows_of: dict[int, list[int]] = {}
+    for i, momentum in enumerate(momenta):
+        rows_of.setdefault(momentum, []).append(i)
+    M: list[dict[int, int]] = [{} for _ in range(n)]
     for j, v in enumerate(rates):
         moving = {v: g.one}
         for node in below[j]:
             moving[node] = rate_of(g, node, moving)
-        for i in range(j, n):
-            M[i][j] = M[j][i] = moving.get(momenta[i], g.zero)
-    return tuple(map(tuple, M))
+        for node in moving.keys() & rows_of.keys():
+            for i in rows_of[node]:
+                if i >= j:
+                    M[i][j] = M[j][i] = moving[node]
+    return tuple(SparseVector(g, n, row) for row in M)
 
 
 def _generalized_forces(
@@ -195,12 +206,12 @@ def _energy(
     model: Model,
     momenta: Sequence[int],
     rates: Sequence[int],
-    velocities: Sequence[str],
+    velocities: frozenset[str],
 ) -> tuple[int, bool]:
     if model.kinetic is not None and model.potential is not None:
         quadratic = g.degree(model.kinetic, velocities)
         if quadratic is not None and quadratic <= frozenset((2,)):
-            static = not g.depends([model.potential]) & frozenset(velocities)
+            static = not g.depends([model.potential]) & velocities
             if static:
                 return g.call("add", model.kinetic, model.potential), True
     moved = g.product_sum(zip(rates, momenta, strict=True))

@@ -63,12 +63,12 @@ class Structure:
 def structure(equations: Equations) -> Structure:
     """Find the structure of `equations`."""
     g = equations.graph
-    n = len(equations.q)
-    entries = [node for row in equations.M for node in row]
+    mass = equations.mass_entries
+    entries = list(mass.values())
     rows = equations.rows
-    A = [node for row in rows for node in row.A]
+    A = [node for row in rows for node in row.A.entries.values()]
     right = [*equations.f, *(row.b for row in rows)]
-    state = (*equations.q, *equations.velocities)
+    state = frozenset((*equations.q, *equations.velocities))
     everything = [*entries, *A, *right, *(row.rate for row in rows)]
     levels = {row.holonomic for row in rows}
     kinds = {(): "none", (True,): "holonomic", (False,): "nonholonomic"}
@@ -76,15 +76,13 @@ def structure(equations: Equations) -> Structure:
     degrees = [g.degree(node, state) for node in right]
     return Structure(
         mass_varies_with=_varies(equations, entries),
-        diagonal=all(
-            equations.M[i][j] == g.zero for i in range(n) for j in range(n) if i != j
-        ),
+        diagonal=all(i == j for i, j in mass),
         constraints=kinds.get(tuple(levels), "mixed"),
         forces_free_of_velocities=not g.depends(equations.f)
         & frozenset(equations.velocities),
         conservative=equations.power is None,
         autonomous="t" not in g.depends(everything),
-        linear=not constants & frozenset((*state, "t"))
+        linear=not constants & (state | {"t"})
         and all(d is not None and d <= frozenset((0, 1)) for d in degrees),
     )
 

@@ -22,14 +22,19 @@ Gradient = dict[int, int]
 
 def gradient(g: Graph, node: int, variables: Sequence[int]) -> list[int]:
     """Give d node / d variable for each of `variables`, by reverse sweeps."""
-    found = _Reverse(g, node, variables).gradient(node)
+    found = slopes(g, node, frozenset(variables))
     return [found.get(v, g.zero) for v in variables]
 
 
+def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
+    """Give d node / d variable for those of `variables` that `node` depends on."""
+    return _Reverse(g, node, variables).gradient(node)
+
+
 class _Reverse:
-    def __init__(self, g: Graph, node: int, variables: Sequence[int]) -> None:
+    def __init__(self, g: Graph, node: int, variables: frozenset[int]) -> None:
         self.g = g
-        self.variables = frozenset(variables)
+        self.variables = variables
         self.active: set[int] = set()
         cone = g.cone([node])
         for n in cone:
@@ -110,9 +115,11 @@ def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int
         The direction: the rate of each variable that moves.
     """
     nodes = list(nodes)
-    rates: dict[int, int] = dict(seed)
+    rates: dict[int, int] = {}
     for n in g.cone(nodes):
-        if n not in rates and any(a in rates for a in g.args[n]):
+        if n in seed:
+            rates[n] = seed[n]
+        elif any(a in rates for a in g.args[n]):
             rates[n] = rate_of(g, n, rates)
     return [rates.get(n, g.zero) for n in nodes]
 

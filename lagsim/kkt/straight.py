@@ -12,6 +12,7 @@ keeps fill small, and what depends on parameters alone is later computed only on
 from __future__ import annotations
 
 import math
+from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -28,15 +29,15 @@ Vector = dict[int, int]  # index -> node; what is absent is zero
 
 
 class TooLongError(Exception):
-    """The elimination would take more than BUDGET operations."""
+    """The elimination would take more operations than it may."""
 
 
 class Meter:
-    """Counts multiplications and gives up when they pass BUDGET."""
+    """Counts multiplications and gives up when they pass a limit."""
 
-    def __init__(self) -> None:
+    def __init__(self, limit: float = BUDGET) -> None:
         self.operations = 0
-        self.limit: float = BUDGET
+        self.limit = limit
 
     def stop(self) -> None:
         """Count on without a limit."""
@@ -47,6 +48,36 @@ class Meter:
         self.operations += operations
         if self.operations > self.limit:
             raise TooLongError
+
+
+def minimum_degree(rows: Sequence[set[int]], meter: Meter) -> list[int]:
+    """Give an order of elimination that keeps fill small; counts its operations.
+
+    The row of fewest entries comes next, the first of them where there are several
+    (A. George and J. W. H. Liu, SIAM Review 31 (1989), section 2).
+
+    Parameters
+    ----------
+    rows
+        The columns of the entries of each row, symmetric; eliminated on the way.
+    """
+    order: list[int] = []
+    queue = [(len(row), k) for k, row in enumerate(rows)]
+    heapify(queue)
+    left = set(range(len(rows)))
+    while left:
+        degree, k = heappop(queue)
+        if k not in left or degree != len(rows[k]):
+            continue  # out of date: another entry has its degree
+        left.remove(k)
+        order.append(k)
+        others = rows[k] - {k}
+        meter.add(1 + len(others) * (len(others) + 3) // 2)
+        for i in others:
+            rows[i].remove(k)
+            rows[i] |= others
+            heappush(queue, (len(rows[i]), i))
+    return order
 
 
 class Factorisation:
@@ -72,15 +103,13 @@ class Factorisation:
         for (i, j), node in entries.items():
             rows[i][j] = node
             rows[j][i] = node
-        self.order: list[int] = []
+        self.order = minimum_degree([set(row) for row in rows], meter)
+        self.place = {k: at for at, k in enumerate(self.order)}
         self.below: dict[int, Vector] = {}
         self.inverse: Vector = {}
         self.pivots: dict[int, tuple[int, int]] = {}
         first = {k: rows[k].get(k, g.zero) for k in range(size)}
-        left = set(range(size))
-        while left:
-            k = min(left, key=lambda i: (len(rows[i]), i))
-            left.remove(k)
+        for k in self.order:
             self._eliminate(k, rows, first[k])
 
     def _eliminate(self, k: int, rows: list[Vector], first: int) -> None:
@@ -89,8 +118,6 @@ class Factorisation:
         self.pivots[k] = pivot, first
         inverse = g.call("div", g.one, pivot)
         column = {i: g.call("mul", node, inverse) for i, node in rows[k].items()}
-        self.meter.add(1 + len(column) * (len(column) + 3) // 2)
-        self.order.append(k)
         self.inverse[k] = inverse
         self.below[k] = column
         others = sorted(column)
@@ -105,12 +132,16 @@ class Factorisation:
         """Give L^-1 right."""
         g = self.g
         z = {i: node for i, node in right.items() if node != g.zero}
-        for k in self.order:
-            if k in z:
-                for i, entry in self.below[k].items():
-                    self.meter.add(1)
-                    term = g.call("mul", entry, z[k])
-                    z[i] = g.call("sub", z.get(i, g.zero), term)
+        queue = [self.place[i] for i in z]
+        heapify(queue)
+        while queue:
+            k = self.order[heappop(queue)]
+            for i, entry in self.below[k].items():
+                self.meter.add(1)
+                if i not in z:
+                    heappush(queue, self.place[i])
+                term = g.call("mul", entry, z[k])
+                z[i] = g.call("sub", z.get(i, g.zero), term)
         return z
 
     def backward(self, z: Mapping[int, int]) -> Vector:
@@ -138,23 +169,17 @@ class Elimination:
     Raises
     ------
     TooLongError
-        Where straight-line code would be too long.
+        Where that takes more than `limit` multiplications.
     """
 
-    def __init__(self, equations: Equations) -> None:
+    def __init__(self, equations: Equations, limit: float = BUDGET) -> None:
         g = self.g = equations.graph
-        self.meter = Meter()
+        self.meter = Meter(limit)
         n = len(equations.q)
         self.n, self.m = n, len(equations.rows)
         self.names = [row.name for row in equations.rows]
-        entries = {
-            (i, j): equations.M[i][j]
-            for i in range(n)
-            for j in range(i + 1)
-            if equations.M[i][j] != g.zero
-        }
-        self.mass = Factorisation(g, n, entries, self.meter)
-        self.Z = [self.mass.forward(dict(enumerate(row.A))) for row in equations.rows]
+        self.mass = Factorisation(g, n, equations.mass_entries, self.meter)
+        self.Z = [self.mass.forward(row.A.entries) for row in equations.rows]
         self.f = self.mass.forward(dict(enumerate(equations.f)))
         self.b = [row.b for row in equations.rows]
         self.schur = Factorisation(g, self.m, self._schur(), self.meter)
@@ -164,12 +189,15 @@ class Elimination:
         self.meter.stop()
 
     def _schur(self) -> dict[tuple[int, int], int]:
+        holders: dict[int, list[int]] = {}  # coordinate -> rows of Z that have it
         entries = {}
         for i, z in enumerate(self.Z):
-            for j, other in enumerate(self.Z[: i + 1]):
-                common = sorted(z.keys() & other.keys())
-                if common:
-                    entries[i, j] = self._weighted(z, other, common)
+            for k in z:
+                holders.setdefault(k, []).append(i)
+            near = sorted({j for k in z for j in holders[k]})
+            for j in near:
+                common = sorted(z.keys() & self.Z[j].keys())
+                entries[i, j] = self._weighted(z, self.Z[j], common)
         return entries
 
     def _weighted(

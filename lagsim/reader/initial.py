@@ -85,7 +85,8 @@ class Initial:
                     rate, Target.VELOCITY, 0.0, 0.0, guess=False, text="0", place=place
                 )
         order = [*coordinates, *(f"{q}_dot" for q in coordinates)]
-        order += [name for name in found if name not in set(order)]
+        moving = frozenset(order)
+        order += [name for name in found if name not in moving]
         return tuple(found[name] for name in order if name in found)
 
     def _value(self, key: Scalar, node: Node) -> InitialValue | None:

@@ -54,9 +54,9 @@ def read_relation(
     if x.check(parsed.names, scalar, what, STATE) is None:
         return None, sense
     gap = _gap(parsed, x)
-    moving = x.names.of(Kind.COORDINATE)
-    needed = {*moving, *(f"{q}_dot" for q in moving)}
-    if not x.graph.depends([gap]) & needed:
+    kinds = x.names.variables
+    used = (kinds.get(n.removesuffix("_dot")) for n in x.graph.depends([gap]))
+    if Kind.COORDINATE not in used:
         text = f"{what} depends on no coordinate and no velocity"
         hint = "a time to stop at is `end` or `duration`" if what == "`until`" else ""
         x.faults.add("no-coordinate", text, scalar.place, hint)

@@ -48,11 +48,11 @@ def functions(
 
 def physics(equations: Equations) -> list[int]:
     """Give the expressions whose switches are the model's own."""
-    nodes = [node for row in equations.M for node in row]
+    nodes = list(equations.mass_entries.values())
     nodes += [*equations.f, equations.energy]
     nodes += _quadratures(equations)
     for row in equations.rows:
-        nodes += [row.residual, row.rate, *row.A, row.b, row.transport]
+        nodes += [row.residual, row.rate, *row.A.entries.values(), row.b, row.transport]
     return nodes
 
 
