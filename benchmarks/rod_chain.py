@@ -10,7 +10,10 @@ def rod_chain(n, duration, output_step=0.01):
         "coordinates:",
         *(f"  {c}{k}: {{}}" for k in rods for c in "xya"),
         "definitions:",
-        *(f"  {c}_tip: {c}{n} + l/2*{f}(a{n})" for c, f in (("x", "cos"), ("y", "sin"))),
+        *(
+            f"  {c}_tip: {c}{n} + l/2*{f}(a{n})"
+            for c, f in (("x", "cos"), ("y", "sin"))
+        ),
         "energy:",
         '  kinetic: "m*('
         + " + ".join(f"x{k}_dot^2 + y{k}_dot^2 + l^2/12*a{k}_dot^2" for k in rods)

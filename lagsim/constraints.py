@@ -72,7 +72,8 @@ class Flow:
         self.forward = dict(zip(self.positions, self.rates, strict=True))
         self.forward[g.variable("t")] = g.one
         self.indices = [
-            {v: j for j, v in enumerate(group)} for group in (self.positions, self.rates)
+            {v: j for j, v in enumerate(group)}
+            for group in (self.positions, self.rates)
         ]
 
     def gradient(self, g: Graph, node: int, *, by_rates: bool) -> SparseVector:

@@ -125,9 +125,7 @@ def derive(model: Model) -> Equations:
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
     ]
-    rows = tuple(
-        constraint_row(g, c, flow) for c in model.constraints if c.law is None
-    )
+    rows = tuple(constraint_row(g, c, flow) for c in model.constraints if c.law is None)
     energy, is_sum = _energy(g, model, momenta, rates, flow.velocities)
     half = g.constant(0.5)
     kinetic_form = g.call(

@@ -19,6 +19,7 @@ others see `reduction` and `methods._projection`.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -29,7 +30,9 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import analyse
 from lagsim.errors import InputError, Problem
 from lagsim.kkt.straight import Elimination, TooLongError
-from lagsim.reduction import Reduction, given_by, ignorable
+from lagsim.reduction import Reduction
+from lagsim.reduction.elimination import given_by
+from lagsim.reduction.ignorable import ignorable
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -272,8 +275,8 @@ def step_cost(equations: Equations) -> float:
         nodes = [*q, *lam]
         solve = 0.0
     except TooLongError:
-        nodes = [node for row in equations.M for node in row]
-        nodes += [*equations.f, *(a for row in equations.rows for a in row.A)]
+        nodes = [*equations.mass_entries.values(), *equations.f]
+        nodes += [a for row in equations.rows for a in row.A.entries.values()]
         solve = n**3 / 3 + n * m * (n + m)
     nodes += [x.rate for x in equations.quadratures]
     evaluation = len(g.cone(nodes)) + solve
@@ -339,16 +342,12 @@ def _eliminated(
 def _next(reduction: Reduction, start: Start) -> tuple[int, int] | None:
     """Give the row and the coordinate that make the least fill; None if none can be."""
     e = reduction.equations
-    g = e.graph
     if len(e.q) == 1:
         return None  # a motion that is wholly prescribed keeps one coordinate
     q, v = reduction.kept(start.q), reduction.kept(start.v)
     point = Point(e)
     sizes = point.sizes(q, v)
-    across = [
-        sum(x != g.zero for x in e.M[c]) + sum(row.A[c] != g.zero for row in e.rows)
-        for c in range(len(q))
-    ]
+    across = Counter(j for row in (*e.M, *(r.A for r in e.rows)) for j in row.entries)
     best = None
     for k, row in enumerate(e.rows):
         candidates = given_by(e, row)
@@ -356,7 +355,7 @@ def _next(reduction: Reduction, start: Start) -> tuple[int, int] | None:
             continue
         slopes = np.abs(point.jacobian([row], q, v)[0]) / sizes
         steepest = float(np.max(slopes))
-        along = sum(node != g.zero for node in row.A)
+        along = len(row.A.entries)
         for c in candidates:
             if not slopes[c] * STEEPEST > steepest:
                 continue

@@ -28,9 +28,7 @@ class SparseVector(Sequence[int]):
     def __init__(self, g: Graph, length: int, entries: Mapping[int, int]) -> None:
         self._length = length
         self._zero = g.zero
-        self.entries = {
-            j: entries[j] for j in sorted(entries) if entries[j] != g.zero
-        }
+        self.entries = {j: entries[j] for j in sorted(entries) if entries[j] != g.zero}
 
     def __len__(self) -> int:
         return self._length
