@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
+    from lagsim.errors import Place
 
 GAIN = "baumgarte.gain"
 # A coordinate is given by a constraint only if it does not move much more, in the
@@ -115,17 +116,25 @@ def formulate(
         return _chosen(equations, start, suits)
     simulation = equations.model.simulation
     place = simulation.formulation_place if simulation else None
-    make = _ASKED.get(asked)
-    if make is None:
-        text = f"there is no formulation `{asked}`"
-        hint = f"one of auto, {', '.join(_ASKED)}; see docs/model-file.md"
-        raise InputError([Problem("unknown-formulation", text, place, hint)])
+    problems = formulation_problems(asked, place)
+    if problems:
+        raise InputError(problems)
     try:
-        return make(equations, start)
+        return _ASKED[asked](equations, start)
     except _CannotError as error:
         text = f"formulation `{asked}` cannot be had: {error}"
         hint = "`auto` chooses one that can be had"
         raise InputError([Problem("formulation-refused", text, place, hint)]) from None
+
+
+def formulation_problems(asked: str, place: Place | None = None) -> list[Problem]:
+    """Give the fault of a formulation that does not exist."""
+    known = ["auto", *_ASKED]
+    if asked in known:
+        return []
+    hint = f"one of {', '.join(known)}; docs/model-file.md describes them"
+    text = f"there is no formulation `{asked}`"
+    return [Problem("unknown-formulation", text, place, hint)]
 
 
 class _CannotError(Exception):
@@ -347,7 +356,8 @@ def _next(reduction: Reduction, start: Start) -> tuple[int, int] | None:
     q, v = reduction.kept(start.q), reduction.kept(start.v)
     point = Point(e)
     sizes = point.sizes(q, v)
-    across = Counter(j for row in (*e.M, *(r.A for r in e.rows)) for j in row.entries)
+    held = Counter(j for row in e.rows for j in row.A.entries)
+    across = held + Counter(j for row in e.M for j in row.entries)
     best = None
     for k, row in enumerate(e.rows):
         candidates = given_by(e, row)
@@ -359,6 +369,8 @@ def _next(reduction: Reduction, start: Start) -> tuple[int, int] | None:
         for c in candidates:
             if not slopes[c] * STEEPEST > steepest:
                 continue
-            key = ((along - 1) * (across[c] - 2), -slopes[c] / steepest, k, c)
+            # What stands in one relation only leaves the others as they are.
+            fill = (along - 1) * (across[c] - 2)
+            key = (held[c], fill, -slopes[c] / steepest, k, c)
             best = key if best is None else min(best, key)
-    return None if best is None else best[2:]
+    return None if best is None else best[3:]

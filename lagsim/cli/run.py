@@ -75,11 +75,16 @@ def command(
         str | None,
         typer.Option(
             metavar="F",
-            help="How constraints are met: projection, elimination, baumgarte, drift.",
+            help="How constraints are met: projection, elimination, baumgarte, "
+            "drift; full: nothing is reduced.",
         ),
     ] = None,
     gain: Annotated[
-        str | None, typer.Option(metavar="X", help="Of baumgarte, per unit of time.")
+        str | None,
+        typer.Option(
+            metavar="X",
+            help="Of baumgarte, per unit of time; default 0.1/output step.",
+        ),
     ] = None,
     spectral_radius: Annotated[
         str | None,
@@ -301,6 +306,8 @@ class _Job:
 
 def _refuse(model: Model) -> None:
     """Refuse what this version cannot run."""
+    from lagsim.formulation import formulation_problems
+
     simulation = model.simulation
     problems = [
         Problem(
@@ -323,6 +330,9 @@ def _refuse(model: Model) -> None:
         )
     else:
         problems += method_problems(simulation.method, simulation.method_place)
+        problems += formulation_problems(
+            simulation.formulation, simulation.formulation_place
+        )
     if problems:
         raise InputError(problems)
 

@@ -83,7 +83,8 @@ class Reduction:
         model = self.equations.model
         values = {p.name: p.value for p in model.parameters} | {"t": start.t}
         for k, c in enumerate(model.coordinates):
-            values |= {c.name: start.q[k], f"{c.name}_dot": start.v[k]}
+            values[c.name] = float(start.q[k])
+            values[f"{c.name}_dot"] = float(start.v[k])
         found = evaluate(model.graph, list(self.momenta.values()), values)
         return dict(zip(self.momenta, found, strict=True))
 

@@ -42,6 +42,8 @@ class System:
 
     Attributes
     ----------
+    model : Model
+        As it was read.
     equations : Equations
         Those that are integrated.
     size : int
@@ -56,6 +58,7 @@ class System:
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
         self.plan = plan
+        self.model = equations.model
         self.columns = Columns(equations, plan.reduction.recovered)
         self.rows_observed = len(self.columns.nodes)
         equations = self.equations = plan.reduction.equations
@@ -139,7 +142,7 @@ class System:
 
     def units(self) -> dict[str, str]:
         """Give the unit of each column of the table, where it is known."""
-        model = self.equations.model
+        model = self.model
         units = dict.fromkeys(self.columns.names[: self.columns.table], "")
         for c in model.coordinates:
             if c.unit:
