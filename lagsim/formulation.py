@@ -19,11 +19,8 @@ others see `reduction` and `methods._projection`.
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from lagsim.admissibility.inertia import needs_constraints
 from lagsim.admissibility.point import Point
@@ -31,7 +28,7 @@ from lagsim.admissibility.rank import analyse
 from lagsim.errors import InputError, Problem
 from lagsim.kkt.straight import Elimination, TooLongError
 from lagsim.reduction import Reduction
-from lagsim.reduction.elimination import given_by
+from lagsim.reduction.elimination import pairs
 from lagsim.reduction.ignorable import ignorable
 
 if TYPE_CHECKING:
@@ -42,15 +39,13 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
 
 GAIN = "baumgarte.gain"
-# A coordinate is given by a constraint only if it does not move much more, in the
-# metric of M, than those that it is expressed by: their errors are its own.
-STEEPEST = 1e3
 # By default, what is off the constraints falls by e over this many rows. A fast decay
 # is resolved like a fast motion (the elastic pendulum on its curve at 1e-11: 7,400
 # evaluations at a gain of 1, 9,600 at 5, 19,000 at 10 and 110,000 at 50).
 ROWS_TO_DECAY = 10
-# Looking for what can be eliminated takes the square of the number of coordinates.
-LARGEST = 200
+# With more coordinates than this nobody looks for what can be eliminated unasked: M
+# fills, and sparse equations cost less (rods in Cartesian coordinates: past 10).
+LARGEST = 60
 # Evaluations in a step of order 8, and solves for its projection.
 STAGES = 12
 SOLVES = 4
@@ -260,7 +255,7 @@ def _chosen(
     base = Reduction(equations)
     if cyclic:
         candidates.append(base.ignore(cyclic, start))
-    if equations.rows:
+    if equations.rows and len(equations.q) <= LARGEST:
         eliminated, _ = _eliminated(equations, start)
         if eliminated.eliminated:
             candidates.append(eliminated)
@@ -335,42 +330,16 @@ def reduced_start(reduction: Reduction, start: Start) -> Start:
 def _eliminated(
     equations: Equations, start: Start, base: Reduction | None = None
 ) -> tuple[Reduction, str]:
-    """Eliminate what can be, sparse constraints first; say why if nothing can be."""
+    """Eliminate what can be; say why if nothing can be."""
     reduction = base or Reduction(equations)
     if start.ranks.rank < len(equations.rows):
         return reduction, f"the constraints have rank {start.ranks.rank}"
-    if len(equations.q) > LARGEST:
-        return reduction, f"there are more than {LARGEST} coordinates"
-    while found := _next(reduction, start):
-        reduction = reduction.eliminate(*found)
+    e = reduction.equations
+    q, v = reduction.kept(start.q), reduction.kept(start.v)
+    point = Point(e)
+    found = pairs(e, point.values(q, v), point.sizes(q, v))
+    if found:
+        return reduction.eliminate(found), ""
     names = ", ".join(f"`{row.name}`" for row in equations.rows)
     why = f"no coordinate stands in {names} with a factor that is constant and not 0"
     return reduction, why
-
-
-def _next(reduction: Reduction, start: Start) -> tuple[int, int] | None:
-    """Give the row and the coordinate that make the least fill; None if none can be."""
-    e = reduction.equations
-    if len(e.q) == 1:
-        return None  # a motion that is wholly prescribed keeps one coordinate
-    q, v = reduction.kept(start.q), reduction.kept(start.v)
-    point = Point(e)
-    sizes = point.sizes(q, v)
-    held = Counter(j for row in e.rows for j in row.A.entries)
-    across = held + Counter(j for row in e.M for j in row.entries)
-    best = None
-    for k, row in enumerate(e.rows):
-        candidates = given_by(e, row)
-        if not candidates:
-            continue
-        slopes = np.abs(point.jacobian([row], q, v)[0]) / sizes
-        steepest = float(np.max(slopes))
-        along = len(row.A.entries)
-        for c in candidates:
-            if not slopes[c] * STEEPEST > steepest:
-                continue
-            # What stands in one relation only leaves the others as they are.
-            fill = (along - 1) * (across[c] - 2)
-            key = (held[c], fill, -slopes[c] / steepest, k, c)
-            best = key if best is None else min(best, key)
-    return None if best is None else best[3:]

@@ -9,7 +9,7 @@ import numpy as np
 
 from lagsim.expressions.evaluate import evaluate
 from lagsim.model import Parameter
-from lagsim.reduction.elimination import eliminated
+from lagsim.reduction.elimination import Pair, eliminated
 from lagsim.reduction.ignorable import ignored, momentum_of
 
 if TYPE_CHECKING:
@@ -45,15 +45,12 @@ class Reduction:
     ignored: tuple[str, ...] = ()
     momenta: Mapping[str, int] = field(default_factory=dict)
 
-    def eliminate(self, row: int, coordinate: int) -> Reduction:
-        """Express a coordinate by the others, by a constraint that gives it."""
+    def eliminate(self, found: Sequence[Pair]) -> Reduction:
+        """Express coordinates by the others; of `elimination.pairs`."""
         e = self.equations
-        names = (e.q[coordinate], e.rows[row].name)
-        equations, recovered = eliminated(e, row, coordinate)
-        return replace(
-            self._followed_by(equations, recovered),
-            eliminated=(*self.eliminated, names),
-        )
+        equations, recovered = eliminated(e, found)
+        names = [(e.q[pair.coordinate], e.rows[pair.row].name) for pair in found]
+        return replace(self._followed_by(equations, recovered), eliminated=tuple(names))
 
     def ignore(self, coordinates: Sequence[int], start: Start) -> Reduction:
         """Integrate `coordinates`, which are `ignorable`, by quadrature.

@@ -93,10 +93,11 @@ def vector(g: Graph, left: Sequence[int], entries: Mapping[int, int]) -> SparseV
     return SparseVector(g, len(left), kept)
 
 
-def plus(g: Graph, node: int, x: int, y: int | None) -> int:
-    """Give node + x y; y = None is 0."""
-    return node if y is None else g.call("add", node, g.call("mul", x, y))
+def plus(g: Graph, node: int, x: int, y: int) -> int:
+    """Give node + x y."""
+    return g.call("add", node, g.call("mul", x, y))
 
 
 def minus(g: Graph, node: int, x: int, y: int) -> int:
+    """Give node - x y."""
     return g.call("sub", node, g.call("mul", x, y))

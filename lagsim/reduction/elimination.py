@@ -1,12 +1,13 @@
-"""A coordinate that a holonomic constraint gives, expressed by the others.
+"""Coordinates that holonomic constraints give, expressed by the others.
 
-a q_e + r(q, t) = 0 with a constant a gives q_e = Q(q, t) of the coordinates left,
-q_e' = J q' + Q_t and q_e'' = J q'' + c. With B = (1, J) the full q'' is B q'' + (0, c),
+A constraint a q_e + r(q, t) = 0 with a constant a gives q_e = Q(q, t) of the others;
+another one may be of that kind only after that. In all, q_E = Q(q, t) of those left,
+q_E' = J q' + Q_t and q_E'' = J q'' + c. With B = (1, J) the full q'' is B q'' + (0, c),
 and the equations left are
 
     B^T M B q'' = B^T (f - M (0, c)) + (A B)^T lambda,      A B q'' = b - A (0, c)
 
-Row e of the full ones gives the multiplier: a lambda = M q'' - f - A^T lambda_rest.
+Rows E of the full ones give the multipliers: A_EE^T lambda_E = M q'' - f - A^T lambda.
 
 Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, section
 VII.1 (state-space form).
@@ -15,7 +16,8 @@ VII.1 (state-space form).
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections import Counter
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from lagsim.constraints import Flow
@@ -31,98 +33,271 @@ from lagsim.reduction._equations import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from lagsim.constraints import Row
     from lagsim.equations import Equations
+    from lagsim.expressions.graph import Graph
+    from lagsim.native.kernel_types import Floats
+
+# A coordinate is given by a constraint only if it does not move much more, in the
+# metric of M, than those that it is expressed by: their errors are its own.
+STEEPEST = 1e3
 
 
-def given_by(equations: Equations, row: Row) -> list[int]:
-    """Give the coordinates in which `row` is affine with a constant factor, not 0.
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """A constraint and the coordinate it gives: indices, and the expression."""
 
-    Relations with switches are left alone: where their rate jumps, all velocities do.
+    row: int
+    coordinate: int
+    value: int
+
+
+def pairs(e: Equations, values: Mapping[str, float], sizes: Floats) -> list[Pair]:
+    """Find what can be eliminated, one after the other, sparse constraints first.
+
+    Parameters
+    ----------
+    values
+        Of all variables at the start. Whether a factor is zero depends on them.
+    sizes : (n,)
+        The square roots of the diagonal of M, or what stands in their place.
     """
-    g = equations.graph
-    if not row.holonomic or _switches(equations, row.residual):
-        return []
-    moving = frozenset((*equations.q, *equations.velocities, "t"))
-    found = [
-        c for c, factor in row.A.entries.items() if not g.depends([factor]) & moving
-    ]
-    values = {p.name: p.value for p in equations.model.parameters}
-    factors = evaluate(g, [row.A[c] for c in found], values)
-    return [
-        c
-        for c, factor in zip(found, factors, strict=True)
-        if factor and math.isfinite(factor)
-    ]
+    return _Search(e, values, sizes).run()
 
 
-def _switches(equations: Equations, node: int) -> bool:
-    g = equations.graph
-    rows = (OPERATIONS.get(g.ops[n]) for n in g.cone([node]))
-    return any(row is not None and (row.switch or row.condition) for row in rows)
+class _Search:
+    def __init__(
+        self, e: Equations, values: Mapping[str, float], sizes: Floats
+    ) -> None:
+        self.e, self.g, self.values, self.sizes = e, e.graph, values, sizes
+        self.flow = Flow(e.graph, e.q, e.velocities)
+        self.moving = frozenset((*e.q, *e.velocities, "t"))
+        self.mass = Counter(j for row in e.M for j in row.entries)
+        self.A = {k: row.A.entries for k, row in enumerate(e.rows)}
+        self.residuals = {
+            k: row.residual for k, row in enumerate(e.rows) if usable(e.graph, row)
+        }
+        self.slopes = {k: self._candidates(k) for k in self.residuals}
 
+    def run(self) -> list[Pair]:
+        found: list[Pair] = []
+        while len(found) < len(self.e.q) - 1:  # one coordinate is always left
+            best = self._best()
+            if best is None:
+                break
+            found.append(self._solve(*best))
+        return found
 
-def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]:
-    """Give the equations without row k and coordinate c, and what stands for them."""
-    g, row = e.graph, e.rows[k]
-    left = [j for j in range(len(e.q)) if j != c]
-    names = [e.q[j] for j in left], [e.velocities[j] for j in left]
-    flow = Flow(g, *names)
-    at_zero = g.substitute([row.residual], {g.variable(e.q[c]): g.zero})[0]
-    value = g.call("neg", g.call("div", at_zero, row.A[c]))
-    along = flow.gradient(g, value, by_rates=False).entries
-    J = {left[i]: slope for i, slope in along.items()}
-    [rate] = tangent(g, [value], flow.forward)
-    [bend] = tangent(g, [rate], flow.forward)
-    new = {g.variable(e.q[c]): value, g.variable(e.velocities[c]): rate}
-    acceleration = bend
-    for j, slope in J.items():
-        acceleration = plus(g, acceleration, slope, g.variable(f"{e.q[j]}_ddot"))
-    full = substituted(e, new)
-    recovered = new | {
-        g.variable(f"{e.q[c]}_ddot"): acceleration,
-        g.variable(f"lambda_{row.name}"): _multiplier(full, k, c, acceleration),
-    }
-    mass = full.M[c].entries
-    own = mass.get(c, g.zero)
-    M = {(i, j): node for (i, j), node in full.mass_entries.items() if c not in (i, j)}
-    touched = sorted((mass.keys() | J.keys()) - {c})
-    for i in touched:
-        for j in (j for j in touched if j <= i):
-            node = plus(g, M.get((i, j), g.zero), mass.get(i, g.zero), J.get(j))
-            across = plus(g, mass.get(j, g.zero), own, J.get(j))
-            M[i, j] = M[j, i] = plus(g, node, across, J.get(i))
-    f, momenta = list(full.f), list(full.momenta)
-    force = minus(g, f[c], own, bend)
-    for j in touched:
-        f[j] = plus(g, minus(g, f[j], mass.get(j, g.zero), bend), force, J.get(j))
-        momenta[j] = plus(g, momenta[j], momenta[c], J.get(j))
-    rows = []
-    for other in (r for r in full.rows if r.name != row.name):
-        A = dict(other.A.entries)
-        factor = A.pop(c, g.zero)
-        for j, slope in J.items():
-            A[j] = plus(g, A.get(j, g.zero), factor, slope)
-        rows.append(
-            replace(
-                other, A=vector(g, left, A), b=minus(g, other.b, factor, bend)
+    def _candidates(self, k: int) -> dict[int, float]:
+        """Give the coordinates that row k gives, and how steep it is in each."""
+        A = self.A[k]
+        numbers = evaluate(self.g, A.values(), self.values)
+        steep = {c: abs(x) / self.sizes[c] for c, x in zip(A, numbers, strict=True)}
+        most = max(steep.values(), default=0.0)
+        return {
+            c: steepness / most
+            for c, steepness in steep.items()
+            if steepness * STEEPEST > most
+            and math.isfinite(most)
+            and not self.g.depends([A[c]]) & self.moving
+        }
+
+    def _best(self) -> tuple[int, int] | None:
+        """Give the row and the coordinate that make the least fill."""
+        held = Counter(c for A in self.A.values() for c in A)
+        keys = [
+            # What stands in one relation only leaves the others as they are.
+            (
+                held[c],
+                (len(self.A[k]) - 1) * (held[c] + self.mass[c] - 2),
+                -steepness,
+                k,
+                c,
             )
-        )  # fmt: skip
+            for k, steep in self.slopes.items()
+            for c, steepness in steep.items()
+        ]
+        return min(keys)[3:] if keys else None
+
+    def _solve(self, k: int, c: int) -> Pair:
+        """Take row k for coordinate c, and c out of the other rows."""
+        g = self.g
+        q = g.variable(self.e.q[c])
+        rest = g.substitute([self.residuals.pop(k)], {q: g.zero})[0]
+        value = g.call("neg", g.call("div", rest, self.A[k][c]))
+        del self.A[k], self.slopes[k]
+        for other in [i for i, A in self.A.items() if c in A]:
+            if other not in self.residuals:
+                continue
+            [found] = g.substitute([self.residuals[other]], {q: value})
+            self.residuals[other] = found
+            self.A[other] = self.flow.gradient(g, found, by_rates=False).entries
+            self.slopes[other] = self._candidates(other)
+        return Pair(k, c, value)
+
+
+def usable(g: Graph, row: Row) -> bool:
+    """Tell whether a row may give a coordinate: it is holonomic, without switches.
+
+    Where the rate of a relation jumps, all velocities do: that is an impact.
+    """
+    rows = (OPERATIONS.get(g.ops[n]) for n in g.cone([row.residual]))
+    switches = any(x is not None and (x.switch or x.condition) for x in rows)
+    return row.holonomic and not switches
+
+
+def eliminated(e: Equations, found: Sequence[Pair]) -> tuple[Equations, dict[int, int]]:
+    """Give the equations without the pairs, and what stands for their variables."""
+    g = e.graph
+    gone = {pair.coordinate for pair in found}
+    left = [j for j in range(len(e.q)) if j not in gone]
+    flow = Flow(g, [e.q[j] for j in left], [e.velocities[j] for j in left])
+    given: dict[int, int] = {}
+    for pair in reversed(found):
+        [value] = g.substitute([pair.value], given)
+        given[g.variable(e.q[pair.coordinate])] = value
+    ends = [given[g.variable(e.q[pair.coordinate])] for pair in found]
+    rates = tangent(g, ends, flow.forward)
+    numbers = [pair.coordinate for pair in found]
+    bends = dict(zip(numbers, tangent(g, rates, flow.forward), strict=True))
+    J = {
+        c: {
+            left[i]: x for i, x in flow.gradient(g, end, by_rates=False).entries.items()
+        }
+        for c, end in zip(numbers, ends, strict=True)
+    }
+    given |= {
+        g.variable(e.velocities[c]): rate
+        for c, rate in zip(numbers, rates, strict=True)
+    }
+    full = substituted(e, given)
+    accelerations = dict(bends)
+    for c, along in J.items():
+        for j, slope in along.items():
+            moved = g.variable(f"{e.q[j]}_ddot")
+            accelerations[c] = plus(g, accelerations[c], slope, moved)
+    recovered = given | {
+        g.variable(f"{e.q[c]}_ddot"): node for c, node in accelerations.items()
+    }
+    recovered |= _multipliers(full, found, accelerations)
     power = full.power
     if power is not None:
         [power] = g.substitute([power], recovered)
-    reduced = of_those_left(full, left, M, f, momenta)
-    return replace(reduced, rows=tuple(rows), power=power), recovered
+    reduced = replace(_projected(full, left, J, bends), power=power)
+    used = {pair.row for pair in found}
+    rows = [
+        _row(g, row, left, J, bends) for k, row in enumerate(full.rows) if k not in used
+    ]
+    return replace(reduced, rows=tuple(rows)), recovered
 
 
-def _multiplier(full: Equations, k: int, c: int, acceleration: int) -> int:
-    """Give the multiplier of row k from row c of M q'' = f + A^T lambda."""
-    g, row = full.graph, full.rows[k]
-    left = g.call("neg", full.f[c])
-    for j, entry in full.M[c].entries.items():
-        moved = acceleration if j == c else g.variable(f"{full.q[j]}_ddot")
-        left = plus(g, left, entry, moved)
-    for other in full.rows:
-        if other.name != row.name and c in other.A.entries:
-            left = minus(g, left, other.A[c], g.variable(f"lambda_{other.name}"))
-    return g.call("div", left, row.A[c])
+def _projected(
+    full: Equations,
+    left: Sequence[int],
+    J: Mapping[int, Mapping[int, int]],
+    bends: Mapping[int, int],
+) -> Equations:
+    """Give B^T M B, B^T (f - M (0, c)) and the momenta, for the coordinates left."""
+    g = full.graph
+    f, momenta = list(full.f), list(full.momenta)
+    M = {
+        (i, j): x
+        for (i, j), x in full.mass_entries.items()
+        if i not in J and j not in J
+    }
+    for c in J:
+        for j, x in full.M[c].entries.items():
+            f[j] = minus(g, f[j], x, bends[c])
+    for c, along in J.items():
+        across = {j: x for j, x in full.M[c].entries.items() if j not in J}
+        _add_products(g, M, across, along)
+        for d in sorted(full.M[c].entries.keys() & J.keys()):
+            for j, slope in J[d].items():
+                across[j] = plus(g, across.get(j, g.zero), full.M[c][d], slope)
+        _add_products(g, M, along, across)
+        for i, slope in along.items():
+            f[i] = plus(g, f[i], f[c], slope)
+            momenta[i] = plus(g, momenta[i], momenta[c], slope)
+    return of_those_left(full, left, M, f, momenta)
+
+
+def _add_products(
+    g: Graph,
+    M: dict[tuple[int, int], int],
+    x: Mapping[int, int],
+    y: Mapping[int, int],
+) -> None:
+    """Add x y^T to the lower triangle of M, and what stands there to the upper one."""
+    for i, a in x.items():
+        for j, b in y.items():
+            if j <= i:
+                M[i, j] = M[j, i] = plus(g, M.get((i, j), g.zero), a, b)
+
+
+def _row(
+    g: Graph,
+    row: Row,
+    left: Sequence[int],
+    J: Mapping[int, Mapping[int, int]],
+    bends: Mapping[int, int],
+) -> Row:
+    """Give A B and b - A (0, c) of a row that is left."""
+    A, b = dict(row.A.entries), row.b
+    for c in sorted(A.keys() & J.keys()):
+        factor = A.pop(c)
+        b = minus(g, b, factor, bends[c])
+        for j, slope in J[c].items():
+            A[j] = plus(g, A.get(j, g.zero), factor, slope)
+    return replace(row, A=vector(g, left, A), b=b)
+
+
+def _multipliers(
+    full: Equations, found: Sequence[Pair], accelerations: Mapping[int, int]
+) -> dict[int, int]:
+    """Solve A_EE^T lambda_E = M q'' - f - A^T lambda."""
+    g = full.graph
+    right, columns = {}, {}
+    for pair in found:
+        c = pair.coordinate
+        node = g.call("neg", full.f[c])
+        for j, entry in full.M[c].entries.items():
+            moved = accelerations.get(j, g.variable(f"{full.q[j]}_ddot"))
+            node = plus(g, node, entry, moved)
+        right[c] = node
+        columns[c] = {k: row.A[c] for k, row in enumerate(full.rows)}
+    used = {pair.row for pair in found}
+    for k, row in enumerate(full.rows):
+        if k not in used:
+            lam = g.variable(f"lambda_{row.name}")
+            for c in right:
+                right[c] = minus(g, right[c], columns[c][k], lam)
+    solved = _solved(g, found, columns, right)
+    return {g.variable(f"lambda_{full.rows[k].name}"): x for k, x in solved.items()}
+
+
+def _solved(
+    g: Graph,
+    found: Sequence[Pair],
+    columns: dict[int, dict[int, int]],
+    right: dict[int, int],
+) -> dict[int, int]:
+    """Give x_k with sum of columns[c][k] x_k = right[c], the pairs as pivots."""
+    for at, pair in enumerate(found):
+        pivots = columns[pair.coordinate]
+        for c in (p.coordinate for p in found[at + 1 :]):
+            factor = columns[c][pair.row]
+            if factor == g.zero:
+                continue
+            share = g.call("div", factor, pivots[pair.row])
+            right[c] = minus(g, right[c], share, right[pair.coordinate])
+            for later in (p.row for p in found[at + 1 :]):
+                columns[c][later] = minus(g, columns[c][later], share, pivots[later])
+    x: dict[int, int] = {}
+    for pair in reversed(found):
+        node = right[pair.coordinate]
+        for k, value in x.items():
+            node = minus(g, node, columns[pair.coordinate][k], value)
+        x[pair.row] = g.call("div", node, columns[pair.coordinate][pair.row])
+    return x

@@ -16,7 +16,7 @@ from lagsim.expressions.evaluate import evaluate
 from lagsim.formulation import formulate
 from lagsim.kkt.straight import Elimination
 from lagsim.reader import read, read_file
-from lagsim.reduction.elimination import given_by
+from lagsim.reduction.elimination import pairs
 from lagsim.reduction.ignorable import ignorable
 from tests.support import MODELS
 
@@ -178,9 +178,9 @@ def test_the_choice_follows_the_values_of_parameters():
 )
 def test_what_gives_no_coordinate(right):
     equations = derive(read(CURVE.replace("RIGHT", right), "model.yaml"))
-    [row] = equations.rows
-    found = [equations.q[c] for c in given_by(equations, row)]
-    assert "y" not in found
+    values = dict.fromkeys((*equations.q, *equations.velocities, "t"), 0.0)
+    found = pairs(equations, values | {"c": 1.0}, np.ones(3))
+    assert "y" not in [equations.q[pair.coordinate] for pair in found]
 
 
 def test_a_coordinate_that_moves_a_thousand_times_as_far_is_left_alone():
