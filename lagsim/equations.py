@@ -157,6 +157,24 @@ def _mass_matrix(
 ) -> tuple[SparseVector, ...]:
     """Give d momenta / d rates: for each rate one sweep over what depends on it."""
     n = len(rates)
+    rows_of: dict[int, list[int]] = {}
+    for i, momentum in enumerate(momenta):
+        rows_of.setdefault(momentum, []).append(i)
+    M: list[dict[int, int]] = [{} for _ in range(n)]
+    below = _below(g, momenta, rates)
+    for j, v in enumerate(rates):
+        moving = {v: g.one}
+        for node in below[j]:
+            moving[node] = rate_of(g, node, moving)
+        for node in moving.keys() & rows_of.keys():
+            for i in rows_of[node]:
+                if i >= j:
+                    M[i][j] = M[j][i] = moving[node]
+    return tuple(SparseVector(g, n, row) for row in M)
+
+
+def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[int]]:
+    """Give for each rate what depends on it, in order of evaluation."""
     below: list[list[int]] = [[] for _ in rates]
     dependence: dict[int, int] = {v: 1 << j for j, v in enumerate(rates)}
     for node in g.cone(momenta):
@@ -169,19 +187,7 @@ def _mass_matrix(
                 j = (mask & -mask).bit_length() - 1
                 below[j].append(node)
                 mask &= mask - 1
-    rows_of: dict[int, list[int]] = {}
-    for i, momentum in enumerate(momenta):
-        rows_of.setdefault(momentum, []).append(i)
-    M: list[dict[int, int]] = [{} for _ in range(n)]
-    for j, v in enumerate(rates):
-        moving = {v: g.one}
-        for node in below[j]:
-            moving[node] = rate_of(g, node, moving)
-        for node in moving.keys() & rows_of.keys():
-            for i in rows_of[node]:
-                if i >= j:
-                    M[i][j] = M[j][i] = moving[node]
-    return tuple(SparseVector(g, n, row) for row in M)
+    return below
 
 
 def _generalized_forces(

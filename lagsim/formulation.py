@@ -26,7 +26,12 @@ from lagsim.admissibility.inertia import needs_constraints
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import analyse
 from lagsim.errors import InputError, Problem
-from lagsim.kkt.straight import Elimination, TooLongError
+from lagsim.kkt.straight import (
+    Elimination,
+    TooLongError,
+    affordable,
+    dense_operations,
+)
 from lagsim.reduction import Reduction
 from lagsim.reduction.elimination import pairs
 from lagsim.reduction.ignorable import ignorable
@@ -248,8 +253,6 @@ def _chosen(
 ) -> Formulation:
     """Give the least costly of the formulations that the method can handle."""
     whole = _full(equations, start)
-    best, least = whole, step_cost(equations)
-    full, fits = least, suits(equations)
     candidates = []
     cyclic = ignorable(equations)
     base = Reduction(equations)
@@ -262,6 +265,10 @@ def _chosen(
             if cyclic:
                 ignoring = candidates[0]
                 candidates.append(_eliminated(ignoring.equations, start, ignoring)[0])
+    if not candidates:
+        return whole
+    full = least = step_cost(equations)
+    best, fits = whole, suits(equations)
     for reduction in candidates:
         cost = step_cost(reduction.equations)
         suitable = suits(reduction.equations)
@@ -275,13 +282,13 @@ def step_cost(equations: Equations) -> float:
     """Give about how many operations a step takes, projection included."""
     g, n, m = equations.graph, len(equations.q), len(equations.rows)
     try:
-        q, lam = Elimination(equations).motion()
+        q, lam = Elimination(equations, affordable(n, m)).motion()
         nodes = [*q, *lam]
-        solve = 0.0
+        solve = 0
     except TooLongError:
         nodes = [*equations.mass_entries.values(), *equations.f]
         nodes += [a for row in equations.rows for a in row.A.entries.values()]
-        solve = n**3 / 3 + n * m * (n + m)
+        solve = dense_operations(n, m)
     nodes += [x.rate for x in equations.quadratures]
     evaluation = len(g.cone(nodes)) + solve
     size = 2 * n + len(equations.quadratures)

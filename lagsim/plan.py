@@ -8,16 +8,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.admissibility.large import is_large, row_lengths
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.admissibility.start import metric_of
 from lagsim.errors import InputError, Problem
+from lagsim.expressions.evaluate import evaluate
 from lagsim.formulation import Choice, formulate
-from lagsim.kkt.straight import Elimination, TooLongError
+from lagsim.kkt.straight import (
+    BUDGET,
+    Elimination,
+    TooLongError,
+    affordable,
+    dense_operations,
+)
 from lagsim.methods import method, names
 from lagsim.structure import structure
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
     from lagsim.model import Simulation
@@ -29,6 +39,9 @@ DEFAULT_RTOL = 1e-11
 # Normal equations square the condition of the rows: below this the loops with their QR
 # decomposition take over (numerics: S loses half of the digits of lambda).
 WELL_CONDITIONED = 1e-2
+# Loops of so many multiplications take a millisecond: that is no reason to do without
+# their QR decomposition.
+CHEAP = 10**6
 # How many states tell how long the rows usually are, and how far around the start.
 AROUND = 4
 NEARBY = 0.1
@@ -51,10 +64,13 @@ class Plan:
         Of the formulation `baumgarte`; else 0.
     elimination : Elimination or None
         The equations solved on the graph; None where loops solve them.
+    tape : bool
+        The model's functions are run from tapes, not compiled.
     rank : int
         Of the constraint rows, in general.
     independence : float
-        The smallest singular value of the scaled rows, in general.
+        The smallest singular value of the scaled rows, in general; with tapes, what
+        `Elimination.health` is at the start.
     set_aside : tuple of bool, length m
         The rows that others imply everywhere.
     lengths : tuple of float, length m
@@ -72,6 +88,7 @@ class Plan:
     projected: bool
     gain: float
     elimination: Elimination | None
+    tape: bool
     rank: int
     independence: float
     set_aside: tuple[bool, ...]
@@ -112,12 +129,18 @@ def make_plan(
     mass = _mass_matrix(scene)
     choices = [Choice(f"mass matrix: {mass}", _mass_reason(equations, scene))]
     choices += found.choices
-    elimination = _elimination(equations, start, choices)
+    lengths = usual_lengths(equations, start)
+    elimination = _elimination(equations, start, lengths, choices)
     if start.augmented:
         choices.append(
             Choice("mass matrix solved with the constraints", "it is singular alone")
         )
     name = _method(simulation, scene, choices)
+    tape = elimination is not None and elimination.operations > BUDGET
+    independence = start.ranks.generic_smallest
+    if elimination is not None and tape:
+        # As the run will see it: of long chains the smallest singular value is small.
+        independence = _independence(equations, start, lengths, elimination)
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -133,10 +156,11 @@ def make_plan(
         projected=found.projected,
         gain=found.gain,
         elimination=elimination,
+        tape=tape,
         rank=start.ranks.generic_rank,
-        independence=start.ranks.generic_smallest,
+        independence=independence,
         set_aside=_set_aside(equations, start),
-        lengths=usual_lengths(equations, start),
+        lengths=lengths,
         augmented=start.augmented,
         rtol=rtol,
         atol=atol,
@@ -151,7 +175,7 @@ def by_loops(plan: Plan) -> Plan:
     """Give the same plan with the equations solved by loops."""
     kept = [c for c in plan.choices if not c.choice.startswith("solve:")]
     told = Choice("solve: loops with QR", "the rows lost their independence")
-    return replace(plan, elimination=None, choices=(*kept, told))
+    return replace(plan, elimination=None, tape=False, choices=(*kept, told))
 
 
 def _set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
@@ -170,6 +194,11 @@ def usual_lengths(equations: Equations, start: Start) -> tuple[float, ...]:
         q, v = start.q, start.v
         if nearby:
             q, v = (_kicked(x, random) for x in (start.q, start.v))
+        if is_large(point):
+            found = row_lengths(point, q, v)
+            if np.all(np.isfinite(found)):
+                longest = np.fmax(longest, found)
+                continue
         M = point.mass(q, v)
         if np.all(np.isfinite(M)):
             metric = metric_of(M, range(len(q)))
@@ -208,7 +237,10 @@ def _suits(simulation: Simulation | None, equations: Equations) -> bool:
 
 
 def _elimination(
-    equations: Equations, start: Start, choices: list[Choice]
+    equations: Equations,
+    start: Start,
+    lengths: Sequence[float],
+    choices: list[Choice],
 ) -> Elimination | None:
     if start.augmented:
         return None
@@ -216,19 +248,46 @@ def _elimination(
         reason = f"{len(equations.rows)} constraints have rank {start.ranks.rank}"
         choices.append(Choice("solve: loops with QR, least-norm lambda", reason))
         return None
-    if start.ranks.smallest < WELL_CONDITIONED:
-        reason = f"the rows are nearly dependent ({start.ranks.smallest:.1e})"
+    n, m = len(equations.q), len(equations.rows)
+    dense = dense_operations(n, m)
+    close = start.ranks.smallest < WELL_CONDITIONED
+    reason = f"the rows are nearly dependent ({start.ranks.smallest:.1e})"
+    if close and dense <= CHEAP:
         choices.append(Choice("solve: loops with QR", reason))
         return None
     try:
-        elimination = Elimination(equations)
+        elimination = Elimination(equations, affordable(n, m))
     except TooLongError:
-        choices.append(Choice("solve: loops", "straight-line code would be too long"))
+        text = f"elimination saves too little of their {dense} multiplications"
+        choices.append(Choice("solve: loops", text))
         return None
+    if close:
+        independence = _independence(equations, start, lengths, elimination)
+        if independence < WELL_CONDITIONED:
+            slow = f"{reason}, at the price of {dense} multiplications"
+            choices.append(Choice("solve: loops with QR", slow))
+            return None
     count = elimination.operations
     many = f"{count} multiplication{'s' * (count != 1)}"
-    choices.append(Choice("solve: straight-line code", many))
+    if count <= BUDGET:
+        choices.append(Choice("solve: straight-line code", many))
+    else:
+        reason = f"{many} on what is not zero; loops would make {dense}"
+        choices.append(Choice("solve: sparse elimination", reason))
     return elimination
+
+
+def _independence(
+    equations: Equations,
+    start: Start,
+    lengths: Sequence[float],
+    elimination: Elimination,
+) -> float:
+    """Give how independent the rows are at the start by the pivots of `elimination`."""
+    values = Point(equations).values(start.q, start.v)
+    for row, length in zip(equations.rows, lengths, strict=True):
+        values[f"length.{row.name}"] = length
+    return float(evaluate(equations.graph, [elimination.health()], values)[0])
 
 
 def _method(

@@ -24,8 +24,20 @@ if TYPE_CHECKING:
 # Straight-line code of a few thousand operations compiles in well under a second;
 # beyond that loops win (measured: an n-link pendulum past n of about 16).
 BUDGET = 3000
+# A multiplication of a sparse elimination costs as much as these of a dense one.
+WORTH = 4
 
 Vector = dict[int, int]  # index -> node; what is absent is zero
+
+
+def affordable(n: int, m: int) -> int:
+    """Give how many multiplications an elimination may take before loops win."""
+    return max(BUDGET, dense_operations(n, m) // WORTH)
+
+
+def dense_operations(n: int, m: int) -> int:
+    """Give about how many multiplications `dense` makes: M factored, the rows, QR."""
+    return n**3 // 6 + m * n**2 // 2 + m**2 * (n - m // 3)
 
 
 class TooLongError(Exception):

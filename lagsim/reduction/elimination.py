@@ -271,8 +271,8 @@ def _multipliers(
     for k, row in enumerate(full.rows):
         if k not in used:
             lam = g.variable(f"lambda_{row.name}")
-            for c in right:
-                right[c] = minus(g, right[c], columns[c][k], lam)
+            for c, column in columns.items():
+                right[c] = minus(g, right[c], column[k], lam)
     solved = _solved(g, found, columns, right)
     return {g.variable(f"lambda_{full.rows[k].name}"): x for k, x in solved.items()}
 

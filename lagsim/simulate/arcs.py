@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from lagsim.kkt.straight import dense_operations
 from lagsim.methods import _state as at
 from lagsim.plan import WELL_CONDITIONED, by_loops, usual_lengths
 from lagsim.simulate.ranks import rank_caution, weakest
@@ -29,8 +30,9 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
 
-# Rows in one block: a few hundred kilobytes.
+# Rows in one block: a few hundred kilobytes; fewer where there are many columns.
 BLOCK = 2048
+MOST_NUMBERS = 2**20
 # Steps between two looks at interrupts and progress: some tens of milliseconds.
 STEPS_PER_CALL = 4000
 MOST_STEPS = 100_000_000
@@ -43,6 +45,8 @@ LOST = 1e-5
 # A mechanism may pass the same dead point for ever: these events are kept up to this
 # many, the warning is given once.
 MOST_RANK_EVENTS = 10_000
+# Beyond so many multiplications, about a second, the loops are not gone on with.
+MOST_DENSE = 10**9
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6
 
@@ -80,7 +84,8 @@ class Run:
         self.rows = 0
         self.use(system)
         self.state = self._fresh_state(system.begin(start))
-        self.block = np.empty((BLOCK, 1 + system.size))
+        rows = max(1, min(BLOCK, MOST_NUMBERS // system.rows_observed))
+        self.block = np.empty((rows, 1 + system.size))
 
     def use(self, system: System) -> None:
         """Go on with another formulation."""
@@ -254,6 +259,16 @@ class Run:
     def _switch_to_loops(self) -> None:
         """Go on with the QR decomposition where the rows lose their independence."""
         end = float(self.state[at.END])
+        n, m = self.system.n, self.system.m
+        if dense_operations(n, m) > MOST_DENSE:
+            text = (
+                f"at t = {self.t:.9g} the constraints come close to dependent, and "
+                f"there are too many for a QR decomposition: from there on multipliers "
+                "may lose digits"
+            )
+            self.warnings.append(Caution("nearly-dependent", text))
+            self.state[at.DEGENERATE_BELOW] = 0.0
+            return
         text = (
             f"at t = {self.t:.9g} the constraints come close to dependent; from there "
             "on they are solved by a QR decomposition"

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import scaled_rows
-from lagsim.admissibility.start import metric_of
+from lagsim.admissibility.rank import weakest_rows
 from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
@@ -37,15 +36,10 @@ def weakest(
     """
     point = Point(equations)
     point.move_to(t)
-    metric = metric_of(point.mass(q, v), range(len(q)))
-    Y, lengths = scaled_rows(point, q, v, metric)
-    longest = np.maximum(lengths, usual)
-    Y = Y * (lengths / np.where(longest > 0, longest, 1.0))[:, None]
-    left, sizes, _ = np.linalg.svd(Y)
-    last = min(rank, len(sizes)) - 1
-    heavy = np.abs(left[:, last]) > 1e-3
+    left, smallest = weakest_rows(point, q, v, rank, usual)
+    heavy = np.abs(left) > 1e-3
     rows = zip(equations.rows, heavy, strict=True)
-    return tuple(row.name for row, is_in in rows if is_in), float(sizes[last])
+    return tuple(row.name for row, is_in in rows if is_in), smallest
 
 
 def rank_caution(time: float, names: tuple[str, ...], smallest: float) -> Caution:

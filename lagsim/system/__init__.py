@@ -14,8 +14,9 @@ import numpy as np
 from lagsim.formulation import GAIN
 from lagsim.kkt import _layout
 from lagsim.methods import method
+from lagsim.native import graph_code, tape_code
 from lagsim.native.cache import kernel_object, object_code
-from lagsim.native.graph_code import Layout, generate
+from lagsim.native.graph_code import Layout
 from lagsim.switches import find_switches
 from lagsim.system.columns import Columns
 from lagsim.system.functions import functions, physics
@@ -38,7 +39,7 @@ class System:
     equations : Equations
         The full ones: rows show all of their columns.
     plan : Plan
-        The formulation decides between straight-line code and loops.
+        Decides between straight-line code, tapes, and loops.
 
     Attributes
     ----------
@@ -81,6 +82,7 @@ class System:
             for name, nodes in nodes_of.items()
         }
         layout = self._layout()
+        generate = tape_code.generate if plan.tape else graph_code.generate
         code = generate(equations.graph, nodes_of, layout)
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
