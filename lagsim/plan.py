@@ -75,6 +75,8 @@ class Plan:
         The rows that others imply everywhere.
     lengths : tuple of float, length m
         Of the rows in the metric of M, as they usually are.
+    constant : int
+        What is factored once in an arc: 2 M and A, 1 only M, 0 neither.
     augmented : bool
         M is singular and is solved together with the constraints.
     rtol, atol, step : float or None
@@ -93,6 +95,7 @@ class Plan:
     independence: float
     set_aside: tuple[bool, ...]
     lengths: tuple[float, ...]
+    constant: int
     augmented: bool
     rtol: float | None
     atol: float | None
@@ -161,6 +164,7 @@ def make_plan(
         independence=independence,
         set_aside=_set_aside(equations, start),
         lengths=lengths,
+        constant=_constant(scene, start),
         augmented=start.augmented,
         rtol=rtol,
         atol=atol,
@@ -176,6 +180,12 @@ def by_loops(plan: Plan) -> Plan:
     kept = [c for c in plan.choices if not c.choice.startswith("solve:")]
     told = Choice("solve: loops with QR", "the rows lost their independence")
     return replace(plan, elimination=None, tape=False, choices=(*kept, told))
+
+
+def _constant(scene: Structure, start: Start) -> int:
+    # With the constraints, M is constant where they are.
+    found = scene.constant_parts
+    return 0 if start.augmented and found < 2 else found
 
 
 def _set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:

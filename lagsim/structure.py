@@ -24,6 +24,8 @@ class Structure:
         `nothing`, or the first of `velocities`, `positions`, `time` that M depends on.
     diagonal : bool
         M is.
+    constant_rows : bool
+        A is made of parameters only, as it is without constraints.
     constraints : str
         `none`, `holonomic`, `nonholonomic` or `mixed`.
     forces_free_of_velocities : bool
@@ -38,6 +40,7 @@ class Structure:
 
     mass_varies_with: str
     diagonal: bool
+    constant_rows: bool
     constraints: str
     forces_free_of_velocities: bool
     conservative: bool
@@ -48,6 +51,11 @@ class Structure:
     def constant_mass(self) -> bool:
         """M is made of parameters only."""
         return self.mass_varies_with == "nothing"
+
+    @property
+    def constant_parts(self) -> int:
+        """What is factored once: 2 M and A, 1 only M, 0 neither."""
+        return (1 + self.constant_rows) * self.constant_mass
 
     @property
     def separable(self) -> bool:
@@ -69,6 +77,7 @@ def structure(equations: Equations) -> Structure:
     A = [node for row in rows for node in row.A.entries.values()]
     right = [*equations.f, *(row.b for row in rows)]
     state = frozenset((*equations.q, *equations.velocities))
+    moving = state | {"t"}
     everything = [*entries, *A, *right, *(row.rate for row in rows)]
     levels = {row.holonomic for row in rows}
     kinds = {(): "none", (True,): "holonomic", (False,): "nonholonomic"}
@@ -77,12 +86,13 @@ def structure(equations: Equations) -> Structure:
     return Structure(
         mass_varies_with=_varies(equations, entries),
         diagonal=all(i == j for i, j in mass),
+        constant_rows=not g.depends(A) & moving,
         constraints=kinds.get(tuple(levels), "mixed"),
         forces_free_of_velocities=not g.depends(equations.f)
         & frozenset(equations.velocities),
         conservative=equations.power is None,
         autonomous="t" not in g.depends(everything),
-        linear=not constants & (state | {"t"})
+        linear=not constants & moving
         and all(d is not None and d <= frozenset((0, 1)) for d in degrees),
     )
 

@@ -10,7 +10,12 @@ REFERENCE = 6  # the largest health so far: what is small is small against it
 HEALTH = 7  # size of the last independent column, now
 # 8 and 9: LEAST_HEALTH and WEAK, see methods._interface.
 GAIN = 10  # of what pulls the state to the constraints
-HEADER = 11
+CONSTANT = (
+    11  # what does not change within an arc: 1 what is factored of M, 2 A as well
+)
+FACTORED = 12  # what of that has been factored
+RANKED = 13  # the rank that was found then
+HEADER = 14
 
 
 def workspace(n: int, m: int) -> int:

@@ -23,11 +23,14 @@ from typing import TYPE_CHECKING
 from lagsim.kkt._cholesky import augment_force, backward, factor, forward
 from lagsim.kkt._layout import (
     AUGMENTED,
+    CONSTANT,
     COUNT,
+    FACTORED,
     GAIN,
     HEALTH,
     MOTION,
     QUADRATURES,
+    RANKED,
     REFERENCE,
     ROWS,
 )
@@ -119,13 +122,11 @@ def correction(p: Floats, residuals: Floats, out: Floats) -> None:
     u = at(Y, n * m)
     per_row = at(u, 2 * n)
     right = at(per_row, m)
-    factor(n, m, p[AUGMENTED] > 0.0, terms, L)
-    lengths = at(p, int(p[MOTION]) + n + m)
-    spread(n, m, at(terms, n * n), L, lengths, Y, per_row)
-    for i in range(m):
-        right[i] = -residuals[i] * per_row[i]
-    rank = reflect(n, m, p, L, Y, per_row)
-    impress(n, m, rank, Y, per_row, u)
+    order = at(per_row, 4 * m)
+    factor_rows(p, terms)
+    for k in range(m):
+        right[k] = -residuals[int(order[k])] * per_row[k]
+    impress(n, m, int(p[RANKED]), Y, per_row, u)
     backward(n, L, u, out)
 
 
@@ -136,28 +137,55 @@ def solve_motion(t: float, y: Floats, p: Floats) -> None:
     motion = at(p, int(p[MOTION]))
     terms = at(motion, n + 3 * m)
     f = at(terms, n * n + n * m)
-    b = at(f, n)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
     Y = at(L, n * n)
     u = at(Y, n * m)
     v = at(u, n)
     per_row = at(v, n)
-    right = at(per_row, m)
     dynamics(t, y, p, terms)
-    factor(n, m, p[AUGMENTED] > 0.0, terms, L)
     if p[AUGMENTED] > 0.0:
         augment_force(n, m, terms)
+    factor_rows(p, terms)
     for j in range(n):
         v[j] = f[j]
     forward(n, L, v)
-    spread(n, m, at(terms, n * n), L, at(motion, n + m), Y, per_row)
-    for i in range(m):
-        right[i] = b[i] * per_row[i]
-        for j in range(n):
-            right[i] -= Y[i * n + j] * v[j]
-    rank = reflect(n, m, p, L, Y, per_row)
+    for j in range(n):
+        u[j] = v[j]
+    backward(n, L, u, motion)
+    right_side(n, m, terms, motion, per_row)
+    rank = int(p[RANKED])
     impress(n, m, rank, Y, per_row, u)
     multipliers(n, m, rank, Y, per_row, at(motion, n))
     for j in range(n):
         u[j] += v[j]
     backward(n, L, u, motion)
+
+
+def factor_rows(p: Floats, terms: Floats) -> None:
+    """Factor M and the rows, as far as that has not been done for the whole arc."""
+    n = int(p[COUNT])
+    m = int(p[ROWS])
+    lengths = at(p, int(p[MOTION]) + n + m)
+    L = at(terms, n * n + n * m + n + 3 * m + 2)
+    Y = at(L, n * n)
+    per_row = at(Y, n * m + 2 * n)
+    if p[FACTORED] < 1.0:
+        factor(n, m, p[AUGMENTED] > 0.0, terms, L)
+    if p[FACTORED] < 2.0:
+        spread(n, m, at(terms, n * n), L, lengths, Y, per_row)
+        p[RANKED] = reflect(n, m, p, L, Y, per_row)
+    p[FACTORED] = p[CONSTANT]
+
+
+def right_side(n: int, m: int, terms: Floats, free: Floats, per_row: Floats) -> None:
+    """Give b - A M^-1 f in the order and scale of the rows; free = M^-1 f : (n,)."""
+    A = at(terms, n * n)
+    b = at(terms, n * n + n * m + n)
+    right = at(per_row, m)
+    order = at(per_row, 4 * m)
+    for k in range(m):
+        i = int(order[k])
+        right[k] = b[i]
+        for j in range(n):
+            right[k] -= A[i * n + j] * free[j]
+        right[k] *= per_row[k]

@@ -318,9 +318,9 @@ class Run:
         return float(state[at.ROW_START] + (state[at.ROW] + k) * state[at.ROW_STEP])
 
     def _factorisations(self, evaluations: int) -> int:
-        """Count them: one where M is constant and nothing else is factored."""
-        constant = self.plan.mass_matrix.startswith("constant")
-        return 1 if constant and not self.system.m else evaluations
+        """Count them: one where all that is factored is constant."""
+        whole = 2 if self.system.m else 1
+        return 1 if self.plan.constant >= whole else evaluations
 
 
 _OUTCOMES = {

@@ -88,6 +88,7 @@ class System:
         self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, self.size - 2 * self.n, plan.augmented,
             plan.rank, plan.independence, 1.0, 1.0, self._weak(), plan.gain,
+            plan.constant, 0.0, 0.0,
         ]  # fmt: skip
         for row, length in zip(equations.rows, plan.lengths, strict=True):
             self.p[layout.p[f"length.{row.name}"]] = length

@@ -81,6 +81,7 @@ class Runner:
         call = self.engine.function("prepare", *FUNCTION)
         p = self.system.p
         p[_layout.REFERENCE] = self.system.plan.independence
+        p[_layout.FACTORED] = 0.0
         p[_layout.HEALTH] = p[LEAST_HEALTH] = 1.0
         p[self.system.motion :] = 0.0
         if self.system.plan.elimination is None:
