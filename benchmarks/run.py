@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PARTS = ("whole_run", "first_run", "chains", "andrews", "million_rows")
+PARTS = ("whole_run", "first_run", "chains", "andrews", "structure", "million_rows")
 
 
 def in_clean_environment(arguments):
