@@ -96,13 +96,13 @@ def constraint_row(g: Graph, constraint: Constraint, flow: Flow) -> Row:
         drift = gradient(g, node, [g.variable("t")])[0]
         rate = g.call("add", moved, drift)
         transport = g.call("neg", drift)
-        residual_scale = _scale(g, node, flow.positions, A.entries)
+        residual_scale = scale_of(g, node, flow.positions, A.entries)
     else:
         rate = node
         degrees = g.degree(node, flow.velocities)
         homogeneous = degrees is not None and len(degrees) == 1
         transport = g.zero if homogeneous else moved
-        residual_scale = _scale(g, node, flow.rates, A.entries)
+        residual_scale = scale_of(g, node, flow.rates, A.entries)
     degrees = g.degree(rate, flow.velocities)
     return Row(
         name=constraint.name,
@@ -113,16 +113,16 @@ def constraint_row(g: Graph, constraint: Constraint, flow: Flow) -> Row:
         b=g.call("neg", tangent(g, [rate], flow.forward)[0]),
         transport=transport,
         residual_scale=residual_scale,
-        rate_scale=_scale(g, rate, flow.rates, A.entries),
+        rate_scale=scale_of(g, rate, flow.rates, A.entries),
         scleronomic="t" not in names,
         pfaffian=degrees is not None and degrees <= frozenset((0, 1)),
     )
 
 
-def _scale(
+def scale_of(
     g: Graph, node: int, variables: Sequence[int], entries: Mapping[int, int]
 ) -> int:
-    """Give the largest of the terms of `node` and of |variable * slope|."""
+    """Give the largest of the terms of `node` and of |v d node/d v|."""
     sizes = [g.call("abs", term) for term in _terms(g, node)]
     sizes += [
         g.call("abs", g.call("mul", variables[j], slope))

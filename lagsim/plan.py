@@ -24,6 +24,7 @@ from lagsim.kkt.straight import (
 )
 from lagsim.methods import method, names
 from lagsim.structure import structure
+from lagsim.switches import model_switches
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
     from lagsim.reduction import Reduction
     from lagsim.structure import Structure
+    from lagsim.switches import Switches
 
 DEFAULT_RTOL = 1e-11
 # Normal equations square the condition of the rows: below this the loops with their QR
@@ -82,6 +84,7 @@ class Plan:
     rtol, atol, step : float or None
     mass_matrix : str
         `constant`, or what it depends on.
+    switches : Switches
     """
 
     method: str
@@ -101,6 +104,7 @@ class Plan:
     atol: float | None
     step: float | None
     mass_matrix: str
+    switches: Switches
     choices: tuple[Choice, ...]
 
 
@@ -132,6 +136,7 @@ def make_plan(
     mass = _mass_matrix(scene)
     choices = [Choice(f"mass matrix: {mass}", _mass_reason(equations, scene))]
     choices += found.choices
+    switches = _switches(equations, choices)
     lengths = usual_lengths(equations, start)
     elimination = _elimination(equations, start, lengths, choices)
     if start.augmented:
@@ -170,6 +175,7 @@ def make_plan(
         atol=atol,
         step=step,
         mass_matrix=mass,
+        switches=switches,
         choices=tuple(choices),
     )
     return by_loops(plan) if loops else plan
@@ -186,6 +192,14 @@ def _constant(scene: Structure, start: Start) -> int:
     # With the constraints, M is constant where they are.
     found = scene.constant_parts
     return 0 if start.augmented and found < 2 else found
+
+
+def _switches(equations: Equations, choices: list[Choice]) -> Switches:
+    found = model_switches(equations)
+    if found.sides:
+        reason = "forces step or bend there: each ends an arc, where it is met"
+        choices.append(Choice(f"switches: {len(found.sides)} located", reason))
+    return found
 
 
 def _set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:

@@ -42,7 +42,13 @@ class Outcome(Enum):
         """a moving constraint may change its speed at once, not its position: join the
         pieces of its motion""",
     )
+    SWITCHES_ACCUMULATE = (
+        "failed",
+        """no motion leads on from there: change the forces near their switches, or stop
+        before that time""",
+    )
     INTERRUPTED = "interrupted", ""
+    SWITCHED = "switched", ""  # of an arc: the next one begins
 
     def __init__(self, word: str, advice: str) -> None:
         self.word = word
@@ -58,13 +64,15 @@ class Outcome(Enum):
 class Event:
     """Something that happened at a time, to a constraint or to the run.
 
-    `conditioning` goes with a loss of rank: the smallest singular value then.
+    `conditioning` goes with a loss of rank: the smallest singular value then; `switch`
+    is the switch in the state, roughly as it was written.
     """
 
     time: float
     kind: str
     constraint: str | None = None
     conditioning: float | None = None
+    switch: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

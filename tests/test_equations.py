@@ -114,6 +114,10 @@ class Native:
         e = self.equations
         for k, parameter in enumerate(e.model.parameters):
             self.system.p[_layout.HEADER + k] = values[parameter.name]
+        # On the side of each switch that the state is on.
+        for k, side in enumerate(self.system.switches.sides):
+            (value,) = evaluate(e.graph, [side.node], values)
+            self.system.p[self.system.switching + 1 + k] = math.copysign(1.0, value)
         self.runner.prepare()
         # Random states are off the constraints, and not to be brought onto them.
         self.system.p[_layout.REFERENCE] = 0.0

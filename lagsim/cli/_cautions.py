@@ -26,12 +26,6 @@ def about_inputs(start: Start, plan: Plan, system: System) -> list[Caution]:
         )
         text = f"the run starts from the nearest exact state: {moved}"
         found.append(Caution("start-changed", text))
-    for switch in system.switches.state:
-        text = (
-            f"{switch} depends on the state: its jumps are stepped over, not located, "
-            "which costs accuracy"
-        )
-        found.append(Caution("switch-not-located", text))
     simulation = system.equations.model.simulation
     if simulation is None:
         return found

@@ -1,5 +1,9 @@
 """Where the loops of `dense` find things in p."""
 
+from __future__ import annotations
+
+from lagsim.methods._interface import PER_SURFACE
+
 COUNT = 0  # n
 ROWS = 1  # m
 MOTION = 2  # offset of q'' (n) and lambda (m), then working memory
@@ -8,14 +12,12 @@ AUGMENTED = 4
 EXPECTED = 5  # the rank that the rows have in general
 REFERENCE = 6  # the largest health so far: what is small is small against it
 HEALTH = 7  # size of the last independent column, now
-# 8 and 9: LEAST_HEALTH and WEAK, see methods._interface.
-GAIN = 10  # of what pulls the state to the constraints
-CONSTANT = (
-    11  # what does not change within an arc: 1 what is factored of M, 2 A as well
-)
-FACTORED = 12  # what of that has been factored
-RANKED = 13  # the rank that was found then
-HEADER = 14
+# 8 to 11: see methods._interface.
+GAIN = 12  # of what pulls the state to the constraints
+CONSTANT = 13  # what does not change in an arc: 1 what is factored of M, 2 A as well
+FACTORED = 14  # what of that has been factored
+RANKED = 15  # the rank that was found then
+HEADER = 16
 
 
 def workspace(n: int, m: int) -> int:
@@ -31,3 +33,16 @@ def weak_direction(n: int, m: int) -> int:
     """Give where z, M z and room for one more (n,) lie, from MOTION on."""
     terms = n * n + n * m + n + 3 * m + 2
     return (n + 3 * m) + terms + n * n + n * m + 2 * n + 7 * m + m * m
+
+
+def switching(n: int, m: int, size: int, surfaces: int) -> int:
+    """Give the length from SWITCHING on, for so many surfaces.
+
+    What `methods._interface` names; residuals, rates, J, b and scales of the surfaces;
+    the fields on both sides; the equations for the shares.
+    """
+    if not surfaces:
+        return 0
+    rows = PER_SURFACE + n + 4
+    fields = (surfaces + 1) * (size + m)
+    return 1 + surfaces * rows + fields + surfaces * (surfaces + 3)

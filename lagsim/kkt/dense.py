@@ -76,6 +76,16 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
         quadratures(t, y, p, at(out, 2 * n))
 
 
+def field(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give y' (size,) and lambda (m,)."""
+    n = int(p[COUNT])
+    size = 2 * n + int(p[QUADRATURES])
+    derivative(t, y, p, out)
+    motion = at(p, int(p[MOTION]))
+    for i in range(int(p[ROWS])):
+        out[size + i] = motion[n + i]
+
+
 def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the columns of a row, without what pulls the state to the constraints."""
     gain = p[GAIN]

@@ -1,7 +1,7 @@
 """The loop around any method: rows on a grid, `until`, and an orderly return.
 
-Compiled once for each of the settings CONSTRAINED and UNTIL; what a model does not
-need is left out.
+Compiled once for each of the settings CONSTRAINED, UNTIL and SWITCHES; what a model
+does not need is left out.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods._interface import (
     interpolate,
     observe,
+    pull,
     start,
     step,
     until,
@@ -19,6 +20,7 @@ from lagsim.methods._projection import project
 from lagsim.methods._singular import watch
 from lagsim.methods._state import (
     BLOCK_FULL,
+    CUT,
     DEGENERATE,
     DEGENERATE_BELOW,
     DONE,
@@ -40,9 +42,12 @@ from lagsim.methods._state import (
     SIZE,
     STEP_H,
     STEP_T,
+    SWITCH_FOUND,
+    SWITCHED,
     N,
     T,
 )
+from lagsim.methods._switching import find_switch, shorten
 from lagsim.native.kernel_types import at
 
 if TYPE_CHECKING:
@@ -50,9 +55,11 @@ if TYPE_CHECKING:
 
 CONSTRAINED = True
 UNTIL = True
+SWITCHES = True
 
 # A step is looked at this often for the moment that ends the run.
 LOOKS = 8
+NOWHERE = -1
 
 
 def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
@@ -67,22 +74,58 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
     while True:
         if emit(s, p, out, rows) == 0:
             return BLOCK_FULL
-        if s[EVENT] > 0.0:
-            return EVENT_FOUND
-        if s[T] >= s[END]:
-            return DONE
-        if CONSTRAINED and s[HEALTH] < s[DEGENERATE_BELOW]:
-            return DEGENERATE
+        code = arrived(s, p)
+        if code != NOWHERE:
+            return code
         if made >= budget:
             return PAUSED
         made += 1
         code = step(s, p)
         if code != DONE:
             return code
-        if UNTIL:
-            locate(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+        inspect(s, p)
         if CONSTRAINED and watch(s, p) > 0:
             return RANK_LOST
+
+
+def arrived(s: Floats, p: Floats) -> int:
+    """Give the code of what has been reached, if anything; its rows are written."""
+    if s[CUT] > 0.0:
+        take_cut(s, p)
+    if s[EVENT] > 0.0:
+        return EVENT_FOUND
+    if SWITCHES and s[SWITCHED] > 0.0:
+        return SWITCH_FOUND
+    if s[T] >= s[END]:
+        return DONE
+    if CONSTRAINED and s[HEALTH] < s[DEGENERATE_BELOW]:
+        return DEGENERATE
+    return NOWHERE
+
+
+def inspect(s: Floats, p: Floats) -> None:
+    """Look for what ends the arc, or the run, within the last step."""
+    if SWITCHES:
+        find_switch(s, p)
+        if s[SWITCHED] == 0.0:
+            pull(s[T], at(s, HEADER), p)
+    if UNTIL:
+        locate(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+
+
+def take_cut(s: Floats, p: Floats) -> None:
+    """Take the state at the moment that the last step was cut at."""
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    z = at(s, HEADER + 4 * size + 2)
+    interpolate(s, s[CUT], z)
+    for i in range(size):
+        y[i] = z[i]
+    if CONSTRAINED:
+        settle(s, p, s[T], y)
+    if SWITCHES:
+        pull(s[T], y, p)
+    s[CUT] = 0.0
 
 
 def begin(s: Floats, p: Floats) -> None:
@@ -114,6 +157,8 @@ def emit(s: Floats, p: Floats, out: Floats, rows: int) -> int:
             interpolate(s, (t - s[STEP_T]) / s[STEP_H], at(row, 1))
             if CONSTRAINED:
                 settle(s, p, t, at(row, 1))
+            if SWITCHES:
+                pull(t, at(row, 1), p)
         s[EMITTED] += 1.0
         s[ROW] += 1.0
 
@@ -148,16 +193,16 @@ def orient(s: Floats, value: float) -> None:
 def locate(s: Floats, p: Floats, work: Floats) -> None:
     """Look for the first moment of the last step at which `until` holds.
 
-    By bisection on the dense output, to the last bit: the time reached, the state and
-    the limit of the rows become those of that moment.
+    By bisection on the dense output, to the last bit.
     """
     size = int(s[SIZE])
     z = work
     value = at(work, size)
     low = 0.0
     high = 0.0
+    last = (s[T] - s[STEP_T]) / s[STEP_H]  # 1, or where a switch has cut the step
     for look in range(1, LOOKS + 1):
-        x = look / LOOKS
+        x = last * (look / LOOKS)
         if high == 0.0:
             interpolate(s, x, z)
             until(s[STEP_T] + x * s[STEP_H], z, p, value)
@@ -176,12 +221,9 @@ def locate(s: Floats, p: Floats, work: Floats) -> None:
             else:
                 low = middle
             middle = 0.5 * (low + high)
-        interpolate(s, high, at(s, HEADER))
-        s[T] = s[STEP_T] + high * s[STEP_H]
-        s[ROW_LIMIT] = min(s[ROW_LIMIT], s[T])
+        shorten(s, high)
         s[EVENT] = 1.0
-        if CONSTRAINED:
-            settle(s, p, s[T], at(s, HEADER))
+        s[SWITCHED] = 0.0
 
 
 def tabulate(

@@ -18,6 +18,21 @@ if TYPE_CHECKING:
 LEAST_HEALTH = 8  # the smallest independence of the rows since a kernel set it to 1
 WEAK = 9  # offset of the direction z (n) that it was weakest in, and of M z (n); or 0
 
+# Switches in the state: how many surfaces there are (K), and where things lie. First
+# how many of them the motion slides along, then, K each:
+SWITCHING = 10
+SURFACES = 11
+SIDE = 0  # the mode variables
+SLIDES = 1  # 1 where the motion follows the surface
+LOW = 2  # what the mode variable is on its two sides, while it slides
+HIGH = 3
+LEAST = 4  # between these the expression of the surface stays
+MOST = 5
+SHARE = 6  # of the upper side, in the combination that stays on the surface
+SLACK = 7  # how far past its end a mode still counts as lasting
+MARGINS = 8  # five arrays for the search
+PER_SURFACE = 13
+
 
 @external
 def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
@@ -53,6 +68,16 @@ def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
 @external
 def until(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the residual or gap (1,) of the relation that ends the run."""
+
+
+@external
+def margins(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give how far the state is from leaving the mode of each surface (K,)."""
+
+
+@external
+def pull(t: float, y: Floats, p: Floats) -> None:
+    """Take a state back onto the surfaces that the motion slides along."""
 
 
 @external

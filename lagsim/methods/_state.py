@@ -46,7 +46,9 @@ FORCES = 32  # the largest size of forces, which may cancel: sum of M_ii a_i^2
 HEALTH_SLOPE = 33  # the steepest change of the health so far
 WATCHED = 34  # 1 if the last step is to be searched for a loss of rank
 SPECTRAL_RADIUS = 35  # at infinite frequency, for methods that have it as a parameter
-HEADER = 36
+SWITCHED = 36  # the number, from 1, of the surface that a switch was located on; or 0
+CUT = 37  # the fraction of the last step that counts, until its rows are written; or 0
+HEADER = 38
 
 # What `advance` and `step` return.
 DONE = 0
@@ -58,3 +60,4 @@ NOT_FINITE = 5
 PROJECTION_FAILED = 6
 DEGENERATE = 7
 RANK_LOST = 8
+SWITCH_FOUND = 9

@@ -59,6 +59,7 @@ def manifest(
                 "kind": e.kind,
                 "constraint": e.constraint,
                 "conditioning": e.conditioning,
+                "switch": e.switch,
             }
             for e in trajectory.events
         ],

@@ -14,7 +14,8 @@ import numpy as np
 
 from lagsim.kkt.straight import dense_operations
 from lagsim.methods import _state as at
-from lagsim.plan import WELL_CONDITIONED, by_loops, usual_lengths
+from lagsim.methods import method
+from lagsim.plan import DEFAULT_RTOL, WELL_CONDITIONED, by_loops, usual_lengths
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
 from lagsim.system import System
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
+    from lagsim.simulate.switching import Switching
 
 # Rows in one block: a few hundred kilobytes; fewer where there are many columns.
 BLOCK = 2048
@@ -47,6 +49,9 @@ LOST = 1e-5
 MOST_RANK_EVENTS = 10_000
 # Beyond so many multiplications, about a second, the loops are not gone on with.
 MOST_DENSE = 10**9
+# The method where the motion slides along a surface and the method of the run needs
+# more of the model than y'.
+SLIDING = "dop853"
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6
 
@@ -79,6 +84,7 @@ class Run:
         self.events: list[Event] = []
         self.warnings: list[Caution] = []
         self.torn = ""
+        self.accumulating = ""
         self._told: set[tuple[str, ...]] = set()
         self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
         self.rows = 0
@@ -86,6 +92,11 @@ class Run:
         self.state = self._fresh_state(system.begin(start))
         rows = max(1, min(BLOCK, MOST_NUMBERS // system.rows_observed))
         self.block = np.empty((rows, 1 + system.size))
+        self.switching: Switching | None = None
+        if system.surfaces:
+            from lagsim.simulate.switching import Switching
+
+            self.switching = Switching(self)
 
     def use(self, system: System) -> None:
         """Go on with another formulation."""
@@ -94,10 +105,11 @@ class Run:
 
     def _fresh_state(self, y: Floats) -> Floats:
         system, simulation = self.system, self.simulation
-        state = np.zeros(self.runner.method.state_size(system.size))
+        methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
+        state = np.zeros(max(method(m).state_size(system.size) for m in methods))
         state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
         state[at.ROW_STEP] = simulation.output_step
-        state[at.RTOL] = self.plan.rtol or 0.0
+        state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
         state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
         state[at.FIXED_STEP] = self.plan.step or 0.0
         state[at.N], state[at.SIZE] = system.n, system.size
@@ -131,14 +143,19 @@ class Run:
         """The state at that time: a view."""
         return self.state[at.HEADER : at.HEADER + self.system.size]
 
+    @property
+    def sizes(self) -> Floats:
+        """The largest sizes of the components so far: a view."""
+        size = self.system.size
+        return self.state[at.HEADER + size : at.HEADER + 2 * size]
+
     def whole(self, most_steps: int) -> Trajectory:
         """Go through all arcs."""
         outcome = Outcome.DONE
         for end in chain(self._breaks(), [self.simulation.end]):
             if self.t > self.simulation.start:
                 self.events.append(Event(self.t, "switch"))
-            torn = self._begin_arc(end)
-            outcome = Outcome.CONSTRAINT_JUMPS if torn else self._arc(most_steps)
+            outcome = self._between_breaks(end, most_steps)
             if outcome is not Outcome.DONE:
                 break
         if outcome is Outcome.UNTIL:
@@ -162,6 +179,29 @@ class Run:
             warnings=tuple(self.warnings),
         )
 
+    def _between_breaks(self, end: float, most_steps: int) -> Outcome:
+        """Go through the arcs up to the next break in time."""
+        if self._begin_arc(end):
+            return Outcome.CONSTRAINT_JUMPS
+        while True:
+            outcome = self._arc(most_steps)
+            short = outcome is Outcome.DONE and self.t < end
+            blocked = outcome in _BLOCKED
+            if self.switching is None or not (
+                short or blocked or outcome is Outcome.SWITCHED
+            ):
+                return outcome
+            ahead = self.switching.approach(end) if short or blocked else end
+            if ahead is None and blocked:
+                return outcome
+            if self.state[at.SWITCHED] > 0.0:
+                ahead = end
+                if not self.switching.meet():
+                    return Outcome.SWITCHES_ACCUMULATE
+                if self.system.m and self._impact():
+                    return Outcome.CONSTRAINT_JUMPS
+            self._set_limits(end if ahead is None else ahead)
+
     def _breaks(self) -> Iterator[float]:
         modes = self.system.switches.modes
         if not modes:
@@ -179,22 +219,38 @@ class Run:
 
     def _begin_arc(self, end: float) -> bool:
         """Set the branches of the arc that ends at `end`; tell if a constraint tore."""
-        state, simulation = self.state, self.simulation
         self._set_branches(end)
+        self._set_limits(end)
+        torn = False
+        held = self.system.m and self.plan.projected
+        if held and self.t > self.simulation.start:
+            torn = self._impact()
+        return torn
+
+    def _set_limits(self, end: float) -> None:
+        state, simulation = self.state, self.simulation
+        if self.switching is not None:
+            self.runner = self.system.link(self._method_now())
         state[at.END] = end
         last = simulation.end - SAME_ROW * simulation.output_step
         state[at.ROW_LIMIT] = min(end, last)
         state[at.FRESH] = 1.0
         state[at.ARC_START] = self.t
-        if self.system.m and self.plan.projected and self.t > simulation.start:
-            return self._impact()
-        return False
+
+    def _method_now(self) -> str:
+        """Give the method of the arc: sliding is written for y' alone."""
+        assert self.switching is not None
+        name = self.plan.method
+        slides = bool(np.any(self.switching.slides))
+        return SLIDING if slides and method(name).NEEDS else name
 
     def _set_branches(self, end: float) -> None:
         parameters = {p.name: p.value for p in self.equations.model.parameters}
         switches = self.system.switches
         self.system.set_modes(switches.mode_values(self.t, end, parameters))
         self.runner.prepare()
+        if self.switching is not None:
+            self.switching.begin()
 
     def _impact(self) -> bool:
         """Meet a constraint whose rate jumps: the velocities are projected.
@@ -241,6 +297,7 @@ class Run:
             code = self.runner.advance(state, self.block, budget)
             self._emit(self.block[: int(state[at.EMITTED])])
             over = code == at.EVENT_FOUND or self.t >= self.simulation.end
+            over |= state[at.CUT] > 0.0  # the state is that of the step as it was
             pressed = self.interrupt is not None and self.interrupt.signal is not None
             if pressed and not over:
                 return Outcome.INTERRUPTED
@@ -248,6 +305,8 @@ class Run:
                 self._switch_to_loops()
             elif code == at.RANK_LOST:
                 self._note_rank_loss()
+            elif code == at.SWITCH_FOUND:
+                return Outcome.SWITCHED
             elif code == at.PAUSED and left <= budget:
                 return Outcome.TOO_MANY_STEPS
             elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST):
@@ -323,6 +382,8 @@ class Run:
         return 1 if self.plan.constant >= whole else evaluations
 
 
+# What may come of a switch close by: past it, the arc's expressions may have no values.
+_BLOCKED = (Outcome.NOT_FINITE, Outcome.STEP_TOO_SMALL, Outcome.PROJECTION_FAILED)
 _OUTCOMES = {
     at.DONE: Outcome.DONE,
     at.EVENT_FOUND: Outcome.UNTIL,

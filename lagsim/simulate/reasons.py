@@ -32,6 +32,8 @@ def _what_failed(run: Run, outcome: Outcome) -> str:
         return f"values that are not finite {where}"
     if outcome is Outcome.CONSTRAINT_JUMPS:
         return f"the position that constraint `{run.torn}` asks for jumps {where}"
+    if outcome is Outcome.SWITCHES_ACCUMULATE:
+        return f"the switches {run.accumulating} accumulate {where}"
     if outcome is Outcome.PROJECTION_FAILED:
         return f"the constraints could not be met {where}"
     return f"the step size became too small {where}; {_fastest(run)}"

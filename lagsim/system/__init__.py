@@ -14,13 +14,14 @@ import numpy as np
 from lagsim.formulation import GAIN
 from lagsim.kkt import _layout
 from lagsim.methods import method
+from lagsim.methods._interface import SIDE, SLIDES
 from lagsim.native import graph_code, tape_code
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout
-from lagsim.switches import find_switches
 from lagsim.system.columns import Columns
-from lagsim.system.functions import functions, physics
+from lagsim.system.functions import functions
 from lagsim.system.runner import Runner
+from lagsim.system.switching import surface_functions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -71,24 +72,30 @@ class System:
             *(x.name for x in equations.quadratures),
         )  # fmt: skip
         self.size = len(self.state)
-        nodes_of = functions(equations, plan, self.columns, method(plan.method).NEEDS)
-        state = [*equations.q, *equations.velocities]
-        moving = [*state, "work", *equations.accelerations, *equations.multipliers]
-        self.switches = find_switches(equations.graph, physics(equations), moving)
+        self.switches = plan.switches
+        self.surfaces = len(self.switches.sides)
+        nodes_of = functions(
+            equations, plan, self.columns, method(plan.method).NEEDS,
+            switching=self.surfaces > 0,
+        )  # fmt: skip
         # Rows show the expressions as written; the method sees the arc's branches.
-        live = ("observe", "columns", "until")
+        shown = ("observe", "columns", "until")
         nodes_of = {
-            name: nodes if name in live else self.switches.freeze(nodes)
+            name: self.switches.shown(nodes)
+            if name in shown
+            else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
+        if self.surfaces:
+            nodes_of |= surface_functions(equations, self.switches)
         layout = self._layout()
         generate = tape_code.generate if plan.tape else graph_code.generate
         code = generate(equations.graph, nodes_of, layout)
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, self.size - 2 * self.n, plan.augmented,
-            plan.rank, plan.independence, 1.0, 1.0, self._weak(), plan.gain,
-            plan.constant, 0.0, 0.0,
+            plan.rank, plan.independence, 1.0, 1.0, self._weak(), self.switching,
+            self.surfaces, plan.gain, plan.constant, 0.0, 0.0,
         ]  # fmt: skip
         for row, length in zip(equations.rows, plan.lengths, strict=True):
             self.p[layout.p[f"length.{row.name}"]] = length
@@ -99,7 +106,15 @@ class System:
         self._runners: dict[str, Runner] = {}
         self.objects = [object_code(code.ir)]
         if plan.elimination is None:
-            self.objects.append(_loops(constrained=self.m > 0))
+            self.objects.append(_loops(self.m > 0, self.surfaces > 0))
+        if self.surfaces:
+            from lagsim.kkt import sliding
+
+            self.objects.append(
+                kernel_object(
+                    [sliding.derivative, sliding.observe, sliding.margins, sliding.pull]
+                )
+            )
 
     def _weak(self) -> int:
         """Give where loops note the weakest direction; 0 where none do."""
@@ -114,7 +129,13 @@ class System:
         fixed += [f"length.{row.name}" for row in e.rows]
         p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
         p[GAIN] = _layout.GAIN
-        self.motion = _layout.HEADER + len(fixed)
+        self.switching = _layout.HEADER + len(fixed)
+        kept = _layout.switching(self.n, self.m, self.size, self.surfaces)
+        for k, side in enumerate(self.switches.sides):
+            first = self.switching + 1 + k
+            p[side.variable] = first + SIDE * self.surfaces
+            p[side.sliding] = first + SLIDES * self.surfaces
+        self.motion = self.switching + kept
         motion = (*e.accelerations, *e.multipliers)
         p |= {name: self.motion + k for k, name in enumerate(motion)}
         loops = (
@@ -157,11 +178,13 @@ class System:
         return {name: known.get(name, unit) for name, unit in units.items()}
 
 
-def _loops(*, constrained: bool) -> bytes:
+def _loops(constrained: bool, switching: bool) -> bytes:
     """Give the object code of the solve by loops."""
     from lagsim.kkt import dense
 
     kernels: list[Callable[..., Any]] = [dense.derivative, dense.observe]
+    if switching:
+        kernels = [dense.field]
     if constrained:
         kernels += [dense.position_step, dense.velocity_step]
     return kernel_object(kernels)

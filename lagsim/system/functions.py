@@ -21,9 +21,17 @@ NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {}
 
 
 def functions(
-    equations: Equations, plan: Plan, columns: Columns, needs: Sequence[str] = ()
+    equations: Equations,
+    plan: Plan,
+    columns: Columns,
+    needs: Sequence[str] = (),
+    *,
+    switching: bool = False,
 ) -> dict[str, list[int]]:
-    """Give all functions of a system for a method that `needs` more than y'."""
+    """Give all functions of a system for a method that `needs` more than y'.
+
+    With `switching`, y' and the rows come from what `kkt.sliding` makes of `field`.
+    """
     g = equations.graph
     diagonal = [equations.M[i][i] for i in range(len(equations.q))]
     rest = g.call("sub", equations.energy, equations.kinetic_form)
@@ -40,23 +48,15 @@ def functions(
     if plan.elimination is None:
         found |= _terms(equations, columns)
     else:
-        found |= _solved(equations, plan, columns)
+        found |= _solved(equations, plan, columns, switching=switching)
     for need in needs:
         found |= NEEDED[need](equations, plan)
     return found
 
 
-def physics(equations: Equations) -> list[int]:
-    """Give the expressions whose switches are the model's own."""
-    nodes = list(equations.mass_entries.values())
-    nodes += [*equations.f, equations.energy]
-    nodes += _quadratures(equations)
-    for row in equations.rows:
-        nodes += [row.residual, row.rate, *row.A.entries.values(), row.b, row.transport]
-    return nodes
-
-
-def _solved(equations: Equations, plan: Plan, columns: Columns) -> dict[str, list[int]]:
+def _solved(
+    equations: Equations, plan: Plan, columns: Columns, *, switching: bool
+) -> dict[str, list[int]]:
     """Give the equations solved on the graph."""
     e, g, elimination = equations, equations.graph, plan.elimination
     assert elimination is not None
@@ -64,13 +64,19 @@ def _solved(equations: Equations, plan: Plan, columns: Columns) -> dict[str, lis
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
     velocities = [g.variable(v) for v in e.velocities]
     new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
-    rates = g.substitute(_quadratures(e), new)
-    observed = g.substitute(columns.nodes.values(), new)
-    found = {
-        "derivative": [*velocities, *accelerations, *rates],
-        # Rows show the motion without what pulls the state back to the constraints.
-        "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
-    }
+    rates = [*velocities, *accelerations, *g.substitute(_quadratures(e), new)]
+    if switching:
+        found = {
+            "field": [*rates, *multipliers],
+            "columns": list(columns.nodes.values()),
+        }
+    else:
+        observed = g.substitute(columns.nodes.values(), new)
+        found = {
+            "derivative": rates,
+            # Rows show the motion without what pulls the state to the constraints.
+            "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
+        }
     if e.rows:
         held, moving, worst_held, worst_moving = _residuals(e)
         found["position_step"] = [*elimination.correction(held), worst_held]

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _POINTER = ctypes.c_void_p
 # Of the functions of a model: t, y, p, out.
 FUNCTION = (None, (ctypes.c_double, _POINTER, _POINTER, _POINTER))
+_PULL = (None, (ctypes.c_double, _POINTER, _POINTER))
 _ADVANCE = (
     ctypes.c_int64,
     (_POINTER, _POINTER, _POINTER, ctypes.c_int64, ctypes.c_int64),
@@ -42,28 +43,43 @@ class Runner:
 
     def __init__(self, system: System, name: str) -> None:
         self.system = system
+        self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
         simulation = system.equations.model.simulation
-        statics = {
-            "CONSTRAINED": system.m > 0 and system.plan.projected,
-            "UNTIL": bool(simulation and simulation.until),
-        }
+        until = bool(simulation and simulation.until)
+        switches = system.surfaces > 0
+        held = system.m > 0 and system.plan.projected
+        statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
+        # What a method must make ready for `until` it must for switches.
+        watched = {"CONSTRAINED": held, "UNTIL": until or switches}
         kernels = [self.method.start, self.method.step, self.method.interpolate]
         self.engine = Engine(
             [
                 *system.objects,
-                kernel_object(kernels, _used(statics, self.method)),
+                kernel_object(kernels, _used(watched, self.method)),
                 kernel_object([_driver.advance, _driver.tabulate], statics),
             ]
         )
         self._advance = self.engine.function("advance", *_ADVANCE)
+        if switches:
+            self._pull = self.engine.function("pull", *_PULL)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
 
-    def function(self, name: str) -> Callable[[float, Floats], Floats]:
-        """Give one of the model's functions as (t, y) -> out, for tests and reports."""
+    def function(
+        self, name: str, length: int | None = None
+    ) -> Callable[[float, Floats], Floats]:
+        """Give one of the model's functions as (t, y) -> out (length,)."""
+        if (name, length) not in self._functions:
+            self._functions[name, length] = self._function(name, length)
+        return self._functions[name, length]
+
+    def _function(
+        self, name: str, length: int | None
+    ) -> Callable[[float, Floats], Floats]:
         call = self.engine.function(name, *FUNCTION)
-        p = self.system.p
-        length = max(self.system.rows_observed, self.system.size + 2, 2 + self.system.n)
+        p, system = self.system.p, self.system
+        if length is None:
+            length = max(system.rows_observed, system.size + 2, 2 + system.n)
 
         def evaluate(t: float, y: Floats) -> Floats:
             out = np.zeros(length)
@@ -72,6 +88,14 @@ class Runner:
             return out
 
         return evaluate
+
+    def margins(self, t: float, y: Floats) -> Floats:
+        """Give how far the state is from leaving the mode of each surface."""
+        return self.function("margins", self.system.surfaces)(t, y)
+
+    def pull(self, t: float, y: Floats) -> None:
+        """Take y back, in place, onto the surfaces that the motion slides along."""
+        self._pull(t, y.ctypes.data, self.system.p.ctypes.data)
 
     def prepare(self) -> None:
         """Compute what depends on parameters and modes alone, before each arc.

@@ -42,7 +42,8 @@ class Plain:
     ) -> None:
         self.method = method
         self.model = model
-        self.statics = {"CONSTRAINED": False, "UNTIL": False} | statics
+        none = {"CONSTRAINED": False, "UNTIL": False, "SWITCHES": False}
+        self.statics = none | statics
         own = {"start", "step", "interpolate"}
         self.driven = model | {name: self.kernel(name) for name in own}
 

@@ -21,17 +21,23 @@ from typing import TYPE_CHECKING
 
 from lagsim.expressions.evaluate import evaluate
 from lagsim.expressions.functions import OPERATIONS
-from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.switches.surfaces import (
+    DECIDED_BY,
+    JOINING,
+    STEPS,
+    WHOLE,
+    Side,
+    oriented,
+    share,
+    stepped,
+    surfaces,
+)
+from lagsim.switches.text import expression_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from lagsim.expressions.graph import Graph
-
-_JOINING = ("and", "or", "not")
-_STEPS = ("sign", "heaviside", "floor", "ceil")
-# For a function that is not a step itself: the discrete function that decides it.
-_DECIDED_BY = {"abs": "sign", "min": "le", "max": "ge"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,52 +75,6 @@ class StateSwitch:
 
 
 @dataclass(frozen=True, slots=True)
-class Surface:
-    """A part of a discrete function that steps where `node` meets a value.
-
-    Attributes
-    ----------
-    discrete
-        The comparison or the sign, heaviside, floor or ceil.
-    op
-        Its operation.
-    node
-        The expression: it meets 0, or a whole number for floor and ceil. For a
-        comparison a < b it is a - b.
-    """
-
-    discrete: int
-    op: str
-    node: int
-
-
-def joined_conditions(g: Graph, discrete: int) -> list[int]:
-    """Give the `and`, `or`, `not` that make up a condition, in order of evaluation."""
-    found: set[int] = set()
-    stack = [discrete]
-    while stack:
-        n = stack.pop()
-        if g.ops[n] in _JOINING and n not in found:
-            found.add(n)
-            stack += g.args[n]
-    return sorted(found)
-
-
-def surfaces(g: Graph, discrete: int) -> tuple[Surface, ...]:
-    """Take a discrete function apart into its surfaces."""
-    joined = joined_conditions(g, discrete)
-    parts = {discrete, *(a for n in joined for a in g.args[n])} - set(joined)
-    found = []
-    for n in sorted(parts):
-        op, args = g.ops[n], g.args[n]
-        if op in _STEPS:
-            found.append(Surface(n, op, args[0]))
-        elif args:  # else a truth value
-            found.append(Surface(n, op, g.call("sub", *args)))
-    return tuple(found)
-
-
-@dataclass(frozen=True, slots=True)
 class Switches:
     """The switches of a graph's expressions.
 
@@ -124,17 +84,21 @@ class Switches:
         The time switches, one per distinct discrete function.
     state
         The state switches.
+    sides
+        Where the state is with respect to the surfaces that the motion depends on.
     """
 
     graph: Graph
     modes: tuple[Mode, ...]
     state: tuple[StateSwitch, ...]
+    sides: tuple[Side, ...]
     _modes_of: Mapping[int, int]  # switch, or condition -> its mode variable's node
+    _sides_of: Mapping[int, tuple[int, int]]  # discrete -> mode variable's node, sign
 
     def freeze(self, nodes: Iterable[int]) -> list[int]:
-        """Give `nodes` with each time switch decided by its mode variable.
+        """Give `nodes` with each switch decided by its mode variable.
 
-        `nodes` must be among those that the switches were found in.
+        For time switches, `nodes` must be among those that they were found in.
         """
         g = self.graph
         nodes = list(nodes)
@@ -142,11 +106,48 @@ class Switches:
         for n in g.cone(nodes):
             args = tuple(done[a] for a in g.args[n])
             mode = self._modes_of.get(n)
+            side = self._side_of(n)
             if mode is not None:
                 done[n] = _frozen(g, g.ops[n], args, mode)
+            elif side is not None:
+                done[n] = _on_a_side(g, n, args, *side)
             else:
-                done[n] = n if args == g.args[n] else g.call(g.ops[n], *args)
+                done[n] = self._rebuilt(n, args)
         return [done[n] for n in nodes]
+
+    def _side_of(self, n: int) -> tuple[int, int] | None:
+        op, args = self.graph.ops[n], self.graph.args[n]
+        if not self._sides_of or not args:
+            return None
+        if op in DECIDED_BY:
+            n = self.graph.call(DECIDED_BY[op], *args)
+        return self._sides_of.get(n)
+
+    def _rebuilt(self, n: int, args: tuple[int, ...]) -> int:
+        """Give node `n` on the frozen `args`.
+
+        A power of the larger of something and 0 takes the size of what is frozen, so
+        that a stage past the surface has a value, too.
+        """
+        g = self.graph
+        if args == g.args[n]:
+            return n
+        base = g.args[n][0]
+        if g.ops[n] not in ("pow", "sqrt") or g.ops[base] != "max":
+            return g.call(g.ops[n], *args)
+        if self._side_of(base) is not None:
+            bounds = [g.value(a) for a in g.args[base]]
+            if any(b is not None and b >= 0.0 for b in bounds):
+                args = (g.call("abs", args[0]), *args[1:])
+        return g.call(g.ops[n], *args)
+
+    def shown(self, nodes: Iterable[int]) -> list[int]:
+        """Give `nodes` as rows show them: as written, but for sliding.
+
+        While the motion slides along a surface, what steps there has the value that
+        keeps it there: between those of the two sides.
+        """
+        return _Shown(self.graph, self.sides, self._sides_of).nodes(list(nodes))
 
     def mode_values(
         self, start: float, end: float, values: Mapping[str, float]
@@ -179,7 +180,7 @@ def _same(a: float, b: float) -> bool:
 
 
 def _frozen(g: Graph, op: str, args: tuple[int, ...], mode: int) -> int:
-    if op in _STEPS:
+    if op in STEPS:
         return mode
     if op == "abs":
         return g.call("mul", mode, args[0])
@@ -187,7 +188,87 @@ def _frozen(g: Graph, op: str, args: tuple[int, ...], mode: int) -> int:
     return g.call("if", truth, *args) if op in ("min", "max") else truth
 
 
-def find_switches(g: Graph, nodes: Iterable[int], moving: Collection[str]) -> Switches:
+def _on_a_side(
+    g: Graph, n: int, args: tuple[int, ...], variable: int, sign: int
+) -> int:
+    """Give switch `n` on the frozen `args`, decided by its side."""
+    op = g.ops[n]
+    value = stepped(g, DECIDED_BY.get(op, op), variable, sign)
+    if op == "abs":
+        return g.call("mul", value, args[0])
+    return g.call("if", value, *args) if op in ("min", "max") else value
+
+
+class _Shown:
+    """Replaces steps by what they are worth while the motion slides."""
+
+    def __init__(
+        self,
+        g: Graph,
+        sides: Sequence[Side],
+        sides_of: Mapping[int, tuple[int, int]],
+    ) -> None:
+        self.g = g
+        self.sides_of = sides_of
+        half = g.constant(0.5)
+        self.slides = {
+            g.variable(s.variable): g.call("gt", g.variable(s.sliding), half)
+            for s in sides
+        }
+        self.done: dict[int, int] = {}
+        self.shares: dict[int, int] = {}  # of the conditions that may be between
+
+    def nodes(self, nodes: list[int]) -> list[int]:
+        g = self.g
+        if not self.slides:
+            return nodes
+        for n in g.cone(nodes):
+            args = tuple(self.done[a] for a in g.args[n])
+            same = n if args == g.args[n] else g.call(g.ops[n], *args)
+            self.done[n] = self._between(n, same, args)
+        return [self.done[n] for n in nodes]
+
+    def _between(self, n: int, same: int, args: tuple[int, ...]) -> int:
+        g, op = self.g, self.g.ops[n]
+        side = self.sides_of.get(n)
+        if side is not None:
+            slides = self.slides[side[0]]
+            if op in STEPS:
+                return g.call("if", slides, stepped(g, op, *side), same)
+            whole = g.call("if", same, g.one, g.zero)
+            self.shares[n] = g.call("if", slides, share(g, op, *side), whole)
+        elif op in JOINING and any(a in self.shares for a in g.args[n]):
+            self.shares[n] = self._joined(op, [self._share(a) for a in g.args[n]])
+        elif op == "if" and g.args[n][0] in self.shares:
+            part = self.shares[g.args[n][0]]
+            more = g.call("mul", part, g.call("sub", args[1], args[2]))
+            mixed = g.call("add", args[2], more)
+            low = g.call("if", g.call("le", part, g.zero), args[2], mixed)
+            return g.call("if", g.call("ge", part, g.one), args[1], low)
+        return same
+
+    def _share(self, condition: int) -> int:
+        g = self.g
+        if condition in self.shares:
+            return self.shares[condition]
+        return g.call("if", self.done[condition], g.one, g.zero)
+
+    def _joined(self, op: str, parts: list[int]) -> int:
+        g = self.g
+        if op == "and":
+            return g.call("mul", *parts)
+        missing = [g.call("sub", g.one, part) for part in parts]
+        if op == "not":
+            return missing[0]
+        return g.call("sub", g.one, g.call("mul", *missing))
+
+
+def find_switches(
+    g: Graph,
+    nodes: Iterable[int],
+    moving: Collection[str],
+    dynamics: Sequence[int] = (),
+) -> Switches:
     """Find the switches of `nodes`.
 
     Parameters
@@ -196,6 +277,9 @@ def find_switches(g: Graph, nodes: Iterable[int], moving: Collection[str]) -> Sw
         The expressions, derivatives included: differentiation makes switches.
     moving
         The names of what changes along the motion, other than t.
+    dynamics
+        Those of the expressions that decide the motion: their state switches get
+        sides.
     """
     finder = _Finder(g, list(nodes), moving)
     finder.visit()
@@ -204,11 +288,31 @@ def find_switches(g: Graph, nodes: Iterable[int], moving: Collection[str]) -> Sw
     modes_of = {
         n: g.variable(modes[numbers[d]].variable) for n, d in finder.time.items()
     }
-    state = tuple(
-        StateSwitch(function, discrete, expression_text(g, *deciding))
+    state = {
+        discrete: StateSwitch(function, discrete, expression_text(g, *deciding))
         for discrete, (function, deciding) in sorted(finder.state.items())
-    )
-    return Switches(g, modes, state, modes_of)
+    }
+    deciding_motion = frozenset(g.cone(dynamics))
+    watched = sorted({d for n, d in finder.decided.items() if n in deciding_motion})
+    sides, sides_of = _sides(g, [state[d] for d in watched])
+    return Switches(g, modes, tuple(state.values()), sides, modes_of, sides_of)
+
+
+def _sides(
+    g: Graph, switches: Sequence[StateSwitch]
+) -> tuple[tuple[Side, ...], dict[int, tuple[int, int]]]:
+    """Give the sides of `switches`, one for all that step together."""
+    sides: dict[tuple[int, bool], Side] = {}
+    sides_of = {}
+    for switch in switches:
+        (surface,) = surfaces(g, switch.discrete)
+        node, sign = oriented(g, surface)
+        key = node, surface.op in WHOLE
+        if key not in sides:
+            k = len(sides)
+            sides[key] = Side(f"side.{k}", f"sliding.{k}", *key, str(switch))
+        sides_of[switch.discrete] = g.variable(sides[key].variable), sign
+    return tuple(sides.values()), sides_of
 
 
 class _Finder:
@@ -221,6 +325,7 @@ class _Finder:
         self.timed = g.dependent(nodes, ("t",)) - self.moving
         self.time: dict[int, int] = {}  # switch or condition -> discrete function
         self.state: dict[int, tuple[str, tuple[int, ...]]] = {}
+        self.decided: dict[int, int] = {}  # state switch -> discrete function
 
     def visit(self) -> None:
         seen = set(self.nodes)
@@ -243,25 +348,26 @@ class _Finder:
         if row.condition:
             return self._condition(n, op, args)
         if any(a in self.moving for a in args):
-            discrete = self._discrete(n, op, args)
+            discrete = self.decided[n] = self._discrete(n, op, args)
             # abs, min and max keep their name where their derivative is a switch too.
-            if op not in _STEPS or discrete not in self.state:
+            if op not in STEPS or discrete not in self.state:
                 self.state[discrete] = op, args
         elif any(a in self.timed for a in args):
             self.time[n] = self._discrete(n, op, args)
-            return () if op in _STEPS else args
+            return () if op in STEPS else args
         return args
 
     def _condition(self, n: int, op: str, args: tuple[int, ...]) -> tuple[int, ...]:
         if n in self.timed:
             self.time[n] = n
             return ()
-        if n in self.moving and op not in _JOINING:
+        if n in self.moving and op not in JOINING:
             self.state.setdefault(n, ("if", (n,)))
+            self.decided[n] = n
         return args
 
     def _discrete(self, n: int, op: str, args: tuple[int, ...]) -> int:
-        return n if op in _STEPS else self.g.call(_DECIDED_BY[op], *args)
+        return n if op in STEPS else self.g.call(DECIDED_BY[op], *args)
 
 
 def _is_guard(g: Graph, n: int) -> bool:
@@ -279,48 +385,3 @@ def _is_guard(g: Graph, n: int) -> bool:
         and g.ops[g.args[size][0]] == "pow"
         and g.args[size][0] in g.args[product]
     )
-
-
-_SYMBOLS = {
-    "or": (1, " or "),
-    "and": (2, " and "),
-    "lt": (4, " < "),
-    "le": (4, " <= "),
-    "gt": (4, " > "),
-    "ge": (4, " >= "),
-    "add": (5, " + "),
-    "sub": (5, " - "),
-    "mul": (6, "*"),
-    "div": (6, "/"),
-    "pow": (8, "^"),
-}
-_PREFIXES = {"not": (3, "not "), "neg": (7, "-")}
-
-
-def expression_text(g: Graph, *nodes: int, depth: int = 6) -> str:
-    """Give expressions for a message, roughly as written; `...` where they are deep."""
-    return ", ".join(_text(g, n, depth)[1] for n in nodes)
-
-
-def _text(g: Graph, n: int, depth: int) -> tuple[int, str]:
-    """Give the binding power and the text; `depth` bounds the recursion."""
-    op, args = g.ops[n], g.args[n]
-    if op in (VARIABLE, TRUTH):
-        return 9, str(g.payload(n))
-    if op == CONSTANT:
-        x = g.value(n)
-        assert x is not None
-        return (9 if x >= 0.0 else 7), f"{x:.12g}"
-    if depth == 0:
-        return 9, "..."
-    if op in _SYMBOLS or op in _PREFIXES:
-        power, symbol = (_SYMBOLS | _PREFIXES)[op]
-        parts = [_text(g, a, depth - 1) for a in args]
-        # The right operand of -, / and comparisons, and the base of ^, bind tighter.
-        least = [power + (op == "pow"), power + (op in ("sub", "div"))][-len(parts) :]
-        shown = [
-            f"({text})" if p < q else text
-            for (p, text), q in zip(parts, least, strict=True)
-        ]
-        return power, symbol + shown[0] if op in _PREFIXES else symbol.join(shown)
-    return 9, f"{op}({expression_text(g, *args, depth=depth - 1)})"

@@ -1,0 +1,259 @@
+"""The motion where forces step: on one side of each surface, or along it.
+
+Inside an arc each surface has a side, and what steps there is constant. Where the
+fields of both sides point back onto a surface the motion follows it: y' is the
+combination f0 + sum_k w_k (f_k - f0) that stays on all surfaces it slides along, with
+f0 on the lower sides and f_k on the upper side of surface k. A surface gives a row as
+a constraint does, J q'' = b, on the level of velocities or, for one in positions, of
+accelerations; the shares w are its multipliers.
+
+Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Sides,
+1988, sections 4 and 8.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.kkt._layout import COUNT, GAIN, MOTION, QUADRATURES, ROWS
+from lagsim.methods._interface import (
+    HIGH,
+    LEAST,
+    LOW,
+    MOST,
+    PER_SURFACE,
+    SHARE,
+    SIDE,
+    SLIDES,
+    SURFACES,
+    SWITCHING,
+)
+from lagsim.native.kernel_types import at, external
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+
+# A pivot this small against its column is none: forces that slide together and that
+# only their sum matters of.
+DEPENDENT = 1e-12
+
+
+@external
+def field(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give y' (size,) and lambda (m,) with each surface on its side."""
+
+
+@external
+def surfaces(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the expressions (K,) of the surfaces."""
+
+
+@external
+def surface_rows(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give residuals (K,), rates (K,), J (K, n), b (K,) and scales (K,).
+
+    A surface in velocities has no residual on the level of positions.
+    """
+
+
+@external
+def columns(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the columns of a row, from q'' and lambda in p."""
+
+
+def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give y' (size,)."""
+    size = components(p)
+    found = at(p, int(p[SWITCHING]) + fields_at(p))
+    combine(t, y, p)
+    for i in range(size):
+        out[i] = found[i]
+
+
+def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the columns of a row, without what pulls the state to the constraints."""
+    n = int(p[COUNT])
+    m = int(p[ROWS])
+    size = components(p)
+    count = int(p[SURFACES])
+    motion = at(p, int(p[MOTION]))
+    kept = at(p, int(p[SWITCHING]) + 1)
+    found = at(p, int(p[SWITCHING]) + fields_at(p))
+    gain = p[GAIN]
+    p[GAIN] = 0.0
+    combine(t, y, p)
+    p[GAIN] = gain
+    for i in range(n):
+        motion[i] = found[n + i]
+    for i in range(m):
+        motion[n + i] = found[size + i]
+    for k in range(count):
+        if kept[SLIDES * count + k] > 0.0:
+            width = kept[HIGH * count + k] - kept[LOW * count + k]
+            between = kept[LOW * count + k] + kept[SHARE * count + k] * width
+            kept[SIDE * count + k] = between
+    columns(t, y, p, out)
+    for k in range(count):
+        if kept[SLIDES * count + k] > 0.0:
+            kept[SIDE * count + k] = kept[LOW * count + k]
+
+
+def margins(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give how far the state is from the end of each mode (K,): below 0 it is over."""
+    count = int(p[SURFACES])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    if p[int(p[SWITCHING])] > 0.0:
+        combine(t, y, p)
+    surfaces(t, y, p, out)
+    for k in range(count):
+        low = out[k] - kept[LEAST * count + k]
+        high = kept[MOST * count + k] - out[k]
+        if kept[SLIDES * count + k] > 0.0:
+            low = kept[SHARE * count + k]
+            high = 1.0 - kept[SHARE * count + k]
+        out[k] = min(low, high)
+
+
+def pull(t: float, y: Floats, p: Floats) -> None:
+    """Take a state back onto the surfaces that the motion slides along.
+
+    Along the change of the force there, as the force itself would.
+    """
+    n = int(p[COUNT])
+    count = int(p[SURFACES])
+    sliding = int(p[int(p[SWITCHING])])
+    if sliding == 0:
+        return
+    width = components(p) + int(p[ROWS])
+    found = at(p, int(p[SWITCHING]) + fields_at(p))
+    combine(t, y, p)
+    right = at(found, (count + 1) * width + count * count)
+    for j in range(sliding):
+        change = at(found, (j + 1) * width + n)
+        for i in range(n):
+            y[i] += change[i] * right[3 * j + 1]
+            y[n + i] += change[i] * right[3 * j + 2]
+
+
+def components(p: Floats) -> int:
+    """Give the size of y."""
+    return 2 * int(p[COUNT]) + int(p[QUADRATURES])
+
+
+def fields_at(p: Floats) -> int:
+    """Give where the fields lie, from SWITCHING on."""
+    return 1 + int(p[SURFACES]) * (PER_SURFACE + int(p[COUNT]) + 4)
+
+
+def combine(t: float, y: Floats, p: Floats) -> None:
+    """Leave y' (size,) and lambda (m,), then f_k - f0 for each sliding surface.
+
+    And the shares.
+    """
+    n = int(p[COUNT])
+    count = int(p[SURFACES])
+    width = components(p) + int(p[ROWS])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    rows = at(kept, PER_SURFACE * count)
+    fields = at(p, int(p[SWITCHING]) + fields_at(p))
+    field(t, y, p, fields)
+    sliding = int(p[int(p[SWITCHING])])
+    if sliding > 0:
+        surface_rows(t, y, p, rows)
+        j = 0
+        for k in range(count):
+            if kept[SLIDES * count + k] > 0.0:
+                j += 1
+                kept[SIDE * count + k] = kept[HIGH * count + k]
+                other = at(fields, j * width)
+                field(t, y, p, other)
+                kept[SIDE * count + k] = kept[LOW * count + k]
+                for i in range(width):
+                    other[i] -= fields[i]
+        share_out(n, count, sliding, width, kept)
+
+
+def share_out(n: int, count: int, sliding: int, width: int, kept: Floats) -> None:
+    """Find the shares, and what takes the state back onto the surfaces."""
+    rows = at(kept, PER_SURFACE * count)
+    J = at(rows, 2 * count)
+    b = at(J, count * n)
+    fields = at(rows, count * (n + 4))
+    B = at(fields, (count + 1) * width)
+    right = at(B, count * count)
+    i = 0
+    for k in range(count):
+        if kept[SLIDES * count + k] > 0.0:
+            row = at(J, k * n)
+            right[3 * i] = b[k] - product(n, row, at(fields, n))
+            right[3 * i + 1] = -rows[k]
+            right[3 * i + 2] = -rows[count + k]
+            for j in range(sliding):
+                change = at(fields, (j + 1) * width + n)
+                B[i * sliding + j] = product(n, row, change)
+            i += 1
+    solve(sliding, B, right)
+    i = 0
+    for k in range(count):
+        if kept[SLIDES * count + k] > 0.0:
+            kept[SHARE * count + k] = right[3 * i]
+            change = at(fields, (i + 1) * width)
+            for c in range(width):
+                fields[c] += right[3 * i] * change[c]
+            i += 1
+
+
+def product(n: int, a: Floats, b: Floats) -> float:
+    """Give a . b (n,)."""
+    found = 0.0
+    for i in range(n):
+        found += a[i] * b[i]
+    return found
+
+
+def solve(size: int, B: Floats, right: Floats) -> None:
+    """Solve B X = right (size, 3) in place, with row pivoting.
+
+    What B does not determine is left at 0.5 in the first column, else at 0.
+    """
+    for k in range(size):
+        if take_pivot(size, k, B, right) == 0:
+            for j in range(size):
+                B[k * size + j] = 0.0
+            B[k * size + k] = 1.0
+            right[3 * k] = 0.5
+            right[3 * k + 1] = 0.0
+            right[3 * k + 2] = 0.0
+        for i in range(k + 1, size):
+            factor = B[i * size + k] / B[k * size + k]
+            for j in range(k, size):
+                B[i * size + j] -= factor * B[k * size + j]
+            for c in range(3):
+                right[3 * i + c] -= factor * right[3 * k + c]
+    for back in range(size):
+        k = size - 1 - back
+        for c in range(3):
+            for j in range(k + 1, size):
+                right[3 * k + c] -= B[k * size + j] * right[3 * j + c]
+            right[3 * k + c] /= B[k * size + k]
+
+
+def take_pivot(size: int, k: int, B: Floats, right: Floats) -> int:
+    """Bring the largest element of column k to its row; give 0 where it is none."""
+    largest = k
+    whole = 0.0
+    for i in range(size):
+        whole = max(whole, abs(B[i * size + k]))
+        if i > k and abs(B[i * size + k]) > abs(B[largest * size + k]):
+            largest = i
+    if largest > k:
+        for j in range(size):
+            exchange(B, k * size + j, largest * size + j)
+        for c in range(3):
+            exchange(right, 3 * k + c, 3 * largest + c)
+    return 1 if abs(B[k * size + k]) > DEPENDENT * whole else 0
+
+
+def exchange(a: Floats, i: int, j: int) -> None:
+    """Exchange two elements."""
+    a[i], a[j] = a[j], a[i]

@@ -1,0 +1,176 @@
+"""Which way the motion goes from a point on several surfaces: Filippov's conditions.
+
+Each surface k has a share w_k in [0, 1] of its upper side, and a rate rho_k at which
+its expression grows:
+
+    w = 0 and rho <= 0 (below it),  w = 1 and rho >= 0 (above),  or rho = 0 (along it).
+
+Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Sides,
+1988, sections 4 and 8.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from lagsim.native.kernel_types import Floats
+
+    Corner = tuple[int, ...]
+    Rates = Callable[[Corner], Floats]
+
+BELOW, ABOVE, ALONG = 0, 1, 2
+# All ways are tried up to this many surfaces; beyond it they are exchanged one by one.
+FEW = 5
+MOST_EXCHANGES = 1000
+# A rate this small against its terms is rounding.
+ROUNDING = 1e-12
+TINY = 1e-300
+
+
+class Crossroads:
+    """A point on `count` surfaces.
+
+    Parameters
+    ----------
+    rates
+        The rates (count,) with each surface BELOW or ABOVE.
+    scale : ndarray, shape (count,)
+        The size of the terms of the rates.
+    held
+        Surfaces whose way is known.
+    """
+
+    def __init__(
+        self, rates: Rates, scale: Floats, held: Mapping[int, int] | None = None
+    ) -> None:
+        self.count = len(scale)
+        self.tolerance = ROUNDING * scale
+        self._clear = np.maximum(self.tolerance, TINY)  # not 0, where nothing pushes
+        self.held = held or {}
+        few = self.count <= FEW
+        self.rates: Rates = cache(rates) if few else _affine(rates, self.count)
+
+    def way(self, now: Sequence[int]) -> list[int] | None:
+        """Give BELOW, ABOVE or ALONG for each surface; None where no way will do.
+
+        Where several do, those with fewer surfaces followed and with the sides `now`
+        come first.
+        """
+        if self.count > FEW:
+            return self._exchanged(now)
+        # On a side only with a rate above rounding, at first: else the motion follows
+        # the surface rather than to creep along it.
+        for least in (self._clear, -self.tolerance):
+            for way in self._candidates(now):
+                if self.holds(way, least):
+                    return way
+        return None
+
+    def is_fork(self, way: Sequence[int]) -> bool:
+        """Tell whether the other side of some surface would do as well."""
+        for i, k in enumerate(way):
+            other = [*way[:i], 1 - k, *way[i + 1 :]]
+            if k != ALONG and i not in self.held and self.holds(other, self._clear):
+                return True
+        return False
+
+    def _candidates(self, now: Sequence[int]) -> Iterator[list[int]]:
+        choices = [
+            [self.held[k]] if k in self.held else [now[k], 1 - now[k], ALONG]
+            for k in range(self.count)
+        ]
+        every = [list(way) for way in product(*choices)]
+        yield from sorted(every, key=lambda way: way.count(ALONG))
+
+    def _solved(self, way: Sequence[int]) -> tuple[Floats, Floats, Floats]:
+        """Give the shares that keep what is followed at rest, rates, attractions.
+
+        An attraction is by how much its own upper side adds to a rate: below 0 where
+        the sides push onto the surface.
+        """
+        along = [i for i, k in enumerate(way) if k == ALONG]
+        corner = tuple(BELOW if k == ALONG else k for k in way)
+        rho = self.rates(corner)
+        w = np.array(corner, dtype=float)
+        own = np.zeros(self.count)
+        if along:
+            B = np.array([self.rates(_above(corner, j)) - rho for j in along]).T
+            inner = B[along]
+            # Forces of which only the sum matters: the shares closest to one half.
+            half = np.full(len(along), 0.5)
+            right = -rho[along] - inner @ half
+            w[along] = half + np.linalg.lstsq(inner, right, rcond=None)[0]
+            rho = rho + B @ w[along]
+            own[along] = np.diag(inner)
+        return w, rho, own
+
+    def holds(self, way: Sequence[int], least: Floats) -> bool:
+        """Tell whether a way meets the conditions, with rates of at least `least`."""
+        w, rho, own = self._solved(way)
+        for i, k in enumerate(way):
+            if i in self.held:
+                continue
+            if k == ALONG:
+                inside = -ROUNDING <= w[i] <= 1.0 + ROUNDING
+                if not (inside and own[i] < 0.0 and abs(rho[i]) <= self.tolerance[i]):
+                    return False
+            elif not (rho[i] if k == ABOVE else -rho[i]) >= least[i]:
+                return False
+        return True
+
+    def _exchanged(self, now: Sequence[int]) -> list[int] | None:
+        """Exchange the first surface that violates its condition until none does.
+
+        Ends where -B is a P-matrix, as for friction (K. G. Murty, Linear
+        Complementarity, Linear and Nonlinear Programming, 1988, section 5.1, with
+        bounds above).
+        """
+        low = (BELOW,) * self.count
+        base = self.rates(low)
+        attracts = [
+            bool(self.rates(_above(low, i))[i] < base[i]) for i in range(self.count)
+        ]
+        way = [
+            self.held.get(i, ALONG if attracts[i] else now[i])
+            for i in range(self.count)
+        ]
+        for _ in range(MOST_EXCHANGES):
+            w, rho, _own = self._solved(way)
+            for i, k in enumerate(way):
+                if i in self.held:
+                    continue
+                new = _better(k, w[i], rho[i], self.tolerance[i])
+                if new != k:
+                    way[i] = ALONG if attracts[i] and k != ALONG else new
+                    break
+            else:
+                return way
+        return None
+
+
+def _above(corner: Corner, j: int) -> Corner:
+    return (*corner[:j], ABOVE, *corner[j + 1 :])
+
+
+def _affine(rates: Rates, count: int) -> Rates:
+    """Give rates that are affine in the shares, from those of count + 1 corners."""
+    low = (BELOW,) * count
+    base = rates(low)
+    effects = np.array([rates(_above(low, j)) - base for j in range(count)])
+    return lambda corner: base + np.array(corner, dtype=float) @ effects
+
+
+def _better(k: int, w: float, rho: float, tolerance: float) -> int:
+    if k == ALONG:
+        if w > 1.0 + ROUNDING:
+            return ABOVE
+        return BELOW if w < -ROUNDING else ALONG
+    wrong = rho < -tolerance if k == ABOVE else rho > tolerance
+    return 1 - k if wrong else k
