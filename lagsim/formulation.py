@@ -8,6 +8,7 @@
   between velocities: what is off the constraints decays at the rate a. Nothing is
   projected. The rows show q'' and lambda without this pull.
 - `drift`: nothing is done about what is off the constraints.
+- `apart`: subsystems that do not touch are integrated apart, see `subsystems`.
 - `ignorable`: coordinates that keep their momentum are integrated by quadrature.
 
 `auto` takes what costs the least operations; any name keeps all else as it is, and
@@ -249,6 +250,7 @@ def _full(equations: Equations, start: Start) -> Formulation:
 
 _ASKED: dict[str, Callable[[Equations, Start], Formulation]] = {
     "full": _full,
+    "apart": _full,
     "none": _none,
     "projection": _projection,
     "velocity projection": _velocity_projection,

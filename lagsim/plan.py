@@ -24,6 +24,7 @@ from lagsim.kkt.straight import (
 )
 from lagsim.methods import method, names
 from lagsim.structure import structure
+from lagsim.subsystems import Subsystem, refusal, saving, subsystems
 from lagsim.switches import model_switches
 
 if TYPE_CHECKING:
@@ -47,6 +48,14 @@ CHEAP = 10**6
 # How many states tell how long the rows usually are, and how far around the start.
 AROUND = 4
 NEARBY = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A subsystem that is integrated apart, and its own plan."""
+
+    subsystem: Subsystem
+    plan: Plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +91,8 @@ class Plan:
     augmented : bool
         M is singular and is solved together with the constraints.
     rtol, atol, step : float or None
+    parts : tuple of Part
+        Subsystems that are integrated apart; empty where all is in one piece.
     mass_matrix : str
         `constant`, or what it depends on.
     switches : Switches
@@ -105,6 +116,7 @@ class Plan:
     step: float | None
     mass_matrix: str
     switches: Switches
+    parts: tuple[Part, ...]
     choices: tuple[Choice, ...]
 
 
@@ -130,12 +142,16 @@ def make_plan(
     simulation = equations.model.simulation
     if formulation is None:
         formulation = simulation.formulation if simulation else "auto"
+    parts = _parts(equations, start, formulation)
+    if parts:
+        formulation = "full"  # the rows are those of the whole
     found = formulate(equations, start, formulation, partial(_suits, simulation))
     equations, start = found.reduction.equations, found.start
     scene = structure(equations)
     mass = _mass_matrix(scene)
     choices = [Choice(f"mass matrix: {mass}", _mass_reason(equations, scene))]
     choices += found.choices
+    choices += _told(parts)
     switches = _switches(equations, choices)
     lengths = usual_lengths(equations, start)
     elimination = _elimination(equations, start, lengths, choices)
@@ -176,9 +192,39 @@ def make_plan(
         step=step,
         mass_matrix=mass,
         switches=switches,
+        parts=parts,
         choices=tuple(choices),
     )
     return by_loops(plan) if loops else plan
+
+
+def _parts(equations: Equations, start: Start, asked: str) -> tuple[Part, ...]:
+    """Give the subsystems to be integrated apart, if there are any and it pays."""
+    simulation = equations.model.simulation
+    if simulation is None or asked not in ("auto", "apart"):
+        return ()
+    why = refusal(equations)
+    switches = model_switches(equations)
+    if switches.modes or switches.sides:
+        why = "a switch is met by all of them"
+    if why and asked == "apart":
+        text = f"formulation `apart` cannot be had: {why}"
+        place = simulation.formulation_place
+        raise InputError([Problem("formulation-refused", text, place)])
+    if why:
+        return ()
+    found = subsystems(equations, start)
+    if asked == "auto" and not saving(equations, found) > 0.0:
+        return ()
+    return tuple(Part(x, make_plan(x.equations, x.start)) for x in found)
+
+
+def _told(parts: tuple[Part, ...]) -> list[Choice]:
+    if not parts:
+        return []
+    names = "; ".join(", ".join(x.subsystem.equations.q) for x in parts)
+    text = f"they do not touch, and each takes its own steps: {names}"
+    return [Choice(f"subsystems: {len(parts)} integrated apart", text)]
 
 
 def by_loops(plan: Plan) -> Plan:
@@ -238,7 +284,9 @@ def _kicked(x: Floats, random: np.random.Generator) -> Floats:
 def _mass_matrix(scene: Structure) -> str:
     varies = scene.mass_varies_with
     kind = "constant" if scene.constant_mass else f"depends on {varies}"
-    return f"{kind}, diagonal" if scene.diagonal else kind
+    if scene.diagonal:
+        return f"{kind}, diagonal"
+    return f"{kind}, {scene.blocks} blocks" if scene.blocks > 1 else kind
 
 
 def _mass_reason(equations: Equations, scene: Structure) -> str:

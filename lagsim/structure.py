@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from lagsim.equations import Equations
 
 
@@ -24,6 +26,8 @@ class Structure:
         `nothing`, or the first of `velocities`, `positions`, `time` that M depends on.
     diagonal : bool
         M is.
+    blocks : int
+        Of M: groups of coordinates that it does not couple.
     constant_rows : bool
         A is made of parameters only, as it is without constraints.
     constraints : str
@@ -40,6 +44,7 @@ class Structure:
 
     mass_varies_with: str
     diagonal: bool
+    blocks: int
     constant_rows: bool
     constraints: str
     forces_free_of_velocities: bool
@@ -86,6 +91,7 @@ def structure(equations: Equations) -> Structure:
     return Structure(
         mass_varies_with=_varies(equations, entries),
         diagonal=all(i == j for i, j in mass),
+        blocks=_blocks(len(equations.q), mass),
         constant_rows=not g.depends(A) & moving,
         constraints=kinds.get(tuple(levels), "mixed"),
         forces_free_of_velocities=not g.depends(equations.f)
@@ -95,6 +101,18 @@ def structure(equations: Equations) -> Structure:
         linear=not constants & moving
         and all(d is not None and d <= frozenset((0, 1)) for d in degrees),
     )
+
+
+def _blocks(n: int, entries: Iterable[tuple[int, int]]) -> int:
+    leader = list(range(n))
+    for pair in entries:
+        i, j = pair
+        while leader[i] != i:
+            i = leader[i]
+        while leader[j] != j:
+            j = leader[j]
+        leader[max(i, j)] = min(i, j)
+    return sum(1 for j in range(n) if leader[j] == j)
 
 
 def _varies(equations: Equations, entries: list[int]) -> str:

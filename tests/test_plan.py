@@ -83,6 +83,11 @@ def test_the_mass_matrix_is_described(kinetic, mass):
     assert plan_of(MASS.format(kinetic=kinetic), formulation="none").mass_matrix == mass
 
 
+def test_blocks_of_the_mass_matrix_are_told():
+    plan = plan_of("heavy-top", formulation="full")
+    assert plan.mass_matrix == "depends on positions, 2 blocks"
+
+
 def test_tolerances():
     plan = plan_of("elastic-pendulum")
     assert (plan.method, plan.rtol, plan.atol, plan.step) == (

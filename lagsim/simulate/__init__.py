@@ -1,6 +1,7 @@
 """The run: plan -> integrate -> Trajectory; its rows go to the consumers.
 
-`arcs` is the loop, `ranks` tells of losses of rank, `reasons` puts an outcome in words.
+`arcs` is the loop, `apart` runs subsystems, `ranks` tells of losses of rank, `reasons`
+puts an outcome in words.
 """
 
 from __future__ import annotations
@@ -41,5 +42,10 @@ def simulate(
     progress
         Called with the fraction of the run that is done.
     """
+    if plan.parts:
+        from lagsim.simulate.apart import Apart
+
+        apart = Apart(start, system, consumers, interrupt, progress)
+        return apart.whole(most_steps)
     run = Run(equations, start, plan, system, consumers, interrupt, progress)
     return run.whole(most_steps)

@@ -161,6 +161,10 @@ class Run:
         if outcome is Outcome.UNTIL:
             self.events.append(Event(self.t, "until"))
         self._last_row()
+        return self.trajectory(outcome)
+
+    def trajectory(self, outcome: Outcome) -> Trajectory:
+        """Put together what the run has done."""
         state = self.state
         evaluations = int(state[at.EVALUATIONS])
         return Trajectory(
@@ -290,30 +294,37 @@ class Run:
 
     def _arc(self, most_steps: int) -> Outcome:
         """Integrate to the end of the arc."""
-        state = self.state
         while True:
-            left = most_steps - self.steps
-            budget = min(STEPS_PER_CALL, left)
-            code = self.runner.advance(state, self.block, budget)
-            self._emit(self.block[: int(state[at.EMITTED])])
-            over = code == at.EVENT_FOUND or self.t >= self.simulation.end
-            over |= state[at.CUT] > 0.0  # the state is that of the step as it was
-            pressed = self.interrupt is not None and self.interrupt.signal is not None
-            if pressed and not over:
-                return Outcome.INTERRUPTED
-            if code == at.DEGENERATE:
-                self._switch_to_loops()
-            elif code == at.RANK_LOST:
-                self._note_rank_loss()
-            elif code == at.SWITCH_FOUND:
-                return Outcome.SWITCHED
-            elif code == at.PAUSED and left <= budget:
-                return Outcome.TOO_MANY_STEPS
-            elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST):
-                return _OUTCOMES[code]
+            outcome = self.advance(most_steps)
+            if outcome is not None:
+                return outcome
             if self.progress is not None:
                 span = self.simulation.end - self.simulation.start
                 self.progress((self.t - self.simulation.start) / span)
+
+    def advance(self, most_steps: int) -> Outcome | None:
+        """Integrate on, by one call of the kernel; give an outcome if there is one."""
+        state = self.state
+        left = most_steps - self.steps
+        budget = min(STEPS_PER_CALL, left)
+        code = self.runner.advance(state, self.block, budget)
+        self._emit(self.block[: int(state[at.EMITTED])])
+        over = code == at.EVENT_FOUND or self.t >= self.simulation.end
+        over |= state[at.CUT] > 0.0  # the state is that of the step as it was
+        pressed = self.interrupt is not None and self.interrupt.signal is not None
+        if pressed and not over:
+            return Outcome.INTERRUPTED
+        if code == at.DEGENERATE:
+            self._switch_to_loops()
+        elif code == at.RANK_LOST:
+            self._note_rank_loss()
+        elif code == at.SWITCH_FOUND:
+            return Outcome.SWITCHED
+        elif code == at.PAUSED and left <= budget:
+            return Outcome.TOO_MANY_STEPS
+        elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST):
+            return _OUTCOMES[code]
+        return None
 
     def _switch_to_loops(self) -> None:
         """Go on with the QR decomposition where the rows lose their independence."""

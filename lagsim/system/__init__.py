@@ -54,6 +54,8 @@ class System:
         Their names.
     p : ndarray
         Parameters, modes, and working memory.
+    parts : list of System
+        Of the subsystems, where they are integrated apart.
     objects : list of bytes
         Object code of the model's functions.
     """
@@ -104,6 +106,7 @@ class System:
         self._layout_of = layout.p
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
+        self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
         self.objects = [object_code(code.ir)]
         if plan.elimination is None:
             self.objects.append(_loops(self.m > 0, self.surfaces > 0))
