@@ -98,7 +98,7 @@ def pulling(n):
 
 def fast_and_slow():
     """Give a chain of rods and, apart from it, a fast spring."""
-    text = rod_chain(6, 5.0, 0.05)
+    text = rod_chain(6, 1.5, 0.05)
     text = text.replace("energy:", "  fast: x*x/2\nenergy:")
     text = text.replace("coordinates:", "coordinates:\n  x: {}")
     text = text.replace('kinetic: "', 'kinetic: "x_dot^2/2 + ')
@@ -111,9 +111,9 @@ def comparisons():
     found = {}
     for name, model in {
         "elastic pendulum on a curve": "elastic-pendulum-curve",
-        "3 rods, Cartesian": rod_chain(3, 5.0),
-        "5 rods, Cartesian": rod_chain(5, 5.0),
-        "10 rods, Cartesian": rod_chain(10, 2.0),
+        "3 rods, Cartesian": rod_chain(3, 2.0),
+        "5 rods, Cartesian": rod_chain(5, 1.5),
+        "10 rods, Cartesian": rod_chain(10, 1.0),
     }.items():
         found[name] = {
             "projection": Scene(model, "full"),

@@ -53,8 +53,8 @@ ROWS_TO_DECAY = 10
 # Of what is eliminated a choice names this many.
 SHOWN = 4
 # With more coordinates than this nobody looks for what can be eliminated unasked: M
-# fills, and sparse equations cost less (rods in Cartesian coordinates: past 10).
-LARGEST = 40
+# fills, and little is saved (10 rods in Cartesian coordinates: 0.85 of the time).
+LARGEST = 24
 # Evaluations in a step of order 8, and solves for its projection.
 STAGES = 12
 SOLVES = 4
@@ -66,7 +66,7 @@ TRANSCENDENTAL = 16
 # A reduction is taken where the cost of a step falls below this part of the whole's.
 # Without constraints less is saved than operations tell (the heavy top, two of three
 # coordinates ignorable: 0.7 of the operations, 0.95 of the time).
-PAYS = 0.95
+PAYS = 0.8
 PAYS_IGNORING = 0.6
 
 

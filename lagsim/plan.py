@@ -159,7 +159,7 @@ def make_plan(
         choices.append(
             Choice("mass matrix solved with the constraints", "it is singular alone")
         )
-    name = _method(simulation, scene, choices)
+    name = _method(equations, scene, choices)
     tape = elimination is not None and elimination.operations > BUDGET
     independence = start.ranks.generic_smallest
     if elimination is not None and tape:
@@ -302,10 +302,15 @@ def _suits(simulation: Simulation | None, equations: Equations) -> bool:
     asked = simulation.method if simulation else "auto"
     if asked not in names():
         return True
-    chosen = method(asked)
-    if equations.quadratures and not chosen.QUADRATURES:
-        return False
-    return not chosen.refusal(structure(equations))
+    return not _refusal(asked, equations, structure(equations))
+
+
+def _refusal(name: str, equations: Equations, scene: Structure) -> str:
+    """Say why a method cannot handle equations, or give ""."""
+    chosen = method(name)
+    if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
+        return "it does not integrate ignorable coordinates by quadrature"
+    return str(chosen.refusal(scene))
 
 
 def _elimination(
@@ -362,9 +367,8 @@ def _independence(
     return float(evaluate(equations.graph, [elimination.health()], values)[0])
 
 
-def _method(
-    simulation: Simulation | None, scene: Structure, choices: list[Choice]
-) -> str:
+def _method(equations: Equations, scene: Structure, choices: list[Choice]) -> str:
+    simulation = equations.model.simulation
     asked = simulation.method if simulation else "auto"
     if asked == "auto":
         choices.append(
@@ -377,9 +381,9 @@ def _method(
         hint = f"one of auto, {known}; `lagsim methods` describes them"
         text = f"there is no method `{asked}`"
         raise InputError([Problem("unknown-method", text, place, hint)])
-    refusal = method(asked).refusal(scene)
-    if refusal:
-        text = f"`{asked}` cannot handle this model: {refusal}"
+    why = _refusal(asked, equations, scene)
+    if why:
+        text = f"`{asked}` cannot handle this model: {why}"
         hint = "`lagsim methods` says what each handles; `auto` chooses one that can"
         raise InputError([Problem("method-refused", text, place, hint)])
     choices.append(Choice(f"method: {asked}", "asked for"))

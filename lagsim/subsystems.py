@@ -19,7 +19,7 @@ from lagsim.admissibility.rank import analyse
 from lagsim.expressions.evaluate import evaluate
 from lagsim.expressions.graph import VARIABLE
 from lagsim.expressions.sparse import SparseVector
-from lagsim.formulation import LARGEST, step_cost
+from lagsim.formulation import step_cost
 from lagsim.kkt.straight import Elimination, TooLongError
 from lagsim.model import Output, Parameter, Scene
 
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from lagsim.model import Model
     from lagsim.native.kernel_types import Floats
 
+# With more coordinates than this nobody looks, unasked, how fast the subsystems are.
+LARGEST = 40
 # Compiling and linking a subsystem takes as long as this many operations.
 COMPILING = 1e8
 # Radians of its fastest motion that a step of order 8 takes at the default tolerance.

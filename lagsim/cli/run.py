@@ -216,7 +216,7 @@ class _Job:
                 full = self._draw(system, trajectory, thin, results)
             cautions = [
                 *start.warnings, *about_inputs(start, plan, system),
-                *trajectory.warnings, *about_rows(ledger),
+                *trajectory.warnings, *about_rows(ledger, plan),
             ]  # fmt: skip
             document = self._document(
                 system, plan, trajectory, ledger, cautions, [*results.names, MANIFEST]

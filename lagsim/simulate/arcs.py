@@ -167,6 +167,7 @@ class Run:
         """Put together what the run has done."""
         state = self.state
         evaluations = int(state[at.EVALUATIONS])
+        all_constant = self.plan.constant >= (2 if self.system.m else 1)
         return Trajectory(
             outcome=outcome,
             reason=reason_of(self, outcome),
@@ -177,7 +178,7 @@ class Run:
                 self.steps,
                 int(state[at.REJECTIONS]),
                 evaluations,
-                self._factorisations(evaluations),
+                1 if all_constant else evaluations,
             ),
             events=tuple(self.events),
             warnings=tuple(self.warnings),
@@ -386,11 +387,6 @@ class Run:
         """Give the time of the next row (k = 0), or of one before or after it."""
         state = self.state
         return float(state[at.ROW_START] + (state[at.ROW] + k) * state[at.ROW_STEP])
-
-    def _factorisations(self, evaluations: int) -> int:
-        """Count them: one where all that is factored is constant."""
-        whole = 2 if self.system.m else 1
-        return 1 if self.plan.constant >= whole else evaluations
 
 
 # What may come of a switch close by: past it, the arc's expressions may have no values.

@@ -86,6 +86,14 @@ def test_a_gain_without_use_is_told(lagsim, write):
     assert "gain 3 per unit of time" in called.out
 
 
+def test_rows_that_leave_the_constraints_are_told(lagsim, write):
+    options = ["--method", "rk4", "--step", "0.1", "--no-plots"]
+    called = lagsim("run", write(ON_THE_CURVE), "--formulation", "drift", *options)
+    assert called.code == 0
+    assert "the formulation drift lets them go" in called.err
+    assert lagsim("run", write(ON_THE_CURVE), *options).err == ""
+
+
 def test_check_says_what_a_run_would_do(lagsim, write):
     called = lagsim("check", write(ON_THE_CURVE), "--json")
     plan = {c["choice"]: c["reason"] for c in json.loads(called.out)["plan"]}
