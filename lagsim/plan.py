@@ -204,9 +204,10 @@ def _parts(equations: Equations, start: Start, asked: str) -> tuple[Part, ...]:
     if simulation is None or asked not in ("auto", "apart"):
         return ()
     why = refusal(equations)
-    switches = model_switches(equations)
-    if switches.modes or switches.sides:
-        why = "a switch is met by all of them"
+    if not why:
+        switches = model_switches(equations)
+        if switches.modes or switches.sides:
+            why = "a switch is met by all of them"
     if why and asked == "apart":
         text = f"formulation `apart` cannot be had: {why}"
         place = simulation.formulation_place
