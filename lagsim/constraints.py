@@ -122,7 +122,7 @@ def constraint_row(g: Graph, constraint: Constraint, flow: Flow) -> Row:
 def scale_of(
     g: Graph, node: int, variables: Sequence[int], entries: Mapping[int, int]
 ) -> int:
-    """Give the largest of the terms of `node` and of |v d node/d v|."""
+    """Give the largest of the terms of `node` and of |variable * slope|."""
     sizes = [g.call("abs", term) for term in _terms(g, node)]
     sizes += [
         g.call("abs", g.call("mul", variables[j], slope))

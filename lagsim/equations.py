@@ -83,6 +83,12 @@ class Equations:
         return tuple(f"{q}_ddot" for q in self.q)
 
     @property
+    def quadrature_rates(self) -> list[int]:
+        """The rates of what follows the velocities in y: work, then `quadratures`."""
+        work = [] if self.power is None else [self.power]
+        return [*work, *(x.rate for x in self.quadratures)]
+
+    @property
     def multipliers(self) -> tuple[str, ...]:
         """The names of the variables lambda."""
         return tuple(f"lambda_{row.name}" for row in self.rows)
@@ -120,7 +126,7 @@ def derive(model: Model) -> Equations:
     momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
     M = _mass_matrix(g, momenta, rates)
     convective = tangent(g, momenta, flow.forward)
-    Q = _generalized_forces(g, model, positions, rates)
+    Q = generalized_forces(g, model, positions, rates)
     f = [
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
@@ -190,7 +196,7 @@ def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[
     return below
 
 
-def _generalized_forces(
+def generalized_forces(
     g: Graph, model: Model, positions: Sequence[int], rates: Sequence[int]
 ) -> list[int]:
     """Give Q_j: virtual work of the forces, and -dF/dq' of the dissipation."""

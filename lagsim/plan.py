@@ -15,6 +15,7 @@ from lagsim.admissibility.start import metric_of
 from lagsim.errors import InputError, Problem
 from lagsim.expressions.evaluate import evaluate
 from lagsim.formulation import Choice, formulate
+from lagsim.kkt.series import MOST_OPERATIONS, series_length
 from lagsim.kkt.straight import (
     BUDGET,
     Elimination,
@@ -48,6 +49,8 @@ CHEAP = 10**6
 # How many states tell how long the rows usually are, and how far around the start.
 AROUND = 4
 NEARBY = 0.1
+# Needs of a method that are made from y' as nodes of the graph.
+STRAIGHT_ONLY = frozenset(("series", "linear"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +168,9 @@ def make_plan(
     if elimination is not None and tape:
         # As the run will see it: of long chains the smallest singular value is small.
         independence = _independence(equations, start, lengths, elimination)
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        solved = None if tape else elimination
+        name = _straight_method(name, equations, solved, choices)
     adaptive = bool(method(name).ADAPTIVE)
     rtol = atol = step = None
     if simulation is not None:
@@ -229,10 +235,19 @@ def _told(parts: tuple[Part, ...]) -> list[Choice]:
 
 
 def by_loops(plan: Plan) -> Plan:
-    """Give the same plan with the equations solved by loops."""
-    kept = [c for c in plan.choices if not c.choice.startswith("solve:")]
-    told = Choice("solve: loops with QR", "the rows lost their independence")
-    return replace(plan, elimination=None, tape=False, choices=(*kept, told))
+    """Give the same plan with the equations solved by loops.
+
+    Nobody can be asked on the way: for a method that needs y' as nodes another goes on.
+    """
+    choices = [c for c in plan.choices if not c.choice.startswith("solve:")]
+    choices.append(Choice("solve: loops with QR", "the rows lost their independence"))
+    name = plan.method
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        choices.append(Choice("method: dop853", f"`{name}` needs straight-line code"))
+        name = "dop853"
+    return replace(
+        plan, method=name, elimination=None, tape=False, choices=tuple(choices)
+    )
 
 
 def _constant(scene: Structure, start: Start) -> int:
@@ -389,3 +404,29 @@ def _method(equations: Equations, scene: Structure, choices: list[Choice]) -> st
         raise InputError([Problem("method-refused", text, place, hint)])
     choices.append(Choice(f"method: {asked}", "asked for"))
     return asked
+
+
+def _straight_method(
+    name: str,
+    equations: Equations,
+    elimination: Elimination | None,
+    choices: list[Choice],
+) -> str:
+    """Give a method that needs y' as nodes where it has them; refuse it where not."""
+    simulation = equations.model.simulation
+    assert simulation is not None
+    text = "its equations are solved by loops, not by straight-line code"
+    hint = "`--method dop853` handles it"
+    if elimination is not None:
+        if "series" not in method(name).NEEDS:
+            return name
+        rtol = DEFAULT_RTOL if simulation.rtol is None else simulation.rtol
+        length = series_length(equations, elimination, rtol)
+        if length <= MOST_OPERATIONS:
+            reason = f"about {length} operations per step"
+            choices.append(Choice("series: straight-line code", reason))
+            return name
+        text = f"its series takes about {length} operations, over {MOST_OPERATIONS}"
+        hint += "; a larger --rtol makes the series shorter"
+    text = f"`{name}` cannot handle this model: {text}"
+    raise InputError([Problem("method-refused", text, simulation.method_place, hint)])

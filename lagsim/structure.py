@@ -39,7 +39,8 @@ class Structure:
     autonomous : bool
         Time does not stand in the equations.
     linear : bool
-        y' is affine in the state: M and A constant, f and b affine.
+        y' is affine in the state: M and A constant, f and b affine; and the power,
+        where there is one, quadratic.
     """
 
     mass_varies_with: str
@@ -88,6 +89,9 @@ def structure(equations: Equations) -> Structure:
     kinds = {(): "none", (True,): "holonomic", (False,): "nonholonomic"}
     constants = g.depends([*entries, *A])
     degrees = [g.degree(node, state) for node in right]
+    power = [] if equations.power is None else [equations.power]
+    # Multipliers are affine where all else is.
+    of_power = [g.degree(node, (*state, *equations.multipliers)) for node in power]
     return Structure(
         mass_varies_with=_varies(equations, entries),
         diagonal=all(i == j for i, j in mass),
@@ -97,9 +101,10 @@ def structure(equations: Equations) -> Structure:
         forces_free_of_velocities=not g.depends(equations.f)
         & frozenset(equations.velocities),
         conservative=equations.power is None,
-        autonomous="t" not in g.depends(everything),
+        autonomous="t" not in g.depends([*everything, *power]),
         linear=not constants & moving
-        and all(d is not None and d <= frozenset((0, 1)) for d in degrees),
+        and all(d is not None and d <= frozenset((0, 1)) for d in degrees)
+        and all(d is not None and d <= frozenset((0, 1, 2)) for d in of_power),
     )
 
 

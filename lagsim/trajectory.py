@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lagsim.formulation import Choice
+
 
 class Outcome(Enum):
     """How a run ended; `word` is what run.json says, `advice` what to try."""
@@ -36,6 +38,12 @@ class Outcome(Enum):
         "failed",
         """the constraints cannot all be met near this state: the mechanism is at a dead
         point or taken apart, or a fixed step is too large""",
+    )
+    NEWTON_FAILED = (
+        "failed",
+        """the motion runs into a singularity there, a force jumps, or a fixed step is
+        too large for how strongly the forces bend: look at this state, take a smaller
+        step, or a method that chooses its own""",
     )
     CONSTRAINT_JUMPS = (
         "failed",
@@ -97,7 +105,8 @@ class Statistics:
 class Trajectory:
     """The result of a run; its rows have gone to the consumers.
 
-    `reason` says in words why it ended where it did; `end` is the time reached.
+    `reason` says in words why it ended where it did; `end` is the time reached;
+    `choices` are those made on the way.
     """
 
     outcome: Outcome
@@ -108,3 +117,4 @@ class Trajectory:
     statistics: Statistics
     events: Sequence[Event] = ()
     warnings: Sequence[Caution] = field(default_factory=tuple)
+    choices: Sequence[Choice] = ()

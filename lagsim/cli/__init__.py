@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     import typer
 
-COMMANDS = ("run", "check", "methods")
+COMMANDS = ("run", "check", "bench", "methods")
 
 _INTERRUPTED = 128 + signal.SIGINT
 _TERMINATED = 128 + signal.SIGTERM

@@ -8,6 +8,7 @@ from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
+    from lagsim.error_bar import ErrorBar
     from lagsim.outputs.ledger import Ledger
     from lagsim.plan import Plan
     from lagsim.system import System
@@ -39,6 +40,18 @@ def about_inputs(start: Start, plan: Plan, system: System) -> list[Caution]:
         text = f"`gain` has no effect: the formulation is {plan.formulation}"
         found.append(Caution("gain-unused", text))
     return found
+
+
+def about_error(bar: ErrorBar | str) -> list[Caution]:
+    """Say from when on the rows are no forecast."""
+    if isinstance(bar, str) or bar.horizon is None:
+        return []
+    text = (
+        f"past t = {bar.horizon:.6g} the estimated error exceeds a tenth of a "
+        "coordinate's range: rows beyond it show one motion of many (a tighter rtol "
+        "moves this horizon)"
+    )
+    return [Caution("horizon", text)]
 
 
 def about_rows(ledger: Ledger, plan: Plan) -> list[Caution]:

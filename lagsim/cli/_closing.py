@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lagsim.equations import Equations
+    from lagsim.error_bar import ErrorBar
 
 # Runs that last longer than this show a progress bar on a terminal.
 PATIENCE_SECONDS = 1.0
@@ -26,6 +27,7 @@ def summary(
     document: Mapping[str, Any],
     folder: Path,
     first_energy: float,
+    bar: ErrorBar | str,
 ) -> str:
     """Give the closing lines of the run that `document`, its run.json, records."""
     colour = "32" if document["complete"] else "31"
@@ -47,6 +49,7 @@ def summary(
     drift = f"{document['energy_drift']:.2g} {unit}".rstrip()
     ledger = "energy - work" if "work" in document["columns"] else "energy"
     start = f"(energy {first_energy:.7g} at the start)"
+    rows.append(("error", _error(bar)))
     rows.append(("energy drift", f"{drift} in {ledger} {start}"))
     if m:
         residual = document["constraint_residual"]
@@ -61,6 +64,22 @@ def _accuracy(document: Mapping[str, Any]) -> tuple[str, str]:
     atol = document["atol"]
     floor = "of each component's own scale" if atol is None else f"and atol {atol:g}"
     return "tolerance", f"rtol {document['rtol']:g} {floor}"
+
+
+def _error(bar: ErrorBar | str) -> str:
+    """Give the estimate: the worst coordinate, how it grew, the horizon."""
+    if isinstance(bar, str):
+        return f"not estimated: {bar}"
+    name, worst = max(bar.coordinates.items(), key=lambda item: item[1].relative)
+    by = bar.method if bar.rtol is None else f"{bar.method} at rtol {bar.rtol:.2g}"
+    t, reached = bar.growth[(len(bar.growth) - 1) // 2]
+    text = (
+        f"about {worst.relative:.1g} of the range of {name} ({reached:.1g} by "
+        f"t = {t:.4g}), from a repeat by {by}"
+    )
+    if bar.horizon is not None:
+        text += f"; no forecast past t = {bar.horizon:.4g}"
+    return text
 
 
 def _work(document: Mapping[str, Any]) -> str:

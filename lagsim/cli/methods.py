@@ -53,10 +53,11 @@ def _document(module: ModuleType) -> dict[str, Any]:
 
 
 def _list(modules: list[ModuleType]) -> str:
-    lines = [f"{'name':<12}{'order':>5}  {'step':<9}handles"]
+    wide = max(len(m.NAME) for m in modules) + 2
+    lines = [f"{'name':<{wide}}{'order':>5}  {'step':<10}handles"]
     for m in modules:
         step = "adaptive" if m.ADAPTIVE else "fixed"
-        lines.append(f"{m.NAME:<12}{m.ORDER:>5}  {step:<9}{m.HANDLES}")
+        lines.append(f"{m.NAME:<{wide}}{m.ORDER:>5}  {step:<10}{m.HANDLES}")
     return "\n".join(lines)
 
 

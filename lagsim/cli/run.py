@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
+import math
 import time
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,6 +21,7 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.cli._writing import Output, cut_short, open_table
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -27,18 +29,27 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
+    from lagsim.error_bar import Checkpoints, ErrorBar
     from lagsim.interrupt import Interrupt
     from lagsim.model import Model
-    from lagsim.native.kernel_types import Floats
     from lagsim.outputs.ledger import Ledger
     from lagsim.outputs.results import Results
-    from lagsim.outputs.table import TableWriter
     from lagsim.outputs.thinning import Thinning
     from lagsim.plan import Plan
     from lagsim.system import System
     from lagsim.trajectory import Caution, Trajectory
 
-LAPS = ("import", "read", "derive", "compile", "integrate", "output", "plots")
+LAPS = (
+    "import", "read", "derive", "compile", "integrate", "error_bar", "output", "plots",
+)  # fmt: skip
+
+
+class ErrorBars(Enum):
+    """When a run is repeated to estimate its error."""
+
+    AUTO = "auto"
+    ALWAYS = "always"
+    NEVER = "never"
 
 
 def command(
@@ -97,6 +108,13 @@ def command(
         str | None,
         typer.Option(metavar="H", help="Spacing of rows; default duration/1000."),
     ] = None,
+    error_bar: Annotated[
+        ErrorBars,
+        typer.Option(
+            help="Repeat the run more tightly to estimate its error; auto: where that "
+            "takes no more than about 2 s."
+        ),
+    ] = ErrorBars.AUTO,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
     as_json: AsJson = False,
     quiet: Annotated[
@@ -116,7 +134,7 @@ def command(
         "output_step": output_step,
     }
     given = {name: text for name, text in options.items() if text is not None}
-    job = _Job(folder, plots=not no_plots, as_json=as_json, quiet=quiet)
+    job = _Job(folder, error_bar, plots=not no_plots, as_json=as_json, quiet=quiet)
     documents: list[Any] = []
     with faults_shown(documents if as_json else None, file=model) as code:
         code.append(job.run(model, assignments(sets), given))
@@ -129,9 +147,16 @@ class _Job:
     """One run of one model, with its clock and its manners."""
 
     def __init__(
-        self, folder: Path | None, *, plots: bool, as_json: bool, quiet: bool
+        self,
+        folder: Path | None,
+        error_bars: ErrorBars,
+        *,
+        plots: bool,
+        as_json: bool,
+        quiet: bool,
     ) -> None:
         self.folder = folder
+        self.error_bars = error_bars
         self.plots = plots
         self.as_json = as_json
         self.quiet = quiet
@@ -158,7 +183,7 @@ class _Job:
 
         self.lap("import")
         model = read_file(path, overrides, options)
-        _refuse(model)
+        refuse(model)
         self.lap("read")
         equations = derive(model)
         start = examine(equations)
@@ -187,21 +212,24 @@ class _Job:
         system: System,
         results: Results,
     ) -> int:
-        from lagsim.cli._cautions import about_inputs, about_rows
+        from lagsim.cli._cautions import about_error, about_inputs, about_rows
+        from lagsim.error_bar import Checkpoints
         from lagsim.interrupt import Interrupt
         from lagsim.outputs.ledger import Ledger
-        from lagsim.outputs.manifest import encode
+        from lagsim.outputs.manifest import encode, manifest
         from lagsim.outputs.results import MANIFEST
         from lagsim.simulate import simulate
 
         names = system.columns.names
         ledger = Ledger(names)
         thin = self._thinning(equations.model, names)
+        checkpoints = Checkpoints(len(equations.q))
+        consumers = [ledger, checkpoints, *([thin] if thin else [])]
         interrupt = Interrupt()
-        with _table(results, names[: system.columns.table]) as writer, (
+        with open_table(results, names[: system.columns.table]) as writer, (
             interrupt.noted()
         ):  # fmt: skip
-            output = _Output(ledger, thin, writer, interrupt)
+            output = Output(consumers, writer, interrupt)
             with progress_bar(quiet=self.quiet) as progress:
                 self.lap("output")
                 trajectory = simulate(
@@ -212,26 +240,58 @@ class _Job:
             self.timings["integrate"] -= output.seconds
             self.timings["output"] += output.seconds
             full = output.fault
+            bar = self._error_bar(
+                equations, start, plan, system, trajectory, checkpoints, interrupt
+            )
             if thin and not full:
-                full = self._draw(system, trajectory, thin, results)
+                full = self._draw(system, trajectory, thin, bar, results)
             cautions = [
                 *start.warnings, *about_inputs(start, plan, system),
-                *trajectory.warnings, *about_rows(ledger, plan),
+                *trajectory.warnings, *about_rows(ledger, plan), *about_error(bar),
             ]  # fmt: skip
-            document = self._document(
-                system, plan, trajectory, ledger, cautions, [*results.names, MANIFEST]
-            )
+            self.lap("output")
+            timings = {name: round(t, 6) for name, t in self.timings.items()}
+            document = manifest(
+                system, plan, trajectory, ledger, bar, cautions, timings,
+                [*results.names, MANIFEST],
+            )  # fmt: skip
             if full:
-                document |= _cut_short(output, full, trajectory.start)
+                document |= cut_short(output, full, trajectory.start)
             try:
                 results.commit(encode(document))
             except OSError as error:
                 text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
                 raise UnwritableError(text) from None
-        self._report(equations, document, results.folder, cautions, ledger)
+        self._report(equations, document, results.folder, cautions, ledger, bar)
         if full:
             return UnwritableError.exit_code
         return _exit_code(trajectory, interrupt)
+
+    def _error_bar(
+        self,
+        equations: Equations,
+        start: Start,
+        plan: Plan,
+        system: System,
+        trajectory: Trajectory,
+        checkpoints: Checkpoints,
+        interrupt: Interrupt,
+    ) -> ErrorBar | str:
+        """Estimate the error of the run, or say why not."""
+        from lagsim.error_bar import repeat
+
+        if self.error_bars is ErrorBars.NEVER:
+            return "not asked for"
+        if interrupt.signal is not None:
+            return "the run was cut short"
+        always = self.error_bars is ErrorBars.ALWAYS
+        with progress_bar(quiet=self.quiet) as progress:
+            bar = repeat(
+                equations, start, plan, system, trajectory, checkpoints,
+                always=always, interrupt=interrupt, progress=progress,
+            )  # fmt: skip
+        self.lap("error_bar")
+        return bar
 
     def _thinning(self, model: Model, names: Sequence[str]) -> Thinning | None:
         if not self.plots:
@@ -245,6 +305,7 @@ class _Job:
         system: System,
         trajectory: Trajectory,
         thin: Thinning,
+        bar: ErrorBar | str,
         results: Results,
     ) -> OSError | None:
         """Draw the pictures; give what kept one from being written."""
@@ -259,7 +320,11 @@ class _Job:
         marked = [e.time for e in trajectory.events if e.kind != "until"]
         complete = trajectory.outcome.complete
         note = "" if complete else f"incomplete: {trajectory.reason}"
-        record = Record(model.name, thin, system.units(), marked[:200], note)
+        horizon = None if isinstance(bar, str) else bar.horizon
+        record = Record(
+            model.name, thin, system.units(), marked[:200], note,
+            math.inf if horizon is None else horizon,
+        )  # fmt: skip
         is_sum = system.equations.energy_is_sum
         try:
             for name, content in pictures(record, model, energy_is_sum=is_sum):
@@ -270,21 +335,6 @@ class _Job:
             self.lap("plots")
         return None
 
-    def _document(
-        self,
-        system: System,
-        plan: Plan,
-        trajectory: Trajectory,
-        ledger: Ledger,
-        cautions: Sequence[Caution],
-        files: Sequence[str],
-    ) -> dict[str, Any]:
-        from lagsim.outputs.manifest import manifest
-
-        self.lap("output")
-        timings = {name: round(t, 6) for name, t in self.timings.items()}
-        return manifest(system, plan, trajectory, ledger, cautions, timings, files)
-
     def _report(
         self,
         equations: Equations,
@@ -292,6 +342,7 @@ class _Job:
         folder: Path,
         cautions: Sequence[Caution],
         ledger: Ledger,
+        bar: ErrorBar | str,
     ) -> None:
         if not document["complete"]:
             complain(f"lagsim: {document['reason']}")
@@ -301,10 +352,10 @@ class _Job:
         if self.as_json:
             show_json(document)
         elif not self.quiet:
-            say(summary(equations, document, folder, ledger.first_energy))
+            say(summary(equations, document, folder, ledger.first_energy, bar))
 
 
-def _refuse(model: Model) -> None:
+def refuse(model: Model, command: str = "run") -> None:
     """Refuse what this version cannot run."""
     from lagsim.formulation import formulation_problems
 
@@ -312,7 +363,7 @@ def _refuse(model: Model) -> None:
     problems = [
         Problem(
             "one-sided",
-            f"constraint `{c.name}` is one-sided, and `run` has no contact yet",
+            f"constraint `{c.name}` is one-sided, and `{command}` has no contact yet",
             c.relation.place,
             "`check` reads it; an equality `=` holds both ways",
         )
@@ -323,9 +374,9 @@ def _refuse(model: Model) -> None:
         problems.append(
             Problem(
                 "missing-key",
-                f"{model.file}: `run` needs to know how long: there is no "
+                f"{model.file}: `{command}` needs to know how long: there is no "
                 "`simulation.duration` (or `end`)",
-                hint="add it, or give --duration",
+                hint="add it, or give --duration" if command == "run" else "add it",
             )
         )
     else:
@@ -337,65 +388,7 @@ def _refuse(model: Model) -> None:
         raise InputError(problems)
 
 
-def _table(results: Results, columns: Sequence[str]) -> contextlib.closing[TableWriter]:
-    from lagsim.outputs import table
-
-    try:
-        return contextlib.closing(table.TableWriter(results.part(table.NAME), columns))
-    except OSError as error:
-        raise results.unusable(error) from None
-
-
-def _cut_short(output: _Output, full: OSError, start: float) -> dict[str, Any]:
-    """Give what run.json says of a run whose results did not fit on the disk."""
-    found: dict[str, Any] = {"outcome": "failed", "complete": False}
-    if output.fault is None:
-        found["reason"] = (
-            f"a picture could not be written: {full.strerror}; the table is whole"
-        )
-        return found
-    end = start if output.writer.last is None else output.writer.last
-    found["reason"] = (
-        f"the table could not be written beyond t = {end!r}: {full.strerror}; the rows "
-        "up to there were kept"
-    )
-    return found | {"end": end, "rows": output.writer.rows}
-
-
 def _exit_code(trajectory: Trajectory, interrupt: Interrupt) -> int:
     if interrupt.signal is not None:
         return 128 + interrupt.signal
     return 0 if trajectory.outcome.complete else 3
-
-
-class _Output:
-    """Hands rows on, and keeps the time that takes; a full disk ends the run."""
-
-    def __init__(
-        self,
-        ledger: Ledger,
-        thin: Thinning | None,
-        writer: TableWriter,
-        interrupt: Interrupt,
-    ) -> None:
-        self.consumers: list[Any] = [ledger, *([thin] if thin else [])]
-        self.writer = writer
-        self.interrupt = interrupt
-        self.seconds = 0.0
-        self.fault: OSError | None = None
-
-    def add(self, rows: Floats) -> None:
-        if self.fault is not None:
-            return
-        began = time.perf_counter()
-        before = self.writer.rows
-        try:
-            self.writer.add(rows)
-        except OSError as error:
-            self.fault = error
-            self.interrupt.signal = 0  # nobody's signal, but the run is to end
-        kept = rows[: self.writer.rows - before]
-        if len(kept):
-            for consumer in self.consumers:
-                consumer.add(kept)
-        self.seconds += time.perf_counter() - began

@@ -26,7 +26,17 @@ def workspace(n: int, m: int) -> int:
     q'', lambda, the rows' largest lengths, which rows are set aside, terms, L, Y, u, v,
     what `per_row` has, and the weakest direction.
     """
+    return slopes_at(n, m)
+
+
+def slopes_at(n: int, m: int) -> int:
+    """Give where `jacobian` has its own room, from MOTION on."""
     return weak_direction(n, m) + 3 * n
+
+
+def jacobian_workspace(n: int, m: int) -> int:
+    """Give the length from MOTION on: slopes, q'' and lambda of a column besides."""
+    return slopes_at(n, m) + (n + m + 1) * 2 * n + 2 * (n + m)
 
 
 def weak_direction(n: int, m: int) -> int:
@@ -35,14 +45,15 @@ def weak_direction(n: int, m: int) -> int:
     return (n + 3 * m) + terms + n * n + n * m + 2 * n + 7 * m + m * m
 
 
-def switching(n: int, m: int, size: int, surfaces: int) -> int:
-    """Give the length from SWITCHING on, for so many surfaces.
+def switching(m: int, size: int, surfaces: int, elements: int) -> int:
+    """Give the length from SWITCHING on, with so many surfaces and elements of J.
 
-    What `methods._interface` names; residuals, rates, J, b and scales of the surfaces;
-    the fields on both sides; the equations for the shares.
+    What `methods._interface` names; where the rows of J begin, and the columns of its
+    elements; what `surface_rows` gives; the fields on both sides; the equations for the
+    shares.
     """
     if not surfaces:
         return 0
-    rows = PER_SURFACE + n + 4
+    rows = surfaces + 1 + elements + 4 * surfaces + elements
     fields = (surfaces + 1) * (size + m)
-    return 1 + surfaces * rows + fields + surfaces * (surfaces + 3)
+    return 1 + surfaces * PER_SURFACE + rows + fields + surfaces * (surfaces + 3)

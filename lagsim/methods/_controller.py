@@ -43,6 +43,9 @@ NOISE = 4.0 * 2.0**-53
 FORCE_NOISE = 32.0 * 2.0**-53
 # A change of the state this small, against its size, shows how large the forces are.
 PROBE = 2.0**-30
+# A step over which energy or forces grow by more than this has blown up: what it blew
+# up to is no scale for its error.
+JUMP = 1e6
 # The part of the tolerance that one step may use: errors of many steps add up, and the
 # tolerance is meant for the motion (Kepler's, e = 0.6, 100 orbits: 6 digits at 1e-11).
 LOCAL = 0.1
@@ -51,13 +54,19 @@ LOCAL = 0.1
 def record_sizes(s: Floats, p: Floats) -> None:
     """Take the state, accepted, into the largest sizes and the energy."""
     size = int(s[SIZE])
+    record_extents(s)
+    s[ENERGY] = energy_scale(s, p, s[T], at(s, HEADER))
+    driven = at(s, HEADER + 3 * size + 2 + int(s[N]))
+    s[FORCES] = max(s[FORCES], driven[0])
+
+
+def record_extents(s: Floats) -> None:
+    """Take the state into the largest sizes: all that a fixed step asks for."""
+    size = int(s[SIZE])
     y = at(s, HEADER)
     sizes = at(s, HEADER + size)
     for i in range(size):
         sizes[i] = max(sizes[i], abs(y[i]))
-    s[ENERGY] = energy_scale(s, p, s[T], y)
-    driven = at(s, HEADER + 3 * size + 2 + int(s[N]))
-    s[FORCES] = max(s[FORCES], driven[0])
 
 
 def energy_scale(s: Floats, p: Floats, t: float, y: Floats) -> float:
@@ -91,15 +100,12 @@ def set_tolerances(
             scale = max(abs(y[i]), abs(new[i]))
             tolerances[i] = LOCAL * (s[ATOL] + s[RTOL] * scale)
         return
-    energy = energy_scale(s, p, t, new)
     masses = at(s, HEADER + 3 * size + 2)
     # A start from rest with a jump in the force (dry friction) is off by the same part
     # of every step, however short; what happens in an instant is not controlled finer.
     instant = INSTANT * (s[END] - s[ARC_START])
     moment = max(h, instant)
-    # What the forces could do meanwhile counts as motion: at rest under load, nothing
-    # else gives a scale.
-    energy = max(energy, 0.5 * moment * moment * masses[n])
+    energy = energy_after(s, p, t, new, moment)
     whole = 0.0
     for i in range(n):
         whole += masses[i] * sizes[i] * sizes[i]
@@ -130,6 +136,23 @@ def inertia(n: int, masses: Floats, i: int) -> float:
     if n > 0:
         return float(masses[i - n + 1])
     return 0.0
+
+
+def energy_after(s: Floats, p: Floats, t: float, new: Floats, moment: float) -> float:
+    """Give the energy that is a scale for a step to `new` at t.
+
+    What the forces could do in the `moment` counts as motion: at rest under load,
+    nothing else gives a scale.
+    """
+    energy = energy_scale(s, p, t, new)
+    driven = at(s, HEADER + 3 * int(s[SIZE]) + 2 + int(s[N]))
+    force = driven[0]
+    if s[FORCES] > 0.0:
+        force = min(force, JUMP * s[FORCES])
+    known = max(float(s[ENERGY]), 0.5 * moment * moment * force)
+    if known > 0.0:
+        energy = max(known, min(energy, JUMP * known))
+    return energy
 
 
 def probe_forces(s: Floats, p: Floats, k: Floats) -> None:

@@ -19,6 +19,8 @@ from lagsim.methods._interface import (
 from lagsim.methods._projection import project
 from lagsim.methods._singular import watch
 from lagsim.methods._state import (
+    ASK_AT,
+    AT_BOUND,
     BLOCK_FULL,
     CUT,
     DEGENERATE,
@@ -42,6 +44,7 @@ from lagsim.methods._state import (
     SIZE,
     STEP_H,
     STEP_T,
+    STIFF,
     SWITCH_FOUND,
     SWITCHED,
     N,
@@ -77,6 +80,8 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
         code = arrived(s, p)
         if code != NOWHERE:
             return code
+        if s[ASK_AT] > 0.0 and s[AT_BOUND] >= s[ASK_AT]:
+            return STIFF
         if made >= budget:
             return PAUSED
         made += 1

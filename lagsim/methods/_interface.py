@@ -30,13 +30,27 @@ LEAST = 4  # between these the expression of the surface stays
 MOST = 5
 SHARE = 6  # of the upper side, in the combination that stays on the surface
 SLACK = 7  # how far past its end a mode still counts as lasting
-MARGINS = 8  # five arrays for the search
-PER_SURFACE = 13
+BAND = 8  # and how far it must be past it for more than noise
+MARGINS = 9  # five arrays for the search
+PER_SURFACE = 14
 
 
 @external
 def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give y' (size,) at y = (q, q', work if the model has it, quadratures)."""
+
+
+@external
+def series(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the order K (1,), then the Taylor coefficients y_0 ... y_K (K + 1, size)."""
+
+
+@external
+def linear(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give A of z' = A z and P of power = z^T P z, where z = (q, q', 1).
+
+    Of each: how many entries are not zero, then i, j and the value of each of them.
+    """
 
 
 @external
@@ -63,6 +77,37 @@ def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
     That (1,) is the sum of f_i^2 / M_ii over the coordinates with inertia. Then for
     what follows q' in y: 0 for work, the inertia of coordinates.
     """
+
+
+@external
+def jacobian(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give dq''/d(q, q') (n, 2 n) row by row, exactly; for NEEDS = ("jacobian",).
+
+    Where the model has work, the row of its rate (2 n,) follows.
+    """
+
+
+@external
+def power(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the rate of `work` (1,), 0 where the model has none. NEEDS "power"."""
+
+
+@external
+def lagrangian(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give dL/dq' (n,), dL/dq + Q (n,), the rate of `work` (1,). NEEDS "lagrangian".
+
+    Q are the generalized forces; for scenes without constraints.
+    """
+
+
+@external
+def lagrangian_slopes(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the derivatives of dL/dq' to q and q', of dL/dq + Q to both; (n, n) each."""
+
+
+@external
+def inertia(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give M (n, n), which dL/dq' has as its derivative to q'. NEEDS "lagrangian"."""
 
 
 @external

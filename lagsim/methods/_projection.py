@@ -11,6 +11,8 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods._interface import position_step, velocity_step
+from lagsim.methods._singular import record_health
+from lagsim.methods._state import HEADER, SIZE, N
 from lagsim.native.kernel_types import at
 
 if TYPE_CHECKING:
@@ -23,6 +25,19 @@ ROUNDING = 2.0**-47
 # Where steps no longer shrink, they are rounding if smaller than this.
 STALLED = 1e-10
 MOST = 12
+
+
+def meet_constraints(s: Floats, p: Floats, t: float, h: float, new: Floats) -> int:
+    """Project the state that a step h has led to; give 0 where that fails."""
+    n = int(s[N])
+    size = int(s[SIZE])
+    work = at(s, HEADER + 4 * size + 2)
+    sizes = at(s, HEADER + size)
+    masses = at(s, HEADER + 3 * size + 2)
+    if project(n, t, h, new, p, sizes, masses, work) == 0:
+        return 0
+    record_health(s, work[n + 1], h)
+    return 1
 
 
 def project(
@@ -41,32 +56,43 @@ def project(
     velocities so far; masses : (n + 1,), the diagonal of M and f^2/M as `measure` gives
     them; work : (n + 2,), where work[n + 1] is left as `velocity_step` gives it.
     """
-    # What the forces could do within the step: the scale of a structure at rest.
-    driven = h * h * masses[n]
     for level in range(2):
-        part = at(y, level * n)
-        done = False
-        previous = 0.0
-        least = driven * (h * h if level == 0 else 1.0)
-        for iteration in range(MOST):
-            if not done:
-                newton_step(level, t, y, p, work)
-                change = relative_size(
-                    n, work, masses, part, at(sizes, level * n), least
-                )
-                if not change < 1e300:
-                    return 0
-                stalled = iteration > 0 and change >= 0.5 * previous
-                if stalled and change > STALLED and work[n] > ROUNDING:
-                    return 0
-                if not stalled:
-                    for i in range(n):
-                        part[i] += work[i]
-                done = stalled or change < LAST or work[n] <= ROUNDING
-                previous = change
-        if not done:
+        if project_level(level, n, t, h, y, p, sizes, masses, work) == 0:
             return 0
     return 1
+
+
+def project_level(
+    level: int,
+    n: int,
+    t: float,
+    h: float,
+    y: Floats,
+    p: Floats,
+    sizes: Floats,
+    masses: Floats,
+    work: Floats,
+) -> int:
+    """Project the positions (level 0) or the velocities (1) alone."""
+    # What the forces could do within the step: the scale of a structure at rest.
+    least = h * h * masses[n] * (h * h if level == 0 else 1.0)
+    part = at(y, level * n)
+    previous = 0.0
+    for iteration in range(MOST):
+        newton_step(level, t, y, p, work)
+        change = relative_size(n, work, masses, part, at(sizes, level * n), least)
+        if not change < 1e300:
+            return 0
+        stalled = iteration > 0 and change >= 0.5 * previous
+        if stalled and change > STALLED and work[n] > ROUNDING:
+            return 0
+        if not stalled:
+            for i in range(n):
+                part[i] += work[i]
+        if stalled or change < LAST or work[n] <= ROUNDING:
+            return 1
+        previous = change
+    return 0
 
 
 def newton_step(level: int, t: float, y: Floats, p: Floats, out: Floats) -> None:

@@ -48,7 +48,15 @@ WATCHED = 34  # 1 if the last step is to be searched for a loss of rank
 SPECTRAL_RADIUS = 35  # at infinite frequency, for methods that have it as a parameter
 SWITCHED = 36  # the number, from 1, of the surface that a switch was located on; or 0
 CUT = 37  # the fraction of the last step that counts, until its rows are written; or 0
-HEADER = 38
+FACTORISATIONS = 38  # made by the method itself, and for the Jacobian
+SPEED = 39  # about how fast the fastest motion is, for explicit methods
+AT_BOUND = 40  # steps held by stability ...
+OFF_BOUND = 41  # ... since when so many were not
+ASK_AT = 42  # at so many the kernel returns; 0: never
+HEADER = 43
+
+# The spectral radius of the methods that have it, unless another is asked for.
+USUAL_RADIUS = 0.8
 
 # What `advance` and `step` return.
 DONE = 0
@@ -61,3 +69,5 @@ PROJECTION_FAILED = 6
 DEGENERATE = 7
 RANK_LOST = 8
 SWITCH_FOUND = 9
+NEWTON_FAILED = 10
+STIFF = 11

@@ -14,6 +14,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
+from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
     first_step,
     record_sizes,
@@ -21,17 +22,16 @@ from lagsim.methods._controller import (
 )
 from lagsim.methods._dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
 from lagsim.methods._interface import LEAST_HEALTH, derivative
-from lagsim.methods._projection import project
+from lagsim.methods._projection import meet_constraints
 from lagsim.methods._singular import (
-    clear_of_loss,
     forget_weak_direction,
     leave_loss,
-    record_health,
 )
+from lagsim.methods._stability import record_speed
 from lagsim.methods._state import (
+    AT_BOUND,
     CLOSE_BELOW,
     DONE,
-    END,
     EVALUATIONS,
     HEADER,
     NOT_FINITE,
@@ -80,8 +80,6 @@ BETA = 0.04
 EXPONENT = 0.125 - 0.2 * BETA
 SHRINK = 3.0  # a step shrinks at most by this, and grows at most by the next
 GROW = 6.0
-# Below this many units in the last place of t a step makes no progress.
-SMALLEST = 8.0 * 2.0**-52
 
 
 def refusal(_scene: Structure) -> str:
@@ -110,12 +108,15 @@ def start(s: Floats, p: Floats) -> None:
     s[PREVIOUS_ERROR] = 1e-4
     record_sizes(s, p)
     s[H] = first_step(s, p, ORDER, k)
+    s[AT_BOUND] = 0.0
     if CONSTRAINED:
         s[H] = leave_loss(s, p, s[H])
 
 
 def step(s: Floats, p: Floats) -> int:
     """Make one accepted step, or give a code other than 0."""
+    size = int(s[SIZE])
+    new = at(s, HEADER + 6 * size + 6 + (STAGES + 1) * size)
     rejected = False
     trouble = STEP_TOO_SMALL
     while True:
@@ -129,7 +130,7 @@ def step(s: Floats, p: Floats) -> int:
         elif error >= 1.0:
             s[H] = h / min(SHRINK, error**EXPONENT / SAFETY)
             trouble = STEP_TOO_SMALL
-        elif CONSTRAINED and settle(s, p, h) == 0:
+        elif CONSTRAINED and meet_constraints(s, p, s[T] + h, h, new) == 0:
             s[H] = 0.25 * h
             trouble = PROJECTION_FAILED
         else:
@@ -143,19 +144,6 @@ def step(s: Floats, p: Floats) -> int:
         s[H] = min(s[H], h)
     s[PREVIOUS_ERROR] = max(error, 1e-4)
     return DONE
-
-
-def usable_step(s: Floats) -> float:
-    """Give the step to try, with t + h exact; 0 where it would be too small."""
-    t = s[T]
-    h = s[H]
-    if t + 1.01 * h >= s[END]:
-        return float(s[END] - t)
-    if not h > SMALLEST * max(abs(t), 1e-6 * (s[END] - t)):
-        return 0.0
-    if CONSTRAINED:
-        h = clear_of_loss(s, h)
-    return float((t + h) - t)
 
 
 def attempt(s: Floats, p: Floats, h: float) -> float:
@@ -204,20 +192,6 @@ def error_norm(size: int, h: float, errors: Floats, tolerances: Floats) -> float
     return h * error5 / sqrt(controlled * (error5 + 0.01 * error3))
 
 
-def settle(s: Floats, p: Floats, h: float) -> int:
-    """Project the new state onto the constraints; give 0 where that fails."""
-    n = int(s[N])
-    size = int(s[SIZE])
-    new = at(s, HEADER + 6 * size + 6 + (STAGES + 1) * size)
-    work = at(s, HEADER + 4 * size + 2)
-    sizes = at(s, HEADER + size)
-    masses = at(s, HEADER + 3 * size + 2)
-    if project(n, s[T] + h, h, new, p, sizes, masses, work) == 0:
-        return 0
-    record_health(s, work[n + 1], h)
-    return 1
-
-
 def accept(s: Floats, p: Floats, h: float) -> None:
     """Take the new state, and make the dense output ready where a row needs it."""
     size = int(s[SIZE])
@@ -230,6 +204,8 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     s[STEPS] += 1.0
     derivative(s[T], new, p, at(k, 12 * size))
     s[EVALUATIONS] += 1.0
+    z = at(k, STAGES * size)
+    record_speed(s, h, IMAGINARY_LIMIT, new, at(k, 12 * size), z, at(k, 11 * size))
     row = s[ROW_START] + s[ROW] * s[ROW_STEP]
     watched = CONSTRAINED and s[WATCHED] > 0.0
     if UNTIL or watched or (row < s[ROW_LIMIT] and row < s[T]):

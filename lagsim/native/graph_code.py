@@ -16,7 +16,7 @@ from lagsim.expressions.functions import OPERATIONS
 from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.expressions.graph import Graph
 
@@ -60,8 +60,17 @@ def number(x: float) -> str:
     return f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}"
 
 
-def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -> Code:
-    """Give the code of `functions`: name -> the nodes written to out[0], out[1], ..."""
+def generate(
+    g: Graph,
+    functions: Mapping[str, Sequence[int]],
+    layout: Layout,
+    contracted: Collection[str] = (),
+) -> Code:
+    """Give the code of `functions`: name -> the nodes written to out[0], out[1], ...
+
+    In those named in `contracted` a product may be added without being rounded first,
+    where the processor can: last digits then depend on it.
+    """
     hoisted = fixed_nodes(g, functions, layout)
     places = {node: layout.size + k for k, node in enumerate(hoisted)}
     scratch = layout.size + len(hoisted)
@@ -69,6 +78,7 @@ def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -
     writer.function("prepare", [(node, "p", k) for node, k in places.items()], {})
     for name, nodes in functions.items():
         stores = [(node, "out", k) for k, node in enumerate(nodes)]
+        writer.contract = name in contracted
         writer.function(name, stores, places)
     ir = "\n".join([*sorted(writer.declared), *writer.lines, ""])
     return Code(ir, scratch + writer.scratch_used)
@@ -113,6 +123,7 @@ class Lines:
     def __init__(self) -> None:
         self.lines: list[str] = []
         self.declared: set[str] = set()
+        self.contract = False
         self._fresh = 0
 
     def operation(self, op: str, exponent: float | None, operands: list[str]) -> str:
@@ -122,7 +133,10 @@ class Lines:
         row = OPERATIONS[op]
         self.declared.update(row.declares)
         fresh = {key: self._name() for key in "abcdef"}
-        *before, last = row.native.format(*operands, **fresh).split("\n")
+        native = row.native
+        if self.contract and op in _CONTRACTED:
+            native = native.replace(" ", " contract ", 1)
+        *before, last = native.format(*operands, **fresh).split("\n")
         self.lines += before
         return self.line(last)
 
@@ -279,6 +293,8 @@ class _Writer(Lines):
     def _address(self, array: str, k: int) -> str:
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")
 
+
+_CONTRACTED = ("add", "sub", "mul")
 
 # Twice the exponents that are written out: products are exact to an ulp or two up to
 # the 6th power, and faster than `pow`.

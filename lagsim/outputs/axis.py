@@ -160,3 +160,16 @@ def _number(value: float, decimals: int) -> str:
     if float(text) == 0.0:
         text = text.lstrip("-")
     return text.replace("-", "−")
+
+
+@dataclass(frozen=True, slots=True)
+class DecadeAxis(Axis):
+    """An axis of powers of ten: its values are logarithms; `low` may be the larger."""
+
+    def ticks(self, most: int) -> tuple[list[float], list[str]]:
+        """Return about `most` places (as logarithms) and the powers at them."""
+        low, high = sorted((self.low, self.high))
+        first, last = math.ceil(low - 1e-9), math.floor(high + 1e-9)
+        step = max(1, -(-(last - first + 1) // max(1, most)))
+        decades = [k for k in range(first, last + 1) if k % step == 0]
+        return [float(k) for k in decades], [power_of_ten(k) for k in decades]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import orjson
@@ -12,6 +13,7 @@ from lagsim import __version__
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from lagsim.error_bar import ErrorBar
     from lagsim.outputs.ledger import Ledger
     from lagsim.plan import Plan
     from lagsim.system import System
@@ -25,6 +27,7 @@ def manifest(
     plan: Plan,
     trajectory: Trajectory,
     ledger: Ledger,
+    error_bar: ErrorBar | str,
     cautions: Sequence[Caution],
     timings: Mapping[str, float],
     files: Sequence[str],
@@ -42,7 +45,10 @@ def manifest(
         "rtol": plan.rtol,
         "atol": plan.atol,
         "step": plan.step,
-        "plan": [{"choice": c.choice, "reason": c.reason} for c in plan.choices],
+        "plan": [
+            {"choice": c.choice, "reason": c.reason}
+            for c in (*plan.choices, *trajectory.choices)
+        ],
         "outcome": trajectory.outcome.word,
         "complete": trajectory.outcome.complete,
         "reason": trajectory.reason,
@@ -65,11 +71,24 @@ def manifest(
         ],
         "energy_drift": ledger.energy_drift,
         "constraint_residual": ledger.constraint_residual,
-        "error": None,
+        "error": _error(error_bar),
         "warnings": [{"code": c.code, "text": c.text} for c in cautions],
         "timings": dict(timings),
         "columns": system.units(),
         "files": list(files),
+    }
+
+
+def _error(bar: ErrorBar | str) -> dict[str, Any] | None:
+    if isinstance(bar, str):
+        return None
+    return {
+        "repeated_by": bar.method,
+        "repeated_rtol": bar.rtol,
+        "relative": bar.relative,
+        "coordinates": {name: asdict(e) for name, e in bar.coordinates.items()},
+        "growth": [{"time": t, "relative": part} for t, part in bar.growth],
+        "horizon": bar.horizon,
     }
 
 

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from lagsim.outputs.thinning import Array
 
 EVENTS = Pen("#888888", (1.0, 1.5), width=0.6)
+# What lies past the horizon, where a row is no longer a forecast.
+LOST = Pen("#dddddd")
 
 # Of a legend: the piece of line with the space after it, and the space between names.
 SAMPLE, GAP = 0.34, 0.18
@@ -143,6 +145,21 @@ class Panel:
         place = self.across(np.array([x])), self.down(np.array([y]))
         self.sheet.line(*place, pen, layer=2.5)
 
+    def path(self, x: Array, y: Array, pen: Pen, trusted: int) -> None:
+        """Draw y against x, by dots or lines; pale after the first `trusted` values."""
+        draw = self.dots if pen.marker else self.curve
+        if trusted < len(x):
+            draw(x[max(trusted - 1, 0) :], y[max(trusted - 1, 0) :], _pale(pen))
+        draw(x[:trusted], y[:trusted], pen)
+
+    def beyond(self, x: float) -> None:
+        """Shade what lies past x."""
+        if x < self.x.high:
+            left = max(float(self.across(np.array([x]))[0]), self.left)
+            across = np.array([left, self.left + self.width])
+            low, high = np.full(2, self.top), np.full(2, self.bottom)
+            self.sheet.area(across, low, high, LOST, self._clip, layer=0.5)
+
     def times(self, marks: Sequence[float], most_lines: int = 40) -> None:
         """Mark times: by thin lines, or by short ticks at the top where many."""
         inside = [t for t in marks if self.x.low <= t <= self.x.high]
@@ -151,6 +168,10 @@ class Panel:
         x = np.stack((across, across, np.full_like(across, np.nan)), axis=1).ravel()
         y = np.tile([self.top, self.top + reach, np.nan], len(across))
         self.sheet.line(x, y, EVENTS, layer=1.5)
+
+
+def _pale(pen: Pen) -> Pen:
+    return replace(pen, colour=LOST.colour)
 
 
 def ink(x: Array, y: Array) -> float:

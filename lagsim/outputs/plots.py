@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lagsim.outputs.axis import noise_axis, power_of_ten, value_axis
@@ -23,6 +24,7 @@ from lagsim.outputs.time_panels import (
     height_of,
     layout,
     legend_above,
+    marks,
     panels,
     side_label,
     single,
@@ -60,7 +62,7 @@ def energy(record: Record, *, is_sum: bool) -> Sheet:
     upper = Panel(
         sheet, (LEFT, top, width, 2.2), time, value_axis(*(v for _, v in series))
     )
-    upper.times(record.events)
+    marks(upper, record)
     for (t, values), pen in zip(series, pens, strict=True):
         upper.series(t, values, pen)
     upper.frame(ticks(width, 2.2), numbers_below=False)
@@ -77,7 +79,7 @@ def _drift(sheet: Sheet, record: Record, upper: Panel) -> None:
     size = max(height_of(record.rows.series("energy")[1]), height_of(values))
     place = (upper.left, upper.bottom + 0.36, upper.width, 1.1)
     lower = Panel(sheet, place, upper.x, noise_axis(drift, size))
-    lower.times(record.events)
+    marks(lower, record)
     lower.series(t, drift, BLACK)
     lower.frame(ticks(place[2], place[3]))
     side_label(lower, lower.y.label("drift", record.unit("energy")))
@@ -153,12 +155,12 @@ def plot(record: Record, number: int, wanted: Plot) -> Sheet:
     x_axis = record.time() if against_time else value_axis(x, margin=0.03)
     panel = Panel(sheet, (LEFT, top, *size), x_axis, value_axis(y))
     if against_time:
-        panel.times(record.events)
+        marks(panel, record)
         panel.series(x, y, PENS[0])
     elif dotted(panel.across(x), panel.down(y)):
-        panel.dots(x, y, PENS[0])
+        panel.path(x, y, replace(PENS[0], marker="."), record.trusted())
     else:
-        panel.curve(x, y, PENS[0])
+        panel.path(x, y, PENS[0], record.trusted())
     panel.frame(ticks(*size))
     if wanted.title:
         above(panel, wanted.title)

@@ -32,16 +32,19 @@ class Results:
     Attributes
     ----------
     names : list of str
-        The files that `commit` will put in their places, run.json aside.
+        The files that `commit` will put in their places, the manifest aside.
+    manifest : str
+        The file that lists the others.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, manifest: str = MANIFEST) -> None:
         self.folder = folder
+        self.manifest = manifest
         self.names: list[str] = []
 
     def reserve(self) -> None:
         """Keep room for the manifest."""
-        _write(self._part(MANIFEST), bytes(RESERVE_BYTES))
+        _write(self._part(self.manifest), bytes(RESERVE_BYTES))
 
     def part(self, name: str) -> Path:
         """Give the path to write file `name` to until `commit`."""
@@ -69,17 +72,17 @@ class Results:
         OSError
             If something cannot be written; then the folder is as it was.
         """
-        _write(self._part(MANIFEST), manifest)
+        _write(self._part(self.manifest), manifest)
         for name in self.names:
             _sync(self._part(name))
         obsolete = self._listed() - set(self.names)
-        (self.folder / MANIFEST).unlink(missing_ok=True)
+        (self.folder / self.manifest).unlink(missing_ok=True)
         for name in self.names:
             self._part(name).replace(self.folder / name)
         for name in sorted(obsolete):
             with contextlib.suppress(OSError):  # a folder has taken the name
                 (self.folder / name).unlink()
-        self._part(MANIFEST).replace(self.folder / MANIFEST)
+        self._part(self.manifest).replace(self.folder / self.manifest)
         with contextlib.suppress(OSError):  # not every system syncs folders
             _sync(self.folder, os.O_RDONLY)
 
@@ -102,33 +105,39 @@ class Results:
     def _listed(self) -> set[str]:
         """Give the files of the run before: plain names in this folder only."""
         try:
-            manifest: Any = orjson.loads((self.folder / MANIFEST).read_bytes())
+            manifest: Any = orjson.loads((self.folder / self.manifest).read_bytes())
             files = manifest["files"]
         except (OSError, ValueError, KeyError, TypeError):
             return set()
         names = files if isinstance(files, list) else []
-        return {f for f in names if isinstance(f, str) and _plain(f)}
+        own = self.manifest
+        return {f for f in names if isinstance(f, str) and f != own and _plain(f)}
 
 
 def _plain(name: str) -> bool:
-    """Tell whether a listed name is a file beside run.json, and not its own."""
+    """Tell whether a listed name is a file beside the manifest."""
     return (
-        name not in ("", ".", "..", MANIFEST)
+        name not in ("", ".", "..")
         and not any(c in name for c in "/\\\0")
         and Path(name).name == name
     )
 
 
 @contextlib.contextmanager
-def open_results(folder: Path) -> Iterator[Results]:
+def open_results(folder: Path, manifest: str = MANIFEST) -> Iterator[Results]:
     """Make the folder and hold it against other runs.
+
+    Parameters
+    ----------
+    manifest
+        The file that lists the others and comes last.
 
     Raises
     ------
     InputError
         If the folder cannot be made or written, or another run is writing into it.
     """
-    results = Results(folder)
+    results = Results(folder, manifest)
     try:
         if folder.exists() and not folder.is_dir():
             raise _unusable(folder, "is not a folder")

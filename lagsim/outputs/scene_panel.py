@@ -67,12 +67,14 @@ class Paths:
     links : pairs of names.
     unit : that of all components, where they have one in common.
     stride : of how many rows of the run one is kept.
+    trusted : how many of the rows kept lie before the horizon.
     """
 
     positions: dict[str, Array]
     links: tuple[tuple[str, str], ...]
     unit: str
     stride: int
+    trusted: int
 
     @classmethod
     def of(cls, record: Record, scene: Scene) -> Self | None:
@@ -88,7 +90,7 @@ class Paths:
             flat = [np.zeros_like(known[0])] * (dimension - len(parts))
             positions[name] = np.stack(known + flat, axis=1)
         unit = units.pop() if len(units) == 1 else ""
-        return cls(positions, scene.links, unit, record.rows.stride)
+        return cls(positions, scene.links, unit, record.rows.stride, record.trusted())
 
     @property
     def dimension(self) -> int:
@@ -204,7 +206,7 @@ class ScenePanel:
             for name, position in self._paths.positions.items()
         }
         for name, pen in self._pens.items():
-            (panel.dots if pen.marker else panel.curve)(*shown[name], pen)
+            panel.path(*shown[name], pen, self._paths.trusted)
         for row, pen in ((0, START_LINK), (-1, END_LINK)):
             for a, b in self._paths.links:
                 ends = np.array([[shown[a][k][row], shown[b][k][row]] for k in (0, 1)])

@@ -200,7 +200,15 @@ class Sheet:
         self.figure.add_artist(artist)
         return artist
 
-    def area(self, x: Array, low: Array, high: Array, pen: Pen, clip: Bbox) -> None:
+    def area(
+        self,
+        x: Array,
+        low: Array,
+        high: Array,
+        pen: Pen,
+        clip: Bbox,
+        layer: float = 1.8,
+    ) -> None:
         """Fill what lies between two curves, so that others show through."""
         outline = np.concatenate((low, high[::-1]))
         corners = np.stack((np.concatenate((x, x[::-1])), self.height - outline), 1)
@@ -210,7 +218,7 @@ class Sheet:
             edgecolor=pen.colour,
             linewidth=0.5,
             transform=self.figure.dpi_scale_trans,
-            zorder=1.8,
+            zorder=layer,
         )
         artist.set_clip_box(TransformedBbox(clip, self.figure.dpi_scale_trans))
         self.figure.add_artist(artist)

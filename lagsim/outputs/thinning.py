@@ -313,5 +313,6 @@ def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
     series |= {f"lambda_{constraint.name}" for constraint in model.constraints}
     series |= {name for name in columns if name.startswith("plot.")}
     paths = {name for name in columns if name.startswith(("point.", "plot."))}
+    paths |= {"t"} if paths else set()
     ledger = {DRIFT: ("energy", "work")} if "work" in columns else {}
     return Thinning(columns, series=series, paths=paths, differences=ledger)

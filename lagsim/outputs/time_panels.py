@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagsim.outputs.axis import Axis, extent, time_axis, value_axis
-from lagsim.outputs.panel import EVENTS, GAP, SAMPLE, Panel, legend
+from lagsim.outputs.panel import EVENTS, GAP, LOST, SAMPLE, Panel, legend
 from lagsim.outputs.sheet import (
     DIM,
     HEADING,
@@ -51,6 +51,7 @@ class Record:
     units : unit of each column that has one; that of `t` too.
     events : times to mark.
     note : said below the title: that and why a run is incomplete; else empty.
+    horizon : rows past this time are no forecast; infinite where all are.
     """
 
     title: str
@@ -58,10 +59,17 @@ class Record:
     units: Mapping[str, str] = field(default_factory=dict)
     events: Sequence[float] = ()
     note: str = ""
+    horizon: float = math.inf
 
     def unit(self, column: str) -> str:
         """Return the unit of a column, empty where none is known."""
         return self.units.get(column, "")
+
+    def trusted(self) -> int:
+        """Return how many of the rows that paths show lie before the horizon."""
+        if math.isinf(self.horizon):
+            return self.rows.row_count
+        return int(np.searchsorted(self.rows.sampled("t"), self.horizon, side="right"))
 
     def time(self) -> Axis:
         """Return the axis of time, from the first row to the last."""
@@ -87,15 +95,28 @@ def header(sheet: Sheet, record: Record, subject: str, *, timed: bool = True) ->
     right = sheet.width - RIGHT
     sheet.text(right, 0.22, subject, size=NORMAL, align="right", colour=DIM)
     right -= text_width(subject) + GAP
-    if record.events and timed:
-        right -= SAMPLE + text_width("events", SMALL) + GAP
-        legend(sheet, right, 0.22, [("events", EVENTS)], sheet.width)
+    for name, pen in _marked(record, timed=timed):
+        right -= SAMPLE + text_width(name, SMALL) + GAP
+        legend(sheet, right, 0.22, [(name, pen)], sheet.width)
     room = right - EDGE - GAP
     title = fitted(record.title, room, HEADING, bold=True)
     sheet.text(EDGE, 0.22, title, size=HEADING, bold=True)
     if record.note:
         note = fitted(record.note, sheet.width - 2 * EDGE, SMALL)
         sheet.text(EDGE, 0.39, note, size=SMALL, colour=DIM)
+
+
+def _marked(record: Record, *, timed: bool) -> list[tuple[str, Pen]]:
+    found = [("events", EVENTS)] if record.events and timed else []
+    if record.horizon < record.rows.last("t"):
+        found.append(("past the horizon", replace(LOST, width=6.0)))
+    return found
+
+
+def marks(panel: Panel, record: Record) -> None:
+    """Mark in a panel with time across it: events, and what lies past the horizon."""
+    panel.beyond(record.horizon)
+    panel.times(record.events)
 
 
 def grouped(record: Record, names: Sequence[str]) -> list[Group]:
@@ -208,7 +229,7 @@ def _scale(record: Record, group: Group, size: float) -> Axis:
 
 
 def _fill(panel: Panel, record: Record, group: Group, *, stacked: bool) -> None:
-    panel.times(record.events)
+    marks(panel, record)
     pens = PENS[: len(group.names)]
     for name, pen in zip(group.names, pens, strict=True):
         panel.series(*record.rows.series(name), pen)

@@ -19,8 +19,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from lagsim.admissibility import Start
+    from lagsim.equations import Equations
     from lagsim.interrupt import Interrupt
+    from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
+    from lagsim.plan import Plan
     from lagsim.simulate.arcs import Consumer
     from lagsim.subsystems import Subsystem
     from lagsim.system import System
@@ -30,10 +33,18 @@ class Part(Run):
     """A subsystem on its way, with the rows that have not been joined yet."""
 
     def __init__(
-        self, part: Subsystem, start: Start, system: System, interrupt: Interrupt | None
+        self,
+        part: Subsystem,
+        whole: Simulation,
+        start: Start,
+        plan: Plan,
+        system: System,
+        interrupt: Interrupt | None,
     ) -> None:
-        own = part.at(start)
-        super().__init__(part.equations, own, system.plan, system, [], interrupt, None)
+        e, own = part.equations, part.at(start)
+        simulation = replace(whole, formulation="auto")
+        e = replace(e, model=replace(e.model, simulation=simulation))
+        super().__init__(e, own, plan, system, [], interrupt, None)
         n = len(part.coordinates)
         full = len(start.q)
         self.consumers = [self]
@@ -72,7 +83,9 @@ class Apart:
 
     def __init__(
         self,
+        equations: Equations,
         start: Start,
+        plan: Plan,
         system: System,
         consumers: Sequence[Consumer],
         interrupt: Interrupt | None,
@@ -81,8 +94,14 @@ class Apart:
         self.system, self.consumers, self.progress = system, consumers, progress
         self.runner = system.link(system.plan.method)
         self.runner.prepare()
-        pairs = zip(system.plan.parts, system.parts, strict=True)
-        self.parts = [Part(x.subsystem, start, own, interrupt) for x, own in pairs]
+        simulation = equations.model.simulation
+        assert simulation is not None
+        self.parts = []
+        for x, own in zip(plan.parts, system.parts, strict=True):
+            # A repeat has other tolerances, and other rows.
+            alike = replace(x.plan, rtol=plan.rtol, atol=plan.atol, step=plan.step)
+            part = Part(x.subsystem, simulation, start, alike, own, interrupt)
+            self.parts.append(part)
         self.rows = 0
 
     def whole(self, most_steps: int) -> Trajectory:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
+    from lagsim.formulation import Choice
     from lagsim.interrupt import Interrupt
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
@@ -52,6 +53,8 @@ MOST_DENSE = 10**9
 # The method where the motion slides along a surface and the method of the run needs
 # more of the model than y'.
 SLIDING = "dop853"
+# Steps at the stability bound after which something may be done about it.
+AT_BOUND = 15
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6
 
@@ -83,6 +86,7 @@ class Run:
         self.consumers, self.interrupt, self.progress = consumers, interrupt, progress
         self.events: list[Event] = []
         self.warnings: list[Caution] = []
+        self.choices: list[Choice] = []
         self.torn = ""
         self.accumulating = ""
         self._told: set[tuple[str, ...]] = set()
@@ -105,13 +109,13 @@ class Run:
 
     def _fresh_state(self, y: Floats) -> Floats:
         system, simulation = self.system, self.simulation
-        methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
-        state = np.zeros(max(method(m).state_size(system.size) for m in methods))
+        state = np.zeros(self._state_size())
         state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
         state[at.ROW_STEP] = simulation.output_step
-        state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
-        state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
-        state[at.FIXED_STEP] = self.plan.step or 0.0
+        self._set_tolerances(state)
+        radius = simulation.spectral_radius
+        state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
+        state[at.ASK_AT] = AT_BOUND
         state[at.N], state[at.SIZE] = system.n, system.size
         state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
         self._set_watch(state)
@@ -119,6 +123,16 @@ class Run:
             state[at.EQUATION] = simulation.until.sense.value == "="
         state[at.HEADER : at.HEADER + len(y)] = y
         return state
+
+    def _state_size(self) -> int:
+        system = self.system
+        methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
+        return max(int(method(m).state_size(system.size)) for m in methods)
+
+    def _set_tolerances(self, state: Floats) -> None:
+        state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
+        state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
+        state[at.FIXED_STEP] = self.plan.step or 0.0
 
     def _set_watch(self, state: Floats) -> None:
         """Set when a loss of rank is looked for, and what counts as one."""
@@ -178,10 +192,11 @@ class Run:
                 self.steps,
                 int(state[at.REJECTIONS]),
                 evaluations,
-                1 if all_constant else evaluations,
+                int(state[at.FACTORISATIONS]) + (1 if all_constant else evaluations),
             ),
             events=tuple(self.events),
             warnings=tuple(self.warnings),
+            choices=tuple(self.choices),
         )
 
     def _between_breaks(self, end: float, most_steps: int) -> Outcome:
@@ -319,6 +334,10 @@ class Run:
             self._switch_to_loops()
         elif code == at.RANK_LOST:
             self._note_rank_loss()
+        elif code == at.STIFF:
+            from lagsim.simulate.stiffness import consider
+
+            consider(self)
         elif code == at.SWITCH_FOUND:
             return Outcome.SWITCHED
         elif code == at.PAUSED and left <= budget:
@@ -348,6 +367,11 @@ class Run:
         self.plan = by_loops(self.plan)
         self.use(System(self.equations, self.plan))
         self.system.begin(self.start)
+        size = self.system.size
+        common = self.state[: at.HEADER + 6 * size + 6]
+        self.state = np.zeros(self._state_size())
+        self.state[: len(common)] = common
+        self._set_tolerances(self.state)
         self._set_watch(self.state)
         self._set_branches(end)
         self.state[at.FRESH] = 1.0
@@ -390,11 +414,17 @@ class Run:
 
 
 # What may come of a switch close by: past it, the arc's expressions may have no values.
-_BLOCKED = (Outcome.NOT_FINITE, Outcome.STEP_TOO_SMALL, Outcome.PROJECTION_FAILED)
+_BLOCKED = (
+    Outcome.NOT_FINITE,
+    Outcome.STEP_TOO_SMALL,
+    Outcome.PROJECTION_FAILED,
+    Outcome.NEWTON_FAILED,
+)
 _OUTCOMES = {
     at.DONE: Outcome.DONE,
     at.EVENT_FOUND: Outcome.UNTIL,
     at.STEP_TOO_SMALL: Outcome.STEP_TOO_SMALL,
     at.NOT_FINITE: Outcome.NOT_FINITE,
     at.PROJECTION_FAILED: Outcome.PROJECTION_FAILED,
+    at.NEWTON_FAILED: Outcome.NEWTON_FAILED,
 }

@@ -36,6 +36,8 @@ def _what_failed(run: Run, outcome: Outcome) -> str:
         return f"the switches {run.accumulating} accumulate {where}"
     if outcome is Outcome.PROJECTION_FAILED:
         return f"the constraints could not be met {where}"
+    if outcome is Outcome.NEWTON_FAILED:
+        return f"the equations of an implicit step could not be solved {where}"
     return f"the step size became too small {where}; {_fastest(run)}"
 
 

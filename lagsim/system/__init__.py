@@ -13,18 +13,19 @@ import numpy as np
 
 from lagsim.formulation import GAIN
 from lagsim.kkt import _layout
+from lagsim.kkt.series import motion_series
 from lagsim.methods import method
-from lagsim.methods._interface import SIDE, SLIDES
+from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
 from lagsim.native import graph_code, tape_code
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout
 from lagsim.system.columns import Columns
-from lagsim.system.functions import functions
+from lagsim.system.functions import AFTER_FREEZING, functions
 from lagsim.system.runner import Runner
 from lagsim.system.switching import surface_functions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
@@ -58,6 +59,8 @@ class System:
         Of the subsystems, where they are integrated apart.
     objects : list of bytes
         Object code of the model's functions.
+    operations : int
+        About how many one evaluation of y' takes.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -68,6 +71,8 @@ class System:
         equations = self.equations = plan.reduction.equations
         self.n, self.m = len(equations.q), len(equations.rows)
         self.has_work = equations.power is not None
+        needs = method(plan.method).NEEDS
+        self.has_jacobian = "jacobian" in needs
         work = ("work",) if self.has_work else ()
         self.state = (
             *equations.q, *equations.velocities, *work,
@@ -77,9 +82,8 @@ class System:
         self.switches = plan.switches
         self.surfaces = len(self.switches.sides)
         nodes_of = functions(
-            equations, plan, self.columns, method(plan.method).NEEDS,
-            switching=self.surfaces > 0,
-        )  # fmt: skip
+            equations, plan, self.columns, needs, switching=self.surfaces > 0
+        )
         # Rows show the expressions as written; the method sees the arc's branches.
         shown = ("observe", "columns", "until")
         nodes_of = {
@@ -88,11 +92,20 @@ class System:
             else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
-        if self.surfaces:
-            nodes_of |= surface_functions(equations, self.switches)
+        self.operations = self._operations(nodes_of)
+        found = surface_functions(equations, self.switches)
+        nodes_of |= found.functions
+        self.pattern = found.starts, found.columns
+        if AFTER_FREEZING in needs:
+            rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
+            nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
         layout = self._layout()
-        generate = tape_code.generate if plan.tape else graph_code.generate
-        code = generate(equations.graph, nodes_of, layout)
+        if plan.tape:
+            code = tape_code.generate(equations.graph, nodes_of, layout)
+        else:
+            code = graph_code.generate(
+                equations.graph, nodes_of, layout, contracted=("series",)
+            )
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, self.size - 2 * self.n, plan.augmented,
@@ -104,12 +117,20 @@ class System:
         for parameter in equations.model.parameters:
             self.p[layout.p[parameter.name]] = parameter.value
         self._layout_of = layout.p
+        if self.surfaces:
+            where = self.switching + 1 + PER_SURFACE * self.surfaces
+            pattern = [*self.pattern[0], *self.pattern[1]]
+            self.p[where : where + len(pattern)] = pattern
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
         self.objects = [object_code(code.ir)]
         if plan.elimination is None:
             self.objects.append(_loops(self.m > 0, self.surfaces > 0))
+        if self.has_jacobian:
+            from lagsim.kkt.jacobian import jacobian
+
+            self.objects.append(kernel_object([jacobian]))
         if self.surfaces:
             from lagsim.kkt import sliding
 
@@ -119,11 +140,25 @@ class System:
                 )
             )
 
+    @property
+    def has_loops(self) -> bool:
+        """Something is solved by the loops of `kkt`, so they need their workspace."""
+        return self.plan.elimination is None or self.has_jacobian
+
     def _weak(self) -> int:
         """Give where loops note the weakest direction; 0 where none do."""
-        if self.plan.elimination is not None:
+        if not self.has_loops:
             return 0
         return self.motion + _layout.weak_direction(self.n, self.m)
+
+    def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+        if self.plan.elimination is not None:
+            solved = nodes_of["field" if self.surfaces else "derivative"]
+            return len(self.equations.graph.cone(solved))
+        # Cholesky's decomposition of M, L^-1 A^T and its QR decomposition.
+        n, m = self.n, self.m
+        loops = n * n * n // 6 + n * n * m // 2 + n * m * m
+        return len(self.equations.graph.cone(nodes_of["dynamics"])) + loops
 
     def _layout(self) -> Layout:
         e = self.equations
@@ -133,7 +168,8 @@ class System:
         p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
         p[GAIN] = _layout.GAIN
         self.switching = _layout.HEADER + len(fixed)
-        kept = _layout.switching(self.n, self.m, self.size, self.surfaces)
+        elements = len(self.pattern[1])
+        kept = _layout.switching(self.m, self.size, self.surfaces, elements)
         for k, side in enumerate(self.switches.sides):
             first = self.switching + 1 + k
             p[side.variable] = first + SIDE * self.surfaces
@@ -141,9 +177,11 @@ class System:
         self.motion = self.switching + kept
         motion = (*e.accelerations, *e.multipliers)
         p |= {name: self.motion + k for k, name in enumerate(motion)}
-        loops = (
-            _layout.workspace(self.n, self.m) if self.plan.elimination is None else 0
-        )
+        loops = 0
+        if self.has_jacobian:
+            loops = _layout.jacobian_workspace(self.n, self.m)
+        elif self.has_loops:
+            loops = _layout.workspace(self.n, self.m)
         return Layout(
             y={name: k for k, name in enumerate(self.state)},
             p=p,

@@ -8,7 +8,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.equations import generalized_forces
+from lagsim.expressions.derivatives import gradient
 from lagsim.formulation import GAIN
+from lagsim.kkt.linear import linear_form
+from lagsim.kkt.series import motion_rates
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -16,8 +20,6 @@ if TYPE_CHECKING:
     from lagsim.equations import Equations
     from lagsim.plan import Plan
     from lagsim.system.columns import Columns
-
-NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {}
 
 
 def functions(
@@ -50,7 +52,8 @@ def functions(
     else:
         found |= _solved(equations, plan, columns, switching=switching)
     for need in needs:
-        found |= NEEDED[need](equations, plan)
+        if need != AFTER_FREEZING:
+            found |= NEEDED[need](equations, plan)
     return found
 
 
@@ -62,15 +65,14 @@ def _solved(
     assert elimination is not None
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
-    velocities = [g.variable(v) for v in e.velocities]
-    new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
-    rates = [*velocities, *accelerations, *g.substitute(_quadratures(e), new)]
+    rates = motion_rates(e, elimination)
     if switching:
         found = {
             "field": [*rates, *multipliers],
             "columns": list(columns.nodes.values()),
         }
     else:
+        new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
         observed = g.substitute(columns.nodes.values(), new)
         found = {
             "derivative": rates,
@@ -89,23 +91,26 @@ def _solved(
 def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
     """Give what the loops of `kkt.dense` begin with."""
     e = equations
-    M = [node for row in e.M for node in row]
-    A = [node for row in e.rows for node in row.A]
     found = {
-        "dynamics": [*M, *A, *e.f, *(r.b for r in e.rows)],
-        "quadratures": _quadratures(e),
+        "dynamics": _dynamics(e),
+        "quadratures": e.quadrature_rates,
         "columns": list(columns.nodes.values()),
     }
     if e.rows:
+        M = [node for row in e.M for node in row]
+        A = [node for row in e.rows for node in row.A]
         held, moving, worst_held, worst_moving = _residuals(e)
         found["geometry"] = [*M, *A, *held, *moving, worst_held, worst_moving]
     return found
 
 
-def _quadratures(equations: Equations) -> list[int]:
-    """Give the rates of what follows the velocities in y."""
-    work = [] if equations.power is None else [equations.power]
-    return [*work, *(x.rate for x in equations.quadratures)]
+def _dynamics(e: Equations) -> list[int]:
+    """Give M, A, f, b."""
+    return [
+        *(node for row in e.M for node in row),
+        *(node for row in e.rows for node in row.A),
+        *e.f, *(row.b for row in e.rows),
+    ]  # fmt: skip
 
 
 def _driven(equations: Equations) -> int:
@@ -143,3 +148,68 @@ def _residuals(equations: Equations) -> tuple[list[int], list[int], int, int]:
         worst([(r, row.residual_scale) for r, row in zip(held, rows, strict=True)]),
         worst([(r, row.rate_scale) for r, row in zip(rates, rows, strict=True)]),
     )
+
+
+def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give the rate of `work` by itself, for scenes without constraints."""
+    power = equations.power
+    return {"power": [equations.graph.zero if power is None else power]}
+
+
+def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give what `kkt.jacobian` begins with."""
+    e, g = equations, equations.graph
+    accelerations = [g.variable(name) for name in e.accelerations]
+    residuals = []
+    for M, f, held in zip(e.M, e.f, e.constraint_forces(), strict=True):
+        inertia = g.product_sum(zip(M, accelerations, strict=True))
+        residuals.append(g.call("sub", inertia, g.call("add", f, held)))
+    for row in e.rows:
+        moved = g.product_sum(zip(row.A, accelerations, strict=True))
+        residuals.append(g.call("sub", moved, row.b))
+    state = [g.variable(name) for name in (*e.q, *e.velocities)]
+    motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]
+    work = [] if e.power is None else [e.power]
+    slopes = [s for r in (*residuals, *work) for s in gradient(g, r, state)]
+    slopes += [s for power in work for s in gradient(g, power, motion)]
+    return {"dynamics": _dynamics(e), "slopes": slopes}
+
+
+def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give momenta, dL/dq + Q and power; their slopes; and the slopes M alone."""
+    e, g, L = equations, equations.graph, equations.model.lagrangian
+    positions = [g.variable(name) for name in e.q]
+    rates = [g.variable(name) for name in e.velocities]
+    Q = generalized_forces(g, e.model, positions, rates)
+    dL_dq = gradient(g, L, positions)
+    forces = [g.call("add", a, b) for a, b in zip(dL_dq, Q, strict=True)]
+    M = [node for row in e.M for node in row]
+    by_position = [s for p in e.momenta for s in gradient(g, p, positions)]
+    bends = [
+        slope
+        for variables in (positions, rates)
+        for force in forces
+        for slope in gradient(g, force, variables)
+    ]
+    power = g.zero if e.power is None else e.power
+    return {
+        "lagrangian": [*e.momenta, *forces, power],
+        "lagrangian_slopes": [*by_position, *M, *bends],
+        "inertia": M,
+    }
+
+
+def _linear(equations: Equations, plan: Plan) -> dict[str, list[int]]:
+    """Give the matrices of a linear scene."""
+    assert plan.elimination is not None
+    return {"linear": linear_form(equations, plan.elimination)}
+
+
+NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
+    "jacobian": _jacobian,
+    "lagrangian": _lagrangian,
+    "linear": _linear,
+    "power": _power,
+}
+# Made by the system from y' with its branches frozen.
+AFTER_FREEZING = "series"

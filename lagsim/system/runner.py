@@ -108,7 +108,7 @@ class Runner:
         p[_layout.FACTORED] = 0.0
         p[_layout.HEALTH] = p[LEAST_HEALTH] = 1.0
         p[self.system.motion :] = 0.0
-        if self.system.plan.elimination is None:
+        if self.system.has_loops:
             lengths = self.system.motion + self.system.n + self.system.m
             p[lengths : lengths + self.system.m] = self.system.plan.lengths
             aside = lengths + self.system.m

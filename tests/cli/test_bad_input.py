@@ -121,7 +121,7 @@ OPTIONS = {
     "--duration 1/0": "inf",
     "--output-step 3": "longer than the run",
     "--output-step 1e-12": "2000000000001 rows",
-    "--method nope": "one of auto, dop853, rk4",
+    "--method nope": "one of auto, dop853, ",
 }
 
 

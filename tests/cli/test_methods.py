@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from lagsim.methods import names
+
 KEYS = {"name", "order", "adaptive", "handles"}
 
 
@@ -14,21 +16,29 @@ def test_the_list_has_each_method_with_its_order(lagsim):
     rows = {line.split()[0]: line.split() for line in called.out.splitlines()}
     assert rows["dop853"][1:3] == ["8", "adaptive"]
     assert rows["rk4"][1:3] == ["4", "fixed"]
+    assert list(rows)[1:] == list(names())
+    # One line each on a terminal of usual width, in columns.
+    assert max(map(len, called.out.splitlines())) <= 88
+    first, *rest = called.out.splitlines()
+    begins = first.index("handles")
+    assert all(line[begins - 1] == " " != line[begins] for line in rest)
 
 
 def test_the_list_as_json(lagsim):
     called = lagsim("methods", "--json")
     assert called.code == 0
     orders = {m["name"]: m["order"] for m in called.json}
-    assert orders == {"dop853": 8, "rk4": 4}
+    assert list(orders) == list(names())
+    assert orders.items() >= {"dop853": 8, "rk4": 4, "euler": 1}.items()
     assert all(m.keys() >= KEYS for m in called.json)
 
 
-@pytest.mark.parametrize("name", ["dop853", "rk4"])
+@pytest.mark.parametrize("name", names())
 def test_the_page_on_one_names_its_source(lagsim, name):
     called = lagsim("methods", name)
     assert called.code == 0
-    assert "Hairer" in called.out
+    assert "Source" in called.out
+    assert "order " in called.out
     assert max(map(len, called.out.splitlines())) <= 88
     assert [m["name"] for m in lagsim("methods", name, "--json").json] == [name]
 
@@ -38,6 +48,6 @@ def test_an_unknown_method(lagsim, name):
     called = lagsim("methods", name)
     assert (called.code, called.out) == (2, "")
     assert f"no method `{name}`" in called.err
-    assert "one of dop853, rk4" in called.err
+    assert f"one of {', '.join(names())}" in called.err
     [error] = lagsim("methods", name, "--json").json["errors"]
     assert error["code"] == "unknown-method"

@@ -31,7 +31,7 @@ def shell(line, folder, **environment):
 def test_help(lagsim, flag):
     called = lagsim(flag)
     assert (called.code, called.err) == (0, "")
-    for command in ("run", "check", "methods"):
+    for command in ("run", "check", "bench", "methods"):
         assert f"\n  {command} " in called.out
         page = lagsim(command, flag)
         assert (page.code, page.err) == (0, "")

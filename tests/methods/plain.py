@@ -73,13 +73,38 @@ def first_order(
 
 def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
     """Give the model's native functions, as kernels call them."""
-    names = ["derivative", "measure", "observe"]
+    names = ["derivative", "measure", "observe", *runner.method.NEEDS]
+    if "lagrangian" in names:
+        names += ["lagrangian_slopes", "inertia"]
     if runner.system.m:
         names += ["position_step", "velocity_step"]
     simulation = runner.system.equations.model.simulation
     if simulation and simulation.until:
         names.append("until")
     return {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}
+
+
+def second_order(
+    acceleration: Callable[[float, float], float],
+    power: Callable[[float, float, float], float],
+) -> dict[str, Callable[..., Any]]:
+    """Give what the kernels call for q'' = acceleration(t, q), n = 1.
+
+    Where y has three components, work' = power(t, q, q').
+    """
+
+    def derivative(t: float, y: Any, _p: Any, out: Any) -> None:
+        out[0] = y[1]
+        out[1] = acceleration(t, y[0])
+        out[2:3] = power(t, y[0], y[1])
+
+    def rate(t: float, y: Any, _p: Any, out: Any) -> None:
+        out[0] = power(t, y[0], y[1])
+
+    def measure(_t: float, _y: Any, _p: Any, out: Any) -> None:
+        out[:4] = 0.0
+
+    return {"derivative": derivative, "measure": measure, "power": rate}
 
 
 def _through(call: Callable[..., Any]) -> Callable[..., Any]:

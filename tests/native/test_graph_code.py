@@ -236,3 +236,14 @@ def test_random_expressions(many: Any, some_states: Any) -> None:
 
 def test_the_variables_of_random_expressions_are_those_of_the_layout() -> None:
     assert set(VARIABLES) <= set(STATE)
+
+
+def test_products_are_contracted_only_where_that_is_asked_for():
+    g = Graph()
+    x = g.variable("x")
+    node = g.call("add", g.call("mul", x, x), g.one)
+    layout = Layout(y={"x": 0}, p={}, fixed=frozenset(), size=0)
+    code = generate(g, {"exact": [node], "fused": [node]}, layout, ("fused",))
+    exact, fused = code.ir.split("@fused(")
+    assert "contract" not in exact
+    assert fused.count(" contract double") == 2

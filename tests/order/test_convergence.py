@@ -12,13 +12,13 @@ import pytest
 from lagsim.admissibility import examine
 from lagsim.equations import derive
 from lagsim.methods import _state as at
-from lagsim.methods import dop853, rk4
+from lagsim.methods import dop853, euler, method, names, rk4
 from lagsim.plan import make_plan
 from lagsim.reader import read
 from lagsim.simulate import simulate
 from lagsim.system import System
 from tests.methods.plain import Plain, first_order, fresh_state, state_of
-from tests.methods.test_registry import swing
+from tests.methods.test_registry import refusal_of, swing
 from tests.support import Keep, run
 
 NO_PARAMETERS = np.zeros(1)
@@ -55,11 +55,26 @@ PROBLEMS = {
 }
 # Steps per unit of time, fine enough for the leading term and above rounding.
 RATES = {
+    ("euler", "y' = -2 t y^2"): (100, 200, 400),
+    ("euler", "pendulum"): (200, 400, 800),
     ("rk4", "y' = -2 t y^2"): (8, 16, 32, 64),
     ("rk4", "pendulum"): (8, 16, 32, 64),
     ("dop853", "y' = -2 t y^2"): (8, 10, 12, 16),
     ("dop853", "pendulum"): (4, 5, 6, 8, 10),
 }
+
+
+PENDULUM = """
+coordinates: {a: {}}
+energy: {kinetic: a_dot^2/2, potential: -cos(a)}
+initial: {a: 2}
+"""
+HELD = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y}
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: sin(2), y: -cos(2)}
+"""
 
 
 class Fixed:
@@ -93,7 +108,7 @@ class Fixed:
 
 
 @pytest.mark.parametrize("problem", PROBLEMS)
-@pytest.mark.parametrize("method", [rk4, dop853])
+@pytest.mark.parametrize("method", [euler, rk4, dop853])
 def test_global_order(method, problem):
     rate, exact, y = PROBLEMS[problem]
     counts = RATES[method.NAME, problem]
@@ -110,7 +125,12 @@ def test_global_order(method, problem):
 
 @pytest.mark.parametrize("problem", PROBLEMS)
 @pytest.mark.parametrize(
-    ("method", "steps"), [(rk4, (0.02, 0.04, 0.08)), (dop853, (0.1, 0.15, 0.2, 0.3))]
+    ("method", "steps"),
+    [
+        (euler, (0.01, 0.02, 0.04)),
+        (rk4, (0.02, 0.04, 0.08)),
+        (dop853, (0.1, 0.15, 0.2, 0.3)),
+    ],
 )
 def test_order_of_the_dense_output(method, steps, problem):
     # Over one step from exact values: a polynomial of order p is off by h^(p + 1).
@@ -127,7 +147,7 @@ def test_order_of_the_dense_output(method, steps, problem):
     assert slope(steps, errors) - 1 == pytest.approx(method.DENSE_ORDER, abs=0.5)
 
 
-@pytest.mark.parametrize("method", [rk4, dop853])
+@pytest.mark.parametrize("method", [euler, rk4, dop853])
 def test_the_dense_output_meets_both_ends(method):
     rate, _, y = PROBLEMS["pendulum"]
     fixed = Fixed(method, rate, y, 0.0, 0.1)
@@ -136,31 +156,95 @@ def test_the_dense_output_meets_both_ends(method):
     assert np.allclose(fixed.within(1.0), after, rtol=0, atol=1e-15)
 
 
-PENDULUM = """
-coordinates: {a: {}}
-energy: {kinetic: a_dot^2/2, potential: -cos(a)}
-initial: {a: 2}
-simulation: {duration: 4, output_step: 0.1, method: rk4}
-"""
-HELD = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y}
-constraints: {rod: x^2 + y^2 = 1}
-initial: {x: sin(2), y: -cos(2)}
-simulation: {duration: 4, output_step: 0.1, method: rk4}
+# q'' = 8 t^2 q^3 - 2 q^2, which q = 1/(1 + t^2) solves: nonlinear, depends on time, and
+# `work` is what the energy gains.
+TIMED = """
+coordinates: {q: {}}
+energy: {kinetic: q_dot^2/2, potential: 2*q^3/3}
+forces: {q: 8*t^2*q^3}
+initial: {q: 1/(1 + t0^2), q_dot: -2*t0/(1 + t0^2)^2}
 """
 
 
-@pytest.mark.parametrize("text", [PENDULUM, HELD])
-def test_order_of_whole_runs_with_a_fixed_step(text):
-    # 1/30 does not divide the rows' spacing: interpolated rows, projected if held.
-    steps = [1 / 15, 1 / 30, 1 / 60, 1 / 120]
+def swinging(found, amplitude=2.0):
+    """Give the errors of angle and rate: a' = -2 k cn(K - t, k^2), see `swing`."""
+    from scipy.special import ellipj, ellipk
+
+    t = found["t"]
+    k = math.sin(amplitude / 2.0)
+    exact_rate = -2.0 * k * ellipj(ellipk(k * k) - t, k * k)[1]
+    if "a" in found.system.columns.names:
+        angle, rate = found["a"], found["a_dot"]
+    else:
+        angle = np.arctan2(found["x"], -found["y"])
+        rate = found["y_dot"] * found["x"] - found["x_dot"] * found["y"]
+    return [angle - swing(t, amplitude), rate - exact_rate]
+
+
+def timed(found):
+    t = found["t"]
+    q = 1.0 / (1.0 + t * t)
+    v = -2.0 * t * q * q
+    energy = v * v / 2.0 + 2.0 * q**3 / 3.0
+    return [found["q"] - q, found["q_dot"] - v, found["work"] - energy + energy[0]]
+
+
+SCENES = {"pendulum": (PENDULUM, swinging), "held": (HELD, swinging)}
+SCENES["timed"] = (TIMED, timed)
+# Steps per unit of time, by order: fine enough for the leading term, above rounding.
+COUNTS = {
+    1: (400, 800, 1600, 3200),
+    2: (20, 40, 80, 160),
+    4: (16, 32, 64),
+    6: (12, 16, 24, 32),
+    8: (6, 8, 10, 12),
+}
+# Steps from exact values, by order of the dense output; the pendulum's may be longer.
+STEPS = {
+    1: (0.01, 0.02, 0.04),
+    2: (0.01, 0.02, 0.04),
+    3: (0.02, 0.04, 0.08),
+    6: (0.03, 0.04, 0.05, 0.07),
+}
+PAIRS = [
+    (name, scene)
+    for name in names()
+    if not method(name).ADAPTIVE
+    for scene, (text, _) in SCENES.items()
+    if not refusal_of(name, text.replace("t0", "0"))
+]
+
+
+def run_scene(name, scene, start, simulation):
+    text = SCENES[scene][0].replace("t0", str(start))
+    return run(f"{text}simulation: {{start: {start}, method: {name}, {simulation}}}")
+
+
+@pytest.mark.parametrize(("name", "scene"), PAIRS)
+def test_order_of_whole_runs_with_a_fixed_step(name, scene):
+    counts = COUNTS[method(name).ORDER]
+    errors = []
+    for count in counts:
+        options = f"duration: 3, output_step: 1/2, step: 1/{count}"
+        found = run_scene(name, scene, 0, options)
+        errors.append(max(np.max(np.abs(e)) for e in SCENES[scene][1](found)))
+    # The next term of the expansion shifts a slope at such steps by a few tenths.
+    order = slope([1.0 / n for n in counts], errors)
+    assert order == pytest.approx(method(name).ORDER, abs=0.5)
+
+
+@pytest.mark.parametrize(("name", "scene"), PAIRS)
+def test_order_of_rows_within_a_step(name, scene):
+    """One step from exact values: a polynomial of order p is off by h^(p + 1)."""
+    steps = [h if scene == "timed" else 5 * h for h in STEPS[method(name).DENSE_ORDER]]
     errors = []
     for h in steps:
-        found = run(text, step=h)
-        angle = found["a"] if text is PENDULUM else np.arctan2(found["x"], -found["y"])
-        errors.append(np.max(np.abs(angle - swing(found["t"], 2.0))))
-    assert slope(steps, errors) == pytest.approx(4, abs=0.5)
+        options = f"duration: {h}, output_step: {h}/20, step: {h}"
+        found = run_scene(name, scene, 0.3 if scene == "timed" else 0, options)
+        assert found.trajectory.statistics.steps == 1
+        errors.append(max(np.max(np.abs(e)) for e in SCENES[scene][1](found)))
+    # Not below; above where the scene's first terms are small, as they are from rest.
+    assert slope(steps, errors) - 1 > method(name).DENSE_ORDER - 0.5
 
 
 @pytest.mark.parametrize("text", [PENDULUM, HELD])
@@ -169,7 +253,8 @@ def test_error_follows_the_tolerance(text):
     tolerances = [1e-6, 1e-8, 1e-10]
     errors, evaluations = [], []
     for rtol in tolerances:
-        found = run(text.replace("method: rk4", f"rtol: {rtol}, atol: {rtol}"))
+        options = f"duration: 4, output_step: 0.1, rtol: {rtol}, atol: {rtol}"
+        found = run(f"{text}simulation: {{{options}}}")
         angle = found["a"] if text is PENDULUM else np.arctan2(found["x"], -found["y"])
         errors.append(np.max(np.abs(angle - swing(found["t"], 2.0))))
         evaluations.append(found.trajectory.statistics.evaluations)

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+from lagsim.error_bar import ErrorBar
 from lagsim.outputs.ledger import Ledger
 from lagsim.outputs.manifest import encode, manifest, versions
 from tests.support import run
@@ -25,13 +26,14 @@ simulation: {duration: 2}
 """
 
 
-def document_of(text):
+def document_of(text, bar="not asked for"):
     done = run(text)
     ledger = Ledger(done.system.columns.names)
     ledger.add(done.rows)
     return manifest(
-        done.system, done.plan, done.trajectory, ledger, [], {"read": 1.0}, ["run.json"]
-    )
+        done.system, done.plan, done.trajectory, ledger, bar, [], {"read": 1.0},
+        ["run.json"],
+    )  # fmt: skip
 
 
 def test_the_document_survives_the_round_trip():
@@ -53,6 +55,27 @@ def test_what_the_document_tells():
     )
     counts = ("steps", "rejections", "evaluations", "factorisations", "rows")
     assert all(type(document[key]) is int for key in counts)
+
+
+def test_the_error_bar_in_the_document():
+    bar = ErrorBar(
+        method="dop853",
+        rtol=1e-13,
+        names=("x",),
+        times=np.array([0.0, 1.0, 2.0]),
+        errors=np.array([[0.0], [3.0], [1.0]]),
+        scales=np.array([10.0]),
+    )
+    document = document_of(BROKEN, bar)
+    assert json.loads(encode(document)) == document
+    assert document["error"] == {
+        "repeated_by": "dop853",
+        "repeated_rtol": 1e-13,
+        "relative": 0.3,
+        "coordinates": {"x": {"largest": 3.0, "relative": 0.3, "time": 1.0}},
+        "growth": [{"time": 1.0, "relative": 0.3}, {"time": 2.0, "relative": 0.3}],
+        "horizon": 1.0,
+    }
 
 
 def test_versions():

@@ -10,6 +10,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from dataclasses import replace
 
 import matplotlib as mpl
 import numpy as np
@@ -397,3 +398,28 @@ def test_pictures_are_those_of_the_model():
     names = ("energy", "trajectory", "constraint_forces", "plot_1", "plot_2")
     assert list(made) == [f"{name}.png" for name in names]
     assert all(chunks(content) for content in made.values())
+
+
+def test_what_lies_past_the_horizon_is_shaded():
+    run = record(swing())
+    beyond = replace(run, horizon=run.rows.last("t") / 2)
+    plain, shaded = (
+        plots.energy(r, is_sum=True).pixels().astype(int) for r in (run, beyond)
+    )
+    changed = np.any(plain != shaded, axis=2)
+    # Below the heading, nothing changes before the middle of the time.
+    body = changed[60:]
+    middle = changed.shape[1] // 2
+    assert np.mean(body[:, : middle - 20]) == 0.0
+    assert np.mean(body[:, middle + 60 : -60]) > 0.3
+
+
+def test_paths_are_pale_past_the_horizon():
+    run = record(swing())
+    coloured = []
+    for part in (0.1, 0.5, 1.0):
+        seen = replace(run, horizon=part * run.rows.last("t"))
+        pixels = plots.plot(seen, 0, Plot(0, 0, "theta", "u")).pixels().astype(int)
+        blue = pixels[:, :, 2] - pixels[:, :, 0] > 60
+        coloured.append(np.sum(blue))
+    assert 0 < coloured[0] < 0.5 * coloured[1] < 0.7 * coloured[2]

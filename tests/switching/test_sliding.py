@@ -309,3 +309,19 @@ simulation: {duration: 10, output_step: 0.1}
     assert zeno == pytest.approx([0.5, 0.5], abs=1e-12)
     for v in ("x_dot", "z_dot", "x_ddot", "z_ddot"):
         assert np.max(np.abs(found[v][found["t"] > 0.55])) < 1e-15
+
+
+def test_switches_in_no_time_end_the_run():
+    # From rest velocities go round a square that never grows nor shrinks: of no size.
+    text = """
+coordinates: {x: {}, z: {}}
+energy: {kinetic: (x_dot^2 + z_dot^2)/2, potential: 0}
+forces: {x: -sign(z_dot), z: sign(x_dot)}
+initial: {x: 0, z: 0}
+simulation: {duration: 10, output_step: 0.1}
+"""
+    found = run(text)
+    assert found.trajectory.outcome.name == "SWITCHES_ACCUMULATE"
+    assert "`sign(z_dot)`, `sign(x_dot)` accumulate" in found.trajectory.reason
+    assert [w.code for w in found.trajectory.warnings] == ["unresolved-switch"]
+    assert found.trajectory.statistics.steps < 1000

@@ -1,0 +1,98 @@
+"""Is `auto` near the Pareto front? lagsim bench over the shipped models.
+
+    python benchmarks/choices.py [MODEL ...]
+
+By errors of 1e-6, 1e-9 and 1e-12: what the cheapest method costs, what `auto` costs,
+both read off their curves. scipy's solvers are left out: a step of theirs is a Python
+call, and none has ever been near.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from measure import MODELS, Table
+
+from lagsim.admissibility import examine
+from lagsim.bench.front import cost_at
+from lagsim.bench.reference import NoReferenceError
+from lagsim.bench.solving import Scene
+from lagsim.bench.work_precision import Wish, measure
+from lagsim.equations import derive
+from lagsim.methods import names
+from lagsim.reader import read_file
+
+ERRORS = (1e-6, 1e-9, 1e-12)
+GOAL = 2.0
+
+
+def compared(found, error, of="seconds"):
+    """Give the cheapest curve's name and cost, and auto's cost, at an error."""
+    if found.reference.floor > error:
+        return None
+    costs = {}
+    for (method, formulation), entries in found.curves().items():
+        cost = cost_at(points(entries, of), error)
+        if cost is not None:
+            costs[f"{method} ({formulation})"] = cost
+    if not costs:
+        return None
+    best = min(costs, key=costs.get)
+    chosen = [e for e in found.entries if e.chosen]
+    chosen.sort(key=lambda e: -(e.error or 0.0))
+    return best, costs[best], cost_at(points(chosen, of), error)
+
+
+def points(entries, of):
+    return [(e.error, e.cost(of)) for e in entries if e.counts]
+
+
+def rows_of(model):
+    """Give the rows of the table for one model, and whether all meet the goal."""
+    equations = derive(read_file(str(MODELS / f"{model}.yaml")))
+    scene = Scene(equations, examine(equations))
+    try:
+        found = measure(scene, Wish(methods=names()))
+    except NoReferenceError as why:
+        return [[model, "", "", str(why), "", ""]]
+    return [row_of(model, found, error) for error in ERRORS]
+
+
+def row_of(model, found, error):
+    chosen = sorted({e.method for e in found.entries if e.chosen})
+    result = compared(found, error)
+    if result is None:
+        floor = found.reference.floor
+        why = "reached by none"
+        if floor > error:
+            why = f"not known: the reference is to {floor:.0e}"
+        return [model, f"{error:.0e}", ", ".join(chosen), why, "", ""]
+    best, least, own = result
+    shown = [model, f"{error:.0e}", ", ".join(chosen), f"{best}: {least * 1e3:.3g}"]
+    if own is None:
+        return [*shown, "never", "**no**"]
+    factor = own / least
+    mark = f"**{factor:.2f}**" if factor > GOAL else f"{factor:.2f}"
+    return [*shown, f"{own * 1e3:.3g}", mark]
+
+
+def tables(_turns, models=()):
+    """Give the table."""
+    rows = []
+    for model in models or sorted(path.stem for path in MODELS.glob("*.yaml")):
+        rows += rows_of(model)
+        print(*rows[-len(ERRORS) :], sep="\n", file=sys.stderr, flush=True)
+    head = ["model", "error", "auto takes", "cheapest, ms", "auto, ms", "factor"]
+    behind = sum(row[-1].startswith("**") for row in rows)
+    missed = f"{behind} of {len(rows)} miss the goal of a factor {GOAL:g} (bold)."
+    how = "Errors of state and velocities against their ranges, over all rows that the "
+    how += "reference knows; costs read off the curves in logarithms."
+    notes = [missed, how]
+    return [Table("What `auto` takes, and the cheapest", head, rows, notes)]
+
+
+if __name__ == "__main__":
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("models", nargs="*", metavar="MODEL")
+    print(tables(0, options.parse_args().models)[0].markdown())

@@ -1,0 +1,104 @@
+"""heyoka on a scene of ours: the graph of the accelerations as its expressions."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import heyoka as hy
+import numpy as np
+
+from lagsim.bench.solving import Solved
+
+# Ten times what any of the scenes takes; at loose tolerances some would never end.
+MOST_STEPS = 50_000
+
+CALLS = {
+    "neg": lambda a: -a,
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "div": lambda a, b: a / b,
+    "sin": hy.sin,
+    "cos": hy.cos,
+    "tan": hy.tan,
+    "sqrt": hy.sqrt,
+    "hypot": lambda a, b: hy.sqrt(a * a + b * b),
+    "exp": hy.exp,
+    "log": hy.log,
+}
+
+
+def equations_of(scene, plan, parameters):
+    """Give heyoka's y' = f(t, y) of an unconstrained, or an index-1, scene."""
+    e, g = scene.equations, scene.equations.graph
+    accelerations, _ = plan.elimination.motion()
+    velocities = [g.variable(v) for v in e.velocities]
+    nodes = converted(g, [*velocities, *accelerations], parameters)
+    names = (*e.q, *e.velocities)
+    variables = [hy.make_vars(name) for name in names]
+    return list(zip(variables, nodes, strict=True))
+
+
+def converted(g, nodes, parameters):
+    """Give expressions of heyoka for nodes of a graph; parameters become numbers."""
+    found = {}
+    for n in g.cone(nodes):
+        op = g.ops[n]
+        if op == "variable":
+            name = g.payload(n)
+            if name == "t":
+                found[n] = hy.time
+            elif name in parameters:
+                found[n] = hy.expression(parameters[name])
+            else:
+                found[n] = hy.make_vars(name)
+        elif op == "constant":
+            found[n] = hy.expression(g.payload(n))
+        elif op == "pow":
+            base, power = (found[a] for a in g.args[n])
+            found[n] = base**power
+        else:
+            found[n] = CALLS[op](*(found[a] for a in g.args[n]))
+    return [found[n] for n in nodes]
+
+
+class Heyoka:
+    """Its Taylor integrator at one tolerance: rows hold the state alone.
+
+    Attributes
+    ----------
+    compile_seconds : float
+    """
+
+    def __init__(self, equations, start, times, tolerance, *, compact, quadruple=False):
+        began = time.perf_counter()
+        kind = {"fp_type": hy.real128} if quadruple else {}
+        number = hy.real128 if quadruple else float
+        self.start = np.array([number(x) for x in start])
+        self.times = np.array([number(t) for t in times])
+        self.integrator = hy.taylor_adaptive(
+            equations,
+            self.start,
+            time=self.times[0],
+            tol=number(tolerance),
+            compact_mode=compact,
+            **kind,
+        )
+        self.compile_seconds = time.perf_counter() - began
+
+    def solve(self):
+        """Solve once, from the start; rows : (k, 1 + state)."""
+        ta = self.integrator
+        ta.time = self.times[0]
+        ta.state[:] = self.start
+        began = time.perf_counter()
+        outcome, _, _, steps, *_, states = ta.propagate_grid(
+            self.times, max_steps=MOST_STEPS
+        )
+        seconds = time.perf_counter() - began
+        good = outcome == hy.taylor_outcome.time_limit
+        rows = np.column_stack([self.times, states]).astype(float) if good else None
+        if rows is not None and not math.isfinite(float(np.sum(rows))):
+            rows = None
+        return Solved(rows, seconds, int(steps), "done" if good else "failed")

@@ -1,0 +1,243 @@
+"""`lagsim bench`: what each method costs for the error it makes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lagsim.cli._closing import progress_bar
+from lagsim.cli._shared import (
+    AsJson,
+    Sets,
+    assignments,
+    coloured,
+    counted,
+    faults_shown,
+    show_json,
+    table,
+)
+from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.errors import InputError, Problem
+from lagsim.methods import names
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.bench.solving import Scene
+    from lagsim.bench.work_precision import Wish, WorkPrecision
+    from lagsim.model import Model
+
+
+def command(
+    models: Annotated[
+        list[str],
+        typer.Argument(metavar="MODEL...", help="Model files; - is standard input."),
+    ],
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="DIR",
+            help="Folder, DIR/NAME where there are several models; default "
+            "results/NAME/bench.",
+        ),
+    ] = None,
+    sets: Sets = None,
+    methods: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B",
+            help="Only these; scipy's solvers are scipy:DOP853 and so on.",
+        ),
+    ] = None,
+    tolerances: Annotated[
+        str | None,
+        typer.Option(metavar="A:B", help="Decades of rtol; default 1e-3:1e-13."),
+    ] = None,
+    steps: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A:B", help="Of fixed-step methods, halved from the first on."
+        ),
+    ] = None,
+    as_json: AsJson = False,
+    quiet: Annotated[
+        bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
+    ] = False,
+) -> int:
+    """Chart error against time and evaluations for every method that applies."""
+    documents: list[Any] = []
+    codes = [0]
+    faults: list[Any] = []
+    with faults_shown(faults if as_json else None) as code:
+        wish = _wish(methods, tolerances, steps)
+        overrides = assignments(sets)
+        code.append(0)
+    codes += code
+    for path in models if code[-1] == 0 else []:
+        with faults_shown(faults if as_json else None, file=path) as code:
+            target = folder / Path(path).stem if folder and models[1:] else folder
+            job = _Job(target, as_json=as_json, quiet=quiet)
+            code.append(job.run(path, overrides, wish))
+            documents += job.documents
+        codes += code
+    if as_json:
+        problems = [problem for fault in faults for problem in fault["errors"]]
+        show_json({"errors": problems} if problems else documents)
+    return max(codes)
+
+
+class _Job:
+    """One model, and the manners of the command."""
+
+    def __init__(self, folder: Path | None, *, as_json: bool, quiet: bool) -> None:
+        self.folder, self.as_json, self.quiet = folder, as_json, quiet
+        self.documents: list[Any] = []
+
+    def run(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
+        """Do it; give the exit code."""
+        from lagsim.admissibility import examine
+        from lagsim.bench.solving import Scene
+        from lagsim.cli import check
+        from lagsim.cli.run import refuse
+        from lagsim.equations import derive
+        from lagsim.reader import read_file
+
+        model = read_file(path, overrides)
+        refuse(model, "bench")
+        equations = derive(model)
+        start = examine(equations)
+        if not start.admissible:
+            if self.as_json:
+                self.documents.append(check.document(equations, start))
+            else:
+                complain(check.report(equations, start))
+            return 1
+        from lagsim.bench.document import MANIFEST
+        from lagsim.outputs.results import open_results
+
+        folder = self.folder or Path("results") / model.name / "bench"
+        with open_results(folder, MANIFEST) as results:
+            return self._measure(Scene(equations, start), wish, results)
+
+    def _measure(self, scene: Scene, wish: Wish, results: Any) -> int:
+        from lagsim.bench.chart import chart
+        from lagsim.bench.document import CHART, MANIFEST, TABLE, document
+        from lagsim.bench.document import table as entries_table
+        from lagsim.bench.solving import GivenUpError
+        from lagsim.bench.work_precision import measure
+        from lagsim.interrupt import Interrupt
+        from lagsim.outputs.manifest import encode
+
+        interrupt = Interrupt()
+        with interrupt.noted(), progress_bar(quiet=self.quiet) as progress:
+            try:
+                found = measure(scene, wish, interrupt=interrupt, progress=progress)
+            except GivenUpError:
+                return 128 + (interrupt.signal or 0)
+        model = scene.equations.model
+        content = document(model, found, [TABLE, CHART, MANIFEST])
+        try:
+            results.write(TABLE, entries_table(found.entries))
+            results.write(CHART, chart(model.name, found, content))
+            results.commit(encode(content))
+        except OSError as error:
+            text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
+            raise UnwritableError(text) from None
+        self.documents.append(content)
+        if not self.quiet and not self.as_json:
+            say(_summary(model, found, results.folder))
+        return 128 + interrupt.signal if interrupt.signal is not None else 0
+
+
+def _wish(methods: str | None, tolerances: str | None, steps: str | None) -> Wish:
+    """Take the options apart.
+
+    Raises
+    ------
+    InputError
+    """
+    from lagsim.bench.work_precision import TOLERANCES, Wish
+
+    problems: list[Problem] = []
+    wanted = None
+    if methods is not None:
+        wanted = tuple(name.strip() for name in methods.split(","))
+        problems += _unknown(wanted)
+    between = _between("--tolerances", tolerances, problems) or TOLERANCES
+    wish = Wish(wanted, between, _between("--steps", steps, problems))
+    if problems:
+        raise InputError(problems)
+    return wish
+
+
+def _unknown(wanted: tuple[str, ...]) -> list[Problem]:
+    from lagsim.bench.scipy_solvers import NAMES
+
+    known = [*names(), *NAMES]
+    hint = f"of {', '.join(known)}; `lagsim methods` describes those that are ours"
+    return [
+        Problem("unknown-method", f"there is no method `{name}`", hint=hint)
+        for name in wanted
+        if name not in known
+    ]
+
+
+def _between(
+    option: str, text: str | None, problems: list[Problem]
+) -> tuple[float, float] | None:
+    """Take A:B apart: two numbers above 0, the larger first."""
+    if text is None:
+        return None
+    try:
+        first, last = (float(part) for part in text.split(":"))
+    except ValueError:
+        first = last = 0.0
+    if not (min(first, last) > 0.0 and max(first, last) < float("inf")):
+        message = f"{option} {text}: two numbers above 0 are expected"
+        problems.append(Problem("usage", message, hint=f"such as {option} 1e-3:1e-9"))
+        return None
+    return max(first, last), min(first, last)
+
+
+def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
+    """Give the closing lines."""
+    from lagsim.bench.document import CHART, MANIFEST, TABLE
+
+    reference = found.reference
+    state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")
+    head = (
+        f"{coloured(state, colour)}: {model.name}, "
+        f"{counted(len(found.entries), 'solve')} by "
+        f"{counted(len(found.curves()), 'method')}"
+    )
+    known = f"{reference.made} and {reference.verified}, which agree to "
+    known += f"{reference.floor:.1g}"
+    if reference.horizon is not None:
+        known += f" up to t = {reference.horizon:.4g}: no row past it is judged"
+    rows = [("reference", known)]
+    rows += [("" if k else "left out", text) for k, text in enumerate(_left_out(found))]
+    front = [found.entries[k] for k in found.front("seconds")]
+    rows += [("" if k else "best", _point(e)) for k, e in enumerate(front)]
+    rows.append(("files", f"{folder}: {TABLE}, {CHART}, {MANIFEST}"))
+    return head + "\n" + table(rows)
+
+
+def _left_out(found: WorkPrecision) -> list[str]:
+    """Give the methods that do not apply, those with the same reason together."""
+    by_reason: dict[str, list[str]] = {}
+    for refused in found.refused:
+        if refused.formulation == "auto":
+            by_reason.setdefault(refused.reason, []).append(refused.method)
+    return [f"{', '.join(who)}: {reason}" for reason, who in by_reason.items()]
+
+
+def _point(entry: Any) -> str:
+    auto = ", what auto takes" if entry.chosen else ""
+    return (
+        f"error {entry.error:.1e} in {entry.seconds * 1e3:.3g} ms: {entry.method} "
+        f"({entry.formulation}), {entry.setting} {entry.value:.3g}{auto}"
+    )

@@ -1,0 +1,99 @@
+"""Euler: the oldest method, one evaluation per step, order 1.
+
+Follow the tangent for a step, look again, follow the next one. It is here for lessons:
+halving the step halves the error, so each further digit costs ten times the work, and
+where nothing damps an oscillation its energy grows by the factor 1 + (h w)^2 in every
+step h, whatever the step. At h w = 0.01 it has grown e-fold after 100 units of time
+(w = 1). No step is short enough on the imaginary axis, where undamped oscillations lie;
+an oscillation damped by the ratio d is stable for h w < 2 d.
+
+Source: L. Euler, Institutionum calculi integralis I (1768), section II, chapter VII;
+E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I, 2nd
+ed., sections I.7 and II.1.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.methods._fixed import begin, is_finite, next_time, step_length, take
+from lagsim.methods._interface import derivative
+from lagsim.methods._projection import meet_constraints
+from lagsim.methods._state import (
+    DONE,
+    EVALUATIONS,
+    HEADER,
+    NOT_FINITE,
+    PROJECTION_FAILED,
+    SIZE,
+)
+from lagsim.methods._tableau import Tableau
+from lagsim.native.kernel_types import at
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+    from lagsim.structure import Structure
+
+NAME = "euler"
+TITLE = "explicit Euler"
+ORDER = 1
+DENSE_ORDER = 1
+ADAPTIVE = False
+IMAGINARY_LIMIT = 0.0
+HANDLES = "any model; equality constraints by projection"
+TABLEAU = Tableau(((),), (1.0,), (0.0,), ORDER)
+
+NEEDS = ()
+
+CONSTRAINED = True
+
+
+def refusal(_scene: Structure) -> str:
+    """Give "": it handles everything."""
+    return ""
+
+
+def amplification(z: complex) -> float:
+    """Give |1 + z|, z = h * eigenvalue."""
+    return TABLEAU.amplification(z)
+
+
+def state_size(size: int) -> int:
+    """Give the length of the array of state for `size` components."""
+    return HEADER + 6 * size + 6 + 5 * size
+
+
+# The method's own arrays: those of `_fixed`, y' after the step (size), new (size).
+def start(s: Floats, p: Floats) -> None:
+    """Begin an arc: evaluate at its start."""
+    begin(s, p)
+
+
+def step(s: Floats, p: Floats) -> int:
+    """Make one step, or give a code other than 0."""
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    k = at(s, HEADER + 8 * size + 6)
+    slope = at(k, size)
+    new = at(slope, size)
+    after = next_time(s)
+    h = step_length(s, after)
+    for i in range(size):
+        new[i] = y[i] + h * k[i]
+    if not is_finite(size, new):
+        return NOT_FINITE
+    if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:
+        return PROJECTION_FAILED
+    derivative(after, new, p, slope)
+    s[EVALUATIONS] += 1.0
+    take(s, p, after, new, slope)
+    return DONE
+
+
+def interpolate(s: Floats, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step: on the chord."""
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    old = at(s, HEADER + 6 * size + 6)
+    for i in range(size):
+        out[i] = old[i] + x * (y[i] - old[i])

@@ -1,0 +1,320 @@
+"""Radau IIA of order 5: implicit, for stiff scenes.
+
+Very stiff springs and dampers do not bound its step: what is fast and has died out is
+passed over. It damps such motion itself (L-stable): a fast oscillation that is excited
+and smaller than the tolerance disappears, so energy is lost. Simplified Newton
+iterations with the exact Jacobian, Gustafsson's predictive step control, an error
+estimate of order 3 with the tolerance adapted to it, dense output of order 4 from the
+stages' slopes. On stiff parts of the motion the order falls to 3. Stable on the whole
+imaginary axis and in the left half-plane: no limit on step * frequency.
+
+Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
+sections IV.5, IV.8 and IV.15; K. Gustafsson, ACM Trans. Math. Software 20 (1994).
+"""
+
+from __future__ import annotations
+
+from math import inf
+from typing import TYPE_CHECKING
+
+from lagsim.methods._adaptive import usable_step
+from lagsim.methods._controller import first_step, record_sizes, set_tolerances
+from lagsim.methods._interface import LEAST_HEALTH, derivative
+from lagsim.methods._linearised import solve_real
+from lagsim.methods._projection import meet_constraints
+from lagsim.methods._radau_newton import (
+    CEILING,
+    ERRORS,
+    INCREMENTS,
+    ITERATIONS,
+    JACOBIAN,
+    LAST_SLOPE,
+    LEFT_OVER,
+    MATRICES,
+    MOST,
+    NEW,
+    OWN,
+    POLYNOMIAL,
+    PREVIOUS_ERROR,
+    PREVIOUS_H,
+    RATE,
+    RIGHT,
+    STAGE,
+    converge,
+    norm,
+    polynomial,
+    renew,
+)
+from lagsim.methods._radau_tableau import A_INVERSE, DENSE, ERROR, GAMMA, A, B, C
+from lagsim.methods._singular import forget_weak_direction, leave_loss
+from lagsim.methods._state import (
+    CLOSE_BELOW,
+    DONE,
+    EVALUATIONS,
+    HEADER,
+    NEWTON_FAILED,
+    NOT_FINITE,
+    PROJECTION_FAILED,
+    REJECTIONS,
+    RTOL,
+    SIZE,
+    STEP_H,
+    STEP_T,
+    STEP_TOO_SMALL,
+    STEPS,
+    H,
+    N,
+    T,
+)
+from lagsim.methods._tableau import Tableau
+from lagsim.native.kernel_types import at, total, unrolled
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+    from lagsim.structure import Structure
+
+NAME = "radau"
+TITLE = "Radau IIA"
+ORDER = 5
+DENSE_ORDER = 4
+ADAPTIVE = True
+IMAGINARY_LIMIT = inf
+HANDLES = "any model; equality constraints by projection"
+TABLEAU = Tableau(A, B, C, ORDER)
+
+NEEDS = ("jacobian",)
+
+CONSTRAINED = True
+
+# A step at which Newton's method failed is kept clear of, and grows by this per step.
+FORGOTTEN = 1.1
+CLEAR = 0.8
+# The values of RADAU5 (IV.8): safety, bounds of the step's change, the rate of
+# convergence below which the Jacobian is kept, and the growth of the step that is not
+# worth a factorisation.
+SAFETY = 0.9
+SHRINK = 8.0
+GROW = 5.0
+KEEP_BELOW = 1e-3
+NOT_WORTH = 1.2
+
+
+def refusal(_scene: Structure) -> str:
+    """Give "": it handles everything."""
+    return ""
+
+
+def amplification(z: complex) -> float:
+    """Give the size of the stability function at z = h * eigenvalue."""
+    return TABLEAU.amplification(z)
+
+
+def state_size(size: int) -> int:
+    """Give the length of the array of state for `size` components."""
+    n = size // 2
+    return HEADER + 6 * size + 6 + OWN + 19 * size + matrices(n)
+
+
+def matrices(n: int) -> int:
+    """Give the length of the Jacobian, both factorisations and room for a solution."""
+    return (n + 1) * 2 * n + n * n + n + 4 * n * n + 2 * n + 2 * n
+
+
+def start(s: Floats, p: Floats) -> None:
+    """Begin an arc: evaluate at its start, choose the first step."""
+    size = int(s[SIZE])
+    own = at(s, HEADER + 6 * size + 6)
+    slope = at(own, OWN)
+    last = at(own, OWN + LAST_SLOPE * size)
+    derivative(s[T], at(s, HEADER), p, slope)
+    s[EVALUATIONS] += 1.0
+    for i in range(size):
+        last[i] = slope[i]
+    for k in range(OWN):
+        own[k] = 0.0
+    own[LEFT_OVER] = 1.0
+    s[STEP_H] = 0.0
+    record_sizes(s, p)
+    s[H] = first_step(s, p, 4, slope)
+    if CONSTRAINED:
+        s[H] = leave_loss(s, p, s[H])
+
+
+def step(s: Floats, p: Floats) -> int:
+    """Make one accepted step, or give a code other than 0."""
+    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
+    rejected = False
+    trouble = STEP_TOO_SMALL
+    while True:
+        h = usable_step(s)
+        if h == 0.0:
+            return trouble
+        error = attempt(s, p, h)
+        trouble = verdict(s, p, h, error)
+        if trouble == DONE:
+            break
+        rejected = True
+        s[REJECTIONS] += 1.0
+        if own[JACOBIAN] < 2.0:
+            own[JACOBIAN] = 0.0
+    quotient = predict(s, h, error)
+    accept(s, p, h)
+    s[H] = h / quotient
+    if rejected:
+        s[H] = min(s[H], h)
+    if own[CEILING] > 0.0:
+        own[CEILING] *= FORGOTTEN
+        s[H] = min(s[H], CLEAR * own[CEILING])
+    own[JACOBIAN] = 0.0
+    if own[RATE] <= KEEP_BELOW:
+        own[JACOBIAN] = 1.0
+        if h <= s[H] and s[H] <= NOT_WORTH * h:
+            s[H] = h
+    return DONE
+
+
+def verdict(s: Floats, p: Floats, h: float, error: float) -> int:
+    """Give DONE, or what is wrong with the step and, in s[H], the one to try next."""
+    size = int(s[SIZE])
+    own = at(s, HEADER + 6 * size + 6)
+    if not error < 1e300:
+        s[H] = 0.1 * h
+        return NOT_FINITE
+    if error < 0.0:
+        own[CEILING] = h
+        return NEWTON_FAILED
+    if error >= 1.0:
+        s[H] = 0.1 * h
+        if own[PREVIOUS_H] > 0.0:
+            s[H] = h / change(s, error)
+        return STEP_TOO_SMALL
+    new = at(own, OWN + NEW * size)
+    if CONSTRAINED and meet_constraints(s, p, s[T] + h, h, new) == 0:
+        s[H] = 0.25 * h
+        return PROJECTION_FAILED
+    return DONE
+
+
+def change(s: Floats, error: float) -> float:
+    """Give by how much the step should shrink: IV.8 (8.21), less after long Newton."""
+    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
+    safety = SAFETY * (2.0 * MOST + 1.0) / (2.0 * MOST + own[ITERATIONS])
+    return float(max(1.0 / GROW, min(SHRINK, error**0.25 / safety)))
+
+
+def predict(s: Floats, h: float, error: float) -> float:
+    """Give the same after an accepted step, with the last one: IV.8 (8.25)."""
+    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
+    quotient = change(s, error)
+    if own[PREVIOUS_H] > 0.0:
+        ahead = (error * error / own[PREVIOUS_ERROR]) ** 0.25 / SAFETY
+        ahead *= own[PREVIOUS_H] / h
+        quotient = max(quotient, 1.0 / GROW, min(SHRINK, ahead))
+    own[PREVIOUS_ERROR] = max(0.01, error)
+    return float(quotient)
+
+
+def attempt(s: Floats, p: Floats, h: float) -> float:
+    """Make a step and give its error in units of the tolerance.
+
+    Negative where Newton's method did not converge; s[H] is then the step to try next.
+    """
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    own = at(s, HEADER + 6 * size + 6)
+    new = at(own, OWN + NEW * size)
+    Z = at(own, OWN + INCREMENTS * size)
+    if CONSTRAINED:
+        p[LEAST_HEALTH] = 1.0
+    set_tolerances(s, p, s[T], y, at(own, OWN), h)
+    s[H] = 0.5 * h
+    if renew(s, p, h) == 0:
+        return -1.0
+    if converge(s, p, h) == 0:
+        return -1.0
+    for i in range(size):
+        new[i] = y[i] + Z[2 * size + i]
+    set_tolerances(s, p, s[T] + h, new, at(own, OWN), h)
+    return estimate(s, p, h)
+
+
+def estimate(s: Floats, p: Floats, h: float) -> float:
+    """Give the error of the step: IV.8 (8.19), (8.20) for a first or repeated step."""
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    own = at(s, HEADER + 6 * size + 6)
+    slope = at(own, OWN)
+    z = at(own, OWN + STAGE * size)
+    errors = at(own, OWN + ERRORS * size)
+    F = at(own, OWN + RIGHT * size)
+    Z = at(own, OWN + INCREMENTS * size)
+    for i in range(size):
+        F[i] = total(ERROR[k] * Z[k * size + i] for k in unrolled(3)) / h
+        errors[i] = F[i] + slope[i]
+    error = filtered(s, p, h, errors)
+    if error >= 1.0 and (own[PREVIOUS_H] == 0.0 or own[JACOBIAN] == 2.0):
+        for i in range(size):
+            z[i] = y[i] + errors[i]
+        derivative(s[T], z, p, errors)
+        s[EVALUATIONS] += 1.0
+        for i in range(size):
+            errors[i] += F[i]
+        error = filtered(s, p, h, errors)
+    return error
+
+
+def filtered(s: Floats, p: Floats, h: float, errors: Floats) -> float:
+    """Solve for the errors, and give their size against the estimate's tolerance.
+
+    The estimate goes with h^4, the error of the whole motion with h^5: held to
+    tolerance^(4/5), the result follows the tolerance (RADAU5 takes 2/3).
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    own = at(s, HEADER + 6 * size + 6)
+    J = at(own, OWN + MATRICES * size)
+    K = at(J, (n + 1) * 2 * n)
+    solve_real(n, size > 2 * n, GAMMA / h, J, K, at(K, n * n), errors)
+    if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
+        forget_weak_direction(n, p, errors)
+    return float(norm(size, errors, at(s, HEADER + 2 * size)) * s[RTOL] ** 0.2)
+
+
+def accept(s: Floats, p: Floats, h: float) -> None:
+    """Take the new state; keep the polynomial through the slopes of the stages."""
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    own = at(s, HEADER + 6 * size + 6)
+    slope = at(own, OWN)
+    last = at(own, OWN + LAST_SLOPE * size)
+    new = at(own, OWN + NEW * size)
+    dense = at(own, OWN + POLYNOMIAL * size)
+    Z = at(own, OWN + INCREMENTS * size)
+    for i in range(size):
+        a = total(A_INVERSE[0][k] * Z[k * size + i] for k in unrolled(3))
+        b = total(A_INVERSE[1][k] * Z[k * size + i] for k in unrolled(3))
+        c = total(A_INVERSE[2][k] * Z[k * size + i] for k in unrolled(3))
+        first = h * last[i]
+        dense[i] = y[i]
+        for m in unrolled(4):
+            dense[(m + 1) * size + i] = (
+                first * DENSE[0][m]
+                + a * DENSE[1][m]
+                + b * DENSE[2][m]
+                + c * DENSE[3][m]
+            )
+        last[i] = c / h
+        y[i] = new[i]
+    own[PREVIOUS_H] = h
+    s[STEP_T] = s[T]
+    s[STEP_H] = h
+    s[T] = s[T] + h
+    s[STEPS] += 1.0
+    derivative(s[T], y, p, slope)
+    s[EVALUATIONS] += 1.0
+    record_sizes(s, p)
+
+
+def interpolate(s: Floats, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step."""
+    polynomial(s, x, out)

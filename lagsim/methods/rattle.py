@@ -1,0 +1,227 @@
+"""RATTLE: Verlet's method on constraints, order 2.
+
+A pendulum's rod, a chain, a molecule with rigid bonds: the positions drift to where the
+constraints hold, and the forces of the constraints that take them there point along the
+gradients at the *start* of the step; then the velocities are made tangent, by forces
+along the gradients at its *end*. That is what makes it symplectic and reversible on the
+constrained motion. A Verlet step that is merely projected back is neither: its energy
+drifts. Here the error of the energy, of size (h w)^2, swings and does not grow.
+
+Positions and velocities meet the constraints to rounding after every step. One
+evaluation of the forces per step (two where the scene has `work`), and some ten solves
+with the constraint matrix. Stable for h w < 2, w the fastest frequency. The solve needs
+steps short enough that the gradients of the constraints turn by well less than a right
+angle in each.
+
+It needs a constant mass matrix and forces that depend on positions and time only;
+without constraints it is `verlet`.
+
+Source: H. C. Andersen, J. Comput. Phys. 52 (1983) 24-34; E. Hairer, C. Lubich and G.
+Wanner, Geometric Numerical Integration, 2nd ed., section VII.1.4.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.methods import _symplectic
+from lagsim.methods._fixed import (
+    begin,
+    hermite,
+    is_finite,
+    next_time,
+    step_length,
+    take,
+)
+from lagsim.methods._interface import derivative, position_step, velocity_step
+from lagsim.methods._projection import ROUNDING, project_level, relative_size
+from lagsim.methods._singular import record_health
+from lagsim.methods._state import (
+    DONE,
+    EVALUATIONS,
+    HEADER,
+    NOT_FINITE,
+    PROJECTION_FAILED,
+    SIZE,
+    N,
+    T,
+)
+from lagsim.native.kernel_types import at
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+    from lagsim.structure import Structure
+
+NAME = "rattle"
+TITLE = "RATTLE"
+ORDER = 2
+DENSE_ORDER = 2
+ADAPTIVE = False
+IMAGINARY_LIMIT = 2.0
+HANDLES = "constant M, forces f(q, t); holonomic constraints"
+
+NEEDS = ()
+
+CONSTRAINED = True
+
+# The iteration ends at this residual against its terms, or at this change against the
+# positions, or where rounding keeps the residual from falling.
+EXACT = 2.0**-52
+MOST = 30
+
+
+def refusal(scene: Structure) -> str:
+    """Say why it cannot handle the scene, or give ""."""
+    if scene.constraints not in ("none", "holonomic"):
+        return (
+            "it has constraints between velocities that hold no positions (`dop853` "
+            "projects onto them)"
+        )
+    return _symplectic.inseparable(scene)
+
+
+def amplification(z: complex) -> float:
+    """Give the spectral radius for q'' = 2 Re(z) q' - |z|^2 q, h = 1, as `verlet`."""
+    return _symplectic.amplification((1.0,), z)
+
+
+def state_size(size: int) -> int:
+    """Give the length of the array of state for `size` components."""
+    return HEADER + 6 * size + 6 + 7 * size + 4 + MOST * (size // 2)
+
+
+# The method's own arrays: those of `_fixed`, y' after the step (size), the new state
+# (size), a state to ask at (size), corrections (size + 4), their history (MOST n).
+def start(s: Floats, p: Floats) -> None:
+    """Begin an arc: evaluate at its start."""
+    begin(s, p)
+
+
+def step(s: Floats, p: Floats) -> int:
+    """Make one step, or give a code other than 0."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    k = at(s, HEADER + 8 * size + 6)
+    slope = at(k, size)
+    new = at(slope, size)
+    after = next_time(s)
+    h = step_length(s, after)
+    for i in range(n):
+        new[n + i] = y[n + i] + 0.5 * h * k[n + i]
+        new[i] = y[i] + h * new[n + i]
+    # The forces of the constraints that k holds are those of y'': what they lack, or
+    # have too much, is along the same gradients.
+    if CONSTRAINED and hold(s, p, after, h) == 0:
+        return PROJECTION_FAILED
+    derivative(after, new, p, slope)
+    s[EVALUATIONS] += 1.0
+    for i in range(n):
+        new[n + i] += 0.5 * h * slope[n + i]
+    if CONSTRAINED and hold_velocities(s, p, after, h) == 0:
+        return PROJECTION_FAILED
+    if size > 2 * n:
+        derivative(after, new, p, slope)
+        s[EVALUATIONS] += 1.0
+        new[2 * n] = y[2 * n] + 0.5 * h * (k[2 * n] + slope[2 * n])
+    if not is_finite(size, new):
+        return NOT_FINITE
+    for i in range(n):
+        slope[i] = new[n + i]
+    take(s, p, after, new, slope)
+    return DONE
+
+
+def hold(s: Floats, p: Floats, after: float, h: float) -> int:
+    """Move the new positions onto the constraints, along the gradients at the old ones.
+
+    Give 0 where that fails. A step of Newton's method would be along the gradients at
+    the new positions; projected onto the span of the old ones it leaves an error that
+    grows with the angle between the two, and Broyden's method learns from the steps
+    what the projection has taken away (C. T. Kelley, Iterative Methods for Linear and
+    Nonlinear Equations, SIAM 1995, section 7.3: only the steps are kept).
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    sizes = at(s, HEADER + size)
+    masses = at(s, HEADER + 3 * size + 2)
+    new = at(s, HEADER + 10 * size + 6)
+    work = at(s, HEADER + 12 * size + 6)
+    steps = at(work, size + 4)
+    least = h * h * h * h * masses[n]
+    previous = 1e300
+    for made in range(MOST):
+        position_step(after, new, p, work)
+        residual = work[n]
+        change = relative_size(n, work, masses, new, sizes, least)
+        if residual <= EXACT or change <= EXACT:
+            return 1
+        if residual <= ROUNDING and residual > 0.5 * previous:
+            return 1
+        if not residual < 1e300:
+            return 0
+        previous = residual
+        moved = at(steps, made * n)
+        along_old(s, p, h, moved)
+        learn(n, made, masses, steps)
+        for i in range(n):
+            new[n + i] += moved[i]
+            new[i] = y[i] + h * new[n + i]
+    return 0
+
+
+def along_old(s: Floats, p: Floats, h: float, moved: Floats) -> None:
+    """Project the step of the positions, over h, onto the span of the old gradients."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    asked = at(s, HEADER + 11 * size + 6)
+    work = at(asked, size)
+    for i in range(n):
+        asked[i] = y[i]
+        asked[n + i] = y[n + i] + work[i] / h
+    # The old velocities are tangent: what is taken away is the part that is looked for.
+    velocity_step(s[T], asked, p, work)
+    for i in range(n):
+        moved[i] = -work[i]
+
+
+def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
+    """Replace the last of the steps (made + 1, n) by Broyden's."""
+    last = at(steps, made * n)
+    for j in range(made):
+        step = at(steps, j * n)
+        square = 0.0
+        share = 0.0
+        for i in range(n):
+            square += masses[i] * step[i] * step[i]
+            share += masses[i] * step[i] * last[i]
+        if square > 0.0:
+            share /= square
+        if j + 1 < made:
+            following = at(steps, (j + 1) * n)
+            for i in range(n):
+                last[i] += share * following[i]
+        else:
+            for i in range(n):
+                last[i] /= 1.0 - share
+
+
+def hold_velocities(s: Floats, p: Floats, after: float, h: float) -> int:
+    """Make the new velocities tangent; give 0 where that fails."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    sizes = at(s, HEADER + size)
+    masses = at(s, HEADER + 3 * size + 2)
+    new = at(s, HEADER + 10 * size + 6)
+    work = at(new, 2 * size)
+    if project_level(1, n, after, h, new, p, sizes, masses, work) == 0:
+        return 0
+    record_health(s, work[n + 1], h)
+    return 1
+
+
+def interpolate(s: Floats, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step: cubic Hermite."""
+    hermite(s, x, out)

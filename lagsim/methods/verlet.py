@@ -1,0 +1,101 @@
+"""Verlet: half a kick, a drift, half a kick; one evaluation per step, order 2.
+
+The leapfrog of molecular dynamics and of the planets. Each part of the step is a motion
+made exactly, so the step preserves the symplectic form, and run backwards it returns
+on its own path. It does not conserve the energy but a nearby one: the error of the
+energy swings within bounds of size (h w)^2 and does not grow, for millions of periods,
+where an explicit Runge-Kutta method gains or loses a little in each.
+
+Stable for h w < 2, w the fastest frequency: 3.14 steps per period. Well below that, an
+oscillation comes out too fast by the part (h w)^2/24, its amplitude right. With a
+nonlinear force, whole fractions of the frequency resonate with the step: at
+h w = sqrt(3) three steps are one turn and a cubic potential has no stable motion of any
+size.
+
+It needs a constant mass matrix and forces that depend on positions and time only.
+
+Source: L. Verlet, Phys. Rev. 159 (1967) 98-103; E. Hairer, C. Lubich and G. Wanner,
+Geometric Numerical Integration, 2nd ed., sections I.1.4 and IX.8 (energy over long
+times).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.methods import _symplectic
+from lagsim.methods._fixed import (
+    begin,
+    hermite,
+    is_finite,
+    next_time,
+    step_length,
+    take,
+)
+from lagsim.methods._state import DONE, EVALUATIONS, HEADER, NOT_FINITE, SIZE, T
+from lagsim.methods._symplectic import arrive, clear, depart, drift, kick
+from lagsim.native.kernel_types import at
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+    from lagsim.structure import Structure
+
+NAME = "verlet"
+TITLE = "Stoermer-Verlet (leapfrog)"
+ORDER = 2
+DENSE_ORDER = 2
+ADAPTIVE = False
+IMAGINARY_LIMIT = 2.0
+HANDLES = "constant M, forces f(q, t); no constraints"
+
+NEEDS = ("power",)
+
+CONSTRAINED = False  # for what is shared with methods that can be
+
+
+def refusal(scene: Structure) -> str:
+    """Say why positions and velocities cannot be moved in turn, or give ""."""
+    return _symplectic.refusal(scene)
+
+
+def amplification(z: complex) -> float:
+    """Give the spectral radius for q'' = 2 Re(z) q' - |z|^2 q, h = 1.
+
+    Damping, which a run refuses, is taken by the velocity before each half kick.
+    """
+    return _symplectic.amplification((1.0,), z)
+
+
+def state_size(size: int) -> int:
+    """Give the length of the array of state for `size` components."""
+    return HEADER + 6 * size + 6 + _symplectic.ARRAYS * size
+
+
+def start(s: Floats, p: Floats) -> None:
+    """Begin an arc: evaluate at its start."""
+    begin(s, p)
+    clear(s)
+
+
+def step(s: Floats, p: Floats) -> int:
+    """Make one step, or give a code other than 0."""
+    size = int(s[SIZE])
+    slope = at(s, HEADER + 9 * size + 6)
+    new = at(slope, size)
+    after = next_time(s)
+    h = step_length(s, after)
+    depart(s)
+    kick(s, p, s[T], 0.5 * h)
+    drift(s, p, after, h)
+    kick(s, p, after, 0.5 * h)
+    if not is_finite(size, new):
+        return NOT_FINITE
+    s[EVALUATIONS] += 1.0
+    arrive(s, p, after)
+    take(s, p, after, new, slope)
+    return DONE
+
+
+def interpolate(s: Floats, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step: cubic Hermite."""
+    hermite(s, x, out)

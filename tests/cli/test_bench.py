@@ -1,0 +1,127 @@
+"""`lagsim bench`: the command and its files."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from _results import names
+from _scenes import CAPTION, CONTACT, FALL, PENDULUM
+
+HEADER = (
+    "method,formulation,setting,value,seconds,evaluations,error,error_lambda,"
+    "energy_drift,constraint_residual,outcome,chosen"
+)
+QUICK = ("--tolerances", "1e-4:1e-6", "--steps", "0.1:0.05")
+SOME = ("--methods", "dop853,rk4,scipy:DOP853", *QUICK)
+
+
+def rows(folder):
+    text = (Path(folder) / "work_precision.csv").read_text()
+    return list(csv.DictReader(text.splitlines()))
+
+
+def test_the_files_and_the_table(lagsim, write):
+    called = lagsim("bench", write(PENDULUM), *SOME)
+    assert (called.code, called.err) == (0, "")
+    folder = Path("results/model/bench")
+    files = ["work_precision.csv", "work_precision.json", "work_precision.png"]
+    assert names(folder) == files
+    lines = (folder / "work_precision.csv").read_bytes().split(b"\r\n")
+    assert lines[0].decode() == HEADER
+    found = rows(folder)
+    settings = [(r["method"], r["setting"], float(r["value"])) for r in found]
+    tolerances = [("rtol", 1e-4), ("rtol", 1e-5), ("rtol", 1e-6)]
+    assert settings == [
+        *(("dop853", *s) for s in tolerances),
+        ("rk4", "step", 0.1),
+        ("rk4", "step", 0.05),
+        *(("scipy:DOP853", *s) for s in tolerances),
+    ]
+    assert [r["chosen"] for r in found] == 3 * ["true"] + 5 * ["false"]
+    for row in found:
+        assert row["outcome"] == "done"
+        assert row["formulation"] == "none"
+        assert row["error_lambda"] == ""
+        assert 0 < float(row["seconds"]) < 10
+        assert 0 < float(row["error"]) < 0.1
+        assert int(row["evaluations"]) > 40
+    png = (folder / "work_precision.png").read_bytes()
+    assert png.startswith(b"\x89PNG")
+    assert "reference" in called.out
+    assert "what auto takes" in called.out
+
+
+def test_the_document(lagsim, write):
+    called = lagsim("bench", write(PENDULUM), *SOME, "-o", "out", "--json")
+    assert called.code == 0
+    [document] = called.json
+    assert document == json.loads(Path("out/work_precision.json").read_bytes())
+    reference = document["reference"]
+    assert reference["floor"] < 1e-11
+    assert reference["horizon"] is None
+    assert reference["agreement"].keys() == {"theta", "theta_dot"}
+    assert document["versions"].keys() >= {"python", "numpy", "scipy"}
+    assert document["machine"]["cores"] > 0
+    assert document["complete"] is True
+    assert len(document["rows"]) == 8
+    assert document["rows"][0].keys() >= set(HEADER.split(","))
+    assert any(row["front_seconds"] for row in document["rows"])
+    assert all(curve["compile_seconds"] >= 0 for curve in document["curves"])
+
+
+def test_several_models(lagsim, write):
+    files = [write(PENDULUM, f"{name}.yaml") for name in "ab"]
+    quick = ("--methods", "dop853", "--tolerances", "1e-4:1e-4")
+    called = lagsim("bench", *files, *quick, "-o", "out", "-q")
+    assert (called.code, called.out, called.err) == (0, "", "")
+    assert names("out") == ["a", "b"]
+    assert len(rows("out/a")) == 1
+    # One that cannot be measured does not keep the other from it.
+    called = lagsim("bench", files[0], "missing.yaml", *quick, "-o", "out", "-q")
+    assert called.code == 2
+    assert "missing.yaml" in called.err
+
+
+def test_parameters_are_set(lagsim, write):
+    quick = ("--methods", "dop853", "--tolerances", "1e-4:1e-4", "--set", "g=1.62")
+    [document] = lagsim("bench", write(PENDULUM), *quick, "--json").json
+    assert document["parameters"]["g"] == 1.62
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--methods", "dop853,dop54"], "there is no method `dop54`"),
+        (["--methods", "scipy:Euler"], "there is no method `scipy:Euler`"),
+        (["--tolerances", "1e-3"], "--tolerances 1e-3: two numbers above 0"),
+        (["--tolerances", "0:1e-3"], "two numbers above 0"),
+        (["--steps", "a:b"], "--steps a:b: two numbers above 0"),
+        (["--set", "l"], "--set l: a name and an expression"),
+    ],
+)
+def test_unusable_options(lagsim, write, options, said):
+    called = lagsim("bench", write(PENDULUM), *options)
+    assert (called.code, called.out) == (2, "")
+    assert said in called.err
+    assert names(".") == ["model.yaml"]
+    errors = lagsim("bench", "model.yaml", *options, "--json").json["errors"]
+    assert said in errors[0]["text"]
+
+
+def test_unusable_models(lagsim, write):
+    called = lagsim("bench", write(CONTACT))
+    assert called.code == 2
+    assert "`bench` has no contact yet" in called.err
+    called = lagsim("bench", write(CAPTION))
+    assert called.code == 1
+    assert "constraint `path` has the residual 1" in called.err
+    assert names(".") == ["model.yaml"]
+
+
+def test_a_motion_that_cannot_be_solved_has_no_reference(lagsim, write):
+    called = lagsim("bench", write(FALL))
+    assert called.code == 3
+    assert "nothing to measure errors against" in called.err

@@ -1,0 +1,86 @@
+"""`lagsim run --error-bar`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.support import MODELS
+
+SWING = """
+coordinates: {a: {unit: rad}}
+energy: {kinetic: a_dot^2/2, potential: -cos(a)}
+initial: {a: 1}
+simulation: {duration: 5}
+"""
+
+
+def manifest(folder):
+    return json.loads((Path(folder) / "run.json").read_text())
+
+
+def test_every_run_tells_its_error(lagsim, write):
+    called = lagsim("run", write(SWING), "-o", "out", "--no-plots")
+    assert called.code == 0
+    error = manifest("out")["error"]
+    assert error["repeated_by"] == "dop853"
+    assert error["repeated_rtol"] == pytest.approx(1e-13)
+    # A tolerance of 1e-11, and some rounding at worst.
+    assert 0 < error["relative"] < 1e-10
+    assert error["coordinates"]["a"]["largest"] < 2e-10
+    assert error["horizon"] is None
+    assert "of the range of a" in called.out
+    assert called.err == ""
+
+
+def test_never(lagsim, write):
+    called = lagsim(
+        "run", write(SWING), "-o", "out", "--no-plots", "--error-bar", "never"
+    )
+    assert called.code == 0
+    assert manifest("out")["error"] is None
+    assert "not estimated: not asked for" in called.out
+
+
+def test_the_result_is_the_same_with_and_without(lagsim, write):
+    model = write(SWING)
+    for choice in ("never", "always"):
+        lagsim("run", model, "-o", choice, "--no-plots", "--error-bar", choice)
+    first, second = (
+        Path(choice, "trajectory.csv").read_bytes() for choice in ("never", "always")
+    )
+    assert first == second
+    documents = [manifest(choice) for choice in ("never", "always")]
+    for key in ("steps", "evaluations", "rows", "energy_drift"):
+        assert documents[0][key] == documents[1][key]
+
+
+def test_another_word(lagsim, write):
+    called = lagsim("run", write(SWING), "--error-bar", "sometimes")
+    assert called.code == 2
+    assert "sometimes" in called.err
+
+
+@pytest.mark.parametrize("plots", [[], ["--no-plots"]])
+def test_past_the_horizon(lagsim, plots):
+    model = MODELS / "double-pendulum.yaml"
+    called = lagsim("run", model, "-o", "out", "--duration", "30", *plots)
+    assert called.code == 0
+    document = manifest("out")
+    horizon = document["error"]["horizon"]
+    assert 15 < horizon < 26
+    assert "no forecast past t" in called.out
+    (warning,) = (w for w in document["warnings"] if w["code"] == "horizon")
+    assert f"{horizon:.6g}" in warning["text"]
+    assert warning["text"] in called.err
+
+
+def test_too_long_to_repeat(lagsim, write, monkeypatch):
+    monkeypatch.setattr("lagsim.error_bar.BUDGET", 1e3)
+    called = lagsim("run", write(SWING), "-o", "out", "--no-plots")
+    assert called.code == 0
+    assert manifest("out")["error"] is None
+    assert "a repeat would take about" in called.out
+    assert "--error-bar always" in called.out
