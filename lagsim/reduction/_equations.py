@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from lagsim.equations import Equations
     from lagsim.expressions.graph import Graph
+    from lagsim.model import Model
 
 
 def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
@@ -32,7 +33,7 @@ def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
     def replaced(x: SparseVector) -> SparseVector:
         return SparseVector(g, len(x), {j: found[a] for j, a in x.entries.items()})
 
-    model = e.model
+    model = _dynamics(g, e.model, new)
     if simulation and until:
         seen = replace(until, node=found[until.node])
         model = replace(model, simulation=replace(simulation, until=seen))
@@ -60,6 +61,23 @@ def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
         power=found[power[0]] if power else None,
         quadratures=tuple(
             replace(x, rate=found[x.rate], mass=found[x.mass]) for x in e.quadratures
+        ),
+    )
+
+
+def _dynamics(g: Graph, model: Model, new: Mapping[int, int]) -> Model:
+    """Replace variables in what methods that discretise L itself take of a model."""
+    forces = model.forces
+    loss = [] if model.dissipation is None else [model.dissipation]
+    nodes = [model.lagrangian, *loss]
+    nodes += [node for force in forces for node in (force.node, force.direction)]
+    found = dict(zip(nodes, g.substitute(nodes, new), strict=True))
+    return replace(
+        model,
+        lagrangian=found[model.lagrangian],
+        dissipation=found[loss[0]] if loss else None,
+        forces=tuple(
+            replace(x, node=found[x.node], direction=found[x.direction]) for x in forces
         ),
     )
 

@@ -121,7 +121,7 @@ def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
     """Give the large eigenvalues (k,) and their vectors (2 n, k)."""
     values, vectors = np.linalg.eig(matrix)
     speeds = np.abs(values)
-    fast = speeds > FAST * np.max(speeds)
+    fast = speeds >= FAST * np.max(speeds)  # all of them where none moves
     return values[fast], vectors[:, fast]
 
 
