@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,11 +14,19 @@ from lagsim.admissibility.rank import scaled_rows
 from lagsim.admissibility.start import metric_of
 from lagsim.errors import InputError, Problem
 from lagsim.expressions.evaluate import evaluate
+from lagsim.formulation import Choice, formulate
 from lagsim.kkt.series import MOST_OPERATIONS, series_length
-from lagsim.kkt.straight import BUDGET, Elimination, TooLongError, dense_operations
+from lagsim.kkt.straight import (
+    BUDGET,
+    Elimination,
+    TooLongError,
+    affordable,
+    dense_operations,
+)
 from lagsim.methods import method, names
 from lagsim.methods._state import USUAL_RADIUS
 from lagsim.structure import structure
+from lagsim.subsystems import Subsystem, refusal, saving, subsystems
 from lagsim.switches import model_switches
 
 if TYPE_CHECKING:
@@ -27,6 +36,7 @@ if TYPE_CHECKING:
     from lagsim.equations import Equations
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
+    from lagsim.reduction import Reduction
     from lagsim.structure import Structure
     from lagsim.switches import Switches
 
@@ -39,8 +49,6 @@ WELL_CONDITIONED = 1e-2
 CHEAP = 10**6
 # Code that fills in more entries of M and A than these compiles for long.
 MOST_ENTRIES = 10_000
-# A multiplication of a sparse elimination costs as much as these of a dense one.
-WORTH = 4
 # How many states tell how long the rows usually are, and how far around the start.
 AROUND = 4
 NEARBY = 0.1
@@ -49,11 +57,11 @@ STRAIGHT_ONLY = frozenset(("series", "linear"))
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
-    """One thing chosen, and why."""
+class Part:
+    """A subsystem that is integrated apart, and its own plan."""
 
-    choice: str
-    reason: str
+    subsystem: Subsystem
+    plan: Plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +72,13 @@ class Plan:
     ----------
     method : str
     formulation : str
-        `none`, `projection` or `velocity projection`.
+        See `lagsim.formulation`.
+    reduction : Reduction
+        The equations that are integrated.
+    projected : bool
+        States are projected onto their constraints.
+    gain : float
+        Of the formulation `baumgarte`; else 0.
     elimination : Elimination or None
         The equations solved on the graph; None where loops solve them.
     tape : bool
@@ -78,9 +92,13 @@ class Plan:
         The rows that others imply everywhere.
     lengths : tuple of float, length m
         Of the rows in the metric of M, as they usually are.
+    constant : int
+        What is factored once in an arc: 2 M and A, 1 only M, 0 neither.
     augmented : bool
         M is singular and is solved together with the constraints.
     rtol, atol, step : float or None
+    parts : tuple of Part
+        Subsystems that are integrated apart; empty where all is in one piece.
     mass_matrix : str
         `constant`, or what it depends on.
     switches : Switches
@@ -88,59 +106,79 @@ class Plan:
 
     method: str
     formulation: str
+    reduction: Reduction
+    projected: bool
+    gain: float
     elimination: Elimination | None
     tape: bool
     rank: int
     independence: float
     set_aside: tuple[bool, ...]
     lengths: tuple[float, ...]
+    constant: int
     augmented: bool
     rtol: float | None
     atol: float | None
     step: float | None
     mass_matrix: str
     switches: Switches
+    parts: tuple[Part, ...]
     choices: tuple[Choice, ...]
 
 
-def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Plan:
+def make_plan(
+    equations: Equations,
+    start: Start,
+    *,
+    loops: bool = False,
+    formulation: str | None = None,
+) -> Plan:
     """Choose for the model; `loops` insists on solving by loops.
+
+    Parameters
+    ----------
+    formulation
+        Stands for the model's.
 
     Raises
     ------
     InputError
-        Where the method asked for is not known, or `output` asks for what the model or
-        the method has not.
+        Where the method or the formulation asked for is not known or cannot be had, or
+        `output` asks for what the model or the method has not.
     """
     if equations.model.output.gauss and start.augmented:
         raise InputError([_no_unconstrained_acceleration()])
-    choices: list[Choice] = []
+    simulation = equations.model.simulation
+    if formulation is None:
+        formulation = simulation.formulation if simulation else "auto"
+    parts = _parts(equations, start, formulation)
+    if parts:
+        formulation = "full"  # the rows are those of the whole
+    found = formulate(equations, start, formulation, partial(_suits, simulation))
+    equations, start = found.reduction.equations, found.start
     scene = structure(equations)
     mass = _mass_matrix(scene)
-    choices.append(Choice(f"mass matrix: {mass}", _mass_reason(equations, scene)))
-    formulation = _formulation(equations, choices)
+    choices = [Choice(f"mass matrix: {mass}", _mass_reason(equations, scene))]
+    choices += found.choices
+    choices += _told(parts)
     switches = _switches(equations, choices)
-    lengths = _usual_lengths(equations, start)
-    elimination = None if loops else _elimination(equations, start, lengths, choices)
-    if loops:
-        choices.append(
-            Choice("solve: loops with QR", "the rows lost their independence")
-        )
+    lengths = usual_lengths(equations, start)
+    elimination = _elimination(equations, start, lengths, choices)
     if start.augmented:
         choices.append(
             Choice("mass matrix solved with the constraints", "it is singular alone")
         )
-    simulation = equations.model.simulation
-    name = _method(simulation, scene, choices)
-    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
-        name = _straight_method(name, equations, elimination, loops, choices)
-    independence = start.ranks.generic_smallest
+    name = _method(equations, scene, choices)
     entries = len(equations.q) * (len(equations.q) + len(equations.rows))
     tape = elimination is None and entries > MOST_ENTRIES
-    if elimination is not None and elimination.operations > BUDGET:
-        tape = True
+    tape = tape or (elimination is not None and elimination.operations > BUDGET)
+    independence = start.ranks.generic_smallest
+    if elimination is not None and tape:
         # As the run will see it: of long chains the smallest singular value is small.
         independence = _independence(equations, start, lengths, elimination)
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        solved = None if tape else elimination
+        name = _straight_method(name, equations, solved, choices)
     quadratures = getattr(method(name), "QUADRATURES", False)
     if equations.model.output.action and not quadratures:
         raise InputError([_no_action(name)])
@@ -152,23 +190,81 @@ def make_plan(equations: Equations, start: Start, *, loops: bool = False) -> Pla
             atol = simulation.atol
         else:
             step = simulation.step or simulation.output_step
-    return Plan(
+    plan = Plan(
         method=name,
-        formulation=formulation,
+        formulation=found.name,
+        reduction=found.reduction,
+        projected=found.projected,
+        gain=found.gain,
         elimination=elimination,
         tape=tape,
         rank=start.ranks.generic_rank,
         independence=independence,
         set_aside=_set_aside(equations, start),
         lengths=lengths,
+        constant=_constant(scene, start),
         augmented=start.augmented,
         rtol=rtol,
         atol=atol,
         step=step,
         mass_matrix=mass,
         switches=switches,
+        parts=parts,
         choices=tuple(choices),
     )
+    return by_loops(plan) if loops else plan
+
+
+def _parts(equations: Equations, start: Start, asked: str) -> tuple[Part, ...]:
+    """Give the subsystems to be integrated apart, if there are any and it pays."""
+    simulation = equations.model.simulation
+    if simulation is None or asked not in ("auto", "apart"):
+        return ()
+    why = refusal(equations)
+    if not why:
+        switches = model_switches(equations)
+        if switches.modes or switches.sides:
+            why = "a switch is met by all of them"
+    if why and asked == "apart":
+        text = f"formulation `apart` cannot be had: {why}"
+        place = simulation.formulation_place
+        raise InputError([Problem("formulation-refused", text, place)])
+    if why:
+        return ()
+    found = subsystems(equations, start)
+    if asked == "auto" and not saving(equations, found) > 0.0:
+        return ()
+    return tuple(Part(x, make_plan(x.equations, x.start)) for x in found)
+
+
+def _told(parts: tuple[Part, ...]) -> list[Choice]:
+    if not parts:
+        return []
+    names = "; ".join(", ".join(x.subsystem.equations.q) for x in parts)
+    text = f"they do not touch, and each takes its own steps: {names}"
+    return [Choice(f"subsystems: {len(parts)} integrated apart", text)]
+
+
+def by_loops(plan: Plan) -> Plan:
+    """Give the same plan with the equations solved by loops.
+
+    Nobody can be asked on the way: for a method that needs y' as nodes another goes on.
+    """
+    choices = [c for c in plan.choices if not c.choice.startswith("solve:")]
+    choices.append(Choice("solve: loops with QR", "the rows lost their independence"))
+    name = plan.method
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        choices.append(Choice("method: dop853", f"`{name}` needs straight-line code"))
+        name = "dop853"
+    return replace(
+        plan, method=name, elimination=None, tape=False, choices=tuple(choices)
+    )
+
+
+def _constant(scene: Structure, start: Start) -> int:
+    # With the constraints, M is constant where they are.
+    found = scene.constant_parts
+    return 0 if start.augmented and found < 2 else found
 
 
 def _no_unconstrained_acceleration() -> Problem:
@@ -201,7 +297,7 @@ def _set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
     return tuple(row.name in implied for row in equations.rows)
 
 
-def _usual_lengths(equations: Equations, start: Start) -> tuple[float, ...]:
+def usual_lengths(equations: Equations, start: Start) -> tuple[float, ...]:
     """Give the largest length of each row at the start and around it."""
     if not equations.rows:
         return ()
@@ -232,7 +328,9 @@ def _kicked(x: Floats, random: np.random.Generator) -> Floats:
 def _mass_matrix(scene: Structure) -> str:
     varies = scene.mass_varies_with
     kind = "constant" if scene.constant_mass else f"depends on {varies}"
-    return f"{kind}, diagonal" if scene.diagonal else kind
+    if scene.diagonal:
+        return f"{kind}, diagonal"
+    return f"{kind}, {scene.blocks} blocks" if scene.blocks > 1 else kind
 
 
 def _mass_reason(equations: Equations, scene: Structure) -> str:
@@ -243,20 +341,20 @@ def _mass_reason(equations: Equations, scene: Structure) -> str:
     return f"{full} of {n * n} entries are not zero"
 
 
-def _formulation(equations: Equations, choices: list[Choice]) -> str:
-    rows = equations.rows
-    if not rows:
-        choices.append(Choice("formulation: none", "no constraints"))
-        return "none"
-    held = [row for row in rows if row.holonomic]
-    if held:
-        reason = f"{len(held)} of {len(rows)} constraints hold positions"
-        choices.append(Choice("formulation: projection", reason))
-        return "projection"
-    choices.append(
-        Choice("formulation: velocity projection", "the constraints hold velocities")
-    )
-    return "velocity projection"
+def _suits(simulation: Simulation | None, equations: Equations) -> bool:
+    """Tell whether the method that is asked for can handle `equations`."""
+    asked = simulation.method if simulation else "auto"
+    if asked not in names():
+        return True
+    return not _refusal(asked, equations, structure(equations))
+
+
+def _refusal(name: str, equations: Equations, scene: Structure) -> str:
+    """Say why a method cannot handle equations, or give ""."""
+    chosen = method(name)
+    if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
+        return "it does not integrate ignorable coordinates by quadrature"
+    return str(chosen.refusal(scene))
 
 
 def _elimination(
@@ -279,7 +377,7 @@ def _elimination(
         choices.append(Choice("solve: loops with QR", reason))
         return None
     try:
-        elimination = Elimination(equations, max(BUDGET, dense // WORTH))
+        elimination = Elimination(equations, affordable(n, m))
     except TooLongError:
         text = f"elimination saves too little of their {dense} multiplications"
         choices.append(Choice("solve: loops", text))
@@ -313,9 +411,8 @@ def _independence(
     return float(evaluate(equations.graph, [elimination.health()], values)[0])
 
 
-def _method(
-    simulation: Simulation | None, scene: Structure, choices: list[Choice]
-) -> str:
+def _method(equations: Equations, scene: Structure, choices: list[Choice]) -> str:
+    simulation = equations.model.simulation
     asked = simulation.method if simulation else "auto"
     if asked == "auto":
         choices.append(
@@ -328,9 +425,9 @@ def _method(
         hint = f"one of auto, {known}; `lagsim methods` describes them"
         text = f"there is no method `{asked}`"
         raise InputError([Problem("unknown-method", text, place, hint)])
-    refusal = method(asked).refusal(scene)
-    if refusal:
-        text = f"`{asked}` cannot handle this model: {refusal}"
+    why = _refusal(asked, equations, scene)
+    if why:
+        text = f"`{asked}` cannot handle this model: {why}"
         hint = "`lagsim methods` says what each handles; `auto` chooses one that can"
         raise InputError([Problem("method-refused", text, place, hint)])
     choices.append(Choice(f"method: {asked}", "asked for"))
@@ -346,16 +443,9 @@ def _straight_method(
     name: str,
     equations: Equations,
     elimination: Elimination | None,
-    loops: bool,
     choices: list[Choice],
 ) -> str:
-    """Give a method that needs y' as nodes where it has them; refuse it where not.
-
-    On the way, where `loops` take over, no user can be asked: another method goes on.
-    """
-    if loops:
-        choices.append(Choice("method: dop853", f"`{name}` needs straight-line code"))
-        return "dop853"
+    """Give a method that needs y' as nodes where it has them; refuse it where not."""
     simulation = equations.model.simulation
     assert simulation is not None
     text = "its equations are solved by loops, not by straight-line code"
