@@ -15,7 +15,9 @@ import numpy as np
 from lagsim.kkt.straight import dense_operations
 from lagsim.methods import _state as at
 from lagsim.methods import method
-from lagsim.plan import DEFAULT_RTOL, WELL_CONDITIONED, by_loops, usual_lengths
+from lagsim.plan import by_loops
+from lagsim.plan.integration import DEFAULT_RTOL
+from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
 from lagsim.system import System

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from lagsim.simulate.arcs import Run
 
 STIFF = "radau"
+# Asks after many steps, not because its step is at the bound: nothing is to be said.
+SERIES = "taylor"
 # Asked again after this many times as many steps at the bound.
 ASKED_AGAIN = 4.0
 # The eigenvalues confirm the bound from this part of it on.
@@ -68,7 +70,8 @@ def consider(run: Run) -> None:
     # Sliding has a method of its own.
     scene = run.system.equations
     if sliding or scene.quadratures or method(STIFF).refusal(structure(scene)):
-        _warn(run, (), "")
+        if run.plan.method != SERIES:
+            _warn(run, (), "")
         return
     plan = replace(run.plan, method=STIFF)
     system = System(run.equations, plan)
@@ -82,6 +85,9 @@ def consider(run: Run) -> None:
     fast = _fastest(run, J.reshape(n, 2 * n))
     if fast.rate * state[at.STEP_H] < CLOSE * run.runner.method.IMAGINARY_LIMIT:
         return  # something else, as where rows lose their rank
+    series = run.plan.method == SERIES
+    if series and (run.simulation.method != "auto" or fast.excited):
+        return
     if run.simulation.method != "auto":
         advice = f"`--method {STIFF}` passes over fast motion that has died out"
         _warn(run, fast.where, advice)
