@@ -25,6 +25,23 @@ if TYPE_CHECKING:
     from lagsim.model import Model
 
 
+# The column, and the variable, of the integral of L.
+ACTION = "action.S"
+
+
+@dataclass(frozen=True, slots=True)
+class Quadrature:
+    """What stands in no equation: only its rate is integrated.
+
+    A coordinate, or the action. `rate` and `mass` (its entry of M's diagonal; zero for
+    the action) are nodes.
+    """
+
+    name: str
+    rate: int
+    mass: int
+
+
 @dataclass(frozen=True, slots=True)
 class Equations:
     """Everything a run needs, as nodes of `graph`.
@@ -47,6 +64,9 @@ class Equations:
     power : int or None
         The rate of `work`, with the multipliers as variables `lambda_<c>`; None where
         the model has nothing that could do work.
+    quadratures : tuple of Quadrature
+        What is integrated beside these equations: the action where it is asked for,
+        and coordinates, see `reduction`.
     """
 
     model: Model
@@ -61,11 +81,18 @@ class Equations:
     energy_is_sum: bool
     kinetic_form: int
     power: int | None
+    quadratures: tuple[Quadrature, ...] = ()
 
     @property
     def accelerations(self) -> tuple[str, ...]:
         """The names of the variables q''."""
         return tuple(f"{q}_ddot" for q in self.q)
+
+    @property
+    def quadrature_rates(self) -> list[int]:
+        """The rates of what follows the velocities in y: work, then `quadratures`."""
+        work = [] if self.power is None else [self.power]
+        return [*work, *(x.rate for x in self.quadratures)]
 
     @property
     def multipliers(self) -> tuple[str, ...]:
@@ -134,7 +161,14 @@ def derive(model: Model) -> Equations:
         energy_is_sum=is_sum,
         kinetic_form=kinetic_form,
         power=_power(g, model, Q, rates, rows, dL_dt),
+        quadratures=_action(g, model),
     )
+
+
+def _action(g: Graph, model: Model) -> tuple[Quadrature, ...]:
+    if not model.output.action:
+        return ()
+    return (Quadrature(ACTION, model.lagrangian, g.zero),)
 
 
 def _mass_matrix(

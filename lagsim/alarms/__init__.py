@@ -71,6 +71,6 @@ def alarms(
         *trajectory.warnings,
         *about_steps(equations, plan, trajectory, witness),
         *about_energy(plan, witness),
-        *about_constraints(ledger),
+        *about_constraints(ledger, plan),
         *about_error(bar, plan),
     ]

@@ -34,4 +34,7 @@ def about_inputs(start: Start, plan: Plan, system: System) -> list[Caution]:
     if plan.rtol is None and (simulation.rtol, simulation.atol) != (None, None):
         text = f"tolerances have no effect: {plan.method} takes fixed steps"
         found.append(Caution("tolerance-unused", text))
+    if plan.formulation != "baumgarte" and simulation.gain is not None:
+        text = f"`gain` has no effect: the formulation is {plan.formulation}"
+        found.append(Caution("gain-unused", text))
     return found

@@ -33,15 +33,17 @@ def about_error(bar: ErrorBar | str, plan: Plan) -> list[Caution]:
     return [Caution("horizon", text)]
 
 
-def about_constraints(ledger: Ledger) -> list[Caution]:
+def about_constraints(ledger: Ledger, plan: Plan) -> list[Caution]:
     """Say so where rows do not meet the constraints: the motion is then no answer."""
     name, worst = ledger.worst_constraint
     if worst <= HELD:
         return []
+    why = "the constraints do not determine this motion, and the rows are no answer"
+    if not plan.projected and not plan.reduction.eliminated:
+        why = f"the formulation {plan.formulation} lets it go; `projection` does not"
     text = (
         f"constraint `{name}` is not met in all rows (off by {worst:.2g} of its "
-        "scale): the constraints do not determine this motion, and the rows are no "
-        "answer"
+        f"scale): {why}"
     )
     return [Caution("constraint-not-held", text)]
 

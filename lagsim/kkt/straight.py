@@ -27,8 +27,15 @@ if TYPE_CHECKING:
 # beyond that a full M is for loops (measured: an n-link pendulum past n of about 16)
 # and a sparse one for tapes.
 BUDGET = 3000
+# A multiplication of a sparse elimination costs as much as these of a dense one.
+WORTH = 4
 
 Vector = dict[int, int]  # index -> node; what is absent is zero
+
+
+def affordable(n: int, m: int) -> int:
+    """Give how many multiplications an elimination may take before loops win."""
+    return max(BUDGET, dense_operations(n, m) // WORTH)
 
 
 def dense_operations(n: int, m: int) -> int:
@@ -165,6 +172,14 @@ class Factorisation:
             if value != g.zero:
                 x[k] = value
         return x
+
+    def less(self, node: int, z: Mapping[int, int], other: Mapping[int, int]) -> int:
+        """Give node - z^T D^-1 other."""
+        g = self.g
+        for k in sorted(z.keys() & other.keys()):
+            part = g.call("mul", g.call("mul", z[k], self.inverse[k]), other[k])
+            node = g.call("sub", node, part)
+        return node
 
     def solve(self, right: Mapping[int, int]) -> Vector:
         """Give the solution for `right`."""

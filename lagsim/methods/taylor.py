@@ -31,6 +31,7 @@ from lagsim.methods._interface import series
 from lagsim.methods._projection import project
 from lagsim.methods._singular import leave_loss, record_health
 from lagsim.methods._state import (
+    AT_BOUND,
     DONE,
     END,
     EVALUATIONS,
@@ -69,6 +70,10 @@ CONSTRAINED = True
 # Terms shrink by e^2 from one to the next at the step that costs least per unit of
 # time (Jorba and Zou, proposition 3.1).
 SHRINK = math.exp(2.0)
+# Its step for accuracy is close to the stability bound, so that nothing in a step tells
+# a stiff scene: after so many thousand steps it is asked whether another method would
+# do with far fewer.
+PATIENCE = 4000.0
 LEAST_ORDER = 4
 MOST_ORDER = 22
 # How many of the last coefficients bound the step.
@@ -266,6 +271,7 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     y = at(s, HEADER)
     new = at(s, buffer(size, 2.0))
     own[0] = 1.0 - own[0]
+    s[AT_BOUND] += 1.0 / PATIENCE
     for i in range(size):
         y[i] = new[i]
     s[STEP_T] = s[T]

@@ -11,18 +11,32 @@ from lagsim.admissibility.rank import weakest_rows
 from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.equations import Equations
     from lagsim.native.kernel_types import Floats
-    from lagsim.plan import Plan
 
 
 def weakest(
-    equations: Equations, plan: Plan, t: float, q: Floats, v: Floats
+    equations: Equations,
+    rank: int,
+    usual: Sequence[float],
+    t: float,
+    q: Floats,
+    v: Floats,
 ) -> tuple[tuple[str, ...], float]:
-    """Give the constraints closest to dependent at a state, and how close they are."""
+    """Give the constraints closest to dependent at a state, and how close they are.
+
+    Parameters
+    ----------
+    rank
+        Of the rows, in general.
+    usual : (m,)
+        Their lengths, in general.
+    """
     point = Point(equations)
     point.move_to(t)
-    left, smallest = weakest_rows(point, q, v, plan.rank, plan.lengths)
+    left, smallest = weakest_rows(point, q, v, rank, usual)
     heavy = np.abs(left) > 1e-3
     rows = zip(equations.rows, heavy, strict=True)
     return tuple(row.name for row, is_in in rows if is_in), smallest

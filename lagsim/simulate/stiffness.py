@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.formulation import Choice
 from lagsim.methods import _state as at
 from lagsim.methods import method
-from lagsim.plan import Choice
 from lagsim.simulate.states import converted, state_length
 from lagsim.structure import structure
 from lagsim.system import System
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from lagsim.simulate.arcs import Run
 
 STIFF = "radau"
+# Asks after many steps, not because its step is at the bound: nothing is to be said.
+SERIES = "taylor"
 # Asked again after this many times as many steps at the bound.
 ASKED_AGAIN = 4.0
 # The eigenvalues confirm the bound from this part of it on.
@@ -67,9 +69,10 @@ def consider(run: Run) -> None:
     n = run.system.n
     sliding = run.switching is not None and bool(np.any(run.switching.slides))
     # Sliding has a method of its own.
-    refused = method(STIFF).refusal(structure(run.equations))
-    if sliding or refused or run.system.has_action:
-        _warn(run, (), "")
+    scene = run.system.equations
+    if sliding or scene.quadratures or method(STIFF).refusal(structure(scene)):
+        if run.plan.method != SERIES:
+            _warn(run, (), "")
         return
     plan = replace(run.plan, method=STIFF)
     system = System(run.equations, plan)
@@ -83,6 +86,9 @@ def consider(run: Run) -> None:
     fast = _fastest(run, J.reshape(n, 2 * n))
     if fast.rate * state[at.STEP_H] < CLOSE * run.runner.method.IMAGINARY_LIMIT:
         return  # something else, as where rows lose their rank
+    series = run.plan.method == SERIES
+    if series and (run.simulation.method != "auto" or fast.excited):
+        return
     if run.simulation.method != "auto":
         advice = f"`--method {STIFF}` passes over fast motion that has died out"
         _warn(run, fast.where, advice)
@@ -109,7 +115,8 @@ def _fastest(run: Run, J: Floats) -> Fast:
     shape = np.abs(right[:n]) * np.sqrt(masses)[:, None]
     shape /= np.maximum(np.max(shape, axis=0), 1e-300)
     heavy = np.max(shape, axis=1) > 0.5
-    where = tuple(q for q, is_in in zip(run.equations.q, heavy, strict=True) if is_in)
+    names = run.system.equations.q
+    where = tuple(q for q, is_in in zip(names, heavy, strict=True) if is_in)
     # Of y' itself: how fast the state moves along each of them. Left and right ones of
     # equal eigenvalues need not come in pairs.
     rates = run.runner.function("derivative")(run.t, run.y)[: 2 * n]
@@ -125,7 +132,7 @@ def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
     """Give the large eigenvalues (k,) and their vectors (2 n, k)."""
     values, vectors = np.linalg.eig(matrix)
     speeds = np.abs(values)
-    fast = speeds >= FAST * np.max(speeds)
+    fast = speeds >= FAST * np.max(speeds)  # all of them where none moves
     return values[fast], vectors[:, fast]
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.equations import ACTION
 from lagsim.kkt.straight import unconstrained
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from lagsim.equations import Equations
-
-
-ACTION = "action.S"
 
 
 class Columns:
@@ -19,12 +19,13 @@ class Columns:
     Attributes
     ----------
     nodes : dict of str to int
-        In the order of the table; expressions of the state, q'' and lambda.
+        In the order of the table; expressions of the state, q'' and lambda, those that
+        are integrated: what a reduction leaves out is `recovered`.
     table : int
         How many of them the table shows.
     """
 
-    def __init__(self, equations: Equations) -> None:
+    def __init__(self, equations: Equations, recovered: Mapping[int, int]) -> None:
         model, g = equations.model, equations.graph
         nodes = {"t": g.variable("t")}
         for group in (equations.q, equations.velocities, equations.accelerations):
@@ -57,7 +58,8 @@ class Columns:
         new |= {
             g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)
         }
-        self.nodes = dict(zip(nodes, g.substitute(nodes.values(), new), strict=True))
+        written = g.substitute(nodes.values(), new)
+        self.nodes = dict(zip(nodes, g.substitute(written, recovered), strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:

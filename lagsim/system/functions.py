@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from lagsim.constraints import Flow
 from lagsim.equations import generalized_forces
 from lagsim.expressions.derivatives import gradient
+from lagsim.formulation import GAIN
 from lagsim.kkt.linear import linear_form
 from lagsim.kkt.series import motion_rates
 from lagsim.linearisation import motion_residuals
@@ -39,8 +40,12 @@ def functions(
     diagonal = [equations.M[i][i] for i in range(len(equations.q))]
     rest = g.call("sub", equations.energy, equations.kinetic_form)
     found = {
-        "measure": [equations.kinetic_form, rest, *diagonal, _driven(equations)],
-    }
+        "measure": [
+            equations.kinetic_form, rest, *diagonal, _driven(equations),
+            *([] if equations.power is None else [g.zero]),
+            *(x.mass for x in equations.quadratures),
+        ],
+    }  # fmt: skip
     found["inertias"] = list(varying_inertias(equations, plan).values())
     simulation = equations.model.simulation
     if simulation and simulation.until:
@@ -60,16 +65,16 @@ def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
 
     They are the pivots of M where it is solved on the graph, which see that a
     coordinate can be replaced by others (Euler angles at theta = 0); else its diagonal.
+    Of what is integrated by itself, its entry there.
     """
     g, positions = equations.graph, frozenset(equations.q)
     if plan.elimination is None:
-        found = {i: equations.M[i][i] for i in range(len(equations.q))}
+        found = {q: equations.M[i][i] for i, q in enumerate(equations.q)}
     else:
-        found = {i: node for i, (node, _) in plan.elimination.mass.pivots.items()}
-    return {
-        equations.q[i]: found[i] for i in sorted(found)
-        if g.depends([found[i]]) & positions
-    }  # fmt: skip
+        pivots = plan.elimination.mass.pivots
+        found = {q: pivots[i][0] for i, q in enumerate(equations.q)}
+    found |= {x.name: x.mass for x in equations.quadratures}
+    return {q: node for q, node in found.items() if g.depends([node]) & positions}
 
 
 def _solved(
@@ -87,9 +92,13 @@ def _solved(
             "columns": list(columns.nodes.values()),
         }
     else:
-        found = {"derivative": rates}
         new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
-        found["observe"] = g.substitute(columns.nodes.values(), new)
+        observed = g.substitute(columns.nodes.values(), new)
+        found = {
+            "derivative": rates,
+            # Rows show the motion without what pulls the state to the constraints.
+            "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
+        }
     if e.rows:
         held, moving, worst_held, worst_moving = _residuals(e)
         found["position_step"] = [*elimination.correction(held), worst_held]
@@ -102,7 +111,11 @@ def _solved(
 def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
     """Give what the loops of `kkt.dense` begin with."""
     e = equations
-    found = {"dynamics": _dynamics(e), "columns": list(columns.nodes.values())}
+    found = {
+        "dynamics": _dynamics(e),
+        "quadratures": e.quadrature_rates,
+        "columns": list(columns.nodes.values()),
+    }
     if e.rows:
         M = [node for row in e.M for node in row]
         A = [node for row in e.rows for node in row.A]
@@ -112,16 +125,11 @@ def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
 
 
 def _dynamics(e: Equations) -> list[int]:
-    """Give M, A, f, b, power without the constraints' part, transport, L."""
-    g = e.graph
-    power = e.power if e.power is not None else g.zero
-    none = {g.variable(v): g.zero for v in e.multipliers}
+    """Give M, A, f, b."""
     return [
         *(node for row in e.M for node in row),
         *(node for row in e.rows for node in row.A),
         *e.f, *(row.b for row in e.rows),
-        *g.substitute([power], none), *(row.transport for row in e.rows),
-        *([e.model.lagrangian] if e.model.output.action else []),
     ]  # fmt: skip
 
 
@@ -172,9 +180,11 @@ def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     """Give what `kkt.jacobian` begins with."""
     e, g = equations, equations.graph
     residuals = motion_residuals(e)
-    residuals += [] if e.power is None else [e.power]
     state = [g.variable(name) for name in (*e.q, *e.velocities)]
-    slopes = [slope for r in residuals for slope in gradient(g, r, state)]
+    motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]
+    work = [] if e.power is None else [e.power]
+    slopes = [s for r in (*residuals, *work) for s in gradient(g, r, state)]
+    slopes += [s for power in work for s in gradient(g, power, motion)]
     return {"dynamics": _dynamics(e), "slopes": slopes}
 
 
