@@ -46,6 +46,8 @@ OSCILLATING = 0.3
 # take this part of its energy within the run.
 EXCITED = 1e-4
 DAMPED = 0.1
+# A gain of baumgarte that many times faster than the scene is what steps follow.
+FASTER = 30.0
 # What a mode does in steps shorter than this part of its period needs no question.
 SLOW = 1e-3
 
@@ -77,10 +79,14 @@ def about_steps(
     sees_itself = plan.step is None and math.isfinite(module.IMAGINARY_LIMIT)
     exact = plan.method == "exponential"
     steps = trajectory.statistics.steps
-    if sees_itself or exact or not steps or len(equations.q) > MOST_COORDINATES:
+    if not steps or len(equations.q) > MOST_COORDINATES:
         return []
     span = trajectory.end - trajectory.start
     h = span / steps if plan.step is None else plan.step
+    if plan.formulation == "baumgarte":
+        return _penalty(module, h, plan, _seen(equations, witness, 1.0 / plan.gain))
+    if sees_itself or exact:
+        return []
     seen = _seen(equations, witness, h)
     found = [] if plan.step is None else _unstable(module, h, span, seen, equations)
     return found or _damping(module, h, span, seen, equations, witness.energy_in_play)
@@ -117,6 +123,33 @@ def _analysed(t: float, linear: Linear, v: Floats, a: Floats, h: float) -> Seen:
     shapes = np.abs(linear.Zh @ moved) * np.sqrt(np.diag(G))[:, None]
     shapes /= np.maximum(np.max(shapes, axis=0, initial=0.0), 1e-300)
     return Seen(t, values, shapes, energies * swings * (values.imag > 0.0))
+
+
+def _penalty(
+    module: ModuleType, h: float, plan: Plan, seen: list[Seen]
+) -> list[Caution]:
+    """Say so where the gain of Baumgarte's formulation makes the scene stiff.
+
+    It adds a double eigenvalue -gain for each constraint.
+    """
+    if plan.step is not None and exceeds(module.amplification, complex(-h * plan.gain)):
+        text = (
+            f"the step ({h:.3g}) is past the stability bound of {module.NAME}: the gain "
+            f"{plan.gain:.3g} of baumgarte makes it unstable; a gain below "
+            f"{1.0 / h:.2g} holds, and projection needs none"
+        )
+        return [Caution("step-at-stability-bound", text)]
+    sizes = [float(np.max(np.abs(there.eigenvalues), initial=0.0)) for there in seen]
+    fastest = max(sizes, default=0.0)
+    if not plan.gain > FASTER * fastest:
+        return []
+    text = (
+        f"the gain {plan.gain:.3g} of baumgarte makes the scene stiff, in which nothing "
+        f"is faster than {max(fastest, SLOW * plan.gain):.3g} per unit of time: steps "
+        "are as short as the gain asks; projection costs less and holds the "
+        "constraints to rounding"
+    )
+    return [Caution("step-at-stability-bound", text)]
 
 
 def _unstable(

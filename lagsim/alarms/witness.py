@@ -17,6 +17,8 @@ MOST_ROWS = 512
 TENTH = 0.1
 # A change is in the second half where the first has less than this part of it.
 ABRUPT = 0.1
+# An energy off by this part of what has been in play is that of another motion.
+WRONG = 0.3
 
 
 class Witness:
@@ -55,16 +57,17 @@ class Witness:
             self._stride *= 2
 
     def _part(self, row: Floats) -> Floats:
-        """Give energy - work, t, q, q', q''."""
+        """Give energy - work, the kinetic energy, t, q, q', q''."""
         work = 0.0 if self._work is None else row[self._work]
         with np.errstate(invalid="ignore"):
             balance = row[self._energy] - work
-        return np.concatenate([[balance], row[: 1 + 3 * self.count]])
+        moving = row[self._parts.get("kinetic", self._energy)]
+        return np.concatenate([[balance, moving], row[: 1 + 3 * self.count]])
 
     @property
     def _rows(self) -> Floats:
         """What is kept and finite, from the start to where it ceases to be."""
-        rows = np.array(self._kept).reshape(-1, 2 + 3 * self.count)
+        rows = np.array(self._kept).reshape(-1, 3 + 3 * self.count)
         lost = np.flatnonzero(~np.all(np.isfinite(rows), axis=1))
         return rows[: lost[0]] if len(lost) else rows
 
@@ -72,7 +75,7 @@ class Witness:
     def end(self) -> float:
         """The time of the last row that is kept."""
         rows = self._rows
-        return float(rows[-1, 1]) if len(rows) else 0.0
+        return float(rows[-1, 2]) if len(rows) else 0.0
 
     @property
     def energy_gained(self) -> float:
@@ -111,7 +114,17 @@ class Witness:
         return float(np.max(found))
 
     def states(self, most: int) -> Iterator[tuple[float, Floats, Floats, Floats]]:
-        """Give t, q, q', q'' of at most so many rows, the first among them."""
+        """Give t, q, q', q'' of at most so many rows, the first among them.
+
+        None from where the energy is wrong by a large part of what has been in play: a
+        motion that has blown up says nothing of the scene.
+        """
         n, rows = self.count, self._rows
+        if not len(rows):
+            return
+        change = np.abs(rows[:, 0] - rows[0, 0])
+        in_play = np.maximum.accumulate(np.abs(rows[:, 1]))
+        wrong = np.flatnonzero(change > WRONG * in_play)
+        rows = rows[: max(1, wrong[0])] if len(wrong) else rows
         for row in rows[:: max(1, -(-len(rows) // most))]:
-            yield float(row[1]), row[2 : 2 + n], row[2 + n :][:n], row[2 + 2 * n :]
+            yield float(row[2]), row[3 : 3 + n], row[3 + n :][:n], row[3 + 2 * n :]
