@@ -59,9 +59,12 @@ def about_energy(plan: Plan, witness: Witness) -> list[Caution]:
     way = "gained" if gained > 0.0 else "lost"
     part = abs(gained) / in_play
     how = "a shorter step" if plan.rtol is None else "a tighter rtol"
+    whose = plan.method
+    if plan.formulation == "drift":
+        whose += " and of the formulation drift"
     text = (
         f"the motion has {way} energy that no force explains, {part:.2g} of the energy "
-        f"in play by t = {witness.end:.6g}: that is an error of {plan.method}; "
-        f"{how}, or `--method auto`, keeps it"
+        f"in play by t = {witness.end:.6g}: that is an error of {whose}; {how}, or "
+        "`--method auto`, keeps it"
     )
     return [Caution(f"energy-{way}", text)]

@@ -48,8 +48,8 @@ EXCITED = 1e-4
 DAMPED = 0.1
 # A gain of baumgarte that many times faster than the scene is what steps follow.
 FASTER = 30.0
-# With a step longer than this, in parts of 1/|eigenvalue|, no method resolves a motion to
-# its tolerance: DOP853 takes 1.5 at 1e-8, a series 1 at 1e-11 and 1.7 at 1e-14.
+# With a step longer than this, in parts of 1/|eigenvalue|, no method resolves a motion
+# to its tolerance: DOP853 takes 1.5 at 1e-8, a series 1 at 1e-11 and 1.7 at 1e-14.
 RESOLVED = 2.5
 # Methods with nothing to look for: they notice on the way, or are exact.
 SEE_FOR_THEMSELVES = ("dop853", "exponential")

@@ -17,6 +17,8 @@ MOST_ROWS = 512
 TENTH = 0.1
 # A change is in the second half where the first has less than this part of it.
 ABRUPT = 0.1
+# And within the first tenth, for good, where later values keep so much of it.
+NO_WAY_BACK = 0.8
 # An energy off by this part of what has been in play is that of another motion.
 WRONG = 0.3
 
@@ -82,7 +84,8 @@ class Witness:
         """How much energy - work has grown; 0 where that is only part of a swing.
 
         By the medians of the first and the last tenth, where one of them varies by
-        less; by the last value where all of the change is in the second half.
+        less; from the first value where nothing comes near it again; to the last one
+        where all of the change is in the second half.
         """
         balance = self._rows[:, 0]
         if len(balance) < 2:
@@ -95,6 +98,9 @@ class Witness:
         low, middle, high = np.quantile(
             [balance[:some], balance[-some:]], (0.25, 0.5, 0.75), axis=1
         )
+        at_once = float(middle[1] - balance[0])
+        if np.min(change[some:], initial=np.inf) > NO_WAY_BACK * abs(at_once):
+            return at_once
         gained = float(middle[1] - middle[0])
         return gained if abs(gained) > np.min(high - low) else 0.0
 
