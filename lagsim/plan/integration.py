@@ -29,6 +29,8 @@ MOST_STATES = 50
 # by two at the default tolerance and by three at 1e-13; a longer one gains less and
 # costs more on a machine that sees the model for the first time.
 SHORT_SERIES = 6000
+# At looser tolerances a tenth and more of its steps are made in vain.
+SERIES_RTOL = 1e-6
 
 
 def choose(
@@ -78,7 +80,7 @@ def _automatic(
         simulation = equations.model.simulation
         rtol = simulation.rtol if simulation else None
         rtol = DEFAULT_RTOL if rtol is None else rtol
-        if rtol > 0.0 and solved.operations <= SHORT_SERIES:
+        if 0.0 < rtol <= SERIES_RTOL and solved.operations <= SHORT_SERIES:
             length = series_length(equations, solved, rtol)
             if length <= SHORT_SERIES:
                 reason = f"its series is short, about {length} operations"

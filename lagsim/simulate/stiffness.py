@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from lagsim.simulate.arcs import Run
 
 STIFF = "radau"
-# Asks after many steps, not because its step is at the bound: nothing is to be said.
+# Its steps may fail for other reasons: of them nothing is said.
 SERIES = "taylor"
 # Asked again after this many times as many steps at the bound.
 ASKED_AGAIN = 4.0
