@@ -65,9 +65,6 @@ def choose(
     name = _asked(asked, equations, scene, choices)
     if STRAIGHT_ONLY.intersection(method(name).NEEDS):
         _check_straight(name, equations, solved, choices)
-    quadratures = getattr(method(name), "QUADRATURES", False)
-    if equations.model.output.action and not quadratures:
-        raise InputError([_no_action(name)])
     return name
 
 
@@ -116,6 +113,8 @@ def _refusal(name: str, equations: Equations, scene: Structure) -> str:
     """Say why a method cannot handle equations, or give ""."""
     chosen = method(name)
     if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
+        if equations.model.output.action:
+            return "it does not integrate the action, which `output` asks for"
         return "it does not integrate ignorable coordinates by quadrature"
     return str(chosen.refusal(scene))
 
@@ -152,11 +151,3 @@ def _check_straight(
         hint += "; a larger --rtol makes the series shorter"
     text = f"`{name}` cannot handle this model: {text}"
     raise InputError([Problem("method-refused", text, simulation.method_place, hint)])
-
-
-def _no_action(name: str) -> Problem:
-    return Problem(
-        "no-action",
-        f"`output.action` is not integrated by {name}",
-        hint="dop853 does it under its error control, or leave `action` out",
-    )
