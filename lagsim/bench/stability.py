@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -50,7 +51,7 @@ STEPS, MOST_STEPS, LEAST_STEPS = 10_000, 40_000, 400
 # Operations, worth about 10 s; a step and its row cost so many besides those of its
 # evaluations, which a few steps tell.
 BUDGET = 1e10
-OVERHEAD = 2000
+OVERHEAD = 1000
 PILOT = 20
 
 
@@ -145,6 +146,8 @@ class Stability:
         The steps of the cells.
     values : list of float or None
         Of the parameter.
+    usual : float or None
+        Its value in the file.
     runs : dict
         By method, the least and the largest number of steps of a run.
     """
@@ -155,6 +158,7 @@ class Stability:
     adaptive: tuple[str, ...]
     steps: list[float]
     values: list[float | None]
+    usual: float | None
     runs: dict[str, tuple[int, int]]
     cells: list[Cell] = field(default_factory=list)
     borders: list[Border] = field(default_factory=list)
@@ -190,12 +194,14 @@ def measure(
     values: list[float | None] = [None]
     if wish.between is not None:
         values = list(spaced(wish.between, wish.map[1]))
-    steps = _steps(subject, fixed, wish)
+    subjects = [subject, *_ends(scene_at, values, interrupt)]
+    steps = _steps(subjects, fixed, wish)
     count = len(values) * len(fixed) * (len(steps) + SEARCH)
     runs = {name: _runs(subject, name, steps, BUDGET / count) for name in fixed}
     found = Stability(
-        subject, _rest(subject), fixed, adaptive, steps, values, runs, refused=refused
-    )
+        subject, _rest(subject), fixed, adaptive, steps, values,
+        _usual(scene, wish.name), runs, refused=refused,
+    )  # fmt: skip
     work = _Work(found, interrupt, progress, count + len(values) * len(adaptive))
     for value in values:
         if work.pressed:
@@ -383,8 +389,27 @@ def spaced(between: tuple[float, float], count: int) -> Iterator[float]:
         yield from (float(f"{x:.6g}") for x in np.linspace(first, last, count))
 
 
-def _steps(subject: Subject, methods: tuple[str, ...], wish: Wish) -> list[float]:
-    between = wish.steps or _range(subject, methods)
+def _usual(scene: Scene, name: str | None) -> float | None:
+    known = {p.name: p.value for p in scene.equations.model.parameters}
+    return None if name is None else known[name]
+
+
+def _ends(
+    scene_at: SceneAt, values: list[float | None], interrupt: Interrupt | None
+) -> Iterator[Subject]:
+    """Give the scene at both ends of the parameter's range, where it can be had."""
+    for value in (values[0], values[-1]):
+        if value is not None:
+            with contextlib.suppress(LagsimError):
+                yield Subject(scene_at(value), interrupt)
+
+
+def _steps(
+    subjects: list[Subject], methods: tuple[str, ...], wish: Wish
+) -> list[float]:
+    ranges = [_range(subject, methods) for subject in subjects]
+    low, high = min(a for a, _ in ranges), max(b for _, b in ranges)
+    between = wish.steps or (max(low, high / WIDEST), high)
     count = wish.strip if wish.name is None else wish.map[0]
     return list(spaced(between, count)) if methods else []
 
