@@ -1,4 +1,4 @@
-"""stability.png: maps of verdicts above, regions of stability with eigenvalues below."""
+"""stability.png: maps of verdicts, below them regions of stability with eigenvalues."""
 
 from __future__ import annotations
 
@@ -153,7 +153,10 @@ def _step_axis(found: Stability) -> LogAxis:
 
 
 def _cells(
-    panel: Panel, cells: Sequence[Cell], values: Sequence[float] | None, found: Stability
+    panel: Panel,
+    cells: Sequence[Cell],
+    values: Sequence[float] | None,
+    found: Stability,
 ) -> None:
     """Fill the panel: over steps, or over values (as on its axis) and steps."""
     if not cells:
@@ -219,7 +222,9 @@ def _maps(sheet: Sheet, found: Stability, varied: str) -> None:
         _curve(panel, x, [prediction(b) for b in borders], PREDICTED[2])
 
 
-def _curve(panel: Panel, x: np.ndarray, steps: Sequence[float | None], pen: Pen) -> None:
+def _curve(
+    panel: Panel, x: np.ndarray, steps: Sequence[float | None], pen: Pen
+) -> None:
     y = np.array([math.log10(step) if step else math.nan for step in steps])
     panel.curve(x, np.where(y > panel.y.low, y, math.nan), pen)
 

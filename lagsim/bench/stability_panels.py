@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from contourpy import FillType, contour_generator
@@ -112,7 +112,7 @@ def _region(panel: Panel, amplification: Callable[[complex], float]) -> None:
         size = np.array([[amplification(complex(a, b)) for a in x] for b in y])
     size = np.nan_to_num(np.minimum(size, 10.0), nan=10.0)
     found = contour_generator(x, y, size, fill_type=FillType.OuterCode)
-    outlines, codes = found.filled(-1.0, 1.0 + TOUCHED)
+    outlines, codes = cast("tuple[Any, Any]", found.filled(-1.0, 1.0 + TOUCHED))
     for points, code in zip(outlines, codes, strict=True):
         inches = np.stack(
             (

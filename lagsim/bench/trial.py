@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from lagsim.bench.solving import Scene
     from lagsim.equations import Equations
     from lagsim.interrupt import Interrupt
-    from lagsim.linearisation import Complexes
     from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
 
@@ -39,8 +38,8 @@ HIDDEN = 0.1
 BEYOND = 1e3
 # A residual of this part of its scale: the constraint does not hold.
 BROKEN = 1e-3
-# The part of a run that is compared with its start.
-LAST = 1 / 8
+# The part of a run that is compared with its start, and with its middle.
+LAST, MIDDLE = 1 / 8, (7 / 16, 9 / 16)
 
 # Every mode takes part: the velocities are changed by this part of the energy, in
 # directions drawn from this seed.
@@ -343,8 +342,8 @@ def _trend(energy: Floats, ledger: Floats, ceiling: float) -> str:
     """Tell whether what is not explained has changed the energy.
 
     A change lifts or lowers the whole last part of a run past its first value. Where
-    something does work, the energy must also leave where the motion keeps it: the work,
-    summed up with the order of the method, explains a long run no more than roughly.
+    something does work, the energy must also leave where the motion keeps it, and go
+    on: the work, summed up with the order of the method, explains no more than roughly.
     """
     last = ledger[-max(1, int(len(ledger) * LAST)) :]
     low, high = float(np.min(last)), float(np.max(last))
@@ -353,4 +352,15 @@ def _trend(energy: Floats, ledger: Floats, ceiling: float) -> str:
     if high < -bound:
         explained = ceiling > -math.inf and level >= energy[0] - bound
         return HOLDS if explained else DECAYS
-    return GROWS if low > bound and level > ceiling + bound else HOLDS
+    if low <= bound or level <= ceiling + CHANGE:
+        return HOLDS
+    return GROWS if ceiling == -math.inf or _rises(energy, len(last)) else HOLDS
+
+
+def _rises(energy: Floats, last: int) -> bool:
+    """Tell whether the energy still rises in the second half."""
+    begin, end = (int(len(energy) * part) for part in MIDDLE)
+    late, before = energy[-last:], energy[begin : max(end, begin + 1)]
+    varies = min(float(np.ptp(late)), float(np.ptp(before)))
+    rise = float(np.mean(late) - np.mean(before))
+    return rise > 0.25 * CHANGE + HIDDEN * varies

@@ -27,8 +27,9 @@ from lagsim.errors import InputError, Problem
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from lagsim.bench.scope import Wish
     from lagsim.bench.solving import Scene
-    from lagsim.bench.stability import Border, Stability, Wish
+    from lagsim.bench.stability import Border, Stability
     from lagsim.model import Model
     from lagsim.outputs.results import Results
 
@@ -129,8 +130,11 @@ class _Job:
             else:
                 complain(check.report(usual.equations, usual.start))
             return 1
+        from lagsim.bench.scope import methods_for
         from lagsim.bench.stability_document import MANIFEST
         from lagsim.outputs.results import open_results
+
+        methods_for(usual, self.wish)
 
         def scene(value: float | None) -> Scene:
             return usual if value is None else scene_at(value)
@@ -182,18 +186,19 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
     ------
     InputError
     """
-    from lagsim.bench.stability import Wish
+    from lagsim.bench.scope import Wish
 
     problems: list[Problem] = []
     wanted = None
     if methods is not None:
         wanted = tuple(dict.fromkeys(name.strip() for name in methods.split(",")))
-        for name in wanted:
-            problems += method_problems(name, auto=False)
+        for wish in wanted:
+            problems += method_problems(wish, auto=False)
     between = None if steps is None else _range("--steps", steps, problems)
     if between is not None and min(between) <= 0.0:
         problems.append(Problem("usage", f"--steps {steps}: steps are above 0"))
-    name, values = None, None
+    name: str | None = None
+    values = None
     if vary:
         if vary[1:]:
             text = "--vary is given more than once: one parameter varies at a time"
@@ -249,8 +254,7 @@ def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
     """Give rows in columns."""
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return [
-        "  "
-        + "  ".join(f"{x:<{w}}" for x, w in zip(row, widths, strict=True)).rstrip()
+        "  " + "  ".join(f"{x:<{w}}" for x, w in zip(row, widths, strict=True)).rstrip()
         for row in rows
     ]
 
@@ -295,7 +299,9 @@ def _over_parameter(found: Stability, varied: str) -> list[str]:
         steps = (at.get(v) for v in ends)
         rows.append((name, *("-" if s is None else f"{s:.3g}" for s in steps)))
     if found.adaptive:
-        rows.append(("", *(f"evaluations, rejections, {varied} = {v:.4g}" for v in ends)))
+        rows.append(
+            ("", *(f"evaluations, rejections, {varied} = {v:.4g}" for v in ends))
+        )
     for name in found.adaptive:
         cells = {cell.value: cell for cell in found.of(name)}
         texts = []
@@ -350,7 +356,8 @@ def _modes(found: Stability) -> list[str]:
     if rest.at is None:
         lines = [table([("equilibrium", f"none: {rest.reason}")])]
     else:
-        rounding = 1e-12 * max(map(abs, rest.at.values()), default=0.0)
+        sizes = (*map(abs, rest.at.values()), *abs(found.subject.scene.start.q))
+        rounding = 1e-10 * max(sizes, default=0.0)
         at = [
             f"{name} = {x if abs(x) > rounding else 0.0:.6g}"
             for name, x in rest.at.items()
