@@ -43,6 +43,8 @@ STEPS, MOST_STEPS, LEAST_STEPS = 10_000, 40_000, 400
 BUDGET = 1e10
 OVERHEAD = 1000
 PILOT = 20
+# A switch costs about a million, and there may be one in every ten steps.
+SWITCHING = 100_000
 
 
 @dataclass(frozen=True)
@@ -117,6 +119,7 @@ def runs_for(
     n = len(subject.equations.q)
     solving = (2 * n) ** 3 if method_named(name).NEEDS not in ((), ("power",)) else 0
     cost = evaluations * (subject.evaluation() + 50) + OVERHEAD + solving
+    cost += SWITCHING if subject.switches else 0
     affordable = int(BUDGET / (count * cost))
     return (
         max(LEAST_STEPS, min(STEPS, affordable)),

@@ -103,6 +103,8 @@ class Subject:
         Of the positions, in the metric of M.
     span : float
         How long the model runs.
+    switches : bool
+        Switches in the state are located, each by itself.
     at_start, along : ndarray of complex
         Eigenvalues at the start, and at `states` states of the motion.
     unknown : str
@@ -144,6 +146,7 @@ class Subject:
         equations = _with(self.equations, simulation)
         plan = make_plan(equations, self.start)
         system = System(equations, plan)
+        self.switches = system.surfaces > 0
         kept = _Kept(1 + 2 * len(equations.q))
         with np.errstate(all="ignore"):
             simulate(

@@ -49,7 +49,6 @@ def test_the_files_and_the_table(lagsim, write):
         assert int(row["evaluations"]) > 100
     assert (folder / "stability.png").read_bytes().startswith(b"\x89PNG")
     assert called.out.startswith("done: model, 2 methods, 96 runs\n")
-    assert "border" not in called.out
     assert re.search(r"verlet +1 +0\.318 +1\b", called.out)
     assert "equilibrium  x = 0" in called.out
 
