@@ -45,7 +45,7 @@ def compared(found, error, of="seconds"):
 
 
 def points(entries, of):
-    return [(e.error, e.cost(of)) for e in entries if e.error is not None]
+    return [(e.error, e.cost(of)) for e in entries if e.counts]
 
 
 def rows_of(model):

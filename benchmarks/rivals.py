@@ -30,7 +30,7 @@ LONG_SECONDS = 2.0
 # which is faster, for most of a minute where there are this many operations: then at
 # fewer tolerances.
 MANY_NODES = 1000
-FEWER_DECADES = [1e-6, 1e-8, 1e-10, 1e-12, 1e-14]
+FEWER_DECADES = [1e-8, 1e-10, 1e-12, 1e-14]
 QUADRUPLE = (1e-25, 1e-22)
 
 
@@ -49,7 +49,8 @@ HOW = """\
 - lagsim: every row with all its columns (accelerations, energies, lambda), and
   projected onto the constraints. Rivals: the states of the same rows alone.
 - heyoka: batch size 1, compact mode off (on, it compiles faster and runs slower);
-  constrained scenes as index 1, unprojected.
+  constrained scenes as index 1, unprojected. It compiles for each tolerance, when it
+  first meets a scene for 0.1 (Kepler) to 50 s (ten links), and keeps that.
 - IDA: residual and Jacobian compiled from the same graph, called through Python.
 - scipy: the same compiled right-hand side through ctypes.
 - Reference: heyoka in quadruple precision."""
@@ -149,10 +150,14 @@ def measured(case, method):
 
 
 def ours(scene, method, rtol):
-    """Give lagsim with a method, or its own choice, at a tolerance, ready."""
+    """Give lagsim with a method, or its own choice where that refuses, ready."""
     from lagsim.bench.solving import Own, Patience
+    from lagsim.errors import InputError
 
-    own = Own(scene, method, "auto", rtol)
+    try:
+        own = Own(scene, method, "auto", rtol)
+    except InputError:
+        own = Own(scene, "auto", "auto", rtol)
     value = rtol if own.setting == "rtol" else own.plan.step
     patience = Patience(60.0)
     return (lambda: own.solve(value, patience)), own.compile_seconds, own.method
@@ -231,7 +236,9 @@ def by_error(results):
     head += ["lagsim without columns / rival"]
     rows = []
     for result in results:
-        for error in REPORTED:
+        reached = tightest(result)
+        # Where one of the two does not get there: where both do.
+        for error in sorted({max(error, reached) for error in REPORTED}, reverse=True):
             costs = {}
             for name, points in result["points"].items():
                 curve = [(p["error"], p["seconds"]) for p in points]
@@ -240,6 +247,14 @@ def by_error(results):
                     costs[name] = cost
             rows.append(compared(result, error, costs))
     return Table("At equal errors", head, rows, [])
+
+
+def tightest(result):
+    """Give the least error that both lagsim and heyoka reach."""
+    return max(
+        min((p["error"] for p in result["points"][name]), default=0.0)
+        for name in ("lagsim", "heyoka")
+    )
 
 
 def compared(result, error, costs):
@@ -255,16 +270,6 @@ def compared(result, error, costs):
     return [*shown, f"{own / costs[name]:.2f}", f"{bare / costs[name]:.2f}"]
 
 
-def compiling(results):
-    """Say how long heyoka compiles at the tightest tolerance reported."""
-    said = []
-    for result in results:
-        at = [p for p in result["points"]["heyoka"] if p["tolerance"] == REPORTED[-1]]
-        if at:
-            said.append(f"{result['title']} {at[0]['compile_seconds']:.2g} s")
-    return ", ".join(said)
-
-
 def report(results):
     """Give the page."""
     from lagsim import __version__
@@ -273,9 +278,8 @@ def report(results):
     packages = ("heyoka", "scikit-sundae", "scipy", "numpy", "llvmlite")
     versions = ", ".join(f"{p} {version(p)}" for p in packages)
     about = [described(machine()), f"lagsim {__version__}, {versions}"]
-    about += [f"heyoka compiles for each tolerance: {compiling(results)}."]
-    agreed = [f"{r['agreement']:.0e} ({r['title']})" for r in results]
-    about.append(f"Two tolerances of the reference agree to {', '.join(agreed)}.")
+    worst = max(r["agreement"] for r in results)
+    about.append(f"At two tolerances the reference agrees with itself to {worst:.0e}.")
     lines = "\n".join(f"- {line}" for line in about)
     tables = [by_error(results), by_tolerance(results)]
     return "\n".join([f"# Rivals\n\n{HOW}\n{lines}\n", *(t.markdown() for t in tables)])

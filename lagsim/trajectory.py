@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.plan import Choice
+    from lagsim.formulation import Choice
 
 
 class Outcome(Enum):
@@ -41,9 +41,9 @@ class Outcome(Enum):
     )
     NEWTON_FAILED = (
         "failed",
-        """Newton's method did not converge: a fixed step is too large for how strongly
-        the forces bend, or a force jumps there; take a smaller step, or a method that
-        chooses its own""",
+        """the motion runs into a singularity there, a force jumps, or a fixed step is
+        too large for how strongly the forces bend: look at this state, take a smaller
+        step, or a method that chooses its own""",
     )
     CONSTRAINT_JUMPS = (
         "failed",

@@ -105,7 +105,7 @@ def _costs(curves: Curves, of: str) -> DecadeAxis:
 
 def _fill(panel: Panel, found: WorkPrecision, curves: Curves, of: str) -> None:
     front = [found.entries[k] for k in found.front(of)]
-    panel.curve(*_points([e for e in front if (e.error or 0.0) <= WORST], of), FRONT)
+    panel.curve(*_points(front, of), FRONT)
     floor = _logarithm(found.reference.floor)
     panel.curve(np.array([floor, floor]), np.array([panel.y.low, panel.y.high]), FLOOR)
     ends = []

@@ -237,7 +237,8 @@ def formulations(scene: Scene, method: str) -> tuple[list[Own], dict[str, str]]:
             if plan.formulation not in found:
                 found[plan.formulation] = Own(scene, method, formulation)
         except InputError as fault:
-            refused[formulation] = fault.problems[0].text
+            said = f"`{method}` cannot handle this model: "
+            refused[formulation] = fault.problems[0].text.removeprefix(said)
     return list(found.values()), refused
 
 

@@ -39,6 +39,7 @@ MOST_HALVINGS = 20
 STALLED = 1e-6
 
 TOO_SLOW = "too slow"
+DRIFT = "drift"
 
 # The errors of state and lambda, energy drift, constraint residual.
 Measured = tuple[float | None, float | None, float | None, float | None]
@@ -67,6 +68,12 @@ class Entry:
     def curve(self) -> tuple[str, str]:
         """What it is a point of."""
         return self.method, self.formulation
+
+    @property
+    def counts(self) -> bool:
+        """Whether it is an answer that others are to be compared with."""
+        known = self.error is not None and self.error < 1.0
+        return known and self.formulation != DRIFT
 
     def cost(self, of: str) -> float:
         """Give `seconds` or `evaluations` of a solve that has an answer."""
@@ -137,10 +144,11 @@ class WorkPrecision:
     def front(self, of: str) -> list[int]:
         """Give the entries that none beats in error and `seconds` or `evaluations`.
 
-        Errors that the reference cannot tell apart count as equal; one as large as the
-        range is no answer.
+        Errors that the reference cannot tell apart count as equal. Those as large as
+        the range are no answer, and rows that drift off the constraints are not one
+        that `auto` might give.
         """
-        solved = [k for k in self.solved() if (self.entries[k].error or 0.0) < 1.0]
+        solved = [k for k in self.solved() if self.entries[k].counts]
         floor = self.reference.floor
         points = [
             (max(e.error or 0.0, floor), e.cost(of))

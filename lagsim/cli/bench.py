@@ -219,12 +219,20 @@ def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
     if reference.horizon is not None:
         known += f" up to t = {reference.horizon:.4g}: no row past it is judged"
     rows = [("reference", known)]
-    out = [f"{r.method}: {r.reason}" for r in found.refused if r.formulation == "auto"]
-    rows += [("" if k else "left out", text) for k, text in enumerate(out)]
+    rows += [("" if k else "left out", text) for k, text in enumerate(_left_out(found))]
     front = [found.entries[k] for k in found.front("seconds")]
     rows += [("" if k else "best", _point(e)) for k, e in enumerate(front)]
     rows.append(("files", f"{folder}: {TABLE}, {CHART}, {MANIFEST}"))
     return head + "\n" + table(rows)
+
+
+def _left_out(found: WorkPrecision) -> list[str]:
+    """Give the methods that do not apply, those with the same reason together."""
+    by_reason: dict[str, list[str]] = {}
+    for refused in found.refused:
+        if refused.formulation == "auto":
+            by_reason.setdefault(refused.reason, []).append(refused.method)
+    return [f"{', '.join(who)}: {reason}" for reason, who in by_reason.items()]
 
 
 def _point(entry: Any) -> str:

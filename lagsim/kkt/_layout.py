@@ -7,13 +7,17 @@ from lagsim.methods._interface import PER_SURFACE
 COUNT = 0  # n
 ROWS = 1  # m
 MOTION = 2  # offset of q'' (n) and lambda (m), then working memory
-HAS_WORK = 3
+QUADRATURES = 3  # components of y after q and q'
 AUGMENTED = 4
 EXPECTED = 5  # the rank that the rows have in general
 REFERENCE = 6  # the largest health so far: what is small is small against it
 HEALTH = 7  # size of the last independent column, now
 # 8 to 11: see methods._interface.
-HEADER = 12
+GAIN = 12  # of what pulls the state to the constraints
+CONSTANT = 13  # what does not change in an arc: 1 what is factored of M, 2 A as well
+FACTORED = 14  # what of that has been factored
+RANKED = 15  # the rank that was found then
+HEADER = 16
 
 
 def workspace(n: int, m: int) -> int:
@@ -32,7 +36,7 @@ def slopes_at(n: int, m: int) -> int:
 
 def jacobian_workspace(n: int, m: int) -> int:
     """Give the length from MOTION on: slopes, q'' and lambda of a column besides."""
-    return slopes_at(n, m) + (n + m + 1) * 2 * n + n + m
+    return slopes_at(n, m) + (n + m + 1) * 2 * n + 2 * (n + m)
 
 
 def weak_direction(n: int, m: int) -> int:
@@ -41,14 +45,15 @@ def weak_direction(n: int, m: int) -> int:
     return (n + 3 * m) + terms + n * n + n * m + 2 * n + 7 * m + m * m
 
 
-def switching(n: int, m: int, size: int, surfaces: int) -> int:
-    """Give the length from SWITCHING on, for so many surfaces.
+def switching(m: int, size: int, surfaces: int, elements: int) -> int:
+    """Give the length from SWITCHING on, with so many surfaces and elements of J.
 
-    What `methods._interface` names; residuals, rates, J, b and scales of the surfaces;
-    the fields on both sides; the equations for the shares.
+    What `methods._interface` names; where the rows of J begin, and the columns of its
+    elements; what `surface_rows` gives; the fields on both sides; the equations for the
+    shares.
     """
     if not surfaces:
         return 0
-    rows = PER_SURFACE + n + 4
+    rows = surfaces + 1 + elements + 4 * surfaces + elements
     fields = (surfaces + 1) * (size + m)
-    return 1 + surfaces * rows + fields + surfaces * (surfaces + 3)
+    return 1 + surfaces * PER_SURFACE + rows + fields + surfaces * (surfaces + 3)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.kkt._layout import COUNT, HAS_WORK, MOTION, ROWS
+from lagsim.kkt._layout import COUNT, GAIN, MOTION, QUADRATURES, ROWS
 from lagsim.methods._interface import (
     HIGH,
     LEAST,
@@ -50,9 +50,10 @@ def surfaces(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 @external
 def surface_rows(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give residuals (K,), rates (K,), J (K, n), b (K,) and scales (K,).
+    """Give residuals (K,), rates (K,), b (K,), scales (K,), and what J has.
 
-    A surface in velocities has no residual on the level of positions.
+    A surface in velocities has no residual on the level of positions. J (K, n) is given
+    row by row, without what vanishes; where its elements belong is kept before them.
     """
 
 
@@ -71,7 +72,7 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the columns of a row."""
+    """Give the columns of a row, without what pulls the state to the constraints."""
     n = int(p[COUNT])
     m = int(p[ROWS])
     size = components(p)
@@ -79,7 +80,10 @@ def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
     motion = at(p, int(p[MOTION]))
     kept = at(p, int(p[SWITCHING]) + 1)
     found = at(p, int(p[SWITCHING]) + fields_at(p))
+    gain = p[GAIN]
+    p[GAIN] = 0.0
     combine(t, y, p)
+    p[GAIN] = gain
     for i in range(n):
         motion[i] = found[n + i]
     for i in range(m):
@@ -134,12 +138,21 @@ def pull(t: float, y: Floats, p: Floats) -> None:
 
 def components(p: Floats) -> int:
     """Give the size of y."""
-    return 2 * int(p[COUNT]) + int(p[HAS_WORK])
+    return 2 * int(p[COUNT]) + int(p[QUADRATURES])
+
+
+def rows_at(p: Floats) -> int:
+    """Give where the rows of the surfaces lie, from SWITCHING on."""
+    count = int(p[SURFACES])
+    pattern = 1 + count * PER_SURFACE
+    return pattern + count + 1 + int(p[int(p[SWITCHING]) + pattern + count])
 
 
 def fields_at(p: Floats) -> int:
     """Give where the fields lie, from SWITCHING on."""
-    return 1 + int(p[SURFACES]) * (PER_SURFACE + int(p[COUNT]) + 4)
+    count = int(p[SURFACES])
+    elements = int(p[int(p[SWITCHING]) + 1 + count * PER_SURFACE + count])
+    return rows_at(p) + 4 * count + elements
 
 
 def combine(t: float, y: Floats, p: Floats) -> None:
@@ -147,11 +160,10 @@ def combine(t: float, y: Floats, p: Floats) -> None:
 
     And the shares.
     """
-    n = int(p[COUNT])
     count = int(p[SURFACES])
     width = components(p) + int(p[ROWS])
     kept = at(p, int(p[SWITCHING]) + 1)
-    rows = at(kept, PER_SURFACE * count)
+    rows = at(p, int(p[SWITCHING]) + rows_at(p))
     fields = at(p, int(p[SWITCHING]) + fields_at(p))
     field(t, y, p, fields)
     sliding = int(p[int(p[SWITCHING])])
@@ -167,27 +179,28 @@ def combine(t: float, y: Floats, p: Floats) -> None:
                 kept[SIDE * count + k] = kept[LOW * count + k]
                 for i in range(width):
                     other[i] -= fields[i]
-        share_out(n, count, sliding, width, kept)
+        share_out(sliding, p)
 
 
-def share_out(n: int, count: int, sliding: int, width: int, kept: Floats) -> None:
+def share_out(sliding: int, p: Floats) -> None:
     """Find the shares, and what takes the state back onto the surfaces."""
-    rows = at(kept, PER_SURFACE * count)
-    J = at(rows, 2 * count)
-    b = at(J, count * n)
-    fields = at(rows, count * (n + 4))
+    n = int(p[COUNT])
+    count = int(p[SURFACES])
+    width = components(p) + int(p[ROWS])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    rows = at(p, int(p[SWITCHING]) + rows_at(p))
+    fields = at(p, int(p[SWITCHING]) + fields_at(p))
     B = at(fields, (count + 1) * width)
     right = at(B, count * count)
     i = 0
     for k in range(count):
         if kept[SLIDES * count + k] > 0.0:
-            row = at(J, k * n)
-            right[3 * i] = b[k] - product(n, row, at(fields, n))
+            right[3 * i] = rows[2 * count + k] - product(k, p, at(fields, n))
             right[3 * i + 1] = -rows[k]
             right[3 * i + 2] = -rows[count + k]
             for j in range(sliding):
                 change = at(fields, (j + 1) * width + n)
-                B[i * sliding + j] = product(n, row, change)
+                B[i * sliding + j] = product(k, p, change)
             i += 1
     solve(sliding, B, right)
     i = 0
@@ -200,11 +213,15 @@ def share_out(n: int, count: int, sliding: int, width: int, kept: Floats) -> Non
             i += 1
 
 
-def product(n: int, a: Floats, b: Floats) -> float:
-    """Give a . b (n,)."""
+def product(k: int, p: Floats, a: Floats) -> float:
+    """Give row k of J times a (n,)."""
+    count = int(p[SURFACES])
+    starts = at(p, int(p[SWITCHING]) + 1 + count * PER_SURFACE)
+    places = at(starts, count + 1)
+    elements = at(p, int(p[SWITCHING]) + rows_at(p) + 4 * count)
     found = 0.0
-    for i in range(n):
-        found += a[i] * b[i]
+    for e in range(int(starts[k]), int(starts[k + 1])):
+        found += elements[e] * a[int(places[e])]
     return found
 
 

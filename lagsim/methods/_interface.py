@@ -30,13 +30,27 @@ LEAST = 4  # between these the expression of the surface stays
 MOST = 5
 SHARE = 6  # of the upper side, in the combination that stays on the surface
 SLACK = 7  # how far past its end a mode still counts as lasting
-MARGINS = 8  # five arrays for the search
-PER_SURFACE = 13
+BAND = 8  # and how far it must be past it for more than noise
+MARGINS = 9  # five arrays for the search
+PER_SURFACE = 14
 
 
 @external
 def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give y' (size,) at the state y = (q, q', work if the model has it)."""
+    """Give y' (size,) at y = (q, q', work if the model has it, quadratures)."""
+
+
+@external
+def series(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the order K (1,), then the Taylor coefficients y_0 ... y_K (K + 1, size)."""
+
+
+@external
+def linear(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give A of z' = A z and P of power = z^T P z, where z = (q, q', 1).
+
+    Of each: how many entries are not zero, then i, j and the value of each of them.
+    """
 
 
 @external
@@ -60,7 +74,8 @@ def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
 def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give q'Mq'/2, the rest of the energy (2,), the diagonal of M (n,), and f^2/M.
 
-    The last (1,) is the sum of f_i^2 / M_ii over the coordinates with inertia.
+    That (1,) is the sum of f_i^2 / M_ii over the coordinates with inertia. Then for
+    what follows q' in y: 0 for work, the inertia of coordinates.
     """
 
 

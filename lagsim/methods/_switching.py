@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods._interface import (
+    BAND,
     MARGINS,
     SLACK,
     SURFACES,
@@ -84,11 +85,17 @@ def over(p: Floats) -> int:
     """Give the number of a surface whose mode is over at the last look; or 0."""
     count = int(p[SURFACES])
     now = at(p, int(p[SWITCHING]) + 1 + MARGINS * count)
-    slack = at(p, int(p[SWITCHING]) + 1 + SLACK * count)
     for k in range(count):
-        if not now[k] >= -slack[k]:
+        if not now[k] >= least_allowed(p, k):
             return k + 1
     return 0
+
+
+def least_allowed(p: Floats, k: int) -> float:
+    """Give the margin below which a mode is over beyond doubt."""
+    count = int(p[SURFACES])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    return -max(float(kept[SLACK * count + k]), float(kept[BAND * count + k]))
 
 
 def first_end(s: Floats, p: Floats, low: float, x: float) -> float:
@@ -115,7 +122,7 @@ def first_end(s: Floats, p: Floats, low: float, x: float) -> float:
     for k in range(count):
         if touches(x - low, before[k], slopes[k], end[k], rise[k]):
             least = least_margin(s, p, k, low, x)
-            if margin_at(s, p, k, least) < -slack[k]:
+            if margin_at(s, p, k, least) < least_allowed(p, k):
                 high = least if high == 0.0 else min(high, least)
         if end[k] > slack[k]:
             slack[k] = 0.0
@@ -165,18 +172,35 @@ def least_margin(s: Floats, p: Floats, k: int, low: float, high: float) -> float
 
 
 def cut(s: Floats, p: Floats, low: float, high: float) -> None:
-    """End the step at the first moment in (low, high] at which a mode is over."""
+    """End the step at the first moment in (low, high] at which a mode is over.
+
+    That is where its margin vanishes, also where only one well below 0 tells it.
+    """
+    look(s, p, high)
+    first = over(p) - 1
+    for k in range(int(p[SURFACES])):
+        least = least_allowed(p, k)
+        if not margin_at(s, p, k, high) >= least:
+            first = k
+            if margin_at(s, p, k, low) >= 0.0:
+                least = 0.0
+            high = end_of(s, p, k, least, low, high)
+    s[SWITCHED] = first + 1.0
+    shorten(s, high)
+
+
+def end_of(
+    s: Floats, p: Floats, k: int, least: float, low: float, high: float
+) -> float:
+    """Give the first point in (low, high] at which margin k is below `least`."""
     middle = 0.5 * (low + high)
     while low < middle and middle < high:
-        look(s, p, middle)
-        if over(p) > 0:
+        if not margin_at(s, p, k, middle) >= least:
             high = middle
         else:
             low = middle
         middle = 0.5 * (low + high)
-    look(s, p, high)
-    s[SWITCHED] = over(p)
-    shorten(s, high)
+    return high
 
 
 def shorten(s: Floats, x: float) -> None:

@@ -8,13 +8,13 @@ Filippov's conditions (`shares`) do: the motion leaves to a side or follows the 
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.methods import _interface as kept
 from lagsim.methods import _state as at
+from lagsim.simulate.sequence import Sequence
 from lagsim.simulate.shares import ABOVE, ALONG, BELOW, Crossroads
 from lagsim.system.switching import on_velocities
 from lagsim.trajectory import Caution, Event
@@ -28,20 +28,15 @@ if TYPE_CHECKING:
 
 # A state this close to a surface, against the size of its terms, is on it.
 ON = 2.0**-47
+# Errors of what hardly moves, in parts of rtol and of the speed that the energy gives.
+NOISE = 1e-4
 # A share this far past its bound still counts as within.
 SHARE_SLACK = 1e-12
-# Switches accumulate where this many take less than this part of the longest arc, and
-# come ever faster. What is left of the motion then is about the square of that, and a
-# few times its rounding.
-WINDOW = 4
-SHORT = 2e-6
 # Towards a surface past which there are no finite values, steps end after this part of
 # the way to it; where even that fails, after this part of it; and so often at most.
 AHEAD = 0.9
 BACK = 0.25
 MOST_APPROACHES = 60
-# So many switches in no time at all: no way is found.
-STUCK = 40
 # They are all counted, and so many kept.
 MOST_EVENTS = 10_000
 
@@ -51,9 +46,9 @@ class Rows(NamedTuple):
 
     residuals: Floats
     rates: Floats
-    J: Floats
     b: Floats
     scales: Floats
+    J: Floats
 
 
 class Switching:
@@ -71,14 +66,16 @@ class Switching:
         system = run.system
         self.sides: tuple[Side, ...] = system.switches.sides
         self.count = len(self.sides)
+        self.whole = np.array([s.whole for s in self.sides])
         self.of_velocities = [on_velocities(run.equations, s) for s in self.sides]
         variables = {s.variable for s in self.sides}
         nodes = system.switches.freeze([s.node for s in self.sides])
         self.nested = bool(variables & run.equations.graph.depends(nodes))
         self.value = np.ones(self.count)
         self.slides = np.zeros(self.count, dtype=bool)
-        self.recent: deque[tuple[float, int]] = deque(maxlen=STUCK)
-        self.longest = 0.0
+        simulation = run.simulation
+        self.sequence = Sequence(simulation.start, simulation.end - simulation.start)
+        self.told: set[str] = set()
         self.time = run.t
         self.approaches = 0
         self.reach = AHEAD
@@ -97,21 +94,22 @@ class Switching:
         system.p[system.switching] = np.count_nonzero(self.slides)
         self._kept(kept.SIDE)[:] = self.value
         self._kept(kept.SLIDES)[:] = self.slides
-        for k, side in enumerate(self.sides):
-            value = self.value[k]
-            if side.whole:
-                low, high, least, most = value, value + 1.0, value, value + 1.0
-            else:
-                low, high = -1.0, 1.0
-                least, most = (0.0, math.inf) if value > 0 else (-math.inf, 0.0)
-            self._kept(kept.LOW)[k], self._kept(kept.HIGH)[k] = low, high
-            self._kept(kept.LEAST)[k], self._kept(kept.MOST)[k] = least, most
+        value, whole = self.value, self.whole
+        up = value > 0.0
+        self._kept(kept.LOW)[:] = np.where(whole, value, -1.0)
+        self._kept(kept.HIGH)[:] = np.where(whole, value + 1.0, 1.0)
+        least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
+        self._kept(kept.LEAST)[:] = np.where(whole, value, least)
+        self._kept(kept.MOST)[:] = np.where(whole, value + 1.0, most)
 
     def _rows(self) -> Rows:
-        run, K, n = self.run, self.count, self.run.system.n
-        rows = run.runner.function("surface_rows", K * (n + 4))(run.t, run.y)
-        J = rows[2 * K : 2 * K + K * n].reshape(K, n)
-        return Rows(rows[:K], rows[K : 2 * K], J, rows[-2 * K : -K], rows[-K:])
+        run, K = self.run, self.count
+        starts, columns = run.system.pattern
+        rows = run.runner.function("surface_rows", 4 * K + len(columns))(run.t, run.y)
+        J = np.zeros((K, run.system.n))
+        J[np.repeat(np.arange(K), np.diff(starts)), list(columns)] = rows[4 * K :]
+        residuals, rates, b, scales = rows[: 4 * K].reshape(4, K)
+        return Rows(residuals, rates, b, scales, J)
 
     def _field(self) -> Floats:
         """Give q'' with the sides as written."""
@@ -153,7 +151,7 @@ class Switching:
         open_ = self._by_rates(levels, rows, at_rest)
         self._by_forces(open_, levels, held)
         self._write()
-        self._set_slack(levels, sizes)
+        self._set_slack(levels, rows, sizes)
         self.run.runner.pull(self.run.t, self.run.y)
         self._record(before, met)
 
@@ -229,14 +227,24 @@ class Switching:
         crossroads = self._crossroads(open_, levels, known)
         found = crossroads.way(now)
         if found is None or crossroads.is_fork(found):
-            names = ", ".join(f"`{self.sides[k].text}`" for k in open_)
+            self._tell(open_)
+
+        for k, way in zip(open_, found or now, strict=True):
+            self._put(k, levels[k], way)
+
+    def _tell(self, several: list[int]) -> None:
+        """Warn of a choice that nothing decides, once."""
+        names = self._names(several)
+        if names not in self.told:
+            self.told.add(names)
             text = (
                 f"at t = {self.run.t:.9g} nothing decides how the motion goes on from "
                 f"{names}: one way of several was taken"
             )
             self.run.warnings.append(Caution("unresolved-switch", text))
-        for k, way in zip(open_, found or now, strict=True):
-            self._put(k, levels[k], way)
+
+    def _names(self, several: Collection[int]) -> str:
+        return ", ".join(f"`{self.sides[k].text}`" for k in sorted(several))
 
     def _way_now(self, k: int, level: float) -> int:
         if self.sides[k].whole:
@@ -265,14 +273,31 @@ class Switching:
             scale = np.maximum(scale, np.abs(J) @ np.abs(a) + np.abs(b))
         return Crossroads(rates, scale, held)
 
-    def _set_slack(self, levels: dict[int, float], sizes: Floats) -> None:
-        """Let rounding not end a mode that has just begun."""
+    def _set_slack(self, levels: dict[int, float], rows: Rows, sizes: Floats) -> None:
+        """Let rounding not end a mode that has just begun, and noise none at all."""
         slack = self._kept(kept.SLACK)
         slack[:] = 0.0
         margins = self.run.runner.margins(self.run.t, self.run.y)
         for k in levels:
             least = SHARE_SLACK if self.slides[k] else ON * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -margins[k])
+        self._kept(kept.BAND)[:] = np.where(self.slides, 0.0, self._noise(rows))
+
+    def _noise(self, rows: Rows) -> Floats:
+        """Give what errors within the tolerance may do to each surface.
+
+        Where a coordinate hardly moves they have any sign. The tolerance has a floor,
+        see `methods._controller`.
+        """
+        run, n = self.run, self.run.system.n
+        measured = run.runner.function("measure")(run.t, run.y)
+        energy = max(float(run.state[at.ENERGY]), abs(float(measured[0])))
+        masses = measured[2 : 2 + n]
+        inverse = np.divide(1.0, masses, out=np.zeros(n), where=masses > 0.0)
+        speeds = np.abs(rows.J) @ np.sqrt(2.0 * energy * inverse)
+        step = run.t - float(run.state[at.STEP_T]) if run.steps else 0.0
+        factor = NOISE * float(run.state[at.RTOL])
+        return np.asarray(factor * np.where(self.of_velocities, speeds, step * speeds))
 
     # What a switch leads to
 
@@ -281,7 +306,7 @@ class Switching:
             kind = "switch"
             if self.of_velocities[k]:
                 kind = "stick" if self.slides[k] else "slip"
-            if self.slides[k] and kind == "switch" and self._ratio() < 1.0:
+            if self.slides[k] and kind == "switch" and self.sequence.ratio() < 1.0:
                 kind = "zeno"  # it has come to rest sooner than looked for
             self._event(kind, int(k))
         if met is not None and before[met] == self.slides[met]:
@@ -298,21 +323,17 @@ class Switching:
         k = int(run.state[at.SWITCHED]) - 1
         run.state[at.SWITCHED] = 0.0
         self.approaches = 0
-        if self.recent:
-            self.longest = max(self.longest, run.t - self.recent[-1][0])
-        else:
-            self.longest = run.t - run.simulation.start
-        self.recent.append((run.t, k))
-        limit = self._limit()
+        self.sequence.add(run.t, k)
+        several = self.sequence.lately()
+        run.accumulating = self._names(several)
+        limit = self.sequence.limit()
         if limit is None:
             self.begin(k)
-            return not self._stuck()
+            return not self.sequence.is_stuck()
         self.time = limit
-        several = sorted({k for _, k in list(self.recent)[-2 * WINDOW :]})
-        run.accumulating = ", ".join(f"`{self.sides[k].text}`" for k in several)
         for k in several:
             self._event("zeno", k)
-        self.recent.clear()
+        self.sequence.recent.clear()
         self.begin(at_rest=several, time=limit)
         return bool(np.any(self.slides[several]))
 
@@ -343,32 +364,3 @@ class Switching:
         if abs(ends[k] - values[k]) <= 8.0 * ON * self._sizes(rows)[k]:
             run.state[at.SWITCHED] = k + 1
         return float(run.t + self.reach * ahead[k])
-
-    def _ratio(self) -> float:
-        """Give how much faster the last switches came than those before; else inf."""
-        times = [t for t, _ in self.recent]
-        if len(times) <= 2 * WINDOW:
-            return math.inf
-        last = times[-1] - times[-1 - WINDOW]
-        former = times[-1 - WINDOW] - times[-1 - 2 * WINDOW]
-        return last / former if former > 0.0 else math.inf
-
-    def _limit(self) -> float | None:
-        """Give the time at which switches accumulate, if they do so right now."""
-        ratio = self._ratio()
-        if ratio >= 1.0:
-            return None
-        times = [t for t, _ in self.recent]
-        if times[-1] - times[-1 - 2 * WINDOW] > SHORT * self.longest:
-            return None
-        last = times[-1] - times[-1 - WINDOW]
-        return times[-1] + last * ratio / (1.0 - ratio)
-
-    def _stuck(self) -> bool:
-        """Tell whether the last switches took no time."""
-        if len(self.recent) < STUCK:
-            return False
-        first, last = self.recent[0][0], self.recent[-1][0]
-        several = sorted({k for _, k in self.recent})
-        self.run.accumulating = ", ".join(f"`{self.sides[k].text}`" for k in several)
-        return last - first <= STUCK * math.ulp(last)

@@ -74,6 +74,8 @@ def first_order(
 def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
     """Give the model's native functions, as kernels call them."""
     names = ["derivative", "measure", "observe", *runner.method.NEEDS]
+    if "lagrangian" in names:
+        names += ["lagrangian_slopes", "inertia"]
     if runner.system.m:
         names += ["position_step", "velocity_step"]
     simulation = runner.system.equations.model.simulation

@@ -127,7 +127,7 @@ def test_a_method_behaves_or_refuses(name, scene):
     assert found.drift < bound
     statistics = found.trajectory.statistics
     assert statistics.evaluations > 0
-    assert statistics.steps > 10
+    assert statistics.steps > 4  # a series of order 15 goes far
 
 
 @pytest.mark.parametrize("name", names())
@@ -155,7 +155,8 @@ def test_oscillations_are_stable_up_to_the_imaginary_limit(name):
     if math.isinf(limit):
         limit = 1e4
     else:
-        # Limits are given to three digits.
-        assert module.amplification(1.002j * limit + 0.01j) > 1.0 + 1e-6
+        # Limits are given to three digits; beyond, high orders grow slowly at first.
+        growth = 1e-6 if module.ORDER < 10 else 1e-13
+        assert module.amplification(1.002j * limit + 0.01j) > 1.0 + growth
     for y in np.linspace(0.0, 0.998 * limit, 500):
         assert module.amplification(1j * y) <= 1.0 + 1e-7

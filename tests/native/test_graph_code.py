@@ -21,7 +21,9 @@ from lagsim.native.graph_code import Layout, generate
 from tests.expressions._programs import VARIABLES, on_graph, programs, states
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
+
+    from lagsim.native.graph_code import Code
 
 # x, y, z move and lie in y; a, b are parameters; w is written to p while running.
 STATE = ("x", "y", "z")
@@ -40,7 +42,12 @@ GUARD = 12345.0
 class Compiled:
     """The functions of a graph, called with values by name."""
 
-    def __init__(self, g: Graph, functions: Mapping[str, Sequence[int]]) -> None:
+    def __init__(
+        self,
+        g: Graph,
+        functions: Mapping[str, Sequence[int]],
+        generate: Callable[..., Code] = generate,
+    ) -> None:
         self.functions = functions
         self.code = generate(g, functions, LAYOUT)
         self.engine = Engine([compile_object(self.code.ir, optimise=False)])
@@ -229,3 +236,14 @@ def test_random_expressions(many: Any, some_states: Any) -> None:
 
 def test_the_variables_of_random_expressions_are_those_of_the_layout() -> None:
     assert set(VARIABLES) <= set(STATE)
+
+
+def test_products_are_contracted_only_where_that_is_asked_for():
+    g = Graph()
+    x = g.variable("x")
+    node = g.call("add", g.call("mul", x, x), g.one)
+    layout = Layout(y={"x": 0}, p={}, fixed=frozenset(), size=0)
+    code = generate(g, {"exact": [node], "fused": [node]}, layout, ("fused",))
+    exact, fused = code.ir.split("@fused(")
+    assert "contract" not in exact
+    assert fused.count(" contract double") == 2

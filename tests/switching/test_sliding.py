@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lagsim.methods import rk4
+from lagsim.methods import method, names, rk4
+from lagsim.structure import structure
 from lagsim.system.functions import NEEDED
 from tests.support import MODELS, run
 from tests.switching.test_located import events, scene
@@ -105,6 +106,21 @@ def test_stick_slip_by_any_means(options):
     # RK4 at a tenth of a radian: 1e-5 of the amplitude.
     tight = 1e-9 if options == {"loops": True} else 1e-5
     assert [t for t, _ in events(found)][:3] == pytest.approx(times, abs=tight)
+
+
+@pytest.mark.parametrize("name", names())
+def test_stick_slip_by_every_method(name):
+    module = method(name)
+    if module.refusal(structure(run("stick-slip", duration=0.01).equations)):
+        pytest.skip("not for forces that depend on velocities")
+    step = {} if module.ADAPTIVE else {"step": 0.004}
+    found = run("stick-slip", duration=2, method=name, **step)
+    assert [k for _, k in events(found)] == ["stick", "slip"] * 3
+    # Euler, of order 1, is off by 0.004 s with steps of 0.004 s; the others less.
+    length, _ = slip_phase()
+    assert events(found)[2][0] == pytest.approx(0.25 + length, abs=0.01)
+    stuck = (found["t"] > 0.25 + length + 0.01) & (found["t"] < 0.9)
+    assert np.max(np.abs(found["slip"][stuck])) < 1e-15
 
 
 def test_a_method_that_needs_more_than_rates_leaves_sliding_to_dop853(monkeypatch):
@@ -309,3 +325,19 @@ simulation: {duration: 10, output_step: 0.1}
     assert zeno == pytest.approx([0.5, 0.5], abs=1e-12)
     for v in ("x_dot", "z_dot", "x_ddot", "z_ddot"):
         assert np.max(np.abs(found[v][found["t"] > 0.55])) < 1e-15
+
+
+def test_switches_in_no_time_end_the_run():
+    # From rest velocities go round a square that never grows nor shrinks: of no size.
+    text = """
+coordinates: {x: {}, z: {}}
+energy: {kinetic: (x_dot^2 + z_dot^2)/2, potential: 0}
+forces: {x: -sign(z_dot), z: sign(x_dot)}
+initial: {x: 0, z: 0}
+simulation: {duration: 10, output_step: 0.1}
+"""
+    found = run(text)
+    assert found.trajectory.outcome.name == "SWITCHES_ACCUMULATE"
+    assert "`sign(z_dot)`, `sign(x_dot)` accumulate" in found.trajectory.reason
+    assert [w.code for w in found.trajectory.warnings] == ["unresolved-switch"]
+    assert found.trajectory.statistics.steps < 1000

@@ -1,0 +1,431 @@
+"""Exponential: the exact motion of a scene that is linear and does not change in time.
+
+y' = J y + c is solved by one matrix exponential per length of step, made at the start:
+then a step is one product with a matrix, exact to rounding whatever its length and
+however fast the fastest mode. Work, the integral of a quadratic form, is one more
+product. Steps are those of the rows unless one is given. There is no limit of
+stability.
+
+Sources: C. Moler and C. Van Loan, SIAM Review 45 (2003), methods 1 and 3 and section 4
+(balancing); N. J. Higham, SIAM J. Matrix Anal. Appl. 26 (2005); C. Van Loan, IEEE
+Transactions on Automatic Control 23 (1978) (integrals of quadratic forms).
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import TYPE_CHECKING
+
+from lagsim.methods._controller import record_sizes
+from lagsim.methods._fixed import next_time
+from lagsim.methods._interface import linear
+from lagsim.methods._projection import project
+from lagsim.methods._singular import record_health
+from lagsim.methods._state import (
+    DONE,
+    EVALUATIONS,
+    FIXED_STEP,
+    HEADER,
+    NOT_FINITE,
+    PROJECTION_FAILED,
+    SIZE,
+    STEP_H,
+    STEP_T,
+    STEPS,
+    N,
+    T,
+)
+from lagsim.native.kernel_types import at, unrolled
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+    from lagsim.structure import Structure
+
+NAME = "exponential"
+TITLE = "matrix exponential"
+ORDER = math.inf
+DENSE_ORDER = math.inf
+ADAPTIVE = False
+IMAGINARY_LIMIT = math.inf
+HANDLES = "linear models that do not change in time; exact"
+
+NEEDS = ("linear",)
+
+CONSTRAINED = True
+
+# Of the matrix that is exponentiated by its series; what is larger is halved before
+# and squared after.
+SMALL = 0.5
+# The terms left out: 0.5^15/15! = 2e-17, and 1/21! = 2e-20 for quadratic forms.
+TERMS = 14
+FORM_TERMS = 20
+SWEEPS = 64
+# Gauss-Legendre on [0, 1], 8 points (Abramowitz and Stegun, table 25.4). A quadratic
+# form of what moves by less than SMALL is off by 1e-17.
+NODES = (
+    0.01985507175123188, 0.10166676129318664, 0.2372337950418355, 0.4082826787521751,
+    0.5917173212478249, 0.7627662049581645, 0.8983332387068134, 0.9801449282487681,
+)  # fmt: skip
+WEIGHTS = (
+    0.05061426814518813, 0.11119051722668723, 0.15685332293894363, 0.18134189168918100,
+    0.18134189168918100, 0.15685332293894363, 0.11119051722668723, 0.05061426814518813,
+)  # fmt: skip
+
+
+def refusal(scene: Structure) -> str:
+    """Say what is not linear or changes in time."""
+    if not scene.linear:
+        return (
+            "its equations of motion are not linear; `dop853` handles any, "
+            "`taylor` smooth ones"
+        )
+    if not scene.autonomous:
+        return "time stands in its equations of motion; `dop853` handles that"
+    return ""
+
+
+def amplification(z: complex) -> float:
+    """Give |exp(z)|."""
+    return abs(cmath.exp(z))
+
+
+def state_size(size: int) -> int:
+    """Give the length of the array of state for `size` components."""
+    return HEADER + 6 * size + 6 + own_size(size + 1)
+
+
+def own_size(m: int) -> int:
+    """Give how long the method's own arrays are, where y with a 1 has m components."""
+    return 4 + 8 * m * m + (TERMS + 5) * m
+
+
+# The method's own arrays, m = 2 n + 1 for z = (q, q', 1): the step that matrices are
+# made for (1), the norm of A (1), A and the form P of the power, both balanced,
+# exp - 1 by columns and the form of the work for a step, three to work with, and room
+# for what `linear` gives (8 m^2 + 2); the scales d (m), z at the start of the step (m),
+# to work with (m), work before (1), terms ((TERMS + 1) m).
+def start(s: Floats, p: Floats) -> None:
+    """Begin an arc: the matrices for its steps."""
+    size = int(s[SIZE])
+    m = 2 * int(s[N]) + 1
+    own = at(s, HEADER + 6 * size + 6)
+    a = at(own, 2)
+    form = at(a, m * m)
+    given = at(form, m * m)
+    d = at(own, 4 + 8 * m * m)
+    linear(s[T], at(s, HEADER), p, given)
+    for i in range(2 * m * m):
+        a[i] = 0.0
+    count = fill(m, given, a)
+    fill(m, at(given, count), form)
+    balance(m, a, d)
+    for i in range(m):
+        for j in range(m):
+            form[i * m + j] = form[i * m + j] * d[i] * d[j]
+    own[1] = norm(m, m, a)
+    make(s, s[FIXED_STEP])
+    s[EVALUATIONS] += 1.0
+    s[STEP_H] = 0.0
+    record_sizes(s, p)
+
+
+def fill(m: int, given: Floats, matrix: Floats) -> int:
+    """Set entries given as their number, then i, j, value; give how much was read."""
+    count = int(given[0])
+    for k in range(count):
+        i = int(given[1 + 3 * k])
+        j = int(given[2 + 3 * k])
+        matrix[i * m + j] = given[3 + 3 * k]
+    return 1 + 3 * count
+
+
+def norm(m: int, columns: int, a: Floats) -> float:
+    """Give the largest sum of sizes in the first `columns` columns."""
+    largest = 0.0
+    for j in range(columns):
+        column = 0.0
+        for i in range(m):
+            column += abs(a[i * m + j])
+        largest = max(largest, column)
+    return largest
+
+
+def balance(m: int, a: Floats, d: Floats) -> None:
+    """Replace A by D^-1 A D with about equal rows and columns, D powers of two.
+
+    B. N. Parlett and C. Reinsch, Numer. Math. 13 (1969). No unit enters the number of
+    squarings then. The last row is zero, so the last scale is free.
+    """
+    for i in range(m):
+        d[i] = 1.0
+    changed = True
+    for _sweep in range(SWEEPS):
+        if changed:
+            changed = False
+            for i in range(m - 1):
+                factor = balancing(m, a, i)
+                if factor != 1.0:
+                    changed = True
+                    rescale(m, a, d, i, factor)
+    largest = norm(m, m - 1, a)
+    last = 0.0
+    for i in range(m):
+        last += abs(a[i * m + m - 1])
+    factor = 1.0
+    while last * factor > largest and factor > 0.0:
+        factor = 0.5 * factor
+    rescale(m, a, d, m - 1, factor)
+
+
+def balancing(m: int, a: Floats, i: int) -> float:
+    """Give the power of two that column i is to be multiplied by, row i divided."""
+    column = 0.0
+    row = 0.0
+    for j in range(m - 1):
+        if j != i:
+            column += abs(a[j * m + i])
+            row += abs(a[i * m + j])
+    if column == 0.0 or row == 0.0:
+        return 1.0
+    before = column + row
+    factor = 1.0
+    while column < 0.5 * row:
+        factor = 2.0 * factor
+        column = 4.0 * column
+    while column >= 2.0 * row:
+        factor = 0.5 * factor
+        column = 0.25 * column
+    if (column + row) / factor < 0.95 * before:
+        return factor
+    return 1.0
+
+
+def rescale(m: int, a: Floats, d: Floats, i: int, factor: float) -> None:
+    """Multiply column i by a power of two, divide row i by it, and note that in d."""
+    d[i] = d[i] * factor
+    for j in range(m):
+        a[i * m + j] = a[i * m + j] / factor
+    for j in range(m):
+        a[j * m + i] = a[j * m + i] * factor
+
+
+def make(s: Floats, h: float) -> None:
+    """Make the matrices for steps of length h.
+
+    F = exp(A h) - 1 by its series at h / 2^k, then F <- 2 F + F^2, k times: without the
+    1, what it is off by is a part of the motion in a step, not of the state. The work
+    over a step is z^T Q z, with Q the integral of exp(A^T x) P exp(A x) over it, and
+    over twice the step Q <- Q + exp(A^T h) Q exp(A h).
+    """
+    m = 2 * int(s[N]) + 1
+    square = m * m
+    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
+    a = at(own, 2)
+    form = at(a, square)
+    F = at(form, square)
+    Q = at(F, square)
+    x = at(Q, square)
+    y = at(x, square)
+    d = at(own, 4 + 8 * square)
+    own[0] = h
+    tau = h
+    doublings = 0
+    while own[1] * tau > SMALL and doublings < 1000:
+        tau = 0.5 * tau
+        doublings += 1
+    works = int(s[SIZE]) == m
+    if works:
+        begin_form(m, tau, a, form, Q, x, y)
+    begin_exponential(m, tau, a, F, x)
+    for _doubling in range(doublings):
+        if works:
+            double_form(m, F, Q, x, y)
+        multiply(m, F, F, x)
+        for i in range(square):
+            F[i] = 2.0 * F[i] + x[i]
+    for i in range(m):
+        for j in range(m):
+            x[j * m + i] = F[i * m + j] * d[i] / d[j]
+            Q[i * m + j] = Q[i * m + j] / (d[i] * d[j])
+    for i in range(square):
+        F[i] = x[i]
+
+
+def begin_exponential(m: int, tau: float, a: Floats, F: Floats, x: Floats) -> None:
+    """Set F to the series A tau (1 + A tau/2 (1 + A tau/3 (...)))."""
+    for i in range(m * m):
+        F[i] = 0.0
+    for back in range(TERMS):
+        part = tau / (TERMS - back)
+        multiply(m, a, F, x)
+        for i in range(m * m):
+            F[i] = part * (a[i] + x[i])
+
+
+def begin_form(
+    m: int, tau: float, a: Floats, form: Floats, Q: Floats, x: Floats, y: Floats
+) -> None:
+    """Set Q to the sum of tau^(k + 1)/(k + 1)! L^k(P), L(X) = X A + A^T X."""
+    for i in range(m * m):
+        y[i] = tau * form[i]
+        Q[i] = y[i]
+    for k in range(FORM_TERMS):
+        multiply(m, y, a, x)
+        part = tau / (k + 2)
+        for i in range(m):
+            for j in range(m):
+                y[i * m + j] = part * (x[i * m + j] + x[j * m + i])
+        for i in range(m * m):
+            Q[i] += y[i]
+
+
+def double_form(m: int, F: Floats, Q: Floats, x: Floats, y: Floats) -> None:
+    """Replace Q by Q + (1 + F)^T Q (1 + F)."""
+    multiply(m, Q, F, x)
+    for i in range(m * m):
+        y[i] = 0.0
+    for k in range(m):
+        for i in range(m):
+            factor = F[k * m + i]
+            if factor != 0.0:
+                for j in range(m):
+                    y[i * m + j] += factor * x[k * m + j]
+    for i in range(m):
+        for j in range(m):
+            y[i * m + j] += x[i * m + j] + x[j * m + i]
+    for i in range(m * m):
+        Q[i] = 2.0 * Q[i] + y[i]
+
+
+def multiply(m: int, a: Floats, b: Floats, out: Floats) -> None:
+    """Give the product of two matrices (m, m)."""
+    for i in range(m):
+        row = at(out, i * m)
+        for j in range(m):
+            row[j] = 0.0
+        for k in range(m):
+            factor = a[i * m + k]
+            if factor != 0.0:
+                for j in range(m):
+                    row[j] += factor * b[k * m + j]
+
+
+def step(s: Floats, p: Floats) -> int:
+    """Make one step, or give a code other than 0."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    m = 2 * n + 1
+    y = at(s, HEADER)
+    own = at(s, HEADER + 6 * size + 6)
+    F = at(own, 2 + 2 * m * m)
+    z = at(own, 4 + 8 * m * m + m)
+    new = at(z, m)
+    t = s[T]
+    after = next_time(s)
+    h = after - t
+    if abs(h - own[0]) > 1e-9 * own[0]:
+        make(s, h)
+    for i in range(m - 1):
+        z[i] = y[i]
+    z[m - 1] = 1.0
+    times_columns(m, F, z, new)
+    for i in range(m - 1):
+        new[i] = y[i] + new[i]
+        if not abs(new[i]) < 1e300:
+            return NOT_FINITE
+    if CONSTRAINED:
+        work = at(s, HEADER + 4 * size + 2)
+        sizes = at(s, HEADER + size)
+        masses = at(s, HEADER + 3 * size + 2)
+        if project(n, after, h, new, p, sizes, masses, work) == 0:
+            return PROJECTION_FAILED
+        record_health(s, work[n + 1], h)
+    for i in range(m - 1):
+        y[i] = new[i]
+    if size == m:
+        # What interpolation begins with, before y is the new state's.
+        new[m] = y[m - 1]
+        times_columns(m, at(F, m * m), z, new)
+        for i in range(m):
+            y[m - 1] += z[i] * new[i]
+    s[STEP_T] = t
+    s[STEP_H] = h
+    s[T] = after
+    s[STEPS] += 1.0
+    s[EVALUATIONS] += 1.0
+    record_sizes(s, p)
+    return DONE
+
+
+def times_columns(m: int, a: Floats, z: Floats, out: Floats) -> None:
+    """Give the product with a matrix that is stored by columns."""
+    for i in range(m):
+        out[i] = 0.0
+    for j in range(m):
+        column = at(a, j * m)
+        factor = z[j]
+        for i in range(m):
+            out[i] += factor * column[i]
+
+
+def interpolate(s: Floats, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step: the series, in short parts.
+
+    N. J. Higham and A. H. Al-Mohy, SIAM J. Sci. Comput. 33 (2011).
+    """
+    size = int(s[SIZE])
+    m = 2 * int(s[N]) + 1
+    own = at(s, HEADER + 6 * size + 6)
+    form = at(own, 2 + m * m)
+    d = at(own, 4 + 8 * m * m)
+    start = at(d, m)
+    terms = at(start, 2 * m + 1)
+    work = start[2 * m]
+    length = x * s[STEP_H]
+    parts = int(own[1] * length / SMALL) + 1
+    for i in range(m):
+        terms[i] = start[i] / d[i]
+    for _part in range(parts):
+        make_terms(m, length / parts, at(own, 2), terms)
+        if size == m:
+            for node in unrolled(8):
+                sum_terms(m, TERMS, NODES[node], terms, out)
+                power = value_of(m, form, out)
+                work += length / parts * WEIGHTS[node] * power
+        sum_terms(m, TERMS, 1.0, terms, terms)
+    for i in range(m - 1):
+        out[i] = terms[i] * d[i]
+    if size == m:
+        out[m - 1] = work
+
+
+def make_terms(m: int, tau: float, a: Floats, terms: Floats) -> None:
+    """Give z_k = (A tau)^k z_0 / k! from z_0 on."""
+    for k in range(1, TERMS + 1):
+        before = at(terms, (k - 1) * m)
+        for i in range(m):
+            value = 0.0
+            for j in range(m):
+                if a[i * m + j] != 0.0:
+                    value += a[i * m + j] * before[j]
+            terms[k * m + i] = tau / k * value
+
+
+def sum_terms(m: int, order: int, x: float, terms: Floats, out: Floats) -> None:
+    """Give the sum of z_k x^k."""
+    for i in range(m):
+        value = terms[order * m + i]
+        for back in range(1, order + 1):
+            value = value * x + terms[(order - back) * m + i]
+        out[i] = value
+
+
+def value_of(m: int, form: Floats, z: Floats) -> float:
+    """Give z^T P z."""
+    value = 0.0
+    for i in range(m):
+        for j in range(m):
+            if form[i * m + j] != 0.0:
+                value += form[i * m + j] * z[i] * z[j]
+    return value

@@ -1,0 +1,301 @@
+"""The method `exponential`: exact for what is linear, and refused for all else."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from lagsim.errors import InputError
+from lagsim.methods import _state as at
+from lagsim.methods import exponential
+from lagsim.system.runner import FUNCTION
+from tests.methods.plain import Plain, fresh_state, linked, state_of
+from tests.support import run
+
+ROUNDING = 2.0**-52
+
+ONE = """
+parameters: {{m: 1, k: {k}, c: {c}, F: {F}}}
+coordinates: {{x: {{}}}}
+energy: {{kinetic: m*x_dot^2/2, potential: k*x^2/2, dissipation: c*x_dot^2/2}}
+forces: {{x: F}}
+initial: {{x: {x}, x_dot: {v}}}
+simulation: {{duration: {duration}, output_step: {step}, method: exponential}}
+"""
+
+
+def one(k=0.0, c=0.0, F=0.0, x=0.0, v=0.0, duration=10, step=0.1):
+    text = ONE.format(k=k, c=c, F=F, x=x, v=v, duration=duration, step=step)
+    found = run(text)
+    assert found.trajectory.outcome.word == "done"
+    # The ledger: the integral of the power against the energies.
+    scale = np.max(np.abs(found["energy"])) + np.max(np.abs(found["work"]))
+    # Each radian of an oscillation may add a rounding.
+    radians = math.sqrt(k) * (found["t"][-1] - found["t"][0])
+    assert found.drift <= (100 + radians) * ROUNDING * scale
+    return found
+
+
+def test_a_damped_oscillator():
+    found = one(k=4.0, c=0.4, x=1.0, duration=30)
+    t = found["t"]
+    w = math.sqrt(4.0 - 0.04)
+    exact = np.exp(-0.2 * t) * (np.cos(w * t) + 0.2 / w * np.sin(w * t))
+    # 300 steps, 60 radians: some rounding in each.
+    assert np.max(np.abs(found["x"] - exact)) < 1e-14
+
+
+def test_critical_damping_has_no_eigenvectors():
+    found = one(k=9.0, c=6.0, x=1.0, duration=5)
+    t = found["t"]
+    assert np.max(np.abs(found["x"] - (1 + 3 * t) * np.exp(-3 * t))) < 1e-15
+    assert np.max(np.abs(found["x_dot"] + 9 * t * np.exp(-3 * t))) < 4e-15
+
+
+def test_free_fall_is_singular():
+    # J is nilpotent: a polynomial, exact to rounding on |x| < 430.
+    found = one(F=-9.8, x=1.0, v=5.0)
+    t = found["t"]
+    assert np.max(np.abs(found["x"] - (1 + 5 * t - 4.9 * t * t))) < 430 * 10 * ROUNDING
+    assert found["work"][-1] == pytest.approx(-9.8 * (found["x"][-1] - 1), rel=1e-14)
+
+
+def test_a_stiff_spring_at_any_step():
+    # 16,000 radians from row to row, and a damping of 1e6 beside a load: rest at F/k.
+    fast = one(k=1e10, x=1.0, duration=1.6, step=0.16)
+    phase = 1e5 * fast["t"]
+    # What the phase itself is rounded by, and the doublings enlarge a few times.
+    assert np.max(np.abs(fast["x"] - np.cos(phase))) < 20 * phase[-1] * ROUNDING
+    slow = one(k=2.0, c=1e6, F=6.0, duration=4e6, step=1e5)
+    expected = 3.0 * (1.0 - np.exp(-2e-6 * slow["t"]))
+    # To first order in k m/c^2 = 2e-12.
+    assert np.max(np.abs(slow["x"] - expected)) < 2e-11
+
+
+def test_long_runs_do_not_grow():
+    found = one(k=1.0, x=1.0, duration=1e4, step=1.0)
+    # 10^4 radians: each of 10^4 steps off by less than one rounding of its own motion.
+    assert np.max(np.abs(found["x"] - np.cos(found["t"]))) < 1e4 * ROUNDING
+    assert found.drift < 1e4 * ROUNDING
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e3, 1e9])
+def test_units_do_not_matter(unit):
+    # Lengths in other units, and forces with them.
+    metres = one(k=400.0, c=0.1, F=3.0, x=1.0)
+    other = one(k=400.0, c=0.1, F=3.0 * unit, x=unit)
+    assert np.max(np.abs(metres["x"] - other["x"] / unit)) < 1e-14
+    # Time in other units: stiffness and damping change.
+    slower = one(k=400.0 / unit**2, c=0.1 / unit, F=3.0 / unit**2, x=1.0,
+                 duration=10 * unit, step=0.1 * unit)  # fmt: skip
+    assert np.max(np.abs(metres["x"] - slower["x"])) < 1e-14
+
+
+PENDULUMS = """
+parameters: {w: 3, k: 0.2}
+coordinates: {a: {}, b: {}}
+energy:
+  kinetic: (a_dot^2 + b_dot^2)/2
+  potential: w^2*(a^2 + b^2)/2 + k*(a - b)^2/2
+initial: {a: 1, b: 0}
+simulation: {duration: 100, output_step: 0.05, method: exponential}
+"""
+
+
+def test_coupled_pendulums_beat():
+    found = run(PENDULUMS)
+    t = found["t"]
+    slow, fast = 3.0, math.sqrt(9.4)
+    a = (np.cos(slow * t) + np.cos(fast * t)) / 2
+    b = (np.cos(slow * t) - np.cos(fast * t)) / 2
+    assert np.max(np.abs(found["a"] - a)) < 300 * 2 * ROUNDING
+    assert np.max(np.abs(found["b"] - b)) < 300 * 2 * ROUNDING
+    assert found.trajectory.statistics.steps == 2000
+
+
+def chain(n, r):
+    """Give n masses between walls, set free in mode r."""
+    names = [f"x{i}" for i in range(1, n + 1)]
+    start = [math.sin(i * r * math.pi / (n + 1)) for i in range(1, n + 1)]
+    gaps = [names[0], *(f"({b} - {a})" for a, b in pairwise(names)), names[-1]]
+    return "\n".join(
+        [
+            "coordinates: {" + ", ".join(f"{x}: {{}}" for x in names) + "}",
+            "energy:",
+            "  kinetic: (" + " + ".join(f"{x}_dot^2" for x in names) + ")/2",
+            "  potential: 50*(" + " + ".join(f"{g}^2" for g in gaps) + ")",
+            "initial: {"
+            + ", ".join(f"{x}: {v!r}" for x, v in zip(names, start, strict=True))
+            + "}",
+            "simulation: {duration: 20, output_step: 0.02, method: exponential}",
+        ]
+    )
+
+
+@pytest.mark.parametrize("r", [1, 7, 20])
+def test_a_mode_of_a_chain_of_twenty(r):
+    found = run(chain(20, r))
+    w = 20.0 * math.sin(r * math.pi / 42)
+    for i in (1, 10, 20):
+        exact = math.sin(i * r * math.pi / 21) * np.cos(w * found["t"])
+        # 400 radians of the fastest mode.
+        assert np.max(np.abs(found[f"x{i}"] - exact)) < 400 * 2 * ROUNDING
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_stable_scenes_against_expm(seed):
+    random = np.random.default_rng(seed)
+    n = 3
+    K, C = (a @ a.T for a in random.normal(size=(2, n, n)))
+    G = random.normal(size=(n, n))
+    M = np.diag(random.uniform(0.1, 10, n))
+    F, q, v = random.normal(size=(3, n))
+    names = [f"q{i}" for i in range(n)]
+    pairs = [(i, j) for i in range(n) for j in range(n)]
+
+    def form(a, names):
+        return " + ".join(f"({a[i, j]!r})*{names[i]}*{names[j]}" for i, j in pairs)
+
+    rates = [f"{x}_dot" for x in names]
+    K, C, G = (np.array(a, dtype=object) for a in (K, C, G - G.T))
+    circulation = [
+        " + ".join(f"({float(G[i, j])!r})*{rates[j]}" for j in range(n))
+        + f" + ({float(F[i])!r})"
+        for i in range(n)
+    ]
+    text = "\n".join(
+        [
+            "coordinates: {" + ", ".join(f"{x}: {{}}" for x in names) + "}",
+            "energy:",
+            f"  kinetic: ({form(np.array(M.tolist(), dtype=object), rates)})/2",
+            f"  potential: ({form(K, names)})/2",
+            f"  dissipation: ({form(C, rates)})/2",
+            "forces:",
+            *(f"  {x}: {f}" for x, f in zip(names, circulation, strict=True)),
+            "initial: {"
+            + ", ".join(f"{x}: {float(a)!r}" for x, a in zip(names, q, strict=True))
+            + ", "
+            + ", ".join(f"{x}: {float(a)!r}" for x, a in zip(rates, v, strict=True))
+            + "}",
+            "simulation: {duration: 6, output_step: 0.5, method: exponential}",
+        ]
+    )
+    found = run(text)
+    A = np.zeros((2 * n + 1, 2 * n + 1))
+    A[:n, n : 2 * n] = np.eye(n)
+    inverse = np.linalg.inv(M)
+    A[n : 2 * n, :n] = -inverse @ K.astype(float)
+    A[n : 2 * n, n : 2 * n] = inverse @ (G - C).astype(float)
+    A[n : 2 * n, 2 * n] = inverse @ F
+    z = np.concatenate([q, v, [1.0]])
+    for row, t in enumerate(found["t"]):
+        exact = expm(A * t) @ z
+        states = [found[name][row] for name in (*names, *rates)]
+        # Both are good to some rounding times |A| t < 1000.
+        assert np.max(np.abs(states - exact[:-1])) < 1e-12 * np.max(np.abs(exact))
+    assert found.drift < 1e-12 * np.max(np.abs(found["energy"]))
+
+
+SLIDING = """
+coordinates: {x: {}, y: {}, z: {}}
+energy:
+  kinetic: (x_dot^2 + 2*y_dot^2 + 3*z_dot^2)/2
+  potential: 5*(x^2 + y^2) + z
+  dissipation: 0.1*y_dot^2
+constraints: {bar: x + 2*y = 1, plane: z = x}
+initial: {x: 1, y: 0, z: {guess: 1}}
+simulation: {duration: 10, output_step: 0.1, method: METHOD}
+"""
+
+
+def test_constant_constraints():
+    found, other = (
+        run(SLIDING.replace("METHOD", m)) for m in ("exponential", "dop853")
+    )
+    for name in ("x", "y", "z", "lambda_bar", "lambda_plane", "work"):
+        # The tolerance of dop853, of values below 10.
+        assert np.max(np.abs(found[name] - other[name])) < 1e-9
+    assert np.max(np.abs(found["x"] + 2 * found["y"] - 1)) < 4 * ROUNDING
+    assert found.drift < 1e-13
+
+
+def test_rows_between_steps():
+    # Steps of 0.7 and rows at 0.1: the series between, work with it.
+    found = one(k=30.0, c=0.4, F=1.0, x=1.0)
+    between = run(
+        ONE.format(k=30.0, c=0.4, F=1.0, x=1.0, v=0.0, duration=10, step=0.1).replace(
+            "method: exponential", "method: exponential, step: 0.7"
+        )
+    )
+    assert between.trajectory.statistics.steps == 15  # 14 whole ones, and the rest
+    for name in ("x", "x_dot", "work"):
+        assert np.max(np.abs(between[name] - found[name])) < 1e-13
+
+
+def test_until():
+    text = ONE.format(k=1.0, c=0.0, F=0.0, x=1.0, v=0.0, duration=10, step=1.0)
+    found = run(text.replace("method", "until: x <= 0, method"))
+    assert found["t"][-1] == pytest.approx(math.pi / 2, abs=1e-15)
+
+
+def test_gauss_legendre():
+    # 8 points integrate polynomials up to order 15.
+    for k in range(16):
+        terms = [
+            w * x**k
+            for x, w in zip(exponential.NODES, exponential.WEIGHTS, strict=True)
+        ]
+        assert math.fsum(terms) == pytest.approx(1 / (k + 1), abs=2 * ROUNDING)
+
+
+def test_plain_python_is_the_native_run():
+    text = ONE.format(k=400.0, c=0.3, F=2.0, x=1.0, v=0.0, duration=1, step=0.1)
+    found = run(text.replace("method: exponential", "method: exponential, step: 0.07"))
+    runner = found.system.link("exponential")
+    runner.prepare()
+    call = runner.engine.function("linear", *FUNCTION)
+
+    def linear(t, y, p, out):
+        call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+
+    plain = Plain(exponential, linked(runner) | {"linear": linear})
+    native = fresh_state(
+        exponential, [1.0, 0.0, 0.0],
+        N=1, FIXED_STEP=0.07, ROW_STEP=0.1, ROW_LIMIT=0.95, END=1.0,
+    )  # fmt: skip
+    twin, p = native.copy(), found.system.p.copy()
+    out, twin_out = (np.zeros((20, 4)) for _ in range(2))
+    assert runner.advance(native, out, 1000) == at.DONE
+    assert plain.advance(twin, p, twin_out.reshape(-1), 20, 1000) == at.DONE
+    assert np.array_equal(out, twin_out)
+    assert np.array_equal(state_of(native), state_of(twin))
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        ("elastic-pendulum", "not linear"),
+        ("forced-oscillator", "time stands"),
+        ("kepler", "not linear"),
+    ],
+)
+def test_what_is_refused(model, words):
+    with pytest.raises(InputError) as raised:
+        run(model, method="exponential")
+    [problem] = raised.value.problems
+    assert problem.code == "method-refused"
+    assert words in problem.text
+
+
+def test_the_shipped_model():
+    found = run("coupled-oscillators", method="exponential")
+    assert found.drift < 1e-14
+
+
+def test_amplification():
+    assert exponential.amplification(-0.5 + 3j) == pytest.approx(math.exp(-0.5))
+    assert exponential.amplification(1e6j) == pytest.approx(1.0)

@@ -1,0 +1,284 @@
+"""Implicit methods: their linear algebra, what they keep, and how they fail."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lagsim.methods import generalized_alpha, method
+from lagsim.methods._linearised import (
+    decompose_pair,
+    decompose_real,
+    solve_pair,
+    solve_real,
+)
+from lagsim.methods._lu import decompose, solve
+from lagsim.methods._newton import (
+    CONVERGED,
+    GO_ON,
+    LOST,
+    MOST,
+    RENEW,
+    progress,
+)
+from lagsim.methods._radau_tableau import (
+    A_INVERSE,
+    ALPHA,
+    BETA,
+    DENSE,
+    GAMMA,
+    T_INVERSE,
+    A,
+    C,
+    T,
+    at_point,
+)
+from tests.support import run
+
+ELASTIC = """
+parameters: {l: 1, g: 9.8, K: 25.6}
+coordinates: {theta: {}, u: {}}
+energy:
+  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
+  potential: g*(l - (l + u)*cos(theta)) + K*u^2/2
+initial: {theta: 1, u: 0.2, theta_dot: 0.5}
+simulation: {duration: 200, output_step: 0.1, method: METHOD, step: 0.02}
+"""
+DOUBLE = """
+coordinates: {a: {}, b: {}}
+energy:
+  kinetic: a_dot^2 + b_dot^2/2 + a_dot*b_dot*cos(a - b)
+  potential: -2*cos(a) - cos(b)
+initial: {a: 1, b: 0.5}
+simulation: {duration: 200, output_step: 0.1, method: METHOD, step: 0.02}
+"""
+PLANET = """
+coordinates: {r: {}, phi: {}}
+definitions: {momentum: r^2*phi_dot}
+energy: {kinetic: (r_dot^2 + r^2*phi_dot^2)/2, potential: -1/r}
+initial: {r: 0.7, phi: 0, r_dot: 0, phi_dot: 1.9}
+output: {columns: [momentum]}
+simulation: {duration: 100, output_step: 0.5, method: METHOD, step: 0.02}
+"""
+JUMPING = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: -exp(x^2)}
+initial: {x: 1, x_dot: 1}
+simulation: {duration: 5, output_step: 0.5, method: METHOD, step: 0.5}
+"""
+
+
+def test_lu_solves_and_sees_singular_matrices():
+    random = np.random.default_rng(3)
+    for n in (1, 2, 5, 9):
+        A = random.standard_normal((n, n)) * 10.0 ** random.integers(-6, 6, (n, 1))
+        x = random.standard_normal(n)
+        right, factors, pivots = A @ x, A.copy().ravel(), np.zeros(n)
+        assert decompose(n, factors, pivots) == 1
+        solve(n, factors, pivots, right)
+        scaled = np.linalg.cond(A / np.max(np.abs(A), axis=1, keepdims=True))
+        # Backward stable, up to the growth of the elimination.
+        assert np.max(np.abs(right - x)) < 100 * scaled * 2.0**-53 * np.max(np.abs(x))
+    assert decompose(2, np.array([1.0, 2.0, 2.0, 4.0]), np.zeros(2)) == 0
+    assert decompose(2, np.array([0.0, 0.0, 2.0, 4.0]), np.zeros(2)) == 0
+    assert decompose(1, np.array([math.nan]), np.zeros(1)) == 0
+
+
+@pytest.mark.parametrize("work", [False, True])
+def test_the_halved_systems_are_the_whole_ones(work):
+    random = np.random.default_rng(4)
+    n = 3
+    size = 2 * n + work
+    J = random.standard_normal((n + 1, 2 * n))
+    whole = np.zeros((size, size))
+    whole[:n, n : 2 * n] = np.eye(n)
+    whole[n:, : 2 * n] = J[: size - n]
+    flat, K, pivots = J.ravel(), np.zeros(4 * n * n), np.zeros(2 * n)
+    right = random.standard_normal((2, size))
+    real, imaginary = right.copy()
+    assert decompose_real(n, 1.7, flat, K, pivots) == 1
+    solve_real(n, work, 1.7, flat, K, pivots, real)
+    assert np.allclose((1.7 * np.eye(size) - whole) @ real, right[0], atol=1e-13)
+    real = right[0].copy()
+    assert decompose_pair(n, 1.7, 0.9, flat, K, pivots) == 1
+    solve_pair(n, work, 1.7, 0.9, flat, K, pivots, real, imaginary, np.zeros(2 * n))
+    found = ((1.7 + 0.9j) * np.eye(size) - whole) @ (real + 1j * imaginary)
+    assert np.allclose(found, right[0] + 1j * right[1], atol=1e-13)
+
+
+def test_the_tables_of_radau():
+    # Published: Hairer and Wanner, table IV.5.6; the eigenvalues of IV.8.
+    root = math.sqrt(6.0)
+    published = [
+        [(88 - 7 * root) / 360, (296 - 169 * root) / 1800, (-2 + 3 * root) / 225],
+        [(296 + 169 * root) / 1800, (88 + 7 * root) / 360, (-2 - 3 * root) / 225],
+        [(16 - root) / 36, (16 + root) / 36, 1 / 9],
+    ]
+    rounding = 1e-14
+    assert np.allclose(A, published, rtol=0, atol=rounding)
+    assert np.allclose(np.array(A) @ A_INVERSE, np.eye(3), rtol=0, atol=rounding)
+    middle = [[GAMMA, 0, 0], [0, ALPHA, -BETA], [0, BETA, ALPHA]]
+    product = np.array(T_INVERSE) @ A_INVERSE @ np.array(T)
+    assert np.allclose(product, middle, rtol=0, atol=rounding)
+    assert pytest.approx(3.6378342527444957, rel=1e-15) == GAMMA
+    assert pytest.approx((2.6810828736277521, 3.0504301992474105), rel=1e-15) == (
+        ALPHA,
+        BETA,
+    )
+    # The dense output integrates cubics exactly, and at the nodes gives the stages of
+    # anything whose slope at 0 does not count in them.
+    for x in (0.3, *C):
+        for k in range(4):
+            slopes = [c**k for c in (0.0, *C)]
+            value = sum(
+                s * at_point(row, x) for s, row in zip(slopes, DENSE, strict=True)
+            )
+            assert value == pytest.approx(x ** (k + 1) / (k + 1), abs=rounding)
+
+
+def test_what_newtons_steps_say():
+    assert progress(0, 1e-3, 0.0) == GO_ON
+    assert progress(3, 0.0, 1.0) == CONVERGED
+    assert progress(1, 1e-10, 1e-3) == CONVERGED
+    assert progress(2, 0.9e-12, 1e-12) == CONVERGED
+    assert progress(1, 1e-4, 1e-2) == GO_ON
+    assert progress(1, 1e-3, 2e-3) == RENEW
+    assert progress(MOST - 1, 1e-3, 1e-2) == LOST
+    assert progress(1, math.nan, 1.0) == LOST
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.3, 0.8, 1.0])
+def test_the_radius_of_generalized_alpha_is_that_at_infinity(radius):
+    found = generalized_alpha.amplification(1e7j, radius)
+    assert found == pytest.approx(radius, abs=1e-3)
+    # Never above 1, and for damped oscillations below it.
+    for y in np.logspace(-3, 5, 60):
+        assert generalized_alpha.amplification(1j * y, radius) <= 1.0 + 1e-7
+    if radius < 1.0:  # at 1 the acceleration keeps a third one, -1
+        assert generalized_alpha.amplification(-0.1 + 1j, radius) < 1.0
+
+
+OSCILLATOR = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 9e4*x^2/2}
+initial: {x: 1}
+simulation: {duration: 2, output_step: 0.01, method: generalized-alpha, step: 0.01}
+"""
+
+
+@pytest.mark.parametrize("radius", [0.5, 0.9])
+def test_fast_motion_is_damped_as_the_amplification_says(radius):
+    # h w = 3; past the first steps one pair of eigenvalues is left, whose energy
+    # swings by a bounded factor: over 150 steps a percent in the rate.
+    found = run(OSCILLATOR, spectral_radius=radius)
+    steps = np.arange(50, 201)
+    rate = np.polyfit(steps, 0.5 * np.log(found["energy"][50:]), 1)[0]
+    expected = generalized_alpha.amplification(3j, radius)
+    assert math.exp(rate) == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["midpoint", "gauss4"])
+@pytest.mark.parametrize("text", [ELASTIC, DOUBLE])
+def test_the_energy_error_does_not_grow(name, text):
+    found = run(text.replace("METHOD", name))
+    off = np.abs(found["energy"] - found["energy"][0])
+    half = len(off) // 2
+    # 10,000 steps; the error of each swings. rk4's grows all the way.
+    assert np.max(off[half:]) < 1.5 * np.max(off[:half])
+    # (h w)^p with w about 6 per unit of time, of an energy of about 5.
+    assert np.max(off) < 5 * (0.02 * 6) ** method(name).ORDER
+    other = run(text.replace("METHOD", "rk4"), step=0.05)
+    off = np.abs(other["energy"] - other["energy"][0])
+    assert np.max(off[half:]) > 1.5 * np.max(off[:half])
+
+
+@pytest.mark.parametrize("name", ["midpoint", "gauss4"])
+def test_angular_momentum_is_kept_to_rounding(name):
+    found = run(PLANET.replace("METHOD", name))
+    momentum = found["momentum"]
+    # Momenta are summed with compensation; velocities are solved for to rounding.
+    assert np.max(np.abs(momentum / momentum[0] - 1.0)) < 1e-14
+
+
+@pytest.mark.parametrize("name", ["midpoint", "gauss4"])
+def test_quadratic_energies_are_kept_to_rounding(name):
+    text = """
+    coordinates: {x: {}, y: {}}
+    energy: {kinetic: x_dot^2/2 + y_dot^2, potential: x^2 + x*y + 2*y^2}
+    initial: {x: 1, y: -0.3}
+    simulation: {duration: 1000, output_step: 1, method: METHOD, step: 0.1}
+    """
+    found = run(text.replace("METHOD", name))
+    # 10,000 steps without a trend: a random walk of rounding would give 1e-14.
+    assert found.drift < 2e-14 * found["energy"][0]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "instead"),
+    [
+        ("midpoint", "constraints: {rod: x^2 + y^2 = 1}", "rattle"),
+        ("gauss4", "constraints: {knife: x_dot = y_dot*x}", "dop853"),
+    ],
+)
+def test_gauss_methods_refuse_constraints(name, text, instead):
+    from lagsim.equations import derive
+    from lagsim.reader import read
+    from lagsim.structure import structure
+
+    model = f"""
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: y}}
+{text}
+initial: {{x: 0, y: -1}}
+simulation: {{duration: 1}}
+"""
+    scene = structure(derive(read(model, "m.yaml")))
+    assert instead in method(name).refusal(scene)
+
+
+@pytest.mark.parametrize("name", ["midpoint", "gauss4", "generalized-alpha"])
+def test_an_iteration_that_fails_ends_the_run_with_advice(name):
+    found = run(JUMPING.replace("METHOD", name))
+    trajectory = found.trajectory
+    assert trajectory.outcome.word == "failed"
+    assert trajectory.outcome.name == "NEWTON_FAILED"
+    assert "smaller step" in trajectory.reason
+
+
+def test_radau_shortens_the_step_instead():
+    # x'' = 2 x exp(x^2) blows up in finite time: the step shrinks until none is left.
+    found = run(JUMPING.replace("METHOD", "radau"))
+    assert found.trajectory.outcome.word == "failed"
+    assert found.trajectory.statistics.steps > 100
+    assert found["x"][-1] > 5.0
+
+
+def test_radau_counts_its_factorisations():
+    linear = """
+    coordinates: {x: {}}
+    energy: {kinetic: x_dot^2/2, potential: x^2/2}
+    initial: {x: 1}
+    simulation: {duration: 10, method: radau, rtol: 1e-6}
+    """
+    statistics = run(linear).trajectory.statistics
+    # Three evaluations for each iteration and one at the end of each step, and three
+    # at the start; J is constant and kept, so factorisations go with changes of h.
+    assert statistics.evaluations >= 4 * statistics.steps
+    assert (statistics.evaluations - statistics.steps) % 3 == 0
+    assert 3 <= statistics.factorisations < statistics.steps
+
+
+@pytest.mark.parametrize("name", ["radau", "generalized-alpha", "midpoint", "gauss4"])
+def test_scenes_too_large_for_dense_matrices_are_refused(name):
+    from dataclasses import replace
+
+    from lagsim.equations import derive
+    from lagsim.reader import read
+    from lagsim.structure import structure
+
+    scene = structure(derive(read(DOUBLE.replace("METHOD", name), "m.yaml")))
+    assert scene.unknowns == 2
+    assert method(name).refusal(scene) == ""
+    assert "301" in method(name).refusal(replace(scene, unknowns=301))

@@ -1,0 +1,331 @@
+"""The method `taylor`: accuracy, its order, its guard, and what it refuses."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lagsim.errors import InputError
+from lagsim.methods import _state as at
+from lagsim.methods import taylor
+from lagsim.system.runner import FUNCTION
+from tests.methods.plain import Plain, fresh_state, linked, state_of
+from tests.methods.test_registry import swing
+from tests.support import run
+
+PENDULUM = """
+coordinates: {a: {}}
+energy: {kinetic: a_dot^2/2, potential: -cos(a)}
+initial: {a: 2}
+simulation: {duration: 20, output_step: 0.1, method: taylor, rtol: RTOL}
+"""
+HELD = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y}
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: sin(2), y: -cos(2)}
+simulation: {duration: 20, output_step: 0.1, method: taylor, rtol: RTOL}
+"""
+
+
+def off(text, rtol):
+    found = run(text.replace("RTOL", str(rtol)))
+    angle = found["a"] if text is PENDULUM else np.arctan2(found["x"], -found["y"])
+    return np.max(np.abs(angle - swing(found["t"], 2.0))), found
+
+
+@pytest.mark.parametrize("text", [PENDULUM, HELD])
+@pytest.mark.parametrize("rtol", [1e-6, 1e-8, 1e-11, 1e-13])
+def test_a_pendulum(text, rtol):
+    # Three swings of amplitude 2 enlarge what a step is off by less than 30 times; the
+    # rows in between are the series itself. Below, 40 units of rounding in each swing.
+    error, found = off(text, rtol)
+    assert error < 3 * rtol + 3e-14
+    assert found.drift < 3 * rtol + 3e-14
+    statistics = found.trajectory.statistics
+    # The order grows with the tolerance, the number of steps hardly does.
+    assert 40 < statistics.steps < 200
+    # At loose tolerances the last terms shrink by less than is assumed.
+    assert statistics.rejections < (0.3 if rtol > 1e-7 else 0.1) * statistics.steps
+
+
+def test_the_order_follows_the_tolerance():
+    assert taylor.order_for(1e-11) == taylor.ORDER
+    # e^(-2 (K - 1)) = a tenth of the tolerance (Jorba and Zou).
+    orders = [taylor.order_for(10.0**-k) for k in range(3, 17)]
+    assert orders == sorted(orders)
+    assert orders[0] == math.ceil(1 + 2 * math.log(10))
+    assert taylor.order_for(0.0) == taylor.MOST_ORDER
+    assert taylor.order_for(1.0) == taylor.LEAST_ORDER
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7])
+def test_a_step_is_of_that_order(rtol):
+    found = run(PENDULUM.replace("RTOL", str(rtol)))
+    runner = found.system.link("taylor")
+    order = taylor.order_for(rtol)
+    out = np.zeros(1 + 2 * (order + 1))
+    y = np.array([2.0, 0.0])
+    series = runner.engine.function("series", *FUNCTION)
+    series(0.0, y.ctypes.data, found.system.p.ctypes.data, out.ctypes.data)
+    assert out[0] == order
+    steps = np.array([0.6, 0.75, 0.9])
+    sums = np.zeros((len(steps), 2))
+    for h, total in zip(steps, sums, strict=True):
+        taylor.sum_series(2, out, h, total)
+    errors = np.abs(sums[:, 0] - swing(steps, 2.0))
+    # From rest the angle is even in t: the first odd term left out is zero.
+    first = order + 1 + (order + 1) % 2
+    slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert slope == pytest.approx(first, abs=0.5)
+
+
+def test_kepler_after_whole_orbits():
+    found = run("kepler", method="taylor", rtol="1e-13", duration="20*pi")
+    # Ten orbits enlarge an error along the path some 6 pi per orbit and orbit passed.
+    assert found["x"][-1] == pytest.approx(0.4, abs=1e-11)
+    assert abs(found["y"][-1]) < 1e-10
+    assert np.max(np.abs(found["energy"] + 0.5)) < 1e-13
+
+
+MISSILE = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: "FORCE"}
+initial: {x: 0}
+simulation: {duration: 4, output_step: 0.03, method: taylor}
+"""
+
+
+def test_a_force_in_time():
+    found = run(MISSILE.replace("FORCE", "cos(3*t)*exp(-t)"))
+    t = found["t"]
+    # x'' = Re exp(w t), w = -1 + 3i, from rest.
+    w = -1 + 3j
+    x = ((np.exp(w * t) - 1) / w**2 - t / w).real
+    assert np.max(np.abs(found["x"] - x)) < 1e-11  # the tolerance, of |x| < 1
+    assert found.drift < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("force", "after"),
+    [
+        ("if(t < 1, 1, -1)", lambda t: t - 0.5 - (t - 1.0) ** 2 / 2),
+        ("2*heaviside(1 - t) - 1", lambda t: t - 0.5 - (t - 1.0) ** 2 / 2),
+        ("abs(t - 1)", lambda t: (t - 1.0) ** 3 / 6 + t / 2 - 1 / 6),
+        ("max(1 - t, 0)", lambda t: t / 2 - 1 / 6),
+    ],
+)
+def test_breaks_in_time(force, after):
+    found = run(MISSILE.replace("FORCE", force))
+    t, x = found["t"], found["x"]
+    late = t >= 1.0
+    # Polynomials: each arc is one step, exact to rounding on |x| < 4.
+    assert np.max(np.abs(x[late] - after(t[late]))) < 1e-14
+    assert found.trajectory.statistics.steps <= 4
+    assert [event.kind for event in found.trajectory.events] == ["switch"]
+
+
+SCALED = """
+parameters: {{g: 9.8*{unit}, k: 25.6, l: {unit}}}
+coordinates: {{theta: {{}}, u: {{}}}}
+energy:
+  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
+  potential: g*(l - (l + u)*cos(theta)) + k*u^2/2
+initial: {{theta: 1, u: 0}}
+simulation: {{duration: 10, output_step: 0.1, method: taylor}}
+"""
+
+
+def test_metres_and_millimetres():
+    metres, other = (run(SCALED.format(unit=unit)) for unit in (1.0, 1000.0))
+    steps, others = (r.trajectory.statistics for r in (metres, other))
+    assert steps == others
+    # The same steps; 1000 is no power of two, so rounding differs, enlarged in 10 s.
+    assert np.max(np.abs(metres["u"] - other["u"] / 1000.0)) < 1e-11
+    assert np.max(np.abs(metres["theta"] - other["theta"])) < 1e-11
+
+
+def test_a_megametre_is_not_another_scene():
+    found = run(SCALED.format(unit=2.0**20))
+    expected = run(SCALED.format(unit=1.0))
+    # A power of two changes no bit of what is computed, the tolerances included.
+    assert np.array_equal(found["theta"], expected["theta"])
+
+
+def test_at_rest_it_stays():
+    text = PENDULUM.replace("a: 2", "a: 0").replace("RTOL", "1e-11")
+    found = run(text)
+    assert not np.any(found["a"])
+    assert found.trajectory.statistics.steps < 50
+
+
+def test_until():
+    found = run(PENDULUM.replace("rtol: RTOL", 'until: "a <= 0"'))
+    from scipy.special import ellipk
+
+    # A quarter of the period: K(k), k = sin(1).
+    assert found["t"][-1] == pytest.approx(ellipk(math.sin(1.0) ** 2), abs=1e-11)
+
+
+SYMMETRIC = """
+coordinates: {a: {}, b: {}}
+energy:
+  kinetic: a_dot^2 + b_dot^2/2 + a_dot*b_dot*cos(a - b)
+  potential: -2*cos(a) - cos(b)
+initial: {a: pi/2, b: pi/2}
+simulation: {duration: 4, output_step: 0.5, method: taylor, rtol: 1.0e-15}
+"""
+
+
+class Bare:
+    """Steps that only the last GUARD coefficients bound, in plain Python."""
+
+    def __init__(self, guard):
+        found = run(SYMMETRIC)
+        runner = found.system.link("taylor")
+        call = runner.engine.function("series", *FUNCTION)
+
+        def series(t, y, p, out):
+            call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+
+        statics = {"GUARD": guard, "PASSED": math.inf, "SAFETY": 1.0}
+        self.found, self.p = found, found.system.p
+        self.plain = Plain(taylor, linked(runner) | {"series": series}, **statics)
+        self.s = fresh_state(
+            taylor, [math.pi / 2, math.pi / 2, 0, 0],
+            N=2, RTOL=1e-15, ROW_STEP=0.5, ROW_LIMIT=4.0, END=4.0,
+        )  # fmt: skip
+
+    def end(self):
+        self.plain.kernel("start")(self.s, self.p)
+        while self.s[at.T] < 4.0:
+            assert self.plain.kernel("step")(self.s, self.p) == at.DONE
+        return state_of(self.s)
+
+
+def test_a_symmetric_start_needs_four_coefficients():
+    # Where a and b start at rest at 90 degrees, three in four coefficients vanish: at
+    # order 20 those of order 19 and 20 do.
+    assert taylor.order_for(1e-15) == 20
+    expected = run(SYMMETRIC, method="dop853")
+    end = [expected[name][-1] for name in ("a", "b", "a_dot", "b_dot")]
+    errors = {guard: np.max(np.abs(Bare(guard).end() - end)) for guard in (2, 4)}
+    assert errors[4] < 1e-12
+    assert errors[2] > 1.0
+    # The error check finds it even so.
+    found = run(SYMMETRIC)
+    assert found["a"][-1] == pytest.approx(end[0], abs=1e-12)
+
+
+@pytest.mark.parametrize("text", [PENDULUM, HELD])
+def test_plain_python_is_the_native_run(text):
+    found = run(text.replace("RTOL", "1e-9"), duration="1")
+    runner = found.system.link("taylor")
+    system = found.system
+    runner.prepare()
+    call = runner.engine.function("series", *FUNCTION)
+
+    def series(t, y, p, out):
+        call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+
+    model = linked(runner) | {"series": series}
+    plain = Plain(taylor, model, CONSTRAINED=system.m > 0)
+    y = np.concatenate([found.start.q, found.start.v])
+    native = fresh_state(
+        taylor, y, N=system.n, ROW_STEP=0.1, ROW_LIMIT=0.95, END=1.0,
+    )  # fmt: skip
+    twin, p = native.copy(), system.p.copy()
+    out, twin_out = (np.zeros((20, 1 + system.size)) for _ in range(2))
+    assert runner.advance(native, out, 1000) == at.DONE
+    assert plain.advance(twin, p, twin_out.reshape(-1), 20, 1000) == at.DONE
+    assert np.array_equal(out, twin_out)
+    assert np.array_equal(native, twin)
+
+
+@pytest.mark.parametrize(
+    ("model", "loops", "words"),
+    [("andrews", False, "operations"), ("chain-angles", False, "operations")],
+)
+def test_what_is_too_long_is_refused(model, loops, words):
+    with pytest.raises(InputError) as raised:
+        run(model, loops=loops, method="taylor")
+    [problem] = raised.value.problems
+    assert problem.code == "method-refused"
+    assert words in problem.text
+    assert "dop853" in problem.hint
+
+
+def test_loops_are_refused():
+    twice = HELD.replace("rod:", 'again: "2*x^2 + 2*y^2 = 2", rod:')
+    with pytest.raises(InputError) as raised:
+        run(twice.replace("RTOL", "1e-11"))
+    assert "loops" in raised.value.problems[0].text
+
+
+NEARLY = """
+coordinates: {x: {}, y: {}, z: {}, clock: {}}
+energy:
+  kinetic: (x_dot^2 + y_dot^2 + z_dot^2 + clock_dot^2)/2
+  potential: 200*clock^2
+constraints:
+  plane: z = 0
+  tilted: "z = (1.1 - x)*y"
+initial: {x: 0, y: 0, z: 0, x_dot: 1, clock: 1}
+simulation: {duration: 2, output_step: 0.01, method: taylor, formulation: full}
+"""
+
+
+def test_where_loops_take_over_another_method_goes_on():
+    # The angle between the rows falls to zero at x = t = 1.1.
+    found = run(NEARLY)
+    assert "nearly-dependent" in [w.code for w in found.trajectory.warnings]
+    assert found.trajectory.outcome.word == "done"
+    assert len(found.rows) == 201
+    assert np.max(np.abs(found["x"] - found["t"])) < 1e-12
+    clock = found["clock"] - np.cos(20.0 * found["t"])
+    assert np.max(np.abs(clock)) < 1e-9  # as for dop853 alone
+
+
+def test_amplification():
+    for z in (0.1j, -0.5 + 0.8j, 1.0 + 0j):
+        # The first term left out: 1/16! = 5e-14.
+        assert taylor.amplification(z) == pytest.approx(abs(np.exp(z)), abs=2e-13)
+    assert taylor.amplification(1j * taylor.IMAGINARY_LIMIT) <= 1.0 + 1e-15
+    assert taylor.amplification(2.5j) > 1.0
+
+
+STEPPING = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: "POTENTIAL"}
+forces: {x: "FORCE"}
+initial: {x: 1}
+simulation: {duration: 12, output_step: 0.1, method: taylor}
+"""
+
+
+def test_a_force_that_steps_with_the_position():
+    # |x| = 1 - t^2/2 up to sqrt(2), then its mirror image, and so on: parabolas.
+    found = run(STEPPING.replace("POTENTIAL", "abs(x)").replace("FORCE", "0*t"))
+    quarter = math.sqrt(2.0)
+    phase = (found["t"] + quarter) % (4 * quarter)
+    half = np.where(phase < 2 * quarter, phase, phase - 2 * quarter) - quarter
+    exact = np.where(phase < 2 * quarter, 1.0, -1.0) * (1.0 - half**2 / 2)
+    # Each of 8 crossings is located to a few units in the last place of t < 12.
+    assert np.max(np.abs(found["x"] - exact)) < 1e-13
+
+
+def test_dry_friction_sticks():
+    # Each swing between two stops loses 0.3; where the spring pulls by less than 0.15
+    # the block stays.
+    text = STEPPING.replace("POTENTIAL", "x^2/2").replace("FORCE", "-0.15*sign(x_dot)")
+    found = run(text)
+    stops = np.array([1.0, -0.7, 0.4, -0.1, -0.1])
+    k = np.minimum(found["t"] // math.pi, 3).astype(int)
+    middle = (stops[k] + stops[k + 1]) / 2
+    exact = middle + (stops[k] - middle) * np.cos(found["t"] - k * math.pi)
+    # The tolerance, and 4 arcs.
+    assert np.max(np.abs(found["x"] - exact)) < 1e-10
+    assert np.max(np.abs(found["x_dot"][k == 3])) < 1e-12
