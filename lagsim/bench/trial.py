@@ -242,7 +242,10 @@ class Subject:
             Where it cannot handle the scene.
         """
         plan = make_plan(equations, self.start)
-        key = (method_named(name).NEEDS, plan.formulation, plan.elimination is None)
+        key = (
+            method_named(name).NEEDS, plan.formulation, plan.elimination is None,
+            plan.projected, plan.tape, plan.constant,
+        )  # fmt: skip
         if key not in self._systems:
             self._systems[key] = System(equations, plan)
         return plan, self._systems[key]
