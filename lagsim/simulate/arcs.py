@@ -200,6 +200,7 @@ class Run:
                 int(state[at.REJECTIONS]),
                 evaluations,
                 int(state[at.FACTORISATIONS]) + (1 if all_constant else evaluations),
+                float(state[at.SMALLEST_STEP]) or None,
             ),
             events=tuple(self.events),
             warnings=tuple(self.warnings),
