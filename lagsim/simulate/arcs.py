@@ -20,6 +20,7 @@ from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
+from lagsim.simulate.states import SLIDING, empty_state, taken_over
 from lagsim.system import System
 from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
 
@@ -50,9 +51,6 @@ LOST = 1e-5
 # A mechanism may pass the same dead point for ever: these events are kept up to this
 # many, the warning is given once.
 MOST_RANK_EVENTS = 10_000
-# The method where the motion slides along a surface and the method of the run needs
-# more of the model than y'.
-SLIDING = "dop853"
 # Steps at the stability bound after which something may be done about it.
 AT_BOUND = 15
 # Beyond so many multiplications, about a second, the loops are not gone on with.
@@ -111,10 +109,9 @@ class Run:
 
     def _fresh_state(self, y: Floats) -> Floats:
         system, simulation = self.system, self.simulation
-        state = np.zeros(self._state_size())
+        state = empty_state(system)
         state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
         state[at.ROW_STEP] = simulation.output_step
-        state[at.SIZES_BEFORE] = len(state) - system.size
         self._set_tolerances(state)
         radius = simulation.spectral_radius
         state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
@@ -126,15 +123,6 @@ class Run:
             state[at.EQUATION] = simulation.until.sense.value == "="
         state[at.HEADER : at.HEADER + len(y)] = y
         return state
-
-    def _state_size(self) -> int:
-        system = self.system
-        methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
-        # And room for what `_driver.keep_sizes` notes.
-        return (
-            max(int(method(m).state_size(system.size)) for m in methods)
-            + self.system.size
-        )
 
     def _set_tolerances(self, state: Floats) -> None:
         state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
@@ -374,15 +362,10 @@ class Run:
         self.plan = by_loops(self.plan)
         self.use(System(self.equations, self.plan))
         self.system.begin(self.start)
-        size = self.system.size
-        common = self.state[: at.HEADER + 6 * size + 6]
-        self.state = np.zeros(self._state_size())
-        self.state[: len(common)] = common
-        self.state[at.SIZES_BEFORE] = len(self.state) - size
+        self.state = taken_over(self.state, self.system)
         self._set_tolerances(self.state)
         self._set_watch(self.state)
         self._set_branches(end)
-        self.state[at.FRESH] = 1.0
 
     def _note_rank_loss(self) -> None:
         """Record a loss of rank on the way, with the constraints in it."""

@@ -18,6 +18,7 @@ import numpy as np
 from lagsim.formulation import Choice
 from lagsim.methods import _state as at
 from lagsim.methods import method
+from lagsim.simulate.states import taken_over
 from lagsim.structure import structure
 from lagsim.system import System
 from lagsim.trajectory import Caution
@@ -140,7 +141,7 @@ def _gain(run: Run, system: System) -> float:
 
     From a trial on a copy of the state; its beginning counts only if that is all.
     """
-    state = _converted(run, system)
+    state = taken_over(run.state, system)
     state[at.ROW_LIMIT] = -np.inf
     runner, block = system.link(STIFF), np.empty((1, 1 + system.size))
     before = state.copy()
@@ -171,23 +172,13 @@ def _operations(equations: Equations) -> float:
     return len(equations.graph.cone(nodes)) + len(equations.q) ** 3 / 3
 
 
-def _converted(run: Run, system: System) -> Floats:
-    """Give the state of the run as the stiff method's, at the start of an arc."""
-    length = max(len(run.state), method(STIFF).state_size(system.size))
-    state = np.zeros(length)
-    common = at.HEADER + 6 * system.size + 6
-    state[:common] = run.state[:common]
-    state[at.FRESH] = 1.0
-    return state
-
-
 def _switch(run: Run, system: System, fast: Fast, gained: float) -> None:
     reason = (
         f"the step was held at the stability bound by {_named(fast.where)}, at "
         f"{fast.rate:.3g} per unit of time; {STIFF}'s is {gained:.0f} times larger"
     )
     run.choices.append(Choice(f"method: {STIFF} from t = {run.t:.9g} on", reason))
-    state = _converted(run, system)
+    state = taken_over(run.state, system)
     run.plan = system.plan
     run.use(system)
     run.state = state
