@@ -20,7 +20,7 @@ from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
-from lagsim.simulate.states import SLIDING, empty_state, taken_over
+from lagsim.simulate.states import MOST_STEPS, SLIDING, empty_state, taken_over
 from lagsim.system import System
 from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
 
@@ -41,7 +41,6 @@ BLOCK = 2048
 MOST_NUMBERS = 2**20
 # Steps between two looks at interrupts and progress: some tens of milliseconds.
 STEPS_PER_CALL = 4000
-MOST_STEPS = 100_000_000
 # The last row within this part of a row's spacing is the end's.
 SAME_ROW = 1e-9
 # A loss of rank is close where the rows' independence falls below the first part of
@@ -96,6 +95,9 @@ class Run:
         self.state = self._fresh_state(system.begin(start))
         rows = max(1, min(BLOCK, MOST_NUMBERS // system.rows_observed))
         self.block = np.empty((rows, 1 + system.size))
+        # Where the stiff method has taken over: the steps at which it is asked whether
+        # to go back, and the state when it was asked last.
+        self.review_at, self.reviewed = MOST_STEPS, self.state
         self.switching: Switching | None = None
         if system.surfaces:
             from lagsim.simulate.switching import Switching
@@ -317,7 +319,7 @@ class Run:
         """Integrate on, by one call of the kernel; give an outcome if there is one."""
         state = self.state
         left = most_steps - self.steps
-        budget = min(STEPS_PER_CALL, left)
+        budget = min(STEPS_PER_CALL, left, self.review_at - self.steps)
         code = self.runner.advance(state, self.block, budget)
         self._emit(self.block[: int(state[at.EMITTED])])
         over = code == at.EVENT_FOUND or self.t >= self.simulation.end
@@ -337,6 +339,10 @@ class Run:
             return Outcome.SWITCHED
         elif code == at.PAUSED and left <= budget:
             return Outcome.TOO_MANY_STEPS
+        elif code == at.PAUSED and self.steps >= self.review_at:
+            from lagsim.simulate.stiffness import review
+
+            review(self)
         elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST):
             return _OUTCOMES[code]
         return None

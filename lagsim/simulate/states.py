@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 # The method where the motion slides along a surface and the method of the run needs
 # more of the model than y'.
 SLIDING = "dop853"
+# More than any run makes, unless it is told otherwise.
+MOST_STEPS = 100_000_000
 
 
 def empty_state(system: System) -> Floats:
