@@ -111,7 +111,7 @@ class Run:
 
     def _fresh_state(self, y: Floats) -> Floats:
         system, simulation = self.system, self.simulation
-        state = empty_state(system)
+        state = empty_state(self.runner)
         state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
         state[at.ROW_STEP] = simulation.output_step
         self._set_tolerances(state)
@@ -369,7 +369,7 @@ class Run:
         self.plan = by_loops(self.plan)
         self.use(System(self.equations, self.plan))
         self.system.begin(self.start)
-        self.state = taken_over(self.state, self.system)
+        self.state = taken_over(self.state, self.runner)
         self._set_tolerances(self.state)
         self._set_watch(self.state)
         self._set_branches(end)

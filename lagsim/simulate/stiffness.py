@@ -177,9 +177,9 @@ def _trial(run: Run, system: System) -> tuple[Floats, Floats]:
 
     On a copy; its beginning counts only if that is all.
     """
-    state = taken_over(run.state, system)
-    state[at.ROW_LIMIT], state[at.ASK_AT] = -np.inf, 0.0
     runner, block = system.link(system.plan.method), np.empty((1, 1 + system.size))
+    state = taken_over(run.state, runner)
+    state[at.ROW_LIMIT], state[at.ASK_AT] = -np.inf, 0.0
     before = state.copy()
     if runner.advance(state, block, TRIAL) == at.PAUSED:
         before = state.copy()
@@ -232,7 +232,7 @@ def _go_on(run: Run, system: System, reason: str) -> None:
     """Go on with another method."""
     name = system.plan.method
     run.choices.append(Choice(f"method: {name} from t = {run.t:.9g} on", reason))
-    state = taken_over(run.state, system)
+    state = taken_over(run.state, system.link(name))
     state[at.AT_BOUND] = 0.0
     run.plan = system.plan
     run.use(system)
