@@ -163,9 +163,7 @@ class Linearisation:
         values |= dict(zip(e.accelerations, map(float, acceleration), strict=True))
         values |= dict(zip(e.multipliers, map(float, lam), strict=True))
         slopes = self._evaluated(self._slopes, values)
-        by_state, B, turning = np.split(
-            slopes, np.cumsum([(n + m) * 2 * n, m * n])
-        )
+        by_state, B, turning = np.split(slopes, np.cumsum([(n + m) * 2 * n, m * n]))
         r = by_state.reshape(n + m, 2 * n)[:n]
         B, turning = B.reshape(m, n), turning.reshape(m, n)
         Z, inverse = metric.free, metric.inverse
@@ -181,8 +179,8 @@ class Linearisation:
             [by_position, -Z.T @ r[:, n:] @ Z],
         ])  # fmt: skip
         return Linear(
-            R, Zh, Z, Z.T @ f, metric.L.T, -held.inverse, residuals, rates
-        )
+            R, Zh, Z, Z.T @ f, np.asarray(metric.L.T), -held.inverse, residuals, rates
+        )  # fmt: skip
 
     def _evaluated(self, nodes: list[int], values: dict[str, float]) -> Floats:
         found = np.array(evaluate(self.g, nodes, values), dtype=float)
@@ -209,7 +207,7 @@ class _Metric:
         self.M, self.A = M, A
         self.weight = 0.0
         try:
-            self.L = np.linalg.cholesky(M)
+            self.L: Floats = np.asarray(np.linalg.cholesky(M))
         except np.linalg.LinAlgError:
             self.weight = (np.trace(M) or 1.0) / (np.sum(A * A) or 1.0)
             self.L = _root(M + self.weight * A.T @ A)
@@ -239,12 +237,12 @@ class _Metric:
 
     def held(self, f: Floats) -> Floats:
         """Give the lambda that comes closest to f + A^T lambda = 0."""
-        return -self._pseudo.T @ np.linalg.solve(self.L, f)
+        return np.asarray(-self._pseudo.T @ np.linalg.solve(self.L, f))
 
 
 def _root(G: Floats) -> Floats:
     """Give L with L L^T = G, or 1 where G is no metric."""
     try:
-        return np.linalg.cholesky(G)
+        return np.asarray(np.linalg.cholesky(G))
     except np.linalg.LinAlgError:
         return np.eye(len(G))

@@ -5,11 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagsim.bench.borders import predicted
+from lagsim.bench.scope import (
+    SEARCH,
+    methods_for,
+    runs_for,
+    spaced,
+    steps_for,
+    subjects_at_ends,
+    usual_value,
+)
 from lagsim.bench.trial import FAILS, Cell, Subject
 from lagsim.equilibrium import (
     Mode,
@@ -18,64 +27,19 @@ from lagsim.equilibrium import (
     modes,
     named,
 )
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.errors import InputError, LagsimError
 from lagsim.methods import method as method_named
-from lagsim.methods import names
 from lagsim.structure import structure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
-    from lagsim.bench.solving import Scene
+    from lagsim.bench.scope import Refused, SceneAt, Wish
     from lagsim.interrupt import Interrupt
 
-    SceneAt = Callable[[float | None], Scene]
-
-# Cells of a strip, and of a map: steps, values of the parameter.
-STRIP = 48
-MAP = (24, 16)
-# Runs that find a border, besides.
-SEARCH = 14
-# A border is known to three digits.
+# A border is known to three digits; around one that is predicted more is looked at.
 DIGITS = 2e-4
-# The range of steps: from this part of the smallest border predicted to so many times
-# the largest, but not wider than the third.
-BELOW, ABOVE, WIDEST = 0.1, 1.6, 1e3
-# Without a border, in parts of the fastest period, or of the run.
-OF_PERIOD = (0.02, 1.0)
-OF_RUN = (1e-4, 0.1)
-
-# Steps of a run: so many, or what the model lasts, within what all of it may cost.
-STEPS, MOST_STEPS, LEAST_STEPS = 10_000, 40_000, 400
-# Operations, worth about 10 s; a step and its row cost so many besides those of its
-# evaluations, which a few steps tell.
-BUDGET = 1e10
-OVERHEAD = 2000
-PILOT = 20
-
-
-@dataclass(frozen=True)
-class Wish:
-    """What is asked for.
-
-    Attributes
-    ----------
-    methods
-        Only these; None for all that apply.
-    steps
-        Smallest and largest; None for a choice from the scene.
-    name, values
-        Of the parameter that varies.
-    strip, map
-        How many cells.
-    """
-
-    methods: tuple[str, ...] | None = None
-    steps: tuple[float, float] | None = None
-    name: str | None = None
-    between: tuple[float, float] | None = None
-    strip: int = STRIP
-    map: tuple[int, int] = MAP
+AROUND = (0.99, 1.01)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,19 +62,6 @@ class Border:
     at_start: float | None
     along: float | None
     note: str = ""
-
-
-class Refused(NamedTuple):
-    """A method that does not apply."""
-
-    method: str
-    reason: str
-
-
-class NotMadeError(LagsimError):
-    """There is nothing to look at (exit 3)."""
-
-    exit_code = 3
 
 
 @dataclass
@@ -145,6 +96,8 @@ class Stability:
         The steps of the cells.
     values : list of float or None
         Of the parameter.
+    usual : float or None
+        Its value in the file.
     runs : dict
         By method, the least and the largest number of steps of a run.
     """
@@ -155,6 +108,7 @@ class Stability:
     adaptive: tuple[str, ...]
     steps: list[float]
     values: list[float | None]
+    usual: float | None
     runs: dict[str, tuple[int, int]]
     cells: list[Cell] = field(default_factory=list)
     borders: list[Border] = field(default_factory=list)
@@ -186,16 +140,18 @@ def measure(
     """
     scene = scene_at(None)
     subject = Subject(scene, interrupt)
-    fixed, adaptive, refused = _methods(scene, wish)
+    fixed, adaptive, refused = methods_for(scene, wish)
     values: list[float | None] = [None]
     if wish.between is not None:
         values = list(spaced(wish.between, wish.map[1]))
-    steps = _steps(subject, fixed, wish)
+    subjects = [subject, *subjects_at_ends(scene_at, values, interrupt)]
+    steps = steps_for(subjects, fixed, wish)
     count = len(values) * len(fixed) * (len(steps) + SEARCH)
-    runs = {name: _runs(subject, name, steps, BUDGET / count) for name in fixed}
+    runs = {name: runs_for(subject, name, steps, count) for name in fixed}
     found = Stability(
-        subject, _rest(subject), fixed, adaptive, steps, values, runs, refused=refused
-    )
+        subject, _rest(subject), fixed, adaptive, steps, values,
+        usual_value(scene, wish.name), runs, refused=refused,
+    )  # fmt: skip
     work = _Work(found, interrupt, progress, count + len(values) * len(adaptive))
     for value in values:
         if work.pressed:
@@ -270,10 +226,6 @@ class _Work:
             cells.append(cell)
             self._count(1)
         self.found.cells += cells
-        border, note = self._border(subject, name, cells)
-        self._count(SEARCH)
-        if self.pressed:
-            return
         amplification = method_named(name).amplification
         top = self.found.steps[-1]
         span = top * self.length(subject, name, top)
@@ -281,26 +233,43 @@ class _Work:
             predicted(amplification, eigenvalues, span)
             for eigenvalues in (subject.at_start, subject.along)
         )
-        self.found.borders.append(Border(name, value, border, at_start, along, note))
+        border, note = self._border(subject, cells, {at_start, along})
+        self._count(SEARCH)
+        if not self.pressed:
+            self.found.borders.append(
+                Border(name, value, border, at_start, along, note)
+            )
 
     def _border(
-        self, subject: Subject, name: str, cells: list[Cell]
+        self, subject: Subject, cells: list[Cell], expected: set[float | None]
     ) -> tuple[float | None, str]:
-        """Bisect between the first cell that does not hold and the one before it."""
-        if not cells[0].stable:
-            return None, f"it does not hold at {cells[0].step:.3g} either"
-        for before, after in pairwise(cells):
-            assert before.step is not None and after.step is not None
+        """Bisect between the first cell that does not hold and the one before it.
+
+        Around a border that is expected cells are added: what lies past it may be
+        narrower than those of the map.
+        """
+        first, last = cells[0], cells[-1]
+        assert first.step is not None
+        assert last.step is not None
+        if not first.stable:
+            return None, f"it does not hold at {first.step:.3g} either"
+        extra = [part * step for step in expected if step for part in AROUND]
+        more = [
+            self._cell(subject, first.method, step, first.value)
+            for step in extra
+            if first.step < step < last.step
+        ]
+        for before, after in pairwise(sorted([*cells, *more], key=_step_of)):
             if not after.stable:
-                low, high = before.step, after.step
+                low, high = _step_of(before), _step_of(after)
                 while high / low > 1.0 + DIGITS and not self.pressed:
                     middle = math.sqrt(low * high)
-                    if self._cell(subject, name, middle, before.value).stable:
+                    if self._cell(subject, first.method, middle, first.value).stable:
                         low = middle
                     else:
                         high = middle
                 return high, ""
-        return None, f"it holds up to {cells[-1].step:.3g}"
+        return None, f"it holds up to {last.step:.3g}"
 
     def _cell(
         self, subject: Subject, name: str, step: float | None, value: float | None
@@ -325,87 +294,9 @@ class _Work:
             self.progress(min(1.0, self.done / max(1, self.total)))
 
 
-def _methods(
-    scene: Scene, wish: Wish
-) -> tuple[tuple[str, ...], tuple[str, ...], list[Refused]]:
-    """Give those of fixed steps, those of chosen steps, and those that refuse.
-
-    Raises
-    ------
-    InputError
-        Where one that was asked for cannot be looked at.
-    """
-    found: dict[bool, list[str]] = {False: [], True: []}
-    refused = []
-    problems = []
-    kind = structure(scene.equations)
-    for name in wish.methods or names():
-        module = method_named(name)
-        reason = module.refusal(kind)
-        if reason:
-            text = f"`{name}` cannot handle this model: {reason}"
-            problems.append(Problem("method-refused", text))
-            refused.append(Refused(name, reason))
-        elif module.ADAPTIVE and wish.name is None:
-            text = f"`{name}` chooses its steps: there is no border of them"
-            hint = "--vary shows how its work changes with a parameter"
-            problems.append(Problem("adaptive-method", text, hint=hint))
-        else:
-            found[bool(module.ADAPTIVE)].append(name)
-    if wish.methods is not None and problems:
-        raise InputError(problems)
-    return tuple(found[False]), tuple(found[True]), refused
-
-
-def _runs(
-    subject: Subject, name: str, steps: list[float], budget: float
-) -> tuple[int, int]:
-    """Give the least and the largest number of steps that a run may cost."""
-    pilot = subject.run(name, steps[len(steps) // 2], PILOT, None)
-    evaluations = (pilot.evaluations or PILOT) / PILOT
-    n = len(subject.equations.q)
-    solving = (2 * n) ** 3 if method_named(name).NEEDS not in ((), ("power",)) else 0
-    cost = evaluations * (subject.evaluation() + 50) + OVERHEAD + solving
-    affordable = int(budget / cost)
-    return (
-        max(LEAST_STEPS, min(STEPS, affordable)),
-        max(LEAST_STEPS, min(MOST_STEPS, affordable)),
-    )
-
-
-def spaced(between: tuple[float, float], count: int) -> Iterator[float]:
-    """Give values from the first to the second: by a factor where both are above 0."""
-    first, last = between
-    if first > 0.0 and last > 0.0:
-        for k in np.linspace(math.log10(first), math.log10(last), count):
-            yield float(f"{10.0**k:.6g}")
-    else:
-        yield from (float(f"{x:.6g}") for x in np.linspace(first, last, count))
-
-
-def _steps(subject: Subject, methods: tuple[str, ...], wish: Wish) -> list[float]:
-    between = wish.steps or _range(subject, methods)
-    count = wish.strip if wish.name is None else wish.map[0]
-    return list(spaced(between, count)) if methods else []
-
-
-def _range(subject: Subject, methods: tuple[str, ...]) -> tuple[float, float]:
-    """Give the range of steps around the borders predicted."""
-    span = 10.0 * subject.span
-    borders = [
-        border
-        for name in methods
-        for eigenvalues in (subject.at_start, subject.along)
-        if (border := predicted(method_named(name).amplification, eigenvalues, span))
-    ]
-    if borders:
-        high = ABOVE * max(borders)
-        return max(BELOW * min(borders), high / WIDEST), high
-    fastest = float(np.max(np.abs(subject.along), initial=0.0))
-    if fastest * subject.span > 1.0:
-        low, high = (part * 2.0 * math.pi / fastest for part in OF_PERIOD)
-        return low, high
-    return OF_RUN[0] * subject.span, OF_RUN[1] * subject.span
+def _step_of(cell: Cell) -> float:
+    assert cell.step is not None
+    return cell.step
 
 
 def _rest(subject: Subject) -> Rest:

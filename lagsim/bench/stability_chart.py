@@ -1,4 +1,4 @@
-"""stability.png: maps of verdicts above, regions of stability with eigenvalues below."""
+"""stability.png: maps of verdicts, below them regions of stability with eigenvalues."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from lagsim.bench.stability_panels import (
     EDGE,
     FOUND,
     LEFT,
+    NUMBERS,
     PREDICTED,
     RIGHT,
     VERDICT_COLOURS,
@@ -71,7 +72,7 @@ def chart(title: str, found: Stability, varied: str | None) -> bytes:
     sheet.text(EDGE, 0.22, title, size=HEADING, bold=True)
     subject = "where methods hold and where they fail"
     sheet.text(WIDTH - EDGE, 0.22, subject, size=NORMAL, align="right", colour=DIM)
-    _legend(sheet, found)
+    _legend(sheet, found, varied=varied is not None)
     if found.methods:
         if varied is None:
             _strips(sheet, found)
@@ -96,7 +97,7 @@ def _maps_height(found: Stability, varied: str | None) -> float:
     return -(-count // MAPS) * (MAP_HEIGHT + MAP_GAP) + 0.05
 
 
-def _legend(sheet: Sheet, found: Stability) -> None:
+def _legend(sheet: Sheet, found: Stability, *, varied: bool) -> None:
     """Name colours and marks."""
     seen = {cell.verdict for cell in found.cells}
     x, y = EDGE, 0.45
@@ -106,12 +107,17 @@ def _legend(sheet: Sheet, found: Stability) -> None:
         sheet.text(x + 0.26, y, verdict, size=SMALL)
         x += 0.26 + text_width(verdict, SMALL) + 0.2
     if found.methods:
+        predicted = [
+            ("predicted: start", PREDICTED[0]),
+            ("predicted: motion", PREDICTED[1]),
+        ]
+        if varied:
+            predicted = [("predicted", PREDICTED[2])]
         entries = [
             ("border found", FOUND),
-            ("predicted at the start", PREDICTED[0]),
-            ("along the motion", PREDICTED[1]),
-            ("eigenvalues · h at the start", AT_START),
-            ("along the motion", ALONG),
+            *predicted,
+            ("h·λ: start", AT_START),
+            ("h·λ: motion", ALONG),
         ]
         legend(sheet, EDGE, 0.66, entries, WIDTH - 2 * EDGE)
 
@@ -147,7 +153,10 @@ def _step_axis(found: Stability) -> LogAxis:
 
 
 def _cells(
-    panel: Panel, cells: Sequence[Cell], values: Sequence[float] | None, found: Stability
+    panel: Panel,
+    cells: Sequence[Cell],
+    values: Sequence[float] | None,
+    found: Stability,
 ) -> None:
     """Fill the panel: over steps, or over values (as on its axis) and steps."""
     if not cells:
@@ -191,11 +200,11 @@ def _maps(sheet: Sheet, found: Stability, varied: str) -> None:
     places = [math.log10(v) for v in values] if logarithmic else list(values)
     x_axis = parameter_axis(values)
     y_axis = _step_axis(found)
-    room = WIDTH - LEFT - EDGE
+    room = WIDTH - NUMBERS - EDGE
     width = (room - (MAPS - 1) * MAP_ACROSS) / MAPS
     for k, method in enumerate(found.methods):
         row, column = divmod(k, MAPS)
-        left = LEFT + column * (width + MAP_ACROSS)
+        left = NUMBERS + column * (width + MAP_ACROSS)
         top = TOP + 0.12 + row * (MAP_HEIGHT + MAP_GAP)
         panel = Panel(sheet, (left, top, width, MAP_HEIGHT), x_axis, y_axis)
         _cells(panel, found.of(method), places, found)
@@ -213,7 +222,9 @@ def _maps(sheet: Sheet, found: Stability, varied: str) -> None:
         _curve(panel, x, [prediction(b) for b in borders], PREDICTED[2])
 
 
-def _curve(panel: Panel, x: np.ndarray, steps: Sequence[float | None], pen: Pen) -> None:
+def _curve(
+    panel: Panel, x: np.ndarray, steps: Sequence[float | None], pen: Pen
+) -> None:
     y = np.array([math.log10(step) if step else math.nan for step in steps])
     panel.curve(x, np.where(y > panel.y.low, y, math.nan), pen)
 
@@ -233,10 +244,10 @@ def _notes(found: Stability, varied: str | None) -> list[str]:
     missing = [f"{b.method}: {b.note}" for b in found.borders if b.note]
     if varied is None and missing:
         lines.append(f"No border: {'; '.join(missing)}.")
-    if any(b.at_start == 0.0 or b.along == 0.0 for b in found.borders):
-        never = dict.fromkeys(
-            b.method for b in found.borders if 0.0 in (b.at_start, b.along)
-        )
+    never = dict.fromkeys(
+        b.method for b in found.borders if 0.0 in (b.at_start, b.along)
+    )
+    if never:
         lines.append(f"Predicted to grow at every step: {', '.join(never)}.")
     if subject.unknown:
         lines.append(f"No eigenvalues: {subject.unknown}.")

@@ -16,7 +16,8 @@ from lagsim.outputs.manifest import versions
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from lagsim.bench.stability import Border, Rest, Stability, Wish
+    from lagsim.bench.scope import Wish
+    from lagsim.bench.stability import Border, Rest, Stability
     from lagsim.bench.trial import Cell, Subject
     from lagsim.equilibrium import Mode
 

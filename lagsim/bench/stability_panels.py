@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from contourpy import FillType, contour_generator
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from lagsim.bench.trial import Cell
 
 WIDTH, LEFT, RIGHT, EDGE = 7.6, 1.3, 0.2, 0.12
+# Beside scales that are numbers.
+NUMBERS = 0.8
 
 # Okabe and Ito's colours, pale for what is well, told apart in grey too.
 VERDICT_COLOURS = {
@@ -49,7 +51,7 @@ ON_AXIS = Pen("#0072B2", width=2.4)
 # The part of the plane of z that is shown, and how finely it is looked at.
 REAL, IMAGINARY = (-3.6, 1.2), (0.0, 4.0)
 GRID = (64, 54)
-REGION_HEIGHT, REGION_GAP, REGION_ACROSS, REGIONS = 1.25, 0.55, 0.3, 4
+REGION_HEIGHT, REGION_GAP, REGION_ACROSS, REGIONS = 1.2, 0.55, 0.3, 5
 HEADROOM = 0.34
 # An amplification of 1 that rounding has touched is one.
 TOUCHED = 1e-6
@@ -81,15 +83,19 @@ def regions(sheet: Sheet, top: float, found: Stability) -> None:
             width,
             REGION_HEIGHT,
         )
-        panel = Panel(sheet, place, Axis(*REAL), Axis(*IMAGINARY))
-        _region(panel, method_named(name).amplification)
         limit = method_named(name).IMAGINARY_LIMIT
-        if limit > 0.0:
-            top_end = min(limit, IMAGINARY[1])
-            panel.curve(np.zeros(2), np.array([0.0, top_end]), ON_AXIS)
-        panel.curve(np.zeros(2), np.array(IMAGINARY), AXIS)
-        panel.frame((5, 5))
         step, what = _step_shown(found, name)
+        # A bounded region fills its panel; of an unbounded one the eigenvalues decide.
+        reach = step * float(np.max(np.abs(found.subject.at_start), initial=0.0))
+        wide = max(1.0, 1.2 * reach / IMAGINARY[1]) if math.isinf(limit) else 1.0
+        x, y = (Axis(wide * a, wide * b) for a, b in (REAL, IMAGINARY))
+        panel = Panel(sheet, place, x, y)
+        _region(panel, method_named(name).amplification)
+        panel.curve(np.zeros(2), np.array([0.0, panel.y.high]), AXIS)
+        if limit > 0.0:
+            top_end = min(limit, panel.y.high)
+            panel.curve(np.zeros(2), np.array([0.0, top_end]), ON_AXIS)
+        panel.frame((5, 5))
         _eigenvalues(panel, found, step)
         sheet.text(place[0], place[1] - 0.05, name, size=SMALL, bold=True)
         said = f"h = {step:.3g} ({what})"
@@ -100,12 +106,13 @@ def regions(sheet: Sheet, top: float, found: Stability) -> None:
 
 
 def _region(panel: Panel, amplification: Callable[[complex], float]) -> None:
-    x, y = np.linspace(*REAL, GRID[0]), np.linspace(*IMAGINARY, GRID[1])
+    x = np.linspace(panel.x.low, panel.x.high, GRID[0])
+    y = np.linspace(panel.y.low, panel.y.high, GRID[1])
     with np.errstate(all="ignore"):
         size = np.array([[amplification(complex(a, b)) for a in x] for b in y])
     size = np.nan_to_num(np.minimum(size, 10.0), nan=10.0)
     found = contour_generator(x, y, size, fill_type=FillType.OuterCode)
-    outlines, codes = found.filled(-1.0, 1.0 + TOUCHED)
+    outlines, codes = cast("tuple[Any, Any]", found.filled(-1.0, 1.0 + TOUCHED))
     for points, code in zip(outlines, codes, strict=True):
         inches = np.stack(
             (
@@ -120,12 +127,13 @@ def _region(panel: Panel, amplification: Callable[[complex], float]) -> None:
 def _step_shown(found: Stability, name: str) -> tuple[float, str]:
     """Give the step at which eigenvalues are shown: at the border, where there is one.
 
-    Of the parameter's values that of the file counts, or the one next to it.
+    Of the parameter's values the one next to the file's counts.
     """
     borders = [b for b in found.borders if b.method == name]
-    if borders and borders[0].value is not None:
-        return found.steps[len(found.steps) // 2], "in the middle"
-    for border in borders:
+    if found.usual is not None:
+        usual = found.usual
+        borders.sort(key=lambda b: abs((b.value or 0.0) - usual))
+    for border in borders[:1]:
         if border.found is not None:
             return border.found, "found"
         predicted = prediction(border)
@@ -142,9 +150,9 @@ def _eigenvalues(panel: Panel, found: Stability, step: float) -> None:
     ):
         z = step * values[values.imag >= -1e-12 * np.abs(values)]
         inside = (
-            (z.real >= REAL[0])
-            & (z.real <= REAL[1])
-            & (z.imag <= IMAGINARY[1])
+            (z.real >= panel.x.low)
+            & (z.real <= panel.x.high)
+            & (z.imag <= panel.y.high)
         )
         z = z[inside]
         across, down = panel.across(z.real), panel.down(z.imag)
@@ -175,16 +183,16 @@ def work(sheet: Sheet, top: float, found: Stability, varied: str) -> None:
     values = [value for value in found.values if value is not None]
     logarithmic = min(values) > 0.0
     x_axis = parameter_axis(values)
-    width = WIDTH - LEFT - RIGHT
+    width = WIDTH - NUMBERS - RIGHT
     entries = [(name, _pen(k)) for k, name in enumerate(found.adaptive)]
-    legend(sheet, LEFT, top + 0.16, entries, width)
+    legend(sheet, NUMBERS, top + 0.16, entries, width)
     asked: list[tuple[str, Callable[[Cell], float | None]]] = [
         ("evaluations / time", _evaluations),
         ("rejections", lambda cell: _positive(cell.rejections)),
         ("smallest step / run", _collapse),
     ]
     for row, (label, of) in enumerate(asked):
-        place = (LEFT, top + HEADROOM + row * (WORK_HEIGHT + WORK_GAP), width)
+        place = (NUMBERS, top + HEADROOM + row * (WORK_HEIGHT + WORK_GAP), width)
         curves = [
             np.array([_logarithm(of(cell)) for cell in found.of(name)])
             for name in found.adaptive
@@ -195,11 +203,11 @@ def work(sheet: Sheet, top: float, found: Stability, varied: str) -> None:
             panel.curve(np.log10(x) if logarithmic else x, y, _pen(k))
         panel.frame((9, 5), numbers_below=row == 2)
         sheet.text(
-            LEFT - 0.5, panel.top + WORK_HEIGHT / 2, label, size=SMALL,
+            NUMBERS - 0.5, panel.top + WORK_HEIGHT / 2, label, size=SMALL,
             align="center", turned=True,
         )  # fmt: skip
     below = panel.bottom + 0.3
-    sheet.text(LEFT + width / 2, below, varied, size=SMALL, align="center")
+    sheet.text(NUMBERS + width / 2, below, varied, size=SMALL, align="center")
 
 
 def _pen(k: int) -> Pen:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from lagsim.bench.solving import Scene
     from lagsim.equations import Equations
     from lagsim.interrupt import Interrupt
-    from lagsim.linearisation import Complexes
     from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
 
@@ -35,10 +34,11 @@ STABLE = (HOLDS, DECAYS)
 CHANGE = 0.01
 # What varies anyway hides this part of its range.
 HIDDEN = 0.1
-# An energy that has grown by more than this is on its way to infinity.
+# An energy that has grown by more than this, unexplained, goes to infinity.
 BEYOND = 1e3
 # A residual of this part of its scale: the constraint does not hold.
 BROKEN = 1e-3
+# The part of a run that is compared with its start, and with its middle.
 LAST, MIDDLE = 1 / 8, (7 / 16, 9 / 16)
 
 # Every mode takes part: the velocities are changed by this part of the energy, in
@@ -97,10 +97,14 @@ class Subject:
     ----------
     energy : float
         Of the motion: the largest kinetic energy, or change of the rest.
+    highest : float
+        The largest value of the energy.
     size : float
         Of the positions, in the metric of M.
     span : float
         How long the model runs.
+    switches : bool
+        Switches in the state are located, each by itself.
     at_start, along : ndarray of complex
         Eigenvalues at the start, and at `states` states of the motion.
     unknown : str
@@ -142,6 +146,7 @@ class Subject:
         equations = _with(self.equations, simulation)
         plan = make_plan(equations, self.start)
         system = System(equations, plan)
+        self.switches = system.surfaces > 0
         kept = _Kept(1 + 2 * len(equations.q))
         with np.errstate(all="ignore"):
             simulate(
@@ -161,6 +166,7 @@ class Subject:
             T, energy = evaluate(e.graph, [e.kinetic_form, e.energy], values)
             kinetic.append(T)
             rest.append(energy - T)
+        self.highest = max(map(sum, zip(kinetic, rest, strict=True)))
         ranges = max(kinetic), max(rest) - min(rest)
         self.energy = max(ranges)
         if self.energy <= REST * max(map(abs, rest)):
@@ -216,7 +222,9 @@ class Subject:
                 interrupt=self.interrupt,
                 most_steps=ADAPTIVE_STEPS if step is None else 2 * steps + 1000,
             )  # fmt: skip
-            verdict, growth = watch.verdict(trajectory.outcome, self.energy)
+            verdict, growth = watch.verdict(
+                trajectory.outcome, self.energy, self.highest
+            )
         counts = trajectory.statistics
         complete = trajectory.outcome.complete
         return Cell(
@@ -234,7 +242,10 @@ class Subject:
             Where it cannot handle the scene.
         """
         plan = make_plan(equations, self.start)
-        key = (method_named(name).NEEDS, plan.formulation, plan.elimination is None)
+        key = (
+            method_named(name).NEEDS, plan.formulation, plan.elimination is None,
+            plan.projected, plan.tape, plan.constant,
+        )  # fmt: skip
         if key not in self._systems:
             self._systems[key] = System(equations, plan)
         return plan, self._systems[key]
@@ -287,8 +298,13 @@ class _Watch:
             worst = np.max(np.abs(rows[:, residual])) / sizes
             self.residual = float(np.maximum(self.residual, worst))
 
-    def verdict(self, outcome: Outcome, scale: float) -> tuple[str, float | None]:
-        """Judge; give the growth of the energy, unexplained, per unit of time, too."""
+    def verdict(
+        self, outcome: Outcome, scale: float, highest: float
+    ) -> tuple[str, float | None]:
+        """Judge; give the growth of the energy, unexplained, per unit of time, too.
+
+        By the energy of the motion, and the highest that it has.
+        """
         t, energy, ledger = np.concatenate(self._kept, axis=1)
         # The row at which a run ends without an answer may be nothing.
         known = np.isfinite(energy) & np.isfinite(ledger)
@@ -298,13 +314,15 @@ class _Watch:
             return (FAILS if outcome.complete else _lost(outcome)), None
         energy, ledger = energy / scale, (ledger - ledger[0]) / scale
         growth = _rate(t, ledger)
-        gone = float(np.max(np.abs(energy - energy[0]))) > BEYOND
-        lost = not outcome.complete or count < len(known)
+        changes = np.abs(energy - energy[0]), np.abs(ledger)
+        gone = min(float(np.max(change)) for change in changes) > BEYOND
+        gone |= count < len(known)
         if self.residual > BROKEN and not gone:
             return BREAKS, growth
-        if lost or gone:
+        if gone or not outcome.complete:
             return (DIVERGES if gone else _lost(outcome)), growth
-        return _trend(energy, ledger, works=self._work is not None), growth
+        ceiling = -math.inf if self._work is None else highest / scale
+        return _trend(energy, ledger, ceiling), growth
 
 
 def _lost(outcome: Outcome) -> str:
@@ -326,26 +344,29 @@ def _rate(t: Floats, ledger: Floats) -> float | None:
     return math.log(left) / middle if middle > 0.0 else None
 
 
-def _trend(energy: Floats, ledger: Floats, *, works: bool) -> str:
+def _trend(energy: Floats, ledger: Floats, ceiling: float) -> str:
     """Tell whether what is not explained has changed the energy.
 
     A change lifts or lowers the whole last part of a run past its first value. Where
-    something does work the energy itself must go the same way: the work, summed up with
-    the order of the method, explains a long run no more than roughly.
+    something does work, the energy must also leave where the motion keeps it, and go
+    on: the work, summed up with the order of the method, explains no more than roughly.
     """
-    count = len(ledger)
-    last = ledger[-max(1, int(count * LAST)) :]
+    last = ledger[-max(1, int(len(ledger) * LAST)) :]
     low, high = float(np.min(last)), float(np.max(last))
     bound = CHANGE * (1.0 - LAST) + HIDDEN * (high - low)
-    late = energy[-len(last) :]
-    level = float(np.mean(late))
+    level = float(np.mean(energy[-len(last) :]))
     if high < -bound:
-        return DECAYS if not works or level < energy[0] - bound else HOLDS
-    if low <= bound:
+        explained = ceiling > -math.inf and level >= energy[0] - bound
+        return HOLDS if explained else DECAYS
+    if low <= bound or level <= ceiling + CHANGE:
         return HOLDS
-    begin, end = (int(count * part) for part in MIDDLE)
-    before = energy[begin : max(end, begin + 1)]
+    return GROWS if ceiling == -math.inf or _rises(energy, len(last)) else HOLDS
+
+
+def _rises(energy: Floats, last: int) -> bool:
+    """Tell whether the energy still rises in the second half."""
+    begin, end = (int(len(energy) * part) for part in MIDDLE)
+    late, before = energy[-last:], energy[begin : max(end, begin + 1)]
     varies = min(float(np.ptp(late)), float(np.ptp(before)))
-    rise = level - float(np.mean(before))
-    rises = rise > 0.25 * CHANGE + HIDDEN * varies
-    return GROWS if not works or rises else HOLDS
+    rise = float(np.mean(late) - np.mean(before))
+    return rise > 0.25 * CHANGE + HIDDEN * varies

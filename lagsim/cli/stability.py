@@ -27,8 +27,9 @@ from lagsim.errors import InputError, Problem
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from lagsim.bench.scope import Wish
     from lagsim.bench.solving import Scene
-    from lagsim.bench.stability import Border, Stability, Wish
+    from lagsim.bench.stability import Border, Stability
     from lagsim.model import Model
     from lagsim.outputs.results import Results
 
@@ -129,8 +130,11 @@ class _Job:
             else:
                 complain(check.report(usual.equations, usual.start))
             return 1
+        from lagsim.bench.scope import methods_for
         from lagsim.bench.stability_document import MANIFEST
         from lagsim.outputs.results import open_results
+
+        methods_for(usual, self.wish)
 
         def scene(value: float | None) -> Scene:
             return usual if value is None else scene_at(value)
@@ -182,18 +186,19 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
     ------
     InputError
     """
-    from lagsim.bench.stability import Wish
+    from lagsim.bench.scope import Wish
 
     problems: list[Problem] = []
     wanted = None
     if methods is not None:
         wanted = tuple(dict.fromkeys(name.strip() for name in methods.split(",")))
-        for name in wanted:
-            problems += method_problems(name, auto=False)
+        for wish in wanted:
+            problems += method_problems(wish, auto=False)
     between = None if steps is None else _range("--steps", steps, problems)
     if between is not None and min(between) <= 0.0:
         problems.append(Problem("usage", f"--steps {steps}: steps are above 0"))
-    name, values = None, None
+    name: str | None = None
+    values = None
     if vary:
         if vary[1:]:
             text = "--vary is given more than once: one parameter varies at a time"
@@ -234,8 +239,11 @@ def _summary(model: Model, found: Stability, varied: str | None) -> str:
         lines += _borders(found)
     else:
         lines += _over_parameter(found, varied)
-    rows = [("left out", f"{r.method}: {r.reason}") for r in found.refused]
-    rows = [(name if k == 0 else "", text) for k, (name, text) in enumerate(rows)]
+    left_out: dict[str, list[str]] = {}
+    for refused in found.refused:
+        left_out.setdefault(refused.reason, []).append(refused.method)
+    texts = [f"{', '.join(names)}: {reason}" for reason, names in left_out.items()]
+    rows = [("" if k else "left out", text) for k, text in enumerate(texts)]
     rows += _eigenvalues(found)
     lines.append(table(rows))
     lines += _modes(found)
@@ -246,8 +254,7 @@ def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
     """Give rows in columns."""
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return [
-        "  "
-        + "  ".join(f"{x:<{w}}" for x, w in zip(row, widths, strict=True)).rstrip()
+        "  " + "  ".join(f"{x:<{w}}" for x, w in zip(row, widths, strict=True)).rstrip()
         for row in rows
     ]
 
@@ -292,7 +299,9 @@ def _over_parameter(found: Stability, varied: str) -> list[str]:
         steps = (at.get(v) for v in ends)
         rows.append((name, *("-" if s is None else f"{s:.3g}" for s in steps)))
     if found.adaptive:
-        rows.append(("", *(f"evaluations, rejections, {varied} = {v:.4g}" for v in ends)))
+        rows.append(
+            ("", *(f"evaluations, rejections, {varied} = {v:.4g}" for v in ends))
+        )
     for name in found.adaptive:
         cells = {cell.value: cell for cell in found.of(name)}
         texts = []
@@ -311,23 +320,25 @@ def _eigenvalues(found: Stability) -> list[tuple[str, str]]:
     subject = found.subject
     if subject.unknown:
         return [("eigenvalues", f"none: {subject.unknown}")]
-    rows = []
-    for what, values in (("start", subject.at_start), ("on the way", subject.along)):
-        sizes = abs(values)
-        known = values[sizes * subject.span > 1e-3]
+    texts = []
+    for where, values in (("start", subject.at_start), ("motion", subject.along)):
+        known = values[abs(values) * subject.span > 1e-3]
         if not len(known):
-            rows.append((what, "all eigenvalues are 0"))
+            texts.append(f"{where}: all are 0")
             continue
         fastest, slowest = known[abs(known).argmax()], known[abs(known).argmin()]
         damping = -known.real / abs(known)
-        rows.append(
-            (
-                what,
-                f"eigenvalues from {_complex(slowest)} to {_complex(fastest)}, damping "
-                f"ratio {min(damping) + 0.0:.2g} to {max(damping) + 0.0:.2g}",
-            )
+        low, high = _number(min(damping)), _number(max(damping))
+        texts.append(
+            f"{where}: {_complex(slowest)} to {_complex(fastest)}, damping ratio "
+            f"{low if low == high else f'{low} to {high}'}"
         )
-    return rows
+    return [("" if k else "eigenvalues", text) for k, text in enumerate(texts)]
+
+
+def _number(value: float) -> str:
+    """Give three digits; what is only rounding beside 1 as 0."""
+    return f"{value:.3g}" if abs(value) > 1e-9 else "0"
 
 
 def _complex(value: complex) -> str:
@@ -345,7 +356,12 @@ def _modes(found: Stability) -> list[str]:
     if rest.at is None:
         lines = [table([("equilibrium", f"none: {rest.reason}")])]
     else:
-        at = [f"{name} = {x:.6g}" for name, x in rest.at.items()]
+        sizes = (*map(abs, rest.at.values()), *abs(found.subject.scene.start.q))
+        rounding = 1e-10 * max(sizes, default=0.0)
+        at = [
+            f"{name} = {x if abs(x) > rounding else 0.0:.6g}"
+            for name, x in rest.at.items()
+        ]
         if len(at) > 8:
             at = [*at[:8], f"... {len(at) - 8} more"]
         where = "the start" if rest.is_start else ", ".join(at)
@@ -356,10 +372,10 @@ def _modes(found: Stability) -> list[str]:
     rows: list[tuple[str, ...]] = [("frequency", "period", "damping ratio", "shape")]
     for mode in rest.modes:
         period = "-" if mode.period is None else f"{mode.period:.5g}"
-        shape = [f"{n} {x.real:.3g}" for n, x in zip(names, mode.shape, strict=True)]
+        shapes = zip(names, mode.shape.real, strict=True)
+        shape = [f"{name} {_number(x)}" for name, x in shapes]
         if len(shape) > 6:
             shape = [*shape[:6], "..."]
-        ratio = f"{mode.damping_ratio + 0.0:.3g}"
-        ratio = "0" if abs(mode.damping_ratio) < 1e-9 else ratio
+        ratio = _number(mode.damping_ratio)
         rows.append((f"{mode.frequency:.5g}", period, ratio, ", ".join(shape)))
     return lines + _aligned(rows)

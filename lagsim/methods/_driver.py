@@ -121,10 +121,10 @@ def arrived(s: Floats, p: Floats) -> int:
 
 def record_step(s: Floats) -> None:
     """Note the smallest step; what an end cuts short does not count."""
-    h = s[STEP_H]
-    if s[STEPS] > SETTLING and s[T] < s[END]:
-        if s[SMALLEST_STEP] == 0.0 or h < s[SMALLEST_STEP]:
-            s[SMALLEST_STEP] = h
+    known = s[SMALLEST_STEP]
+    counts = s[STEPS] > SETTLING and s[T] < s[END]
+    if counts and (known == 0.0 or s[STEP_H] < known):
+        s[SMALLEST_STEP] = s[STEP_H]
 
 
 def inspect(s: Floats, p: Floats) -> None:

@@ -5,7 +5,8 @@ straight-line code. K follows from the tolerance (15 at the default), the step f
 last four coefficients: two alone vanish where a start is symmetric, and the error then
 grows without a warning. The next step's series, which is needed anyway, tells how far
 the motion is off the equations at the step's end: a step that is too long is made anew.
-Rows between steps are the series itself, to full order. The method for tight
+Where that happens to most steps the scene
+is stiff. Rows between steps are the series itself, to full order. The method for tight
 tolerances; its code grows with the square of K and takes longer to compile. On the
 imaginary axis order 15 does not grow for step * frequency below 1.66, and beyond by
 less than its truncation error, which is what bounds the step.
@@ -70,10 +71,6 @@ CONSTRAINED = True
 # Terms shrink by e^2 from one to the next at the step that costs least per unit of
 # time (Jorba and Zou, proposition 3.1).
 SHRINK = math.exp(2.0)
-# Its step for accuracy is close to the stability bound, so that nothing in a step tells
-# a stiff scene: after so many thousand steps it is asked whether another method would
-# do with far fewer.
-PATIENCE = 4000.0
 LEAST_ORDER = 4
 MOST_ORDER = 22
 # How many of the last coefficients bound the step.
@@ -167,6 +164,7 @@ def chosen_step(s: Floats, c: Floats) -> float:
 def step(s: Floats, p: Floats) -> int:
     """Make one accepted step, or give a code other than 0."""
     trouble = STEP_TOO_SMALL
+    rejected = False
     while True:
         h = usable_step(s)
         if h == 0.0:
@@ -188,8 +186,10 @@ def step(s: Floats, p: Floats) -> int:
                 shorter = SHORTER * (PASSED / error) ** (1.0 / (order + 1.0))
                 s[H] = h * max(SHORTEST, shorter)
                 trouble = STEP_TOO_SMALL
+        rejected = True
         s[REJECTIONS] += 1.0
     accept(s, p, h)
+    s[AT_BOUND] = max(s[AT_BOUND] + (1.0 if rejected else -1.0), 0.0)
     return DONE
 
 
@@ -271,7 +271,6 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     y = at(s, HEADER)
     new = at(s, buffer(size, 2.0))
     own[0] = 1.0 - own[0]
-    s[AT_BOUND] += 1.0 / PATIENCE
     for i in range(size):
         y[i] = new[i]
     s[STEP_T] = s[T]

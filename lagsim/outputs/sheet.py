@@ -232,7 +232,7 @@ class Sheet:
         across = np.stack((left, right, right, left), 1)
         outlines = np.stack((across, np.stack((top, top, bottom, bottom), 1)), 2)
         artist = PolyCollection(
-            outlines,
+            list(outlines),
             facecolors=colours,
             edgecolors="none",
             antialiaseds=False,

@@ -1,8 +1,4 @@
-"""The array of state of a run: how long it is, and what of it outlasts a method.
-
-After the arrays of the method lie the largest sizes before the last step (size), then,
-for each inertia that is followed, its largest and smallest value and the time of that.
-"""
+"""The array that carries a run, with room for every method that may come to use it."""
 
 from __future__ import annotations
 
@@ -14,34 +10,39 @@ from lagsim.methods import _state as at
 from lagsim.methods import method
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from lagsim.native.kernel_types import Floats
-    from lagsim.system import System
+    from lagsim.system.runner import Runner
+
+# The method where the motion slides along a surface and the method of the run needs
+# more of the model than y'.
+SLIDING = "dop853"
+# More than any run makes, unless it is told otherwise.
+MOST_STEPS = 100_000_000
 
 
-def state_length(methods: Iterable[str], system: System) -> int:
-    """Give the length for any of the methods, without the inertias."""
-    longest = max(int(method(name).state_size(system.size)) for name in methods)
-    return longest + system.size
+def empty_state(runner: Runner) -> Floats:
+    """Give a state of zeros for a method, and for the one that slides."""
+    system = runner.system
+    methods = [runner.method, *([method(SLIDING)] if system.surfaces else [])]
+    used = max(int(m.state_size(system.size)) for m in methods)
+    # And room for what `_driver.keep_sizes` and `_driver.note_inertias` note.
+    count, noted = len(system.inertias), used + system.size
+    state = np.zeros(noted + 3 * count)
+    state[at.SIZES_BEFORE] = used
+    state[at.INERTIAS], state[at.INERTIAS_AT] = count, noted
+    state[noted + count :][:count] = np.inf  # the smallest so far
+    return state
 
 
-def followed(state: Floats, system: System) -> Floats:
-    """Give a state of that length with its tail in place."""
-    count = len(system.inertias)
-    state[at.SIZES_BEFORE] = len(state) - system.size
-    state[at.INERTIAS], state[at.INERTIAS_AT] = count, len(state)
-    kept = np.concatenate([np.zeros(count), np.full(count, np.inf), np.zeros(count)])
-    return np.concatenate([state, kept])
-
-
-def converted(old: Floats, length: int, system: System) -> Floats:
-    """Give a state of that length for another method, at the start of an arc."""
-    new = np.zeros(length)
-    common = at.HEADER + 6 * system.size + 6
-    new[:common] = old[:common]
-    new = followed(new, system)
-    if old[at.INERTIAS] == new[at.INERTIAS]:
-        new[length:] = old[int(old[at.INERTIAS_AT]) :]
+def taken_over(state: Floats, runner: Runner) -> Floats:
+    """Give a state as that of another method or system, at the start of an arc."""
+    new = empty_state(runner)
+    own = [at.SIZES_BEFORE, at.INERTIAS, at.INERTIAS_AT]
+    kept = new[own]
+    common = at.HEADER + 6 * runner.system.size + 6
+    new[:common] = state[:common]
+    if state[at.INERTIAS] == kept[1]:
+        new[int(kept[2]) :] = state[int(state[at.INERTIAS_AT]) :]
+    new[own] = kept
     new[at.FRESH] = 1.0
     return new

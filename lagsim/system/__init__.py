@@ -13,10 +13,9 @@ import numpy as np
 
 from lagsim.formulation import GAIN
 from lagsim.kkt import _layout
-from lagsim.kkt.series import motion_series
 from lagsim.methods import method
 from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
-from lagsim.native import graph_code, tape_code
+from lagsim.native import graph_code
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout
 from lagsim.system.columns import Columns
@@ -100,10 +99,14 @@ class System:
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
         if AFTER_FREEZING in needs:
+            from lagsim.kkt.series import motion_series
+
             rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
             nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
         layout = self._layout()
         if plan.tape:
+            from lagsim.native import tape_code
+
             code = tape_code.generate(equations.graph, nodes_of, layout)
         else:
             code = graph_code.generate(
