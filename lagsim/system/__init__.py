@@ -61,7 +61,7 @@ class System:
     objects : list of bytes
         Object code of the model's functions.
     operations : int
-        About how many one evaluation of y' takes.
+        About how many one evaluation takes, of y' or of its series.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -94,7 +94,6 @@ class System:
             else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
-        self.operations = self._operations(nodes_of)
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
@@ -103,6 +102,7 @@ class System:
 
             rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
             nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
+        self.operations = self._operations(nodes_of)
         layout = self._layout()
         if plan.tape:
             from lagsim.native import tape_code
@@ -159,6 +159,8 @@ class System:
         return self.motion + _layout.weak_direction(self.n, self.m)
 
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+        if "series" in nodes_of:
+            return len(self.equations.graph.cone(nodes_of["series"]))
         if self.plan.elimination is not None:
             solved = nodes_of["field" if self.surfaces else "derivative"]
             return len(self.equations.graph.cone(solved))
