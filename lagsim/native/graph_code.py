@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 
 from lagsim.expressions.functions import OPERATIONS
 from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.native import sincos
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from lagsim.expressions.graph import Graph
 
@@ -136,6 +137,8 @@ class Lines:
         """Write an operation, of a power the `exponent` where it is a number."""
         if op == "pow" and exponent is not None and exponent * 2 in _HALVES:
             return self._power(operands[0], exponent)
+        if op in CIRCULAR:
+            return self.circular(operands, [(op, 0)])[0]
         row = OPERATIONS[op]
         self.declared.update(row.declares)
         fresh = {key: self._name() for key in "abcdef"}
@@ -145,6 +148,23 @@ class Lines:
         *before, last = native.format(*operands, **fresh).split("\n")
         self.lines += before
         return self.line(last)
+
+    def circular(
+        self, angles: Sequence[str], wanted: Sequence[tuple[str, int]]
+    ) -> list[str]:
+        """Write sines and cosines of up to LANES angles: each (op, which angle)."""
+        self.declared.add(sincos.function())
+        vector = "zeroinitializer"
+        for lane, angle in enumerate(angles):
+            place = f"double {angle}, i32 {lane}"
+            vector = self.line(f"insertelement {sincos.VECTOR} {vector}, {place}")
+        both = self.line(f"call {sincos.BOTH} @{sincos.NAME}({sincos.VECTOR} {vector})")
+        values = []
+        for op, lane in wanted:
+            part = self.line(f"extractvalue {sincos.BOTH} {both}, {CIRCULAR[op]}")
+            one = f"extractelement {sincos.VECTOR} {part}, i32 {lane}"
+            values.append(self.line(one))
+        return values
 
     def _power(self, x: str, exponent: float) -> str:
         """Write x to a small whole or half power as products and a root."""
@@ -209,12 +229,35 @@ class _Writer(Lines):
             self.lines += ["ret void", "}"]
 
     def _order(self, roots: Sequence[int], places: Mapping[int, int]) -> list[int]:
-        """Give what must be evaluated, stopping at what `prepare` has computed."""
+        """Give what must be evaluated, stopping at what `prepare` has computed.
+
+        Sines and cosines come early and side by side: first those of angles that wait
+        for none, then those that wait for these.
+        """
+        g = self.g
+        order = self._cone(roots, places)
+        depth: dict[int, int] = {}
+        rounds: dict[int, list[int]] = {}
+        for n in order:
+            inside = () if n in places else g.args[n]
+            depth[n] = max((depth[a] for a in inside), default=0)
+            if g.ops[n] in CIRCULAR and n not in places:
+                depth[n] += 1
+                rounds.setdefault(depth[n], []).append(n)
+        sorted_: dict[int, None] = {}
+        for k in sorted(rounds):
+            angles = [g.args[n][0] for n in rounds[k]]
+            sorted_ |= dict.fromkeys(self._cone(angles, {**places, **sorted_}))
+            sorted_ |= dict.fromkeys(rounds[k])
+        return list(sorted_ | dict.fromkeys(order))
+
+    def _cone(self, roots: Sequence[int], ends: Collection[int]) -> list[int]:
+        """Give what `roots` are made of, from the leaves up, as far as the `ends`."""
         seen = set(roots)
         stack = list(seen)
         while stack:
             n = stack.pop()
-            if n in places:
+            if n in ends:
                 continue
             for a in self.g.args[n]:
                 if a not in seen:
@@ -251,15 +294,40 @@ class _Writer(Lines):
                 here[n] = self._leaf(n, places, passed)
             return here[n]
 
-        for n in piece:
+        for at, n in enumerate(piece):
             if self.g.args[n] and n not in places:
-                operands = [operand(a) for a in self.g.args[n]]
-                exponent = exponent_of(self.g, n)
-                here[n] = self.operation(self.g.ops[n], exponent, operands)
+                if self.g.ops[n] in CIRCULAR and n not in here:
+                    self._circular(piece[at:], here, operand)
+                elif n not in here:
+                    operands = [operand(a) for a in self.g.args[n]]
+                    exponent = exponent_of(self.g, n)
+                    here[n] = self.operation(self.g.ops[n], exponent, operands)
                 if n in passed:
                     self._pass_on(n, here[n], passed[n])
             for array, k in at_end.get(n, ()):
                 self._store(operand(n), array, k)
+
+    def _circular(
+        self,
+        nodes: Sequence[int],
+        here: dict[int, str],
+        operand: Callable[[int], str],
+    ) -> None:
+        """Write the sines and cosines that `nodes` begin with, of several angles."""
+        g = self.g
+        together: list[int] = []
+        angles: dict[int, int] = {}
+        for n in nodes:
+            if g.ops[n] not in CIRCULAR or g.args[n][0] in together:
+                break
+            angle = g.args[n][0]
+            if angle not in angles and len(angles) == sincos.LANES:
+                break
+            angles.setdefault(angle, len(angles))
+            together.append(n)
+        wanted = [(g.ops[n], angles[g.args[n][0]]) for n in together]
+        values = self.circular([operand(angle) for angle in angles], wanted)
+        here.update(zip(together, values, strict=True))
 
     def _leaf(
         self, n: int, places: Mapping[int, int], passed: Mapping[int, int]
@@ -299,6 +367,9 @@ class _Writer(Lines):
     def _address(self, array: str, k: int) -> str:
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")
 
+
+# Which result of `sincos` they are.
+CIRCULAR = {"sin": 0, "cos": 1}
 
 _CONTRACTED = ("add", "sub", "mul")
 
