@@ -53,7 +53,7 @@ from lagsim.methods._state import (
     T,
 )
 from lagsim.methods._tableau import Tableau
-from lagsim.native.kernel_types import at, total, unrolled
+from lagsim.native.kernel_types import apart, at, total, unrolled
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
@@ -157,16 +157,16 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
     if CONSTRAINED:
         p[LEAST_HEALTH] = 1.0
     for stage in unrolled(1, 12):
-        for i in range(size):
+        for i in apart(size):
             slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
             z[i] = y[i] + h * slope
         derivative(t + C[stage] * h, z, p, at(k, stage * size))
     s[EVALUATIONS] += 11.0
-    for i in range(size):
+    for i in apart(size):
         new[i] = y[i] + h * total(B[j] * k[j * size + i] for j in unrolled(12))
     set_tolerances(s, p, t + h, new, k, h)
     errors = at(new, size)
-    for i in range(size):
+    for i in apart(size):
         errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
         errors[size + i] = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
     if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
@@ -226,12 +226,12 @@ def prepare_dense(s: Floats, p: Floats) -> None:
     new = at(z, size)
     dense = at(new, size)
     for stage in unrolled(13, 16):
-        for i in range(size):
+        for i in apart(size):
             slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
             z[i] = y[i] + h * slope
         derivative(s[STEP_T] + C[stage] * h, z, p, at(k, stage * size))
     s[EVALUATIONS] += 3.0
-    for i in range(size):
+    for i in apart(size):
         change = new[i] - y[i]
         bend = h * k[i] - change
         dense[i] = y[i]
@@ -248,7 +248,7 @@ def interpolate(s: Floats, x: float, out: Floats) -> None:
     size = int(s[SIZE])
     dense = at(s, HEADER + 6 * size + 6 + (STAGES + 2) * size)
     u = 1.0 - x
-    for i in range(size):
+    for i in apart(size):
         value = 0.0
         for m in unrolled(7):
             value = (value + dense[(7 - m) * size + i]) * (x if m % 2 == 0 else u)
