@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
     first_step,
+    record_measured,
     record_sizes,
     set_tolerances,
 )
@@ -213,7 +214,7 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     for i in range(size):
         y[i] = new[i]
         k[i] = k[12 * size + i]
-    record_sizes(s, p)
+    record_measured(s)
 
 
 def prepare_dense(s: Floats, p: Floats) -> None:
