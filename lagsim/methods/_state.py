@@ -10,6 +10,13 @@ HEADER + 6 size + 6 on whatever the method needs.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+from lagsim.native.sincos import LANES
+
+if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
+
 T = 0  # time reached
 END = 1  # where the arc ends
 H = 2  # the next step; 0 before it has been chosen
@@ -54,7 +61,9 @@ AT_BOUND = 40  # steps held by stability ...
 OFF_BOUND = 41  # ... since when so many were not
 ASK_AT = 42  # at so many the kernel returns; 0: never
 SIZES_BEFORE = 43  # where the largest sizes before the last step are kept; see switches
-HEADER = 44
+LANES_AT = 44  # where the memory for rows side by side is; see _projection
+HEADER = 45
+
 
 # The spectral radius of the methods that have it, unless another is asked for.
 USUAL_RADIUS = 0.8
@@ -72,3 +81,14 @@ RANK_LOST = 8
 SWITCH_FOUND = 9
 NEWTON_FAILED = 10
 STIFF = 11
+
+
+def extra_size(size: int) -> int:
+    """Give how much memory the driver needs beside the method."""
+    return size + LANES * (1 + size + (size // 2 + 2) + 2)
+
+
+def place_extras(state: Floats, size: int) -> None:
+    """Set where it is, at the end of the state."""
+    state[SIZES_BEFORE] = len(state) - size
+    state[LANES_AT] = len(state) - extra_size(size)

@@ -8,13 +8,13 @@ compile time grows in proportion to length.
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from lagsim.expressions.functions import OPERATIONS
 from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.native import sincos
+from lagsim.native.graph_lines import CIRCULAR, Lines, exponent_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -51,28 +51,20 @@ class Code:
     p_size: int
 
 
-def exponent_of(g: Graph, n: int) -> float | None:
-    """Give the exponent of a power where it is a number; None for all else."""
-    return g.value(g.args[n][1]) if g.ops[n] == "pow" else None
-
-
-def number(x: float) -> str:
-    """Give the LLVM literal of a float, bit for bit."""
-    return f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}"
-
-
 def generate(
     g: Graph,
     functions: Mapping[str, Sequence[int]],
     layout: Layout,
     contracted: Collection[str] = (),
     sparse: Collection[str] = (),
+    wide: Collection[str] = (),
 ) -> Code:
     """Give the code of `functions`: name -> the nodes written to out[0], out[1], ...
 
     In those named in `contracted` a product may be added without being rounded first,
     where the processor can: last digits then depend on it. Those named in `sparse` do
-    not write what is zero identically: they find zeros.
+    not write what is zero identically: they find zeros. Those named in `wide` are of
+    LANES states at once: t and then y (1 + size, LANES), out (k, LANES).
     """
     hoisted = fixed_nodes(g, functions, layout)
     places = {node: layout.size + k for k, node in enumerate(hoisted)}
@@ -86,6 +78,7 @@ def generate(
             if node != g.zero or name not in sparse
         ]
         writer.contract = name in contracted
+        writer.wide = name in wide
         writer.function(name, stores, places)
     ir = "\n".join([*sorted(writer.declared), *writer.lines, ""])
     return Code(ir, scratch + writer.scratch_used)
@@ -122,76 +115,6 @@ def _hoisted(g: Graph, roots: Sequence[int], varying: set[int]) -> list[int]:
         for n in used
         if n not in varying and g.args[n] and not OPERATIONS[g.ops[n]].condition
     )
-
-
-class Lines:
-    """Lines of IR with fresh names."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-        self.declared: set[str] = set()
-        self.contract = False
-        self._fresh = 0
-
-    def operation(self, op: str, exponent: float | None, operands: list[str]) -> str:
-        """Write an operation, of a power the `exponent` where it is a number."""
-        if op == "pow" and exponent is not None and exponent * 2 in _HALVES:
-            return self._power(operands[0], exponent)
-        if op in CIRCULAR:
-            return self.circular(operands, [(op, 0)])[0]
-        row = OPERATIONS[op]
-        self.declared.update(row.declares)
-        fresh = {key: self._name() for key in "abcdef"}
-        native = row.native
-        if self.contract and op in _CONTRACTED:
-            native = native.replace(" ", " contract ", 1)
-        *before, last = native.format(*operands, **fresh).split("\n")
-        self.lines += before
-        return self.line(last)
-
-    def circular(
-        self, angles: Sequence[str], wanted: Sequence[tuple[str, int]]
-    ) -> list[str]:
-        """Write sines and cosines of up to LANES angles: each (op, which angle)."""
-        self.declared.add(sincos.function())
-        vector = "zeroinitializer"
-        for lane, angle in enumerate(angles):
-            place = f"double {angle}, i32 {lane}"
-            vector = self.line(f"insertelement {sincos.VECTOR} {vector}, {place}")
-        both = self.line(f"call {sincos.BOTH} @{sincos.NAME}({sincos.VECTOR} {vector})")
-        values = []
-        for op, lane in wanted:
-            part = self.line(f"extractvalue {sincos.BOTH} {both}, {CIRCULAR[op]}")
-            one = f"extractelement {sincos.VECTOR} {part}, i32 {lane}"
-            values.append(self.line(one))
-        return values
-
-    def _power(self, x: str, exponent: float) -> str:
-        """Write x to a small whole or half power as products and a root."""
-        whole = int(abs(exponent))
-        result = ""
-        if abs(exponent) != whole:
-            self.declared.update(OPERATIONS["sqrt"].declares)
-            result = self.line(f"call double @llvm.sqrt.f64(double {x})")
-        while whole:
-            if whole % 2:
-                result = self.line(f"fmul double {result}, {x}") if result else x
-            whole //= 2
-            if whole:
-                x = self.line(f"fmul double {x}, {x}")
-        if exponent < 0:
-            return self.line(f"fdiv double {number(1.0)}, {result}")
-        return result
-
-    def line(self, text: str) -> str:
-        """Write an instruction; give the name of its value."""
-        name = self._name()
-        self.lines.append(f"{name} = {text}")
-        return name
-
-    def _name(self) -> str:
-        self._fresh += 1
-        return f"%v{self._fresh}"
 
 
 class _Writer(Lines):
@@ -271,13 +194,14 @@ class _Writer(Lines):
         """Give the index in p of operations that a later piece uses."""
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
         passed: dict[int, int] = {}
+        width = sincos.LANES if self.wide else 1
         for i, piece in enumerate(pieces):
             for n in piece:
                 for a in self.g.args[n] if n not in places else ():
                     earlier = home.get(a, i) < i and a not in places
                     if earlier and self.g.args[a] and a not in passed:
-                        passed[a] = self.scratch + len(passed)
-        self.scratch_used = max(self.scratch_used, len(passed))
+                        passed[a] = self.scratch + width * len(passed)
+        self.scratch_used = max(self.scratch_used, width * len(passed))
         return passed
 
     def _piece(
@@ -336,43 +260,41 @@ class _Writer(Lines):
         if g.ops[n] == CONSTANT:
             x = g.value(n)
             assert x is not None
-            return number(x)
+            return self.literal(x)
         if g.ops[n] == TRUTH:
-            return "true" if g.payload(n) else "false"
+            return self.widened("true" if g.payload(n) else "false")
         if g.ops[n] == VARIABLE:
             name = str(g.payload(n))
             if name == "t":
-                return "%t"
+                return self._load("y", 0) if self.wide else "%t"
             if name in self.layout.y:
-                return self._load("y", self.layout.y[name])
-            return self._load("p", self.layout.p[name])
+                return self._load("y", self.layout.y[name] + self.wide)
+            return self._load_same(self.layout.p[name])
         if n in places:
-            return self._load("p", places[n])
+            return self._load_same(places[n])
         value = self._load("p", passed[n])
         if OPERATIONS[g.ops[n]].condition:
-            return self.line(f"fcmp one double {value}, 0.0")
+            return self.line(f"fcmp one {self.kind} {value}, {self.literal(0.0)}")
         return value
 
     def _pass_on(self, n: int, value: str, k: int) -> None:
         if OPERATIONS[self.g.ops[n]].condition:
-            value = self.line(f"uitofp i1 {value} to double")
+            value = self.line(self.widened(f"uitofp i1 {value} to double"))
         self._store(value, "p", k)
 
     def _load(self, array: str, k: int) -> str:
-        return self.line(f"load double, ptr {self._address(array, k)}")
+        return self.line(f"load {self.kind}, ptr {self._address(array, k)}, align 8")
+
+    def _load_same(self, k: int) -> str:
+        """Load a number from p, the same for all lanes."""
+        value = self.line(f"load double, ptr {self._address('p', k)}")
+        return self.joined([value] * sincos.LANES) if self.wide else value
 
     def _store(self, value: str, array: str, k: int) -> None:
-        self.lines.append(f"store double {value}, ptr {self._address(array, k)}")
+        place = f"ptr {self._address(array, k)}, align 8"
+        self.lines.append(f"store {self.kind} {value}, {place}")
 
     def _address(self, array: str, k: int) -> str:
+        if self.wide and array != "p":
+            k *= sincos.LANES
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")
-
-
-# Which result of `sincos` they are.
-CIRCULAR = {"sin": 0, "cos": 1}
-
-_CONTRACTED = ("add", "sub", "mul")
-
-# Twice the exponents that are written out: products are exact to an ulp or two up to
-# the 6th power, and faster than `pow`.
-_HALVES = frozenset(k for k in range(-12, 13) if k not in (0, 2))

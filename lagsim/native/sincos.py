@@ -119,6 +119,8 @@ def function() -> str:
     top = b.sub(spread(1.0), half)
     bend = b.mul(b.mul(r, z), b.polynomial(z, SINE))
     sine = b.add(r, b.sub(bend, b.mul(rest, top)))
+    none = b.line(f"fcmp oeq {VECTOR} {r}, zeroinitializer")  # keeps the sign of 0
+    sine = b.line(f"select <{LANES} x i1> {none}, {VECTOR} {r}, {VECTOR} {sine}")
     # cos(r - rest) = (1 - z/2) + (what that has lost + z^2 C + rest r)
     left = b.sub(b.sub(spread(1.0), top), half)
     bend = b.mul(b.mul(z, z), b.polynomial(z, COSINE))
@@ -136,10 +138,13 @@ def function() -> str:
     )  # fmt: skip
 
 
+# What `function` needs declared.
+DECLARES = tuple(
+    f"declare {VECTOR} @llvm.{name}.v{LANES}f64({VECTOR})"
+    for name in ("sin", "cos", "fabs")
+)
+
 _TEXT = """\
-declare {vector} @llvm.sin.v{lanes}f64({vector})
-declare {vector} @llvm.cos.v{lanes}f64({vector})
-declare {vector} @llvm.fabs.v{lanes}f64({vector})
 define internal {both} @{name}({vector} %x) noinline {{
 %size = call {vector} @llvm.fabs.v{lanes}f64({vector} %x)
 %small = fcmp ole {vector} %size, {largest}

@@ -112,7 +112,7 @@ class Run:
         state = np.zeros(self._state_size())
         state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
         state[at.ROW_STEP] = simulation.output_step
-        state[at.SIZES_BEFORE] = len(state) - system.size
+        at.place_extras(state, system.size)
         self._set_tolerances(state)
         radius = simulation.spectral_radius
         state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
@@ -128,11 +128,8 @@ class Run:
     def _state_size(self) -> int:
         system = self.system
         methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
-        # And room for what `_driver.keep_sizes` notes.
-        return (
-            max(int(method(m).state_size(system.size)) for m in methods)
-            + self.system.size
-        )
+        own = max(int(method(m).state_size(system.size)) for m in methods)
+        return own + at.extra_size(system.size)
 
     def _set_tolerances(self, state: Floats) -> None:
         state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
@@ -376,7 +373,7 @@ class Run:
         common = self.state[: at.HEADER + 6 * size + 6]
         self.state = np.zeros(self._state_size())
         self.state[: len(common)] = common
-        self.state[at.SIZES_BEFORE] = len(self.state) - size
+        at.place_extras(self.state, size)
         self._set_tolerances(self.state)
         self._set_watch(self.state)
         self._set_branches(end)

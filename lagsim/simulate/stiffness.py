@@ -167,10 +167,11 @@ def _operations(equations: Equations) -> float:
 
 def _converted(run: Run, system: System) -> Floats:
     """Give the state of the run as the stiff method's, at the start of an arc."""
-    length = max(len(run.state), method(STIFF).state_size(system.size))
+    length = method(STIFF).state_size(system.size) + at.extra_size(system.size)
     state = np.zeros(length)
     common = at.HEADER + 6 * system.size + 6
     state[:common] = run.state[:common]
+    at.place_extras(state, system.size)
     state[at.FRESH] = 1.0
     return state
 

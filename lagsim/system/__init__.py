@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
 
+# Taken for several rows at once.
+WIDE = ("observe", "position_steps", "velocity_steps")
+
 
 class System:
     """The compiled functions of a model, for one formulation.
@@ -99,13 +102,18 @@ class System:
         if AFTER_FREEZING in needs:
             rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
             nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
+        # Straight-line code takes several rows at once.
+        self.wide = "observe" in nodes_of and not plan.tape
+        if self.wide and self.m:
+            nodes_of["position_steps"] = nodes_of["position_step"]
+            nodes_of["velocity_steps"] = nodes_of["velocity_step"]
         layout = self._layout()
         if plan.tape:
             code = tape_code.generate(equations.graph, nodes_of, layout)
         else:
             code = graph_code.generate(
                 equations.graph, nodes_of, layout,
-                contracted=("series",), sparse=("slopes",),
+                contracted=("series",), sparse=("slopes",), wide=WIDE,
             )  # fmt: skip
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [

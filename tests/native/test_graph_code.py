@@ -18,6 +18,7 @@ from lagsim.expressions.parser import parse
 from lagsim.native import graph_code
 from lagsim.native.engine import Engine, compile_object
 from lagsim.native.graph_code import Layout, generate
+from lagsim.native.graph_lines import number
 from tests.expressions._programs import VARIABLES, on_graph, programs, states
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ def bits(x: float) -> bytes:
 
 @given(st.floats())
 def test_numbers_are_written_bit_for_bit(x: float) -> None:
-    text = graph_code.number(x)
+    text = number(x)
     assert struct.pack(">Q", int(text, 16)) == struct.pack(">d", x)
 
 

@@ -25,7 +25,8 @@ ret void
 
 
 def several(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    engine = Engine([compile_object(sincos.function() + CALLER, optimise=False)])
+    ir = "\n".join([*sincos.DECLARES, sincos.function(), CALLER])
+    engine = Engine([compile_object(ir, optimise=False)])
     call = engine.function("several", None, [ctypes.c_void_p] * 3)
     sines, cosines = np.zeros_like(x), np.zeros_like(x)
     for k in range(0, len(x), sincos.LANES):
@@ -67,3 +68,8 @@ def test_no_numbers_stay_so() -> None:
     assert np.isnan(cosines[:3]).all()
     # The last goes with them to the C library: half an ulp and a little more.
     assert sines[3] == pytest.approx(math.sin(0.5), rel=2.0**-52)
+
+
+def test_zero_keeps_its_sign() -> None:
+    sines, _ = several(np.array([-0.0, 0.0, -0.0, 1.0]))
+    assert np.signbit(sines).tolist() == [True, False, True, False]
