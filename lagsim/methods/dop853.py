@@ -35,6 +35,7 @@ from lagsim.methods._state import (
     DONE,
     EVALUATIONS,
     HEADER,
+    HEALTH,
     NOT_FINITE,
     PREVIOUS_ERROR,
     PROJECTION_FAILED,
@@ -81,6 +82,11 @@ BETA = 0.04
 EXPONENT = 0.125 - 0.2 * BETA
 SHRINK = 3.0  # a step shrinks at most by this, and grows at most by the next
 GROW = 6.0
+# Where a stage meets a loss of rank by accident, a step a little shorter passes it; one
+# much shorter ends before it. A stage does where the rows are this much less independent
+# there than at the start.
+BESIDE = 0.3
+ASIDE = 0.85
 
 
 def refusal(_scene: Structure) -> str:
@@ -130,6 +136,8 @@ def step(s: Floats, p: Floats) -> int:
             trouble = NOT_FINITE
         elif error >= 1.0:
             s[H] = h / min(SHRINK, error**EXPONENT / SAFETY)
+            if CONSTRAINED and p[LEAST_HEALTH] < BESIDE * s[HEALTH]:
+                s[H] = max(s[H], ASIDE * h)
             trouble = STEP_TOO_SMALL
         elif CONSTRAINED and meet_constraints(s, p, s[T] + h, h, new) == 0:
             s[H] = 0.25 * h
