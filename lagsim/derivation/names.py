@@ -28,7 +28,7 @@ _LATIN = {
     "Tau": "T", "Chi": "X",
 }  # fmt: skip
 _LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-_PARTS = re.compile(r"([^\W\d_]+)_?([0-9]*)((?:_\w+)?)\Z")
+_PARTS = re.compile(r"([^\W\d_]+)(?:_?([0-9]+))?((?:_\w*[^\W_])?)\Z")
 _ESCAPED = {"_": r"\_"}
 
 DOTS = ("", "dot", "ddot")
@@ -61,7 +61,7 @@ class Typeset:
     _shown: dict[str, tuple[str, str]] = field(init=False)
 
     def __post_init__(self) -> None:
-        taken: set[str] = set(self.reserved())
+        taken: set[str] = set()
         self._shown = {}
         for name in self.names:
             parts = self.split(name)
@@ -78,10 +78,6 @@ class Typeset:
             return self.unconstrained(self.show(Name(name.base)))
         base, below = self._shown.get(name.base) or self.split(name.base)
         return self.joined(base, below, name.order)
-
-    def reserved(self) -> tuple[str, ...]:
-        """Give what no name may look like."""
-        return ()
 
     def split(self, name: str) -> tuple[str, str]:
         """Give the letter and the subscript of a name."""
@@ -137,7 +133,7 @@ class UnicodeNames(Typeset):
         match = _PARTS.match(name)
         if match is None:
             return name, ""
-        word, digits, rest = match.groups()
+        word, digits, rest = match.groups("")
         return GREEK.get(word, word), digits.translate(_LOWERED) + rest
 
     def verbatim(self, name: str) -> tuple[str, str]:
@@ -157,16 +153,12 @@ class UnicodeNames(Typeset):
 class LatexNames(Typeset):
     """Commands for Greek letters, subscripts, and dots above."""
 
-    def reserved(self) -> tuple[str, ...]:
-        """Give the time, which is a name in every model."""
-        return ("t",)
-
     def split(self, name: str) -> tuple[str, str]:
         r"""Give \theta, 1 for `theta1`."""
         match = _PARTS.match(name)
         if match is None:
             return self.verbatim(name)
-        word, digits, rest = match.groups()
+        word, digits, rest = match.groups("")
         below = [digits] if digits else []
         below += [self._subscript(part) for part in rest.split("_") if part]
         return self._word(word), ",".join(below)
