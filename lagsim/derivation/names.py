@@ -7,6 +7,7 @@ the later one is written letter by letter.
 from __future__ import annotations
 
 import re
+import unicodedata
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -29,7 +30,13 @@ _LATIN = {
 }  # fmt: skip
 _LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _PARTS = re.compile(r"([^\W\d_]+)(?:_?([0-9]+))?((?:_\w*[^\W_])?)\Z")
-_ESCAPED = {"_": r"\_"}
+_SPECIAL = {
+    "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&",
+    "#": r"\#", "%": r"\%", "_": r"\_", "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}", "<": r"\textless{}", ">": r"\textgreater{}",
+}  # fmt: skip
+# What the fonts of TeX have besides letters with accents.
+_IN_FONTS = frozenset("ßæÆøØœŒłŁđĐþÞðÐ§°±²³µ·×÷–—‘’“”…")
 
 DOTS = ("", "dot", "ddot")
 
@@ -165,7 +172,7 @@ class LatexNames(Typeset):
 
     def verbatim(self, name: str) -> tuple[str, str]:
         """Give the name letter by letter."""
-        return r"\mathrm{" + _escaped(name) + "}", ""
+        return upright_latex(name), ""
 
     def joined(self, base: str, below: str, order: int) -> str:
         """Put dots over the letter and hang the subscript on it."""
@@ -174,30 +181,48 @@ class LatexNames(Typeset):
 
     def multiplier(self, constraint: str) -> str:
         """Give lambda with the constraint as an upright subscript."""
-        return r"\lambda_{\mathrm{" + _escaped(constraint) + "}}"
+        return rf"\lambda_{{{upright_latex(constraint)}}}"
 
     def unconstrained(self, shown: str) -> str:
         """Give the acceleration without constraints of a coordinate."""
         return f"a_{{{shown}}}"
 
+    @staticmethod
+    def letter(name: str) -> str:
+        """Give a Greek letter by its name."""
+        latin = _LATIN.get(name)
+        return rf"\mathrm{{{latin}}}" if latin else f"\\{name}"
+
     def _word(self, word: str) -> str:
         name = _OF_LETTER.get(word, word)
         if name in GREEK:
-            latin = _LATIN.get(name)
-            return rf"\mathrm{{{latin}}}" if latin else f"\\{name}"
+            return self.letter(name)
         if len(word) == 1 and word.isascii():
             return word
-        return rf"\mathit{{{word}}}" if word.isascii() else rf"\text{{{word}}}"
+        return rf"\mathit{{{word}}}" if word.isascii() else upright_latex(word)
 
     def _subscript(self, part: str) -> str:
         if part.isdigit():
             return part
         name = _OF_LETTER.get(part, part)
-        return self._word(name) if len(part) == 1 or name in GREEK else (
-            rf"\mathrm{{{part}}}" if part.isascii() else rf"\text{{{part}}}"
-        )  # fmt: skip
+        if len(part) == 1 or name in GREEK:
+            return self._word(name)
+        return upright_latex(part)
 
 
-def _escaped(name: str) -> str:
-    text = "".join(_ESCAPED.get(c, c) for c in name)
-    return text if name.isascii() else rf"\text{{{text}}}"
+def plain_latex(text: str) -> str:
+    """Give text with what LaTeX would read as commands, or has not, spelled out."""
+    return "".join(_SPECIAL.get(c) or _in_fonts(c) for c in text)
+
+
+def _in_fonts(c: str) -> str:
+    if c in _OF_LETTER:
+        return f"${LatexNames.letter(_OF_LETTER[c])}$"
+    accented = "À" <= c <= "ſ" and unicodedata.normalize("NFD", c)[0].isascii()
+    return c if c.isascii() or accented or c in _IN_FONTS else f"[U+{ord(c):04X}]"
+
+
+def upright_latex(name: str) -> str:
+    """Give a name letter by letter, upright, for formulas."""
+    command = "mathrm" if name.isascii() else "text"
+    return rf"\{command}{{{plain_latex(name)}}}"

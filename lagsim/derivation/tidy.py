@@ -206,13 +206,25 @@ class Tidier:
 
 
 def _product(*factors: Any) -> Any:
-    """Give the product; sympy alone would carry a number into a sum beside it."""
-    whole = sp.Mul(*factors)
-    sums = [x for x in factors if x.is_Add]
+    """Give the product; sympy alone would carry a number into a sum beside it.
+
+    A sum with minus signs only gives its sign to the product.
+    """
+    sign, turned = sp.S.One, []
+    for x in factors:
+        if x.is_Add and all(map(_has_minus, x.args)):
+            sign, x = -sign, -x
+        turned.append(x)
+    whole = sp.Mul(sign, *turned)
+    sums = [x for x in turned if x.is_Add]
     if not whole.is_Add or not sums:
         return whole
-    number = sp.Mul(*(x for x in factors if x is not sums[0]))
-    return whole if number == 1 else sp.Mul(number, sums[0], evaluate=False)
+    number = sign * sp.Mul(*(x for x in turned if x is not sums[0]))
+    return whole if abs(number) == 1 else sp.Mul(number, sums[0], evaluate=False)
+
+
+def _has_minus(e: Any) -> bool:
+    return bool(e.as_coeff_Mul()[0] < 0)
 
 
 def _none(_: Any) -> bool:
