@@ -62,7 +62,7 @@ class _Latex:
         self._solution()
         self._conserved()
         self._gauss()
-        self.parts += [plain_latex(f"Note: {note}.") + "\n" for note in self.c.notes]
+        self.parts += [_note(note) for note in self.c.notes]
         self.parts.append(r"\end{document}")
         return "\n".join(self.parts) + "\n"
 
@@ -335,6 +335,12 @@ class _Latex:
             for q, e in zip(names, principle.Qc or (), strict=False)
         ]
         self.align(rows)
+
+
+def _note(note: str) -> str:
+    """Give a note; options in it are not dashes and quotes."""
+    text = plain_latex(note).replace("--", "-{}-")
+    return "Note: " + re.sub("`(.*?)`", r"\\texttt{\1}", text) + ".\n"
 
 
 def _lines(left: str, terms: list[tuple[str, str]]) -> list[str]:
