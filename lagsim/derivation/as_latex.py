@@ -115,12 +115,11 @@ class _Latex:
         if not c.has_forces:
             return
         self.title("Generalized forces by virtual work")
-        coordinates = [line.coordinate for line in c.lines]
         for force in c.forces:
             text = (
                 f"The force ${self.write(force.force)}$ works on ${self.show(force.on)}"
             )
-            if force.on not in coordinates:
+            if not force.direction.is_Symbol:
                 text += f" = {self.write(force.direction)}"
             self.parts.append(text + "$.\n")
         self.align(
@@ -153,9 +152,7 @@ class _Latex:
 
     def _motion(self) -> list[Row]:
         """Give the equations, one = under the other where there is room."""
-        rows = [
-            self.equals(self.write(line.left), line.right) for line in self.c.lines
-        ]
+        rows = [self.equals(self.write(line.left), line.right) for line in self.c.lines]
         widths = [(_width(left), _width_of(right)) for left, right in rows]
         if sum(map(max, zip(*widths, strict=True))) <= LONGEST_LINE:
             return rows
@@ -304,7 +301,8 @@ class _Latex:
         held = r"Subject to $\mathbf{A} \ddot{\mathbf{q}} = \mathbf{b}$, the "
         self.parts.append(
             (held if self.c.constraints else "The ")
-            + rf"accelerations make ${self.G} = \frac{{1}}{{2}} {apart}^{{\mathsf{{T}}}} "
+            + rf"accelerations make ${self.G} = "
+            rf"\frac{{1}}{{2}} {apart}^{{\mathsf{{T}}}} "
             rf"\mathbf{{M}} {apart}$ least, with $\mathbf{{M}} \mathbf{{a}} = "
             r"\mathbf{f}$."
         )
@@ -324,7 +322,9 @@ class _Latex:
             r"\mathbf{A}^{\mathsf{T}})^{-1}$."
         )
         names = [self.show(q.name) for q in x.q]
-        labels = [upright_latex(k.name) for k in self.c.constraints if k.kind != "one-sided"]
+        labels = [
+            upright_latex(k.name) for k in self.c.constraints if k.kind != "one-sided"
+        ]
         rows = [
             self.equals(rf"K_{{{q},{label}}}", e)
             for q, row in zip(names, principle.K or (), strict=False)

@@ -137,8 +137,7 @@ class _Text:
         for force in c.forces:
             on = self.shown(force.on)
             self.say(f"force on {on}: {self.write(force.force)}")
-            plain = force.on in [line.coordinate for line in c.lines]
-            if not plain:
+            if not force.direction.is_Symbol:
                 self.equals(f"  {on}", force.direction)
         for line in c.lines:
             self.equals(f"Q_{self.shown(line.coordinate)}", line.terms["Q"])
@@ -266,7 +265,9 @@ class _Text:
         names = ", ".join(self.shown(q) for q in item.of)
         d, q_dot = self.words.partial, self.words.q_dot
         function = f"{self.words.sum} {q_dot} {d}{self.L}/{d}{q_dot}"
-        other = f", which is not {self.T} + {self.V}" if self.c.kinetic is not None else ""
+        other = (
+            f", which is not {self.T} + {self.V}" if self.c.kinetic is not None else ""
+        )
         still = f"{self.L} does not depend on t"
         if self.c.has_forces:
             still += ", and no force does work"

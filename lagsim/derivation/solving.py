@@ -59,9 +59,7 @@ def solution(
     return None
 
 
-def _no_steps(
-    x: Translation, constraints: Sequence[Condition], *, insist: bool
-) -> str:
+def _no_steps(x: Translation, constraints: Sequence[Condition], *, insist: bool) -> str:
     """Say why the elimination is not told step by step; nothing where it is."""
     if without_inertia(x.equations) is not None:
         return "M is not positive definite: it is not solved for the accelerations"

@@ -101,6 +101,12 @@ e = runpy.run_path("equations.py")
 with open("out/trajectory.csv") as file:
     rows = [{k: float(x) for k, x in row.items()} for row in csv.DictReader(file)]
 worst = 0.0
+
+
+def part(off, size):
+    return np.max(np.abs(off), initial=0.0) / (np.max(size, initial=0.0) or 1.0)
+
+
 for row in rows:
     q, v, a = (
         np.array([row[name + end] for name in e["COORDINATES"]])
@@ -110,11 +116,10 @@ for row in rows:
     functions = ("mass_matrix", "force", "constraint_matrix", "constraint_rhs")
     M, f, A, b = (e[name](row["t"], q, v) for name in functions)
     size = np.abs(M) @ np.abs(a) + np.abs(f) + np.abs(A.T) @ np.abs(lam)
-    worst = max(worst, *np.abs(M @ a - f - A.T @ lam) / np.max(size))
-    size = np.abs(A) @ np.abs(a) + np.abs(b)
-    worst = max(worst, *(np.abs(A @ a - b) / size))
+    worst = max(worst, part(M @ a - f - A.T @ lam, size))
+    worst = max(worst, part(A @ a - b, np.abs(A) @ np.abs(a) + np.abs(b)))
     Qc = np.array([row.get("Qc_" + name, 0.0) for name in e["COORDINATES"]])
-    worst = max(worst, *np.abs(A.T @ lam - Qc) / (np.max(np.abs(Qc)) or 1.0))
+    worst = max(worst, part(A.T @ lam - Qc, np.abs(A.T) @ np.abs(lam)))
 others = [m for m in sys.modules if m.startswith(("lagsim", "sympy", "scipy"))]
 print(len(rows), worst, others)
 """
@@ -195,6 +200,23 @@ def test_what_is_unusable_is_told(lagsim, args, told, tmp_path):
     assert told in done.err
     assert "Traceback" not in done.err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("potential", "options"),
+    [("x*log(0)", ()), ("0^x", ()), ("x/a", ("--substitute",))],
+)
+@pytest.mark.parametrize("form", ["text", "latex"])
+def test_what_is_not_finite_is_told(lagsim, write, potential, options, form):
+    text = f"""
+parameters: {{a: 0}}
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: {potential}}}
+initial: {{x: 1}}
+"""
+    done = lagsim("derive", write(text), "--format", form, *options)
+    assert (done.code, done.out) == (2, "")
+    assert "not finite" in done.err
 
 
 def test_faults_are_json_where_json_is_asked_for(lagsim):

@@ -307,9 +307,7 @@ def test_without_inertia_there_are_no_accelerations(kinetic: str) -> None:
 
 
 def test_notes_say_what_was_left_out() -> None:
-    c = small(
-        (MODELS / "car-axis.yaml").read_text(encoding="utf-8"), with_gauss=True
-    )
+    c = small((MODELS / "car-axis.yaml").read_text(encoding="utf-8"), with_gauss=True)
     assert c.gauss is not None
     assert c.gauss.a is not None
     assert c.notes == (
