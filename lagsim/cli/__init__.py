@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     import typer
 
-COMMANDS = ("run", "check", "derive", "bench", "methods")
+COMMANDS = ("run", "check", "derive", "bench", "stability", "methods")
 
 _INTERRUPTED = 128 + signal.SIGINT
 _TERMINATED = 128 + signal.SIGTERM

@@ -212,7 +212,7 @@ class _Job:
         system: System,
         results: Results,
     ) -> int:
-        from lagsim.cli._cautions import about_error, about_inputs, about_rows
+        from lagsim.alarms import Witness, alarms
         from lagsim.error_bar import Checkpoints
         from lagsim.interrupt import Interrupt
         from lagsim.outputs.ledger import Ledger
@@ -224,7 +224,8 @@ class _Job:
         ledger = Ledger(names)
         thin = self._thinning(equations.model, names)
         checkpoints = Checkpoints(len(equations.q))
-        consumers = [ledger, checkpoints, *([thin] if thin else [])]
+        witness = Witness(names, len(equations.q))
+        consumers = [ledger, checkpoints, witness, *([thin] if thin else [])]
         interrupt = Interrupt()
         with open_table(results, names[: system.columns.table]) as writer, (
             interrupt.noted()
@@ -245,10 +246,9 @@ class _Job:
             )
             if thin and not full:
                 full = self._draw(system, trajectory, thin, bar, results)
-            cautions = [
-                *start.warnings, *about_inputs(start, plan, system),
-                *trajectory.warnings, *about_rows(ledger, plan), *about_error(bar),
-            ]  # fmt: skip
+            cautions = alarms(
+                equations, start, plan, system, trajectory, ledger, witness, bar
+            )
             self.lap("output")
             timings = {name: round(t, 6) for name, t in self.timings.items()}
             document = manifest(

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods._interface import (
+    inertias,
     interpolate,
     observe,
     pull,
@@ -34,6 +35,8 @@ from lagsim.methods._state import (
     FRESH,
     HEADER,
     HEALTH,
+    INERTIAS,
+    INERTIAS_AT,
     ORIENTATION,
     PAUSED,
     RANK_LOST,
@@ -43,8 +46,10 @@ from lagsim.methods._state import (
     ROW_STEP,
     SIZE,
     SIZES_BEFORE,
+    SMALLEST_STEP,
     STEP_H,
     STEP_T,
+    STEPS,
     STIFF,
     SWITCH_FOUND,
     SWITCHED,
@@ -65,6 +70,8 @@ WIDE = True
 
 # A step is looked at this often for the moment that ends the run.
 LOOKS = 8
+# By then the first steps, which are guessed, have grown to what the motion needs.
+SETTLING = 10.0
 NOWHERE = -1
 
 
@@ -93,6 +100,7 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
         code = step(s, p)
         if code != DONE:
             return code
+        record_step(s)
         inspect(s, p)
         if CONSTRAINED and watch(s, p) > 0:
             return RANK_LOST
@@ -113,6 +121,14 @@ def arrived(s: Floats, p: Floats) -> int:
     return NOWHERE
 
 
+def record_step(s: Floats) -> None:
+    """Note the smallest step; what an end cuts short does not count."""
+    known = s[SMALLEST_STEP]
+    counts = s[STEPS] > SETTLING and s[T] < s[END]
+    if counts and (known == 0.0 or s[STEP_H] < known):
+        s[SMALLEST_STEP] = s[STEP_H]
+
+
 def inspect(s: Floats, p: Floats) -> None:
     """Look for what ends the arc, or the run, within the last step."""
     if SWITCHES:
@@ -121,6 +137,26 @@ def inspect(s: Floats, p: Floats) -> None:
             pull(s[T], at(s, HEADER), p)
     if UNTIL:
         locate(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+    if s[INERTIAS] > 0.0:
+        note_inertias(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+
+
+def note_inertias(s: Floats, p: Floats, now: Floats) -> None:
+    """Note how large and how small each inertia is, and when it is smallest.
+
+    Where one vanishes beside its usual size, a coordinate loses its meaning. Steps get
+    short there, so that the ends of steps come as close as the motion does.
+    """
+    count = int(s[INERTIAS])
+    largest = at(s, int(s[INERTIAS_AT]))
+    smallest = at(largest, count)
+    when = at(smallest, count)
+    inertias(s[T], at(s, HEADER), p, now)
+    for i in range(count):
+        largest[i] = max(largest[i], now[i])
+        if now[i] < smallest[i]:
+            smallest[i] = now[i]
+            when[i] = s[T]
 
 
 def keep_sizes(s: Floats) -> None:

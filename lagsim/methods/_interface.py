@@ -124,6 +124,11 @@ def inertia(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
+def inertias(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the pivots of M that vary with positions, s[INERTIAS] of them."""
+
+
+@external
 def until(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the residual or gap (1,) of the relation that ends the run."""
 

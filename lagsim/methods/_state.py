@@ -5,17 +5,12 @@ progress, interrupted and resumed at no cost.
 
 After the header lie, for a state of `size` components: y (size), their largest sizes
 (size), tolerances (size), what `measure` gave (size + 2), work (2 size + 4), and from
-HEADER + 6 size + 6 on whatever the method needs.
+HEADER + 6 size + 6 on whatever the method needs; last what `note_inertias` follows.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from lagsim.native.sincos import LANES
-
-if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
 
 T = 0  # time reached
 END = 1  # where the arc ends
@@ -61,8 +56,11 @@ AT_BOUND = 40  # steps held by stability ...
 OFF_BOUND = 41  # ... since when so many were not
 ASK_AT = 42  # at so many the kernel returns; 0: never
 SIZES_BEFORE = 43  # where the largest sizes before the last step are kept; see switches
-LANES_AT = 44  # where the memory for rows side by side is; see _projection
-HEADER = 45
+SMALLEST_STEP = 44  # once the first steps have found their size; 0: none yet
+INERTIAS = 45  # how many are followed, whether they vanish on the way ...
+INERTIAS_AT = 46  # ... and where: the largest, the smallest and its time, of each
+LANES_AT = 47  # where the memory for rows side by side is; see _projection
+HEADER = 48
 
 
 # The spectral radius of the methods that have it, unless another is asked for.
@@ -83,12 +81,6 @@ NEWTON_FAILED = 10
 STIFF = 11
 
 
-def extra_size(size: int) -> int:
-    """Give how much memory the driver needs beside the method."""
-    return size + LANES * (1 + size + (size // 2 + 2) + 2)
-
-
-def place_extras(state: Floats, size: int) -> None:
-    """Set where it is, at the end of the state."""
-    state[SIZES_BEFORE] = len(state) - size
-    state[LANES_AT] = len(state) - extra_size(size)
+def lanes_size(size: int) -> int:
+    """Give how much memory rows side by side need."""
+    return LANES * (1 + size + (size // 2 + 2) + 2)

@@ -83,8 +83,8 @@ EXPONENT = 0.125 - 0.2 * BETA
 SHRINK = 3.0  # a step shrinks at most by this, and grows at most by the next
 GROW = 6.0
 # Where a stage meets a loss of rank by accident, a step a little shorter passes it; one
-# much shorter ends before it. It does where the rows are so much less independent than
-# at the start.
+# much shorter ends before it. A stage does where the rows are this much less
+# independent there than at the start.
 BESIDE = 0.3
 ASIDE = 0.85
 

@@ -30,6 +30,9 @@ class Ledger:
             for k, name in enumerate(columns)
             if name.startswith("scale.")
         ]
+        self._names = [
+            name[len("scale.") :] for name in columns if name.startswith("scale.")
+        ]
         self._residuals = np.zeros(len(self._constraints))
         self._scales = np.zeros(len(self._constraints))
         self._start: float | None = None
@@ -57,6 +60,16 @@ class Ledger:
     @property
     def constraint_residual(self) -> float:
         """Greatest |residual| over its scale; 0 without constraints."""
+        return self.worst_constraint[1]
+
+    @property
+    def worst_constraint(self) -> tuple[str, float]:
+        """The constraint of that residual, and the residual."""
+        if not self._names:
+            return "", 0.0
         some = ~(self._scales <= 0)
-        ratios = self._residuals[some] / self._scales[some]
-        return float(np.max(ratios, initial=0.0))
+        ratios = np.divide(
+            self._residuals, self._scales, out=np.zeros(len(some)), where=some
+        )
+        k = int(np.argmax(ratios))
+        return self._names[k], float(ratios[k])

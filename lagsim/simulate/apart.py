@@ -98,8 +98,10 @@ class Apart:
         assert simulation is not None
         self.parts = []
         for x, own in zip(plan.parts, system.parts, strict=True):
-            # A repeat has other tolerances, and other rows.
-            alike = replace(x.plan, rtol=plan.rtol, atol=plan.atol, step=plan.step)
+            alike = x.plan
+            if alike.rtol is not None and plan.rtol is not None:
+                # A repeat has other tolerances, and other rows.
+                alike = replace(alike, rtol=plan.rtol, atol=plan.atol)
             part = Part(x.subsystem, simulation, start, alike, own, interrupt)
             self.parts.append(part)
         self.rows = 0

@@ -13,14 +13,13 @@ import numpy as np
 
 from lagsim.formulation import GAIN
 from lagsim.kkt import _layout
-from lagsim.kkt.series import motion_series
 from lagsim.methods import method
 from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
-from lagsim.native import graph_code, tape_code
+from lagsim.native import graph_code
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout
 from lagsim.system.columns import Columns
-from lagsim.system.functions import AFTER_FREEZING, functions
+from lagsim.system.functions import AFTER_FREEZING, functions, varying_inertias
 from lagsim.system.runner import Runner
 from lagsim.system.switching import surface_functions
 
@@ -58,12 +57,14 @@ class System:
         Their names.
     p : ndarray
         Parameters, modes, and working memory.
+    inertias : tuple of str
+        The coordinates whose inertia varies with positions.
     parts : list of System
         Of the subsystems, where they are integrated apart.
     objects : list of bytes
         Object code of the model's functions.
     operations : int
-        About how many one evaluation of y' takes.
+        About how many one evaluation takes, of y' or of its series.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -74,6 +75,7 @@ class System:
         equations = self.equations = plan.reduction.equations
         self.n, self.m = len(equations.q), len(equations.rows)
         self.has_work = equations.power is not None
+        self.inertias = tuple(varying_inertias(equations, plan))
         needs = method(plan.method).NEEDS
         self.has_jacobian = "jacobian" in needs
         work = ("work",) if self.has_work else ()
@@ -95,13 +97,15 @@ class System:
             else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
-        self.operations = self._operations(nodes_of)
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
         if AFTER_FREEZING in needs:
+            from lagsim.kkt.series import motion_series
+
             rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
             nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
+        self.operations = self._operations(nodes_of)
         # Straight-line code takes several rows at once.
         self.wide = "observe" in nodes_of and not plan.tape
         if self.wide and self.m:
@@ -109,6 +113,8 @@ class System:
             nodes_of["velocity_steps"] = nodes_of["velocity_step"]
         layout = self._layout()
         if plan.tape:
+            from lagsim.native import tape_code
+
             code = tape_code.generate(equations.graph, nodes_of, layout)
         else:
             code = graph_code.generate(
@@ -161,6 +167,8 @@ class System:
         return self.motion + _layout.weak_direction(self.n, self.m)
 
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+        if "series" in nodes_of:
+            return len(self.equations.graph.cone(nodes_of["series"]))
         if self.plan.elimination is not None:
             solved = nodes_of["field" if self.surfaces else "derivative"]
             return len(self.equations.graph.cone(solved))

@@ -14,6 +14,7 @@ from lagsim.expressions.derivatives import gradient
 from lagsim.formulation import GAIN
 from lagsim.kkt.linear import linear_form
 from lagsim.kkt.series import motion_rates
+from lagsim.linearisation import motion_residuals
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -45,6 +46,7 @@ def functions(
             *(x.mass for x in equations.quadratures),
         ],
     }  # fmt: skip
+    found["inertias"] = list(varying_inertias(equations, plan).values())
     simulation = equations.model.simulation
     if simulation and simulation.until:
         found["until"] = [simulation.until.node]
@@ -56,6 +58,23 @@ def functions(
         if need != AFTER_FREEZING:
             found |= NEEDED[need](equations, plan)
     return found
+
+
+def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
+    """Give the inertias that vary with positions, as coordinate -> node.
+
+    They are the pivots of M where it is solved on the graph, which see that a
+    coordinate can be replaced by others (Euler angles at theta = 0); else its diagonal.
+    Of what is integrated by itself, its entry there.
+    """
+    g, positions = equations.graph, frozenset(equations.q)
+    if plan.elimination is None:
+        found = {q: equations.M[i][i] for i, q in enumerate(equations.q)}
+    else:
+        pivots = plan.elimination.mass.pivots
+        found = {q: pivots[i][0] for i, q in enumerate(equations.q)}
+    found |= {x.name: x.mass for x in equations.quadratures}
+    return {q: node for q, node in found.items() if g.depends([node]) & positions}
 
 
 def _solved(
@@ -160,14 +179,7 @@ def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
 def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     """Give what `kkt.jacobian` begins with."""
     e, g = equations, equations.graph
-    accelerations = [g.variable(name) for name in e.accelerations]
-    residuals = []
-    for M, f, held in zip(e.M, e.f, e.constraint_forces(), strict=True):
-        inertia = g.product_sum(zip(M, accelerations, strict=True))
-        residuals.append(g.call("sub", inertia, g.call("add", f, held)))
-    for row in e.rows:
-        moved = g.product_sum(zip(row.A, accelerations, strict=True))
-        residuals.append(g.call("sub", moved, row.b))
+    residuals = motion_residuals(e)
     state = [g.variable(name) for name in (*e.q, *e.velocities)]
     motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]
     work = [] if e.power is None else [e.power]

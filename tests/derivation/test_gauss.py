@@ -42,8 +42,7 @@ def observed(name: str, *, loops: bool) -> tuple[Any, dict[str, float], System]:
     system = System(e, make_plan(e, start, loops=loops))
     runner = system.link("dop853")
     runner.prepare()
-    y = np.zeros(system.size)
-    y[: 2 * system.n] = [*start.q, *start.v]
+    y = system.begin(start)
     assert e.model.simulation is not None
     row = runner.function("observe")(e.model.simulation.start, y)
     return e, dict(zip(system.columns.names, row, strict=False)), system
@@ -215,7 +214,7 @@ def test_the_action_stands_beside_the_work(loops: bool) -> None:
 def test_methods_that_would_leave_the_action_out_are_refused() -> None:
     text = asking("pendulum-cartesian", action=True)
     for name in ("rattle", "radau"):
-        with pytest.raises(InputError, match="is not integrated by"):
+        with pytest.raises(InputError, match="does not integrate the action"):
             run(text, method=name)
 
 

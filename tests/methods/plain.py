@@ -20,8 +20,10 @@ if TYPE_CHECKING:
 
 def fresh_state(method: ModuleType, y: Any, **header: float) -> Any:
     """Give the array of state at y; header words by their names in `_state`."""
-    s = np.zeros(method.state_size(len(y)) + at.extra_size(len(y)))
-    at.place_extras(s, len(y))
+    used = method.state_size(len(y))
+    sizes = used + at.lanes_size(len(y))
+    s = np.zeros(sizes + len(y))
+    s[at.LANES_AT], s[at.SIZES_BEFORE] = used, sizes
     words = {"SIZE": len(y), "RTOL": 1e-9, "ATOL": -1.0, "HEALTH": 1.0, "FRESH": 1.0}
     words |= {"ROW_STEP": 1.0, "END": 1e9} | header
     for name, value in words.items():

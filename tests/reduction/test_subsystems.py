@@ -141,7 +141,7 @@ def test_an_interrupt_keeps_the_rows_before_it():
     [
         ("9.8*y", "9.8*y + x*z + a*x", "all coordinates are coupled"),
         ("0.01}", '0.01, until: "x = 7"}', "`until`"),
-        ("initial", "forces: {x: -x_dot}\ninitial", "`work`"),
+        ("initial", "forces: {x: -x_dot}\ninitial", "work and action"),
         ("5000*x^2", "if(x > 0, 5000, 3000)*x^2", "switch"),
     ],
 )

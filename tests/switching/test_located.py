@@ -210,3 +210,19 @@ def test_a_model_without_switches_has_no_surfaces():
     found = run("double-pendulum", duration=0.1)
     assert found.system.surfaces == 0
     assert found.system.p[11] == 0.0
+
+
+def test_a_switch_where_all_terms_of_a_constraint_vanish():
+    # At x = y = 0 a residual of rounding has no scale of its own: nothing has jumped.
+    found = run("""
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.8*y}
+forces: {x: -0.3*sign(x_dot) - 0.2*sign(x)}
+constraints: {tie: y = x^2}
+initial: {x: 1, y: 1}
+simulation: {duration: 3}
+""")
+    assert found.trajectory.outcome.word == "done"
+    where = [found["x"][np.searchsorted(found["t"], t)] for t, _ in events(found)]
+    assert sum(abs(x) < 0.05 for x in where) >= 2
+    assert found.drift < 1e-9

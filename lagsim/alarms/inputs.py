@@ -1,4 +1,4 @@
-"""What a person should know about a run besides its result."""
+"""What the file or the options asked for, and the run does otherwise."""
 
 from __future__ import annotations
 
@@ -8,13 +8,8 @@ from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
-    from lagsim.error_bar import ErrorBar
-    from lagsim.outputs.ledger import Ledger
     from lagsim.plan import Plan
     from lagsim.system import System
-
-# Rows meet the constraints to rounding; what is off by more than this part is not met.
-HELD = 1e-6
 
 
 def about_inputs(start: Start, plan: Plan, system: System) -> list[Caution]:
@@ -43,30 +38,3 @@ def about_inputs(start: Start, plan: Plan, system: System) -> list[Caution]:
         text = f"`gain` has no effect: the formulation is {plan.formulation}"
         found.append(Caution("gain-unused", text))
     return found
-
-
-def about_error(bar: ErrorBar | str) -> list[Caution]:
-    """Say from when on the rows are no forecast."""
-    if isinstance(bar, str) or bar.horizon is None:
-        return []
-    text = (
-        f"past t = {bar.horizon:.6g} the estimated error exceeds a tenth of a "
-        "coordinate's range: rows beyond it show one motion of many (a tighter rtol "
-        "moves this horizon)"
-    )
-    return [Caution("horizon", text)]
-
-
-def about_rows(ledger: Ledger, plan: Plan) -> list[Caution]:
-    """Say so where rows do not meet the constraints: the motion is then no answer."""
-    worst = ledger.constraint_residual
-    if worst <= HELD:
-        return []
-    why = "they do not determine this motion, and the rows are no answer"
-    if not plan.projected and not plan.reduction.eliminated:
-        why = f"the formulation {plan.formulation} lets them go; `projection` does not"
-    text = (
-        f"the constraints are not met in all rows (off by {worst:.2g} of their scale): "
-        f"{why}"
-    )
-    return [Caution("constraint-not-held", text)]

@@ -1,0 +1,360 @@
+"""Draw the pictures of docs/failing.md: python benchmarks/failing.py [NAME ...]
+
+Each function makes one, docs/failing/NAME.png, by running the scenes of models/failing
+with the methods that fail and with what `auto` takes. It takes about a minute.
+"""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from failing_chart import EXACT, FAILS, HOLDS, MORE, OTHER, View, draw
+from scipy.integrate import solve_ivp
+
+from lagsim.admissibility import examine
+from lagsim.equations import derive
+from lagsim.methods import _state as at
+from lagsim.methods import dop853
+from lagsim.plan import make_plan
+from lagsim.reader import read_file
+from lagsim.simulate import simulate
+from lagsim.simulate.arcs import Run
+from lagsim.system import System
+
+ROOT = Path(__file__).resolve().parent.parent
+MODELS, FOLDER = ROOT / "models" / "failing", ROOT / "docs" / "failing"
+
+
+class Motion:
+    """The rows of a run; `motion["x"]` is a column."""
+
+    def __init__(self, name, sets=None, **options):
+        options = {key: str(value) for key, value in options.items()}
+        sets = {key: str(value) for key, value in (sets or {}).items()}
+        self.model = read_file(str(MODELS / f"{name}.yaml"), sets, options)
+        self.equations = derive(self.model)
+        self.start = examine(self.equations)
+        self.plan = make_plan(self.equations, self.start)
+        self.system = System(self.equations, self.plan)
+        self.blocks = []
+
+    def whole(self):
+        """Integrate it."""
+        with np.errstate(all="ignore"):
+            self.trajectory = simulate(
+                self.equations, self.start, self.plan, self.system, [self]
+            )
+        self.rows = np.concatenate(self.blocks)
+        return self
+
+    def add(self, rows):
+        """Keep rows."""
+        self.blocks.append(rows.copy())
+
+    def __getitem__(self, name):
+        return self.rows[:, self.system.columns.names.index(name)]
+
+    @property
+    def evaluations(self):
+        """How many it took."""
+        return self.trajectory.statistics.evaluations
+
+    def steps(self, most):
+        """Give the times and lengths of the first steps, and rejections until each."""
+        run = Run(self.equations, self.start, self.plan, self.system, [], None, None)
+        run._begin_arc(run.simulation.end)  # noqa: SLF001
+        run.state[at.ASK_AT] = 0.0  # go on at the bound
+        found = []
+        while len(found) < most and run.state[at.T] < run.simulation.end:
+            run.runner.advance(run.state, run.block, 1)
+            s = run.state
+            found.append((s[at.T], s[at.STEP_H], s[at.REJECTIONS], s[at.EVALUATIONS]))
+        return np.array(found).T
+
+
+def run(name, sets=None, **options):
+    """Run a failing model."""
+    return Motion(name, sets, **options).whole()
+
+
+@contextmanager
+def constants(module, **values):
+    """Change constants of a kernel's module for a while."""
+    before = {name: getattr(module, name) for name in values}
+    try:
+        for name, value in values.items():
+            setattr(module, name, value)
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(module, name, value)
+
+
+def oscillator():
+    spiral = run("oscillator", method="euler", step=0.1, duration=40, output_step=0.1)
+    t = np.linspace(0.0, 2.0 * np.pi, 200)
+    plane = View("Euler, h = 0.1: a spiral", "x", "x_dot", square=True)
+    plane.add("euler", spiral["x"], spiral["x_dot"], FAILS)
+    plane.add("exact", np.cos(t), -np.sin(t), EXACT)
+    energy = View("RK4: the energy, by h", "t", "E / E(0)", log_y=True)
+    for step, pen in ((2.9, FAILS), (1.0, MORE)):
+        found = run("oscillator", method="rk4", step=step, output_step=10)
+        energy.add(f"{step}", found["t"], found["energy"] / 0.5, pen)
+    auto = run("oscillator", output_step=10)
+    energy.add("auto", auto["t"], auto["energy"] / 0.5, HOLDS)
+    return draw(plane, energy)
+
+
+def verlet():
+    past = View("Verlet about its bound, h = 2", "t", "|x|", log_y=True)
+    for step, pen in ((2.01, FAILS), (1.99, HOLDS)):
+        found = run(
+            "oscillator", method="verlet", step=step, output_step=step,
+            duration=400 * step,
+        )  # fmt: skip
+        past.add(f"h = {step}", found["t"], np.abs(found["x"]) + 1e-3, pen)
+    well = View("Cubic well: the amplitude from 0.02", "t", "amplitude")
+    for step, pen, name in ((3**0.5, FAILS, "h = √3"), (1.6, HOLDS, "h = 1.6")):
+        found = run(
+            "cubic-well", method="verlet", step=step, output_step=3 * step, duration=128
+        )
+        size = np.hypot(found["x"], found["x_dot"])
+        inside = size < 1.0
+        well.add(name, found["t"][inside], size[inside], pen)
+    return draw(past, well)
+
+
+def drift():
+    view = View(
+        "RK4, h = 0.01: by how much the rod has grown", "t", "|g|",
+        log_x=True, log_y=True,
+    )  # fmt: skip
+    for name, options, pen in (
+        ("drift", {}, FAILS),
+        ("baumgarte, gain 10", {"gain": 10}, OTHER),
+        ("projection", {}, HOLDS),
+    ):
+        found = run(
+            "rod", method="rk4", step=0.01, formulation=name.split(",")[0], **options
+        )
+        worst = np.maximum.accumulate(np.abs(found["residual_rod"]))
+        late = found["t"] >= 0.5
+        view.add(name, found["t"][late], np.maximum(worst[late], 1e-17), pen)
+    t = np.array([2.0, 80.0])
+    view.add("t squared", t, 2.3e-3 * (t / 80.0) ** 2 * 3.0, EXACT)
+    return draw(view)
+
+
+def baumgarte():
+    view = View(
+        "DOP853 at 1e-8: what a gain costs", "gain (1/s)", "evaluations in 1 s",
+        log_x=True, log_y=True, marks=True,
+    )  # fmt: skip
+    gains = 10.0 ** np.arange(0, 5.5, 0.5)
+    options = {"method": "dop853", "rtol": 1e-8, "duration": 1}
+    costs = [
+        run("rod", formulation="baumgarte", gain=gain, **options).evaluations
+        for gain in gains
+    ]
+    view.add("baumgarte", gains, costs, FAILS)
+    projected = run("rod", formulation="projection", **options).evaluations
+    view.add("projection", gains, np.full(len(gains), projected), HOLDS)
+    return draw(view)
+
+
+def bdf():
+    radau = Motion("stiff-spring", method="radau", rtol=1e-4, atol=1e-10, duration=1)
+    t, h, _, evaluations = radau.steps(10_000)
+    derivative = radau.system.link("radau").function("derivative")
+    radau.system.link("radau").prepare()
+    seen = []
+
+    def rate(time, y):
+        seen.append(time)
+        return derivative(time, y)[:4]
+
+    start = np.concatenate([radau.start.q, radau.start.v])
+    solution = solve_ivp(rate, (0.0, 0.3), start, method="BDF", rtol=1e-4, atol=1e-10)
+    steps = View("The step that each chooses", "t", "h", log_y=True)
+    steps.add("BDF", solution.t[1:], np.diff(solution.t), FAILS)
+    steps.add("radau", t, h, HOLDS)
+    work = View("Evaluations so far", "t", "evaluations", log_y=True)
+    work.add("BDF", np.array(seen[::50]), np.arange(1, len(seen) + 1)[::50], FAILS)
+    work.add("radau", t, evaluations, HOLDS)
+    return draw(steps, work)
+
+
+def damping():
+    view = View("Energy of a vibration that nothing damps", "t", "vibration (J)")
+    for name, options, pen in (
+        ("radau at 1e-2", {"method": "radau", "rtol": 1e-2}, FAILS),
+        ("generalized-alpha, h = 1e-4",
+         {"method": "generalized-alpha", "step": 1e-4}, MORE),
+        ("auto", {"rtol": 1e-9}, HOLDS),
+    ):  # fmt: skip
+        found = run("stiff-spring", {"l0": 1e-4}, output_step=0.005, **options)
+        view.add(name, found["t"], found["vibration"], pen)
+    return draw(view)
+
+
+def bound():
+    steps = View("The step, at the stability bound", "t", "h")
+    count = View("Rejections so far", "t", "rejections")
+    options = {"method": "dop853", "rtol": 1e-4}
+    for name, values, pen in (
+        ("without PI control", {"BETA": 0.0, "EXPONENT": 0.125}, FAILS),
+        ("with", {}, HOLDS),
+    ):
+        with constants(dop853, **values):
+            t, h, rejections, _ = Motion("stiff-spring", **options).steps(4000)
+        some = slice(1000, 1080)
+        if values:
+            steps.add(name, t[some], h[some], pen)
+            steps.add("bound", t[some], np.full(80, 5.96e-4), EXACT)
+        count.add(name, t, rejections, pen)
+    return draw(steps, count)
+
+
+def taylor():
+    motion = Motion("symmetric-start")
+    runner = motion.system.link("taylor")
+    runner.prepare()
+    size = motion.system.size
+    y = np.concatenate([motion.start.q, motion.start.v])
+    found = runner.function("series", 1 + 41 * size)(0.0, y)
+    order = int(found[0])
+    series = found[1 : 1 + (order + 1) * size].reshape(order + 1, size)
+    k = np.arange(order + 1)
+    view = View(
+        f"The series of a at the start: coefficients to order {order} that are not 0",
+        "k", "|a_k|", log_y=True, marks=True,
+    )  # fmt: skip
+    size_of = np.abs(series[:, 0])
+    size_of[size_of < 1e-9 * np.max(size_of)] = np.nan
+    view.add("", k, size_of, FAILS)
+    return draw(view)
+
+
+def chaos():
+    loose = run("chaos", rtol=1e-11)
+    tight = run("chaos", rtol=1e-13)
+    motion = View("Two tolerances, one start", "t", "theta1 (rad)")
+    motion.add("rtol 1e-11", loose["t"], loose["theta1"], FAILS)
+    motion.add("rtol 1e-13", tight["t"], tight["theta1"], HOLDS)
+    apart = View("How far they are apart", "t", "difference (rad)", log_y=True)
+    difference = np.abs(loose["theta1"] - tight["theta1"])
+    late = loose["t"] > 0.5
+    apart.add("", loose["t"][late], np.maximum(difference[late], 1e-13), FAILS)
+    return draw(motion, apart)
+
+
+def polar():
+    misses = 10.0 ** -np.arange(1.0, 7.5, 0.5)
+    path = View("The direction as the pole is passed", "t", "phi (rad)")
+    for miss, pen in ((1e-1, OTHER), (1e-3, FAILS)):
+        found = run("polar-miss", {"miss": miss}, duration=5)
+        path.add(f"miss {miss:g}", found["t"], found["phi"], pen)
+    cost = View(
+        "DOP853 at 1e-9", "miss", "evaluations", log_x=True, marks=True,
+    )  # fmt: skip
+    options = {"method": "dop853", "rtol": 1e-9}
+    counts = [run("polar-miss", {"miss": m}, **options).evaluations for m in misses]
+    cost.add("polar-miss", misses, counts, FAILS)
+    counts = [run("gimbal", {"push": m}, **options).evaluations for m in misses]
+    cost.add("gimbal (push)", misses, counts, OTHER)
+    return draw(path, cost)
+
+
+def gimbal():
+    found = run("sleeping-top")
+    view = View("Euler's angles of a top near the upright", "t", "rad")
+    view.add("phi", found["t"], found["phi"], FAILS)
+    view.add("psi", found["t"], found["psi"], OTHER)
+    view.add("phi + psi", found["t"], found["phi"] + found["psi"], HOLDS)
+    tilt = View("The tilt", "t", "theta (rad)")
+    tilt.add("", found["t"], found["theta"], HOLDS)
+    return draw(view, tilt)
+
+
+def rank():
+    found = run("parallelogram", duration=6, output_step=0.002)
+    t = found["t"]
+    view = View("Multipliers near collinear positions", "t", "N")
+    lam = found["lambda_left_x"]
+    view.add("left_x", t, np.clip(lam, -30, 30), FAILS)
+    view.add("right_x", t, np.clip(found["lambda_right_x"], -30, 30), MORE)
+    force = View("The force that they make", "t", "N")
+    force.add("Qc of a", t, found["Qc_a"], HOLDS)
+    force.add("Qc of b", t, found["Qc_b"], OTHER)
+    return draw(view, force)
+
+
+def pulse():
+    def rate(t, y):
+        return [y[1], -y[0] + 1000.0 * (50.0 < t < 50.001)]
+
+    blind = solve_ivp(
+        rate, (0.0, 100.0), [0.0, 0.0], method="DOP853", rtol=1e-8,
+        dense_output=True,
+    )  # fmt: skip
+    found = run("pulse")
+    view = View("A push of 1 ms at t = 50", "t", "x (m)")
+    view.add("located", found["t"], found["x"], HOLDS)
+    view.add("stepped over", found["t"], blind.sol(found["t"])[0], FAILS)
+    return draw(view)
+
+
+def jumps():
+    seen = []
+
+    def rate(t, y):
+        seen.append(t)
+        return [y[1], np.sign(np.sin(t)) - y[0]]
+
+    solve_ivp(rate, (0.0, 60.0), [0.0, 0.0], method="DOP853", rtol=1e-10, atol=1e-10)
+    found = run("square-wave", method="dop853", rtol=1e-10)
+    motion = View("The motion", "t", "x (m)")
+    motion.add("", found["t"], found["x"], HOLDS)
+    work = View("Evaluations so far", "t", "evaluations")
+    work.add("not located", np.maximum.accumulate(seen), range(len(seen)), FAILS)
+    ends = [
+        run("square-wave", method="dop853", rtol=1e-10, duration=T).evaluations
+        for T in range(4, 61, 4)
+    ]
+    work.add("located", range(4, 61, 4), ends, HOLDS)
+    return draw(motion, work)
+
+
+def speed():
+    found = run("constant-speed")
+    path = View("The path", "x (m)", "y (m)", square=True)
+    path.add("", found["x"], found["y"], HOLDS)
+    energy = View("The ledger: energy E, work W", "t", "J")
+    energy.add("E", found["t"], found["energy"], FAILS)
+    energy.add("W", found["t"], found["work"], OTHER)
+    balance = found["energy"] - found["work"]
+    energy.add("E - W", found["t"], balance, HOLDS)
+    return draw(path, energy)
+
+
+PICTURES = (
+    oscillator, verlet, drift, baumgarte, bdf, damping, bound, taylor, chaos, polar,
+    gimbal, rank, pulse, jumps, speed,
+)  # fmt: skip
+
+
+def main(names):
+    """Draw those asked for, or all."""
+    FOLDER.mkdir(exist_ok=True)
+    for picture in PICTURES:
+        if not names or picture.__name__ in names:
+            content = picture()
+            (FOLDER / f"{picture.__name__}.png").write_bytes(content)
+            print(f"{picture.__name__}.png: {len(content) / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

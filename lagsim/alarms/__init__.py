@@ -1,0 +1,84 @@
+"""What a person should know about a run besides its result.
+
+An alarm is a `Caution`: a stable code, and a text that names the part of the scene and
+what to do. `simulate` raises those that only the loop over arcs can see (`rank`,
+`unresolved-switch`, `coordinate-singularity`, and `step-at-stability-bound` of methods
+that choose their steps); the others are raised here, from what the rows have shown:
+
+- `inputs`: what was asked for and is done otherwise;
+- `rows`: constraints not met, energy that nothing explains, the horizon of a forecast;
+- `steps`: a step past the stability bound, or one that damps what should go on.
+
+`MEANINGS` says of each code what it means.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.alarms.inputs import about_inputs
+from lagsim.alarms.rows import about_constraints, about_energy, about_error
+from lagsim.alarms.steps import about_steps
+from lagsim.alarms.witness import Witness
+
+if TYPE_CHECKING:
+    from lagsim.admissibility import Start
+    from lagsim.equations import Equations
+    from lagsim.error_bar import ErrorBar
+    from lagsim.outputs.ledger import Ledger
+    from lagsim.plan import Plan
+    from lagsim.system import System
+    from lagsim.trajectory import Caution, Trajectory
+
+__all__ = ["MEANINGS", "Witness", "alarms"]
+
+MEANINGS = {
+    "constraint-not-held": "rows are off the constraints by more than 1e-6 of their "
+    "scale",
+    "coordinate-singularity": "an inertia of a coordinate all but vanished on the way",
+    "double-root": "a guess is at a double root of the constraints",
+    "energy-gained": "energy - work grew by more than 0.1 % of the energy in play",
+    "energy-lost": "energy - work fell by more than 0.1 % of the energy in play",
+    "fast-mode-damped": "the method takes energy out of an oscillation that has some",
+    "gain-unused": "`gain` is for the formulation baumgarte alone",
+    "horizon": "past this time the estimated error exceeds 0.1 of a coordinate's range",
+    "nearly-dependent": "constraints came close to dependent; a QR decomposition goes "
+    "on",
+    "multipliers-not-unique": "constraints are redundant: the least multipliers are "
+    "given",
+    "other-roots": "the guesses have other solutions than the one taken",
+    "rank": "constraints lost their independence: a singular configuration",
+    "redundant": "a constraint follows from others",
+    "rough-start": "the start was rounded, and meets the constraints only roughly",
+    "spectral-radius-unused": "`spectral_radius` is for generalized-alpha alone",
+    "start-changed": "the run starts from the nearest exact state",
+    "step-at-stability-bound": "stability, not accuracy, decides how long a step may "
+    "be, and the step is near that bound or past it",
+    "step-unused": "`step` is for methods with a fixed step alone",
+    "tolerance-unused": "tolerances are for methods that choose their steps alone",
+    "undetermined-guess": "nothing determines a guess: it stays as given",
+    "unresolved-switch": "forces leave more than one way to go on from a switch",
+    "vanishing-gradient": "the gradient of a constraint vanishes at the start",
+}
+
+
+def alarms(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    system: System,
+    trajectory: Trajectory,
+    ledger: Ledger,
+    witness: Witness,
+    bar: ErrorBar | str,
+) -> list[Caution]:
+    """Give all that there is to know about a run, in the order of its stages."""
+    return [
+        *start.warnings,
+        *about_inputs(start, plan, system),
+        *trajectory.warnings,
+        *about_steps(equations, plan, trajectory, witness),
+        *about_energy(plan, witness),
+        *about_constraints(ledger, plan),
+        *about_error(bar, plan),
+    ]

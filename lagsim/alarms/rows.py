@@ -1,0 +1,70 @@
+"""What the rows of a run show: constraints, energy, and how far they can be trusted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.trajectory import Caution
+
+if TYPE_CHECKING:
+    from lagsim.alarms.witness import Witness
+    from lagsim.error_bar import ErrorBar
+    from lagsim.outputs.ledger import Ledger
+    from lagsim.plan import Plan
+
+# Rows meet the constraints to rounding; what is off by more than this part is not met.
+HELD = 1e-6
+# An unexplained change of the energy counts from this part of the energy in play on: an
+# amplitude off by half of it is about the width of a line in a picture, and what the
+# default tolerance leaves is a million times less.
+UNEXPLAINED = 1e-3
+
+
+def about_error(bar: ErrorBar | str, plan: Plan) -> list[Caution]:
+    """Say from when on the rows are no forecast."""
+    if isinstance(bar, str) or bar.horizon is None:
+        return []
+    less = "a shorter step" if plan.rtol is None else "a tighter rtol"
+    text = (
+        f"past t = {bar.horizon:.6g} the estimated error exceeds a tenth of a "
+        f"coordinate's range: rows beyond it show one motion of many ({less} moves "
+        "this horizon)"
+    )
+    return [Caution("horizon", text)]
+
+
+def about_constraints(ledger: Ledger, plan: Plan) -> list[Caution]:
+    """Say so where rows do not meet the constraints: the motion is then no answer."""
+    name, worst = ledger.worst_constraint
+    if worst <= HELD:
+        return []
+    why = "the constraints do not determine this motion, and the rows are no answer"
+    if not plan.projected and not plan.reduction.eliminated:
+        why = f"the formulation {plan.formulation} lets it go; `projection` does not"
+    text = (
+        f"constraint `{name}` is not met in all rows (off by {worst:.2g} of its "
+        f"scale): {why}"
+    )
+    return [Caution("constraint-not-held", text)]
+
+
+def about_energy(plan: Plan, witness: Witness) -> list[Caution]:
+    """Say so where the energy drifts and no force explains it.
+
+    The energy of a symplectic method swings to and fro, and goes nowhere.
+    """
+    gained, in_play = witness.energy_gained, witness.energy_in_play
+    if not abs(gained) > UNEXPLAINED * in_play:
+        return []
+    way = "gained" if gained > 0.0 else "lost"
+    part = abs(gained) / in_play
+    how = "a shorter step" if plan.rtol is None else "a tighter rtol"
+    whose = plan.method
+    if plan.formulation == "drift":
+        whose += " and of the formulation drift"
+    text = (
+        f"the motion has {way} energy that no force explains, {part:.2g} of the energy "
+        f"in play by t = {witness.end:.6g}: that is an error of {whose}; {how}, or "
+        "`--method auto`, keeps it"
+    )
+    return [Caution(f"energy-{way}", text)]
