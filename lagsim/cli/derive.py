@@ -58,7 +58,7 @@ def command(
     told = documents if form is Format.json else None
     options = {"substitute": substitute, "solve": solve, "gauss": gauss}
     with faults_shown(told, file=model) as code:
-        _refuse(form, {**options, "ascii": ascii_only}, output)
+        _refuse(model, form, {**options, "ascii": ascii_only}, output)
         content = _written(model, sets, form, ascii_only=ascii_only, **options)
         _deliver(content, output)
         code.append(0)
@@ -67,7 +67,9 @@ def command(
     return code[-1]
 
 
-def _refuse(form: Format, options: dict[str, bool], output: Path | None) -> None:
+def _refuse(
+    model: str, form: Format, options: dict[str, bool], output: Path | None
+) -> None:
     """Refuse options that mean nothing for the format, and a file that cannot be.
 
     Raises
@@ -87,6 +89,8 @@ def _refuse(form: Format, options: dict[str, bool], output: Path | None) -> None
         problems.append(_unwritable(output, "it is a folder"))
     elif output is not None and not output.parent.is_dir():
         problems.append(_unwritable(output, "there is no such folder"))
+    elif output is not None and output.resolve() == Path(model).resolve():
+        problems.append(_unwritable(output, "it is the model"))
     if problems:
         raise InputError(problems)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-from lagsim.derivation.names import LatexNames, Name
+from lagsim.derivation.names import LatexNames, Name, plain_latex, upright_latex
 from lagsim.derivation.styles import LatexStyle
 from lagsim.derivation.writer import Writer
 
@@ -19,18 +19,13 @@ DIGITS = 6
 LONGEST_LINE = 75
 _PREAMBLE = r"""\documentclass{article}
 \usepackage[T1]{fontenc}
+\usepackage{textcomp}
 \usepackage{amsmath}
 \usepackage[margin=2.5cm]{geometry}
 \allowdisplaybreaks
 \setcounter{MaxMatrixCols}{30}
 \begin{document}
 """
-_SPECIAL = {
-    "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&",
-    "#": r"\#", "%": r"\%", "_": r"\_", "^": r"\textasciicircum{}",
-    "~": r"\textasciitilde{}", "<": r"\textless{}", ">": r"\textgreater{}",
-}  # fmt: skip
-
 Row = tuple[str, list[tuple[str, str]]]
 
 
@@ -56,9 +51,9 @@ class _Latex:
 
     def whole(self) -> str:
         model = self.c.translation.equations.model
-        self.parts += [_PREAMBLE, rf"\section*{{{_plain(model.name)}}}"]
+        self.parts += [_PREAMBLE, rf"\section*{{{plain_latex(model.name)}}}"]
         if model.description:
-            self.parts.append(_plain(" ".join(model.description.split())))
+            self.parts.append(plain_latex(" ".join(model.description.split())))
         self._energies()
         self._forces()
         self._equations()
@@ -67,7 +62,7 @@ class _Latex:
         self._solution()
         self._conserved()
         self._gauss()
-        self.parts += [_plain(f"Note: {note}.") + "\n" for note in self.c.notes]
+        self.parts += [_note(note) for note in self.c.notes]
         self.parts.append(r"\end{document}")
         return "\n".join(self.parts) + "\n"
 
@@ -117,15 +112,14 @@ class _Latex:
 
     def _forces(self) -> None:
         c = self.c
-        if not c.forces and c.dissipation is None:
+        if not c.has_forces:
             return
         self.title("Generalized forces by virtual work")
-        coordinates = [line.coordinate for line in c.lines]
         for force in c.forces:
             text = (
                 f"The force ${self.write(force.force)}$ works on ${self.show(force.on)}"
             )
-            if force.on not in coordinates:
+            if not force.direction.is_Symbol:
                 text += f" = {self.write(force.direction)}"
             self.parts.append(text + "$.\n")
         self.align(
@@ -141,7 +135,7 @@ class _Latex:
             self.parts.append(f"For ${self.show(line.coordinate)}$:")
             self.align(self._terms(line))
         self.parts.append("The equations of motion are")
-        self.align([self._equation(line.left, line.right) for line in self.c.lines])
+        self.align(self._motion())
 
     def _terms(self, line: Line) -> list[Row]:
         q, v = (self.show(line.coordinate, k) for k in (0, 1))
@@ -156,9 +150,16 @@ class _Latex:
         }
         return [self.equals(labels[k], e) for k, e in line.terms.items()]
 
-    def _equation(self, left: Any, right: Any) -> Row:
-        terms = self.write.terms(left)
-        return "", [*terms, ("=", self.write(right))]
+    def _motion(self) -> list[Row]:
+        """Give the equations, one = under the other where there is room."""
+        rows = [self.equals(self.write(line.left), line.right) for line in self.c.lines]
+        widths = [(_width(left), _width_of(right)) for left, right in rows]
+        if sum(map(max, zip(*widths, strict=True))) <= LONGEST_LINE:
+            return rows
+        return [
+            ("", [*self.write.terms(line.left), *_related("=", right)])
+            for line, (_, right) in zip(self.c.lines, rows, strict=True)
+        ]
 
     def _matrix_form(self) -> None:
         c = self.c
@@ -178,7 +179,7 @@ class _Latex:
             [self.equals(f"f_{{{q}}}", e) for q, e in zip(names, c.f, strict=True)]
         )
         if c.constraints:
-            labels = [_roman(k.name) for k in c.constraints]
+            labels = [upright_latex(k.name) for k in c.constraints]
             rows = [[self.write(e) for e in k.A] for k in c.constraints]
             self._matrix(r"\mathbf{A}", rows, labels, names)
             self.align(
@@ -215,7 +216,7 @@ class _Latex:
 
     def _constraints(self) -> None:
         for k in self.c.constraints:
-            self.title(f"Constraint {_plain(k.name)} ({k.kind})")
+            self.title(f"Constraint {plain_latex(k.name)} ({k.kind})")
             self.align(self._constraint(k))
             if k.law:
                 parts = [f"restitution ${k.law['restitution']:g}$"]
@@ -226,7 +227,7 @@ class _Latex:
                 self.parts.append("With " + ", ".join(parts) + ".\n")
 
     def _constraint(self, k: Condition) -> list[Row]:
-        name = _roman(k.name)
+        name = upright_latex(k.name)
         if k.kind == "nonholonomic":
             phi = rf"\varphi_{{{name}}}"
             return [
@@ -265,7 +266,7 @@ class _Latex:
         for item in self.c.conserved:
             left, why = self._named(item)
             if item.definition:
-                why += f"; the file calls it \\texttt{{{_plain(item.definition)}}}"
+                why += f"; the file calls it \\texttt{{{plain_latex(item.definition)}}}"
             self.parts.append(f"{why}:")
             self.align([self.equals(left, item.value)])
 
@@ -276,12 +277,12 @@ class _Latex:
         function = (
             rf"\sum \dot{{q}} \, \partial {self.L} / \partial \dot{{q}} - {self.L}"
         )
+        still = rf"${self.L}$ does not depend on $t$"
+        if self.c.has_forces:
+            still += ", and no force does work"
         return {
-            "energy": (f"{self.T} + {self.V}", f"Energy ({_plain(item.why)})"),
-            "energy function": (
-                self.h,
-                rf"Energy function ${function}$ ({_plain(item.why)})",
-            ),
+            "energy": (f"{self.T} + {self.V}", f"Energy ({still})"),
+            "energy function": (self.h, f"Energy function ${function}$ ({still})"),
             "momentum": (f"p_{{{below}}}", f"Momentum of the ignorable {names}"),
             "shifted momentum": (
                 rf"\mathrm{{const}}_{{{below}}}",
@@ -297,9 +298,11 @@ class _Latex:
             return
         self.title("Gauss's principle")
         apart = r"(\ddot{\mathbf{q}} - \mathbf{a})"
+        held = r"Subject to $\mathbf{A} \ddot{\mathbf{q}} = \mathbf{b}$, the "
         self.parts.append(
-            rf"Subject to $\mathbf{{A}} \ddot{{\mathbf{{q}}}} = \mathbf{{b}}$, the "
-            rf"accelerations make ${self.G} = \frac{{1}}{{2}} {apart}^{{\mathsf{{T}}}} "
+            (held if self.c.constraints else "The ")
+            + rf"accelerations make ${self.G} = "
+            rf"\frac{{1}}{{2}} {apart}^{{\mathsf{{T}}}} "
             rf"\mathbf{{M}} {apart}$ least, with $\mathbf{{M}} \mathbf{{a}} = "
             r"\mathbf{f}$."
         )
@@ -319,7 +322,9 @@ class _Latex:
             r"\mathbf{A}^{\mathsf{T}})^{-1}$."
         )
         names = [self.show(q.name) for q in x.q]
-        labels = [_roman(k.name) for k in self.c.constraints if k.kind != "one-sided"]
+        labels = [
+            upright_latex(k.name) for k in self.c.constraints if k.kind != "one-sided"
+        ]
         rows = [
             self.equals(rf"K_{{{q},{label}}}", e)
             for q, row in zip(names, principle.K or (), strict=False)
@@ -332,17 +337,22 @@ class _Latex:
         self.align(rows)
 
 
+def _note(note: str) -> str:
+    """Give a note; options in it are not dashes and quotes."""
+    text = plain_latex(note).replace("--", "-{}-")
+    return "Note: " + re.sub("`(.*?)`", r"\\texttt{\1}", text) + ".\n"
+
+
 def _lines(left: str, terms: list[tuple[str, str]]) -> list[str]:
     """Give the lines of one row: left &= terms."""
     lines = []
-    # An equation has all of it to the right of the mark, its = among the terms.
+    # Where an equation is all to the right of the mark, its = is among the terms.
     line = f"{left} &= " if left else "& "
     room = LONGEST_LINE - _width(left)
     used = 0
     for k, (sign, text) in enumerate(terms):
-        relation = sign not in "+-"
         shown = "" if k == 0 and sign == "+" else f"{sign} "
-        if k and not relation and used + _width(text) > room:
+        if k and used + _width(text) > room:
             lines.append(line.rstrip())
             line, used = r"&\quad ", 0
             shown = "{} " + shown  # a sign between two terms, not before one
@@ -357,19 +367,17 @@ _COMMAND = re.compile(
 _LETTER = re.compile(r"\\[A-Za-z]+")
 
 
+def _related(relation: str, terms: list[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Give the terms that follow on a relation."""
+    (sign, text), *rest = terms
+    return [(relation, text if sign == "+" else f"{sign} {text}"), *rest]
+
+
+def _width_of(terms: list[tuple[str, str]]) -> int:
+    return sum(_width(text) + 3 for _, text in terms)
+
+
 def _width(text: str) -> int:
     """Estimate how many letters mathematics takes."""
     text = _LETTER.sub("x", _COMMAND.sub("", text))
     return sum(c not in "{}_^ " for c in text)
-
-
-def _plain(text: str) -> str:
-    """Give text with what LaTeX would read as commands spelled out."""
-    return "".join(_SPECIAL.get(c, c) for c in text)
-
-
-def _roman(name: str) -> str:
-    r"""Give the name of a constraint for subscripts."""
-    return (
-        rf"\mathrm{{{_plain(name)}}}" if name.isascii() else rf"\text{{{_plain(name)}}}"
-    )

@@ -30,11 +30,11 @@ class _Words:
     def __init__(self, *, ascii_only: bool) -> None:
         self.minus, self.partial, self.sum = "−", "∂", "Σ"
         self.transposed, self.inverse, self.multiplier = "ᵀ", "⁻¹", "λ"
-        self.q, self.a = ("q̇", "q̈"), "q̈"
+        self.q_dot, self.a = "q̇", "q̈"
         if ascii_only:
             self.minus, self.partial, self.sum = "-", "d", "sum"
             self.transposed, self.inverse, self.multiplier = "^T", "^-1", "lambda"
-            self.q, self.a = ("q'", "q''"), "q''"
+            self.q_dot, self.a = "q'", "q''"
 
 
 class _Text:
@@ -131,14 +131,13 @@ class _Text:
 
     def _forces(self) -> None:
         c = self.c
-        if not c.forces and c.dissipation is None:
+        if not c.has_forces:
             return
         self.title("Generalized forces by virtual work")
         for force in c.forces:
             on = self.shown(force.on)
             self.say(f"force on {on}: {self.write(force.force)}")
-            plain = force.on in [line.coordinate for line in c.lines]
-            if not plain:
+            if not force.direction.is_Symbol:
                 self.equals(f"  {on}", force.direction)
         for line in c.lines:
             self.equals(f"Q_{self.shown(line.coordinate)}", line.terms["Q"])
@@ -167,7 +166,7 @@ class _Text:
         tail = self.write(right)
         if sum(_width(text) + 3 for _, text in terms) + _width(tail) > WIDTH:
             self.broken("  ", terms)
-            self.lines.append(f"      = {tail}")
+            self.broken("      = ", self.write.terms(right))
         else:
             self.broken("  ", terms, f" = {tail}")
 
@@ -264,15 +263,19 @@ class _Text:
 
     def _why(self, item: Conserved) -> str:
         names = ", ".join(self.shown(q) for q in item.of)
-        d = self.words.partial
+        d, q_dot = self.words.partial, self.words.q_dot
+        function = f"{self.words.sum} {q_dot} {d}{self.L}/{d}{q_dot}"
+        other = (
+            f", which is not {self.T} + {self.V}" if self.c.kinetic is not None else ""
+        )
+        still = f"{self.L} does not depend on t"
+        if self.c.has_forces:
+            still += ", and no force does work"
         why = {
-            "energy": f"energy: {item.why}",
+            "energy": f"energy: {still}",
             "energy function": (
-                f"energy function {self.words.sum} {self.words.q[0]} {d}{self.L}/{d}"
-                f"{self.words.q[0]} {self.words.minus} {self.L}, which is not "
-                f"{self.T} + {self.V}: {item.why}"
-                if self.c.kinetic is not None
-                else f"energy function: {item.why}"
+                f"energy function {function} {self.words.minus} {self.L}{other}: "
+                f"{still}"
             ),
             "momentum": f"momentum of {names}: {names} is ignorable, it is not in "
             f"{self.L}",
@@ -281,8 +284,6 @@ class _Text:
             "total momentum": f"a shift of {names} does not change {self.L}",
             "angular momentum": f"a turn of {names} does not change {self.L}",
         }[item.kind]
-        # The file may have an L of its own.
-        why = why.replace(": L ", f": {self.L} ")
         return why + (
             f"; the file calls it {item.definition}" if item.definition else ""
         )
@@ -293,10 +294,10 @@ class _Text:
             return
         self.title("Gauss's principle")
         apart = f"({words.a} {words.minus} a)"
+        held = f", subject to A {words.a} = b" if self.c.constraints else ""
         self.say(
-            f"{words.a} makes G = {apart}{words.transposed} M {apart}/2 least, "
-            f"subject to A {words.a} = b; a = M{words.inverse} f is the acceleration "
-            "without constraints"
+            f"{words.a} makes G = {apart}{words.transposed} M {apart}/2 least{held}; "
+            f"a = M{words.inverse} f is the acceleration without constraints"
         )
         self.equals("G", principle.G)
         x = self.c.translation

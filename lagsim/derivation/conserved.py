@@ -11,6 +11,7 @@ Source: V. I. Arnold, Mathematical Methods of Classical Mechanics, sections 15 a
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -63,15 +64,12 @@ def _energy(x: Translation, lagrangian: Any, lines: Sequence[Line]) -> list[Cons
     worked = (line.terms["Q"] * v for line, v in zip(lines, x.v, strict=True))
     if not x.tidy.is_zero(sp.Add(-x.slope(lagrangian, x.t), *worked)):
         return []
-    why = "L does not depend on t, and no force does work"
-    if not e.model.forces and e.model.dissipation is None:
-        why = "L does not depend on t"
     if e.energy_is_sum:
         total = sp.Add(*x.sympy([e.model.kinetic, e.model.potential]))
-        return [Conserved("energy", (), x.tidy(total, written=True), why)]
+        return [Conserved("energy", (), x.tidy(total, written=True))]
     moved = (v * line.momentum for v, line in zip(x.v, lines, strict=True))
     value = x.tidy(sp.Add(-lagrangian, *moved))
-    return [Conserved("energy function", (), value, why)]
+    return [Conserved("energy function", (), value)]
 
 
 def _has_contact(e: Equations) -> bool:
@@ -103,10 +101,9 @@ def _momentum(
         return None
     name = x.q[j].name
     if slope == 0:
-        return Conserved("momentum", (name,), line.momentum, "not in L")
+        return Conserved("momentum", (name,), line.momentum)
     shift = sp.Add(*(c * q for c, q in zip(coefficients, x.q, strict=True)))
-    value = x.tidy(line.momentum - shift)
-    return Conserved("shifted momentum", (name,), value, "dL/dq is a total rate")
+    return Conserved("shifted momentum", (name,), x.tidy(line.momentum - shift))
 
 
 def _slips(c: Condition, v: Any) -> bool:
@@ -160,7 +157,7 @@ class _Samples:
         if not alike or seen < TRIES:
             return c
         name = next(d.name for d in defined if d.name in alike)
-        return Conserved(c.kind, c.of, c.value, c.why, name)
+        return replace(c, definition=name)
 
 
 def _symmetries(
@@ -177,13 +174,15 @@ def _symmetries(
     many = len(shifts) + len(turns)
     if n < 2 or many > MOST_GENERATORS or _has_contact(x.equations):
         return []
-    rows = _rows(x.equations, samples, shifts, turns)
-    if rows is None:
+    sampled = _sampled(x.equations, samples, shifts, turns)
+    if sampled is None:
         return []
+    rows, terms = sampled
     found = []
     for vector in _simple_null_vectors(rows):
         value = _noether(x, lines, shifts, turns, vector)
-        if not _holds(x, lines, constraints, shifts, turns, vector):
+        kept = _vanishes(terms, vector)
+        if not kept or not _holds(x, lines, constraints, shifts, turns, vector):
             continue
         moved = {shifts[k] for k in range(len(shifts)) if vector[k]}
         turned = {
@@ -191,21 +190,30 @@ def _symmetries(
         }
         kind = "angular momentum" if turned else "total momentum"
         of = tuple(x.q[j].name for j in sorted(moved | turned))
-        found.append(Conserved(kind, of, value, "a turn" if turned else "a shift"))
+        found.append(Conserved(kind, of, value))
     return found
 
 
-def _rows(
+def _sampled(
     e: Equations,
     samples: _Samples,
     shifts: Sequence[int],
     turns: Sequence[tuple[int, int]],
-) -> Floats | None:
-    """Give the change of L and of each constraint under each generator, at samples."""
+) -> tuple[Floats, Floats] | None:
+    """Give the change of L and of each constraint under each generator, at samples.
+
+    Returns
+    -------
+    rows : (k, generators)
+        The changes, each row scaled by its largest.
+    terms : (samples, generators, 4)
+        What the changes of L are made of.
+    """
     n, m = len(e.q), len(e.rows)
     wanted = len(shifts) + len(turns) + SPARE
     nodes = [*samples.dL_dq, *e.momenta, *(a for row in e.rows for a in row.A)]
     rows: list[Floats] = []
+    terms: list[Floats] = []
     for _ in range(TRIES * wanted):
         if len(rows) >= wanted * (1 + m):
             break
@@ -217,30 +225,35 @@ def _rows(
         v = np.array([at[name] for name in e.velocities])
         slope, momentum = flat[:n], flat[n : 2 * n]
         A = flat[2 * n :].reshape(m, n)
-        rows.append(
-            _change(slope, q, shifts, turns) + _turned(momentum, v, len(shifts), turns)
-        )
-        rows += [_change(a, q, shifts, turns) for a in A]
+        moved = _terms(momentum, v, shifts, turns)
+        moved[: len(shifts)] = 0.0  # a shift leaves the velocities as they are
+        terms.append(np.hstack([_terms(slope, q, shifts, turns), moved]))
+        rows.append(np.sum(terms[-1], axis=1))
+        rows += [np.sum(_terms(a, q, shifts, turns), axis=1) for a in A]
     if len(rows) < wanted * (1 + m):
         return None
     found = np.array(rows)
     sizes = np.max(np.abs(found), axis=1, initial=0.0)
-    return np.asarray(found[sizes > 0] / sizes[sizes > 0][:, None])
+    return found[sizes > 0] / sizes[sizes > 0][:, None], np.array(terms)
 
 
-def _change(
+def _terms(
     slope: Floats, q: Floats, shifts: Sequence[int], turns: Sequence[tuple[int, int]]
 ) -> Floats:
-    """Give slope . dq for each generator."""
-    moved = [slope[j] for j in shifts]
-    return np.array([*moved, *(slope[k] * q[i] - slope[i] * q[k] for i, k in turns)])
+    """Give the terms of slope . dq for each generator: (generators, 2)."""
+    moved = [(slope[j], 0.0) for j in shifts]
+    turned = [(slope[k] * q[i], -slope[i] * q[k]) for i, k in turns]
+    return np.array([*moved, *turned])
 
 
-def _turned(
-    momentum: Floats, v: Floats, shifts: int, turns: Sequence[tuple[int, int]]
-) -> Floats:
-    parts = (momentum[k] * v[i] - momentum[i] * v[k] for i, k in turns)
-    return np.array([0.0] * shifts + list(parts))
+def _vanishes(terms: Floats, vector: Sequence[int]) -> bool:
+    """Tell whether the change of L is rounding, against its own terms.
+
+    What is small beside another coordinate's large force is no symmetry.
+    """
+    parts = terms * np.asarray(vector)[:, None]
+    sizes = np.sum(np.abs(parts), axis=(1, 2))
+    return bool(np.all(np.abs(np.sum(parts, axis=(1, 2))) <= ROUNDING * sizes))
 
 
 def _simple_null_vectors(rows: Floats) -> list[list[int]]:

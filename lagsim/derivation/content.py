@@ -75,15 +75,11 @@ class Condition:
 
 @dataclass(frozen=True)
 class Conserved:
-    """A quantity that does not change, and why.
-
-    `symbol` is `h`, or `p_<q>`, or empty; `definition` is the file's name for it.
-    """
+    """A quantity that does not change; `definition` is the file's name for it."""
 
     kind: str
     of: tuple[str, ...]
     value: Any
-    why: str
     definition: str = ""
 
 
@@ -131,3 +127,8 @@ class Content:
     solution: Solution | None
     gauss: Gauss | None
     notes: tuple[str, ...]
+
+    @property
+    def has_forces(self) -> bool:
+        """The file has forces, or dissipation."""
+        return bool(self.forces) or self.dissipation is not None

@@ -10,15 +10,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import sympy as sp
 
 from lagsim.derivation.content import Gauss
+from lagsim.derivation.inertia import without_inertia
 from lagsim.derivation.names import Name
 from lagsim.derivation.solving import READABLE, dot, gram, inverted
 from lagsim.derivation.tidy import cost
 from lagsim.errors import InputError, Problem
-from lagsim.expressions.evaluate import evaluate
 from lagsim.expressions.symbolic import symbol
 
 if TYPE_CHECKING:
@@ -26,10 +25,6 @@ if TYPE_CHECKING:
 
     from lagsim.derivation.content import Condition
     from lagsim.derivation.translation import Translation
-
-# A matrix whose smallest eigenvalue is this small against its diagonal is singular.
-SINGULAR = 1e-12
-STATES = 3
 
 
 def gauss(
@@ -49,7 +44,9 @@ def gauss(
     if any(c.kind == "one-sided" for c in constraints):
         notes.append("Gauss's principle is told for the equality constraints")
     constraints = [c for c in constraints if c.kind != "one-sided"]
-    _refuse_singular(x)
+    lacking = without_inertia(x.equations)
+    if lacking is not None:
+        raise InputError([singular(lacking)])
     free = [_unconstrained(x, q.name, j) for j, q in enumerate(x.q)]
     apart = [a - b for a, b in zip(x.a, free, strict=True)]
     pairs = (
@@ -65,10 +62,12 @@ def gauss(
     small = gram(x, inverse, constraints) if inverse is not None else None
     if small is not None and constraints:
         K, Qc = _gain(x, small, constraints, free)
-    if a is None or (constraints and K is None):
-        notes.append(
-            "M a = f is not solved in closed form here: it is too long to be read"
-        )
+    long = [
+        *(["a = M^-1 f"] if a is None else []),
+        *(["the gain K"] if constraints and K is None else []),
+    ]
+    if long:
+        notes.append(f"left out, for it is too long to be read: {' and '.join(long)}")
     return Gauss(tuple(a) if a else None, G, K, Qc)
 
 
@@ -95,29 +94,6 @@ def _unconstrained(x: Translation, q: str, j: int) -> Any:
     x.names[s] = Name(q, 0, "unconstrained")
     x.rank[s] = 4, len(x.q) + j
     return s
-
-
-def _refuse_singular(x: Translation) -> None:
-    """Look at M at random states, with the parameters of the file."""
-    e = x.equations
-    random = np.random.default_rng(3)
-    n = len(e.q)
-    nodes = [node for row in e.M for node in row]
-    parameters = {p.name: p.value for p in e.model.parameters}
-    start = {i.name: i.value for i in e.model.initial}
-    for _ in range(STATES):
-        state = {
-            name: start.get(name, 0.0) + random.uniform(0.1, 0.4)
-            for name in (*e.q, *e.velocities, "t")
-        }
-        M = np.reshape(evaluate(e.graph, nodes, parameters | state), (n, n))
-        if not np.all(np.isfinite(M)):
-            continue
-        size = np.sqrt(np.abs(np.diag(M)))
-        scaled = M / np.outer(size, size) if np.all(size > 0) else None
-        if scaled is not None and np.linalg.eigvalsh(scaled)[0] > SINGULAR:
-            return
-    raise InputError([singular(e.q[int(np.argmin(np.abs(np.diag(M))))])])
 
 
 def singular(coordinate: str) -> Problem:

@@ -165,10 +165,10 @@ class _Derivation:
         function = x.sympy([constraint.relation.node])[0]
         holonomic = not x.free(function) & set(x.v)
         if holonomic:
-            A = tuple(tidy(x.slope(function, q)) for q in x.q)
+            A = tuple(tidy(x.slope(function, q), factored=True) for q in x.q)
             rate = tidy(x.rate(function))
         else:
-            A = tuple(tidy(sp.diff(function, v)) for v in x.v)
+            A = tuple(tidy(sp.diff(function, v), factored=True) for v in x.v)
             rate = function
         law: dict[str, Any] = {}
         kind = "holonomic" if holonomic else "nonholonomic"

@@ -7,6 +7,7 @@ the later one is written letter by letter.
 from __future__ import annotations
 
 import re
+import unicodedata
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -28,8 +29,14 @@ _LATIN = {
     "Tau": "T", "Chi": "X",
 }  # fmt: skip
 _LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-_PARTS = re.compile(r"([^\W\d_]+)_?([0-9]*)((?:_\w+)?)\Z")
-_ESCAPED = {"_": r"\_"}
+_PARTS = re.compile(r"([^\W\d_]+)(?:_?([0-9]+))?((?:_\w*[^\W_])?)\Z")
+_SPECIAL = {
+    "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&",
+    "#": r"\#", "%": r"\%", "_": r"\_", "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}", "<": r"\textless{}", ">": r"\textgreater{}",
+}  # fmt: skip
+# What the fonts of TeX have besides letters with accents.
+_IN_FONTS = frozenset("ßæÆøØœŒłŁđĐþÞðÐ§°±²³µ·×÷–—‘’“”…")
 
 DOTS = ("", "dot", "ddot")
 
@@ -61,7 +68,7 @@ class Typeset:
     _shown: dict[str, tuple[str, str]] = field(init=False)
 
     def __post_init__(self) -> None:
-        taken: set[str] = set(self.reserved())
+        taken: set[str] = set()
         self._shown = {}
         for name in self.names:
             parts = self.split(name)
@@ -78,10 +85,6 @@ class Typeset:
             return self.unconstrained(self.show(Name(name.base)))
         base, below = self._shown.get(name.base) or self.split(name.base)
         return self.joined(base, below, name.order)
-
-    def reserved(self) -> tuple[str, ...]:
-        """Give what no name may look like."""
-        return ()
 
     def split(self, name: str) -> tuple[str, str]:
         """Give the letter and the subscript of a name."""
@@ -137,7 +140,7 @@ class UnicodeNames(Typeset):
         match = _PARTS.match(name)
         if match is None:
             return name, ""
-        word, digits, rest = match.groups()
+        word, digits, rest = match.groups("")
         return GREEK.get(word, word), digits.translate(_LOWERED) + rest
 
     def verbatim(self, name: str) -> tuple[str, str]:
@@ -157,23 +160,19 @@ class UnicodeNames(Typeset):
 class LatexNames(Typeset):
     """Commands for Greek letters, subscripts, and dots above."""
 
-    def reserved(self) -> tuple[str, ...]:
-        """Give the time, which is a name in every model."""
-        return ("t",)
-
     def split(self, name: str) -> tuple[str, str]:
         r"""Give \theta, 1 for `theta1`."""
         match = _PARTS.match(name)
         if match is None:
             return self.verbatim(name)
-        word, digits, rest = match.groups()
+        word, digits, rest = match.groups("")
         below = [digits] if digits else []
         below += [self._subscript(part) for part in rest.split("_") if part]
         return self._word(word), ",".join(below)
 
     def verbatim(self, name: str) -> tuple[str, str]:
         """Give the name letter by letter."""
-        return r"\mathrm{" + _escaped(name) + "}", ""
+        return upright_latex(name), ""
 
     def joined(self, base: str, below: str, order: int) -> str:
         """Put dots over the letter and hang the subscript on it."""
@@ -182,30 +181,48 @@ class LatexNames(Typeset):
 
     def multiplier(self, constraint: str) -> str:
         """Give lambda with the constraint as an upright subscript."""
-        return r"\lambda_{\mathrm{" + _escaped(constraint) + "}}"
+        return rf"\lambda_{{{upright_latex(constraint)}}}"
 
     def unconstrained(self, shown: str) -> str:
         """Give the acceleration without constraints of a coordinate."""
         return f"a_{{{shown}}}"
 
+    @staticmethod
+    def letter(name: str) -> str:
+        """Give a Greek letter by its name."""
+        latin = _LATIN.get(name)
+        return rf"\mathrm{{{latin}}}" if latin else f"\\{name}"
+
     def _word(self, word: str) -> str:
         name = _OF_LETTER.get(word, word)
         if name in GREEK:
-            latin = _LATIN.get(name)
-            return rf"\mathrm{{{latin}}}" if latin else f"\\{name}"
+            return self.letter(name)
         if len(word) == 1 and word.isascii():
             return word
-        return rf"\mathit{{{word}}}" if word.isascii() else rf"\text{{{word}}}"
+        return rf"\mathit{{{word}}}" if word.isascii() else upright_latex(word)
 
     def _subscript(self, part: str) -> str:
         if part.isdigit():
             return part
         name = _OF_LETTER.get(part, part)
-        return self._word(name) if len(part) == 1 or name in GREEK else (
-            rf"\mathrm{{{part}}}" if part.isascii() else rf"\text{{{part}}}"
-        )  # fmt: skip
+        if len(part) == 1 or name in GREEK:
+            return self._word(name)
+        return upright_latex(part)
 
 
-def _escaped(name: str) -> str:
-    text = "".join(_ESCAPED.get(c, c) for c in name)
-    return text if name.isascii() else rf"\text{{{text}}}"
+def plain_latex(text: str) -> str:
+    """Give text with what LaTeX would read as commands, or has not, spelled out."""
+    return "".join(_SPECIAL.get(c) or _in_fonts(c) for c in text)
+
+
+def _in_fonts(c: str) -> str:
+    if c in _OF_LETTER:
+        return f"${LatexNames.letter(_OF_LETTER[c])}$"
+    accented = "À" <= c <= "ſ" and unicodedata.normalize("NFD", c)[0].isascii()
+    return c if c.isascii() or accented or c in _IN_FONTS else f"[U+{ord(c):04X}]"
+
+
+def upright_latex(name: str) -> str:
+    """Give a name letter by letter, upright, for formulas."""
+    command = "mathrm" if name.isascii() else "text"
+    return rf"\{command}{{{plain_latex(name)}}}"

@@ -12,6 +12,7 @@ import sympy as sp
 
 from lagsim.derivation.content import Solution
 from lagsim.derivation.functions import TWINS
+from lagsim.derivation.inertia import without_inertia
 from lagsim.derivation.names import Name
 from lagsim.derivation.tidy import cost
 from lagsim.derivation.translation import number
@@ -45,16 +46,28 @@ def solution(
     found = _closed(x, M, f, constraints)
     if found is not None and _short(found):
         return found
+    why = _no_steps(x, constraints, insist=insist)
+    if not why:
+        try:
+            return _stepwise(x, M, f, constraints)
+        except TooLongError:
+            why = (
+                "the accelerations in closed form take thousands of steps; "
+                "`--format python` gives the functions that are solved for them"
+            )
+    notes.append(why)
+    return None
+
+
+def _no_steps(x: Translation, constraints: Sequence[Condition], *, insist: bool) -> str:
+    """Say why the elimination is not told step by step; nothing where it is."""
+    if without_inertia(x.equations) is not None:
+        return "M is not positive definite: it is not solved for the accelerations"
+    if any(c.kind == "one-sided" for c in constraints):
+        return "the accelerations are left out: contacts come and go"
     if not insist:
-        return None
-    try:
-        return _stepwise(x, M, f, constraints, notes)
-    except TooLongError:
-        notes.append(
-            "the accelerations in closed form take thousands of steps; "
-            "`--format python` gives the functions that are solved for them"
-        )
-        return None
+        return "the accelerations are too long to be read; `--solve` gives them"
+    return ""
 
 
 def _short(found: Solution) -> bool:
@@ -177,13 +190,9 @@ def _stepwise(
     M: Matrix,
     f: list[Any],
     constraints: Sequence[Condition],
-    notes: list[str],
-) -> Solution | None:
+) -> Solution:
     """Tell the elimination step by step: what is used twice has a name."""
     e, g = x.equations, x.g
-    if len(e.rows) < len(constraints):
-        notes.append("contacts come and go; the accelerations hold their multipliers")
-        return None
     elimination = Elimination(e)
     known = dict(x.known)
     for entries, values in zip(e.M, M, strict=True):

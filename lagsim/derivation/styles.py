@@ -19,10 +19,6 @@ class UnicodeStyle(Style):
     minus, negative = " − ", "−"
     comparisons: ClassVar = {"<": "<", "<=": "≤", ">": ">", ">=": "≥"}
 
-    def whole(self, x: int) -> str:
-        """Give a whole number that is not negative."""
-        return str(x) if x < 10**15 else self.decimal(float(x))
-
     def pi(self) -> str:
         """Give the number pi."""
         return "π"
@@ -75,15 +71,16 @@ class LatexStyle(Style):
         "and": r" \text{ and } ", "or": r" \text{ or } ", "not": r"\text{not } ",
     }  # fmt: skip
 
-    def whole(self, x: int) -> str:
-        """Give a whole number that is not negative."""
-        return str(x) if x < 10**15 else self.decimal(float(x))
-
-    def decimal(self, x: float) -> str:
+    def decimal(self, x: float) -> Piece:
         """Give a decimal number that is not negative."""
-        text = super().decimal(x)
-        mantissa, e, exponent = text.partition("e")
-        return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if e else text
+        plain = super().decimal(x)
+        mantissa, e, exponent = plain.text.partition("e")
+        if not e:
+            return plain
+        power = f"10^{{{int(exponent)}}}"
+        if mantissa == "1":
+            return Piece(power, POWER)
+        return Piece(rf"{mantissa} \cdot {power}", PRODUCT)
 
     def pi(self) -> str:
         """Give the number pi."""

@@ -26,6 +26,7 @@ from lagsim.derivation.terms import (
     times,
     written_out,
 )
+from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -82,11 +83,17 @@ class Tidier:
             Also try to draw a common factor out of the whole.
         written
             A person wrote it like this, which counts for it.
+
+        Raises
+        ------
+        InputError
+            Where it has no value, because it divides by 0.
         """
-        if e.is_Atom:
+        if e.is_Symbol or e.is_Rational:
             return e
         key = e, factored, written
         if key not in self._known:
+            _refuse_endless(e)
             self._known[key] = self._shortest(e, factored=factored, written=written)
         return self._known[key]
 
@@ -205,14 +212,33 @@ class Tidier:
         return not base.free_symbols <= self.roles.constants
 
 
+def _refuse_endless(e: Any) -> None:
+    if e.has(sp.zoo, sp.nan, sp.oo, -sp.oo):
+        text = (
+            "an energy, a force or a constraint, or its slope, is not finite anywhere"
+        )
+        hint = "look for a parameter that is 0 below the line or in a logarithm"
+        raise InputError([Problem("not-finite", text, None, hint)])
+
+
 def _product(*factors: Any) -> Any:
-    """Give the product; sympy alone would carry a number into a sum beside it."""
-    whole = sp.Mul(*factors)
-    sums = [x for x in factors if x.is_Add]
+    """Give the product; sympy alone would carry a number into a sum beside it.
+
+    A sum with minus signs only gives its sign to the product.
+    """
+    negative = [x for x in factors if x.is_Add and all(map(_has_minus, x.args))]
+    turned = [-x if x in negative else x for x in factors]
+    sign = (-sp.S.One) ** len(negative)
+    whole = sp.Mul(sign, *turned)
+    sums = [x for x in turned if x.is_Add]
     if not whole.is_Add or not sums:
         return whole
-    number = sp.Mul(*(x for x in factors if x is not sums[0]))
-    return whole if number == 1 else sp.Mul(number, sums[0], evaluate=False)
+    number = sign * sp.Mul(*(x for x in turned if x is not sums[0]))
+    return whole if abs(number) == 1 else sp.Mul(number, sums[0], evaluate=False)
+
+
+def _has_minus(e: Any) -> bool:
+    return bool(e.as_coeff_Mul()[0] < 0)
 
 
 def _none(_: Any) -> bool:

@@ -204,8 +204,8 @@ class Translation:
 
     @property
     def own_names(self) -> list[str]:
-        """The names that symbols show, once each, coordinates first."""
-        found = [q.name for q in self.q]
+        """The names that symbols show, once each, the time and coordinates first."""
+        found = [self.t.name, *(q.name for q in self.q)]
         found += [n.base for n in self.names.values() if not n.kind]
         return list(dict.fromkeys(found))
 

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 # Rational numbers with a denominator up to this are fractions, others decimals.
 LARGEST_DENOMINATOR = 16
 
+# Larger whole numbers are written as decimals: 1e+20.
+LARGEST_WHOLE = 10**15
+
 # How tightly things bind.
 CHOICE, SUM, PRODUCT, POWER, ATOM = range(5)
 
@@ -58,13 +61,14 @@ class Style:
         self.names = names
         self.digits = digits
 
-    def whole(self, x: int) -> str:
+    def whole(self, x: int) -> Piece:
         """Give a whole number that is not negative."""
-        return str(x) if x < 10**15 else repr(float(x))
+        return Piece(str(x), ATOM) if x < LARGEST_WHOLE else self.decimal(float(x))
 
-    def decimal(self, x: float) -> str:
+    def decimal(self, x: float) -> Piece:
         """Give a decimal number that is not negative."""
-        return repr(x) if self.digits is None else f"{x:.{self.digits}g}"
+        text = repr(x) if self.digits is None else f"{x:.{self.digits}g}"
+        return Piece(text, ATOM)
 
     def pi(self) -> str:
         """Give the number pi."""
@@ -169,12 +173,11 @@ class Writer:
     def _number(self, e: Any) -> Piece:
         negative, size = _sign(e)
         if size.is_Rational and size.q == 1:
-            piece = Piece(self.style.whole(size.p), ATOM)
+            piece = self.style.whole(size.p)
         elif size.is_Rational and self._is_fraction(size):
-            over, under = (Piece(self.style.whole(x), ATOM) for x in (size.p, size.q))
-            piece = self.style.fraction(over, under)
+            piece = self.style.fraction(*map(self.style.whole, (size.p, size.q)))
         else:
-            piece = Piece(self.style.decimal(float(size)), ATOM)
+            piece = self.style.decimal(float(size))
         return Piece(self.style.negative + piece.text, SUM) if negative else piece
 
     def _is_fraction(self, x: Any) -> bool:
@@ -252,7 +255,7 @@ class Writer:
 
     def _factors(self, factors: list[Any]) -> Piece:
         if not factors:
-            return Piece(self.style.whole(1), ATOM)
+            return self.style.whole(1)
         pieces = [self.piece(x) for x in factors]
         if len(pieces) == 1:
             return pieces[0]
@@ -266,7 +269,7 @@ class Writer:
         key = str(base), str(exponent)
         if base.is_Symbol:
             return *self.rank[base], *key
-        if base.is_number:
+        if base.is_number and not _is_function(base):
             return -1, 0, *key
         ranks = [self.rank[s] for s in base.free_symbols]
         _, index = min(ranks, default=(0, 0))
@@ -279,8 +282,9 @@ class Writer:
 
     def _power(self, base: Any, exponent: Any) -> Piece:
         if exponent.is_Rational and exponent < 0:
-            one = Piece(self.style.whole(1), ATOM)
-            return self.style.fraction(one, self._power(base, -exponent))
+            return self.style.fraction(
+                self.style.whole(1), self._power(base, -exponent)
+            )
         if exponent == 1:
             return self.piece(base)
         if exponent == sp.Rational(1, 2):

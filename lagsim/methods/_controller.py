@@ -53,10 +53,15 @@ LOCAL = 0.1
 
 def record_sizes(s: Floats, p: Floats) -> None:
     """Take the state, accepted, into the largest sizes and the energy."""
-    size = int(s[SIZE])
+    take_measure(s, s[T], at(s, HEADER), p)
+    record_measured(s)
+
+
+def record_measured(s: Floats) -> None:
+    """Do the same where `set_tolerances` has measured this state last."""
     record_extents(s)
-    s[ENERGY] = energy_scale(s, p, s[T], at(s, HEADER))
-    driven = at(s, HEADER + 3 * size + 2 + int(s[N]))
+    s[ENERGY] = energy_scale(s)
+    driven = at(s, HEADER + 3 * int(s[SIZE]) + 2 + int(s[N]))
     s[FORCES] = max(s[FORCES], driven[0])
 
 
@@ -69,15 +74,17 @@ def record_extents(s: Floats) -> None:
         sizes[i] = max(sizes[i], abs(y[i]))
 
 
-def energy_scale(s: Floats, p: Floats, t: float, y: Floats) -> float:
-    """Give the largest kinetic energy or change of potential, `y` included.
-
-    Leaves what `measure` gives in the state.
-    """
+def take_measure(s: Floats, t: float, y: Floats, p: Floats) -> None:
+    """Leave what `measure` gives in the state."""
     measured = at(s, HEADER + 3 * int(s[SIZE]))
     measure(t, y, p, measured)
     if s[EVALUATIONS] <= 1.0:
         s[POTENTIAL] = measured[1]
+
+
+def energy_scale(s: Floats) -> float:
+    """Give the largest kinetic energy or change of potential, what is measured too."""
+    measured = at(s, HEADER + 3 * int(s[SIZE]))
     change = abs(measured[1] - s[POTENTIAL])
     return max(float(s[ENERGY]), abs(float(measured[0])), float(change))
 
@@ -90,6 +97,7 @@ def set_tolerances(
     new, rates : (size,), the state after the step and y' before it. A tolerance of 0
     means that the component has no scale and is not controlled.
     """
+    take_measure(s, t, new, p)
     size = int(s[SIZE])
     n = int(s[N])
     y = at(s, HEADER)
@@ -105,46 +113,40 @@ def set_tolerances(
     # of every step, however short; what happens in an instant is not controlled finer.
     instant = INSTANT * (s[END] - s[ARC_START])
     moment = max(h, instant)
-    energy = energy_after(s, p, t, new, moment)
+    energy = energy_after(s, moment)
     whole = 0.0
     for i in range(n):
         whole += masses[i] * sizes[i] * sizes[i]
     rtol = LOCAL * s[RTOL]
-    for i in range(size):
+    # Each times the root of a mass.
+    extent = NOISE * sqrt(max(whole, 0.0))
+    speed = sqrt(2.0 * energy)
+    push = FORCE_NOISE * h * sqrt(s[FORCES])
+    for i in range(n):
+        place = max(sizes[i], abs(new[i]), moment * abs(rates[i]))
+        place = max(place, instant * instant * abs(rates[n + i]))
+        rate = max(sizes[n + i], abs(new[n + i]), moment * abs(rates[n + i]))
+        tolerances[i] = rtol * place
+        tolerances[n + i] = rtol * rate
+        if masses[i] > 0.0:
+            unit = 1.0 / sqrt(masses[i])
+            floor = FLOOR * speed * unit
+            tolerances[i] = max(rtol * max(place, floor * h), extent * unit)
+            noise = (NOISE * speed + push) * unit
+            tolerances[n + i] = max(rtol * max(rate, floor), noise)
+    for i in range(2 * n, size):
         scale = max(sizes[i], abs(new[i]), moment * abs(rates[i]))
-        if i < n:
-            scale = max(scale, instant * instant * abs(rates[n + i]))
-        mass = inertia(n, masses, i)
-        if i >= 2 * n and mass == 0.0:
-            noise = FORCE_NOISE * h * h * s[FORCES]
-            tolerances[i] = max(rtol * max(scale, FLOOR * energy), noise)
-        elif mass <= 0.0:
-            tolerances[i] = rtol * scale
-        elif i < n or i >= 2 * n:
-            floor = FLOOR * sqrt(2.0 * energy / mass) * h
-            tolerances[i] = max(rtol * max(scale, floor), NOISE * sqrt(whole / mass))
-        else:
-            floor = FLOOR * sqrt(2.0 * energy / mass)
-            noise = NOISE / FLOOR * floor + FORCE_NOISE * h * sqrt(s[FORCES] / mass)
-            tolerances[i] = max(rtol * max(scale, floor), noise)
+        noise = FORCE_NOISE * h * h * s[FORCES]
+        tolerances[i] = max(rtol * max(scale, FLOOR * energy), noise)
 
 
-def inertia(n: int, masses: Floats, i: int) -> float:
-    """Give the inertia of component i of y, of its coordinate; of work 0."""
-    if i < 2 * n:
-        return float(masses[i % n])
-    if n > 0:
-        return float(masses[i - n + 1])
-    return 0.0
-
-
-def energy_after(s: Floats, p: Floats, t: float, new: Floats, moment: float) -> float:
-    """Give the energy that is a scale for a step to `new` at t.
+def energy_after(s: Floats, moment: float) -> float:
+    """Give the energy that is a scale for a step to what is measured.
 
     What the forces could do in the `moment` counts as motion: at rest under load,
     nothing else gives a scale.
     """
-    energy = energy_scale(s, p, t, new)
+    energy = energy_scale(s)
     driven = at(s, HEADER + 3 * int(s[SIZE]) + 2 + int(s[N]))
     force = driven[0]
     if s[FORCES] > 0.0:

@@ -1,7 +1,7 @@
 """The loop around any method: rows on a grid, `until`, and an orderly return.
 
-Compiled once for each of the settings CONSTRAINED, UNTIL and SWITCHES; what a model
-does not need is left out.
+Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES and WIDE; what a
+model does not need is left out.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lagsim.methods._interface import (
     step,
     until,
 )
-from lagsim.methods._projection import project
+from lagsim.methods._projection import project, project_rows
 from lagsim.methods._singular import watch
 from lagsim.methods._state import (
     ASK_AT,
@@ -57,7 +57,8 @@ from lagsim.methods._state import (
     T,
 )
 from lagsim.methods._switching import find_switch, shorten
-from lagsim.native.kernel_types import at
+from lagsim.native.kernel_types import at, unrolled
+from lagsim.native.sincos import LANES
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
 CONSTRAINED = True
 UNTIL = True
 SWITCHES = True
+WIDE = True
 
 # A step is looked at this often for the moment that ends the run.
 LOOKS = 8
@@ -198,6 +200,24 @@ def begin(s: Floats, p: Floats) -> None:
 
 def emit(s: Floats, p: Floats, out: Floats, rows: int) -> int:
     """Write the rows up to the time reached; give 0 where the block is full first."""
+    first = int(s[EMITTED])
+    complete = fill(s, out, rows)
+    end = int(s[EMITTED])
+    width = 1 + int(s[SIZE])
+    # The row of the state itself needs nothing.
+    if end > first and (s[STEP_H] == 0.0 or out[(end - 1) * width] == s[T]):
+        end -= 1
+    if CONSTRAINED and end > first:
+        settle_rows(s, p, at(out, first * width), end - first)
+    if SWITCHES:
+        for k in range(first, end):
+            row = at(out, k * width)
+            pull(row[0], at(row, 1), p)
+    return complete
+
+
+def fill(s: Floats, out: Floats, rows: int) -> int:
+    """Write the rows as the method interpolates them; give what `emit` gives."""
     size = int(s[SIZE])
     y = at(s, HEADER)
     while True:
@@ -214,12 +234,20 @@ def emit(s: Floats, p: Floats, out: Floats, rows: int) -> int:
                 row[1 + i] = y[i]
         else:
             interpolate(s, (t - s[STEP_T]) / s[STEP_H], at(row, 1))
-            if CONSTRAINED:
-                settle(s, p, t, at(row, 1))
-            if SWITCHES:
-                pull(t, at(row, 1), p)
         s[EMITTED] += 1.0
         s[ROW] += 1.0
+
+
+def settle_rows(s: Floats, p: Floats, out: Floats, rows: int) -> None:
+    """Project rows (rows, 1 + size) between steps."""
+    if WIDE:
+        for first in range(0, rows, LANES):
+            some = at(out, first * (1 + int(s[SIZE])))
+            project_rows(s, p, some, min(LANES, rows - first))
+    else:
+        for k in range(rows):
+            row = at(out, k * (1 + int(s[SIZE])))
+            settle(s, p, row[0], at(row, 1))
 
 
 def settle(s: Floats, p: Floats, t: float, y: Floats) -> None:
@@ -286,9 +314,33 @@ def locate(s: Floats, p: Floats, work: Floats) -> None:
 
 
 def tabulate(
-    states: Floats, rows: int, size: int, p: Floats, out: Floats, width: int
+    states: Floats,
+    rows: int,
+    size: int,
+    p: Floats,
+    out: Floats,
+    width: int,
+    work: Floats,
 ) -> None:
-    """Give the columns (rows, width) of states (rows, 1 + size)."""
-    for i in range(rows):
-        row = at(states, i * (1 + size))
-        observe(row[0], at(row, 1), p, at(out, i * width))
+    """Give the columns (rows, width) of states (rows, 1 + size).
+
+    Where `observe` is WIDE it takes LANES rows at once, through
+    work : (1 + size + width, LANES).
+    """
+    if not WIDE:
+        for i in range(rows):
+            row = at(states, i * (1 + size))
+            observe(row[0], at(row, 1), p, at(out, i * width))
+        return
+    found = at(work, LANES * (1 + size))
+    for first in range(0, rows, LANES):
+        for lane in unrolled(LANES):
+            row = at(states, min(first + lane, rows - 1) * (1 + size))
+            for k in range(1 + size):
+                work[k * LANES + lane] = row[k]
+        observe(0.0, work, p, found)
+        for lane in unrolled(LANES):
+            if first + lane < rows:
+                columns = at(out, (first + lane) * width)
+                for k in range(width):
+                    columns[k] = found[k * LANES + lane]

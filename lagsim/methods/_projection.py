@@ -10,10 +10,16 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods._interface import position_step, velocity_step
+from lagsim.methods._interface import (
+    position_step,
+    position_steps,
+    velocity_step,
+    velocity_steps,
+)
 from lagsim.methods._singular import record_health
-from lagsim.methods._state import HEADER, SIZE, N
-from lagsim.native.kernel_types import at
+from lagsim.methods._state import HEADER, LANES_AT, SIZE, STEP_H, N
+from lagsim.native.kernel_types import apart, at, unrolled
+from lagsim.native.sincos import LANES
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
@@ -119,3 +125,68 @@ def relative_size(
     if moved == 0.0:
         return 0.0
     return sqrt(moved / max(whole, least))
+
+
+def project_rows(s: Floats, p: Floats, rows: Floats, count: int) -> None:
+    """Project up to LANES rows (count, 1 + size) of the last step, side by side.
+
+    One Newton step is enough for nearly all; a row that needs more is done by itself.
+    One that does not converge stays as it is.
+    """
+    n = int(s[N])
+    size = int(s[SIZE])
+    y = at(s, int(s[LANES_AT]))
+    step = at(y, LANES * (1 + size))
+    sizes = at(s, HEADER + size)
+    masses = at(s, HEADER + 3 * size + 2)
+    work = at(s, HEADER + 4 * size + 2)
+    h = s[STEP_H]
+    for level in range(2):
+        for lane in unrolled(LANES):
+            row = at(rows, min(lane, count - 1) * (1 + size))
+            for i in range(1 + size):
+                y[i * LANES + lane] = row[i]
+        least = h * h * masses[n] * (h * h if level == 0 else 1.0)
+        if level == 0:
+            position_steps(0.0, y, p, step)
+        else:
+            velocity_steps(0.0, y, p, step)
+        changes = at(step, LANES * (n + 2))
+        relative_sizes(
+            n, step, masses, at(y, LANES * (1 + level * n)), at(sizes, level * n),
+            least, changes,
+        )  # fmt: skip
+        for lane in range(count):
+            row = at(rows, lane * (1 + size))
+            part = at(row, 1 + level * n)
+            change = changes[lane]
+            if change < LAST or (change < 1e300 and step[n * LANES + lane] <= ROUNDING):
+                for i in range(n):
+                    part[i] += step[i * LANES + lane]
+            else:
+                project_level(level, n, row[0], h, at(row, 1), p, sizes, masses, work)
+
+
+def relative_sizes(
+    n: int,
+    step: Floats,
+    masses: Floats,
+    x: Floats,
+    sizes: Floats,
+    least: float,
+    out: Floats,
+) -> None:
+    """Give `relative_size` of LANES steps; out : (2 LANES,), the second for work."""
+    whole = at(out, LANES)
+    for lane in apart(LANES):
+        out[lane] = 0.0
+        whole[lane] = 0.0
+    for i in range(n):
+        for lane in apart(LANES):
+            move = step[i * LANES + lane]
+            size = max(abs(x[i * LANES + lane]), sizes[i])
+            out[lane] += masses[i] * move * move
+            whole[lane] += masses[i] * size * size
+    for lane in range(LANES):
+        if out[lane] > 0.0:
+            out[lane] = sqrt(out[lane] / max(whole[lane], least))

@@ -10,6 +10,8 @@ HEADER + 6 size + 6 on whatever the method needs; last what `note_inertias` foll
 
 from __future__ import annotations
 
+from lagsim.native.sincos import LANES
+
 T = 0  # time reached
 END = 1  # where the arc ends
 H = 2  # the next step; 0 before it has been chosen
@@ -57,7 +59,9 @@ SIZES_BEFORE = 43  # where the largest sizes before the last step are kept; see 
 SMALLEST_STEP = 44  # once the first steps have found their size; 0: none yet
 INERTIAS = 45  # how many are followed, whether they vanish on the way ...
 INERTIAS_AT = 46  # ... and where: the largest, the smallest and its time, of each
-HEADER = 47
+LANES_AT = 47  # where the memory for rows side by side is; see _projection
+HEADER = 48
+
 
 # The spectral radius of the methods that have it, unless another is asked for.
 USUAL_RADIUS = 0.8
@@ -75,3 +79,8 @@ RANK_LOST = 8
 SWITCH_FOUND = 9
 NEWTON_FAILED = 10
 STIFF = 11
+
+
+def lanes_size(size: int) -> int:
+    """Give how much memory rows side by side need."""
+    return LANES * (1 + size + (size // 2 + 2) + 2)

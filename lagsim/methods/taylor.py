@@ -19,12 +19,14 @@ ed., section I.8.
 from __future__ import annotations
 
 import math
+from math import exp, log
 from typing import TYPE_CHECKING
 
 from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
     LOCAL,
     probe_forces,
+    record_measured,
     record_sizes,
     set_tolerances,
 )
@@ -50,7 +52,7 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.native.kernel_types import at
+from lagsim.native.kernel_types import at, unrolled
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
@@ -70,7 +72,7 @@ CONSTRAINED = True
 
 # Terms shrink by e^2 from one to the next at the step that costs least per unit of
 # time (Jorba and Zou, proposition 3.1).
-SHRINK = math.exp(2.0)
+LOG_SHRINK = 2.0
 LEAST_ORDER = 4
 MOST_ORDER = 22
 # How many of the last coefficients bound the step.
@@ -136,29 +138,30 @@ def start(s: Floats, p: Floats) -> None:
 def chosen_step(s: Floats, c: Floats) -> float:
     """Give the step at which the terms after the last are within the tolerance.
 
-    If each of the last GUARD terms is within its bound, and they shrink by SHRINK from
+    If each of the last GUARD terms is within its bound, and they shrink by e^2 from
     one to the next, so is the first that is left out. Not longer than the arc.
     """
     size = int(s[SIZE])
     order = int(c[0])
     tolerances = at(s, HEADER + 2 * size)
-    h = (s[END] - s[T]) / SAFETY
-    if h <= 0.0:
+    largest = at(s, HEADER + 4 * size + 2)
+    arc = s[END] - s[T]
+    if arc <= 0.0:
         return 0.0
-    power = h**order
-    bound = 1.0
-    for back in range(GUARD):
-        k = order - back
-        bound = bound * SHRINK
-        largest = 0.0
-        for i in range(size):
-            if tolerances[i] > 0.0:
-                largest = max(largest, abs(c[1 + k * size + i]) / tolerances[i])
-        if largest * power > bound:
-            power = bound / largest
-            h = power ** (1.0 / k)
-        power = power / h
-    return float(SAFETY * h)
+    for back in unrolled(GUARD):
+        largest[back] = 0.0
+    for i in range(size):
+        if tolerances[i] > 0.0:
+            unit = 1.0 / tolerances[i]
+            for back in unrolled(GUARD):
+                term = unit * abs(c[1 + (order - back) * size + i])
+                largest[back] = max(largest[back], term)
+    logarithm = log(arc / SAFETY)
+    for back in unrolled(GUARD):
+        if largest[back] > 0.0:
+            bound = (back + 1) * LOG_SHRINK - log(largest[back])
+            logarithm = min(logarithm, bound / (order - back))
+    return SAFETY * exp(logarithm)
 
 
 def step(s: Floats, p: Floats) -> int:
@@ -188,7 +191,7 @@ def step(s: Floats, p: Floats) -> int:
                 trouble = STEP_TOO_SMALL
         rejected = True
         s[REJECTIONS] += 1.0
-    accept(s, p, h)
+    accept(s, h)
     s[AT_BOUND] = max(s[AT_BOUND] + (1.0 if rejected else -1.0), 0.0)
     return DONE
 
@@ -199,13 +202,35 @@ def buffer(size: int, which: float) -> int:
 
 
 def sum_series(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Give the sum of y_k h^k by Horner's rule."""
+    """Give the sum of y_k h^k, even and odd powers apart: they can overlap."""
     order = int(c[0])
+    square = h * h
     for i in range(size):
-        value = c[1 + order * size + i]
-        for back in range(1, order + 1):
-            value = value * h + c[1 + (order - back) * size + i]
-        out[i] = value
+        high = c[1 + order * size + i]
+        low = c[1 + (order - 1) * size + i]
+        for back in range(1, (order + 1) // 2):
+            k = order - 2 * back
+            high = high * square + c[1 + k * size + i]
+            low = low * square + c[1 + (k - 1) * size + i]
+        out[i] = high * h + low
+        if order % 2 == 0:
+            out[i] = out[i] * h + c[1 + i]
+
+
+def sum_rates(size: int, c: Floats, h: float, out: Floats) -> None:
+    """Give the sum of k y_k h^(k - 1) in the same way."""
+    order = int(c[0])
+    square = h * h
+    for i in range(size):
+        high = order * c[1 + order * size + i]
+        low = (order - 1) * c[1 + (order - 1) * size + i]
+        for back in range(1, order // 2):
+            k = order - 2 * back
+            high = high * square + k * c[1 + k * size + i]
+            low = low * square + (k - 1) * c[1 + (k - 1) * size + i]
+        out[i] = high * h + low
+        if order % 2 == 1:
+            out[i] = out[i] * h + c[1 + size + i]
 
 
 def attempt(s: Floats, h: float) -> int:
@@ -250,21 +275,19 @@ def check(s: Floats, p: Floats, h: float) -> float:
     series(s[T] + h, new, p, following)
     s[EVALUATIONS] += 1.0
     set_tolerances(s, p, s[T] + h, new, at(c, 1 + size), h)
+    rates = at(s, HEADER + 4 * size + 2)
+    sum_rates(size, c, h, rates)
     worst = 0.0
     for i in range(size):
         if tolerances[i] > 0.0:
-            rate = order * c[1 + order * size + i]
-            for back in range(1, order):
-                k = order - back
-                rate = rate * h + k * c[1 + k * size + i]
-            off = abs(following[1 + size + i] - rate) * h / (order + 1)
+            off = abs(following[1 + size + i] - rates[i]) * h / (order + 1)
             if not off < 1e300:
                 return 1e300
             worst = max(worst, off / tolerances[i])
     return worst
 
 
-def accept(s: Floats, p: Floats, h: float) -> None:
+def accept(s: Floats, h: float) -> None:
     """Take the new state and its series; the old one is the dense output."""
     size = int(s[SIZE])
     own = at(s, HEADER + 6 * size + 6)
@@ -277,7 +300,7 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     s[STEP_H] = h
     s[T] = s[T] + h
     s[STEPS] += 1.0
-    record_sizes(s, p)
+    record_measured(s)
     s[H] = chosen_step(s, at(s, buffer(size, own[0])))
 
 

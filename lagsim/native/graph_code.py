@@ -8,15 +8,16 @@ compile time grows in proportion to length.
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from lagsim.expressions.functions import OPERATIONS
 from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.native import sincos
+from lagsim.native.graph_lines import CIRCULAR, Lines, exponent_of
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from lagsim.expressions.graph import Graph
 
@@ -50,28 +51,20 @@ class Code:
     p_size: int
 
 
-def exponent_of(g: Graph, n: int) -> float | None:
-    """Give the exponent of a power where it is a number; None for all else."""
-    return g.value(g.args[n][1]) if g.ops[n] == "pow" else None
-
-
-def number(x: float) -> str:
-    """Give the LLVM literal of a float, bit for bit."""
-    return f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}"
-
-
 def generate(
     g: Graph,
     functions: Mapping[str, Sequence[int]],
     layout: Layout,
     contracted: Collection[str] = (),
     sparse: Collection[str] = (),
+    wide: Collection[str] = (),
 ) -> Code:
     """Give the code of `functions`: name -> the nodes written to out[0], out[1], ...
 
     In those named in `contracted` a product may be added without being rounded first,
     where the processor can: last digits then depend on it. Those named in `sparse` do
-    not write what is zero identically: they find zeros.
+    not write what is zero identically: they find zeros. Those named in `wide` are of
+    LANES states at once: t and then y (1 + size, LANES), out (k, LANES).
     """
     hoisted = fixed_nodes(g, functions, layout)
     places = {node: layout.size + k for k, node in enumerate(hoisted)}
@@ -85,6 +78,7 @@ def generate(
             if node != g.zero or name not in sparse
         ]
         writer.contract = name in contracted
+        writer.wide = name in wide
         writer.function(name, stores, places)
     ir = "\n".join([*sorted(writer.declared), *writer.lines, ""])
     return Code(ir, scratch + writer.scratch_used)
@@ -123,57 +117,6 @@ def _hoisted(g: Graph, roots: Sequence[int], varying: set[int]) -> list[int]:
     )
 
 
-class Lines:
-    """Lines of IR with fresh names."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-        self.declared: set[str] = set()
-        self.contract = False
-        self._fresh = 0
-
-    def operation(self, op: str, exponent: float | None, operands: list[str]) -> str:
-        """Write an operation, of a power the `exponent` where it is a number."""
-        if op == "pow" and exponent is not None and exponent * 2 in _HALVES:
-            return self._power(operands[0], exponent)
-        row = OPERATIONS[op]
-        self.declared.update(row.declares)
-        fresh = {key: self._name() for key in "abcdef"}
-        native = row.native
-        if self.contract and op in _CONTRACTED:
-            native = native.replace(" ", " contract ", 1)
-        *before, last = native.format(*operands, **fresh).split("\n")
-        self.lines += before
-        return self.line(last)
-
-    def _power(self, x: str, exponent: float) -> str:
-        """Write x to a small whole or half power as products and a root."""
-        whole = int(abs(exponent))
-        result = ""
-        if abs(exponent) != whole:
-            self.declared.update(OPERATIONS["sqrt"].declares)
-            result = self.line(f"call double @llvm.sqrt.f64(double {x})")
-        while whole:
-            if whole % 2:
-                result = self.line(f"fmul double {result}, {x}") if result else x
-            whole //= 2
-            if whole:
-                x = self.line(f"fmul double {x}, {x}")
-        if exponent < 0:
-            return self.line(f"fdiv double {number(1.0)}, {result}")
-        return result
-
-    def line(self, text: str) -> str:
-        """Write an instruction; give the name of its value."""
-        name = self._name()
-        self.lines.append(f"{name} = {text}")
-        return name
-
-    def _name(self) -> str:
-        self._fresh += 1
-        return f"%v{self._fresh}"
-
-
 class _Writer(Lines):
     def __init__(self, g: Graph, layout: Layout, scratch: int) -> None:
         super().__init__()
@@ -209,12 +152,35 @@ class _Writer(Lines):
             self.lines += ["ret void", "}"]
 
     def _order(self, roots: Sequence[int], places: Mapping[int, int]) -> list[int]:
-        """Give what must be evaluated, stopping at what `prepare` has computed."""
+        """Give what must be evaluated, stopping at what `prepare` has computed.
+
+        Sines and cosines come early and side by side: first those of angles that wait
+        for none, then those that wait for these.
+        """
+        g = self.g
+        order = self._cone(roots, places)
+        depth: dict[int, int] = {}
+        rounds: dict[int, list[int]] = {}
+        for n in order:
+            inside = () if n in places else g.args[n]
+            depth[n] = max((depth[a] for a in inside), default=0)
+            if g.ops[n] in CIRCULAR and n not in places:
+                depth[n] += 1
+                rounds.setdefault(depth[n], []).append(n)
+        sorted_: dict[int, None] = {}
+        for k in sorted(rounds):
+            angles = [g.args[n][0] for n in rounds[k]]
+            sorted_ |= dict.fromkeys(self._cone(angles, {**places, **sorted_}))
+            sorted_ |= dict.fromkeys(rounds[k])
+        return list(sorted_ | dict.fromkeys(order))
+
+    def _cone(self, roots: Sequence[int], ends: Collection[int]) -> list[int]:
+        """Give what `roots` are made of, from the leaves up, as far as the `ends`."""
         seen = set(roots)
         stack = list(seen)
         while stack:
             n = stack.pop()
-            if n in places:
+            if n in ends:
                 continue
             for a in self.g.args[n]:
                 if a not in seen:
@@ -228,13 +194,14 @@ class _Writer(Lines):
         """Give the index in p of operations that a later piece uses."""
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
         passed: dict[int, int] = {}
+        width = sincos.LANES if self.wide else 1
         for i, piece in enumerate(pieces):
             for n in piece:
                 for a in self.g.args[n] if n not in places else ():
                     earlier = home.get(a, i) < i and a not in places
                     if earlier and self.g.args[a] and a not in passed:
-                        passed[a] = self.scratch + len(passed)
-        self.scratch_used = max(self.scratch_used, len(passed))
+                        passed[a] = self.scratch + width * len(passed)
+        self.scratch_used = max(self.scratch_used, width * len(passed))
         return passed
 
     def _piece(
@@ -251,15 +218,40 @@ class _Writer(Lines):
                 here[n] = self._leaf(n, places, passed)
             return here[n]
 
-        for n in piece:
+        for at, n in enumerate(piece):
             if self.g.args[n] and n not in places:
-                operands = [operand(a) for a in self.g.args[n]]
-                exponent = exponent_of(self.g, n)
-                here[n] = self.operation(self.g.ops[n], exponent, operands)
+                if self.g.ops[n] in CIRCULAR and n not in here:
+                    self._circular(piece[at:], here, operand)
+                elif n not in here:
+                    operands = [operand(a) for a in self.g.args[n]]
+                    exponent = exponent_of(self.g, n)
+                    here[n] = self.operation(self.g.ops[n], exponent, operands)
                 if n in passed:
                     self._pass_on(n, here[n], passed[n])
             for array, k in at_end.get(n, ()):
                 self._store(operand(n), array, k)
+
+    def _circular(
+        self,
+        nodes: Sequence[int],
+        here: dict[int, str],
+        operand: Callable[[int], str],
+    ) -> None:
+        """Write the sines and cosines that `nodes` begin with, of several angles."""
+        g = self.g
+        together: list[int] = []
+        angles: dict[int, int] = {}
+        for n in nodes:
+            if g.ops[n] not in CIRCULAR or g.args[n][0] in together:
+                break
+            angle = g.args[n][0]
+            if angle not in angles and len(angles) == sincos.LANES:
+                break
+            angles.setdefault(angle, len(angles))
+            together.append(n)
+        wanted = [(g.ops[n], angles[g.args[n][0]]) for n in together]
+        values = self.circular([operand(angle) for angle in angles], wanted)
+        here.update(zip(together, values, strict=True))
 
     def _leaf(
         self, n: int, places: Mapping[int, int], passed: Mapping[int, int]
@@ -268,40 +260,41 @@ class _Writer(Lines):
         if g.ops[n] == CONSTANT:
             x = g.value(n)
             assert x is not None
-            return number(x)
+            return self.literal(x)
         if g.ops[n] == TRUTH:
-            return "true" if g.payload(n) else "false"
+            return self.widened("true" if g.payload(n) else "false")
         if g.ops[n] == VARIABLE:
             name = str(g.payload(n))
             if name == "t":
-                return "%t"
+                return self._load("y", 0) if self.wide else "%t"
             if name in self.layout.y:
-                return self._load("y", self.layout.y[name])
-            return self._load("p", self.layout.p[name])
+                return self._load("y", self.layout.y[name] + self.wide)
+            return self._load_same(self.layout.p[name])
         if n in places:
-            return self._load("p", places[n])
+            return self._load_same(places[n])
         value = self._load("p", passed[n])
         if OPERATIONS[g.ops[n]].condition:
-            return self.line(f"fcmp one double {value}, 0.0")
+            return self.line(f"fcmp one {self.kind} {value}, {self.literal(0.0)}")
         return value
 
     def _pass_on(self, n: int, value: str, k: int) -> None:
         if OPERATIONS[self.g.ops[n]].condition:
-            value = self.line(f"uitofp i1 {value} to double")
+            value = self.line(self.widened(f"uitofp i1 {value} to double"))
         self._store(value, "p", k)
 
     def _load(self, array: str, k: int) -> str:
-        return self.line(f"load double, ptr {self._address(array, k)}")
+        return self.line(f"load {self.kind}, ptr {self._address(array, k)}, align 8")
+
+    def _load_same(self, k: int) -> str:
+        """Load a number from p, the same for all lanes."""
+        value = self.line(f"load double, ptr {self._address('p', k)}")
+        return self.joined([value] * sincos.LANES) if self.wide else value
 
     def _store(self, value: str, array: str, k: int) -> None:
-        self.lines.append(f"store double {value}, ptr {self._address(array, k)}")
+        place = f"ptr {self._address(array, k)}, align 8"
+        self.lines.append(f"store {self.kind} {value}, {place}")
 
     def _address(self, array: str, k: int) -> str:
+        if self.wide and array != "p":
+            k *= sincos.LANES
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")
-
-
-_CONTRACTED = ("add", "sub", "mul")
-
-# Twice the exponents that are written out: products are exact to an ulp or two up to
-# the 6th power, and faster than `pow`.
-_HALVES = frozenset(k for k in range(-12, 13) if k not in (0, 2))

@@ -6,7 +6,8 @@ result (the same, or None; not an array). It may hold
 - numbers and conditions: `+ - * / // % **`, comparisons (chained too), `and or not`,
   `a if c else b`, `min max abs int float`, sqrt, floor, pow, sin, ... of `math`;
 - arrays: `a[i]`, `at(a, k)` for `a[k:]`, tuples of targets (`a, b = b, a`);
-- `if while for break continue return pass`, `for i in range(...)`;
+- `if while for break continue return pass`, `for i in range(...)`, or `apart(n)` where
+  no pass touches another's elements: they are then made several at once;
 - calls of other kernels and of functions marked `external`;
 - static values (see `kernel_source`): `if` on them is decided at translation, the other
   branch is not even read; `for j in unrolled(...)` and `total(... for j in
@@ -185,6 +186,7 @@ class _Translation:
         self.symbols: set[str] = set()
         self.waiting: list[tuple[str, Source]] = []
         self.declared: dict[str, None] = {}
+        self.loops = 0
         self.exported: frozenset[str] = frozenset()
         for function in functions:
             self._add(_plain(function), internal=False)
@@ -215,6 +217,15 @@ class _Translation:
     def declare(self, line: str) -> None:
         """Have a declaration or a definition in the text, once."""
         self.declared[line] = None
+
+    def parallel(self) -> int:
+        """Give the number of a new mark of a loop whose accesses are apart."""
+        self.declare("!0 = distinct !{}")
+        self.loops += 1
+        properties = '!{!"llvm.loop.parallel_accesses", !0}, '
+        properties += '!{!"llvm.loop.vectorize.enable", i1 true}'
+        self.declare(f"!{self.loops} = distinct !{{!{self.loops}, {properties}}}")
+        return self.loops
 
     def _defined(self, external: Source) -> tuple[str, Source]:
         """Find the translated function that an external of its name stands for."""

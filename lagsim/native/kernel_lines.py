@@ -130,6 +130,9 @@ class Program(Protocol):
     def declare(self, line: str) -> None:
         """Have a declaration or a definition in the text, once."""
 
+    def parallel(self) -> int:
+        """Give the number of a new mark of a loop whose accesses are apart."""
+
 
 def stack_place(name: str) -> str:
     """Give the address of a variable; quoted, for Greek ones."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from lagsim.native import kernel_types
 from lagsim.native.kernel_calls import Calls
 from lagsim.native.kernel_lines import LLVM, PASSED, RETURNED, Value, stack_place
 from lagsim.native.kernel_source import Source, unsupported
@@ -230,6 +231,7 @@ class Statements(Calls):
         counter = self.allocate("counter", "int")
         self.store(start, counter)
         head, body, advance = map(self.name, ("for", "do", "next"))
+        first = len(self.lines)
         loop = _Loop(self.name("endfor"), advance, [], [])
         self._leave(head)
         self._begin(head)
@@ -248,19 +250,37 @@ class Statements(Calls):
         now = self.op("int", f"load i64, ptr {counter}")
         self.store(self.op("int", f"add nsw i64 {now.text}, {step}"), counter)
         self._leave(head)
+        if self._goes_over(node, kernel_types.apart):
+            self._set_apart(first)
         self._after(loop)
+
+    def _set_apart(self, first: int) -> None:
+        """Mark a loop, from line `first` to its jump back, as one of `apart`."""
+        for k in range(first, len(self.lines)):
+            line = self.lines[k]
+            if line.startswith("  store ") or " = load " in line:
+                self.lines[k] += ", !llvm.access.group !0"
+        self.lines[-1] += f", !llvm.loop !{self.program.parallel()}"
+
+    def _goes_over(self, node: ast.For, *functions: object) -> bool:
+        call = node.iter
+        return (
+            isinstance(call, ast.Call)
+            and isinstance(call.func, ast.Name | ast.Attribute)
+            and self.source.meaning(call.func) in functions
+        )
 
     def _range(self, node: ast.For) -> tuple[Value, Value, int]:
         call = node.iter
         if not (
-            isinstance(call, ast.Call)
-            and isinstance(call.func, ast.Name | ast.Attribute)
-            and self.source.meaning(call.func) is range
+            self._goes_over(node, range, kernel_types.apart)
+            and isinstance(call, ast.Call)
             and 1 <= len(call.args) <= 3
             and not call.keywords
         ):
             raise self.source.error(
-                node, "a loop goes over range(...) or unrolled(...); else use while"
+                node,
+                "a loop is over range(...), apart(n) or unrolled(...); else use while",
             )
         bounds = [self.converted(a, "int", "a bound") for a in call.args[:2]]
         step = 1

@@ -40,6 +40,15 @@ def unrolled(*bounds: int) -> range:
     return range(*bounds)
 
 
+def apart(count: int) -> range:
+    """Give `range(count)` for a loop whose passes do not touch each other's elements.
+
+    The translator has them made several at once, with the same bits. For arrays of some
+    length: it takes code, and time to compile.
+    """
+    return range(count)
+
+
 def total(terms: Iterable[float]) -> float:
     """Sum the terms in their order, as in `total(A[j] * k[j] for j in unrolled(4))`.
 

@@ -19,7 +19,8 @@ import numpy as np
 
 from lagsim.expressions.functions import OPERATIONS
 from lagsim.expressions.graph import VARIABLE
-from lagsim.native.graph_code import Code, Lines, exponent_of, fixed_nodes
+from lagsim.native.graph_code import Code, fixed_nodes
+from lagsim.native.graph_lines import Lines, exponent_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -72,11 +72,14 @@ class Reduction:
 
     def kept(self, full: Floats) -> Floats:
         """Give the values (n,) of the coordinates left, or of their rates."""
-        names = [c.name for c in self.equations.model.coordinates]
-        return full[[names.index(name) for name in self.equations.q]]
+        names = (c.name for c in self.equations.model.coordinates)
+        places = {name: k for k, name in enumerate(names)}
+        return full[[places[name] for name in self.equations.q]]
 
     def constants(self, start: Start) -> dict[str, float]:
         """Give the values of the momenta at a full start."""
+        if not self.momenta:
+            return {}
         model = self.equations.model
         values = {p.name: p.value for p in model.parameters} | {"t": start.t}
         for k, c in enumerate(model.coordinates):

@@ -25,10 +25,12 @@ def empty_state(runner: Runner) -> Floats:
     system = runner.system
     methods = [runner.method, *([method(SLIDING)] if system.surfaces else [])]
     used = max(int(m.state_size(system.size)) for m in methods)
-    # And room for what `_driver.keep_sizes` and `_driver.note_inertias` note.
-    count, noted = len(system.inertias), used + system.size
+    # And room for rows side by side, for what `_driver.keep_sizes` and
+    # `_driver.note_inertias` note.
+    sizes = used + at.lanes_size(system.size)
+    count, noted = len(system.inertias), sizes + system.size
     state = np.zeros(noted + 3 * count)
-    state[at.SIZES_BEFORE] = used
+    state[at.LANES_AT], state[at.SIZES_BEFORE] = used, sizes
     state[at.INERTIAS], state[at.INERTIAS_AT] = count, noted
     state[noted + count :][:count] = np.inf  # the smallest so far
     return state
@@ -37,12 +39,12 @@ def empty_state(runner: Runner) -> Floats:
 def taken_over(state: Floats, runner: Runner) -> Floats:
     """Give a state as that of another method or system, at the start of an arc."""
     new = empty_state(runner)
-    own = [at.SIZES_BEFORE, at.INERTIAS, at.INERTIAS_AT]
+    own = [at.INERTIAS, at.INERTIAS_AT, at.LANES_AT, at.SIZES_BEFORE]
     kept = new[own]
     common = at.HEADER + 6 * runner.system.size + 6
     new[:common] = state[:common]
-    if state[at.INERTIAS] == kept[1]:
-        new[int(kept[2]) :] = state[int(state[at.INERTIAS_AT]) :]
+    if state[at.INERTIAS] == kept[0]:
+        new[int(kept[1]) :] = state[int(state[at.INERTIAS_AT]) :]
     new[own] = kept
     new[at.FRESH] = 1.0
     return new

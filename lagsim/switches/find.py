@@ -153,6 +153,8 @@ class Switches:
         self, start: float, end: float, values: Mapping[str, float]
     ) -> list[float]:
         """Give the mode variables on an arc without breaks, `values` the parameters."""
+        if not self.modes:
+            return []
         discrete = [mode.discrete for mode in self.modes]
         return prevailing(
             lambda t: evaluate(self.graph, discrete, {**values, "t": t}), start, end

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
 
+# Taken for several rows at once.
+WIDE = ("observe", "position_steps", "velocity_steps")
+
 
 class System:
     """The compiled functions of a model, for one formulation.
@@ -103,6 +106,11 @@ class System:
             rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
             nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
         self.operations = self._operations(nodes_of)
+        # Straight-line code takes several rows at once.
+        self.wide = "observe" in nodes_of and not plan.tape
+        if self.wide and self.m:
+            nodes_of["position_steps"] = nodes_of["position_step"]
+            nodes_of["velocity_steps"] = nodes_of["velocity_step"]
         layout = self._layout()
         if plan.tape:
             from lagsim.native import tape_code
@@ -111,7 +119,7 @@ class System:
         else:
             code = graph_code.generate(
                 equations.graph, nodes_of, layout,
-                contracted=("series",), sparse=("slopes",),
+                contracted=("series",), sparse=("slopes",), wide=WIDE,
             )  # fmt: skip
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [

@@ -12,6 +12,7 @@ from lagsim.methods import _driver, method
 from lagsim.methods._interface import LEAST_HEALTH
 from lagsim.native.cache import kernel_object
 from lagsim.native.engine import Engine
+from lagsim.native.sincos import LANES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -29,8 +30,11 @@ _ADVANCE = (
 )
 _TABULATE = (
     None,
-    (_POINTER, ctypes.c_int64, ctypes.c_int64, _POINTER, _POINTER, ctypes.c_int64),
-)
+    (
+        _POINTER, ctypes.c_int64, ctypes.c_int64, _POINTER, _POINTER, ctypes.c_int64,
+        _POINTER,
+    ),
+)  # fmt: skip
 
 
 class Runner:
@@ -50,6 +54,7 @@ class Runner:
         switches = system.surfaces > 0
         held = system.m > 0 and system.plan.projected
         statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
+        statics["WIDE"] = system.wide
         # What a method must make ready for `until` it must for switches.
         watched = {"CONSTRAINED": held, "UNTIL": until or switches}
         kernels = [self.method.start, self.method.step, self.method.interpolate]
@@ -64,11 +69,14 @@ class Runner:
         if switches:
             self._pull = self.engine.function("pull", *_PULL)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
+        self._work = np.empty(LANES * (1 + system.size + system.rows_observed))
 
     def function(
         self, name: str, length: int | None = None
     ) -> Callable[[float, Floats], Floats]:
         """Give one of the model's functions as (t, y) -> out (length,)."""
+        if name == "observe":
+            return lambda t, y: self.tabulate(np.array([[t, *y]]))[0]
         if (name, length) not in self._functions:
             self._functions[name, length] = self._function(name, length)
         return self._functions[name, length]
@@ -131,6 +139,7 @@ class Runner:
         self._tabulate(
             states.ctypes.data, len(states), states.shape[1] - 1,
             self.system.p.ctypes.data, out.ctypes.data, out.shape[1],
+            self._work.ctypes.data,
         )  # fmt: skip
         return out
 

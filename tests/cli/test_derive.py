@@ -92,6 +92,72 @@ def test_python_stands_alone_and_needs_no_sympy(tmp_path):
     )
 
 
+# Run by itself: reads trajectory.csv and the module beside it, with numpy only.
+BALANCE = """
+import csv, runpy, sys
+import numpy as np
+
+e = runpy.run_path("equations.py")
+with open("out/trajectory.csv") as file:
+    rows = [{k: float(x) for k, x in row.items()} for row in csv.DictReader(file)]
+worst = 0.0
+
+
+def part(off, size):
+    return np.max(np.abs(off), initial=0.0) / (np.max(size, initial=0.0) or 1.0)
+
+
+for row in rows:
+    q, v, a = (
+        np.array([row[name + end] for name in e["COORDINATES"]])
+        for end in ("", "_dot", "_ddot")
+    )
+    lam = np.array([row["lambda_" + name] for name in e["CONSTRAINTS"]])
+    functions = ("mass_matrix", "force", "constraint_matrix", "constraint_rhs")
+    M, f, A, b = (e[name](row["t"], q, v) for name in functions)
+    size = np.abs(M) @ np.abs(a) + np.abs(f) + np.abs(A.T) @ np.abs(lam)
+    worst = max(worst, part(M @ a - f - A.T @ lam, size))
+    worst = max(worst, part(A @ a - b, np.abs(A) @ np.abs(a) + np.abs(b)))
+    Qc = np.array([row.get("Qc_" + name, 0.0) for name in e["COORDINATES"]])
+    worst = max(worst, part(A.T @ lam - Qc, np.abs(A.T) @ np.abs(lam)))
+others = [m for m in sys.modules if m.startswith(("lagsim", "sympy", "scipy"))]
+print(len(rows), worst, others)
+"""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "elastic-pendulum-steered",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in (
+                "andrews", "appell-hamel", "bead-hoop-cartesian", "car-axis",
+                "chain-cartesian", "charged-particle", "double-pendulum",
+                "elastic-pendulum-forced", "heavy-top", "moving-pivot",
+                "rolling-disk",
+            )
+        ),
+    ],
+)  # fmt: skip
+def test_the_module_alone_balances_the_rows_of_a_run(lagsim, name, tmp_path):
+    model = MODELS / f"{name}.yaml"
+    short = ("--duration", "0.02", "--output-step", "0.002", "--no-plots", "-o", "out")
+    assert lagsim("run", model, *short, "-q").code == 0
+    text_of(lagsim("derive", model, "--format", "python", "-o", "equations.py"))
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", BALANCE],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+    )
+    assert done.stderr == ""
+    rows, worst, others = done.stdout.split(maxsplit=2)
+    assert (int(rows), others) == (11, "[]\n")
+    # Two evaluations of the same formulas, and the backward error of a small solve.
+    assert float(worst) < 1e-11
+
+
 def test_set_changes_the_numbers_that_are_put_in(lagsim):
     text = text_of(lagsim("derive", PENDULUM, "--set", "g=1.62", "--substitute"))
     assert "1.62 cos(θ)" in text
@@ -125,6 +191,7 @@ def test_what_is_no_file_is_not_replaced(lagsim):
         ([PENDULUM, "--set", "q=1"], "q"),
         ([PENDULUM, "-o", "no/such/folder/file"], "cannot be written"),
         ([PENDULUM, "-o", "."], "cannot be written"),
+        ([PENDULUM, "-o", PENDULUM], "it is the model"),
     ],
 )
 def test_what_is_unusable_is_told(lagsim, args, told, tmp_path):
@@ -133,6 +200,23 @@ def test_what_is_unusable_is_told(lagsim, args, told, tmp_path):
     assert told in done.err
     assert "Traceback" not in done.err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("potential", "options"),
+    [("x*log(0)", ()), ("0^x", ()), ("x/a", ("--substitute",))],
+)
+@pytest.mark.parametrize("form", ["text", "latex"])
+def test_what_is_not_finite_is_told(lagsim, write, potential, options, form):
+    text = f"""
+parameters: {{a: 0}}
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: {potential}}}
+initial: {{x: 1}}
+"""
+    done = lagsim("derive", write(text), "--format", form, *options)
+    assert (done.code, done.out) == (2, "")
+    assert "not finite" in done.err
 
 
 def test_faults_are_json_where_json_is_asked_for(lagsim):

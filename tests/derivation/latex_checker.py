@@ -107,7 +107,7 @@ class _Reader:
             self.math("$")
         elif special is not None and special not in "{}":
             raise self.fail(f"`{special}` in text")
-        elif token[5] is not None and not token[5].isascii() and not token[5].isalpha():
+        elif token[5] is not None and not token[5].isascii() and token[5] > "ſ":
             raise self.fail("a sign that fonts do not have")
 
     def close(self) -> None:

@@ -27,6 +27,7 @@ from tests.derivation.cases import (
     small,
 )
 from tests.derivation.latex_checker import LatexError, check
+from tests.support import MODELS
 
 NAMED = """
 parameters: {lambda: 2, I: 3, E: 5, S: 7, beta: 1.5, N: 2, zoo: 1, theta_1: 4}
@@ -64,6 +65,45 @@ def test_latex_of_everything() -> None:
     for text in (EVERY_FUNCTION, NAMED):
         check(as_latex(small(text, with_gauss=True, solve=True)))
         check(as_latex(small(text, substitute=True)))
+
+
+AWKWARD = """
+name: "a_100%"
+description: "50% of $x$ & y_1 #3 ~ θ → ∞, 20 °C, ñ, ж"
+parameters: {a: 1e-9, b: 2.5e20, x_: 2, w: 3, жук: 4}
+coordinates: {x: {}, y: {}}
+energy:
+  kinetic: (x_dot^2 + y_dot^2)/2
+  potential: a^x + (b*x)^1.5 + x_*x*y + 2^(x*y) + жук*log10(x)^2
+forces: {x: cos(w*t)}
+constraints: {путь: x^2 + y^2 = b}
+initial: {x: 1, y: 2}
+"""
+
+
+@pytest.mark.parametrize("substitute", [False, True])
+def test_latex_of_what_could_stop_it(substitute: bool) -> None:
+    latex = as_latex(small(AWKWARD, substitute=substitute))
+    check(latex)
+    # No letter that the fonts of plain LaTeX lack.
+    assert {c for c in latex if not c.isascii()} == {"°", "ñ"}
+    assert r"$\theta$ [U+2192] [U+221E], 20 °C, ñ, [U+0436]" in latex
+    assert r"\lambda_{\text{[U+043F][U+0443][U+0442][U+044C]}}" in latex
+    # The time is t, and no name loses its underscore.
+    assert "\\mathrm{t}" not in latex
+    if substitute:
+        assert r"\left(10^{-9}\right)^{x}" in latex
+        assert r"2^{x \, y} \, y \, \ln 2" in latex  # not ln 2 y
+    else:
+        assert r"\cos\left(w \, t\right)" in latex
+        assert r"\mathrm{x\_} \, x \, y" in latex
+        assert "x_ x y" in as_text(small(AWKWARD))
+
+
+def test_equations_stand_one_under_the_other() -> None:
+    latex = as_latex(content_of("elastic-pendulum-curve"))
+    motion = latex.split("equations of motion are")[1].split("align*}")[1]
+    assert motion.count("&= ") == motion.count("&") == 2
 
 
 @pytest.mark.parametrize(
@@ -184,6 +224,7 @@ def test_ascii_is_ascii_and_lines_break(name: str) -> None:
     lines = as_text(content_of(name)).splitlines()
     # Only products that cannot be broken are longer than a line.
     assert sum(len(line) > 110 for line in lines) <= 6
+    assert not any(len(line) > 110 and line.startswith("      = ") for line in lines)
 
 
 def test_numbers_are_put_in() -> None:
@@ -241,3 +282,42 @@ initial: {x: 0, y: 1}
     assert "gap = y >= 0" in text
     assert re.search(r"restitution: 0.8\n  friction: μ\n  slip: ẋ\n", text)
     assert "T + V" not in text.split("Accelerations")[1]
+
+
+SINGULAR = """
+parameters: {m: 2, k: 3}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: m*(x_dot + y_dot)^2/2, potential: k*x^2/2}
+constraints: {tie: y = x}
+initial: {x: 1, y: 1}
+"""
+
+
+@pytest.mark.parametrize("kinetic", ["m*(x_dot + y_dot)^2/2", "m*x_dot^2/2"])
+def test_without_inertia_there_are_no_accelerations(kinetic: str) -> None:
+    text = SINGULAR.replace("m*(x_dot + y_dot)^2/2", kinetic)
+    for solve in (False, True):
+        c = small(text, solve=solve)
+        assert c.solution is None
+        assert c.notes == (
+            "M is not positive definite: it is not solved for the accelerations",
+        )
+        assert "Note: M is not positive" in as_text(c)
+    check(as_latex(c))
+
+
+def test_notes_say_what_was_left_out() -> None:
+    c = small((MODELS / "car-axis.yaml").read_text(encoding="utf-8"), with_gauss=True)
+    assert c.gauss is not None
+    assert c.gauss.a is not None
+    assert c.notes == (
+        "the accelerations are too long to be read; `--solve` gives them",
+        "left out, for it is too long to be read: the gain K",
+    )
+    assert r"\texttt{-{}-solve}" in as_latex(c)
+
+
+def test_a_sum_of_minus_signs_gives_its_sign_to_the_product() -> None:
+    text = as_text(content_of("elastic-pendulum-forced"))
+    assert "− (c + d) u̇" in text
+    assert "(−" not in text

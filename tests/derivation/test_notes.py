@@ -64,7 +64,9 @@ def test_40_to_42_44_and_45() -> None:
     right41 = M * ddu - M * (l + u) * dth**2 + K * u - M * g * cos(th)
     for line, expected in zip(c.lines, (right40, right41), strict=True):
         assert same(line.left - line.right, expected)
-    assert ((M * (l + u) ** 2, 0), (0, M)) == c.M
+    assert ((M * (l + u) ** 2, 0), (0, M)) == c.M  # 42, and its right side
+    assert same(c.f[0], -M * (2 * (l + u) * du * dth) - M * g * (l + u) * sin(th))
+    assert same(c.f[1], M * (l + u) * dth**2 - K * u + M * g * cos(th))
     assert c.solution is not None
     first, second = c.solution.accelerations
     assert same(first, -(2 * du * dth + g * sin(th)) / (l + u))
@@ -126,6 +128,18 @@ def test_63_to_69_steered() -> None:
     first, second = (line.left - line.right for line in c.lines)
     assert same(first, M * (l + u) ** 2 * ddth + l * sin(p) * lam - right53)  # 66
     assert same(second, M * ddu - cos(p) * lam - right54)  # 67
+    # 69: the three as one matrix, with 70's other sign of lambda.
+    matrix = sp.Matrix(
+        [
+            [M * (l + u) ** 2, 0, -l * sin(p)],
+            [0, M, cos(p)],
+            [-l * sin(p), cos(p), 0],
+        ]
+    )
+    rows = matrix * sp.Matrix([ddth, ddu, -lam])
+    assert same(rows[0] - right53, first)
+    assert same(rows[1] - right54, second)
+    assert same(rows[2] - printed, steering.acceleration)
 
 
 def test_70_to_73_gauss() -> None:
@@ -143,10 +157,13 @@ def test_70_to_73_gauss() -> None:
     a = mass.inv() * sp.Matrix(c.f)
     gain = -A.T * (A * mass.inv() * A.T).inv()
     forces = gain * (A * a - b)
-    # 70: [M A^T; A 0] [q''; -lambda] = [f; b], whose solution they must be.
     accelerations = a + mass.inv() * forces
-    assert all(alike(e, 0) for e in A * accelerations - b)
     (lam,) = c.solution.multipliers
+    # 70: [M A^T; A 0] [q''; lambda] = [Q; b], with that lambda minus ours.
+    matrix = mass.row_join(A.T).col_join(A.row_join(sp.zeros(1, 1)))
+    left = matrix * accelerations.col_join(sp.Matrix([-lam]))
+    right = sp.Matrix(c.f).col_join(b)
+    assert all(alike(e, 0) for e in left - right)
     for j in range(2):
         assert alike(c.gauss.a[j], a[j])
         assert alike(c.gauss.K[j][0], gain[j])

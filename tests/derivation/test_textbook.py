@@ -137,6 +137,16 @@ def test_what_acts_on_a_quantity_keeps_it_from_being_conserved() -> None:
     assert {k.of for k in small(oval).conserved} == {()}
 
 
+def test_what_is_small_beside_another_force_is_no_symmetry() -> None:
+    lopsided = """
+parameters: {k: 3}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: x_dot^2/2 + y_dot^2/2, potential: 1e16*x + k*y^2}
+initial: {x: 0, y: 1}
+"""
+    assert {k.of for k in small(lopsided).conserved} == {()}
+
+
 def test_damping_and_driving_end_the_energy() -> None:
     assert not content_of("forced-oscillator").conserved
     assert not content_of("elastic-pendulum-forced").conserved

@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
 def fresh_state(method: ModuleType, y: Any, **header: float) -> Any:
     """Give the array of state at y; header words by their names in `_state`."""
-    s = np.zeros(method.state_size(len(y)))
+    used = method.state_size(len(y))
+    sizes = used + at.lanes_size(len(y))
+    s = np.zeros(sizes + len(y))
+    s[at.LANES_AT], s[at.SIZES_BEFORE] = used, sizes
     words = {"SIZE": len(y), "RTOL": 1e-9, "ATOL": -1.0, "HEALTH": 1.0, "FRESH": 1.0}
     words |= {"ROW_STEP": 1.0, "END": 1e9} | header
     for name, value in words.items():
@@ -42,7 +45,7 @@ class Plain:
     ) -> None:
         self.method = method
         self.model = model
-        none = {"CONSTRAINED": False, "UNTIL": False, "SWITCHES": False}
+        none = {"CONSTRAINED": False, "UNTIL": False, "SWITCHES": False, "WIDE": False}
         self.statics = none | statics
         own = {"start", "step", "interpolate"}
         self.driven = model | {name: self.kernel(name) for name in own}
@@ -78,6 +81,8 @@ def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
         names += ["lagrangian_slopes", "inertia"]
     if runner.system.m:
         names += ["position_step", "velocity_step"]
+    if runner.system.m and runner.system.wide:
+        names += ["position_steps", "velocity_steps"]
     simulation = runner.system.equations.model.simulation
     if simulation and simulation.until:
         names.append("until")

@@ -11,6 +11,7 @@ from lagsim.expressions.evaluate import evaluate
 from lagsim.methods import _driver
 from lagsim.methods import _state as at
 from lagsim.native.kernel_code import bind
+from lagsim.native.sincos import LANES
 from lagsim.plan import make_plan
 from lagsim.reader import read
 from lagsim.system import System
@@ -98,7 +99,11 @@ def linked_system(case):
         END=model.simulation.end,
         EQUATION=float("= 0.2" in options),
     )
-    statics = {"CONSTRAINED": system.m > 0, "UNTIL": model.simulation.until is not None}
+    statics = {
+        "CONSTRAINED": system.m > 0,
+        "UNTIL": model.simulation.until is not None,
+        "WIDE": system.wide,
+    }
     return runner, s, statics
 
 
@@ -181,6 +186,7 @@ def test_tabulate_is_the_same():
     states = np.array([[0.1, 0.9, 0.19, -0.1, 0.18, 0.0], [0.2, 0.5, 0.75, 1, -1, 0.3]])
     size, width = runner.system.size, runner.system.rows_observed
     out = np.zeros(2 * width)
+    work = np.zeros(LANES * (1 + size + width))
     tabulate = bind(_driver.tabulate, linked(runner))
-    tabulate(states.ravel(), 2, size, runner.system.p, out, width)
+    tabulate(states.ravel(), 2, size, runner.system.p, out, width, work)
     assert np.array_equal(out.reshape(2, width), runner.tabulate(states))

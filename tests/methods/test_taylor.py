@@ -232,7 +232,7 @@ def test_plain_python_is_the_native_run(text):
         call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
 
     model = linked(runner) | {"series": series}
-    plain = Plain(taylor, model, CONSTRAINED=system.m > 0)
+    plain = Plain(taylor, model, CONSTRAINED=system.m > 0, WIDE=system.wide)
     y = np.concatenate([found.start.q, found.start.v])
     native = fresh_state(
         taylor, y, N=system.n, ROW_STEP=0.1, ROW_LIMIT=0.95, END=1.0,

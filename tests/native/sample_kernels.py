@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from math import copysign, exp, floor, isfinite, isnan, log, sqrt
 
-from lagsim.native.kernel_types import Floats, at, external, total, unrolled
+from lagsim.native.kernel_types import Floats, apart, at, external, total, unrolled
 
 CONSTRAINED = True
 COUNT = 3
@@ -244,6 +244,16 @@ def sums(n: int, y: Floats, out: Floats) -> None:
             )
 
 
+def side_by_side(n: int, y: Floats, out: Floats) -> None:
+    """Passes apart, with a branch and a variable; n may be no multiple of anything."""
+    middle = at(out, n)
+    for i in apart(n):
+        slope = total(WEIGHTS[0][j] * y[i] for j in unrolled(3))
+        middle[i] = slope + 0.1 * y[n - 1 - i]
+        out[i] = max(0.3 * y[i], middle[i]) / 7.0
+        middle[i] += i
+
+
 def filtered(n: int, y: Floats, out: Floats) -> None:
     out[0] = total(WEIGHTS[s][0] / y[s] for s in unrolled(3) if WEIGHTS[s][0] != 0.0)
     out[1] = n
@@ -307,4 +317,4 @@ INTEGER_KERNELS = [
     endless,
     factorial,
 ]
-ARRAY_KERNELS = [fill, sums, filtered]
+ARRAY_KERNELS = [fill, sums, side_by_side, filtered]

@@ -158,7 +158,7 @@ def pointer(array: np.ndarray) -> object:
 
 
 @pytest.mark.parametrize("kernel", ARRAY_KERNELS)
-@pytest.mark.parametrize("n", [3, 7])
+@pytest.mark.parametrize("n", [3, 7, 16])
 def test_arrays(everything: Engine, kernel: Callable[..., object], n: int) -> None:
     y = np.random.default_rng(n).normal(size=n)
     expected, out = np.full(3 * n, 9.0), np.full(3 * n, 9.0)

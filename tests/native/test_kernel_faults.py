@@ -57,7 +57,7 @@ FAULTS = [
     ("!return a[-1]", "count from 0"),
     ("!return x[0]", "`x`, which is indexed, is float, not Floats"),
     ("!return a[x]", "index is float, not int"),
-    ("!for i in a:\n    pass\nreturn x", r"range\(\.\.\.\) or unrolled"),
+    ("!for i in a:\n    pass\nreturn x", r"apart\(n\) or unrolled"),
     ("!for i in range(0, 3, n):\n    pass\nreturn x", "not known at translation"),
     ("!for i in range(0, 3, 0):\n    pass\nreturn x", "step is zero"),
     ("!for i in unrolled(n):\n    pass\nreturn x", "not known at translation"),
