@@ -14,12 +14,13 @@ that choose their steps); the others are raised here, from what the rows have sh
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from lagsim.alarms.inputs import about_inputs
 from lagsim.alarms.rows import about_constraints, about_energy, about_error
-from lagsim.alarms.steps import about_steps
 from lagsim.alarms.witness import Witness
+from lagsim.methods import method
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
@@ -29,6 +30,12 @@ if TYPE_CHECKING:
     from lagsim.plan import Plan
     from lagsim.system import System
     from lagsim.trajectory import Caution, Trajectory
+
+# Methods with nothing to look for: they notice on the way, or are exact.
+SEE_FOR_THEMSELVES = ("dop853", "exponential")
+# Steps that follow the motion are not shorter than this, in parts of 1/rate of the
+# fastest that is to be seen (a series takes 0.5 to 1.5).
+FOLLOWS = 0.05
 
 __all__ = ["MEANINGS", "Witness", "alarms"]
 
@@ -77,8 +84,25 @@ def alarms(
         *start.warnings,
         *about_inputs(start, plan, system),
         *trajectory.warnings,
-        *about_steps(equations, plan, trajectory, witness),
+        *_about_steps(equations, plan, trajectory, witness),
         *about_energy(plan, witness),
         *about_constraints(ledger, plan),
         *about_error(bar, plan),
     ]
+
+
+def _about_steps(
+    equations: Equations, plan: Plan, trajectory: Trajectory, witness: Witness
+) -> list[Caution]:
+    """Ask for the eigenvalues of the scene, where there may be something to tell."""
+    steps = trajectory.statistics.steps
+    chosen = plan.step is None and plan.formulation != "baumgarte"
+    if not steps or (chosen and plan.method in SEE_FOR_THEMSELVES):
+        return []
+    if chosen and math.isfinite(method(plan.method).IMAGINARY_LIMIT):
+        h = (trajectory.end - trajectory.start) / steps
+        if h * witness.fastest_rate > FOLLOWS:
+            return []
+    from lagsim.alarms.steps import about_steps
+
+    return about_steps(equations, plan, trajectory, witness)

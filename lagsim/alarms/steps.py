@@ -51,8 +51,6 @@ FASTER = 30.0
 # With a step longer than this, in parts of 1/|eigenvalue|, no method resolves a motion
 # to its tolerance: DOP853 takes 1.5 at 1e-8, a series 1 at 1e-11 and 1.7 at 1e-14.
 RESOLVED = 2.5
-# Methods with nothing to look for: they notice on the way, or are exact.
-SEE_FOR_THEMSELVES = ("dop853", "exponential")
 # What a mode does in steps shorter than this part of its period needs no question.
 SLOW = 1e-3
 
@@ -82,14 +80,12 @@ def about_steps(
     """Hold the step of a run against the eigenvalues of its scene."""
     module = method(plan.method)
     steps = trajectory.statistics.steps
-    if not steps or len(equations.q) > MOST_COORDINATES:
+    if len(equations.q) > MOST_COORDINATES:
         return []
     span = trajectory.end - trajectory.start
     h = span / steps if plan.step is None else plan.step
     if plan.formulation == "baumgarte":
         return _penalty(module, h, plan, _seen(equations, witness, 1.0 / plan.gain))
-    if plan.method in SEE_FOR_THEMSELVES:
-        return []
     seen = _seen(equations, witness, h)
     if plan.step is None and math.isfinite(module.IMAGINARY_LIMIT):
         return _held(module, h, seen, equations)

@@ -52,19 +52,20 @@ class Witness:
             self._low = np.fmin(self._low, np.min(finite, axis=0))
             self._high = np.fmax(self._high, np.max(finite, axis=0))
         first = -self._seen % self._stride
-        self._kept += [self._part(row) for row in rows[first :: self._stride]]
+        self._kept += list(self._parts_of(rows[first :: self._stride]))
         self._seen += len(rows)
         while len(self._kept) > MOST_ROWS:
             self._kept = self._kept[::2]
             self._stride *= 2
 
-    def _part(self, row: Floats) -> Floats:
-        """Give energy - work, the kinetic energy, t, q, q', q''."""
-        work = 0.0 if self._work is None else row[self._work]
-        with np.errstate(invalid="ignore"):
-            balance = row[self._energy] - work
-        moving = row[self._parts.get("kinetic", self._energy)]
-        return np.concatenate([[balance, moving], row[: 1 + 3 * self.count]])
+    def _parts_of(self, rows: Floats) -> Floats:
+        """Give energy - work, the kinetic energy, t, q, q', q'' of each row."""
+        balance = rows[:, self._energy]
+        if self._work is not None:
+            with np.errstate(invalid="ignore"):
+                balance = balance - rows[:, self._work]
+        moving = rows[:, self._parts.get("kinetic", self._energy)]
+        return np.column_stack([balance, moving, rows[:, : 1 + 3 * self.count]])
 
     @property
     def _rows(self) -> Floats:
@@ -118,6 +119,16 @@ class Witness:
         k = self._parts.get(alone, self._energy)
         found.append(max(abs(high[k]), abs(low[k])))
         return float(np.max(found))
+
+    @property
+    def fastest_rate(self) -> float:
+        """How fast the fastest motion is that the rows show: |q''| against |q'|."""
+        n, rows = self.count, self._rows
+        rates, accelerations = (
+            np.sqrt(np.sum(rows[:, 3 + k * n :][:, :n] ** 2, axis=0)) for k in (1, 2)
+        )
+        found = np.divide(accelerations, rates, out=np.zeros(n), where=rates > 0.0)
+        return float(np.max(found, initial=0.0))
 
     def states(self, most: int) -> Iterator[tuple[float, Floats, Floats, Floats]]:
         """Give t, q, q', q'' of at most so many rows, the first among them.

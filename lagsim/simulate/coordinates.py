@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from lagsim.methods import _state as at
 from lagsim.trajectory import Caution
 
@@ -31,16 +29,18 @@ def singularity_caution(run: Run) -> list[Caution]:
     count = int(run.state[at.INERTIAS])
     if not count or not run.steps:
         return []
-    kept = run.state[int(run.state[at.INERTIAS_AT]) :][: 3 * count]
-    largest, smallest, when = kept.reshape(3, count)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        parts = np.where(largest > 0.0, smallest / largest, np.inf)
-    k = int(np.argmin(parts))
-    if not parts[k] < VANISHING:
+    kept = run.state[int(run.state[at.INERTIAS_AT]) :].tolist()  # numpy takes longer
+    parts = [
+        smallest / largest if largest > 0.0 else 1.0
+        for largest, smallest in zip(kept[:count], kept[count : 2 * count], strict=True)
+    ]
+    part = min(parts)
+    if not part < VANISHING:
         return []
-    name = run.system.inertias[k]
+    k = parts.index(part)
+    name, when = run.system.inertias[k], kept[2 * count + k]
     text = (
-        f"at t = {when[k]:.9g} the inertia of `{name}` falls to {parts[k]:.1g} of its "
+        f"at t = {when:.9g} the inertia of `{name}` falls to {part:.1g} of its "
         f"largest: there `{name}` is close to losing its meaning (polar coordinates at "
         "the pole, angles at gimbal lock), and steps are short for no other reason; "
         "Cartesian coordinates, or angles with their pole elsewhere, pass through"

@@ -90,7 +90,7 @@ def test_rows_that_leave_the_constraints_are_told(lagsim, write):
     options = ["--method", "rk4", "--step", "0.1", "--no-plots"]
     called = lagsim("run", write(ON_THE_CURVE), "--formulation", "drift", *options)
     assert called.code == 0
-    assert "the formulation drift lets them go" in called.err
+    assert "the formulation drift lets it go" in called.err
     assert lagsim("run", write(ON_THE_CURVE), *options).err == ""
 
 
