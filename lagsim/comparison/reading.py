@@ -1,0 +1,251 @@
+"""Reading a table of results, fast where it is what lagsim writes.
+
+A block of text that holds nothing but plain numbers is read by SciPy's reader of Matrix
+Market files, which takes a sixth of the time of `float`. It is lenient, so that what
+is left of a block without its digits must look like rows of numbers first. Any other
+block is read cell by cell, and the first cell that is no number is named.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import orjson
+
+from lagsim.errors import InputError, Problem
+from lagsim.outputs.results import MANIFEST
+from lagsim.outputs.table import NAME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+    from typing import BinaryIO
+
+    from lagsim.native.kernel_types import Floats
+
+# Bytes read at once, and of a file for which SciPy's reader is worth its import.
+BLOCK = 1 << 23
+LARGE = 1 << 21
+# Bytes of a header at most: beyond, the file is something else.
+LONGEST_HEADER = 1 << 24
+
+_DIGITS = b"0123456789"
+_TO_LINES = bytes.maketrans(b",", b"\n")
+# Of a number without its digits.
+_MARKS = rb"-?\.?(?:[eE][-+]?)?"
+# What SciPy's reader would stop at without a word.
+_MISPLACED = (b"e,", b"E,", b"e\r", b"E\r", b"e\n", b"E\n")
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of numbers, one column of which is the time `t`.
+
+    Attributes
+    ----------
+    name : str
+        What messages call it.
+    columns : tuple of str
+    data : ndarray, shape (columns, rows)
+    units : mapping of str to str
+        Of the columns, where they are known.
+    remarks : tuple of str
+        What the user should know of the run that made it.
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    data: Floats
+    units: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def t(self) -> Floats:
+        """The times (rows,)."""
+        return self["t"]
+
+    def __getitem__(self, column: str) -> Floats:
+        return np.asarray(self.data[self.columns.index(column)])
+
+
+def read_results(path: Path) -> Table:
+    """Read the table of a folder of results, with what its run.json says, or a file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not a table of numbers.
+    """
+    if not path.is_dir():
+        return read_table(path)
+    table = read_table(path / NAME)
+    units: Mapping[str, str] = {}
+    remarks: tuple[str, ...] = ()
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+        manifest: Any = orjson.loads((path / MANIFEST).read_bytes())
+        units = {k: str(unit) for k, unit in manifest["columns"].items()}
+        if not manifest["complete"]:
+            remarks = (f"{path} is incomplete: {manifest['reason']}",)
+    return Table(table.name, table.columns, table.data, units, remarks)
+
+
+def read_table(path: Path) -> Table:
+    """Read a CSV file with a header and rows of numbers.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not a table of numbers.
+    """
+    try:
+        with path.open("rb") as file:
+            return _read(file, str(path))
+    except OSError as error:
+        raise unusable(str(path), f"cannot be read: {error.strerror}") from None
+
+
+def unusable(name: str, why: str) -> InputError:
+    """Give what tells that a file cannot be compared."""
+    return InputError([Problem("bad-table", f"{name}: {why}")])
+
+
+def _read(file: BinaryIO, name: str) -> Table:
+    head = file.readline(LONGEST_HEADER)
+    columns = _header(head, name)
+    size = file.seek(0, io.SEEK_END)
+    # Every row ends with a line break, but for the last one of a foreign table.
+    most = _line_breaks(file, len(head)) + 1
+    # No row is shorter than its commas: nothing else is made room for.
+    most = min(most, size // max(1, 2 * len(columns) - 1) + 1)
+    data = np.empty((len(columns), most))
+    rows, line = 0, 2
+    file.seek(len(head))
+    for block in _blocks(file):
+        part = _plain(block, len(columns)) if size > LARGE else None
+        if part is None:
+            part = _cells(block, columns, name, line)
+        data[:, rows : rows + part.shape[1]] = part
+        rows += part.shape[1]
+        line += block.count(b"\n")
+    if not rows:
+        raise unusable(name, "there are no rows after the header")
+    data = data[:, :rows]
+    return Table(name, columns, data)
+
+
+def _header(head: bytes, name: str) -> tuple[str, ...]:
+    if not head.strip():
+        raise unusable(name, "the file is empty" if not head else "line 1 is blank")
+    try:
+        text = head.decode("utf-8-sig").rstrip("\r\n")
+        columns = next(csv.reader([text], strict=True))
+    except (UnicodeDecodeError, csv.Error, StopIteration):
+        raise unusable(name, "line 1 is no header of a CSV file") from None
+    columns = [column.strip() for column in columns]
+    with contextlib.suppress(ValueError):
+        float(columns[0])
+        raise unusable(name, "line 1 is no header: it begins with a number")
+    if "t" not in columns:
+        raise unusable(name, "line 1: there is no column `t`, the time")
+    if not all(columns):
+        raise unusable(name, "line 1: a column has no name")
+    twice = [column for column, number in Counter(columns).items() if number > 1]
+    if twice:
+        raise unusable(name, f"line 1: the column `{twice[0]}` stands twice")
+    return tuple(columns)
+
+
+def _line_breaks(file: BinaryIO, start: int) -> int:
+    file.seek(start)
+    return sum(block.count(b"\n") for block in iter(lambda: file.read(BLOCK), b""))
+
+
+def _blocks(file: BinaryIO) -> Iterator[bytes]:
+    """Give the rest of a file in blocks of whole lines."""
+    rest = b""
+    while read := file.read(BLOCK):
+        read = rest + read
+        end = read.rfind(b"\n") + 1
+        rest = read[end:]
+        if end:
+            yield read[:end]
+    if rest:
+        yield rest
+
+
+def _plain(block: bytes, count: int) -> Floats | None:
+    """Read rows of plain numbers (count, rows); None if there is anything else."""
+    marks = block.translate(None, _DIGITS)
+    row = rb"(?:%s,){%d}%s\r?\n" % (_MARKS, count - 1, _MARKS)
+    if not re.fullmatch(rb"(?:%s)*" % row, marks):
+        return None
+    minus = sum(map(block.count, (b",-", b"\n-", b"e-", b"E-"))) + (block[:1] == b"-")
+    plus = block.count(b"e+") + block.count(b"E+")
+    if (block.count(b"-"), block.count(b"+")) != (minus, plus):
+        return None
+    if any(part in block for part in _MISPLACED):
+        return None
+    from scipy.io import mmread
+
+    rows = block.count(b"\n")
+    head = b"%%%%MatrixMarket matrix array real general\n%d %d\n" % (count, rows)
+    text = io.BytesIO(head + block.translate(_TO_LINES, b"\r"))
+    try:
+        return np.asarray(mmread(text), dtype=np.float64)
+    except ValueError:
+        return None
+
+
+def _cells(block: bytes, columns: tuple[str, ...], name: str, line: int) -> Floats:
+    """Read rows cell by cell (columns, rows).
+
+    Raises
+    ------
+    InputError
+        That names the line of the first cell that is no number.
+    """
+    try:
+        text = block.decode()
+    except UnicodeDecodeError as error:
+        line += block.count(b"\n", 0, error.start)
+        raise unusable(name, f"line {line} is not UTF-8") from None
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    rows: list[list[float]] = []
+    blank = 0
+    while True:
+        here = line + reader.line_num
+        try:
+            cells = next(reader, None)
+        except csv.Error as error:
+            raise unusable(name, f"line {here}: {error}") from None
+        if cells is None:
+            return np.array(rows, dtype=np.float64).reshape(-1, len(columns)).T
+        if blank and cells:
+            raise unusable(name, f"line {blank} is blank")
+        if not cells:
+            blank = blank or here
+            continue
+        if len(cells) != len(columns):
+            found = f"{len(cells)} cell{'s' * (len(cells) != 1)}"
+            why = f"line {here} has {found}, and the header {len(columns)} columns"
+            raise unusable(name, why)
+        pairs = zip(cells, columns, strict=True)
+        rows.append([_number(cell, column, name, here) for cell, column in pairs])
+
+
+def _number(cell: str, column: str, name: str, line: int) -> float:
+    try:
+        if "_" not in cell:
+            return float(cell)
+    except ValueError:
+        pass
+    shown = f"`{cell[:40]}`" if cell.strip() else "empty"
+    what = f"line {line}: {column} is {shown}, and not a number"
+    raise unusable(name, what)
