@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.outputs.axis import noise_axis, time_axis, value_axis
+from lagsim.outputs.axis import DecadeAxis, extent, time_axis, value_axis
 from lagsim.outputs.panel import Panel, legend
 from lagsim.outputs.sheet import (
     DIM,
@@ -23,22 +23,25 @@ from lagsim.outputs.sheet import (
 from lagsim.outputs.thinning import Thinning
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from lagsim.comparison.judging import Comparison
     from lagsim.comparison.reading import Table
+    from lagsim.native.kernel_types import Floats
+
+    At = tuple[float, float]
 
 # So many columns are shown.
 MOST = 4
 # Inches: margins, the space for the scales, the panels and what is between them.
-EDGE, LEFT, TOP, HEIGHT, GAP, BELOW = 0.12, 0.66, 0.62, 1.35, 0.42, 0.36
+EDGE, LEFT, TOP, HEIGHT, GAP, BELOW = 0.12, 0.66, 0.62, 1.35, 0.36, 0.08
+# Differences so much smaller than the largest are not shown.
+MOST_DECADES = 12
 # Rows that are thinned at once.
 ROWS = 1 << 16
 
 GOLDEN = Pen(PENS[1].colour, width=2.2)
 NEW = PENS[0]
 APART = PENS[0]
-BOUND = Pen("#009E73", width=0.6)
+BAND = Pen("#009E73", width=5.0)
 PLACE = Pen(PENS[2].colour, marker="o", size=4.0, fill="none")
 
 
@@ -56,17 +59,17 @@ def picture(title: str, golden: Table, new: Table, found: Comparison) -> bytes:
     )
     width = WIDTH / 2 - LEFT - EDGE
     legend(sheet, LEFT, 0.46, [("golden", GOLDEN), ("new", NEW)], width)
-    entries = [("new − golden", APART), ("bound", BOUND), ("worst", PLACE)]
-    legend(sheet, WIDTH / 2 + LEFT, 0.46, entries, width)
+    entries = [("difference", APART), ("passes", BAND), ("worst", PLACE)]
+    legend(sheet, WIDTH / 2 + LEFT - 0.4, 0.46, entries, width + 0.4)
     for k, deviation in enumerate(shown):
         top = TOP + k * (HEIGHT + GAP)
         series = _series(deviation.column, golden, new, found)
         label = fitted(deviation.column, HEIGHT + 0.2, SMALL)
-        at = (deviation.t, deviation.new, deviation.new - deviation.golden)
+        at = (deviation.t, deviation.difference)
         _values(sheet, (LEFT, top, width, HEIGHT), series, label)
         _apart(sheet, (WIDTH / 2 + LEFT, top, width, HEIGHT), series, at)
-    sheet.text(LEFT + width / 2, height - 0.2, "t (s)", align="center")
-    sheet.text(WIDTH / 2 + LEFT + width / 2, height - 0.2, "t (s)", align="center")
+    for left in (LEFT, WIDTH / 2 + LEFT):
+        sheet.text(left + width / 2, height - 0.12, "t (s)", align="center")
     return sheet.png()
 
 
@@ -78,7 +81,7 @@ def _series(column: str, golden: Table, new: Table, found: Comparison) -> Thinni
         g, n = golden[column][mine], new[column][found.rows.new[k : k + ROWS]]
         with np.errstate(invalid="ignore"):
             limit = found.bound(column, g, n)
-            block = np.stack((golden.t[mine], g, n, n - g, limit), 1)
+            block = np.stack((golden.t[mine], g, n, np.abs(n - g), limit), 1)
         thin.add(block)
     return thin
 
@@ -96,22 +99,28 @@ def _values(
 
 
 def _apart(
-    sheet: Sheet,
-    place: tuple[float, float, float, float],
-    series: Thinning,
-    worst: Sequence[float],
+    sheet: Sheet, place: tuple[float, float, float, float], series: Thinning, worst: At
 ) -> None:
-    """Draw the difference, and the band that it has to stay in."""
+    """Draw the size of the difference, and the band that it has to stay in."""
     t, apart = series.series("apart")
     times, bound = series.series("bound")
-    both = np.concatenate((apart, bound, -bound))
-    panel = Panel(sheet, place, time_axis(t), noise_axis(both, 1.0))
-    panel.band(times, -bound, bound, BOUND)
+    apart, bound = (_logarithm(values) for values in (apart, bound))
+    found = extent(apart, bound) or (-1.0, 0.0)
+    low, high = max(found[0], found[1] - MOST_DECADES) - 0.5, found[1] + 0.5
+    panel = Panel(sheet, place, time_axis(t), DecadeAxis(low, high))
+    panel.band(times, np.full_like(bound, low), np.fmax(bound, low), BAND)
     panel.series(t, apart, APART)
-    if np.isfinite(worst[2]):
-        panel.mark(worst[0], worst[2], PLACE, PLACE.colour)
+    level = _logarithm(np.array([worst[1]]))
+    if np.isfinite(level[0]):
+        panel.mark(worst[0], float(level[0]), PLACE, PLACE.colour)
     panel.frame((5, 5))
-    _label(sheet, place, panel.y.label("difference"))
+    _label(sheet, place, "|new − golden|")
+
+
+def _logarithm(values: Floats) -> Floats:
+    """Give the powers of ten; nan for what is zero or not finite."""
+    some = (values > 0.0) & (values < np.inf)
+    return np.log10(values, out=np.full_like(values, np.nan), where=some)
 
 
 def _label(sheet: Sheet, place: tuple[float, float, float, float], label: str) -> None:

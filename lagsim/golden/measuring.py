@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.comparison.scales import scales
+from lagsim.comparison.scales import kind, scales
+from lagsim.expressions.evaluate import evaluate_with_error
 from lagsim.golden.invariants import MOMENTUM, invariants
 from lagsim.golden.motion import (
     LEAST_ROWS,
@@ -132,7 +133,8 @@ def units(scene: Scene) -> dict[str, str]:
     model = scene.equations.model
     found = {d.name: d.unit for d in model.definitions}
     for c in model.coordinates:
-        found |= {c.name: c.unit, f"{c.name}_dot": c.unit, f"{c.name}_ddot": c.unit}
+        rates = {f"{c.name}_dot": f"{c.unit}/s", f"{c.name}_ddot": f"{c.unit}/s^2"}
+        found |= {c.name: c.unit} | (rates if c.unit else {})
     return found
 
 
@@ -180,14 +182,38 @@ def _clear(t: Floats, trajectory: Trajectory, spacing: float) -> list[int]:
 
 
 def _floors(scene: Scene, base: Motion, rows: Floats) -> Floats:
-    """Give what no bound is below: the tolerance itself, and rounding errors."""
+    """Give what no bound is below, (k, columns): the tolerance, and rounding errors."""
     rtol = base.plan.rtol or DEFAULT_RTOL
-    sizes = scales(base.columns, rows.T, units(scene))
+    of = units(scene)
+    sizes = scales(base.columns, rows.T, of)
+    alone = sizes.copy()
     for k, name in enumerate(base.columns):
         sizes[k] = base.scales.get(name, sizes[k])
+        # A definition may be the difference of two others, and nothing but errors.
+        alike = [i for i, c in enumerate(base.columns) if of.get(c) == of.get(name)]
+        if of.get(name) and kind(name, base.columns) == "definition":
+            sizes[k] = np.max(alone[alike])
     floors = rtol * sizes + ULPS * np.max(np.abs(rows), axis=0)
     floors[base.columns.index("t")] = 0.0
-    return np.asarray(floors)
+    return np.asarray(floors + _roundings(scene, base, rows))
+
+
+def _roundings(scene: Scene, base: Motion, rows: Floats) -> Floats:
+    """Give what rounding may change of the definitions in each row (k, columns)."""
+    model = scene.equations.model
+    shown = [d for d in model.definitions if d.name in base.columns]
+    found = np.zeros_like(rows)
+    if not shown:
+        return found
+    places = [base.columns.index(d.name) for d in shown]
+    eps = float(np.finfo(float).eps)
+    parameters = {p.name: (p.value, eps * abs(p.value)) for p in model.parameters}
+    nodes = [d.node for d in shown]
+    for k, row in enumerate(rows.tolist()):
+        values = {c: (x, eps * abs(x)) for c, x in zip(base.columns, row, strict=True)}
+        errors = evaluate_with_error(model.graph, nodes, parameters | values)
+        found[k, places] = [error for _, error in errors]
+    return np.nan_to_num(found, nan=0.0, posinf=0.0)
 
 
 def _envelope(
@@ -200,15 +226,14 @@ def _envelope(
     """Give the bounds (k, columns); they never fall."""
     spread = {"looser": np.zeros_like(rows)}
     largest = np.zeros_like(rows)
-    for kind, other in others:
+    for sort, other in others:
         if other.columns != base.columns:
             continue
         apart = np.abs(other.at(rows[:, 0], near, ends=True) - rows)
-        target = spread.get(kind, largest)
+        target = spread.get(sort, largest)
         np.fmax(target, apart, out=target)
     found = spread["looser"] + SAFETY * largest
-    found = np.maximum.accumulate(found, axis=0) + floors
-    # Where nothing differs (a prescribed coordinate, a constant) there is no reason.
+    found = np.maximum.accumulate(found + floors, axis=0)
     return np.asarray(found * (1.0 + DIGITS / 2))
 
 
