@@ -17,7 +17,9 @@ import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PARTS = ("whole_run", "first_run", "chains", "andrews", "million_rows")
+PARTS = (
+    "whole_run", "first_run", "chains", "rods", "andrews", "structure", "million_rows",
+)  # fmt: skip
 
 
 def in_clean_environment(arguments):

@@ -25,6 +25,23 @@ if TYPE_CHECKING:
     from lagsim.model import Model
 
 
+# The column, and the variable, of the integral of L.
+ACTION = "action.S"
+
+
+@dataclass(frozen=True, slots=True)
+class Quadrature:
+    """What stands in no equation: only its rate is integrated.
+
+    A coordinate, or the action. `rate` and `mass` (its entry of M's diagonal; zero for
+    the action) are nodes.
+    """
+
+    name: str
+    rate: int
+    mass: int
+
+
 @dataclass(frozen=True, slots=True)
 class Equations:
     """Everything a run needs, as nodes of `graph`.
@@ -47,6 +64,9 @@ class Equations:
     power : int or None
         The rate of `work`, with the multipliers as variables `lambda_<c>`; None where
         the model has nothing that could do work.
+    quadratures : tuple of Quadrature
+        What is integrated beside these equations: the action where it is asked for,
+        and coordinates, see `reduction`.
     """
 
     model: Model
@@ -61,11 +81,18 @@ class Equations:
     energy_is_sum: bool
     kinetic_form: int
     power: int | None
+    quadratures: tuple[Quadrature, ...] = ()
 
     @property
     def accelerations(self) -> tuple[str, ...]:
         """The names of the variables q''."""
         return tuple(f"{q}_ddot" for q in self.q)
+
+    @property
+    def quadrature_rates(self) -> list[int]:
+        """The rates of what follows the velocities in y: work, then `quadratures`."""
+        work = [] if self.power is None else [self.power]
+        return [*work, *(x.rate for x in self.quadratures)]
 
     @property
     def multipliers(self) -> tuple[str, ...]:
@@ -105,7 +132,7 @@ def derive(model: Model) -> Equations:
     momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
     M = _mass_matrix(g, momenta, rates)
     convective = tangent(g, momenta, flow.forward)
-    Q = generalized_forces(g, model, positions, rates)
+    Q = generalized_forces(g, model, flow)
     f = [
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
@@ -134,7 +161,14 @@ def derive(model: Model) -> Equations:
         energy_is_sum=is_sum,
         kinetic_form=kinetic_form,
         power=_power(g, model, Q, rates, rows, dL_dt),
+        quadratures=_action(g, model),
     )
+
+
+def _action(g: Graph, model: Model) -> tuple[Quadrature, ...]:
+    if not model.output.action:
+        return ()
+    return (Quadrature(ACTION, model.lagrangian, g.zero),)
 
 
 def _mass_matrix(
@@ -142,6 +176,24 @@ def _mass_matrix(
 ) -> tuple[SparseVector, ...]:
     """Give d momenta / d rates: for each rate one sweep over what depends on it."""
     n = len(rates)
+    rows_of: dict[int, list[int]] = {}
+    for i, momentum in enumerate(momenta):
+        rows_of.setdefault(momentum, []).append(i)
+    M: list[dict[int, int]] = [{} for _ in range(n)]
+    below = _below(g, momenta, rates)
+    for j, v in enumerate(rates):
+        moving = {v: g.one}
+        for node in below[j]:
+            moving[node] = rate_of(g, node, moving)
+        for node in moving.keys() & rows_of.keys():
+            for i in rows_of[node]:
+                if i >= j:
+                    M[i][j] = M[j][i] = moving[node]
+    return tuple(SparseVector(g, n, row) for row in M)
+
+
+def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[int]]:
+    """Give for each rate what depends on it, in order of evaluation."""
     below: list[list[int]] = [[] for _ in rates]
     dependence: dict[int, int] = {v: 1 << j for j, v in enumerate(rates)}
     for node in g.cone(momenta):
@@ -154,32 +206,20 @@ def _mass_matrix(
                 j = (mask & -mask).bit_length() - 1
                 below[j].append(node)
                 mask &= mask - 1
-    rows_of: dict[int, list[int]] = {}
-    for i, momentum in enumerate(momenta):
-        rows_of.setdefault(momentum, []).append(i)
-    M: list[dict[int, int]] = [{} for _ in range(n)]
-    for j, v in enumerate(rates):
-        moving = {v: g.one}
-        for node in below[j]:
-            moving[node] = rate_of(g, node, moving)
-        for node in moving.keys() & rows_of.keys():
-            for i in rows_of[node]:
-                if i >= j:
-                    M[i][j] = M[j][i] = moving[node]
-    return tuple(SparseVector(g, n, row) for row in M)
+    return below
 
 
-def generalized_forces(
-    g: Graph, model: Model, positions: Sequence[int], rates: Sequence[int]
-) -> list[int]:
+def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:
     """Give Q_j: virtual work of the forces, and -dF/dq' of the dissipation."""
-    Q = [g.zero] * len(positions)
+    Q = [g.zero] * len(flow.rates)
     for force in model.forces:
-        variables = positions if force.level is Level.POSITION else rates
-        for j, lever in enumerate(gradient(g, force.direction, variables)):
+        by_rates = force.level is not Level.POSITION
+        levers = flow.gradient(g, force.direction, by_rates=by_rates)
+        for j, lever in levers.entries.items():
             Q[j] = g.call("add", Q[j], g.call("mul", force.node, lever))
     if model.dissipation is not None:
-        for j, loss in enumerate(gradient(g, model.dissipation, rates)):
+        losses = flow.gradient(g, model.dissipation, by_rates=True)
+        for j, loss in losses.entries.items():
             Q[j] = g.call("sub", Q[j], loss)
     return Q
 

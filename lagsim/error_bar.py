@@ -2,9 +2,9 @@
 
 A local error says little of the motion: the estimate is the difference of two whole
 runs, so that it knows how errors grow on the way. The repeat is made by the same method
-at a hundredth of the tolerance; a method without error control is repeated by the one
-that `auto` takes. At the level of rounding both runs err alike, and the difference is
-the size of either error.
+at a hundredth of the tolerance; a method without error control is repeated by DOP853.
+At the level of rounding both runs err alike, and the difference is the size of either
+error.
 
 The repeat costs about twice the run. It is made while that stays within a number of
 operations, never of seconds, so that a rerun gives the same result.
@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.expressions.evaluate import evaluate
-from lagsim.plan import DEFAULT_RTOL, make_plan
+from lagsim.plan import make_plan
+from lagsim.plan.integration import ANY
 from lagsim.simulate import simulate
 from lagsim.simulate.arcs import MOST_STEPS
 from lagsim.system import System
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
 TIGHTER = 100.0
 TIGHTEST = 1e-14
 LOOSER = 10.0**-0.5
+# That of the repeat of a method without error control.
+FREE_RTOL = 1e-13
 # Operations that a repeat may take without being asked for: about 2 s.
 BUDGET = 2e9
 # Evaluations and columns of a row cost about this much besides their operations.
@@ -229,7 +232,7 @@ def _tighter(equations: Equations, start: Start, plan: Plan) -> Plan:
         simulation = equations.model.simulation
         assert simulation is not None
         free = replace(
-            simulation, method="auto", formulation="auto", rtol=DEFAULT_RTOL, atol=None
+            simulation, method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None
         )
         model = replace(equations.model, simulation=free)
         return make_plan(replace(equations, model=model), start)

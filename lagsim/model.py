@@ -173,10 +173,12 @@ class Plot:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """Which definitions become columns, and the extra plots."""
+    """Which definitions become columns, the extra plots, and the optional columns."""
 
     columns: tuple[str, ...]
     plots: tuple[Plot, ...] = ()
+    gauss: bool = False
+    action: bool = False
 
 
 @dataclass(frozen=True, slots=True)

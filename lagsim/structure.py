@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from lagsim.equations import Equations
 
 
@@ -24,6 +26,10 @@ class Structure:
         `nothing`, or the first of `velocities`, `positions`, `time` that M depends on.
     diagonal : bool
         M is.
+    blocks : int
+        Of M: groups of coordinates that it does not couple.
+    constant_rows : bool
+        A is made of parameters only, as it is without constraints.
     constraints : str
         `none`, `holonomic`, `nonholonomic` or `mixed`.
     forces_free_of_velocities : bool
@@ -35,20 +41,30 @@ class Structure:
     linear : bool
         y' is affine in the state: M and A constant, f and b affine; and the power,
         where there is one, quadratic.
+    unknowns : int
+        Coordinates and constraints.
     """
 
     mass_varies_with: str
     diagonal: bool
+    blocks: int
+    constant_rows: bool
     constraints: str
     forces_free_of_velocities: bool
     conservative: bool
     autonomous: bool
     linear: bool
+    unknowns: int
 
     @property
     def constant_mass(self) -> bool:
         """M is made of parameters only."""
         return self.mass_varies_with == "nothing"
+
+    @property
+    def constant_parts(self) -> int:
+        """What is factored once: 2 M and A, 1 only M, 0 neither."""
+        return (1 + self.constant_rows) * self.constant_mass
 
     @property
     def separable(self) -> bool:
@@ -70,6 +86,7 @@ def structure(equations: Equations) -> Structure:
     A = [node for row in rows for node in row.A.entries.values()]
     right = [*equations.f, *(row.b for row in rows)]
     state = frozenset((*equations.q, *equations.velocities))
+    moving = state | {"t"}
     everything = [*entries, *A, *right, *(row.rate for row in rows)]
     levels = {row.holonomic for row in rows}
     kinds = {(): "none", (True,): "holonomic", (False,): "nonholonomic"}
@@ -81,15 +98,30 @@ def structure(equations: Equations) -> Structure:
     return Structure(
         mass_varies_with=_varies(equations, entries),
         diagonal=all(i == j for i, j in mass),
+        blocks=_blocks(len(equations.q), mass),
+        constant_rows=not g.depends(A) & moving,
         constraints=kinds.get(tuple(levels), "mixed"),
         forces_free_of_velocities=not g.depends(equations.f)
         & frozenset(equations.velocities),
         conservative=equations.power is None,
         autonomous="t" not in g.depends([*everything, *power]),
-        linear=not constants & (state | {"t"})
+        linear=not constants & moving
         and all(d is not None and d <= frozenset((0, 1)) for d in degrees)
         and all(d is not None and d <= frozenset((0, 1, 2)) for d in of_power),
+        unknowns=len(equations.q) + len(rows),
     )
+
+
+def _blocks(n: int, entries: Iterable[tuple[int, int]]) -> int:
+    leader = list(range(n))
+    for pair in entries:
+        i, j = pair
+        while leader[i] != i:
+            i = leader[i]
+        while leader[j] != j:
+            j = leader[j]
+        leader[max(i, j)] = min(i, j)
+    return sum(1 for j in range(n) if leader[j] == j)
 
 
 def _varies(equations: Equations, entries: list[int]) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.plan import Choice
+    from lagsim.formulation import Choice
 
 
 class Outcome(Enum):

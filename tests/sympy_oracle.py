@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-DIGITS = 30
+DIGITS = 50
 
 _BINARY = {
     ast.Add: operator.add,
@@ -215,10 +215,19 @@ class Oracle:
         return sp.lambdify(self.inputs, everything, modules="mpmath", cse=True)
 
     def at(self, values: Mapping[str, float]) -> Numbers:
-        """Evaluate with DIGITS digits."""
+        """Evaluate with DIGITS digits; give doubles."""
+        return self._numbers(np.array([float(x) for x in self.digits(values)]))
+
+    def exactly(self, values: Mapping[str, float]) -> Numbers:
+        """Evaluate with DIGITS digits, and keep them."""
+        return self._numbers(np.array(self.digits(values), dtype=object))
+
+    def digits(self, values: Mapping[str, float]) -> list[Any]:
         with mpmath.workdps(DIGITS):
             arguments = [mpmath.mpf(values[s.name]) for s in self.inputs]
-            flat = np.array([float(x) for x in self._compiled(*arguments)])
+            return [mpmath.mpf(x) for x in self._compiled(*arguments)]
+
+    def _numbers(self, flat: Any) -> Numbers:
         n, m = len(self.q), len(self.constraints)
         sizes = [n * n, n, m * n, m, 1, 1, 1, m, m]
         M, f, A, b, energy, kinetic, power, residuals, rates = np.split(

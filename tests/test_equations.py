@@ -103,7 +103,9 @@ class Native:
 
     def __init__(self, name: str, *, loops: bool) -> None:
         e = self.equations = equations_of(name)
-        self.system = System(e, make_plan(e, examine(e), loops=loops))
+        self.system = System(
+            e, make_plan(e, examine(e), loops=loops, formulation="full")
+        )
         assert loops == (self.system.plan.elimination is None)
         self.runner = self.system.link("dop853")
 
@@ -314,7 +316,7 @@ energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
 constraints: {speed: x_dot^2 + y_dot^2 = c^2}
 """
     )
-    system = System(e, make_plan(e, examine(e), loops=loops))
+    system = System(e, make_plan(e, examine(e), loops=loops, formulation="full"))
     runner = system.link("dop853")
     runner.prepare()
     for psi in (0.0, 0.7, 2.0, -1.2):
@@ -341,7 +343,7 @@ energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: 0}
 constraints: {drive: x = s*sin(w*t)}
 """
     )
-    system = System(e, make_plan(e, examine(e), loops=loops))
+    system = System(e, make_plan(e, examine(e), loops=loops, formulation="full"))
     runner = system.link("dop853")
     runner.prepare()
     t = 0.4

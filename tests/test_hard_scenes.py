@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from lagsim.simulate import arcs
 from lagsim.trajectory import Outcome
 from tests.small_scenes import expected_times
 from tests.support import run
@@ -45,6 +46,17 @@ def test_rows_that_nearly_lose_their_independence_are_solved_by_loops(duration, 
     # rk4: (0.003*20)^4/120 a radian, 40 radians.
     clock = found["clock"] - np.cos(20.0 * found["t"])
     assert np.max(np.abs(clock)) < (1e-5 if method else 1e-9)
+
+
+def test_where_loops_would_take_too_long_the_run_goes_on_without(monkeypatch):
+    monkeypatch.setattr(arcs, "MOST_DENSE", 0)
+    found = run(NEARLY.replace("DURATION", "1.099").replace("METHOD", ""))
+    assert found.trajectory.outcome is Outcome.DONE
+    (warning,) = [w for w in found.trajectory.warnings if w.code == "nearly-dependent"]
+    assert "too many for a QR" in warning.text
+    assert found.system.plan is found.plan
+    # The rows are 1e-3 apart at the end: rounding is divided by the square of that.
+    assert np.max(np.abs(found["x"] - found["t"])) < 1e-9
 
 
 FOLDING = """

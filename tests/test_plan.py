@@ -7,7 +7,8 @@ import pytest
 from lagsim.admissibility import examine
 from lagsim.equations import derive
 from lagsim.errors import InputError
-from lagsim.plan import DEFAULT_RTOL, make_plan
+from lagsim.plan import make_plan
+from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.reader import read, read_file
 from tests.scenes.reference import model_text
 from tests.support import MODELS
@@ -30,7 +31,8 @@ def reasons(plan):
     ("name", "formulation"),
     [
         ("elastic-pendulum", "none"),
-        ("elastic-pendulum-curve", "projection"),
+        ("elastic-pendulum-curve", "elimination"),
+        ("pendulum-cartesian", "projection"),
         ("elastic-pendulum-steered", "velocity projection"),
         ("rolling-disk", "velocity projection"),
         ("andrews", "projection"),
@@ -44,13 +46,16 @@ def test_the_formulation_follows_the_constraints(name, formulation):
 
 
 def test_mixed_constraints_are_projected_on_both_levels():
-    plan = plan_of("""
+    plan = plan_of(
+        """
 coordinates: {x: {}, y: {}, z: {}}
 energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: z}
 constraints: {floor: z = 0, blade: x_dot*sin(z + 1) = y_dot*cos(z + 1)}
 initial: {x: 0, y: 0, z: 0}
 simulation: {duration: 1}
-""")
+""",
+        formulation="projection",
+    )
     assert plan.formulation == "projection"
     assert reasons(plan)["formulation: projection"].startswith("1 of 2")
 
@@ -76,7 +81,12 @@ simulation: {{duration: 1}}
     ],
 )
 def test_the_mass_matrix_is_described(kinetic, mass):
-    assert plan_of(MASS.format(kinetic=kinetic)).mass_matrix == mass
+    assert plan_of(MASS.format(kinetic=kinetic), formulation="none").mass_matrix == mass
+
+
+def test_blocks_of_the_mass_matrix_are_told():
+    plan = plan_of("heavy-top", formulation="full")
+    assert plan.mass_matrix == "depends on positions, 2 blocks"
 
 
 def test_tolerances():
@@ -129,7 +139,7 @@ def test_dependent_rows_are_solved_by_loops(name, why):
 
 
 def test_a_singular_mass_matrix_is_solved_with_the_constraints():
-    plan = plan_of(model_text("huygens_cycloid"))
+    plan = plan_of(model_text("huygens_cycloid"), formulation="full")
     assert plan.augmented
     assert plan.elimination is None
     assert "mass matrix solved with the constraints" in reasons(plan)

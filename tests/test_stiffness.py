@@ -135,3 +135,38 @@ def test_the_speed_is_that_of_the_fastest_motion():
     # Below rounding of the position, the velocity tells it.
     assert speed_of(damped, [3.0], [0.0, 1e-16]) == pytest.approx(50.0)
     assert speed_of(damped, [3.0], [0.0, 0.0]) == 0.0
+
+
+RUBBING = """
+parameters: {K: 1e8, c: 2e5}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: K*(x - sin(y))^2/2 + 20*y^2/2}
+forces:
+  x: -c*(x_dot - y_dot*cos(y))
+  y: "c*(x_dot - y_dot*cos(y))*cos(y) - 2*sign(y_dot)"
+initial: {x: sin(1), y: 1}
+simulation: {duration: 2, output_step: 0.05, rtol: 1e-7}
+"""
+
+
+def test_switches_are_located_by_the_stiff_method_too():
+    found, explicit = run(RUBBING), run(RUBBING, method="dop853")
+    assert found.trajectory.choices
+    times = [[e.time for e in r.trajectory.events] for r in (found, explicit)]
+    assert len(times[0]) == 2
+    assert times[0] == pytest.approx(times[1], abs=1e-6)
+    assert np.max(np.abs(found["y"] - explicit["y"])) < 1e-6
+
+
+def test_steps_that_shrink_for_another_reason_are_no_stiffness():
+    # At rest the rows of this relation vanish: y' is rounding divided by rounding.
+    text = """
+    coordinates: {x: {}, y: {}, z: {}}
+    energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*z}
+    constraints: {ratio: x_dot^2 + y_dot^2 = 4*z_dot^2}
+    initial: {x: 0, y: 0, z: 0}
+    simulation: {duration: 1e-3, output_step: 1e-4}
+    """
+    found = run(text)
+    assert not found.trajectory.choices
+    assert "step-at-stability-bound" not in codes(found)

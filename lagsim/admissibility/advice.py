@@ -30,35 +30,32 @@ def rough_starts(
     relations = {c.name: c.relation.text for c in equations.model.constraints}
     for verdict in verdicts:
         row = rows[verdict.name]
-        line = suggestion(equations.model, relations[verdict.name])
-        what = f"`{verdict.name}`"
-        on_velocities = not row.holonomic
-        advice = _guess(equations, row, velocities=on_velocities)
-        yield from _rough(what, verdict.position, line or advice)
-        if verdict.velocity is not None:
+        if verdict.position.digits is not None:
+            line = suggestion(equations.model, relations[verdict.name])
+            advice = line or _guess(equations, row, velocities=not row.holonomic)
+            yield _rough(f"`{verdict.name}`", verdict.position, advice)
+        if verdict.velocity is not None and verdict.velocity.digits is not None:
             what = f"the rate of `{verdict.name}`"
             advice = _guess(equations, row, velocities=True)
-            yield from _rough(what, verdict.velocity, advice)
+            yield _rough(what, verdict.velocity, advice)
     for verdict in starts:
-        what = f"the start value `{verdict.name}`"
-        yield from _rough(what, verdict.position, "mark a value as {guess: ...}")
+        if verdict.position.digits is not None:
+            what = f"the start value `{verdict.name}`"
+            yield _rough(what, verdict.position, "mark a value as {guess: ...}")
 
 
-def _rough(what: str, residual: Residual, advice: str) -> Iterator[Caution]:
-    digits = residual.digits
-    if digits is not None:
-        yield Caution(
-            "rough-start",
-            f"{what} is off by {abs(residual.value):.1g}, as if the start had been "
-            f"typed with {digits} digits; {advice}",
-        )
+def _rough(what: str, residual: Residual, advice: str) -> Caution:
+    return Caution(
+        "rough-start",
+        f"{what} is off by {abs(residual.value):.1g}, as if the start had been "
+        f"typed with {residual.digits} digits; {advice}",
+    )
 
 
 def _guess(equations: Equations, row: Row, *, velocities: bool) -> str:
     """Name the values of which one could be a guess."""
     names = equations.velocities if velocities else equations.q
-    zero = equations.graph.zero
-    free = [name for name, a in zip(names, row.A, strict=True) if a != zero]
+    free = [names[j] for j in row.A.entries]
     if len(free) == 1:
         return f"mark {free[0]} as {{guess: ...}}"
     if not free or len(free) > MOST_NAMES:

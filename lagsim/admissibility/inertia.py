@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.admissibility.large import is_large, is_positive
 from lagsim.admissibility.metric import RANK, sizes_of
 from lagsim.admissibility.newton import null_space
 from lagsim.errors import InputError, Problem
@@ -28,9 +29,11 @@ def needs_constraints(
         Where a direction that the constraints admit has no inertia, or any direction a
         negative one.
     """
+    if is_large(point) and is_positive(point, q, v):
+        return False
     M = point.mass(q, v)
     A = point.jacobian(point.e.rows, q, v, errors)
-    size = sizes_of(M, A)
+    size = sizes_of(np.sqrt(np.abs(np.diag(M))), A)
     scaled = M / np.outer(size, size)
     inertia, directions = np.linalg.eigh(scaled)
     if inertia[0] > RANK:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.admissibility.large import is_large
 from lagsim.admissibility.newton import reach
 from lagsim.admissibility.point import Asked
 from lagsim.expressions.derivatives import tangent
@@ -63,6 +64,8 @@ def reach_of(point: Point, rows: Sequence[Row], q: Floats) -> Reach:
     """Decide what the motions that `rows` admit can reach from near q."""
     if any(not row.holonomic and not row.pfaffian for row in rows):
         return Reach(None, None, reason="a relation is not linear in the velocities")
+    if is_large(point):
+        return Reach(None, None, reason=f"{point.n} coordinates have too many brackets")
     time = point.t
     try:
         return _at_generic_points(point, rows, q)

@@ -26,16 +26,20 @@ def metric_of(M: Floats, free: Sequence[int]) -> Floats:
 
 def rank_metric(M: Floats, A: Floats) -> Floats:
     """Give the metric in which rows are compared: M, or its diagonal, completed."""
-    return M if _positive(M) else np.diag(sizes_of(M, A) ** 2)
+    if _positive(M):
+        return M
+    return np.diag(sizes_of(np.sqrt(np.abs(np.diag(M))), A) ** 2)
 
 
-def sizes_of(M: Floats, A: Floats) -> Floats:
+def sizes_of(roots: Floats, A: Floats) -> Floats:
     """Give for each coordinate sqrt(M_jj), or what the rows A (m, n) put in its place.
+
+    roots : (n,), sqrt(M_jj).
 
     A massless coordinate counts as much as the others in the row that weighs it most,
     so that its unit does not matter.
     """
-    sizes = np.sqrt(np.abs(np.diag(M)))
+    sizes = roots.copy()
     massless = sizes == 0
     if not massless.any():
         return sizes

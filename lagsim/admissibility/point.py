@@ -5,13 +5,14 @@ One state is all that is asked, so nothing is compiled.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from lagsim.admissibility.metric import sizes_of
 from lagsim.admissibility.newton import MET, SOLVED, Relations
-from lagsim.expressions.derivatives import gradient
+from lagsim.expressions.derivatives import slopes
 from lagsim.expressions.evaluate import (
     UNIT_ROUNDOFF,
     evaluate,
@@ -89,14 +90,30 @@ class Point:
     def sizes(self, q: Floats, v: Floats) -> Floats:
         """Give sqrt(M_jj), or what stands in its place, where it was first asked."""
         if self._sizes is None:
-            A = np.nan_to_num(self.jacobian(self.e.rows, q, v))
-            self._sizes = sizes_of(self.mass(q, v), A)
+            diagonal = self.array([row[j] for j, row in enumerate(self.e.M)], q, v)
+            self._sizes = np.sqrt(np.abs(diagonal))
+            if not self._sizes.all():
+                A = np.nan_to_num(self.jacobian(self.e.rows, q, v))
+                self._sizes = sizes_of(self._sizes, A)
         return self._sizes
 
-    def mass(self, q: Floats, v: Floats) -> Floats:
-        """Give M (n, n)."""
-        nodes = [node for row in self.e.M for node in row]
-        return self.array(nodes, q, v).reshape(self.n, self.n)
+    def mass(self, q: Floats, v: Floats, among: Sequence[int] | None = None) -> Floats:
+        """Give M (n, n), or its rows and columns `among`."""
+        chosen = range(self.n) if among is None else among
+        found = self.mass_entries(q, v, chosen)
+        M = np.zeros((len(chosen), len(chosen)))
+        M[found.i, found.j] = found.values
+        return M
+
+    def mass_entries(
+        self, q: Floats, v: Floats, among: Sequence[int] | None = None
+    ) -> Entries:
+        """Give the entries of M that do not vanish identically."""
+        chosen = range(self.n) if among is None else among
+        place = {j: k for k, j in enumerate(chosen)}
+        rows = (self.e.M[j].entries for j in chosen)
+        kept = [{place[j]: x for j, x in row.items() if j in place} for row in rows]
+        return self._entries(kept, q, v, None)
 
     def jacobian(
         self,
@@ -106,11 +123,35 @@ class Point:
         errors: Mapping[str, float] | None = None,
     ) -> Floats:
         """Give A (m, n) of `rows`; with `errors` what is only rounding is zero."""
-        nodes = [node for row in rows for node in row.A]
-        found = self.array(nodes, q, v)
+        found = self.jacobian_entries(rows, q, v, errors)
+        A = np.zeros((len(rows), self.n))
+        A[found.i, found.j] = found.values
+        return A
+
+    def jacobian_entries(
+        self,
+        rows: Sequence[Row],
+        q: Floats,
+        v: Floats,
+        errors: Mapping[str, float] | None = None,
+    ) -> Entries:
+        """Give the entries of A that do not vanish identically."""
+        return self._entries([row.A.entries for row in rows], q, v, errors)
+
+    def _entries(
+        self,
+        rows: Sequence[Mapping[int, int]],
+        q: Floats,
+        v: Floats,
+        errors: Mapping[str, float] | None,
+    ) -> Entries:
+        nodes = [node for row in rows for node in row.values()]
+        values = self.array(nodes, q, v)
         if errors is not None:
-            found[np.abs(found) <= self.rounding(nodes, q, v, errors)] = 0.0
-        return found.reshape(len(rows), self.n)
+            values[np.abs(values) <= self.rounding(nodes, q, v, errors)] = 0.0
+        i = np.repeat(np.arange(len(rows)), [len(row) for row in rows])
+        j = np.array([j for row in rows for j in row], dtype=int)
+        return Entries(i, j, values)
 
     def relations(
         self,
@@ -121,9 +162,17 @@ class Point:
         errors: Mapping[str, float],
         *,
         velocities: bool,
-    ) -> Relations:
+    ) -> AtState:
         """Give what is asked of the values `free`, positions or velocities."""
-        return _AtState(self, asked, free, (q, v), errors, velocities=velocities)
+        return AtState(self, asked, free, (q, v), errors, velocities=velocities)
+
+
+class Entries(NamedTuple):
+    """The entries of a matrix that are not zero: rows, columns, values, each (k,)."""
+
+    i: Any
+    j: Any
+    values: Floats
 
 
 class Asked:
@@ -147,7 +196,9 @@ class Asked:
         self.errors.append(error)
 
 
-class _AtState(Relations):
+class AtState(Relations):
+    """What is asked of some values of a state, the others given."""
+
     def __init__(
         self,
         point: Point,
@@ -165,9 +216,16 @@ class _AtState(Relations):
         self.targets = np.array(asked.targets)
         names = point.e.velocities if velocities else point.e.q
         self.names = [names[j] for j in free]
-        unknowns = [point.g.variable(name) for name in self.names]
-        self.slopes = [
-            s for node in asked.nodes for s in gradient(point.g, node, unknowns)
+
+    @cached_property
+    def slopes(self) -> list[dict[int, int]]:
+        """The slopes of each node: index among the values -> node."""
+        g = self.point.g
+        place = {g.variable(name): k for k, name in enumerate(self.names)}
+        unknowns = frozenset(place)
+        return [
+            {place[v]: slope for v, slope in slopes(g, node, unknowns).items()}
+            for node in self.asked.nodes
         ]
 
     def _state(self, x: Floats) -> tuple[Floats, Floats]:
@@ -176,13 +234,29 @@ class _AtState(Relations):
         return state
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats]:
-        nodes = self.asked.nodes
-        found = self.point.array([*nodes, *self.slopes], *self._state(x))
-        slopes = found[len(nodes) :].reshape(len(nodes), len(self.free))
-        return found[: len(nodes)] - self.targets, slopes
+        """Give r (m,) and dr/dx (m, k)."""
+        r, entries = self.sparse(x)
+        J = np.zeros((len(r), len(self.free)))
+        J[entries.i, entries.j] = entries.values
+        return r, J
+
+    def sparse(self, x: Floats) -> tuple[Floats, Entries]:
+        """Give r (m,) and the entries of dr/dx that are not zero."""
+        nodes, slopes = self.asked.nodes, self.slopes
+        every = [*nodes, *(node for row in slopes for node in row.values())]
+        found = self.point.array(every, *self._state(x))
+        i = np.repeat(np.arange(len(slopes)), [len(row) for row in slopes])
+        j = np.array([j for row in slopes for j in row], dtype=int)
+        r = found[: len(nodes)] - self.targets
+        return r, Entries(i, j, found[len(nodes) :])
+
+    def _residual(self, x: Floats) -> Floats:
+        found = self.point.array(self.asked.nodes, *self._state(x))
+        return np.asarray(found - self.targets)
 
     def met(self, x: Floats, errors: Floats) -> bool:
-        residual = self(x)[0]
+        """Tell whether r is small against its terms, or rounding for these errors."""
+        residual = self._residual(x)
         state = self._state(x)
         scale = np.abs(self.point.array(self.asked.scales, *state))
         scale = np.maximum(scale, np.abs(self.targets))
@@ -194,7 +268,8 @@ class _AtState(Relations):
         return bool(np.all(np.abs(residual) <= bound))
 
     def exact(self, x: Floats) -> bool:
-        residual = self(x)[0]
+        """Tell whether r is within the rounding errors of x as it was stated."""
+        residual = self._residual(x)
         return bool(np.all(np.abs(residual) <= self._rounding(x, self.errors)))
 
     def _rounding(self, x: Floats, errors: Mapping[str, float]) -> Floats:

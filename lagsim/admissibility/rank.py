@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.admissibility.dependence import LEVELS, Demands, Dependence
-from lagsim.admissibility.metric import RANK, rank_metric
+from lagsim.admissibility.large import SURELY, SparseRows, is_large
+from lagsim.admissibility.metric import RANK, metric_of, rank_metric
 from lagsim.admissibility.newton import reach
 from lagsim.admissibility.point import Asked
 
@@ -84,6 +85,11 @@ def analyse(
     rows = point.e.rows
     if not rows:
         return RankReport(0, 1.0, 0, 1.0)
+    if is_large(point):
+        rows_now = SparseRows(point, q, v, errors)
+        smallest = rows_now.smallest
+        if smallest > SURELY:
+            return RankReport(len(rows), smallest, len(rows), smallest)
     Y, lengths = scaled_rows(point, q, v, errors=errors)
     flags = redundant_rows(Y)
     rank = flags.count(False)
@@ -138,6 +144,26 @@ def scaled_rows(
     Y = np.linalg.solve(np.linalg.cholesky(metric), A.T).T
     lengths = np.linalg.norm(Y, axis=1)
     return Y / np.where(lengths > 0, lengths, 1.0)[:, None], lengths
+
+
+def weakest_rows(
+    point: Point, q: Floats, v: Floats, rank: int, usual: Sequence[float]
+) -> tuple[Floats, float]:
+    """Give the combination (m,) of rows that is closest to zero, and its length.
+
+    The last of `rank` singular values; rows count as not shorter than they are as a
+    rule, `usual`.
+    """
+    if is_large(point):
+        rows = SparseRows(point, q, v, usual=usual)
+        if rows.smallest > 0.0:
+            return rows.weakest, rows.smallest
+    Y, lengths = scaled_rows(point, q, v, metric_of(point.mass(q, v), range(point.n)))
+    scale = np.maximum(lengths, usual)
+    Y = Y * (lengths / np.where(scale > 0, scale, 1.0))[:, None]
+    left, sizes, _ = np.linalg.svd(Y)
+    last = min(rank, len(sizes)) - 1
+    return left[:, last], float(sizes[last])
 
 
 def redundant_rows(Y: Floats, cutoff: float = RANK) -> list[bool]:
@@ -208,7 +234,10 @@ def admissible_near(
         limit = np.minimum(np.abs(kick) / np.sqrt(np.diag(metric)), own)
         state.append(x + nearby * np.copysign(limit, kick))
     names = frozenset(point.e.velocities)
-    moving = point.g.depends([a for row in point.e.rows for a in row.A]) & names
+    moving = (
+        point.g.depends([a for row in point.e.rows for a in row.A.entries.values()])
+        & names
+    )
     for velocities in (False, True) if moving else (False,):
         asked = Asked()
         for row in point.e.rows:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.admissibility import large
 from lagsim.admissibility.metric import metric_of
 from lagsim.admissibility.newton import Found, Trouble, nearest, reach
 from lagsim.admissibility.point import Asked
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.newton import Relations
-    from lagsim.admissibility.point import Point
+    from lagsim.admissibility.point import AtState, Point
     from lagsim.native.kernel_types import Floats
 
 # Other roots are looked for from this many starts around the guess, this far away.
@@ -28,13 +30,35 @@ SHARES = 1e-6
 class Solver:
     """Solves for values of the start, and keeps what there is to say about that."""
 
-    def __init__(self, point: Point, M: Floats, errors: Mapping[str, float]) -> None:
+    def __init__(
+        self, point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
+    ) -> None:
         self.point, self.e = point, point.e
-        self.M, self.errors = M, errors
+        self.stated, self.errors = (q, v), errors
         self.warnings: list[Caution] = []
         self.unsolved = self.least = ""
         # One-sided relations that are to be met as equalities: name -> gap.
         self.touching: dict[str, int] = {}
+
+    def metric(self, free: Sequence[int]) -> Floats:
+        """Give the metric of least change on the values `free`: M as it was stated."""
+        M = self.point.mass(*self.stated, free)
+        return metric_of(M, range(len(free)))
+
+    def _nearest(self, relations: AtState, x: Floats, *, far: bool = True) -> Found:
+        """Give the point nearest to x that meets the relations."""
+        free = relations.free
+        if len(free) >= large.LARGE and self._is_positive:
+            entries = self.point.mass_entries(*self.stated, free)
+            M = large.matrix(entries, len(free), len(free))
+            found = large.nearest(relations, x, M)
+            if found is not None:
+                return found
+        return nearest(relations, x, self.metric(free), far=far)
+
+    @cached_property
+    def _is_positive(self) -> bool:
+        return large.is_positive(self.point, *self.stated)
 
     def asked(self, *, velocities: bool, definitions: bool = True) -> Asked:
         """Give what is asked of positions, or of velocities."""
@@ -66,7 +90,7 @@ class Solver:
         *,
         velocities: bool,
         definitions: bool = True,
-    ) -> Relations:
+    ) -> AtState:
         """Give what is asked of the values `free`."""
         asked = self.asked(velocities=velocities, definitions=definitions)
         return self.point.relations(
@@ -86,7 +110,7 @@ class Solver:
         if not asked.nodes:
             return Found(x, met=True)
         relations = self.relations(free, q, v, velocities=velocities)
-        found = nearest(relations, x, metric_of(self.M, free))
+        found = self._nearest(relations, x)
         self._note(found, relations, asked.names, free, velocities)
         return found
 
@@ -132,7 +156,7 @@ class Solver:
         size = np.maximum(np.abs(found.x), np.max(np.abs(found.x), initial=0.0))
         size = np.maximum(size, np.abs(x0 - found.x))
         size[size == 0] = 1.0
-        metric = metric_of(self.M, free)
+        metric = self.metric(free)
         roots = [found.x]
         for _ in range(OTHER_STARTS):
             start = x0 + AROUND * size * random.standard_normal(len(free))
@@ -204,7 +228,7 @@ class Solver:
         if not self.asked(velocities=velocities, definitions=False).nodes:
             return x
         relations = self.relations(free, q, v, velocities=velocities, definitions=False)
-        found = nearest(relations, x, metric_of(self.M, free), far=False)
+        found = self._nearest(relations, x, far=False)
         return found.x if found.met else x
 
 

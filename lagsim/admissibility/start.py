@@ -137,8 +137,7 @@ class _Examination:
     def start(self, *, classify: bool) -> Start:
         point = self.point
         self._finite()
-        M = point.mass(self.q0, self.v0)
-        self.solver = Solver(point, M, self.errors)
+        self.solver = Solver(point, self.q0, self.v0, self.errors)
         q, v = self._guessed()
         verdicts = judge(point, q, v, self.errors)
         gaps = judge_gaps(point, q, v, self.errors)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     import typer
 
-COMMANDS = ("run", "check", "compare", "golden", "bench", "methods")
+COMMANDS = ("run", "check", "derive", "compare", "golden", "bench", "methods")
 
 _INTERRUPTED = 128 + signal.SIGINT
 _TERMINATED = 128 + signal.SIGTERM

@@ -33,9 +33,15 @@ def about_inputs(start: Start, plan: Plan, system: System) -> list[Caution]:
     if plan.step is None and simulation.step is not None:
         text = f"`step` has no effect: {plan.method} chooses its steps"
         found.append(Caution("step-unused", text))
+    if simulation.spectral_radius is not None and plan.method != "generalized-alpha":
+        text = f"`spectral_radius` has no effect: {plan.method} has no such parameter"
+        found.append(Caution("spectral-radius-unused", text))
     if plan.rtol is None and (simulation.rtol, simulation.atol) != (None, None):
         text = f"tolerances have no effect: {plan.method} takes fixed steps"
         found.append(Caution("tolerance-unused", text))
+    if plan.formulation != "baumgarte" and simulation.gain is not None:
+        text = f"`gain` has no effect: the formulation is {plan.formulation}"
+        found.append(Caution("gain-unused", text))
     return found
 
 
@@ -51,13 +57,16 @@ def about_error(bar: ErrorBar | str) -> list[Caution]:
     return [Caution("horizon", text)]
 
 
-def about_rows(ledger: Ledger) -> list[Caution]:
+def about_rows(ledger: Ledger, plan: Plan) -> list[Caution]:
     """Say so where rows do not meet the constraints: the motion is then no answer."""
     worst = ledger.constraint_residual
     if worst <= HELD:
         return []
+    why = "they do not determine this motion, and the rows are no answer"
+    if not plan.projected and not plan.reduction.eliminated:
+        why = f"the formulation {plan.formulation} lets them go; `projection` does not"
     text = (
         f"the constraints are not met in all rows (off by {worst:.2g} of their scale): "
-        "they do not determine this motion, and the rows are no answer"
+        f"{why}"
     )
     return [Caution("constraint-not-held", text)]

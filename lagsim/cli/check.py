@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start, Verdict
     from lagsim.equations import Equations
+    from lagsim.formulation import Choice
 
 # The kind of a verdict on the start value of a definition, which is no constraint.
 _START_VALUE = "start value"
@@ -61,6 +62,8 @@ def _one(
     """Check one model; give the exit code."""
     from lagsim.admissibility import examine
     from lagsim.equations import derive
+    from lagsim.formulation import formulation_problems
+    from lagsim.plan import make_plan
     from lagsim.reader import read_file
 
     with faults_shown(documents, file=path) as code:
@@ -68,19 +71,25 @@ def _one(
         simulation = model.simulation
         if simulation is not None:
             problems = method_problems(simulation.method, simulation.method_place)
+            problems += formulation_problems(
+                simulation.formulation, simulation.formulation_place
+            )
             if problems:
                 raise InputError(problems)
         equations = derive(model)
         start = examine(equations, classify=True)
+        choices = make_plan(equations, start).choices if start.admissible else ()
         if documents is not None:
-            documents.append(document(equations, start))
+            documents.append(document(equations, start, choices))
         else:
-            say(report(equations, start, repair=repair))
+            say(report(equations, start, choices, repair=repair))
         code.append(0 if start.admissible else 1)
     return code[-1]
 
 
-def document(equations: Equations, start: Start) -> dict[str, Any]:
+def document(
+    equations: Equations, start: Start, choices: Sequence[Choice] = ()
+) -> dict[str, Any]:
     """Give the content of `check --json`."""
     model, ranks, reach = equations.model, start.ranks, start.reach
     missed = [v for v in start.verdicts if v.kind == _START_VALUE]
@@ -131,6 +140,7 @@ def document(equations: Equations, start: Start) -> dict[str, Any]:
         },
         "repair": start.repair,
         "unsolved": start.unsolved,
+        "plan": [{"choice": c.choice, "reason": c.reason} for c in choices],
         "warnings": [{"code": w.code, "text": w.text} for w in start.warnings],
     }
 
@@ -157,7 +167,13 @@ def _constraint(verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def report(equations: Equations, start: Start, *, repair: bool = False) -> str:
+def report(
+    equations: Equations,
+    start: Start,
+    choices: Sequence[Choice] = (),
+    *,
+    repair: bool = False,
+) -> str:
     """Give the report for people; its first line is the verdict."""
     name, rows = equations.model.name, equations.rows
     rank = f" of rank {start.ranks.rank}" if rows else ""
@@ -176,6 +192,7 @@ def report(equations: Equations, start: Start, *, repair: bool = False) -> str:
     if start.verdicts:
         lines.append(table((v.name, _described(v)) for v in start.verdicts))
     lines += _reached(equations, start)
+    lines += [f"  {c.choice} ({c.reason})" for c in choices]
     lines += [f"  warning: {w.text}" for w in start.warnings]
     if not start.admissible or repair:
         lines += _repair(start)

@@ -86,11 +86,16 @@ def command(
         str | None,
         typer.Option(
             metavar="F",
-            help="How constraints are met: projection, elimination, baumgarte, drift.",
+            help="How constraints are met: projection, elimination, baumgarte, "
+            "drift; full: nothing is reduced.",
         ),
     ] = None,
     gain: Annotated[
-        str | None, typer.Option(metavar="X", help="Of baumgarte, per unit of time.")
+        str | None,
+        typer.Option(
+            metavar="X",
+            help="Of baumgarte, per unit of time; default 0.1/output step.",
+        ),
     ] = None,
     spectral_radius: Annotated[
         str | None,
@@ -242,7 +247,7 @@ class _Job:
                 full = self._draw(system, trajectory, thin, bar, results)
             cautions = [
                 *start.warnings, *about_inputs(start, plan, system),
-                *trajectory.warnings, *about_rows(ledger), *about_error(bar),
+                *trajectory.warnings, *about_rows(ledger, plan), *about_error(bar),
             ]  # fmt: skip
             self.lap("output")
             timings = {name: round(t, 6) for name, t in self.timings.items()}
@@ -352,6 +357,8 @@ class _Job:
 
 def refuse(model: Model, command: str = "run") -> None:
     """Refuse what this version cannot run."""
+    from lagsim.formulation import formulation_problems
+
     simulation = model.simulation
     problems = [
         Problem(
@@ -374,6 +381,9 @@ def refuse(model: Model, command: str = "run") -> None:
         )
     else:
         problems += method_problems(simulation.method, simulation.method_place)
+        problems += formulation_problems(
+            simulation.formulation, simulation.formulation_place
+        )
     if problems:
         raise InputError(problems)
 

@@ -14,7 +14,7 @@ from lagsim.expressions.functions import OPERATIONS
 from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Collection, Iterable, Mapping
 
     from lagsim.expressions.graph import Graph
 
@@ -32,11 +32,29 @@ def symbol(name: str) -> Any:
     return sympy.Symbol(name, real=True)
 
 
-def to_sympy(g: Graph, nodes: Iterable[int]) -> list[Any]:
+def to_sympy(
+    g: Graph,
+    nodes: Iterable[int],
+    *,
+    known: Mapping[int, Any] | None = None,
+    twins: Mapping[str, Callable[..., Any]] | None = None,
+    number: Callable[[float], Any] | None = None,
+) -> list[Any]:
     """Give `nodes` as sympy expressions.
 
-    Numbers keep their value to the last bit. sympy simplifies as it builds, so that an
-    expression without a finite value may become its `zoo` or `nan`.
+    sympy simplifies as it builds, so that an expression without a finite value may
+    become its `zoo` or `nan`.
+
+    Parameters
+    ----------
+    g, nodes
+        What to give.
+    known
+        What stands for some of the nodes; what is below them is not reached.
+    twins
+        What stands for some of the functions, instead of the table's twins.
+    number
+        What stands for a constant; as it is, numbers keep their value to the last bit.
 
     Raises
     ------
@@ -46,8 +64,9 @@ def to_sympy(g: Graph, nodes: Iterable[int]) -> list[Any]:
     import sympy
 
     nodes = list(nodes)
-    found: dict[int, Any] = {}
-    for n in g.cone(nodes):
+    number, twins = number or _number, twins or {}
+    found: dict[int, Any] = dict(known or {})
+    for n in _above(g, nodes, found):
         op = g.ops[n]
         if op == VARIABLE:
             found[n] = symbol(str(g.payload(n)))
@@ -56,10 +75,24 @@ def to_sympy(g: Graph, nodes: Iterable[int]) -> list[Any]:
         elif op == CONSTANT:
             value = g.value(n)
             assert value is not None
-            found[n] = _number(value)
+            found[n] = number(value)
         else:
-            found[n] = OPERATIONS[op].sympy(sympy, *(found[a] for a in g.args[n]))
+            args = [found[a] for a in g.args[n]]
+            twin = twins.get(op)
+            found[n] = twin(*args) if twin else OPERATIONS[op].sympy(sympy, *args)
     return [found[n] for n in nodes]
+
+
+def _above(g: Graph, nodes: Iterable[int], known: Collection[int]) -> list[int]:
+    """Give what is to be made, in order of evaluation: `nodes` down to `known`."""
+    seen = set(nodes).difference(known)
+    stack = list(seen)
+    while stack:
+        for a in g.args[stack.pop()]:
+            if a not in seen and a not in known:
+                seen.add(a)
+                stack.append(a)
+    return sorted(seen)
 
 
 def _number(x: float) -> Any:

@@ -7,13 +7,17 @@ from lagsim.methods._interface import PER_SURFACE
 COUNT = 0  # n
 ROWS = 1  # m
 MOTION = 2  # offset of q'' (n) and lambda (m), then working memory
-HAS_WORK = 3
+QUADRATURES = 3  # components of y after q and q'
 AUGMENTED = 4
 EXPECTED = 5  # the rank that the rows have in general
 REFERENCE = 6  # the largest health so far: what is small is small against it
 HEALTH = 7  # size of the last independent column, now
 # 8 to 11: see methods._interface.
-HEADER = 12
+GAIN = 12  # of what pulls the state to the constraints
+CONSTANT = 13  # what does not change in an arc: 1 what is factored of M, 2 A as well
+FACTORED = 14  # what of that has been factored
+RANKED = 15  # the rank that was found then
+HEADER = 16
 
 
 def workspace(n: int, m: int) -> int:
@@ -32,7 +36,7 @@ def slopes_at(n: int, m: int) -> int:
 
 def jacobian_workspace(n: int, m: int) -> int:
     """Give the length from MOTION on: slopes, q'' and lambda of a column besides."""
-    return slopes_at(n, m) + (n + m + 1) * 2 * n + n + m
+    return slopes_at(n, m) + (n + m + 1) * 2 * n + 2 * (n + m)
 
 
 def weak_direction(n: int, m: int) -> int:

@@ -23,10 +23,14 @@ from typing import TYPE_CHECKING
 from lagsim.kkt._cholesky import augment_force, backward, factor, forward
 from lagsim.kkt._layout import (
     AUGMENTED,
+    CONSTANT,
     COUNT,
-    HAS_WORK,
+    FACTORED,
+    GAIN,
     HEALTH,
     MOTION,
+    QUADRATURES,
+    RANKED,
     REFERENCE,
     ROWS,
 )
@@ -39,7 +43,12 @@ if TYPE_CHECKING:
 
 @external
 def dynamics(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give M (n, n), A (m, n), f (n,), b (m,), power (1,), transport (m,)."""
+    """Give M (n, n), A (m, n), f (n,), b (m,)."""
+
+
+@external
+def quadratures(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the rates of what follows the velocities, from q'' and lambda in p."""
 
 
 @external
@@ -58,24 +67,19 @@ def columns(t: float, y: Floats, p: Floats, out: Floats) -> None:
 def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give y' (size,)."""
     n = int(p[COUNT])
-    m = int(p[ROWS])
     motion = at(p, int(p[MOTION]))
     solve_motion(t, y, p)
     for i in range(n):
         out[i] = y[n + i]
         out[n + i] = motion[i]
-    if p[HAS_WORK] > 0.0:
-        terms = at(motion, n + 3 * m)
-        power = at(terms, n * n + n * m + n + m)
-        out[2 * n] = power[0]
-        for i in range(m):
-            out[2 * n] += power[1 + i] * motion[n + i]
+    if p[QUADRATURES] > 0.0:
+        quadratures(t, y, p, at(out, 2 * n))
 
 
 def field(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give y' (size,) and lambda (m,)."""
     n = int(p[COUNT])
-    size = 2 * n + int(p[HAS_WORK])
+    size = 2 * n + int(p[QUADRATURES])
     derivative(t, y, p, out)
     motion = at(p, int(p[MOTION]))
     for i in range(int(p[ROWS])):
@@ -83,9 +87,12 @@ def field(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the columns of a row."""
+    """Give the columns of a row, without what pulls the state to the constraints."""
+    gain = p[GAIN]
+    p[GAIN] = 0.0
     solve_motion(t, y, p)
     columns(t, y, p, out)
+    p[GAIN] = gain
 
 
 def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
@@ -125,13 +132,11 @@ def correction(p: Floats, residuals: Floats, out: Floats) -> None:
     u = at(Y, n * m)
     per_row = at(u, 2 * n)
     right = at(per_row, m)
-    factor(n, m, p[AUGMENTED] > 0.0, terms, L)
-    lengths = at(p, int(p[MOTION]) + n + m)
-    spread(n, m, at(terms, n * n), L, lengths, Y, per_row)
-    for i in range(m):
-        right[i] = -residuals[i] * per_row[i]
-    rank = reflect(n, m, p, L, Y, per_row)
-    impress(n, m, rank, Y, per_row, u)
+    order = at(per_row, 4 * m)
+    factor_rows(p, terms)
+    for k in range(m):
+        right[k] = -residuals[int(order[k])] * per_row[k]
+    impress(n, m, int(p[RANKED]), Y, per_row, u)
     backward(n, L, u, out)
 
 
@@ -142,28 +147,55 @@ def solve_motion(t: float, y: Floats, p: Floats) -> None:
     motion = at(p, int(p[MOTION]))
     terms = at(motion, n + 3 * m)
     f = at(terms, n * n + n * m)
-    b = at(f, n)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
     Y = at(L, n * n)
     u = at(Y, n * m)
     v = at(u, n)
     per_row = at(v, n)
-    right = at(per_row, m)
     dynamics(t, y, p, terms)
-    factor(n, m, p[AUGMENTED] > 0.0, terms, L)
     if p[AUGMENTED] > 0.0:
         augment_force(n, m, terms)
+    factor_rows(p, terms)
     for j in range(n):
         v[j] = f[j]
     forward(n, L, v)
-    spread(n, m, at(terms, n * n), L, at(motion, n + m), Y, per_row)
-    for i in range(m):
-        right[i] = b[i] * per_row[i]
-        for j in range(n):
-            right[i] -= Y[i * n + j] * v[j]
-    rank = reflect(n, m, p, L, Y, per_row)
+    for j in range(n):
+        u[j] = v[j]
+    backward(n, L, u, motion)
+    right_side(n, m, terms, motion, per_row)
+    rank = int(p[RANKED])
     impress(n, m, rank, Y, per_row, u)
     multipliers(n, m, rank, Y, per_row, at(motion, n))
     for j in range(n):
         u[j] += v[j]
     backward(n, L, u, motion)
+
+
+def factor_rows(p: Floats, terms: Floats) -> None:
+    """Factor M and the rows, as far as that has not been done for the whole arc."""
+    n = int(p[COUNT])
+    m = int(p[ROWS])
+    lengths = at(p, int(p[MOTION]) + n + m)
+    L = at(terms, n * n + n * m + n + 3 * m + 2)
+    Y = at(L, n * n)
+    per_row = at(Y, n * m + 2 * n)
+    if p[FACTORED] < 1.0:
+        factor(n, m, p[AUGMENTED] > 0.0, terms, L)
+    if p[FACTORED] < 2.0:
+        spread(n, m, at(terms, n * n), L, lengths, Y, per_row)
+        p[RANKED] = reflect(n, m, p, L, Y, per_row)
+    p[FACTORED] = p[CONSTANT]
+
+
+def right_side(n: int, m: int, terms: Floats, free: Floats, per_row: Floats) -> None:
+    """Give b - A M^-1 f in the order and scale of the rows; free = M^-1 f : (n,)."""
+    A = at(terms, n * n)
+    b = at(terms, n * n + n * m + n)
+    right = at(per_row, m)
+    order = at(per_row, 4 * m)
+    for k in range(m):
+        i = int(order[k])
+        right[k] = b[i]
+        for j in range(n):
+            right[k] -= A[i * n + j] * free[j]
+        right[k] *= per_row[k]

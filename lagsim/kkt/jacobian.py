@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.kkt._cholesky import augment_force, backward, factor, forward
-from lagsim.kkt._layout import AUGMENTED, COUNT, HAS_WORK, MOTION, ROWS, slopes_at
+from lagsim.kkt._layout import AUGMENTED, COUNT, MOTION, QUADRATURES, ROWS, slopes_at
 from lagsim.kkt._rows import mirror, reflect, spread, unscaled_backward
 from lagsim.kkt.dense import dynamics
 from lagsim.native.kernel_types import at, external
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 def slopes(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give dr/dy (n, 2 n), ds/dy (m, 2 n) and, where there is work, dpower/dy (2 n,).
 
-    y = (q, q'); at the q'' and lambda that p holds.
+    y = (q, q'); at the q'' and lambda that p holds. Last dpower/d(q'', lambda). What is
+    zero identically is not written: the room for it holds zeros from the start.
     """
 
 
@@ -36,12 +37,12 @@ def jacobian(t: float, y: Floats, p: Floats, out: Floats) -> None:
     terms = at(motion, n + 3 * m)
     f = at(terms, n * n + n * m)
     b = at(f, n)
-    transport = at(b, m + 1)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
     Y = at(L, n * n)
     per_row = at(Y, n * m + 2 * n)
     slope = at(motion, slopes_at(n, m))
-    column = at(slope, (n + m + 1) * 2 * n)
+    by_motion = at(slope, (n + m + 1) * 2 * n)
+    column = at(by_motion, n + m)
     dynamics(t, y, p, terms)
     factor(n, m, p[AUGMENTED] > 0.0, terms, L)
     spread(n, m, at(terms, n * n), L, at(motion, n + m), Y, per_row)
@@ -57,10 +58,10 @@ def jacobian(t: float, y: Floats, p: Floats, out: Floats) -> None:
         solve_again(n, m, rank, p, column)
         for j in range(n):
             out[j * width + c] = column[j]
-        if p[HAS_WORK] > 0.0:
+        if p[QUADRATURES] > 0.0:
             rate = slope[(n + m) * width + c]
-            for i in range(m):
-                rate += transport[i] * column[n + i]
+            for i in range(n + m):
+                rate += by_motion[i] * column[i]
             out[n * width + c] = rate
 
 

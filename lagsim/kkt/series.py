@@ -19,13 +19,13 @@ MOST_OPERATIONS = 20_000
 
 
 def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
-    """Give y' = (q', q'', power where there is one)."""
+    """Give y' = (q', q'', power where there is one, other quadratures)."""
     e, g = equations, equations.graph
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
-    power = [] if e.power is None else [e.power]
+    new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
     velocities = [g.variable(v) for v in e.velocities]
-    return [*velocities, *accelerations, *g.substitute(power, new)]
+    return [*velocities, *accelerations, *g.substitute(e.quadrature_rates, new)]
 
 
 def series_length(equations: Equations, elimination: Elimination, rtol: float) -> int:

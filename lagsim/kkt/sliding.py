@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.kkt._layout import COUNT, HAS_WORK, MOTION, ROWS
+from lagsim.kkt._layout import COUNT, GAIN, MOTION, QUADRATURES, ROWS
 from lagsim.methods._interface import (
     HIGH,
     LEAST,
@@ -72,7 +72,7 @@ def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the columns of a row."""
+    """Give the columns of a row, without what pulls the state to the constraints."""
     n = int(p[COUNT])
     m = int(p[ROWS])
     size = components(p)
@@ -80,7 +80,10 @@ def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
     motion = at(p, int(p[MOTION]))
     kept = at(p, int(p[SWITCHING]) + 1)
     found = at(p, int(p[SWITCHING]) + fields_at(p))
+    gain = p[GAIN]
+    p[GAIN] = 0.0
     combine(t, y, p)
+    p[GAIN] = gain
     for i in range(n):
         motion[i] = found[n + i]
     for i in range(m):
@@ -135,7 +138,7 @@ def pull(t: float, y: Floats, p: Floats) -> None:
 
 def components(p: Floats) -> int:
     """Give the size of y."""
-    return 2 * int(p[COUNT]) + int(p[HAS_WORK])
+    return 2 * int(p[COUNT]) + int(p[QUADRATURES])
 
 
 def rows_at(p: Floats) -> int:

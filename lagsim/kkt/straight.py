@@ -6,7 +6,9 @@
 by M = L D L^T, Z = L^-1 A^T, S = Z^T D^-1 Z = A M^-1 A^T and S = L D L^T again. What
 is zero in M and A is never multiplied, each factorisation is made in an order that
 keeps fill small, and what depends on parameters alone is later computed only once
-(`graph_code`). For regular M and rows; `dense` is for all else.
+(`graph_code`). What is too long to compile runs from a tape (`tape_code`): a chain of
+n rods in Cartesian coordinates takes O(n) operations. For regular M and rows; `dense`
+is for all else.
 """
 
 from __future__ import annotations
@@ -22,10 +24,23 @@ if TYPE_CHECKING:
     from lagsim.expressions.graph import Graph
 
 # Straight-line code of a few thousand operations compiles in well under a second;
-# beyond that loops win (measured: an n-link pendulum past n of about 16).
+# beyond that a full M is for loops (measured: an n-link pendulum past n of about 16)
+# and a sparse one for tapes.
 BUDGET = 3000
+# A multiplication of a sparse elimination costs as much as these of a dense one.
+WORTH = 4
 
 Vector = dict[int, int]  # index -> node; what is absent is zero
+
+
+def affordable(n: int, m: int) -> int:
+    """Give how many multiplications an elimination may take before loops win."""
+    return max(BUDGET, dense_operations(n, m) // WORTH)
+
+
+def dense_operations(n: int, m: int) -> int:
+    """Give about how many multiplications `dense` makes: M factored, the rows, QR."""
+    return n**3 // 6 + m * n**2 // 2 + m**2 * (n - m // 3)
 
 
 class TooLongError(Exception):
@@ -158,9 +173,26 @@ class Factorisation:
                 x[k] = value
         return x
 
+    def less(self, node: int, z: Mapping[int, int], other: Mapping[int, int]) -> int:
+        """Give node - z^T D^-1 other."""
+        g = self.g
+        for k in sorted(z.keys() & other.keys()):
+            part = g.call("mul", g.call("mul", z[k], self.inverse[k]), other[k])
+            node = g.call("sub", node, part)
+        return node
+
     def solve(self, right: Mapping[int, int]) -> Vector:
         """Give the solution for `right`."""
         return self.backward(self.forward(right))
+
+
+def unconstrained(equations: Equations) -> list[int]:
+    """Give M^-1 f (n,), the accelerations without constraints."""
+    size = len(equations.q)
+    entries = equations.mass_entries
+    mass = Factorisation(equations.graph, size, entries, Meter(math.inf))
+    x = mass.solve(dict(enumerate(equations.f)))
+    return [x.get(j, equations.graph.zero) for j in range(size)]
 
 
 class Elimination:

@@ -31,6 +31,8 @@ def method(name: str) -> ModuleType:
     - `amplification(z)`: the spectral radius of one step h of an oscillation with the
       eigenvalues z/h and their conjugate, and IMAGINARY_LIMIT, the largest |z| on the
       imaginary axis below which it does not exceed 1 (inf: none);
+    - QUADRATURES (optional): whether y may have components after `work`, whose rates
+      are integrated as they are: the action, the coordinates that `reduction` leaves;
     - NEEDS: names of functions of the model beyond y', see `system.functions`;
     - `state_size(size)`, and the kernels `start`, `step` and `interpolate`.
     """

@@ -114,21 +114,28 @@ def set_tolerances(
         scale = max(sizes[i], abs(new[i]), moment * abs(rates[i]))
         if i < n:
             scale = max(scale, instant * instant * abs(rates[n + i]))
-        mass = energy
-        if i < 2 * n:
-            mass = masses[i % n]
-        if i >= 2 * n:
+        mass = inertia(n, masses, i)
+        if i >= 2 * n and mass == 0.0:
             noise = FORCE_NOISE * h * h * s[FORCES]
             tolerances[i] = max(rtol * max(scale, FLOOR * energy), noise)
         elif mass <= 0.0:
             tolerances[i] = rtol * scale
-        elif i < n:
+        elif i < n or i >= 2 * n:
             floor = FLOOR * sqrt(2.0 * energy / mass) * h
             tolerances[i] = max(rtol * max(scale, floor), NOISE * sqrt(whole / mass))
         else:
             floor = FLOOR * sqrt(2.0 * energy / mass)
             noise = NOISE / FLOOR * floor + FORCE_NOISE * h * sqrt(s[FORCES] / mass)
             tolerances[i] = max(rtol * max(scale, floor), noise)
+
+
+def inertia(n: int, masses: Floats, i: int) -> float:
+    """Give the inertia of component i of y, of its coordinate; of work 0."""
+    if i < 2 * n:
+        return float(masses[i % n])
+    if n > 0:
+        return float(masses[i - n + 1])
+    return 0.0
 
 
 def energy_after(s: Floats, p: Floats, t: float, new: Floats, moment: float) -> float:

@@ -42,6 +42,7 @@ from lagsim.methods._state import (
     ROW_START,
     ROW_STEP,
     SIZE,
+    SIZES_BEFORE,
     STEP_H,
     STEP_T,
     STIFF,
@@ -85,6 +86,8 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
         if made >= budget:
             return PAUSED
         made += 1
+        if SWITCHES:
+            keep_sizes(s)
         code = step(s, p)
         if code != DONE:
             return code
@@ -118,6 +121,15 @@ def inspect(s: Floats, p: Floats) -> None:
         locate(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
 
 
+def keep_sizes(s: Floats) -> None:
+    """Note the largest sizes: a step may go far past the switch that will cut it."""
+    size = int(s[SIZE])
+    sizes = at(s, HEADER + size)
+    before = at(s, int(s[SIZES_BEFORE]))
+    for i in range(size):
+        before[i] = sizes[i]
+
+
 def take_cut(s: Floats, p: Floats) -> None:
     """Take the state at the moment that the last step was cut at."""
     size = int(s[SIZE])
@@ -126,6 +138,12 @@ def take_cut(s: Floats, p: Floats) -> None:
     interpolate(s, s[CUT], z)
     for i in range(size):
         y[i] = z[i]
+    if SWITCHES:
+        # What lies past the switch has not been.
+        sizes = at(s, HEADER + size)
+        before = at(s, int(s[SIZES_BEFORE]))
+        for i in range(size):
+            sizes[i] = max(before[i], abs(y[i]))
     if CONSTRAINED:
         settle(s, p, s[T], y)
     if SWITCHES:

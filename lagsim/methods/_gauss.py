@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods._fixed import begin, is_finite, next_time, step_length, take
 from lagsim.methods._interface import derivative, inertia, lagrangian, lagrangian_slopes
-from lagsim.methods._lu import decompose, solve
+from lagsim.methods._lu import decompose, solve, too_large
 from lagsim.methods._newton import CONVERGED, LOST, MOST, RENEW, progress
 from lagsim.methods._projection import relative_size
 from lagsim.methods._state import (
@@ -63,7 +63,7 @@ def refusal(scene: Structure) -> str:
         )
     if scene.constraints != "none":
         return "it has constraints between velocities (`dop853` projects onto them)"
-    return ""
+    return too_large(scene)
 
 
 def state_size(size: int, stages: int) -> int:

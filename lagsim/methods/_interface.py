@@ -37,7 +37,7 @@ PER_SURFACE = 14
 
 @external
 def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give y' (size,) at the state y = (q, q', work if the model has it)."""
+    """Give y' (size,) at y = (q, q', work if the model has it, quadratures)."""
 
 
 @external
@@ -74,7 +74,8 @@ def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
 def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give q'Mq'/2, the rest of the energy (2,), the diagonal of M (n,), and f^2/M.
 
-    The last (1,) is the sum of f_i^2 / M_ii over the coordinates with inertia.
+    That (1,) is the sum of f_i^2 / M_ii over the coordinates with inertia. Then for
+    what follows q' in y: 0 for work, the inertia of coordinates.
     """
 
 

@@ -11,6 +11,21 @@ from lagsim.native.kernel_types import at
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
+    from lagsim.structure import Structure
+
+
+# Past this, matrices of all unknowns in each step cost more than a run can wait for.
+LARGEST = 300
+
+
+def too_large(scene: Structure) -> str:
+    """Say why a scene has too many unknowns for dense matrices, or give ""."""
+    if scene.unknowns <= LARGEST:
+        return ""
+    return (
+        f"it has {scene.unknowns} coordinates and constraints, and the matrices of "
+        f"this method are dense, for up to {LARGEST} (`dop853` follows large scenes)"
+    )
 
 
 def decompose(n: int, A: Floats, pivots: Floats) -> int:

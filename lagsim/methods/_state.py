@@ -53,7 +53,8 @@ SPEED = 39  # about how fast the fastest motion is, for explicit methods
 AT_BOUND = 40  # steps held by stability ...
 OFF_BOUND = 41  # ... since when so many were not
 ASK_AT = 42  # at so many the kernel returns; 0: never
-HEADER = 43
+SIZES_BEFORE = 43  # where the largest sizes before the last step are kept; see switches
+HEADER = 44
 
 # The spectral radius of the methods that have it, unless another is asked for.
 USUAL_RADIUS = 0.8

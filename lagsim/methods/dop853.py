@@ -69,6 +69,7 @@ HANDLES = "any model; equality constraints by projection"
 TABLEAU = Tableau(A[:12], B, C[:12], ORDER)
 
 NEEDS = ()
+QUADRATURES = True
 
 CONSTRAINED = True
 UNTIL = True

@@ -44,6 +44,7 @@ HANDLES = "any model; equality constraints by projection"
 TABLEAU = Tableau(((),), (1.0,), (0.0,), ORDER)
 
 NEEDS = ()
+QUADRATURES = True
 
 CONSTRAINED = True
 

@@ -31,7 +31,7 @@ from lagsim.methods._fixed import (
     take,
 )
 from lagsim.methods._interface import derivative, jacobian
-from lagsim.methods._lu import decompose, solve
+from lagsim.methods._lu import decompose, solve, too_large
 from lagsim.methods._newton import CONVERGED, LOST, MOST, RENEW, progress
 from lagsim.methods._projection import meet_constraints, relative_size
 from lagsim.methods._state import (
@@ -71,9 +71,9 @@ CONSTRAINED = True
 RESOLVED = 0.5
 
 
-def refusal(_scene: Structure) -> str:
-    """Give "": it handles everything."""
-    return ""
+def refusal(scene: Structure) -> str:
+    """Say why the scene is too large, or give ""."""
+    return too_large(scene)
 
 
 def amplification(z: complex, radius: float = USUAL_RADIUS) -> float:

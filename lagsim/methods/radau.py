@@ -21,6 +21,7 @@ from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import first_step, record_sizes, set_tolerances
 from lagsim.methods._interface import LEAST_HEALTH, derivative
 from lagsim.methods._linearised import solve_real
+from lagsim.methods._lu import too_large
 from lagsim.methods._projection import meet_constraints
 from lagsim.methods._radau_newton import (
     CEILING,
@@ -99,9 +100,9 @@ KEEP_BELOW = 1e-3
 NOT_WORTH = 1.2
 
 
-def refusal(_scene: Structure) -> str:
-    """Give "": it handles everything."""
-    return ""
+def refusal(scene: Structure) -> str:
+    """Say why the scene is too large, or give ""."""
+    return too_large(scene)
 
 
 def amplification(z: complex) -> float:

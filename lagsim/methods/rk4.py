@@ -52,6 +52,7 @@ C = (0.0, 1 / 2, 1 / 2, 1.0)
 TABLEAU = Tableau(A, B, C, ORDER)
 
 NEEDS = ()
+QUADRATURES = True
 
 CONSTRAINED = True
 

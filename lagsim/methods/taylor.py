@@ -5,7 +5,8 @@ straight-line code. K follows from the tolerance (15 at the default), the step f
 last four coefficients: two alone vanish where a start is symmetric, and the error then
 grows without a warning. The next step's series, which is needed anyway, tells how far
 the motion is off the equations at the step's end: a step that is too long is made anew.
-Rows between steps are the series itself, to full order. The method for tight
+Where that happens to most steps the scene
+is stiff. Rows between steps are the series itself, to full order. The method for tight
 tolerances; its code grows with the square of K and takes longer to compile. On the
 imaginary axis order 15 does not grow for step * frequency below 1.66, and beyond by
 less than its truncation error, which is what bounds the step.
@@ -31,6 +32,7 @@ from lagsim.methods._interface import series
 from lagsim.methods._projection import project
 from lagsim.methods._singular import leave_loss, record_health
 from lagsim.methods._state import (
+    AT_BOUND,
     DONE,
     END,
     EVALUATIONS,
@@ -162,6 +164,7 @@ def chosen_step(s: Floats, c: Floats) -> float:
 def step(s: Floats, p: Floats) -> int:
     """Make one accepted step, or give a code other than 0."""
     trouble = STEP_TOO_SMALL
+    rejected = False
     while True:
         h = usable_step(s)
         if h == 0.0:
@@ -183,8 +186,10 @@ def step(s: Floats, p: Floats) -> int:
                 shorter = SHORTER * (PASSED / error) ** (1.0 / (order + 1.0))
                 s[H] = h * max(SHORTEST, shorter)
                 trouble = STEP_TOO_SMALL
+        rejected = True
         s[REJECTIONS] += 1.0
     accept(s, p, h)
+    s[AT_BOUND] = max(s[AT_BOUND] + (1.0 if rejected else -1.0), 0.0)
     return DONE
 
 

@@ -50,6 +50,11 @@ class Code:
     p_size: int
 
 
+def exponent_of(g: Graph, n: int) -> float | None:
+    """Give the exponent of a power where it is a number; None for all else."""
+    return g.value(g.args[n][1]) if g.ops[n] == "pow" else None
+
+
 def number(x: float) -> str:
     """Give the LLVM literal of a float, bit for bit."""
     return f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}"
@@ -60,25 +65,37 @@ def generate(
     functions: Mapping[str, Sequence[int]],
     layout: Layout,
     contracted: Collection[str] = (),
+    sparse: Collection[str] = (),
 ) -> Code:
     """Give the code of `functions`: name -> the nodes written to out[0], out[1], ...
 
     In those named in `contracted` a product may be added without being rounded first,
-    where the processor can: last digits then depend on it.
+    where the processor can: last digits then depend on it. Those named in `sparse` do
+    not write what is zero identically: they find zeros.
     """
-    roots = sorted({node for nodes in functions.values() for node in nodes})
-    varying = _varying(g, roots, layout)
-    hoisted = _hoisted(g, roots, varying)
+    hoisted = fixed_nodes(g, functions, layout)
     places = {node: layout.size + k for k, node in enumerate(hoisted)}
     scratch = layout.size + len(hoisted)
     writer = _Writer(g, layout, scratch)
     writer.function("prepare", [(node, "p", k) for node, k in places.items()], {})
     for name, nodes in functions.items():
-        stores = [(node, "out", k) for k, node in enumerate(nodes)]
+        stores = [
+            (node, "out", k)
+            for k, node in enumerate(nodes)
+            if node != g.zero or name not in sparse
+        ]
         writer.contract = name in contracted
         writer.function(name, stores, places)
     ir = "\n".join([*sorted(writer.declared), *writer.lines, ""])
     return Code(ir, scratch + writer.scratch_used)
+
+
+def fixed_nodes(
+    g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout
+) -> list[int]:
+    """Give the operations that are done once, by `prepare`."""
+    roots = sorted({node for nodes in functions.values() for node in nodes})
+    return _hoisted(g, roots, _varying(g, roots, layout))
 
 
 def _varying(g: Graph, roots: Sequence[int], layout: Layout) -> set[int]:
@@ -106,16 +123,64 @@ def _hoisted(g: Graph, roots: Sequence[int], varying: set[int]) -> list[int]:
     )
 
 
-class _Writer:
-    def __init__(self, g: Graph, layout: Layout, scratch: int) -> None:
-        self.g = g
-        self.layout = layout
-        self.scratch = scratch
-        self.scratch_used = 0
+class Lines:
+    """Lines of IR with fresh names."""
+
+    def __init__(self) -> None:
         self.lines: list[str] = []
         self.declared: set[str] = set()
         self.contract = False
         self._fresh = 0
+
+    def operation(self, op: str, exponent: float | None, operands: list[str]) -> str:
+        """Write an operation, of a power the `exponent` where it is a number."""
+        if op == "pow" and exponent is not None and exponent * 2 in _HALVES:
+            return self._power(operands[0], exponent)
+        row = OPERATIONS[op]
+        self.declared.update(row.declares)
+        fresh = {key: self._name() for key in "abcdef"}
+        native = row.native
+        if self.contract and op in _CONTRACTED:
+            native = native.replace(" ", " contract ", 1)
+        *before, last = native.format(*operands, **fresh).split("\n")
+        self.lines += before
+        return self.line(last)
+
+    def _power(self, x: str, exponent: float) -> str:
+        """Write x to a small whole or half power as products and a root."""
+        whole = int(abs(exponent))
+        result = ""
+        if abs(exponent) != whole:
+            self.declared.update(OPERATIONS["sqrt"].declares)
+            result = self.line(f"call double @llvm.sqrt.f64(double {x})")
+        while whole:
+            if whole % 2:
+                result = self.line(f"fmul double {result}, {x}") if result else x
+            whole //= 2
+            if whole:
+                x = self.line(f"fmul double {x}, {x}")
+        if exponent < 0:
+            return self.line(f"fdiv double {number(1.0)}, {result}")
+        return result
+
+    def line(self, text: str) -> str:
+        """Write an instruction; give the name of its value."""
+        name = self._name()
+        self.lines.append(f"{name} = {text}")
+        return name
+
+    def _name(self) -> str:
+        self._fresh += 1
+        return f"%v{self._fresh}"
+
+
+class _Writer(Lines):
+    def __init__(self, g: Graph, layout: Layout, scratch: int) -> None:
+        super().__init__()
+        self.g = g
+        self.layout = layout
+        self.scratch = scratch
+        self.scratch_used = 0
 
     def function(
         self,
@@ -188,7 +253,9 @@ class _Writer:
 
         for n in piece:
             if self.g.args[n] and n not in places:
-                here[n] = self._operation(n, [operand(a) for a in self.g.args[n]])
+                operands = [operand(a) for a in self.g.args[n]]
+                exponent = exponent_of(self.g, n)
+                here[n] = self.operation(self.g.ops[n], exponent, operands)
                 if n in passed:
                     self._pass_on(n, here[n], passed[n])
             for array, k in at_end.get(n, ()):
@@ -215,64 +282,22 @@ class _Writer:
             return self._load("p", places[n])
         value = self._load("p", passed[n])
         if OPERATIONS[g.ops[n]].condition:
-            return self._line(f"fcmp one double {value}, 0.0")
+            return self.line(f"fcmp one double {value}, 0.0")
         return value
-
-    def _operation(self, n: int, operands: list[str]) -> str:
-        op = self.g.ops[n]
-        if op == "pow":
-            exponent = self.g.value(self.g.args[n][1])
-            if exponent is not None and exponent * 2 in _HALVES:
-                return self._power(operands[0], exponent)
-        row = OPERATIONS[op]
-        self.declared.update(row.declares)
-        fresh = {key: self._name() for key in "abcdef"}
-        native = row.native
-        if self.contract and op in _CONTRACTED:
-            native = native.replace(" ", " contract ", 1)
-        *before, last = native.format(*operands, **fresh).split("\n")
-        self.lines += before
-        return self._line(last)
-
-    def _power(self, x: str, exponent: float) -> str:
-        """Write x to a small whole or half power as products and a root."""
-        whole = int(abs(exponent))
-        result = ""
-        if abs(exponent) != whole:
-            self.declared.update(OPERATIONS["sqrt"].declares)
-            result = self._line(f"call double @llvm.sqrt.f64(double {x})")
-        while whole:
-            if whole % 2:
-                result = self._line(f"fmul double {result}, {x}") if result else x
-            whole //= 2
-            if whole:
-                x = self._line(f"fmul double {x}, {x}")
-        if exponent < 0:
-            return self._line(f"fdiv double {number(1.0)}, {result}")
-        return result
 
     def _pass_on(self, n: int, value: str, k: int) -> None:
         if OPERATIONS[self.g.ops[n]].condition:
-            value = self._line(f"uitofp i1 {value} to double")
+            value = self.line(f"uitofp i1 {value} to double")
         self._store(value, "p", k)
 
     def _load(self, array: str, k: int) -> str:
-        return self._line(f"load double, ptr {self._address(array, k)}")
+        return self.line(f"load double, ptr {self._address(array, k)}")
 
     def _store(self, value: str, array: str, k: int) -> None:
         self.lines.append(f"store double {value}, ptr {self._address(array, k)}")
 
     def _address(self, array: str, k: int) -> str:
-        return self._line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")
-
-    def _line(self, text: str) -> str:
-        name = self._name()
-        self.lines.append(f"{name} = {text}")
-        return name
-
-    def _name(self) -> str:
-        self._fresh += 1
-        return f"%v{self._fresh}"
+        return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")
 
 
 _CONTRACTED = ("add", "sub", "mul")

@@ -33,7 +33,7 @@ def manifest(
     files: Sequence[str],
 ) -> dict[str, Any]:
     """Give the content of run.json; keys are only ever added."""
-    model = system.equations.model
+    model = system.model
     counts = trajectory.statistics
     return {
         "lagsim": __version__,

@@ -81,7 +81,7 @@ def read_output(entry: Entry | None, x: Expressions) -> Output:
     everything = tuple(x.names.of(Kind.DEFINITION))
     if entry is None:
         return Output(everything)
-    known = ("columns", "plots")
+    known = ("columns", "plots", "gauss", "action")
     found = fields(entry[1], "`output`", known, x.faults, entry[0].place)
     columns: tuple[str, ...] = everything
     node = found.value("columns")
@@ -98,7 +98,12 @@ def read_output(entry: Entry | None, x: Expressions) -> Output:
         _plot(plot, x)
         for plot in (items(section, "`plots`", x.faults) if section else ())
     ]
-    return Output(columns, tuple(plot for plot in plots if plot))
+    return Output(
+        columns,
+        tuple(plot for plot in plots if plot),
+        gauss=found.truth("gauss", x.faults),
+        action=found.truth("action", x.faults),
+    )
 
 
 def _columns(node: Sequence, x: Expressions) -> tuple[str, ...]:

@@ -113,6 +113,17 @@ class Fields:
         node = self.value(key)
         return "" if node is None else text_of(node, f"`{key}`", faults)
 
+    def truth(self, key: str, faults: Faults) -> bool:
+        """Give whether the value of `key` is `true`; it is not where there is none."""
+        node = self.value(key)
+        if node is None or isinstance(node, Broken):
+            return False
+        if isinstance(node, Scalar) and node.text in ("true", "false"):
+            return node.text == "true"
+        text = f"`{key}` must be `true` or `false`, found {kind_of(node)}"
+        faults.add("not-a-truth", text, node.place)
+        return False
+
 
 def fields(
     node: Node, what: str, known: Iterable[str], faults: Faults, place: Place

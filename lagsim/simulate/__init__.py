@@ -1,8 +1,8 @@
 """The run: plan -> integrate -> Trajectory; its rows go to the consumers.
 
-`arcs` is the loop. `switching` finds the mode of each arc, with `shares` where it is on
-surfaces, and `sequence` for those that come ever faster. `ranks` tells of losses of
-rank, `reasons` puts an outcome in words.
+`arcs` is the loop, `apart` runs subsystems. `switching` finds the mode of each arc,
+with `shares` where it is on surfaces, and `sequence` for those that come ever faster.
+`ranks` tells of losses of rank, `reasons` puts an outcome in words.
 """
 
 from __future__ import annotations
@@ -43,5 +43,10 @@ def simulate(
     progress
         Called with the fraction of the run that is done.
     """
+    if plan.parts:
+        from lagsim.simulate.apart import Apart
+
+        apart = Apart(equations, start, plan, system, consumers, interrupt, progress)
+        return apart.whole(most_steps)
     run = Run(equations, start, plan, system, consumers, interrupt, progress)
     return run.whole(most_steps)

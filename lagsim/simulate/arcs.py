@@ -7,15 +7,17 @@ memory does not grow with the number of rows.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from lagsim.kkt.straight import dense_operations
 from lagsim.methods import _state as at
 from lagsim.methods import method
-from lagsim.plan import DEFAULT_RTOL, STRAIGHT_ONLY, WELL_CONDITIONED, make_plan
+from lagsim.plan import by_loops
+from lagsim.plan.integration import DEFAULT_RTOL
+from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
 from lagsim.system import System
@@ -26,14 +28,16 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
+    from lagsim.formulation import Choice
     from lagsim.interrupt import Interrupt
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
-    from lagsim.plan import Choice, Plan
+    from lagsim.plan import Plan
     from lagsim.simulate.switching import Switching
 
-# Rows in one block: a few hundred kilobytes.
+# Rows in one block: a few hundred kilobytes; fewer where there are many columns.
 BLOCK = 2048
+MOST_NUMBERS = 2**20
 # Steps between two looks at interrupts and progress: some tens of milliseconds.
 STEPS_PER_CALL = 4000
 MOST_STEPS = 100_000_000
@@ -51,6 +55,8 @@ MOST_RANK_EVENTS = 10_000
 SLIDING = "dop853"
 # Steps at the stability bound after which something may be done about it.
 AT_BOUND = 15
+# Beyond so many multiplications, about a second, the loops are not gone on with.
+MOST_DENSE = 10**9
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6
 
@@ -86,10 +92,12 @@ class Run:
         self.torn = ""
         self.accumulating = ""
         self._told: set[tuple[str, ...]] = set()
+        self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
         self.rows = 0
         self.use(system)
-        self.state = self._fresh_state(np.concatenate([start.q, start.v]))
-        self.block = np.empty((BLOCK, 1 + system.size))
+        self.state = self._fresh_state(system.begin(start))
+        rows = max(1, min(BLOCK, MOST_NUMBERS // system.rows_observed))
+        self.block = np.empty((rows, 1 + system.size))
         self.switching: Switching | None = None
         if system.surfaces:
             from lagsim.simulate.switching import Switching
@@ -106,6 +114,7 @@ class Run:
         state = np.zeros(self._state_size())
         state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
         state[at.ROW_STEP] = simulation.output_step
+        state[at.SIZES_BEFORE] = len(state) - system.size
         self._set_tolerances(state)
         radius = simulation.spectral_radius
         state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
@@ -121,7 +130,11 @@ class Run:
     def _state_size(self) -> int:
         system = self.system
         methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
-        return max(int(method(m).state_size(system.size)) for m in methods)
+        # And room for what `_driver.keep_sizes` notes.
+        return (
+            max(int(method(m).state_size(system.size)) for m in methods)
+            + self.system.size
+        )
 
     def _set_tolerances(self, state: Floats) -> None:
         state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
@@ -169,8 +182,13 @@ class Run:
         if outcome is Outcome.UNTIL:
             self.events.append(Event(self.t, "until"))
         self._last_row()
+        return self.trajectory(outcome)
+
+    def trajectory(self, outcome: Outcome) -> Trajectory:
+        """Put together what the run has done."""
         state = self.state
         evaluations = int(state[at.EVALUATIONS])
+        all_constant = self.plan.constant >= (2 if self.system.m else 1)
         return Trajectory(
             outcome=outcome,
             reason=reason_of(self, outcome),
@@ -181,7 +199,7 @@ class Run:
                 self.steps,
                 int(state[at.REJECTIONS]),
                 evaluations,
-                self._factorisations(evaluations),
+                int(state[at.FACTORISATIONS]) + (1 if all_constant else evaluations),
             ),
             events=tuple(self.events),
             warnings=tuple(self.warnings),
@@ -231,7 +249,8 @@ class Run:
         self._set_branches(end)
         self._set_limits(end)
         torn = False
-        if self.system.m and self.t > self.simulation.start:
+        held = self.system.m and self.plan.projected
+        if held and self.t > self.simulation.start:
             torn = self._impact()
         return torn
 
@@ -266,7 +285,7 @@ class Run:
         That is the inelastic impact, the least change in the metric of M. Gives whether
         a position has jumped instead, which no motion can follow.
         """
-        before = self._observed()
+        before = self.observed()
         names = self.system.columns.names
         for row in self.equations.rows:
             g = before[names.index(f"residual_{row.name}")]
@@ -283,7 +302,7 @@ class Run:
         self.y[n : 2 * n] += step
         if self.system.has_work:
             energy = names.index("energy")
-            self.y[2 * n] += self._observed()[energy] - before[energy]
+            self.y[2 * n] += self.observed()[energy] - before[energy]
         self.events.append(Event(self.t, "impact"))
         if self._row_time(0) > self.t:
             self._emit(self._row())
@@ -292,57 +311,74 @@ class Run:
     def _row(self) -> Floats:
         return np.concatenate([[self.t], self.y])[None, :]
 
-    def _observed(self) -> Floats:
+    def observed(self) -> Floats:
+        """Give the columns of the state reached."""
         return np.asarray(self.runner.tabulate(self._row())[0])
 
     def _arc(self, most_steps: int) -> Outcome:
         """Integrate to the end of the arc."""
         while True:
-            state = self.state
-            left = most_steps - self.steps
-            budget = min(STEPS_PER_CALL, left)
-            code = self.runner.advance(state, self.block, budget)
-            self._emit(self.block[: int(state[at.EMITTED])])
-            over = code == at.EVENT_FOUND or self.t >= self.simulation.end
-            over |= state[at.CUT] > 0.0  # the state is that of the step as it was
-            pressed = self.interrupt is not None and self.interrupt.signal is not None
-            if pressed and not over:
-                return Outcome.INTERRUPTED
-            if code == at.DEGENERATE:
-                self._switch_to_loops()
-            elif code == at.RANK_LOST:
-                self._note_rank_loss()
-            elif code == at.STIFF:
-                from lagsim.simulate.stiffness import consider
-
-                consider(self)
-            elif code == at.SWITCH_FOUND:
-                return Outcome.SWITCHED
-            elif code == at.PAUSED and left <= budget:
-                return Outcome.TOO_MANY_STEPS
-            elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST):
-                return _OUTCOMES[code]
+            outcome = self.advance(most_steps)
+            if outcome is not None:
+                return outcome
             if self.progress is not None:
                 span = self.simulation.end - self.simulation.start
                 self.progress((self.t - self.simulation.start) / span)
 
+    def advance(self, most_steps: int) -> Outcome | None:
+        """Integrate on, by one call of the kernel; give an outcome if there is one."""
+        state = self.state
+        left = most_steps - self.steps
+        budget = min(STEPS_PER_CALL, left)
+        code = self.runner.advance(state, self.block, budget)
+        self._emit(self.block[: int(state[at.EMITTED])])
+        over = code == at.EVENT_FOUND or self.t >= self.simulation.end
+        over |= state[at.CUT] > 0.0  # the state is that of the step as it was
+        pressed = self.interrupt is not None and self.interrupt.signal is not None
+        if pressed and not over:
+            return Outcome.INTERRUPTED
+        if code == at.DEGENERATE:
+            self._switch_to_loops()
+        elif code == at.RANK_LOST:
+            self._note_rank_loss()
+        elif code == at.STIFF:
+            from lagsim.simulate.stiffness import consider
+
+            consider(self)
+        elif code == at.SWITCH_FOUND:
+            return Outcome.SWITCHED
+        elif code == at.PAUSED and left <= budget:
+            return Outcome.TOO_MANY_STEPS
+        elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST):
+            return _OUTCOMES[code]
+        return None
+
     def _switch_to_loops(self) -> None:
         """Go on with the QR decomposition where the rows lose their independence."""
         end = float(self.state[at.END])
+        n, m = self.system.n, self.system.m
+        if dense_operations(n, m) > MOST_DENSE:
+            text = (
+                f"at t = {self.t:.9g} the constraints come close to dependent, and "
+                f"there are too many for a QR decomposition: from there on multipliers "
+                "may lose digits"
+            )
+            self.warnings.append(Caution("nearly-dependent", text))
+            self.state[at.DEGENERATE_BELOW] = 0.0
+            return
         text = (
             f"at t = {self.t:.9g} the constraints come close to dependent; from there "
             "on they are solved by a QR decomposition"
         )
         self.warnings.append(Caution("nearly-dependent", text))
-        name = self.plan.method
-        self.plan = make_plan(self.equations, self.start, loops=True)
-        if not STRAIGHT_ONLY.intersection(method(name).NEEDS):
-            self.plan = replace(self.plan, method=name)
+        self.plan = by_loops(self.plan)
         self.use(System(self.equations, self.plan))
+        self.system.begin(self.start)
         size = self.system.size
         common = self.state[: at.HEADER + 6 * size + 6]
         self.state = np.zeros(self._state_size())
         self.state[: len(common)] = common
+        self.state[at.SIZES_BEFORE] = len(self.state) - size
         self._set_tolerances(self.state)
         self._set_watch(self.state)
         self._set_branches(end)
@@ -351,11 +387,15 @@ class Run:
     def _note_rank_loss(self) -> None:
         """Record a loss of rank on the way, with the constraints in it."""
         time = float(self.state[at.LOST_AT])
-        n, size = self.system.n, self.system.size
+        size = self.system.size
         at_loss = self.state[at.HEADER + 4 * size + 2 :][:size]
-        names, smallest = weakest(
-            self.equations, self.plan, time, at_loss[:n], at_loss[n : 2 * n]
-        )
+        full = len(self.equations.q)
+        row = self.runner.tabulate(np.array([[time, *at_loss]]))[0]
+        q, v = row[1 : 1 + full], row[1 + full : 1 + 2 * full]
+        if self._usual is None:
+            self._usual = usual_lengths(self.equations, self.start)
+        rank = self.plan.rank + len(self.plan.reduction.eliminated)
+        names, smallest = weakest(self.equations, rank, self._usual, time, q, v)
         if len(self.events) < MOST_RANK_EVENTS:
             self.events += [Event(time, "rank", name, smallest) for name in names]
         if names not in self._told:
@@ -379,12 +419,6 @@ class Run:
         """Give the time of the next row (k = 0), or of one before or after it."""
         state = self.state
         return float(state[at.ROW_START] + (state[at.ROW] + k) * state[at.ROW_STEP])
-
-    def _factorisations(self, evaluations: int) -> int:
-        """Count them: one of M where it is constant, and those of the method."""
-        constant = self.plan.mass_matrix.startswith("constant")
-        inertia = 1 if constant and not self.system.m else evaluations
-        return inertia + int(self.state[at.FACTORISATIONS])
 
 
 # What may come of a switch close by: past it, the arc's expressions may have no values.

@@ -7,31 +7,39 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import scaled_rows
-from lagsim.admissibility.start import metric_of
+from lagsim.admissibility.rank import weakest_rows
 from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.equations import Equations
     from lagsim.native.kernel_types import Floats
-    from lagsim.plan import Plan
 
 
 def weakest(
-    equations: Equations, plan: Plan, t: float, q: Floats, v: Floats
+    equations: Equations,
+    rank: int,
+    usual: Sequence[float],
+    t: float,
+    q: Floats,
+    v: Floats,
 ) -> tuple[tuple[str, ...], float]:
-    """Give the constraints closest to dependent at a state, and how close they are."""
+    """Give the constraints closest to dependent at a state, and how close they are.
+
+    Parameters
+    ----------
+    rank
+        Of the rows, in general.
+    usual : (m,)
+        Their lengths, in general.
+    """
     point = Point(equations)
     point.move_to(t)
-    metric = metric_of(point.mass(q, v), range(len(q)))
-    Y, lengths = scaled_rows(point, q, v, metric)
-    usual = np.maximum(lengths, plan.lengths)
-    Y = Y * (lengths / np.where(usual > 0, usual, 1.0))[:, None]
-    left, sizes, _ = np.linalg.svd(Y)
-    last = min(plan.rank, len(sizes)) - 1
-    heavy = np.abs(left[:, last]) > 1e-3
+    left, smallest = weakest_rows(point, q, v, rank, usual)
+    heavy = np.abs(left) > 1e-3
     rows = zip(equations.rows, heavy, strict=True)
-    return tuple(row.name for row, is_in in rows if is_in), float(sizes[last])
+    return tuple(row.name for row, is_in in rows if is_in), smallest
 
 
 def rank_caution(time: float, names: tuple[str, ...], smallest: float) -> Caution:

@@ -43,7 +43,8 @@ def _what_failed(run: Run, outcome: Outcome) -> str:
 
 def _described_state(run: Run) -> str:
     names = (*run.equations.q, *run.equations.velocities)
-    shown = [f"{name} = {x:.6g}" for name, x in zip(names, run.y, strict=False)]
+    row = run.observed()[1:]  # after t
+    shown = [f"{name} = {x:.6g}" for name, x in zip(names, row, strict=False)]
     if len(shown) > 12:
         shown = [*shown[:12], f"... {len(shown) - 12} more"]
     return ", ".join(shown)
@@ -51,7 +52,7 @@ def _described_state(run: Run) -> str:
 
 def _fastest(run: Run) -> str:
     """Name the component that grows fastest for its size."""
-    names = (*run.equations.q, *run.equations.velocities, "work")
+    names = run.system.state
     rates = np.abs(run.runner.function("derivative")(run.t, run.y))
     size = run.system.size
     sizes = np.maximum(np.abs(run.y), 1e-300)

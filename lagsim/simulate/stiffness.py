@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.formulation import Choice
 from lagsim.methods import _state as at
 from lagsim.methods import method
-from lagsim.plan import Choice
+from lagsim.structure import structure
 from lagsim.system import System
 from lagsim.trajectory import Caution
 
@@ -27,10 +28,12 @@ if TYPE_CHECKING:
     from lagsim.simulate.arcs import Run
 
 STIFF = "radau"
+# Its steps may fail for other reasons: of them nothing is said.
+SERIES = "taylor"
 # Asked again after this many times as many steps at the bound.
 ASKED_AGAIN = 4.0
-# Eigenvalues of larger systems take longer than what they could save.
-LARGEST = 200
+# The eigenvalues confirm the bound from this part of it on.
+CLOSE = 0.25
 # What is faster than this part of the fastest is fast, and oscillates if the damping
 # ratio is below the next.
 FAST = 0.5
@@ -63,12 +66,16 @@ def consider(run: Run) -> None:
     state[at.AT_BOUND] = 0.0
     state[at.ASK_AT] *= ASKED_AGAIN
     n = run.system.n
-    if n > LARGEST:
-        _warn(run, (), "")
+    sliding = run.switching is not None and bool(np.any(run.switching.slides))
+    # Sliding has a method of its own.
+    scene = run.system.equations
+    if sliding or scene.quadratures or method(STIFF).refusal(structure(scene)):
+        if run.plan.method != SERIES:
+            _warn(run, (), "")
         return
     plan = replace(run.plan, method=STIFF)
     system = System(run.equations, plan)
-    system.set_modes(list(run.system.p[run.system.modes_at]))
+    system.take_modes(run.system)
     runner = system.link(STIFF)
     runner.prepare()
     J = runner.function("jacobian", (n + 1) * 2 * n)(run.t, run.y)[: 2 * n * n]
@@ -76,6 +83,11 @@ def consider(run: Run) -> None:
         _warn(run, (), "")
         return
     fast = _fastest(run, J.reshape(n, 2 * n))
+    if fast.rate * state[at.STEP_H] < CLOSE * run.runner.method.IMAGINARY_LIMIT:
+        return  # something else, as where rows lose their rank
+    series = run.plan.method == SERIES
+    if series and (run.simulation.method != "auto" or fast.excited):
+        return
     if run.simulation.method != "auto":
         advice = f"`--method {STIFF}` passes over fast motion that has died out"
         _warn(run, fast.where, advice)
@@ -86,8 +98,6 @@ def consider(run: Run) -> None:
             "constraint, or give it the damping it has"
         )
         _warn(run, fast.where, advice)
-        return
-    if run.system.surfaces:
         return
     gained = _gain(run, system)
     if gained >= WORTH:
@@ -104,7 +114,8 @@ def _fastest(run: Run, J: Floats) -> Fast:
     shape = np.abs(right[:n]) * np.sqrt(masses)[:, None]
     shape /= np.maximum(np.max(shape, axis=0), 1e-300)
     heavy = np.max(shape, axis=1) > 0.5
-    where = tuple(q for q, is_in in zip(run.equations.q, heavy, strict=True) if is_in)
+    names = run.system.equations.q
+    where = tuple(q for q, is_in in zip(names, heavy, strict=True) if is_in)
     # Of y' itself: how fast the state moves along each of them. Left and right ones of
     # equal eigenvalues need not come in pairs.
     rates = run.runner.function("derivative")(run.t, run.y)[: 2 * n]
@@ -120,7 +131,7 @@ def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
     """Give the large eigenvalues (k,) and their vectors (2 n, k)."""
     values, vectors = np.linalg.eig(matrix)
     speeds = np.abs(values)
-    fast = speeds > FAST * np.max(speeds)
+    fast = speeds >= FAST * np.max(speeds)  # all of them where none moves
     return values[fast], vectors[:, fast]
 
 
@@ -162,7 +173,8 @@ def _operations(equations: Equations) -> float:
 
 def _converted(run: Run, system: System) -> Floats:
     """Give the state of the run as the stiff method's, at the start of an arc."""
-    state = np.zeros(method(STIFF).state_size(system.size))
+    length = max(len(run.state), method(STIFF).state_size(system.size))
+    state = np.zeros(length)
     common = at.HEADER + 6 * system.size + 6
     state[:common] = run.state[:common]
     state[at.FRESH] = 1.0
@@ -188,8 +200,8 @@ def _warn(run: Run, where: tuple[str, ...], advice: str) -> None:
     h, rate = run.state[at.STEP_H], run.state[at.SPEED]
     text = (
         f"at t = {run.t:.9g} the step ({h:.3g}) is held at the stability bound of "
-        f"{run.plan.method}, not by accuracy: {_named(where)} at about {rate:.3g} per "
-        f"unit of time"
+        f"{run.runner.method.NAME}, not by accuracy: {_named(where)} at about "
+        f"{rate:.3g} per unit of time"
     )
     run.warnings.append(Caution(code, f"{text}; {advice}" if advice else text))
 

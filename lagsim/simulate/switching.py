@@ -295,7 +295,7 @@ class Switching:
         masses = measured[2 : 2 + n]
         inverse = np.divide(1.0, masses, out=np.zeros(n), where=masses > 0.0)
         speeds = np.abs(rows.J) @ np.sqrt(2.0 * energy * inverse)
-        step = max(float(run.state[at.STEP_H]), float(run.state[at.FIXED_STEP]))
+        step = run.t - float(run.state[at.STEP_T]) if run.steps else 0.0
         factor = NOISE * float(run.state[at.RTOL])
         return np.asarray(factor * np.where(self.of_velocities, speeds, step * speeds))
 

@@ -17,8 +17,9 @@ def model_switches(equations: Equations) -> Switches:
     no difference to the motion.
     """
     e = equations
-    dynamics = [node for row in e.M for node in row]
+    dynamics = list(e.mass_entries.values())
     dynamics += [*e.f, *([] if e.power is None else [e.power])]
+    dynamics += [x.rate for x in e.quadratures]
     for row in e.rows:
         dynamics += [
             row.residual,

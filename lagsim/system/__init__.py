@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.formulation import GAIN
 from lagsim.kkt import _layout
 from lagsim.kkt.series import motion_series
 from lagsim.methods import method
 from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
+from lagsim.native import graph_code, tape_code
 from lagsim.native.cache import kernel_object, object_code
-from lagsim.native.graph_code import Layout, generate
+from lagsim.native.graph_code import Layout
 from lagsim.system.columns import Columns
 from lagsim.system.functions import AFTER_FREEZING, functions
 from lagsim.system.runner import Runner
@@ -25,7 +27,9 @@ from lagsim.system.switching import surface_functions
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from lagsim.admissibility import Start
     from lagsim.equations import Equations
+    from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
 
 
@@ -35,15 +39,24 @@ class System:
     Parameters
     ----------
     equations : Equations
+        The full ones: rows show all of their columns.
     plan : Plan
-        The formulation decides between straight-line code and loops.
+        Decides between straight-line code, tapes, and loops.
 
     Attributes
     ----------
+    model : Model
+        As it was read.
+    equations : Equations
+        Those that are integrated.
     size : int
         Components of y.
+    state : tuple of str
+        Their names.
     p : ndarray
         Parameters, modes, and working memory.
+    parts : list of System
+        Of the subsystems, where they are integrated apart.
     objects : list of bytes
         Object code of the model's functions.
     operations : int
@@ -51,15 +64,21 @@ class System:
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
-        self.equations = equations
         self.plan = plan
+        self.model = equations.model
+        self.columns = Columns(equations, plan.reduction.recovered)
+        self.rows_observed = len(self.columns.nodes)
+        equations = self.equations = plan.reduction.equations
         self.n, self.m = len(equations.q), len(equations.rows)
         self.has_work = equations.power is not None
-        self.size = 2 * self.n + self.has_work
-        self.columns = Columns(equations)
-        self.rows_observed = len(self.columns.nodes)
         needs = method(plan.method).NEEDS
         self.has_jacobian = "jacobian" in needs
+        work = ("work",) if self.has_work else ()
+        self.state = (
+            *equations.q, *equations.velocities, *work,
+            *(x.name for x in equations.quadratures),
+        )  # fmt: skip
+        self.size = len(self.state)
         self.switches = plan.switches
         self.surfaces = len(self.switches.sides)
         nodes_of = functions(
@@ -81,22 +100,31 @@ class System:
             rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
             nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
         layout = self._layout()
-        code = generate(equations.graph, nodes_of, layout, ("series",))
+        if plan.tape:
+            code = tape_code.generate(equations.graph, nodes_of, layout)
+        else:
+            code = graph_code.generate(
+                equations.graph, nodes_of, layout,
+                contracted=("series",), sparse=("slopes",),
+            )  # fmt: skip
         self.p = np.zeros(code.p_size)
         self.p[: _layout.HEADER] = [
-            self.n, self.m, self.motion, self.has_work, plan.augmented, plan.rank,
-            plan.independence, 1.0, 1.0, self._weak(), self.switching, self.surfaces,
+            self.n, self.m, self.motion, self.size - 2 * self.n, plan.augmented,
+            plan.rank, plan.independence, 1.0, 1.0, self._weak(), self.switching,
+            self.surfaces, plan.gain, plan.constant, 0.0, 0.0,
         ]  # fmt: skip
         for row, length in zip(equations.rows, plan.lengths, strict=True):
             self.p[layout.p[f"length.{row.name}"]] = length
         for parameter in equations.model.parameters:
             self.p[layout.p[parameter.name]] = parameter.value
+        self._layout_of = layout.p
         if self.surfaces:
             where = self.switching + 1 + PER_SURFACE * self.surfaces
             pattern = [*self.pattern[0], *self.pattern[1]]
             self.p[where : where + len(pattern)] = pattern
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
+        self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
         self.objects = [object_code(code.ir)]
         if plan.elimination is None:
             self.objects.append(_loops(self.m > 0, self.surfaces > 0))
@@ -135,11 +163,11 @@ class System:
 
     def _layout(self) -> Layout:
         e = self.equations
-        state = (*e.q, *e.velocities, "work")
         fixed = [p.name for p in e.model.parameters]
         fixed += [mode.variable for mode in self.switches.modes]
         fixed += [f"length.{row.name}" for row in e.rows]
         p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
+        p[GAIN] = _layout.GAIN
         self.switching = _layout.HEADER + len(fixed)
         elements = len(self.pattern[1])
         kept = _layout.switching(self.m, self.size, self.surfaces, elements)
@@ -156,7 +184,7 @@ class System:
         elif self.has_loops:
             loops = _layout.workspace(self.n, self.m)
         return Layout(
-            y={name: k for k, name in enumerate(state)},
+            y={name: k for k, name in enumerate(self.state)},
             p=p,
             fixed=frozenset(fixed),
             size=self.motion + max(loops, len(motion)),
@@ -168,19 +196,34 @@ class System:
             self._runners[name] = Runner(self, name)
         return self._runners[name]
 
+    def begin(self, start: Start) -> Floats:
+        """Give y at a start; sets what it determines for the whole run."""
+        for name, value in self.plan.reduction.constants(start).items():
+            self.p[self._layout_of[name]] = value
+        return self.plan.reduction.state(start)
+
     def set_modes(self, values: Sequence[float]) -> None:
         """Set the branch of each switch in time for the arc to come."""
         self.p[self.modes_at] = values
 
+    def take_modes(self, other: System) -> None:
+        """Take the branches of all switches from another system of the same model."""
+        self.set_modes(list(other.p[other.modes_at]))
+        length = 1 + PER_SURFACE * self.surfaces if self.surfaces else 0
+        mine, theirs = self.switching, other.switching
+        self.p[mine : mine + length] = other.p[theirs : theirs + length]
+
     def units(self) -> dict[str, str]:
         """Give the unit of each column of the table, where it is known."""
-        model = self.equations.model
+        model = self.model
         units = dict.fromkeys(self.columns.names[: self.columns.table], "")
         for c in model.coordinates:
             if c.unit:
                 units[c.name] = c.unit
                 units[f"{c.name}_dot"] = f"{c.unit}/s"
                 units[f"{c.name}_ddot"] = f"{c.unit}/s^2"
+                if model.output.gauss:
+                    units[f"gauss.a_{c.name}"] = f"{c.unit}/s^2"
         units["t"] = "s"
         known = {d.name: d.unit for d in model.definitions}
         return {name: known.get(name, unit) for name, unit in units.items()}

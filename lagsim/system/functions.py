@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.constraints import Flow
 from lagsim.equations import generalized_forces
 from lagsim.expressions.derivatives import gradient
+from lagsim.formulation import GAIN
 from lagsim.kkt.linear import linear_form
 from lagsim.kkt.series import motion_rates
 
@@ -37,8 +39,12 @@ def functions(
     diagonal = [equations.M[i][i] for i in range(len(equations.q))]
     rest = g.call("sub", equations.energy, equations.kinetic_form)
     found = {
-        "measure": [equations.kinetic_form, rest, *diagonal, _driven(equations)],
-    }
+        "measure": [
+            equations.kinetic_form, rest, *diagonal, _driven(equations),
+            *([] if equations.power is None else [g.zero]),
+            *(x.mass for x in equations.quadratures),
+        ],
+    }  # fmt: skip
     simulation = equations.model.simulation
     if simulation and simulation.until:
         found["until"] = [simulation.until.node]
@@ -67,9 +73,13 @@ def _solved(
             "columns": list(columns.nodes.values()),
         }
     else:
-        found = {"derivative": rates}
         new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
-        found["observe"] = g.substitute(columns.nodes.values(), new)
+        observed = g.substitute(columns.nodes.values(), new)
+        found = {
+            "derivative": rates,
+            # Rows show the motion without what pulls the state to the constraints.
+            "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
+        }
     if e.rows:
         held, moving, worst_held, worst_moving = _residuals(e)
         found["position_step"] = [*elimination.correction(held), worst_held]
@@ -82,7 +92,11 @@ def _solved(
 def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
     """Give what the loops of `kkt.dense` begin with."""
     e = equations
-    found = {"dynamics": _dynamics(e), "columns": list(columns.nodes.values())}
+    found = {
+        "dynamics": _dynamics(e),
+        "quadratures": e.quadrature_rates,
+        "columns": list(columns.nodes.values()),
+    }
     if e.rows:
         M = [node for row in e.M for node in row]
         A = [node for row in e.rows for node in row.A]
@@ -92,15 +106,11 @@ def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
 
 
 def _dynamics(e: Equations) -> list[int]:
-    """Give M, A, f, b, power without the constraints' part, transport."""
-    g = e.graph
-    power = e.power if e.power is not None else g.zero
-    none = {g.variable(v): g.zero for v in e.multipliers}
+    """Give M, A, f, b."""
     return [
         *(node for row in e.M for node in row),
         *(node for row in e.rows for node in row.A),
         *e.f, *(row.b for row in e.rows),
-        *g.substitute([power], none), *(row.transport for row in e.rows),
     ]  # fmt: skip
 
 
@@ -158,9 +168,11 @@ def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     for row in e.rows:
         moved = g.product_sum(zip(row.A, accelerations, strict=True))
         residuals.append(g.call("sub", moved, row.b))
-    residuals += [] if e.power is None else [e.power]
     state = [g.variable(name) for name in (*e.q, *e.velocities)]
-    slopes = [slope for r in residuals for slope in gradient(g, r, state)]
+    motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]
+    work = [] if e.power is None else [e.power]
+    slopes = [s for r in (*residuals, *work) for s in gradient(g, r, state)]
+    slopes += [s for power in work for s in gradient(g, power, motion)]
     return {"dynamics": _dynamics(e), "slopes": slopes}
 
 
@@ -169,7 +181,7 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     e, g, L = equations, equations.graph, equations.model.lagrangian
     positions = [g.variable(name) for name in e.q]
     rates = [g.variable(name) for name in e.velocities]
-    Q = generalized_forces(g, e.model, positions, rates)
+    Q = generalized_forces(g, e.model, Flow(g, e.q, e.velocities))
     dL_dq = gradient(g, L, positions)
     forces = [g.call("add", a, b) for a, b in zip(dL_dq, Q, strict=True)]
     M = [node for row in e.M for node in row]

@@ -48,9 +48,10 @@ class Runner:
         simulation = system.equations.model.simulation
         until = bool(simulation and simulation.until)
         switches = system.surfaces > 0
-        statics = {"CONSTRAINED": system.m > 0, "UNTIL": until, "SWITCHES": switches}
+        held = system.m > 0 and system.plan.projected
+        statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
         # What a method must make ready for `until` it must for switches.
-        watched = {"CONSTRAINED": system.m > 0, "UNTIL": until or switches}
+        watched = {"CONSTRAINED": held, "UNTIL": until or switches}
         kernels = [self.method.start, self.method.step, self.method.interpolate]
         self.engine = Engine(
             [
@@ -104,6 +105,7 @@ class Runner:
         call = self.engine.function("prepare", *FUNCTION)
         p = self.system.p
         p[_layout.REFERENCE] = self.system.plan.independence
+        p[_layout.FACTORED] = 0.0
         p[_layout.HEALTH] = p[LEAST_HEALTH] = 1.0
         p[self.system.motion :] = 0.0
         if self.system.has_loops:

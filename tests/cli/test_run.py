@@ -175,7 +175,7 @@ def test_the_closing_lines(lagsim, write):
     assert lines[0] == "done: model, t = 0 to 1, 21 rows"
     assert len(lines) <= 12
     text = called.out
-    for told in ("2 coordinates, 1 constraint\n", "dop853", "projection", "steps",
+    for told in ("2 coordinates, 1 constraint\n", "dop853", "elimination", "steps",
                  "in energy (energy 4.505037 at the start)", "of its scale",
                  "rtol 1e-11",
                  "out: trajectory.csv, run.json"):  # fmt: skip

@@ -23,10 +23,10 @@ ROUNDING = 2.0**-53
 
 # The model's functions that the loops call: they give the system that lies in y.
 def dynamics(t: float, y: Floats, p: Floats, out: Floats) -> None:  # noqa: ARG001
-    """Give M, A, f, b, power, transport."""
+    """Give M, A, f, b."""
     n = int(p[0])
     m = int(p[1])
-    for i in range(n * n + n * m + n + m + 1 + m):
+    for i in range(n * n + n * m + n + m):
         out[i] = y[i]
 
 
@@ -91,13 +91,13 @@ class System:
     @property
     def arrays(self) -> tuple[Any, Any, Any]:
         m, n = self.A.shape
-        parts = (self.M, self.A, self.f, self.b, [0.0], np.zeros(m))
+        parts = (self.M, self.A, self.f, self.b)
         y = np.concatenate([np.ravel(part) for part in parts])
         p = np.zeros(_layout.HEADER + _layout.workspace(n, m) + 4)
         rank = min(n, m) if self.expected is None else self.expected
         p[: _layout.HEADER] = [
             n, m, _layout.HEADER, 0, self.augmented, rank, self.reference, 0, 1.0,
-            _layout.HEADER + _layout.weak_direction(n, m), 0, 0,
+            _layout.HEADER + _layout.weak_direction(n, m), 0, 0, 0, 0, 0, 0,
         ]  # fmt: skip
         p[-4:] = GUARD
         return y, p, np.zeros(n + 3)
@@ -363,3 +363,29 @@ def test_plain_and_native_give_the_same(native: Any) -> None:
             q_ddot_native, lam_native = x.motion(native)
             close(q_ddot_native, q_ddot, 1e-14)
             close(lam_native, lam, 1e-14)
+
+
+@pytest.mark.parametrize("constant", [0, 1, 2])
+def test_what_is_constant_is_factored_once(call: Any, constant: int) -> None:
+    n, m = 5, 2
+    first, second = random_system(3, n, m), random_system(4, n, m)
+    y, p, out = first.arrays
+    p[_layout.CONSTANT] = constant
+    call("solve", y, p, out)
+    assert p[_layout.FACTORED] == constant
+    # Were anything of these factored again, this motion would follow from it.
+    y = second.arrays[0]
+    call("solve", y, p, out)
+    M = first.M if constant else second.M
+    if constant == 2:  # the rows that were factored are not looked at again
+        y[n * n : n * n + n * m] = first.A.ravel()
+        call("solve", y, p, out)
+    A = first.A if constant == 2 else second.A
+    q_ddot, lam = motion_in(p)
+    expected = least_norm(System(M, A, second.f, second.b))
+    assert q_ddot == pytest.approx(expected[0], rel=1e-11, abs=1e-11)
+    assert lam == pytest.approx(expected[1], rel=1e-11, abs=1e-11)
+    p[_layout.FACTORED] = 0
+    call("solve", second.arrays[0], p, out)
+    expected = least_norm(second)
+    assert motion_in(p)[0] == pytest.approx(expected[0], rel=1e-11, abs=1e-11)

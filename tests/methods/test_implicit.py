@@ -268,3 +268,17 @@ def test_radau_counts_its_factorisations():
     assert statistics.evaluations >= 4 * statistics.steps
     assert (statistics.evaluations - statistics.steps) % 3 == 0
     assert 3 <= statistics.factorisations < statistics.steps
+
+
+@pytest.mark.parametrize("name", ["radau", "generalized-alpha", "midpoint", "gauss4"])
+def test_scenes_too_large_for_dense_matrices_are_refused(name):
+    from dataclasses import replace
+
+    from lagsim.equations import derive
+    from lagsim.reader import read
+    from lagsim.structure import structure
+
+    scene = structure(derive(read(DOUBLE.replace("METHOD", name), "m.yaml")))
+    assert scene.unknowns == 2
+    assert method(name).refusal(scene) == ""
+    assert "301" in method(name).refusal(replace(scene, unknowns=301))

@@ -80,11 +80,11 @@ def linked_system(case):
     model = read(text.format(constraints=constraints, options=options), "m.yaml")
     equations = derive(model)
     start = examine(equations)
-    plan = make_plan(equations, start)
+    plan = make_plan(equations, start, formulation="full")
     system = System(equations, plan)
     runner = system.link(plan.method)
     runner.prepare()
-    y = np.concatenate([start.q, start.v, np.zeros(int(system.has_work))])
+    y = system.begin(start)
     s = fresh_state(
         runner.method,
         y,

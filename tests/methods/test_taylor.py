@@ -274,7 +274,7 @@ constraints:
   plane: z = 0
   tilted: "z = (1.1 - x)*y"
 initial: {x: 0, y: 0, z: 0, x_dot: 1, clock: 1}
-simulation: {duration: 2, output_step: 0.01, method: taylor}
+simulation: {duration: 2, output_step: 0.01, method: taylor, formulation: full}
 """
 
 

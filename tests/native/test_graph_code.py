@@ -21,7 +21,9 @@ from lagsim.native.graph_code import Layout, generate
 from tests.expressions._programs import VARIABLES, on_graph, programs, states
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
+
+    from lagsim.native.graph_code import Code
 
 # x, y, z move and lie in y; a, b are parameters; w is written to p while running.
 STATE = ("x", "y", "z")
@@ -40,7 +42,12 @@ GUARD = 12345.0
 class Compiled:
     """The functions of a graph, called with values by name."""
 
-    def __init__(self, g: Graph, functions: Mapping[str, Sequence[int]]) -> None:
+    def __init__(
+        self,
+        g: Graph,
+        functions: Mapping[str, Sequence[int]],
+        generate: Callable[..., Code] = generate,
+    ) -> None:
         self.functions = functions
         self.code = generate(g, functions, LAYOUT)
         self.engine = Engine([compile_object(self.code.ir, optimise=False)])

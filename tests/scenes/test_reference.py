@@ -71,7 +71,7 @@ def nudged(text, nudge, seed):
     options = {"rtol": "1e-13", "atol": "1e-13"}
     equations = derive(read(text, "model.yaml", options=options))
     start = examine(equations)
-    plan = make_plan(equations, start)
+    plan = make_plan(equations, start, formulation="full")
     system = System(equations, plan)
     rng = np.random.default_rng(seed)
     size_q = np.max(np.abs(start.q))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lagsim.methods import rk4
+from lagsim.methods import method, names, rk4
+from lagsim.structure import structure
 from lagsim.system.functions import NEEDED
 from tests.support import MODELS, run
 from tests.switching.test_located import events, scene
@@ -105,6 +106,21 @@ def test_stick_slip_by_any_means(options):
     # RK4 at a tenth of a radian: 1e-5 of the amplitude.
     tight = 1e-9 if options == {"loops": True} else 1e-5
     assert [t for t, _ in events(found)][:3] == pytest.approx(times, abs=tight)
+
+
+@pytest.mark.parametrize("name", names())
+def test_stick_slip_by_every_method(name):
+    module = method(name)
+    if module.refusal(structure(run("stick-slip", duration=0.01).equations)):
+        pytest.skip("not for forces that depend on velocities")
+    step = {} if module.ADAPTIVE else {"step": 0.004}
+    found = run("stick-slip", duration=2, method=name, **step)
+    assert [k for _, k in events(found)] == ["stick", "slip"] * 3
+    # Euler, of order 1, is off by 0.004 s with steps of 0.004 s; the others less.
+    length, _ = slip_phase()
+    assert events(found)[2][0] == pytest.approx(0.25 + length, abs=0.01)
+    stuck = (found["t"] > 0.25 + length + 0.01) & (found["t"] < 0.9)
+    assert np.max(np.abs(found["slip"][stuck])) < 1e-15
 
 
 def test_a_method_that_needs_more_than_rates_leaves_sliding_to_dop853(monkeypatch):

@@ -1,0 +1,152 @@
+"""What each reduction saves: the same scene with it and without, side by side."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from measure import MODELS, Table, alternate, ms, ratio
+from rod_chain import rod_chain
+
+from lagsim.admissibility import examine
+from lagsim.equations import derive
+from lagsim.plan import make_plan
+from lagsim.reader import read, read_file
+from lagsim.simulate import simulate
+from lagsim.system import System
+
+
+class Scene:
+    """A scene, ready to be integrated again and again; rows are tabulated, too."""
+
+    def __init__(self, model, formulation, *, change=None, **options):
+        began = time.perf_counter()
+        texts = {name: str(value) for name, value in options.items()}
+        if "\n" in model:
+            read_model = read(model, "model.yaml", options=texts)
+        else:
+            path = MODELS / f"{model}.yaml"
+            read_model = read_file(str(path), options=texts)
+        self.equations = derive(read_model)
+        self.start = examine(self.equations)
+        plan = make_plan(self.equations, self.start, formulation=formulation)
+        self.plan = replace(plan, **(change or {}))
+        self.planned = time.perf_counter() - began
+        self.system = System(self.equations, self.plan)
+
+    def run(self):
+        """Integrate, and keep the rows."""
+        self.blocks = []
+        self.trajectory = simulate(
+            self.equations, self.start, self.plan, self.system, [self]
+        )
+
+    def add(self, rows):
+        self.blocks.append(rows.copy())
+
+    def columns(self):
+        """Give the table of the last run."""
+        return np.concatenate(self.blocks)[:, : self.system.columns.table]
+
+
+def difference(scene, other):
+    """Give the greatest difference of a column against the size of that column."""
+    a, b = scene.columns(), other.columns()
+    sizes = np.maximum(np.max(np.abs(b), axis=0), 1e-6 * np.max(np.abs(b)))
+    return float(np.max(np.max(np.abs(a - b), axis=0) / sizes))
+
+
+def compared(name, scenes, turns):
+    """Give the lines of one comparison: the full form first."""
+    times = alternate({key: scene.run for key, scene in scenes.items()}, turns)
+    full = next(iter(scenes))
+    lines = []
+    for key, scene in scenes.items():
+        counts = scene.trajectory.statistics
+        lines.append(
+            [
+                name if key == full else "",
+                key,
+                *ms(times[key]),
+                str(counts.evaluations),
+                "" if key == full else ratio(times[full], times[key]),
+                "" if key == full else f"{difference(scene, scenes[full]):.1e}",
+                f"{scene.planned * 1e3:.3g}",
+            ]
+        )
+    return lines
+
+
+def pulling(n):
+    """Give n masses that all pull on one another: a constant, dense M."""
+    names = [f"x{k}" for k in range(n)]
+    kinetic = " + ".join(f"{a}_dot^2" for a in names)
+    mean = " + ".join(f"{a}_dot" for a in names)
+    pull = " + ".join(f"({a} - {b})^2" for a, b in pairwise(names))
+    lines = [
+        "coordinates:",
+        *(f"  {a}: {{}}" for a in names),
+        f'energy: {{kinetic: "({kinetic})/2 + ({mean})^2/{n}", potential: "{pull}"}}',
+        "initial:",
+        *(f"  {a}: {k % 3}" for k, a in enumerate(names)),
+        "simulation: {duration: 5, output_step: 0.1}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def fast_and_slow():
+    """Give a chain of rods and, apart from it, a fast spring."""
+    text = rod_chain(6, 1.5, 0.05)
+    text = text.replace("energy:", "  fast: x*x/2\nenergy:")
+    text = text.replace("coordinates:", "coordinates:\n  x: {}")
+    text = text.replace('kinetic: "', 'kinetic: "x_dot^2/2 + ')
+    text = text.replace('potential: "', 'potential: "2e5*x^2 + ')
+    return text.replace("initial:", "initial:\n  x: 0.01")
+
+
+def comparisons():
+    """Give what is compared: name -> how -> scene."""
+    found = {}
+    for name, model in {
+        "elastic pendulum on a curve": "elastic-pendulum-curve",
+        "3 rods, Cartesian": rod_chain(3, 2.0),
+        "5 rods, Cartesian": rod_chain(5, 1.5),
+        "10 rods, Cartesian": rod_chain(10, 1.0),
+    }.items():
+        found[name] = {
+            "projection": Scene(model, "full"),
+            "elimination": Scene(model, "elimination"),
+        }
+    found["heavy top, 2 of 3 coordinates ignorable"] = {
+        "all coordinates": Scene("heavy-top", "full"),
+        "quadratures": Scene("heavy-top", "ignorable"),
+    }
+    text = fast_and_slow()
+    found["6 rods and a spring 40 times as fast"] = {
+        "in one piece": Scene(text, "full"),
+        "apart": Scene(text, "apart"),
+    }
+    text = pulling(40)
+    found["40 masses, M constant, loops"] = {
+        "factored each time": Scene(text, "full", change={"constant": 0}),
+        "factored once": Scene(text, "full"),
+    }
+    return found
+
+
+def tables(turns):
+    """Give the table."""
+    rows = []
+    for name, scenes in comparisons().items():
+        rows += compared(name, scenes, turns)
+    head = [
+        f"integration and columns, warm, {turns} turns", "", "least, ms", "median, ms",
+        "evaluations", "times faster", "columns differ by", "read and planned in, ms",
+    ]  # fmt: skip
+    notes = [
+        "Default tolerances. Columns are compared against their own size, all of them.",
+        "`auto` takes what has the smaller count of operations; the plan gives both.",
+    ]
+    return [Table("What structure saves", head, rows, notes)]

@@ -1,0 +1,202 @@
+"""Scenes of many coordinates: M and A as sparse matrices.
+
+What is decided here is decided as for small scenes, as long as M is safely positive and
+the rows are safely independent; where they are not, the caller falls back on dense
+matrices, which takes time proportional to the cube of the number of coordinates.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagsim.admissibility.newton import MOST_STEPS, SOLVED, Found
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from lagsim.admissibility.point import AtState, Entries, Point
+    from lagsim.native.kernel_types import Floats
+
+# Coordinates from which on a dense decomposition takes longer than loading scipy.
+LARGE = 200
+# A smallest singular value, or eigenvalue, above this is safely not zero.
+SURELY = 1e-5
+# Inverse iteration ends when the value changes by less than this part.
+SETTLED = 1e-6
+MOST_ITERATIONS = 200
+# Columns that are solved for together.
+TOGETHER = 64
+# A step this small, against the values, is the last.
+LAST = 1e-12
+
+
+def is_large(point: Point) -> bool:
+    """Tell whether a scene is large."""
+    return point.n >= LARGE
+
+
+def matrix(entries: Entries, rows: int, columns: int) -> Any:
+    """Give a scipy matrix in compressed columns."""
+    from scipy.sparse import csc_matrix
+
+    return csc_matrix((entries.values, (entries.i, entries.j)), shape=(rows, columns))
+
+
+def is_positive(point: Point, q: Floats, v: Floats) -> bool:
+    """Tell whether M is safely positive definite; False where it is not safe."""
+    M = matrix(point.mass_entries(q, v), point.n, point.n)
+    diagonal = M.diagonal()
+    if not (np.all(np.isfinite(M.data)) and np.all(diagonal > 0)):
+        return False
+    if _is_diagonal(M):
+        return True
+    from scipy.sparse import diags
+
+    scale = diags(1.0 / np.sqrt(diagonal))
+    factors = _factored(scale @ M @ scale, symmetric=True)
+    if factors is None or not np.all(factors.U.diagonal() > 0):
+        return False
+    if not np.array_equal(factors.perm_r, factors.perm_c):
+        return False  # pivots off the diagonal say nothing
+    return 1.0 / _largest(factors.solve, point.n)[0] > SURELY
+
+
+def row_lengths(point: Point, q: Floats, v: Floats) -> Floats:
+    """Give the lengths (m,) of rows in the metric of M; nan where M is not safe."""
+    rows, n = point.e.rows, point.n
+    if not is_positive(point, q, v):
+        return np.full(len(rows), np.nan)
+    A = matrix(point.jacobian_entries(rows, q, v), len(rows), n)
+    return _lengths(matrix(point.mass_entries(q, v), n, n), A)
+
+
+class SparseRows:
+    """The constraint rows at a state, in the metric of M.
+
+    Attributes
+    ----------
+    smallest : float
+        The smallest singular value of the rows, each divided by its length or by
+        `usual`; 0 where that is not safe to tell.
+    weakest : ndarray, shape (m,)
+        The combination of rows that it belongs to.
+    """
+
+    def __init__(
+        self,
+        point: Point,
+        q: Floats,
+        v: Floats,
+        errors: Mapping[str, float] | None = None,
+        usual: Sequence[float] | None = None,
+    ) -> None:
+        rows = point.e.rows
+        m, n = len(rows), point.n
+        M = matrix(point.mass_entries(q, v), n, n)
+        A = matrix(point.jacobian_entries(rows, q, v, errors), m, n)
+        self.smallest = 0.0
+        self.weakest = np.zeros(m)
+        if is_positive(point, q, v):
+            lengths = _lengths(M, A)
+            scale = lengths if usual is None else np.fmax(usual, lengths)
+            if np.all(scale > 0):
+                self._weigh(M, A, scale)
+
+    def _weigh(self, M: Any, A: Any, scale: Floats) -> None:
+        from scipy.sparse import bmat, diags
+
+        scaled = diags(1.0 / scale) @ A
+        factors = _factored(bmat([[M, scaled.T], [scaled, None]], format="csc"))
+        if factors is None:
+            return
+        n = M.shape[0]
+
+        def inverse(r: Floats) -> Floats:
+            """Give (A M^-1 A^T)^-1 r."""
+            return -np.asarray(factors.solve(np.concatenate([np.zeros(n), r])))[n:]
+
+        largest, self.weakest = _largest(inverse, len(scale))
+        self.smallest = 1.0 / np.sqrt(largest) if np.isfinite(largest) else 0.0
+
+
+def nearest(relations: AtState, x0: Floats, M: Any) -> Found | None:
+    """Give the point nearest to x0 in the metric M (n, n) that meets the relations.
+
+    Each step goes to the nearest point that meets them to first order. None where that
+    does not settle.
+    """
+    from scipy.sparse import bmat
+
+    if relations.exact(x0):
+        return Found(x0.copy(), met=True)
+    ulp = SOLVED / np.sqrt(M.diagonal())
+    x = x0.copy()
+    for _ in range(MOST_STEPS):
+        r, entries = relations.sparse(x)
+        if not (np.all(np.isfinite(r)) and np.all(np.isfinite(entries.values))):
+            return None
+        J = matrix(entries, len(r), len(x))
+        factors = _factored(bmat([[M, J.T], [J, None]], format="csc"))
+        if factors is None:
+            return None
+        step = factors.solve(np.concatenate([M @ (x0 - x), -r]))[: len(x)]
+        if not np.all(np.isfinite(step)):
+            return None
+        x = x + step
+        size = float(np.sqrt(x @ (M @ x)))
+        if np.sqrt(step @ (M @ step)) <= LAST * size:
+            met = relations.met(x, size * ulp)
+            return Found(x, met=True) if met else None
+    return None
+
+
+def _lengths(M: Any, A: Any) -> Floats:
+    """Give the lengths (m,) of the rows of A."""
+    if _is_diagonal(M):
+        return np.asarray(np.sqrt(A.multiply(A) @ (1.0 / M.diagonal())))
+    factors = _factored(M, symmetric=True)
+    columns = A.T.tocsc()
+    squares = []
+    for k in range(0, A.shape[0], TOGETHER):
+        part = columns[:, k : k + TOGETHER].toarray()
+        squares.append(np.sum(part * factors.solve(part), axis=0))
+    return np.asarray(np.sqrt(np.concatenate(squares)))
+
+
+def _is_diagonal(M: Any) -> bool:
+    entries = M.tocoo()
+    return bool(np.all(entries.row == entries.col))
+
+
+def _factored(A: Any, *, symmetric: bool = False) -> Any:
+    """Give LU factors, `symmetric` without pivoting; None where A is singular."""
+    from scipy.sparse.linalg import splu
+
+    threshold = 0.0 if symmetric else 1.0
+    try:
+        return splu(
+            A.tocsc(),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=threshold,
+            options={"SymmetricMode": symmetric},
+        )
+    except RuntimeError:
+        return None
+
+
+def _largest(apply: Callable[[Floats], Floats], size: int) -> tuple[float, Floats]:
+    """Give the largest eigenvalue of a positive operator, and its vector."""
+    x = np.random.default_rng(5).standard_normal(size)  # the same each time
+    x /= np.linalg.norm(x)
+    value = 0.0
+    for _ in range(MOST_ITERATIONS):
+        moved = apply(x)
+        before, value = value, float(np.linalg.norm(moved))
+        if not 0.0 < value < np.inf:
+            return np.inf, x
+        x = moved / value
+        if abs(value - before) <= SETTLED * value:
+            break
+    return value, x

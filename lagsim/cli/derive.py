@@ -1,0 +1,177 @@
+"""`lagsim derive`: the equations of motion, for people, papers and programs."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lagsim import __version__
+from lagsim.cli._shared import ModelPath, Sets, assignments, faults_shown, show_json
+from lagsim.cli._streams import UnwritableError, put
+from lagsim.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    from lagsim.equations import Equations
+
+
+class Format(StrEnum):
+    """What can be written."""
+
+    text = "text"
+    latex = "latex"
+    json = "json"
+    python = "python"
+
+
+def command(
+    model: ModelPath,
+    sets: Sets = None,
+    form: Annotated[
+        Format, typer.Option("--format", help="How the equations are written.")
+    ] = Format.text,
+    ascii_only: Annotated[
+        bool, typer.Option("--ascii", help="Text in ASCII, as model files write it.")
+    ] = False,
+    substitute: Annotated[
+        bool, typer.Option("--substitute", help="Put the parameters' numbers in.")
+    ] = False,
+    solve: Annotated[
+        bool,
+        typer.Option("--solve", help="Solve for the accelerations, however long."),
+    ] = False,
+    gauss: Annotated[
+        bool, typer.Option("--gauss", help="Add Gauss's principle.")
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FILE", help="Write to a file."),
+    ] = None,
+) -> int:
+    """Derive the equations of motion, symbolically."""
+    documents: list[Any] = []
+    told = documents if form is Format.json else None
+    options = {"substitute": substitute, "solve": solve, "gauss": gauss}
+    with faults_shown(told, file=model) as code:
+        _refuse(form, {**options, "ascii": ascii_only}, output)
+        content = _written(model, sets, form, ascii_only=ascii_only, **options)
+        _deliver(content, output)
+        code.append(0)
+    for faults in documents:
+        show_json(faults)
+    return code[-1]
+
+
+def _refuse(form: Format, options: dict[str, bool], output: Path | None) -> None:
+    """Refuse options that mean nothing for the format, and a file that cannot be.
+
+    Raises
+    ------
+    InputError
+    """
+    meant = {
+        Format.text: ("ascii", "substitute", "solve", "gauss"),
+        Format.python: (),
+    }.get(form, ("substitute", "solve", "gauss"))
+    problems = [
+        Problem("usage", f"--{name} means nothing with --format {form.value}")
+        for name, given in options.items()
+        if given and name not in meant
+    ]
+    if output is not None and output.is_dir():
+        problems.append(_unwritable(output, "it is a folder"))
+    elif output is not None and not output.parent.is_dir():
+        problems.append(_unwritable(output, "there is no such folder"))
+    if problems:
+        raise InputError(problems)
+
+
+def _unwritable(output: Path, why: str | None) -> Problem:
+    return Problem("output-file", f"{output} cannot be written: {why}")
+
+
+def _written(
+    path: str,
+    sets: list[str] | None,
+    form: Format,
+    *,
+    ascii_only: bool,
+    substitute: bool,
+    solve: bool,
+    gauss: bool,
+) -> bytes:
+    """Give what is written."""
+    from lagsim.equations import derive
+    from lagsim.reader import read_file
+
+    equations: Equations = derive(read_file(path, assignments(sets)))
+    if form is Format.python:
+        from lagsim.derivation.as_python import as_python
+
+        return as_python(equations, __version__).encode()
+    from lagsim.derivation.lagrange import content
+
+    found = content(equations, substitute=substitute, solve=solve, with_gauss=gauss)
+    if form is Format.json:
+        from lagsim.derivation.as_json import as_json
+        from lagsim.outputs.manifest import encode
+
+        return encode(as_json(found))
+    if form is Format.latex:
+        from lagsim.derivation.as_latex import as_latex
+
+        return as_latex(found).encode()
+    from lagsim.derivation.as_text import as_text
+
+    return as_text(found, ascii_only=ascii_only).encode()
+
+
+def _deliver(content: bytes, output: Path | None) -> None:
+    """Print, or write a file, which appears whole or not at all.
+
+    Raises
+    ------
+    InputError, UnwritableError
+        Where the file cannot be made; where the disk is full.
+    """
+    if output is None:
+        put(lambda: _print(content))
+        return
+    output = output.resolve()  # the file behind a link is replaced, not the link
+    try:
+        if output.exists() and not output.is_file():  # a pipe, /dev/null
+            output.write_bytes(content)
+            return
+        handle, part = tempfile.mkstemp(prefix=".lagsim-", dir=output.parent)
+    except OSError as error:
+        raise InputError([_unwritable(output, error.strerror)]) from None
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        mask = os.umask(0)
+        os.umask(mask)
+        Path(part).chmod(0o666 & ~mask)  # as any new file
+        Path(part).replace(output)
+    except OSError as error:
+        raise UnwritableError(_unwritable(output, error.strerror).text) from None
+    finally:
+        with contextlib.suppress(OSError):
+            Path(part).unlink(missing_ok=True)
+
+
+def _print(content: bytes) -> None:
+    """Print text; a stream that does not know a letter gets its number."""
+    import sys
+
+    text = content.decode()
+    encoding = sys.stdout.encoding or "utf-8"
+    try:
+        text.encode(encoding)
+    except UnicodeEncodeError:
+        text = text.encode(encoding, "backslashreplace").decode(encoding)
+    sys.stdout.write(text)

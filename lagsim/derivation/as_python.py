@@ -1,0 +1,197 @@
+"""The equations as a Python module that needs numpy only, straight from the graph.
+
+Each function is straight-line code in which shared parts are computed once. The
+branches of `if` are all computed and one is taken, so what is not finite in the others
+is not heard of.
+"""
+
+from __future__ import annotations
+
+import keyword
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagsim.constraints import Flow, constraint_row
+from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lagsim.equations import Equations
+    from lagsim.expressions.graph import Graph
+
+_SAME = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "log10", "sqrt",
+         "cbrt", "abs", "sign", "hypot", "floor", "ceil")  # fmt: skip
+_FUNCTIONS = {name: f"np.{name}" for name in _SAME} | {
+    "asin": "np.arcsin", "acos": "np.arccos", "atan": "np.arctan",
+    "atan2": "np.arctan2", "asinh": "np.arcsinh", "acosh": "np.arccosh",
+    "atanh": "np.arctanh",
+}  # fmt: skip
+# {0}, {1}, {2}: the arguments, which are names, numbers, or in parentheses.
+CODE: dict[str, str] = {
+    "add": "{0} + {1}", "sub": "{0} - {1}", "mul": "{0} * {1}", "div": "{0} / {1}",
+    "neg": "-{0}", "pow": "{0} ** {1}",
+    "lt": "{0} < {1}", "le": "{0} <= {1}", "gt": "{0} > {1}", "ge": "{0} >= {1}",
+    "and": "{0} and {1}", "or": "{0} or {1}", "not": "not {0}",
+    "if": "{1} if {0} else {2}",
+    "heaviside": "np.heaviside({0}, 1.0)",
+    "min": "{1} if {1} < {0} else {0}", "max": "{1} if {1} > {0} else {0}",
+}  # fmt: skip
+CODE |= {
+    name: f"{f}({{0}}, {{1}})" if name in ("hypot", "atan2") else f"{f}({{0}})"
+    for name, f in _FUNCTIONS.items()
+}
+_OWN = ("np", "t", "q", "q_dot", "out", "COORDINATES", "CONSTRAINTS", "ONE_SIDED")
+_TAKEN = frozenset((*keyword.kwlist, *_OWN, "PARAMETERS"))
+_HEAD = '''"""Equations of motion of {name}, written by lagsim {version}.
+
+M q'' = f + A^T lambda,  A q'' = b,  Qc = A^T lambda.
+
+Functions take the time t, the coordinates q and the velocities q_dot, in the order of
+COORDINATES. PARAMETERS are read at each call. The rows of the constraints in ONE_SIDED
+hold only while the contact is closed.
+"""
+
+import numpy as np
+
+COORDINATES = {coordinates}
+CONSTRAINTS = {constraints}
+ONE_SIDED = {one_sided}
+PARAMETERS = {parameters}
+'''
+
+
+def as_python(equations: Equations, version: str) -> str:
+    """Give the module; see the section `derive --format python` of the contract."""
+    e, g = equations, equations.graph
+    model = e.model
+    flow = Flow(g, e.q, e.velocities)
+    rows = [constraint_row(g, c, flow) for c in model.constraints]
+    head = _HEAD.format(
+        name=model.name.replace("\\", "/").replace('"', "'"),
+        version=version,
+        coordinates=_tuple(e.q),
+        constraints=_tuple([c.name for c in model.constraints]),
+        one_sided=_tuple([c.name for c in model.constraints if c.law is not None]),
+        parameters=_dictionary({p.name: p.value for p in model.parameters}),
+    )
+    n, m = len(e.q), len(rows)
+    functions = [
+        _function(e, "mass_matrix", "M", [x for row in e.M for x in row], (n, n)),
+        _function(e, "force", "f", list(e.f), (n,)),
+        _function(e, "constraint_matrix", "A", [x for r in rows for x in r.A], (m, n)),
+        _function(e, "constraint_rhs", "b", [r.b for r in rows], (m,)),
+    ]
+    return "\n\n".join([head, *functions])
+
+
+def _tuple(names: Sequence[str]) -> str:
+    return f"({', '.join(map(_quoted, names))}{',' if len(names) == 1 else ''})"
+
+
+def _dictionary(values: Mapping[str, float]) -> str:
+    lines = [f"    {_quoted(name)}: {value!r},\n" for name, value in values.items()]
+    return "{\n" + "".join(lines) + "}" if lines else "{}"
+
+
+def _quoted(name: str) -> str:
+    return f'"{name}"'
+
+
+def _function(
+    e: Equations, name: str, letter: str, nodes: list[int], shape: tuple[int, ...]
+) -> str:
+    """Give one function: its inputs, its steps, its array."""
+    g = e.graph
+    size = ", ".join(map(str, shape))
+    lines = [
+        f"def {name}(t, q, q_dot):",
+        f'    """Give {letter} ({size}{"," if len(shape) == 1 else ""})."""',
+        f"    out = np.zeros(({size}{',' if len(shape) == 1 else ''}))",
+    ]
+    filled = [(k, node) for k, node in enumerate(nodes) if node != g.zero]
+    if filled:
+        steps, values = _Steps(e, [node for _, node in filled]).written()
+        lines.append('    with np.errstate(all="ignore"):')
+        lines += [f"        {step}" for step in steps]
+        for (k, _), value in zip(filled, values, strict=True):
+            index = ", ".join(map(str, np.unravel_index(k, shape)))
+            lines.append(f"        out[{index}] = {value}")
+    lines.append("    return out")
+    return "\n".join(lines) + "\n"
+
+
+class _Steps:
+    """Assignments that compute nodes; what is used once is written where it is used."""
+
+    # An expression of more operations than this gets a name, for people.
+    LONGEST = 6
+
+    def __init__(self, e: Equations, nodes: list[int]) -> None:
+        self.g: Graph = e.graph
+        self.nodes = nodes
+        self.cone = self.g.cone(nodes)
+        self.sources = {p.name: f'PARAMETERS["{p.name}"]' for p in e.model.parameters}
+        self.sources |= {q: f"q[{k}]" for k, q in enumerate(e.q)}
+        self.sources |= {v: f"q_dot[{k}]" for k, v in enumerate(e.velocities)}
+        self.sources["t"] = "t"
+        self.text: dict[int, tuple[str, int]] = {}  # and its number of operations
+
+    def written(self) -> tuple[list[str], list[str]]:
+        """Give the assignments, and an expression for each of the nodes."""
+        g = self.g
+        uses = dict.fromkeys(self.cone, 0)
+        for n in self.cone:
+            for a in g.args[n]:
+                uses[a] += 1
+        used: set[str] = set()
+        inputs = [n for n in self.cone if g.ops[n] == VARIABLE]
+        lines = [self._input(n, used) for n in inputs]
+        prefix = "z"
+        while any(name.startswith(prefix) for name in used):
+            prefix += "_"
+        count = 0
+        for n in self.cone:
+            if n in self.text:
+                continue
+            code, operations = self._code(n)
+            if g.args[n] and (uses[n] > 1 or operations > self.LONGEST):
+                count += 1
+                lines.append(f"{prefix}{count} = {code}")
+                code, operations = f"{prefix}{count}", 0
+            self.text[n] = code, operations
+        return lines, [self.text[n][0] for n in self.nodes]
+
+    def _input(self, n: int, used: set[str]) -> str:
+        name = str(self.g.payload(n))
+        local = name
+        # `t` is an argument already, and becomes what divides without raising.
+        if not local.isidentifier():
+            local = f"x{n}"
+        while (local in _TAKEN or local in used) and name != "t":
+            local += "_"
+        used.add(local)
+        self.text[n] = local, 0
+        return f"{local} = np.float64({self.sources[name]})"
+
+    def _code(self, n: int) -> tuple[str, int]:
+        g: Any = self.g
+        op = g.ops[n]
+        if op in (CONSTANT, TRUTH):
+            value = repr(g.payload(n))
+            return (f"({value})" if value.startswith("-") else value), 0
+        parts = [self.text[a] for a in g.args[n]]
+        held = [text if _is_atom(text) else f"({text})" for text, _ in parts]
+        if op in ("div", "pow") and all(g.ops[a] == CONSTANT for a in g.args[n]):
+            held[0] = f"np.float64({held[0]})"  # which divides by 0 without raising
+        return CODE[op].format(*held), 1 + sum(operations for _, operations in parts)
+
+
+_ATOM = re.compile(r"[\w.]+(\([^()]*\))?\Z")
+
+
+def _is_atom(text: str) -> bool:
+    """Tell whether text binds tightly: a name, a number, a call of plain arguments."""
+    return bool(_ATOM.match(text)) or (text[0] == "(" and ")" not in text[:-1])

@@ -1,0 +1,316 @@
+"""Conserved quantities that follow from the structure: Noether's theorem, in part.
+
+The energy function, where nothing depends on the time and nothing does work; the
+momentum of a coordinate that does not appear in L; the sums of momenta and the angular
+momenta that belong to shifts and turns of several coordinates under which L does not
+change. The latter are looked for at random states and random parameters, so that none
+is found that rests on the parameters' values.
+Source: V. I. Arnold, Mathematical Methods of Classical Mechanics, sections 15 and 20.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import sympy as sp
+
+from lagsim.derivation.content import Conserved
+from lagsim.expressions.derivatives import gradient
+from lagsim.expressions.evaluate import evaluate
+from lagsim.model import Level
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.derivation.content import Condition, Line
+    from lagsim.derivation.translation import Translation
+    from lagsim.equations import Equations
+    from lagsim.native.kernel_types import Floats
+
+# More shifts and turns than this are not looked through.
+MOST_GENERATORS = 250
+# What vanishes at all samples leaves this much against rounding in sums of terms.
+ROUNDING = 1e-9
+# States beyond the number of unknowns, and tries for states with finite values.
+SPARE, TRIES = 8, 4
+
+
+def conserved_quantities(
+    x: Translation,
+    lagrangian: Any,
+    lines: Sequence[Line],
+    constraints: Sequence[Condition],
+) -> list[Conserved]:
+    """Give what is seen to be conserved."""
+    found = _energy(x, lagrangian, lines)
+    single = [
+        _momentum(x, lagrangian, j, line, constraints) for j, line in enumerate(lines)
+    ]
+    found += [c for c in single if c is not None]
+    ignorable = {j for j, c in enumerate(single) if c is not None}
+    samples = _Samples(x.equations)
+    found += _symmetries(x, samples, lines, constraints, ignorable)
+    return [samples.named(x, c) for c in found]
+
+
+def _energy(x: Translation, lagrangian: Any, lines: Sequence[Line]) -> list[Conserved]:
+    e, g = x.equations, x.g
+    if any(row.transport != g.zero for row in e.rows) or _has_contact(e):
+        return []
+    worked = (line.terms["Q"] * v for line, v in zip(lines, x.v, strict=True))
+    if not x.tidy.is_zero(sp.Add(-x.slope(lagrangian, x.t), *worked)):
+        return []
+    why = "L does not depend on t, and no force does work"
+    if not e.model.forces and e.model.dissipation is None:
+        why = "L does not depend on t"
+    if e.energy_is_sum:
+        total = sp.Add(*x.sympy([e.model.kinetic, e.model.potential]))
+        return [Conserved("energy", (), x.tidy(total, written=True), why)]
+    moved = (v * line.momentum for v, line in zip(x.v, lines, strict=True))
+    value = x.tidy(sp.Add(-lagrangian, *moved))
+    return [Conserved("energy function", (), value, why)]
+
+
+def _has_contact(e: Equations) -> bool:
+    return any(c.law is not None for c in e.model.constraints)
+
+
+def _momentum(
+    x: Translation,
+    lagrangian: Any,
+    j: int,
+    line: Line,
+    constraints: Sequence[Condition],
+) -> Conserved | None:
+    """Give the momentum of coordinate j where it is conserved.
+
+    Where dL/dq is the rate of a linear function of the positions, as in a magnetic
+    field, that function is taken off.
+    """
+    held = any(c.A[j] != 0 or _slips(c, x.v[j]) for c in constraints)
+    if held or line.terms["Q"] != 0:
+        return None
+    slope = x.tidy(x.slope(lagrangian, x.q[j]))
+    coefficients = [sp.diff(slope, v) for v in x.v]
+    changing = {*x.q, *x.v, x.t}
+    if any(x.free(c) & changing for c in coefficients):
+        return None
+    rest = sp.Add(*(c * v for c, v in zip(coefficients, x.v, strict=True)))
+    if not x.tidy.is_zero(slope - rest):
+        return None
+    name = x.q[j].name
+    if slope == 0:
+        return Conserved("momentum", (name,), line.momentum, "not in L")
+    shift = sp.Add(*(c * q for c, q in zip(coefficients, x.q, strict=True)))
+    value = x.tidy(line.momentum - shift)
+    return Conserved("shifted momentum", (name,), value, "dL/dq is a total rate")
+
+
+def _slips(c: Condition, v: Any) -> bool:
+    return any(sp.diff(s, v) != 0 for s in c.law.get("slip", ()))
+
+
+class _Samples:
+    """Random states and parameters, and what the graph gives there."""
+
+    def __init__(self, e: Equations) -> None:
+        self.e = e
+        g = e.graph
+        positions = [g.variable(q) for q in e.q]
+        self.dL_dq = gradient(g, e.model.lagrangian, positions)
+        self._random = np.random.default_rng(7)
+
+    def values(self) -> dict[str, float]:
+        """Give a state and parameters, near 1 so that roots and logarithms exist."""
+        e, random = self.e, self._random
+        names = [p.name for p in e.model.parameters]
+        signs = {p.name: math.copysign(1.0, p.value) for p in e.model.parameters}
+        values = {n: signs[n] * random.uniform(0.5, 2.0) for n in names}
+        state = ("t", *e.q, *e.velocities)
+        return values | {n: random.uniform(0.3, 1.5) for n in state}
+
+    def named(self, x: Translation, c: Conserved) -> Conserved:
+        """Say which definition of the file it is, if one is."""
+        e = self.e
+        defined = [d for d in e.model.definitions if d.level is not Level.OUTPUT]
+        alike = {d.name for d in defined}
+        seen = 0
+        for _ in range(3 * TRIES):
+            if not alike or seen == TRIES:
+                break
+            at = self.values()
+            whole = x.in_full(c.value).free_symbols
+            try:
+                number = {s: at[s.name] for s in whole}
+                value = float(x.in_full(c.value).evalf(subs=number))
+            except (TypeError, ValueError):
+                continue
+            found = evaluate(e.graph, [d.node for d in defined], at)
+            if not math.isfinite(value):
+                continue
+            seen += 1
+            alike &= {
+                d.name
+                for d, y in zip(defined, found, strict=True)
+                if abs(y - value) <= ROUNDING * (abs(value) + abs(y))
+            }
+        if not alike or seen < TRIES:
+            return c
+        name = next(d.name for d in defined if d.name in alike)
+        return Conserved(c.kind, c.of, c.value, c.why, name)
+
+
+def _symmetries(
+    x: Translation,
+    samples: _Samples,
+    lines: Sequence[Line],
+    constraints: Sequence[Condition],
+    ignorable: set[int],
+) -> list[Conserved]:
+    """Give what belongs to shifts of several coordinates, and to turns of pairs."""
+    n = len(lines)
+    shifts = [j for j in range(n) if j not in ignorable]
+    turns = list(combinations(range(n), 2))
+    many = len(shifts) + len(turns)
+    if n < 2 or many > MOST_GENERATORS or _has_contact(x.equations):
+        return []
+    rows = _rows(x.equations, samples, shifts, turns)
+    if rows is None:
+        return []
+    found = []
+    for vector in _simple_null_vectors(rows):
+        value = _noether(x, lines, shifts, turns, vector)
+        if not _holds(x, lines, constraints, shifts, turns, vector):
+            continue
+        moved = {shifts[k] for k in range(len(shifts)) if vector[k]}
+        turned = {
+            j for k, pair in enumerate(turns) if vector[len(shifts) + k] for j in pair
+        }
+        kind = "angular momentum" if turned else "total momentum"
+        of = tuple(x.q[j].name for j in sorted(moved | turned))
+        found.append(Conserved(kind, of, value, "a turn" if turned else "a shift"))
+    return found
+
+
+def _rows(
+    e: Equations,
+    samples: _Samples,
+    shifts: Sequence[int],
+    turns: Sequence[tuple[int, int]],
+) -> Floats | None:
+    """Give the change of L and of each constraint under each generator, at samples."""
+    n, m = len(e.q), len(e.rows)
+    wanted = len(shifts) + len(turns) + SPARE
+    nodes = [*samples.dL_dq, *e.momenta, *(a for row in e.rows for a in row.A)]
+    rows: list[Floats] = []
+    for _ in range(TRIES * wanted):
+        if len(rows) >= wanted * (1 + m):
+            break
+        at = samples.values()
+        flat = np.array(evaluate(e.graph, nodes, at))
+        if not np.all(np.isfinite(flat)):
+            continue
+        q = np.array([at[name] for name in e.q])
+        v = np.array([at[name] for name in e.velocities])
+        slope, momentum = flat[:n], flat[n : 2 * n]
+        A = flat[2 * n :].reshape(m, n)
+        rows.append(
+            _change(slope, q, shifts, turns) + _turned(momentum, v, len(shifts), turns)
+        )
+        rows += [_change(a, q, shifts, turns) for a in A]
+    if len(rows) < wanted * (1 + m):
+        return None
+    found = np.array(rows)
+    sizes = np.max(np.abs(found), axis=1, initial=0.0)
+    return np.asarray(found[sizes > 0] / sizes[sizes > 0][:, None])
+
+
+def _change(
+    slope: Floats, q: Floats, shifts: Sequence[int], turns: Sequence[tuple[int, int]]
+) -> Floats:
+    """Give slope . dq for each generator."""
+    moved = [slope[j] for j in shifts]
+    return np.array([*moved, *(slope[k] * q[i] - slope[i] * q[k] for i, k in turns)])
+
+
+def _turned(
+    momentum: Floats, v: Floats, shifts: int, turns: Sequence[tuple[int, int]]
+) -> Floats:
+    parts = (momentum[k] * v[i] - momentum[i] * v[k] for i, k in turns)
+    return np.array([0.0] * shifts + list(parts))
+
+
+def _simple_null_vectors(rows: Floats) -> list[list[int]]:
+    """Give a basis of the null space, those of its vectors made of -1, 0 and 1."""
+    size = rows.shape[1]
+    basis = np.eye(size)
+    if len(rows):
+        # The triangular factor has the same null space, and is small.
+        _, sizes, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
+        basis = right[int(np.sum(sizes > ROUNDING * sizes[0])) :].copy()
+    pivots: list[int] = []
+    for row in range(len(basis)):  # to echelon form, from the first column on
+        left = [c for c in range(size) if c not in pivots]
+        column = next(c for c in left if np.max(np.abs(basis[row:, c])) > ROUNDING**0.5)
+        best = row + int(np.argmax(np.abs(basis[row:, column])))
+        basis[[row, best]] = basis[[best, row]]
+        basis[row] /= basis[row, column]
+        for other in range(len(basis)):
+            if other != row:
+                basis[other] -= basis[other, column] * basis[row]
+        pivots.append(column)
+    whole = np.rint(basis)
+    return [
+        [int(c) for c in w]
+        for w, b in zip(whole, basis, strict=True)
+        if np.max(np.abs(w - b)) < ROUNDING**0.5 and np.max(np.abs(w)) == 1
+    ]
+
+
+def _generator(
+    x: Translation,
+    shifts: Sequence[int],
+    turns: Sequence[tuple[int, int]],
+    vector: Sequence[int],
+) -> list[Any]:
+    """Give dq (n,)."""
+    change = [sp.S.Zero] * len(x.q)
+    for j, c in zip(shifts, vector, strict=False):
+        change[j] += c
+    for (i, k), c in zip(turns, vector[len(shifts) :], strict=True):
+        change[k] += c * x.q[i]
+        change[i] -= c * x.q[k]
+    return change
+
+
+def _noether(
+    x: Translation,
+    lines: Sequence[Line],
+    shifts: Sequence[int],
+    turns: Sequence[tuple[int, int]],
+    vector: Sequence[int],
+) -> Any:
+    change = _generator(x, shifts, turns, vector)
+    return x.tidy(
+        sp.Add(*(line.momentum * c for line, c in zip(lines, change, strict=True)))
+    )
+
+
+def _holds(
+    x: Translation,
+    lines: Sequence[Line],
+    constraints: Sequence[Condition],
+    shifts: Sequence[int],
+    turns: Sequence[tuple[int, int]],
+    vector: Sequence[int],
+) -> bool:
+    """Tell whether forces and constraints are seen to respect the symmetry."""
+    change = _generator(x, shifts, turns, vector)
+    along = [[line.terms["Q"] for line in lines], *(c.A for c in constraints)]
+    return all(
+        x.tidy.is_zero(sp.Add(*(a * c for a, c in zip(row, change, strict=True))))
+        for row in along
+    )

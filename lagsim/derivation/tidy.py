@@ -1,0 +1,263 @@
+"""Expressions in the form that a person would write, as far as a budget goes.
+
+Several forms of an expression are made: as it is, and written out as sums of products
+(with more or fewer of its sums kept whole), where sines and cosines are drawn together
+and what belongs together is collected. The shortest is taken, by the number of symbols
+and operations in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+import sympy as sp
+
+from lagsim.derivation.terms import (
+    ONE,
+    CutError,
+    Meter,
+    Monomial,
+    Terms,
+    add_to,
+    contract,
+    expression,
+    times,
+    written_out,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+# Products of terms, and looks at pairs of them, for one form of one expression. An
+# equation of a ten-link chain takes some thousands.
+BUDGET = 40_000
+# A form in which sines and cosines were drawn together may be this much longer, in
+# parts, and still reads better: cos(a - b) says what its two products hide.
+DRAWN_TOGETHER = 0.6
+# What the rules of differentiation leave must be shorter by this much to stay.
+AS_IT_COMES = 1.5
+
+
+@dataclass(frozen=True)
+class Roles:
+    """What the symbols of a model are.
+
+    Attributes
+    ----------
+    constants
+        Parameters, and definitions of parameters only.
+    moving
+        Velocities, accelerations, multipliers: what terms are sorted by.
+    """
+
+    constants: frozenset[Any]
+    moving: frozenset[Any]
+
+
+@dataclass
+class Tidier:
+    """Tidies expressions of one model.
+
+    Attributes
+    ----------
+    cut : bool
+        Some expression was left longer than it might have been: the budget was spent.
+    """
+
+    roles: Roles
+    budget: int = BUDGET
+    cut: bool = False
+    _known: dict[tuple[Any, bool, bool], Any] = field(default_factory=dict)
+
+    def __call__(self, e: Any, *, factored: bool = False, written: bool = False) -> Any:
+        """Give the shortest form of `e`.
+
+        Parameters
+        ----------
+        e
+            A sympy expression.
+        factored
+            Also try to draw a common factor out of the whole.
+        written
+            A person wrote it like this, which counts for it.
+        """
+        if e.is_Atom:
+            return e
+        key = e, factored, written
+        if key not in self._known:
+            self._known[key] = self._shortest(e, factored=factored, written=written)
+        return self._known[key]
+
+    def one_fraction(self, e: Any) -> Any:
+        """Give `e` as one product, over what its terms have below the line together."""
+        found = self._terms(e, self._plain)
+        return e if found is None else self._factored(found[0])
+
+    def is_zero(self, e: Any) -> bool:
+        """Tell whether `e` is seen to vanish identically."""
+        return bool(self(e) == 0)
+
+    def _shortest(self, e: Any, *, factored: bool, written: bool) -> Any:
+        if isinstance(e, sp.Piecewise):
+            return self._piecewise(e)
+        if e.is_Relational or e.is_Boolean:
+            return e
+        forms = [((1.0 if written else AS_IT_COMES) * cost(e), e)]
+        for whole in (self._still, self._plain, _none):
+            found = self._terms(e, whole)
+            if found is None:
+                continue
+            terms, contracted = found
+            made = [self._collected(terms)]
+            if factored:
+                made.append(self._factored(terms))
+            weight = DRAWN_TOGETHER if contracted else 1.0
+            forms += [(weight * cost(form), form) for form in made]
+        return min(forms, key=lambda form: form[0])[1]  # the first of equals
+
+    def _piecewise(self, e: Any) -> Any:
+        return sp.Piecewise(*((self(x), c) for x, c in e.args), evaluate=False)
+
+    def _terms(self, e: Any, whole: Callable[[Any], bool]) -> tuple[Terms, bool] | None:
+        meter = Meter(self.budget)
+        try:
+            terms = written_out(e, whole, self._inner, meter)
+            contracted = contract(terms, meter)
+        except CutError:
+            self.cut = True
+            return None
+        return terms, contracted > 0
+
+    def _inner(self, e: Any) -> Any:
+        """Tidy the arguments of a function, or a sum under a power."""
+        if e.is_Add:
+            return self(e)
+        if isinstance(e, sp.Piecewise):
+            return self._piecewise(e)
+        if e.is_Function:
+            return e.func(*(self(a) for a in e.args))
+        if e.is_Pow:
+            return self(e.base) ** e.exp
+        return e
+
+    # Which sums stay whole
+
+    def _still(self, e: Any) -> bool:
+        """Tell whether a sum has nothing that moves."""
+        return not e.free_symbols & self.roles.moving
+
+    def _plain(self, e: Any) -> bool:
+        """Tell whether a sum has nothing that moves, and no angles in it."""
+        return self._still(e) and not e.has(sp.sin, sp.cos)
+
+    # Putting terms together
+
+    def _collected(self, terms: Terms) -> Any:
+        """Give the sum of `terms`, those with the same velocities together."""
+        groups: dict[Monomial, Terms] = {}
+        for monomial, number in terms.items():
+            outer = self._part(monomial, self._moves)
+            rest = times(monomial, _inverse(outer))
+            add_to(groups.setdefault(outer, {}), rest, number)
+        return sp.Add(
+            *(
+                self._product(outer, rest) if outer else self._sum(rest)
+                for outer, rest in groups.items()
+            )
+        )
+
+    def _factored(self, terms: Terms) -> Any:
+        """Give the same with the factors that all terms have in common before it."""
+        common, rest = _common(terms)
+        return _product(expression(common), self._collected(rest))
+
+    def _product(self, outer: Monomial, terms: Terms) -> Any:
+        """Give outer * terms, with what is common to them drawn out if shorter."""
+        direct = _product(expression(outer), self._sum(terms))
+        common, rest = _common(terms)
+        drawn = _product(expression(times(outer, common)), self._sum(rest))
+        return min(direct, drawn, key=cost)
+
+    def _sum(self, terms: Terms) -> Any:
+        """Give the sum, the parameters of terms that differ in them only together."""
+        groups: dict[Monomial, Terms] = {}
+        for monomial, number in terms.items():
+            outer = self._part(monomial, self._varies)
+            rest = times(monomial, _inverse(outer))
+            add_to(groups.setdefault(outer, {}), rest, number)
+        parts = []
+        for outer, constants in groups.items():
+            common, inner = _common(constants)
+            total = sp.Add(*(x * expression(m) for m, x in inner.items()))
+            factors = [b**k for b, k in times(outer, common)]
+            parts.append(_product(*factors, total))
+        return sp.Add(*parts)
+
+    def _part(self, monomial: Monomial, belongs: Callable[[Any], bool]) -> Monomial:
+        return frozenset((x, k) for x, k in monomial if belongs(x))
+
+    def _moves(self, base: Any) -> bool:
+        return base in self.roles.moving
+
+    def _varies(self, base: Any) -> bool:
+        return not base.free_symbols <= self.roles.constants
+
+
+def _product(*factors: Any) -> Any:
+    """Give the product; sympy alone would carry a number into a sum beside it."""
+    whole = sp.Mul(*factors)
+    sums = [x for x in factors if x.is_Add]
+    if not whole.is_Add or not sums:
+        return whole
+    number = sp.Mul(*(x for x in factors if x is not sums[0]))
+    return whole if number == 1 else sp.Mul(number, sums[0], evaluate=False)
+
+
+def _none(_: Any) -> bool:
+    return False
+
+
+def _inverse(monomial: Monomial) -> Monomial:
+    return frozenset((x, -k) for x, k in monomial)
+
+
+def _common(terms: Terms) -> tuple[Monomial, Terms]:
+    """Give what all terms have in common, their number apart, and the rest."""
+    if len(terms) < 2:
+        return ONE, terms
+    exponents = [dict(m) for m in terms]
+    bases = {x: None for e in exponents for x in e}
+    common: Mapping[Any, Any] = {
+        x: k for x in bases if (k := min(e.get(x, 0) for e in exponents)) != 0
+    }
+    numbers = [sp.Rational(x) for x in terms.values()]
+    content = reduce(sp.gcd, numbers)
+    shared = frozenset(common.items())
+    rest = {
+        times(m, _inverse(shared)): x / content
+        for m, x in zip(terms, numbers, strict=True)
+    }
+    if all(x < 0 for x in rest.values()):
+        content, rest = -content, {m: -x for m, x in rest.items()}
+    if content != 1:
+        shared = shared | {(content, sp.S.One)}
+    return shared, rest
+
+
+def cost(e: Any) -> int:
+    """Give the number of symbols, functions and operations in an expression.
+
+    A sign costs nothing: it is part of the sum that it stands in.
+    """
+    total, stack = 0, [e]
+    while stack:
+        x = stack.pop()
+        parts = [a for a in x.args if not (x.is_Mul and a is sp.S.NegativeOne)]
+        if x.is_Add or x.is_Mul:
+            total += len(parts) - 1
+        else:
+            total += 1
+        stack.extend(parts)
+    return total

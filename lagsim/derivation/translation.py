@@ -1,0 +1,303 @@
+"""A model in sympy: its symbols, the definitions that keep their names, derivatives.
+
+A definition of positions keeps its name where that reads better: where it is a length
+(a root) or another function's value, where it is a sum inside a function (the angle in
+`sin(p)`), or where it is made of parameters only. Others are written out. What keeps
+its name still depends on the coordinates: derivatives follow the chain rule.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import sympy as sp
+
+from lagsim.derivation.functions import TWINS
+from lagsim.derivation.names import Name
+from lagsim.derivation.tidy import Roles, Tidier
+from lagsim.errors import InputError, Problem
+from lagsim.expressions.derivatives import gradient
+from lagsim.expressions.functions import FUNCTIONS
+from lagsim.expressions.graph import CONSTANT, VARIABLE
+from lagsim.expressions.symbolic import symbol, to_sympy
+from lagsim.model import Level
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from lagsim.equations import Equations
+    from lagsim.expressions.graph import Graph
+    from lagsim.model import Parameter
+
+# What would be longer, written out, nobody reads; and sympy recurses into its depth.
+MOST_OPERATIONS = 100_000
+DEEPEST = 150
+# Multiples of pi up to this many, in parts up to this small, are shown as such.
+_PARTS_OF_PI = 12
+
+_ROOTS = frozenset(FUNCTIONS) - {"if", "abs", "sign", "min", "max", "floor", "ceil"}
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A definition that keeps its name."""
+
+    name: str
+    symbol: Any
+    value: Any
+
+
+class Translation:
+    """A model's expressions in sympy.
+
+    Parameters
+    ----------
+    equations
+        The model and its graph.
+    substitute
+        Put the numbers of the parameters in.
+
+    Attributes
+    ----------
+    q, v, a, multipliers : list of Symbol
+    t : Symbol
+    substitute : bool
+        The parameters are numbers.
+    known : dict
+        What stands for nodes of the graph: names of definitions, numbers.
+    kept : list of Kept
+        In an order in which each needs earlier ones only.
+    names : dict
+        What each symbol shows.
+    rank : dict
+        Where each stands in products and sums; see `Writer`.
+    tidy : Tidier
+    """
+
+    def __init__(self, equations: Equations, *, substitute: bool = False) -> None:
+        model, g = equations.model, equations.graph
+        self.equations, self.g = equations, g
+        self.substitute = substitute
+        self.t = symbol("t")
+        self.q = [symbol(c.name) for c in model.coordinates]
+        self.v = [symbol(f"{q}_dot") for q in equations.q]
+        self.a = [symbol(f"{q}_ddot") for q in equations.q]
+        self.multipliers = [symbol(f"lambda_{c.name}") for c in model.constraints]
+        physics = self._physics()
+        refuse_endless(g, physics)
+        self.known: dict[int, Any] = {}
+        if substitute:
+            self.known = {g.variable(p.name): number(p.value) for p in model.parameters}
+        self.kept = self._keep(physics, substitute=substitute)
+        self._slopes = {
+            (k.symbol, x): slope for k in self.kept for x, slope in self._slopes_of(k)
+        }
+        parameters = [symbol(p.name) for p in model.parameters]
+        self.names, self.rank = self._shown(parameters)
+        moving = {*self.v, *self.a, *self.multipliers}
+        moving_names = {*self.q, *moving, self.t}
+        still = [k.symbol for k in self.kept if not self.free(k.value) & moving_names]
+        constants = frozenset((*parameters, *still))
+        self.tidy = Tidier(Roles(constants, frozenset(moving)))
+
+    def _physics(self) -> list[int]:
+        """Give the nodes of what the derivation begins with."""
+        model = self.equations.model
+        nodes = [model.kinetic, model.potential, model.lagrangian, model.dissipation]
+        nodes += [x for f in model.forces for x in (f.node, f.direction)]
+        nodes += [c.relation.node for c in model.constraints]
+        for c in model.constraints:
+            if c.law is not None:
+                nodes += [c.law.friction, *c.law.slips]
+        return [n for n in nodes if n is not None]
+
+    # Definitions
+
+    def _keep(self, physics: list[int], *, substitute: bool) -> list[Kept]:
+        g = self.g
+        used = set(g.cone(physics))
+        arguments = {
+            a
+            for n in used
+            if g.ops[n] in _ROOTS and g.ops[n] != "hypot"
+            for a in g.args[n]
+        }
+        variables = {*self.equations.q, "t"}
+        wanted = {}
+        for d in self.equations.model.definitions:
+            n = d.node
+            if d.level is not Level.POSITION or n not in used or n in wanted:
+                continue
+            if g.ops[n] in (CONSTANT, VARIABLE):
+                continue
+            constant = not g.depends([n]) & variables
+            sum_inside = n in arguments and g.ops[n] in ("add", "sub")
+            if (constant and not substitute) or g.ops[n] in _ROOTS or sum_inside:
+                wanted[n] = d.name
+        kept = []
+        for n, name in sorted(wanted.items()):
+            kept.append(Kept(name, symbol(name), self._value(n)))
+            self.known[n] = symbol(name)
+        return kept
+
+    def _value(self, node: int) -> Any:
+        return to_sympy(
+            self.g, [node], known=self.known, twins=TWINS, number=number
+        )[0]  # fmt: skip
+
+    def _slopes_of(self, kept: Kept) -> list[tuple[Any, Any]]:
+        g = self.g
+        node = next(n for n, x in self.known.items() if x == kept.symbol)
+        # The slope with respect to all that moves, through other definitions too.
+        variables = [*self.q, self.t]
+        slopes = gradient(g, node, [g.variable(x.name) for x in variables])
+        return [
+            (x, self._value(slope))
+            for x, slope in zip(variables, slopes, strict=True)
+            if slope != g.zero
+        ]
+
+    def free(self, e: Any) -> set[Any]:
+        """Give the symbols in `e`, those behind names of definitions too."""
+        found = set(e.free_symbols)
+        for k in reversed(self.kept):
+            if k.symbol in found:
+                found |= k.value.free_symbols
+        return found
+
+    def in_full(self, e: Any) -> Any:
+        """Give `e` with all definitions written out."""
+        for k in reversed(self.kept):
+            e = e.xreplace({k.symbol: k.value})
+        return e
+
+    # Symbols
+
+    def _shown(
+        self, parameters: list[Any]
+    ) -> tuple[dict[Any, Name], dict[Any, tuple[int, int]]]:
+        plain = [p.name for p in self.equations.model.parameters]
+        names = {s: Name(n) for s, n in zip(parameters, plain, strict=True)}
+        names |= {k.symbol: Name(k.name) for k in self.kept}
+        names[self.t] = Name("t")
+        for order, group in enumerate((self.q, self.v, self.a)):
+            names |= {
+                s: Name(q.name, order) for s, q in zip(group, self.q, strict=True)
+            }
+        constraints = self.equations.model.constraints
+        names |= {
+            s: Name(c.name, 0, "multiplier")
+            for s, c in zip(self.multipliers, constraints, strict=True)
+        }
+        kept = [k.symbol for k in self.kept]
+        parameters = _as_people_order(self.equations.model.parameters)
+        positions = [self.t, *self.q]
+        groups = [parameters, kept, positions, self.v, self.a, self.multipliers]
+        rank = {
+            s: (k, i) for k, group in enumerate(groups) for i, s in enumerate(group)
+        }
+        return names, rank
+
+    @property
+    def own_names(self) -> list[str]:
+        """The names that symbols show, once each, coordinates first."""
+        found = [q.name for q in self.q]
+        found += [n.base for n in self.names.values() if not n.kind]
+        return list(dict.fromkeys(found))
+
+    # Expressions
+
+    def sympy(self, nodes: Iterable[int | None]) -> list[Any]:
+        """Give nodes as tidy sympy expressions; None stays None."""
+        return [
+            None if n is None else self.tidy(self._value(n), written=True)
+            for n in nodes
+        ]
+
+    def slope(self, e: Any, x: Any) -> Any:
+        """Give de/dx, through definitions that keep their names too."""
+        total = sp.diff(e, x)
+        for k in self.kept:
+            inner = self._slopes.get((k.symbol, x))
+            if inner is not None and k.symbol in e.free_symbols:
+                total += sp.diff(e, k.symbol) * inner
+        return total
+
+    def drift(self, e: Any) -> Any:
+        """Give de/dt for accelerations that vanish."""
+        moved = (self.slope(e, q) * v for q, v in zip(self.q, self.v, strict=True))
+        return sp.Add(self.slope(e, self.t), *moved)
+
+    def rate(self, e: Any) -> Any:
+        """Give de/dt."""
+        bent = (sp.diff(e, v) * a for v, a in zip(self.v, self.a, strict=True))
+        return sp.Add(self.drift(e), *bent)
+
+    def values(self, state: Mapping[str, Any]) -> dict[Any, Any]:
+        """Give the value of each symbol from those of the model's variables."""
+        found = {symbol(name): x for name, x in state.items()}
+        for k in self.kept:
+            found[k.symbol] = k.value.subs(found)
+        return found
+
+
+_MASS = re.compile(r"[mM][0-9]*\Z")
+
+
+def _as_people_order(parameters: Iterable[Parameter]) -> list[Any]:
+    """Give the symbols of parameters: masses first, then gravity, as in m g l."""
+
+    def place(p: Parameter) -> int:
+        if p.unit.startswith("kg") or (not p.unit and _MASS.match(p.name)):
+            return 0
+        return 1 if p.name == "g" else 2
+
+    return [symbol(p.name) for p in sorted(parameters, key=place)]
+
+
+def number(x: float) -> Any:
+    """Give a constant as a person writes it: 9.81 is 981/100, and pi/2 is seen."""
+    if not math.isfinite(x):
+        return sp.Float(x)
+    if x == 0 or abs(x) > 1e15:
+        return sp.Rational(Fraction(x))
+    part = Fraction(x / math.pi).limit_denominator(_PARTS_OF_PI)
+    multiple = part != 0 and abs(part.numerator) <= _PARTS_OF_PI
+    if multiple and part.numerator * math.pi / part.denominator == x:
+        return sp.Rational(part) * sp.pi
+    return sp.Rational(repr(x)) if not _third(x) else _third(x)
+
+
+def _third(x: float) -> Any:
+    """Give a fraction with a small denominator that is exactly this float, or None."""
+    part = Fraction(x).limit_denominator(LARGEST_PART)
+    return sp.Rational(part) if part.numerator / part.denominator == x else None
+
+
+LARGEST_PART = 16
+
+
+def refuse_endless(g: Graph, nodes: Iterable[int]) -> None:
+    """Refuse expressions that are too long to be written out.
+
+    Raises
+    ------
+    InputError
+    """
+    sizes: dict[int, tuple[int, int]] = {}
+    nodes = list(nodes)
+    for n in g.cone(nodes):
+        below = [sizes[a] for a in g.args[n]]
+        size = 1 + sum(s for s, _ in below)
+        sizes[n] = size, 1 + max((d for _, d in below), default=0)
+    size = sum(sizes[n][0] for n in nodes)
+    depth = max((sizes[n][1] for n in nodes), default=0)
+    if size > MOST_OPERATIONS or depth > DEEPEST:
+        about = f"{size:.2g} operations" if size < 1e12 else "no end of operations"
+        text = f"the energies, written out, have {about}, nested {depth} deep"
+        hint = "`--format python` takes them as they are"
+        raise InputError([Problem("too-long", text, None, hint)])

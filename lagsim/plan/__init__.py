@@ -1,0 +1,268 @@
+"""What this scene needs, and why: the structure found, the formulation, the method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from lagsim.errors import InputError, Problem
+from lagsim.formulation import Choice, formulate
+from lagsim.methods import method
+from lagsim.plan.integration import ANY, DEFAULT_RTOL, STRAIGHT_ONLY, choose, suits
+from lagsim.plan.solve import (
+    eliminate,
+    from_tape,
+    independence_of,
+    set_aside,
+    usual_lengths,
+)
+from lagsim.structure import structure
+from lagsim.subsystems import Subsystem, refusal, saving, subsystems
+from lagsim.switches import model_switches
+
+if TYPE_CHECKING:
+    from lagsim.admissibility import Start
+    from lagsim.equations import Equations
+    from lagsim.kkt.straight import Elimination
+    from lagsim.reduction import Reduction
+    from lagsim.structure import Structure
+    from lagsim.switches import Switches
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A subsystem that is integrated apart, and its own plan."""
+
+    subsystem: Subsystem
+    plan: Plan
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """The choices of a run.
+
+    Attributes
+    ----------
+    method : str
+    formulation : str
+        See `lagsim.formulation`.
+    reduction : Reduction
+        The equations that are integrated.
+    projected : bool
+        States are projected onto their constraints.
+    gain : float
+        Of the formulation `baumgarte`; else 0.
+    elimination : Elimination or None
+        The equations solved on the graph; None where loops solve them.
+    tape : bool
+        The model's functions are run from tapes, not compiled.
+    rank : int
+        Of the constraint rows, in general.
+    independence : float
+        The smallest singular value of the scaled rows, in general; with tapes, what
+        `Elimination.health` is at the start.
+    set_aside : tuple of bool, length m
+        The rows that others imply everywhere.
+    lengths : tuple of float, length m
+        Of the rows in the metric of M, as they usually are.
+    constant : int
+        What is factored once in an arc: 2 M and A, 1 only M, 0 neither.
+    augmented : bool
+        M is singular and is solved together with the constraints.
+    rtol, atol, step : float or None
+    parts : tuple of Part
+        Subsystems that are integrated apart; empty where all is in one piece.
+    mass_matrix : str
+        `constant`, or what it depends on.
+    switches : Switches
+    """
+
+    method: str
+    formulation: str
+    reduction: Reduction
+    projected: bool
+    gain: float
+    elimination: Elimination | None
+    tape: bool
+    rank: int
+    independence: float
+    set_aside: tuple[bool, ...]
+    lengths: tuple[float, ...]
+    constant: int
+    augmented: bool
+    rtol: float | None
+    atol: float | None
+    step: float | None
+    mass_matrix: str
+    switches: Switches
+    parts: tuple[Part, ...]
+    choices: tuple[Choice, ...]
+
+
+def make_plan(
+    equations: Equations,
+    start: Start,
+    *,
+    loops: bool = False,
+    formulation: str | None = None,
+) -> Plan:
+    """Choose for the model; `loops` insists on solving by loops.
+
+    Parameters
+    ----------
+    formulation
+        Stands for the model's.
+
+    Raises
+    ------
+    InputError
+        Where the method or the formulation asked for is not known or cannot be had, or
+        `output` asks for what the model or the method has not.
+    """
+    if equations.model.output.gauss and start.augmented:
+        raise InputError([_no_unconstrained_acceleration()])
+    simulation = equations.model.simulation
+    if formulation is None:
+        formulation = simulation.formulation if simulation else "auto"
+    parts = _parts(equations, start, formulation)
+    if parts:
+        formulation = "full"  # the rows are those of the whole
+    found = formulate(equations, start, formulation, partial(suits, simulation))
+    equations, start = found.reduction.equations, found.start
+    scene = structure(equations)
+    mass = _mass_matrix(scene)
+    choices = [Choice(f"mass matrix: {mass}", _mass_reason(equations, scene))]
+    choices += found.choices
+    choices += _told(parts)
+    switches = _switches(equations, choices)
+    lengths = usual_lengths(equations, start)
+    elimination = eliminate(equations, start, lengths, choices)
+    if start.augmented:
+        choices.append(
+            Choice("mass matrix solved with the constraints", "it is singular alone")
+        )
+    tape = from_tape(equations, elimination)
+    independence = start.ranks.generic_smallest
+    if elimination is not None and tape:
+        # As the run will see it: of long chains the smallest singular value is small.
+        independence = independence_of(equations, start, lengths, elimination)
+    solved = None if tape else elimination
+    switching = bool(switches.sides)
+    name = choose(equations, scene, solved, choices, switching=switching)
+    adaptive = bool(method(name).ADAPTIVE)
+    rtol = atol = step = None
+    if simulation is not None:
+        if adaptive:
+            rtol = DEFAULT_RTOL if simulation.rtol is None else simulation.rtol
+            atol = simulation.atol
+        else:
+            step = simulation.step or simulation.output_step
+    plan = Plan(
+        method=name,
+        formulation=found.name,
+        reduction=found.reduction,
+        projected=found.projected,
+        gain=found.gain,
+        elimination=elimination,
+        tape=tape,
+        rank=start.ranks.generic_rank,
+        independence=independence,
+        set_aside=set_aside(equations, start),
+        lengths=lengths,
+        constant=_constant(scene, start),
+        augmented=start.augmented,
+        rtol=rtol,
+        atol=atol,
+        step=step,
+        mass_matrix=mass,
+        switches=switches,
+        parts=parts,
+        choices=tuple(choices),
+    )
+    return by_loops(plan) if loops else plan
+
+
+def _parts(equations: Equations, start: Start, asked: str) -> tuple[Part, ...]:
+    """Give the subsystems to be integrated apart, if there are any and it pays."""
+    simulation = equations.model.simulation
+    if simulation is None or asked not in ("auto", "apart"):
+        return ()
+    why = refusal(equations)
+    if not why:
+        switches = model_switches(equations)
+        if switches.modes or switches.sides:
+            why = "a switch is met by all of them"
+    if why and asked == "apart":
+        text = f"formulation `apart` cannot be had: {why}"
+        place = simulation.formulation_place
+        raise InputError([Problem("formulation-refused", text, place)])
+    if why:
+        return ()
+    found = subsystems(equations, start)
+    if asked == "auto" and not saving(equations, found) > 0.0:
+        return ()
+    return tuple(Part(x, make_plan(x.equations, x.start)) for x in found)
+
+
+def _told(parts: tuple[Part, ...]) -> list[Choice]:
+    if not parts:
+        return []
+    names = "; ".join(", ".join(x.subsystem.equations.q) for x in parts)
+    text = f"they do not touch, and each takes its own steps: {names}"
+    return [Choice(f"subsystems: {len(parts)} integrated apart", text)]
+
+
+def by_loops(plan: Plan) -> Plan:
+    """Give the same plan with the equations solved by loops.
+
+    Nobody can be asked on the way: for a method that needs y' as nodes another goes on.
+    """
+    choices = [c for c in plan.choices if not c.choice.startswith("solve:")]
+    choices.append(Choice("solve: loops with QR", "the rows lost their independence"))
+    name = plan.method
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        choices.append(Choice(f"method: {ANY}", f"`{name}` needs straight-line code"))
+        name = ANY
+    return replace(
+        plan, method=name, elimination=None, tape=False, choices=tuple(choices)
+    )
+
+
+def _constant(scene: Structure, start: Start) -> int:
+    # With the constraints, M is constant where they are.
+    found = scene.constant_parts
+    return 0 if start.augmented and found < 2 else found
+
+
+def _no_unconstrained_acceleration() -> Problem:
+    return Problem(
+        "singular-mass",
+        "`output.gauss` asks for the accelerations without constraints, M^-1 f, and "
+        "the mass matrix of this model is singular: the constraints complete it",
+        hint="leave `gauss` out, or give every coordinate some mass",
+    )
+
+
+def _switches(equations: Equations, choices: list[Choice]) -> Switches:
+    found = model_switches(equations)
+    if found.sides:
+        reason = "forces step or bend there: each ends an arc, where it is met"
+        choices.append(Choice(f"switches: {len(found.sides)} located", reason))
+    return found
+
+
+def _mass_matrix(scene: Structure) -> str:
+    varies = scene.mass_varies_with
+    kind = "constant" if scene.constant_mass else f"depends on {varies}"
+    if scene.diagonal:
+        return f"{kind}, diagonal"
+    return f"{kind}, {scene.blocks} blocks" if scene.blocks > 1 else kind
+
+
+def _mass_reason(equations: Equations, scene: Structure) -> str:
+    if scene.constant_mass:
+        return "factored once, before the run"
+    n = len(equations.q)
+    full = len(equations.mass_entries)
+    return f"{full} of {n * n} entries are not zero"

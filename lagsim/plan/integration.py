@@ -1,0 +1,153 @@
+"""Which method integrates a scene, and why."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.errors import InputError, Problem
+from lagsim.formulation import Choice
+from lagsim.kkt.series import MOST_OPERATIONS, series_length
+from lagsim.methods import method, names
+from lagsim.methods._state import USUAL_RADIUS
+from lagsim.structure import structure
+
+if TYPE_CHECKING:
+    from lagsim.equations import Equations
+    from lagsim.kkt.straight import Elimination
+    from lagsim.model import Simulation
+    from lagsim.structure import Structure
+
+DEFAULT_RTOL = 1e-11
+# Needs of a method that are made from y' as nodes of the graph.
+STRAIGHT_ONLY = frozenset(("series", "linear"))
+# Handles everything.
+ANY = "dop853"
+# The exponential's matrices are dense: measured, 40 states take half of DOP853's time,
+# 120 nine times as much.
+MOST_STATES = 50
+# A series of so many operations compiles in a few tenths of a second, and beats DOP853
+# by two at the default tolerance and by three at 1e-13; a longer one gains less and
+# costs more on a machine that sees the model for the first time.
+SHORT_SERIES = 6000
+# At looser tolerances a tenth and more of its steps are made in vain.
+SERIES_RTOL = 1e-6
+
+
+def choose(
+    equations: Equations,
+    scene: Structure,
+    solved: Elimination | None,
+    choices: list[Choice],
+    *,
+    switching: bool,
+) -> str:
+    """Choose the method: what was asked for, or what suits the scene.
+
+    Parameters
+    ----------
+    solved
+        The equations as nodes of the graph; None where there are none to compile.
+    switching
+        The motion has switches that depend on the state.
+
+    Raises
+    ------
+    InputError
+        Where the method asked for is not known or cannot handle the model.
+    """
+    simulation = equations.model.simulation
+    asked = simulation.method if simulation else "auto"
+    if asked == "auto":
+        plain = solved is not None and not switching and not equations.quadratures
+        chosen = _automatic(equations, scene, solved if plain else None)
+        choices.append(chosen)
+        return chosen.choice.removeprefix("method: ")
+    name = _asked(asked, equations, scene, choices)
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        _check_straight(name, equations, solved, choices)
+    return name
+
+
+def _automatic(
+    equations: Equations, scene: Structure, solved: Elimination | None
+) -> Choice:
+    if solved is not None:
+        if scene.linear_time_invariant and 2 * len(equations.q) <= MOST_STATES:
+            return Choice("method: exponential", "linear, and time stands nowhere")
+        simulation = equations.model.simulation
+        rtol = simulation.rtol if simulation else None
+        rtol = DEFAULT_RTOL if rtol is None else rtol
+        if 0.0 < rtol <= SERIES_RTOL and solved.operations <= SHORT_SERIES:
+            length = series_length(equations, solved, rtol)
+            if length <= SHORT_SERIES:
+                reason = f"its series is short, about {length} operations"
+                return Choice("method: taylor", reason)
+    return Choice(f"method: {ANY}", "order 8, the most digits for smooth motion")
+
+
+def _asked(
+    asked: str, equations: Equations, scene: Structure, choices: list[Choice]
+) -> str:
+    simulation = equations.model.simulation
+    place = simulation.method_place if simulation else None
+    if asked not in names():
+        known = ", ".join(names())
+        hint = f"one of auto, {known}; `lagsim methods` describes them"
+        text = f"there is no method `{asked}`"
+        raise InputError([Problem("unknown-method", text, place, hint)])
+    why = _refusal(asked, equations, scene)
+    if why:
+        text = f"`{asked}` cannot handle this model: {why}"
+        hint = "`lagsim methods` says what each handles; `auto` chooses one that can"
+        raise InputError([Problem("method-refused", text, place, hint)])
+    choices.append(Choice(f"method: {asked}", "asked for"))
+    if asked == "generalized-alpha":
+        given = simulation.spectral_radius if simulation else None
+        radius = USUAL_RADIUS if given is None else given
+        reason = "as usual" if given is None else "asked for"
+        choices.append(Choice(f"spectral radius: {radius:g}", reason))
+    return asked
+
+
+def _refusal(name: str, equations: Equations, scene: Structure) -> str:
+    """Say why a method cannot handle equations, or give ""."""
+    chosen = method(name)
+    if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
+        if equations.model.output.action:
+            return "it does not integrate the action, which `output` asks for"
+        return "it does not integrate ignorable coordinates by quadrature"
+    return str(chosen.refusal(scene))
+
+
+def suits(simulation: Simulation | None, equations: Equations) -> bool:
+    """Tell whether the method that is asked for can handle `equations`."""
+    asked = simulation.method if simulation else "auto"
+    if asked not in names():
+        return True
+    return not _refusal(asked, equations, structure(equations))
+
+
+def _check_straight(
+    name: str,
+    equations: Equations,
+    elimination: Elimination | None,
+    choices: list[Choice],
+) -> None:
+    """Refuse a method that needs y' as nodes where there are none."""
+    simulation = equations.model.simulation
+    assert simulation is not None
+    text = "its equations are solved by loops, not by straight-line code"
+    hint = "`--method dop853` handles it"
+    if elimination is not None:
+        if "series" not in method(name).NEEDS:
+            return
+        rtol = DEFAULT_RTOL if simulation.rtol is None else simulation.rtol
+        length = series_length(equations, elimination, rtol)
+        if length <= MOST_OPERATIONS:
+            reason = f"about {length} operations per step"
+            choices.append(Choice("series: straight-line code", reason))
+            return
+        text = f"its series takes about {length} operations, over {MOST_OPERATIONS}"
+        hint += "; a larger --rtol makes the series shorter"
+    text = f"`{name}` cannot handle this model: {text}"
+    raise InputError([Problem("method-refused", text, simulation.method_place, hint)])

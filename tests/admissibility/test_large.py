@@ -1,0 +1,97 @@
+"""Starts of large scenes: as they are judged with dense matrices, and at their size."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from benchmarks.rod_chain import rod_chain
+from lagsim.admissibility import examine, large
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import scaled_rows, weakest_rows
+from lagsim.equations import derive
+from lagsim.plan import make_plan
+from lagsim.reader import read, read_file
+from tests.support import MODELS
+
+if TYPE_CHECKING:
+    from lagsim.admissibility import Start
+    from lagsim.equations import Equations
+
+
+def both(e: Equations, monkeypatch: pytest.MonkeyPatch) -> tuple[Start, Start]:
+    """Examine with dense matrices, and as if the scene were large."""
+    dense = examine(e)
+    monkeypatch.setattr(large, "LARGE", 1)
+    return dense, examine(e)
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_models(path, monkeypatch):
+    e = derive(read_file(str(path)))
+    dense, sparse = both(e, monkeypatch)
+    assert sparse.verdicts == dense.verdicts
+    assert sparse.ranks.rank == dense.ranks.rank
+    # Inverse iteration ends within 1e-6.
+    assert sparse.ranks.smallest == pytest.approx(dense.ranks.smallest, rel=1e-5)
+    assert sparse.ranks.dependences == dense.ranks.dependences
+    assert sparse.augmented == dense.augmented
+    # Both are the nearest exact state, to rounding.
+    size = np.max(np.abs([*dense.q, *dense.v]))
+    assert np.max(np.abs(sparse.q - dense.q)) <= 1e-13 * size
+    assert np.max(np.abs(sparse.v - dense.v)) <= 1e-13 * size
+    lengths = make_plan(e, sparse).lengths
+    monkeypatch.undo()
+    assert lengths == pytest.approx(make_plan(e, dense).lengths, rel=1e-12)
+
+
+def test_values_that_are_solved_for(monkeypatch):
+    text = rod_chain(4, 1.0)
+    for k in (2, 3, 4):
+        text = text.replace(f"  a{k}: 0\n", f"  a{k}: {{guess: {0.1 * k}}}\n")
+        text = text.replace(f"  x{k}: {k - 0.5}*l", f"  x{k}: {{guess: {k - 0.5}*l}}")
+        text = text.replace(f"  y{k}: 0", f"  y{k}: {{guess: {-0.01 * k}}}")
+    dense, sparse = both(derive(read(text, "rods.yaml")), monkeypatch)
+    assert dense.admissible
+    assert sparse.admissible
+    # The least change is a minimum: flat, so that it is known to half of the digits.
+    assert sparse.q == pytest.approx(dense.q, abs=1e-7)
+    assert max(abs(v.position.value) for v in sparse.verdicts) < 1e-15
+
+
+def test_many_rods():
+    n = 67
+    e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
+    start = examine(e)
+    assert large.is_large(Point(e))
+    assert start.admissible
+    assert start.degrees_of_freedom == n
+    Y, _ = scaled_rows(Point(e), start.q, start.v)
+    expected = np.linalg.svd(Y, compute_uv=False)[-1]
+    assert start.ranks.smallest == pytest.approx(expected, rel=1e-5)
+    # The weakest combination, by its definition.
+    left, smallest = weakest_rows(Point(e), start.q, start.v, 2 * n, [0.0] * 2 * n)
+    assert np.linalg.norm(left @ Y) == pytest.approx(smallest, rel=1e-5)
+
+
+def test_one_relation_too_many(monkeypatch):
+    # What is not safely independent is looked into with dense matrices.
+    monkeypatch.setattr(large, "LARGE", 1)
+    again = "again: 2*x6 - l*cos(a6) = 2*x5 + l*cos(a5)"
+    text = rod_chain(6, 1.0).replace("initial:", f"  {again}\ninitial:")
+    start = examine(derive(read(text, "rods.yaml")))
+    assert start.admissible
+    assert start.ranks.rank == 12
+    (found,) = start.ranks.dependences
+    assert str(found) == "again = 2 x_joint6"
+    assert found.everywhere
+
+
+def test_a_coordinate_without_inertia(monkeypatch):
+    monkeypatch.setattr(large, "LARGE", 1)
+    text = rod_chain(6, 1.0).replace("l^2/12*a6_dot^2", "0")
+    start = examine(derive(read(text, "rods.yaml")))
+    assert start.augmented
+    assert start.degrees_of_freedom == 6

@@ -1,0 +1,148 @@
+"""`lagsim derive` as it is typed."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from tests.derivation.latex_checker import check
+from tests.support import MODELS
+
+PENDULUM = str(MODELS / "elastic-pendulum.yaml")
+
+
+def process(*args, **env):
+    """Call `lagsim` as a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "lagsim", *map(str, args)],
+        capture_output=True,
+        env={**os.environ, "PYTHONIOENCODING": "utf-8", **env},
+    )
+
+
+def text_of(done):
+    assert (done.code, done.err) == (0, "")
+    return done.out
+
+
+def test_text_and_ascii(lagsim):
+    text = text_of(lagsim("derive", PENDULUM))
+    assert "M (l + u)² θ̈ + 2 M (l + u) θ̇ u̇ + M g (l + u) sin(θ) = 0" in text
+    plain = text_of(lagsim("derive", PENDULUM, "--ascii"))
+    assert plain.isascii()
+    assert "M*(l + u)^2*theta_ddot + 2*M*(l + u)*theta_dot*u_dot" in plain
+
+
+@pytest.mark.slow
+def test_the_text_is_the_same_whatever_the_hash_seed():
+    model = MODELS / "chaplygin-sleigh.yaml"
+    found = [
+        process("derive", model, "--gauss", PYTHONHASHSEED=str(seed)).stdout
+        for seed in (1, 2)
+    ]
+    assert found[0] == found[1]
+    assert b"blade" in found[0]
+
+
+def test_formats_into_files(lagsim, tmp_path):
+    for form, option in (("latex", "--gauss"), ("json", "--solve")):
+        target = tmp_path / form
+        done = lagsim("derive", PENDULUM, "--format", form, option, "-o", target)
+        assert text_of(done) == ""
+        content = target.read_text(encoding="utf-8")
+        if form == "latex":
+            check(content)
+        else:
+            document = json.loads(content)
+            assert document["coordinates"] == ["theta", "u"]
+            assert document["accelerations"]["q_ddot"][1].startswith(
+                "(l + u)*theta_dot^2"
+            )
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["json", "latex"]
+
+
+def test_python_stands_alone_and_needs_no_sympy(tmp_path):
+    target = tmp_path / "equations.py"
+    code = (
+        "import sys; from lagsim.cli import main; "
+        f"sys.argv[1:] = ['derive', {PENDULUM!r}, '--format', 'python', '-o'];"
+        f"sys.argv.append({str(target)!r});"
+        "code = main(); print('sympy' in sys.modules); sys.exit(code)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "False\n")
+    code = (
+        "import sys, equations as e; "
+        "print(e.mass_matrix(0, [0.1, 0.5], [0, 0]).tolist(), e.COORDINATES, "
+        "any(m.startswith(('lagsim', 'sympy', 'scipy')) for m in sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={k: v for k, v in os.environ.items() if k != "PYTHONPATH"},
+    )
+    assert done.stdout == "[[2.25, 0.0], [0.0, 1.0]] ('theta', 'u') False\n", (
+        done.stderr
+    )
+
+
+def test_set_changes_the_numbers_that_are_put_in(lagsim):
+    text = text_of(lagsim("derive", PENDULUM, "--set", "g=1.62", "--substitute"))
+    assert "1.62 cos(θ)" in text
+    module = text_of(
+        lagsim("derive", PENDULUM, "--set", "g=1.62", "--format", "python")
+    )
+    assert '"g": 1.62,' in module
+
+
+def test_standard_input(lagsim, monkeypatch):
+    with open(PENDULUM, encoding="utf-8") as file:  # noqa: PTH123
+        monkeypatch.setattr(sys, "stdin", file)
+        assert "Equation of θ" in text_of(lagsim("derive", "-"))
+
+
+def test_what_is_no_file_is_not_replaced(lagsim):
+    assert (
+        text_of(lagsim("derive", PENDULUM, "--format", "python", "-o", os.devnull))
+        == ""
+    )
+    assert not os.path.isfile(os.devnull)  # noqa: PTH113
+
+
+@pytest.mark.parametrize(
+    ("args", "told"),
+    [
+        (["no-such-file.yaml"], "no-such-file.yaml: cannot be read"),
+        ([PENDULUM, "--format", "maple"], "maple"),
+        ([PENDULUM, "--format", "python", "--gauss"], "--gauss means nothing"),
+        ([PENDULUM, "--format", "latex", "--ascii"], "--ascii means nothing"),
+        ([PENDULUM, "--set", "q=1"], "q"),
+        ([PENDULUM, "-o", "no/such/folder/file"], "cannot be written"),
+        ([PENDULUM, "-o", "."], "cannot be written"),
+    ],
+)
+def test_what_is_unusable_is_told(lagsim, args, told, tmp_path):
+    done = lagsim("derive", *args)
+    assert (done.code, done.out) == (2, "")
+    assert told in done.err
+    assert "Traceback" not in done.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_faults_are_json_where_json_is_asked_for(lagsim):
+    done = lagsim("derive", "no-such-file.yaml", "--format", "json")
+    assert done.code == 2
+    (problem,) = done.json["errors"]
+    assert problem["code"] == "unreadable"
+
+
+def test_letters_that_the_terminal_does_not_know():
+    done = process("derive", PENDULUM, PYTHONIOENCODING="ascii")
+    assert done.returncode == 0
+    assert "sin(\\u03b8)" in done.stdout.decode("ascii")

@@ -1,0 +1,76 @@
+"""What the tests of this folder share: shipped models, derived once, and values."""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from lagsim.derivation.as_json import as_json
+from lagsim.derivation.lagrange import content
+from lagsim.equations import Equations, derive
+from lagsim.expressions.evaluate import evaluate
+from lagsim.expressions.graph import Graph
+from lagsim.expressions.parser import parse
+from lagsim.expressions.symbolic import symbol
+from lagsim.reader import read, read_file
+from tests.support import MODELS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.derivation.content import Content
+
+NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
+# Their equations fill pages: some seconds each.
+LONG = ("andrews", "chain-angles", "chain-cartesian", "rolling-disk-steady")
+EACH = [
+    pytest.param(name, marks=[pytest.mark.slow] if name in LONG else [])
+    for name in NAMES
+]
+
+
+@functools.cache
+def equations_of(name: str) -> Equations:
+    return derive(read_file(str(MODELS / f"{name}.yaml")))
+
+
+@functools.cache
+def content_of(name: str) -> Content:
+    return content(equations_of(name))
+
+
+@functools.cache
+def document_of(name: str) -> dict[str, Any]:
+    return as_json(content_of(name))
+
+
+def small(text: str, **options: bool) -> Content:
+    return content(derive(read(text, "model.yaml")), **options)
+
+
+def numbers(texts: list[str], values: Mapping[str, float]) -> list[float]:
+    """Read expressions by the parser of model files; give their values."""
+    g = Graph()
+    nodes = [parse(text).build(g, g.variable) for text in texts]
+    return evaluate(g, nodes, {**values, "pi": math.pi})
+
+
+def known(document: Mapping[str, Any], values: Mapping[str, float]) -> dict[str, float]:
+    """Give the values together with those of the definitions that keep their names."""
+    found = dict(values)
+    for name, text in document["definitions"].items():
+        found[name] = numbers([text], found)[0]
+    return found
+
+
+class Letters:
+    """Symbols by their names: `s.theta_dot`."""
+
+    def __getattr__(self, name: str) -> Any:
+        return symbol(name)
+
+
+s = Letters()

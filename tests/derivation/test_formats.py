@@ -1,0 +1,243 @@
+"""Text, LaTeX, JSON and Python as people and programs read them."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from lagsim.derivation.as_json import as_json
+from lagsim.derivation.as_latex import as_latex
+from lagsim.derivation.as_python import CODE, as_python
+from lagsim.derivation.as_text import as_text
+from lagsim.derivation.lagrange import content
+from lagsim.equations import derive
+from lagsim.expressions.evaluate import evaluate
+from lagsim.expressions.functions import OPERATIONS
+from lagsim.expressions.graph import Graph
+from lagsim.expressions.parser import parse
+from lagsim.reader import read
+from tests.derivation.cases import (
+    EACH,
+    content_of,
+    equations_of,
+    known,
+    numbers,
+    small,
+)
+from tests.derivation.latex_checker import LatexError, check
+
+NAMED = """
+parameters: {lambda: 2, I: 3, E: 5, S: 7, beta: 1.5, N: 2, zoo: 1, theta_1: 4}
+coordinates: {theta1: {}, größe: {}}
+energy:
+  kinetic: I*theta1_dot^2/2 + E*größe_dot^2/2
+  potential: lambda*cos(theta1) + S*größe^2*beta + N*zoo*theta_1*theta1
+constraints: {lambda: größe = beta*theta1}
+initial: {theta1: 0, größe: 0}
+"""
+EVERY_FUNCTION = """
+parameters: {a: 0.7}
+coordinates: {x: {}, y: {}}
+energy:
+  kinetic: x_dot^2/2 + y_dot^2/2
+  potential: >-
+    sin(x)*cos(y)*tan(a*x) + asin(x/9)*acos(y/9)*atan(x) + atan2(x, y)
+    + sinh(x)*cosh(y)*tanh(x) + asinh(x)*acosh(9 + y) + atanh(x/9) + exp(a*x) + log(y)
+    + log10(x + 9) + sqrt(x)*cbrt(y) + abs(x - 3)^3 + sign(x - 3)*y + min(x, y)*y
+    + max(x, 2*y)^2 + hypot(x, y) + floor(x)*y + ceil(y)*x + heaviside(x - 9)*x
+    + if(x < y and not (x > 2 or y <= 0.1), x^2, y^a) + 2^x + x^1.5 + 1e-9*x + pi*y/3
+initial: {x: 0.4, y: 1.2}
+"""
+FIRST = {"x": 0.43, "y": 1.27, "x_dot": 0.3, "y_dot": -0.7, "a": 0.7, "t": 0.2}
+OTHERS = ({"x": 2.3, "y": 0.6}, {"x": 3.7, "y": 7.1})
+
+
+@pytest.mark.parametrize("name", EACH)
+def test_latex_is_read_by_a_strict_reader(name: str) -> None:
+    displays = check(as_latex(content_of(name)))
+    assert len(displays) >= 3
+
+
+def test_latex_of_everything() -> None:
+    for text in (EVERY_FUNCTION, NAMED):
+        check(as_latex(small(text, with_gauss=True, solve=True)))
+        check(as_latex(small(text, substitute=True)))
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        r"\frac{1}",
+        r"\left(x",
+        "x_",
+        "x^2",
+        r"\unknown",
+        "a & b & c",
+        "{x",
+        "ü",
+        "x_{a}_{b}",
+    ],
+)
+def test_the_reader_is_strict(broken: str) -> None:
+    page = "\\documentclass{article}\n\\begin{document}\n\\begin{align*}\n%s\n"
+    page += "\\end{align*}\n\\end{document}\n"
+    check(page % r"a &= \frac{x_{1}}{2}")
+    with pytest.raises(LatexError):
+        check(page % broken)
+
+
+def test_names_survive() -> None:
+    c = small(NAMED)
+    latex, text, plain = as_latex(c), as_text(c), as_text(c, ascii_only=True)
+    for shown in (r"\lambda \, \cos \theta_{1}", r"\lambda_{\mathrm{lambda}}", r"S \, ",
+                  r"\beta", r"I \, \ddot{\theta}_{1}", r"\mathrm{theta\_1}",
+                  r"\mathit{zoo}", r"\ddot{\text{größe}}"):  # fmt: skip
+        assert shown in latex
+    for shown in ("λ cos(θ₁)", "λ_lambda", "β", "θ̈₁", "N zoo theta_1", "E g̈röße"):
+        assert shown in text
+    assert "lambda*cos(theta1)" in plain
+    assert "lambda_lambda" in plain
+    d = as_json(c)
+    assert d["kinetic"] == "I*theta1_dot^2/2 + E*größe_dot^2/2"
+    assert d["equations"][1]["right"] == "lambda_lambda"
+    assert numbers(
+        [d["potential"]], {**d["parameters"], "theta1": 0.0, "größe": 2.0}
+    ) == [2 + 7 * 4 * 1.5]
+    scope: dict[str, Any] = {}
+    exec(as_python(derive(read(NAMED, "m.yaml")), "0"), scope)
+    assert scope["force"](0.0, [0.3, 0.2], [0, 0])[1] == pytest.approx(
+        -2 * 7 * 0.2 * 1.5
+    )
+
+
+def test_letters_of_mechanics_give_way_to_the_names_of_the_file() -> None:
+    taken = NAMED.replace("zoo", "T").replace("I:", "L:").replace("I*", "L*")
+    text, latex = as_text(small(taken)), as_latex(small(taken))
+    assert "kinetic = L θ̇₁²/2" in text
+    assert "lagrangian = kinetic − V" in text
+    assert r"\mathcal{T} &= \frac{L" in latex
+
+
+@pytest.mark.parametrize("substitute", [False, True])
+def test_every_function_in_json(substitute: bool) -> None:
+    equations = derive(read(EVERY_FUNCTION, "m.yaml"))
+    d = as_json(content(equations, substitute=substitute))
+    for state in ({}, *OTHERS):
+        values = {**FIRST, **state}
+        expected = evaluate(equations.graph, equations.f, values)
+        # Terms up to 1e3 that come in another order.
+        assert numbers(d["f"], known(d, values)) == pytest.approx(expected, rel=1e-12)
+    assert set(OPERATIONS) <= set(CODE)
+
+
+def test_every_function_in_python() -> None:
+    equations = derive(read(EVERY_FUNCTION, "m.yaml"))
+    scope: dict[str, Any] = {}
+    exec(as_python(equations, "0"), scope)
+    for state in ({}, *OTHERS):
+        values = {**FIRST, **state}
+        expected = evaluate(equations.graph, equations.f, values)
+        found = scope["force"](0.2, [values["x"], values["y"]], [0.3, -0.7])
+        # The libraries of mathematics differ in the last place, over some 100 terms.
+        assert found == pytest.approx(expected, rel=1e-13)
+
+
+def test_python_outside_a_domain_is_not_a_number_and_nothing_else() -> None:
+    text = """
+parameters: {k: 0}
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: "sqrt(x)/k + if(x > 0, 0, 1)*x"}
+initial: {x: 1}
+"""
+    scope: dict[str, Any] = {}
+    exec(as_python(derive(read(text, "m.yaml")), "0"), scope)
+    assert not (abs(scope["force"](0, [-1.0], [0.0])[0]) < 1e300)
+
+
+def test_python_keeps_off_names_of_its_own() -> None:
+    text = """
+parameters: {np: 2, q: 3, out: 5, PARAMETERS: 7, def: 11, z1: 13}
+coordinates: {class: {}, q_dot_: {}}
+energy:
+  kinetic: np*class_dot^2 + q*q_dot__dot^2
+  potential: out*class^2*PARAMETERS + def*q_dot_^2*z1*class*q_dot_
+initial: {class: 1, q_dot_: 1}
+"""
+    equations = derive(read(text, "m.yaml"))
+    scope: dict[str, Any] = {}
+    exec(as_python(equations, "0"), scope)
+    values = {"class": 0.3, "q_dot_": 0.7, "class_dot": 0.0, "q_dot__dot": 0.0}
+    expected = evaluate(equations.graph, equations.f, {**scope["PARAMETERS"], **values})
+    assert list(scope["force"](0, [0.3, 0.7], [0, 0])) == pytest.approx(expected)
+    scope["PARAMETERS"]["np"] = 20.0  # read at each call
+    assert scope["mass_matrix"](0, [0, 0], [0, 0])[0, 0] == 40.0
+    assert scope["constraint_matrix"](0, [0, 0], [0, 0]).shape == (0, 2)
+    assert scope["constraint_rhs"](0, [0, 0], [0, 0]).shape == (0,)
+
+
+@pytest.mark.parametrize("name", EACH)
+def test_ascii_is_ascii_and_lines_break(name: str) -> None:
+    text = as_text(content_of(name), ascii_only=True)
+    assert text.isascii()
+    lines = as_text(content_of(name)).splitlines()
+    # Only products that cannot be broken are longer than a line.
+    assert sum(len(line) > 110 for line in lines) <= 6
+
+
+def test_numbers_are_put_in() -> None:
+    c = content(equations_of("elastic-pendulum"), substitute=True)
+    assert "ü − (1 + u) θ̇² + 25.6 u − 9.8 cos(θ) = 0" in as_text(c)
+    assert as_json(c)["definitions"] == {}
+
+
+def test_numbers_look_as_they_were_written() -> None:
+    g = Graph()
+    from lagsim.derivation.translation import number
+
+    for text, shown in (("9.81", "981/100"), ("pi/2", "pi/2"), ("0.1", "1/10"),
+                        ("1/3", "1/3"), ("2/3", "2/3"), ("3", "3"),
+                        ("-0.75", "-3/4"), ("1e-9", "1/1000000000")):  # fmt: skip
+        value = evaluate(
+            g, [parse(text).build(g, lambda _: g.constant(3.141592653589793))], {}
+        )
+        assert str(number(value[0])) == shown
+
+
+@pytest.mark.slow
+def test_accelerations_step_by_step() -> None:
+    c = content(equations_of("chain-cartesian"), solve=True)
+    d = as_json(c)
+    e = equations_of("chain-cartesian")
+    values = {"m": 1.3, "g": 9.81, "l": 0.4, "t": 0.0}
+    values |= {q: 0.1 * (k % 7) + 0.05 * k for k, q in enumerate(e.q)}
+    values |= {v: 0.3 - 0.1 * (k % 5) for k, v in enumerate(e.velocities)}
+    assert d["accelerations"]["steps"]
+    for name, text in d["accelerations"]["steps"].items():
+        values[name] = numbers([text], values)[0]
+    q_ddot = numbers(d["accelerations"]["q_ddot"], values)
+    lam = numbers(d["accelerations"]["lambda"], values)
+    for i in range(len(e.q)):
+        row = evaluate(e.graph, [e.M[i][i], e.f[i], *(r.A[i] for r in e.rows)], values)
+        force = row[1] + sum(a * x for a, x in zip(row[2:], lam, strict=True))
+        # Ten multipliers, each from the one before: 1e-9 of the largest force.
+        assert row[0] * q_ddot[i] == pytest.approx(force, abs=1e-9 * max(map(abs, lam)))
+
+
+def test_text_tells_what_a_contact_is() -> None:
+    text = as_text(
+        small(
+            """
+parameters: {m: 1, g: 9.81, mu: 0.3}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
+constraints: {floor: {relation: y >= 0, restitution: 0.8, friction: mu, slip: x_dot}}
+initial: {x: 0, y: 1}
+"""
+        )
+    )
+    assert "Constraint floor (one-sided)" in text
+    assert "gap = y >= 0" in text
+    assert re.search(r"restitution: 0.8\n  friction: μ\n  slip: ẋ\n", text)
+    assert "T + V" not in text.split("Accelerations")[1]

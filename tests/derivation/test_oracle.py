@@ -1,0 +1,213 @@
+"""sympy, from the text of the file alone, against the graph and against the formats.
+
+With 50 digits, two derivations of the same equations differ only by the rounding of
+literals (9.81 is a double in the graph and a fraction in the oracle): 1e-16 of what is
+added up. 1e-12 of each number, or 1e-15 of the largest beside it, allows for that.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Any
+
+import mpmath
+import numpy as np
+import pytest
+
+from lagsim.derivation.as_python import as_python
+from lagsim.expressions.evaluate import evaluate
+from lagsim.expressions.graph import CONSTANT, VARIABLE
+from tests.derivation.cases import EACH, document_of, equations_of, known, numbers
+from tests.support import MODELS
+from tests.sympy_oracle import DIGITS, Oracle, random_values
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.equations import Equations
+
+OPERATIONS = {
+    "add": lambda x, y: x + y, "sub": lambda x, y: x - y, "mul": lambda x, y: x * y,
+    "div": lambda x, y: x / y, "neg": lambda x: -x, "pow": mpmath.power,
+    "sin": mpmath.sin, "cos": mpmath.cos, "exp": mpmath.exp, "sqrt": mpmath.sqrt,
+    "log": mpmath.log, "hypot": mpmath.hypot, "sign": mpmath.sign, "abs": abs,
+}  # fmt: skip
+
+
+@functools.cache
+def oracle_of(name: str) -> Oracle:
+    return Oracle.of(MODELS / f"{name}.yaml")
+
+
+def state_of(name: str, seed: int) -> dict[str, float]:
+    start = {i.name: i.value for i in equations_of(name).model.initial}
+    return random_values(oracle_of(name), start, seed)
+
+
+def digits(e: Equations, nodes: list[int], values: Mapping[str, float]) -> Any:
+    """Evaluate nodes of the graph with DIGITS digits."""
+    g, found = e.graph, {}
+    with mpmath.workdps(DIGITS):
+        for n in g.cone(nodes):
+            if g.ops[n] == VARIABLE:
+                found[n] = mpmath.mpf(values[str(g.payload(n))])
+            elif g.ops[n] == CONSTANT:
+                found[n] = mpmath.mpf(g.value(n))
+            else:
+                found[n] = OPERATIONS[g.ops[n]](*(found[a] for a in g.args[n]))
+    return np.array([found[n] for n in nodes], dtype=object)
+
+
+def agrees(found: Any, expected: Any) -> None:
+    found, expected = np.ravel(found), np.ravel(expected)
+    largest = max((abs(x) for x in expected), default=0)
+    for x, y in zip(found, expected, strict=True):
+        assert abs(x - y) <= 1e-12 * abs(y) + 1e-15 * largest
+
+
+@pytest.mark.parametrize("name", EACH)
+def test_graph_with_fifty_digits(name: str) -> None:
+    e = equations_of(name)
+    for seed in range(3):
+        values = state_of(name, seed)
+        expected = oracle_of(name).exactly(values)
+        agrees(digits(e, [x for row in e.M for x in row], values), expected.M)
+        agrees(digits(e, list(e.f), values), expected.f)
+        for row, A, b in zip(e.rows, expected.A, expected.b, strict=True):
+            agrees(digits(e, list(row.A), values), A)
+            agrees(digits(e, [row.b], values), [b])
+        agrees(digits(e, [e.energy], values), [expected.energy])
+        if e.model.kinetic is not None:
+            agrees(digits(e, [e.model.kinetic], values), [expected.kinetic])
+
+
+def close(found: Any, expected: Any) -> None:
+    """Hold to 1e-12 of the largest: what some hundreds of operations may lose."""
+    found, expected = np.asarray(found, float), np.asarray(expected, float)
+    largest = np.max(np.abs(expected), initial=0.0)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * largest)
+
+
+@pytest.mark.parametrize("name", EACH)
+def test_json_read_again_gives_the_same_numbers(name: str) -> None:
+    d = document_of(name)
+    n, m = len(d["coordinates"]), len(d["constraints"])
+    for seed in range(2):
+        expected = oracle_of(name).at(state_of(name, seed))
+        values = known(d, state_of(name, seed))
+        M = np.reshape(numbers([x for row in d["M"] for x in row], values), (n, n))
+        f = numbers(d["f"], values)
+        A = np.reshape(
+            numbers([x for c in d["constraints"] for x in c["A"]], values), (m, n)
+        )
+        b = numbers([c["b"] for c in d["constraints"]], values)
+        close(M, expected.M)
+        close(f, expected.f)
+        for k in range(m):
+            close([*A[k], b[k]], [*expected.A[k], expected.b[k]])
+        close(
+            numbers([c["function"] for c in d["constraints"]], values),
+            expected.residuals,
+        )
+        random = np.random.default_rng(seed)
+        q_ddot, lam = random.standard_normal(n), random.standard_normal(m)
+        values |= dict(
+            zip((f"{q}_ddot" for q in d["coordinates"]), q_ddot, strict=True)
+        )
+        multipliers = [f"lambda_{c['name']}" for c in d["constraints"]]
+        values |= dict(zip(multipliers, lam, strict=True))
+        sides = [line[side] for line in d["equations"] for side in ("left", "right")]
+        left, right = np.reshape(numbers(sides, values), (n, 2)).T
+        size = np.abs(expected.M) @ np.abs(q_ddot) + np.abs(expected.f)
+        size += np.abs(expected.A.T) @ np.abs(lam)
+        balance = expected.M @ q_ddot - expected.f - expected.A.T @ lam
+        assert np.max(np.abs(left - right - balance) / np.max(size)) < 1e-12
+        accelerations = [c["acceleration"] for c in d["constraints"]]
+        close(numbers(accelerations, values), expected.A @ q_ddot - expected.b)
+
+
+@pytest.mark.parametrize("name", EACH)
+def test_terms_add_up_to_the_equation(name: str) -> None:
+    d = document_of(name)
+    values = known(d, state_of(name, seed=1))
+    random = np.random.default_rng(5)
+    values |= {f"{q}_ddot": random.standard_normal() for q in d["coordinates"]}
+    values |= {f"lambda_{c['name']}": 0.0 for c in d["constraints"]}
+    for line in d["equations"]:
+        keys = [k for k in line if k not in ("coordinate", "momentum", "left", "right")]
+        terms = dict(zip(keys, numbers([line[k] for k in keys], values), strict=True))
+        total = sum(terms[k] for k in terms if k in ("ddt_dT_dqdot", "dV_dq"))
+        total += sum(terms[k] for k in terms if k == "ddt_dL_dqdot")
+        total -= sum(terms[k] for k in terms if k in ("dT_dq", "dL_dq", "Q"))
+        total -= terms.get("ddt_dV_dqdot", 0.0)
+        left, right = numbers([line["left"], line["right"]], values)
+        size = sum(map(abs, terms.values())) + abs(left) + abs(right)
+        assert left - right == pytest.approx(total, rel=0, abs=1e-12 * (size or 1.0))
+
+
+@pytest.mark.parametrize("name", EACH)
+def test_accelerations_in_closed_form_solve_the_equations(name: str) -> None:
+    d = document_of(name)
+    if d["accelerations"] is None:
+        pytest.skip("too long to be told")
+    assert d["accelerations"]["steps"] == {}
+    for seed in range(2):
+        x = oracle_of(name).at(state_of(name, seed))
+        values = known(d, state_of(name, seed))
+        lam = numbers(d["accelerations"]["lambda"], values)
+        multipliers = [f"lambda_{c['name']}" for c in d["constraints"]]
+        values |= dict(zip(multipliers, lam, strict=True))
+        q_ddot = np.array(numbers(d["accelerations"]["q_ddot"], values))
+        size = np.abs(x.M) @ np.abs(q_ddot) + np.abs(x.f) + np.abs(x.A.T) @ np.abs(lam)
+        balance = x.M @ q_ddot - x.f - x.A.T @ np.array(lam)
+        # Backward errors; quotients of sums lose some digits more than sums do.
+        assert np.max(np.abs(balance)) <= 1e-10 * np.max(size)
+        size = np.abs(x.A) @ np.abs(q_ddot) + np.abs(x.b)
+        assert np.all(np.abs(x.A @ q_ddot - x.b) <= 1e-10 * size)
+
+
+def module_of(name: str) -> dict[str, Any]:
+    scope: dict[str, Any] = {}
+    exec(compile(as_python(equations_of(name), "0"), name, "exec"), scope)
+    return scope
+
+
+@pytest.mark.parametrize("name", EACH)
+def test_the_python_module_gives_the_numbers_of_the_graph(name: str) -> None:
+    e, module = equations_of(name), module_of(name)
+    assert module["COORDINATES"] == e.q
+    assert module["CONSTRAINTS"] == tuple(row.name for row in e.rows)
+    assert module["PARAMETERS"] == {p.name: p.value for p in e.model.parameters}
+    for seed in range(2):
+        values = state_of(name, seed)
+        module["PARAMETERS"].update({p: values[p] for p in module["PARAMETERS"]})
+        at = values["t"], [values[q] for q in e.q], [values[v] for v in e.velocities]
+        n, m = len(e.q), len(e.rows)
+        for function, nodes, shape in (
+            ("mass_matrix", [x for row in e.M for x in row], (n, n)),
+            ("force", e.f, (n,)),
+            ("constraint_matrix", [x for row in e.rows for x in row.A], (m, n)),
+            ("constraint_rhs", [row.b for row in e.rows], (m,)),
+        ):
+            found = module[function](*at)
+            assert found.shape == shape
+            close(np.ravel(found), evaluate(e.graph, nodes, values))
+
+
+@pytest.mark.parametrize("name", ["double-pendulum", "elastic-pendulum-steered"])
+def test_the_python_module_agrees_with_native_code(name: str) -> None:
+    from tests.test_equations import native_of
+
+    e, module = equations_of(name), module_of(name)
+    values = state_of(name, seed=1)
+    _, q_ddot, lam = native_of(name, loops=False).motion(values)
+    module["PARAMETERS"].update({p: values[p] for p in module["PARAMETERS"]})
+    at = values["t"], [values[q] for q in e.q], [values[v] for v in e.velocities]
+    M, f, A, b = (
+        module[k](*at)
+        for k in ("mass_matrix", "force", "constraint_matrix", "constraint_rhs")
+    )
+    lam = np.asarray(lam)
+    close(M @ q_ddot, f + A.T @ lam)
+    if len(e.rows):
+        close(A @ q_ddot, b)

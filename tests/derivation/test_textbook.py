@@ -1,0 +1,144 @@
+"""Systems as textbooks have them, conserved quantities included."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy as sp
+
+from lagsim.derivation.as_text import as_text
+from tests.derivation.cases import content_of, s, small
+
+sin, cos = sp.sin, sp.cos
+
+
+def same(found: Any, expected: Any) -> bool:
+    return bool(sp.simplify(sp.expand(found - expected)) == 0)
+
+
+def conserved(name: str) -> dict[tuple[str, ...], Any]:
+    """Give the conserved quantities by what they are of, the energy by ()."""
+    return {k.of: k for k in content_of(name).conserved}
+
+
+def test_double_pendulum() -> None:
+    # Landau and Lifshitz, Mechanics, section 5, problem 1.
+    m1, m2, l1, l2, g = s.m1, s.m2, s.l1, s.l2, s.g
+    a, b, da, db = s.theta1, s.theta2, s.theta1_dot, s.theta2_dot
+    L = (m1 + m2) * l1**2 * da**2 / 2 + m2 * l2**2 * db**2 / 2
+    L += m2 * l1 * l2 * da * db * cos(a - b)
+    L += (m1 + m2) * g * l1 * cos(a) + m2 * g * l2 * cos(b)
+    c = content_of("double-pendulum")
+    assert same(c.lagrangian, L)
+    first = (m1 + m2) * l1**2 * s.theta1_ddot + m2 * l1 * l2 * s.theta2_ddot * cos(
+        a - b
+    )
+    first += m2 * l1 * l2 * db**2 * sin(a - b) + (m1 + m2) * g * l1 * sin(a)
+    second = m2 * l2**2 * s.theta2_ddot + m2 * l1 * l2 * s.theta1_ddot * cos(a - b)
+    second += -m2 * l1 * l2 * da**2 * sin(a - b) + m2 * g * l2 * sin(b)
+    assert same(c.lines[0].left, first)
+    assert same(c.lines[1].left, second)
+    # In that very form, with the masses together and the angles' difference.
+    assert (
+        "(m₁ + m₂) l₁² θ̈₁ + m₂ l₁ l₂ θ̈₂ cos(θ₁ − θ₂) + m₂ l₁ l₂ θ̇₂² sin(θ₁ − θ₂)"
+        " + (m₁ + m₂) g l₁ sin(θ₁) = 0"
+    ) in " ".join(as_text(c).split())
+    assert conserved("double-pendulum").keys() == {()}
+
+
+def test_heavy_top() -> None:
+    # Goldstein, Classical Mechanics, section 5.7.
+    found = conserved("heavy-top")
+    assert found.keys() == {(), ("phi",), ("psi",)}
+    spin = s.psi_dot + s.phi_dot * cos(s.theta)
+    p_psi = s.I3 * spin
+    p_phi = s.I1 * s.phi_dot * sin(s.theta) ** 2 + p_psi * cos(s.theta)
+    assert same(found["psi",].value, p_psi)
+    assert same(found["phi",].value, p_phi)
+    assert [found[k].definition for k in (("phi",), ("psi",))] == ["p_phi", "p_psi"]
+    text = as_text(content_of("heavy-top"))
+    assert "momentum of φ: φ is ignorable" in text
+    assert "momentum of ψ: ψ is ignorable" in text
+
+
+def test_kepler() -> None:
+    found = conserved("kepler")
+    assert found.keys() == {(), ("x", "y")}
+    turning = found["x", "y"]
+    assert turning.kind == "angular momentum"
+    assert same(turning.value, s.x * s.y_dot - s.y * s.x_dot)
+    assert turning.definition == "angular_momentum"
+    c = content_of("kepler")
+    assert [k.name for k in c.translation.kept] == ["r"]
+    assert same(c.lines[0].left, s.x_ddot + s.mu * s.x / s.r**3)
+
+
+def test_bead_on_the_hoop() -> None:
+    c = content_of("bead-hoop")
+    (h,) = c.conserved
+    R, m = s.R, s.m
+    assert h.kind == "energy function"
+    value = m * R**2 * (s.theta_dot**2 - s.Omega**2 * sin(s.theta) ** 2) / 2
+    assert same(h.value, value - m * s.g * R * cos(s.theta))
+    assert not same(h.value, c.kinetic + c.potential)
+    assert "which is not T + V" in as_text(c)
+    assert c.solution is not None
+    (acceleration,) = c.solution.accelerations
+    expected = sin(s.theta) * (s.Omega**2 * cos(s.theta) - s.g / R)
+    assert same(acceleration, expected)
+
+
+def test_charged_particle() -> None:
+    # m v' = q (E + v x B), with the energy without a magnetic part.
+    c = content_of("charged-particle")
+    m, q, B, E = s.m, s.q, s.B, s.E
+    forces = (q * (E + s.y_dot * B), -q * s.x_dot * B, 0)
+    for line, a, force in zip(
+        c.lines, (s.x_ddot, s.y_ddot, s.z_ddot), forces, strict=True
+    ):
+        assert same(line.left - line.right, m * a - force)
+    found = conserved("charged-particle")
+    assert found.keys() == {(), ("y",), ("z",)}
+    speed = s.x_dot**2 + s.y_dot**2 + s.z_dot**2
+    assert same(found[()].value, m * speed / 2 - q * E * s.x)
+    assert same(found["z",].value, m * s.z_dot)
+    assert same(found["y",].value, m * s.y_dot + q * B * s.x)
+
+
+TWO_BODIES = """
+parameters: {m1: 2, m2: 3, k: 5}
+coordinates: {x1: {}, y1: {}, x2: {}, y2: {}}
+definitions: {r: "hypot(x1 - x2, y1 - y2)"}
+energy:
+  kinetic: m1*(x1_dot^2 + y1_dot^2)/2 + m2*(x2_dot^2 + y2_dot^2)/2
+  potential: -k/r
+initial: {x1: 0, y1: 0, x2: 1, y2: 0}
+"""
+
+
+def test_two_bodies_keep_their_momenta() -> None:
+    found = {k.of: k for k in small(TWO_BODIES).conserved}
+    assert same(found["x1", "x2"].value, s.m1 * s.x1_dot + s.m2 * s.x2_dot)
+    assert same(found["y1", "y2"].value, s.m1 * s.y1_dot + s.m2 * s.y2_dot)
+    turning = found["x1", "y1", "x2", "y2"].value
+    expected = s.m1 * (s.x1 * s.y1_dot - s.y1 * s.x1_dot)
+    expected += s.m2 * (s.x2 * s.y2_dot - s.y2 * s.x2_dot)
+    assert same(turning, expected)
+    assert len(found) == 4  # with the energy
+
+
+def test_what_acts_on_a_quantity_keeps_it_from_being_conserved() -> None:
+    turned = TWO_BODIES + "forces: {x1: k*t}\n"
+    assert {k.of for k in small(turned).conserved} == {("y1", "y2")}
+    held = TWO_BODIES + "constraints: {line: y1 = k*x1}\n"
+    assert {k.of for k in small(held).conserved} == {()}
+    # Free only by the numbers of the file: equal stiffnesses are no symmetry.
+    oval = TWO_BODIES.replace("-k/r", "k*x1^2 + m1*y1^2 - k/r").replace("k: 5", "k: 2")
+    assert {k.of for k in small(oval).conserved} == {()}
+
+
+def test_damping_and_driving_end_the_energy() -> None:
+    assert not content_of("forced-oscillator").conserved
+    assert not content_of("elastic-pendulum-forced").conserved
+    assert not content_of("moving-pivot").conserved
+    assert not content_of("bead-hoop-cartesian").conserved

@@ -1,0 +1,78 @@
+"""Tapes against native code of the same graph: the same bits."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from lagsim.expressions.graph import Graph
+from lagsim.native import tape_code
+from tests.expressions._programs import on_graph, programs, states
+from tests.native.test_graph_code import (
+    LAYOUT,
+    SIZE,
+    VALUES,
+    Compiled,
+    build,
+    long_functions,
+)
+
+
+def bits(found: list[float]) -> list[bytes]:
+    return [b"nan" if math.isnan(x) else struct.pack("<d", x) for x in found]
+
+
+def pair(g: Graph, functions: Any) -> tuple[Compiled, Compiled]:
+    """Give the same functions on tapes and in straight-line code."""
+    return Compiled(g, functions, tape_code.generate), Compiled(g, functions)
+
+
+@given(st.lists(programs(), min_size=20, max_size=20), st.lists(states, min_size=3))
+@settings(max_examples=15, deadline=None, derandomize=True)
+def test_random_expressions(many: Any, some_states: Any) -> None:
+    g = Graph()
+    tape, code = pair(g, {"f": [on_graph(g, program) for program in many]})
+    for state in some_states:
+        assert bits(tape.at(state)) == bits(code.at(state))
+
+
+def test_several_functions_and_parameters() -> None:
+    g = Graph()
+    functions = long_functions(g)
+    tape, code = pair(g, functions)
+    for shift in (0.0, 0.4, -1.9):
+        values = {name: x + shift for name, x in VALUES.items()}
+        for name in functions:
+            assert bits(tape.at(values, name)) == bits(code.at(values, name))
+        # Not only after `prepare`: no call spoils what another one needs.
+        for name in functions:
+            length = len(functions[name])
+            again = tape.call(name, values, length)
+            assert bits(again) == bits(code.call(name, values, length))
+
+
+def test_leaves_numbers_and_repeats() -> None:
+    g = Graph()
+    nodes = build(
+        g, "x", "a", "w", "t", "2.5", "x", "1/0", "a*b", "a*b", "x*a", "z", "x*x + x*x"
+    )
+    nodes += [g.call("pow", nodes[0], g.constant(e)) for e in (-2.5, 3.0, 0.3)]
+    tape, code = pair(g, {"f": nodes, "g": []})
+    assert bits(tape.at(VALUES)) == bits(code.at(VALUES))
+    # A variable in p that is not fixed is read each time.
+    tape.p[LAYOUT.p["w"]] = 5.0
+    assert tape.call("f", VALUES, len(nodes))[2] == 5.0
+
+
+def test_memory_is_used_again() -> None:
+    g = Graph()
+    node = g.variable("x")
+    for k in range(1000):
+        node = g.call("sin", g.call("mul", node, g.constant(1.0 + k % 3)))
+    tape = Compiled(g, {"f": [node]}, tape_code.generate)
+    # Two values at once; three numbers, of which one is 1 and multiplies nothing.
+    assert tape.code.p_size <= SIZE + 2 + 2
