@@ -82,15 +82,20 @@ def _compared(
     tolerances: tuple[float | None, float | None],
     plot: Path | None,
 ) -> _Found:
+    from concurrent.futures import ThreadPoolExecutor
+
     from lagsim.comparison import compare, read_results
 
-    tables = read_results(golden), read_results(new)
-    found = _Found(*tables, compare(*tables, *tolerances))
+    # NumPy and SciPy let two threads read at the same time, for the most part.
+    with ThreadPoolExecutor(2) as pool:
+        tables = [pool.submit(read_results, path) for path in (golden, new)]
+        one, two = (table.result() for table in tables)
+    found = _Found(one, two, compare(one, two, *tolerances))
     if plot is not None:
         from lagsim.comparison.picture import picture
 
         title = f"{found.golden.name} and {found.new.name}"
-        content = picture(title, *tables, found.comparison)
+        content = picture(title, one, two, found.comparison)
         try:
             plot.write_bytes(content)
         except OSError as error:

@@ -1,9 +1,9 @@
 """Reading a table of results, fast where it is what lagsim writes.
 
 A block of text that holds nothing but plain numbers is read by SciPy's reader of Matrix
-Market files, which takes a sixth of the time of `float`. It is lenient, so that what
-is left of a block without its digits must look like rows of numbers first. Any other
-block is read cell by cell, and the first cell that is no number is named.
+Market files, which takes a sixth of the time of `float`. It is lenient, so that a block
+must look like rows of numbers first: by what may stand beside what. Any other block is
+read cell by cell, and the first cell that is no number is named.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
-import re
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,20 +28,19 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import BinaryIO
 
+    from numpy.typing import NDArray
+
     from lagsim.native.kernel_types import Floats
 
 # Bytes read at once, and of a file for which SciPy's reader is worth its import.
-BLOCK = 1 << 23
+BLOCK = 1 << 21
 LARGE = 1 << 21
 # Bytes of a header at most: beyond, the file is something else.
 LONGEST_HEADER = 1 << 24
 
 _DIGITS = b"0123456789"
 _TO_LINES = bytes.maketrans(b",", b"\n")
-# Of a number without its digits.
-_MARKS = rb"-?\.?(?:[eE][-+]?)?"
-# What SciPy's reader would stop at without a word.
-_MISPLACED = (b"e,", b"E,", b"e\r", b"E\r", b"e\n", b"E\n")
+_COMMA, _LINE = b",\n"
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,24 +182,56 @@ def _blocks(file: BinaryIO) -> Iterator[bytes]:
 def _plain(block: bytes, count: int) -> Floats | None:
     """Read rows of plain numbers (count, rows); None if there is anything else."""
     marks = block.translate(None, _DIGITS)
-    row = rb"(?:%s,){%d}%s\r?\n" % (_MARKS, count - 1, _MARKS)
-    if not re.fullmatch(rb"(?:%s)*" % row, marks):
+    if not (block.endswith(b"\n") and _adjacent(marks, _MARKS)):
         return None
-    minus = sum(map(block.count, (b",-", b"\n-", b"e-", b"E-"))) + (block[:1] == b"-")
-    plus = block.count(b"e+") + block.count(b"E+")
-    if (block.count(b"-"), block.count(b"+")) != (minus, plus):
+    if b"e-." in marks or b"e-e" in marks:  # what pairs do not show
         return None
-    if any(part in block for part in _MISPLACED):
+    signs = np.frombuffer(marks, np.uint8)
+    breaks = signs[(signs == _COMMA) | (signs == _LINE)]
+    if len(breaks) % count:
+        return None
+    rows = breaks.reshape(-1, count)
+    if not (np.all(rows[:, -1] == _LINE) and np.all(rows[:, :-1] == _COMMA)):
+        return None
+    if not _adjacent(b"\n" + block, _PAIRS):
         return None
     from scipy.io import mmread
 
-    rows = block.count(b"\n")
-    head = b"%%%%MatrixMarket matrix array real general\n%d %d\n" % (count, rows)
+    head = b"%%%%MatrixMarket matrix array real general\n%d %d\n" % (count, len(rows))
     text = io.BytesIO(head + block.translate(_TO_LINES, b"\r"))
     try:
         return np.asarray(mmread(text), dtype=np.float64)
     except ValueError:
         return None
+
+
+def _adjacent(text: bytes, allowed: NDArray[np.bool_]) -> bool:
+    """Tell whether each two bytes that follow each other may do so."""
+    for start in (0, 1):
+        pairs = np.frombuffer(text, np.uint16, (len(text) - start) // 2, start)
+        if not np.all(allowed[pairs]):
+            return False
+    return True
+
+
+def _table(pairs: str) -> NDArray[np.bool_]:
+    """Give for each two bytes, as one number in memory, whether they may be adjacent.
+
+    Of `pairs` each word is a character, then all that may follow it: 0 is any digit,
+    `n` and `r` end a line.
+    """
+    allowed = np.zeros(1 << 16, dtype=bool)
+    several = {"0": _DIGITS, "n": b"\n", "r": b"\r"}
+    for word in pairs.split():
+        first, *others = (several.get(c, c.encode()) for c in list(word))
+        for pair in product(first, b"".join(others)):
+            allowed[np.frombuffer(bytes(pair), np.uint16)] = True
+    return allowed
+
+
+# Of a whole block, and of one whose digits are left out: of -1.5e-7 there is -.e-
+_PAIRS = _table("00.e,nr -0. +0 .0e,nr e0+- ,0-. n0-. rn")
+_MARKS = _table("-.e,nr +,nr .e,nr e+-,nr ,-.e,nr n-.e,nr rn")
 
 
 def _cells(block: bytes, columns: tuple[str, ...], name: str, line: int) -> Floats:

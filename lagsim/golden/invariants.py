@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.equations import generalized_forces
 from lagsim.expressions.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -50,13 +49,14 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
 def _ignorable(equations: Equations) -> list[int]:
     """Give the numbers of the coordinates whose momenta are constant."""
     e, g = equations, equations.graph
-    positions = [g.variable(q) for q in e.q]
-    rates = [g.variable(v) for v in e.velocities]
-    forces = generalized_forces(g, e.model, positions, rates)
+    directions = [force.direction for force in e.model.forces]
+    lost = [] if e.model.dissipation is None else [e.model.dissipation]
+    # A force may act on a coordinate that only its direction names.
+    pushed = g.depends([*directions, *lost])
     known = g.depends([e.model.lagrangian])
     held = {k for row in e.rows for k, node in enumerate(row.A) if node != g.zero}
     return [
         k
-        for k, q in enumerate(e.q)
-        if q not in known and forces[k] == g.zero and k not in held
+        for k, (q, v) in enumerate(zip(e.q, e.velocities, strict=True))
+        if k not in held and q not in known and not pushed & {q, v}
     ]

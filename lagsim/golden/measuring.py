@@ -23,7 +23,7 @@ from lagsim.golden.motion import (
     Scene,
     variants,
 )
-from lagsim.plan import DEFAULT_RTOL
+from lagsim.plan.integration import DEFAULT_RTOL
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
