@@ -40,7 +40,7 @@ LONGEST_HEADER = 1 << 24
 
 _DIGITS = b"0123456789"
 _TO_LINES = bytes.maketrans(b",", b"\n")
-_COMMA, _LINE = b",\n"
+_COMMA, _LINE, _MINUS = b",\n-"
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,9 +200,24 @@ def _plain(block: bytes, count: int) -> Floats | None:
     head = b"%%%%MatrixMarket matrix array real general\n%d %d\n" % (count, len(rows))
     text = io.BytesIO(head + block.translate(_TO_LINES, b"\r"))
     try:
-        return np.asarray(mmread(text), dtype=np.float64)
+        found = np.array(mmread(text), dtype=np.float64)
     except ValueError:
         return None
+    _restore_signs(found, block)
+    return found
+
+
+def _restore_signs(found: Floats, block: bytes) -> None:
+    """Make those zeros negative that are so in the text: SciPy adds them to 0."""
+    columns, rows = np.nonzero(found == 0.0)
+    if not len(rows):
+        return
+    characters = np.frombuffer(block, np.uint8)
+    ends = np.flatnonzero((characters == _COMMA) | (characters == _LINE))
+    cells = rows * len(found) + columns
+    starts = np.where(cells > 0, ends[cells - 1] + 1, 0)
+    negative = characters[starts] == _MINUS
+    found[columns[negative], rows[negative]] = -0.0
 
 
 def _adjacent(text: bytes, allowed: NDArray[np.bool_]) -> bool:
