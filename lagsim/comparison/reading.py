@@ -13,7 +13,6 @@ import csv
 import io
 from collections import Counter
 from dataclasses import dataclass, field
-from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,7 +39,7 @@ LONGEST_HEADER = 1 << 24
 
 _DIGITS = b"0123456789"
 _TO_LINES = bytes.maketrans(b",", b"\n")
-_COMMA, _LINE, _MINUS = b",\n-"
+_COMMA, _LINE, _MINUS, _PLUS, _POINT, _E = b",\n-+.e"
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,25 +181,24 @@ def _blocks(file: BinaryIO) -> Iterator[bytes]:
 def _plain(block: bytes, count: int) -> Floats | None:
     """Read rows of plain numbers (count, rows); None if there is anything else."""
     marks = block.translate(None, _DIGITS)
-    if not (block.endswith(b"\n") and _adjacent(marks, _MARKS)):
+    rows = block.count(b"\n")
+    breaks = (b"," * (count - 1) + b"\n") * rows
+    if marks.translate(None, b"+-.e\r") != breaks or not block.endswith(b"\n"):
         return None
-    if b"e-." in marks or b"e-e" in marks:  # what pairs do not show
+    if b"e-." in marks or b"e-e" in marks or not _adjacent(marks):
         return None
-    signs = np.frombuffer(marks, np.uint8)
-    breaks = signs[(signs == _COMMA) | (signs == _LINE)]
-    if len(breaks) % count:
+    characters = np.frombuffer(block, np.uint8)
+    minus = np.flatnonzero(characters == _MINUS)
+    if not np.all(_BEFORE_MINUS[characters[minus - 1]]):  # the last one is a line break
         return None
-    rows = breaks.reshape(-1, count)
-    if not (np.all(rows[:, -1] == _LINE) and np.all(rows[:, :-1] == _COMMA)):
-        return None
-    if not _adjacent(b"\n" + block, _PAIRS):
+    if b"e" in marks and not _exponents(characters):
         return None
     from scipy.io import mmread
 
-    head = b"%%%%MatrixMarket matrix array real general\n%d %d\n" % (count, len(rows))
+    head = b"%%%%MatrixMarket matrix array real general\n%d %d\n" % (count, rows)
     text = io.BytesIO(head + block.translate(_TO_LINES, b"\r"))
     try:
-        found = np.array(mmread(text), dtype=np.float64)
+        found = np.asarray(mmread(text), dtype=np.float64)
     except ValueError:
         return None
     _restore_signs(found, block)
@@ -220,32 +218,48 @@ def _restore_signs(found: Floats, block: bytes) -> None:
     found[columns[negative], rows[negative]] = -0.0
 
 
-def _adjacent(text: bytes, allowed: NDArray[np.bool_]) -> bool:
+def _adjacent(marks: bytes) -> bool:
     """Tell whether each two bytes that follow each other may do so."""
     for start in (0, 1):
-        pairs = np.frombuffer(text, np.uint16, (len(text) - start) // 2, start)
-        if not np.all(allowed[pairs]):
+        pairs = np.frombuffer(marks, np.uint16, (len(marks) - start) // 2, start)
+        if not np.all(_MARKS[pairs]):
             return False
     return True
+
+
+def _exponents(characters: NDArray[np.uint8]) -> bool:
+    """Tell whether each e stands between a digit, or a point, and an exponent."""
+    e = np.flatnonzero(characters == _E)
+    after = characters[e + 1]  # the last character is a line break
+    digits = characters[e + 1 + ((after == _MINUS) | (after == _PLUS))]
+    before = characters[e - 1]
+    return bool(np.all(_DIGIT[digits]) and np.all(_DIGIT[before] | (before == _POINT)))
+
+
+def _set(characters: bytes) -> NDArray[np.bool_]:
+    """Give for each byte whether it is one of these."""
+    found = np.zeros(256, dtype=bool)
+    found[np.frombuffer(characters, np.uint8)] = True
+    return found
 
 
 def _table(pairs: str) -> NDArray[np.bool_]:
     """Give for each two bytes, as one number in memory, whether they may be adjacent.
 
-    Of `pairs` each word is a character, then all that may follow it: 0 is any digit,
-    `n` and `r` end a line.
+    Of `pairs` each word is a character, then all that may follow it; `n` and `r` end a
+    line.
     """
     allowed = np.zeros(1 << 16, dtype=bool)
-    several = {"0": _DIGITS, "n": b"\n", "r": b"\r"}
-    for word in pairs.split():
-        first, *others = (several.get(c, c.encode()) for c in list(word))
-        for pair in product(first, b"".join(others)):
-            allowed[np.frombuffer(bytes(pair), np.uint16)] = True
+    for word in pairs.replace("n", "\n").replace("r", "\r").split(" "):
+        first, others = word[0], word[1:]
+        for other in others:
+            allowed[np.frombuffer((first + other).encode(), np.uint16)] = True
     return allowed
 
 
-# Of a whole block, and of one whose digits are left out: of -1.5e-7 there is -.e-
-_PAIRS = _table("00.e,nr -0. +0 .0e,nr e0+- ,0-. n0-. rn")
+_DIGIT = _set(_DIGITS)
+_BEFORE_MINUS = _set(b",\ne")
+# Of rows whose digits are left out: of -1.5e-7 there is -.e-
 _MARKS = _table("-.e,nr +,nr .e,nr e+-,nr ,-.e,nr n-.e,nr rn")
 
 
