@@ -1,20 +1,25 @@
 """Is `auto` near the Pareto front? lagsim bench over the shipped models.
 
-    python benchmarks/choices.py [MODEL ...]
+    python benchmarks/choices.py [--charts DIR] [MODEL ...]
 
 By errors of 1e-6, 1e-9 and 1e-12: what the cheapest method costs, what `auto` costs,
-both read off their curves. scipy's solvers are left out: a step of theirs is a Python
-call, and none has ever been near.
+both read off their curves. scipy's solvers are left out, but for the charts: a step of
+theirs is a Python call, and none has ever been near.
 """
 
 from __future__ import annotations
 
 import argparse
+import io
 import sys
+from pathlib import Path
 
 from measure import MODELS, Table
+from PIL import Image
 
 from lagsim.admissibility import examine
+from lagsim.bench.chart import chart
+from lagsim.bench.document import document
 from lagsim.bench.front import cost_at
 from lagsim.bench.reference import NoReferenceError
 from lagsim.bench.solving import Scene
@@ -33,6 +38,8 @@ def compared(found, error, of="seconds"):
         return None
     costs = {}
     for (method, formulation), entries in found.curves().items():
+        if method.startswith("scipy:"):
+            continue
         cost = cost_at(points(entries, of), error)
         if cost is not None:
             costs[f"{method} ({formulation})"] = cost
@@ -48,15 +55,25 @@ def points(entries, of):
     return [(e.error, e.cost(of)) for e in entries if e.counts]
 
 
-def rows_of(model):
-    """Give the rows of the table for one model, and whether all meet the goal."""
+def rows_of(model, charts=None):
+    """Give the rows of the table for one model; draw its chart where one is wanted."""
     equations = derive(read_file(str(MODELS / f"{model}.yaml")))
     scene = Scene(equations, examine(equations))
     try:
-        found = measure(scene, Wish(methods=names()))
+        found = measure(scene, Wish(methods=None if charts else names()))
     except NoReferenceError as why:
         return [[model, "", "", str(why), "", ""]]
+    if charts:
+        draw(model, found, scene, charts)
     return [row_of(model, found, error) for error in ERRORS]
+
+
+def draw(model, found, scene, folder):
+    """Draw the chart of a model, in a palette of colours: a tenth of the bytes."""
+    folder.mkdir(parents=True, exist_ok=True)
+    content = document(scene.equations.model, found, [])
+    picture = Image.open(io.BytesIO(chart(model, found, content)))
+    picture.convert("RGB").quantize(48).save(folder / f"{model}.png", optimize=True)
 
 
 def row_of(model, found, error):
@@ -77,11 +94,11 @@ def row_of(model, found, error):
     return [*shown, f"{own * 1e3:.3g}", mark]
 
 
-def tables(_turns, models=()):
+def tables(_turns, models=(), charts=None):
     """Give the table."""
     rows = []
     for model in models or sorted(path.stem for path in MODELS.glob("*.yaml")):
-        rows += rows_of(model)
+        rows += rows_of(model, charts)
         print(*rows[-len(ERRORS) :], sep="\n", file=sys.stderr, flush=True)
     head = ["model", "error", "auto takes", "cheapest, ms", "auto, ms", "factor"]
     behind = sum(row[-1].startswith("**") for row in rows)
@@ -95,4 +112,6 @@ def tables(_turns, models=()):
 if __name__ == "__main__":
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("models", nargs="*", metavar="MODEL")
-    print(tables(0, options.parse_args().models)[0].markdown())
+    options.add_argument("--charts", type=Path, metavar="DIR")
+    asked = options.parse_args()
+    print(tables(0, asked.models, asked.charts)[0].markdown())

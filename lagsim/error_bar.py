@@ -21,7 +21,7 @@ from lagsim.expressions.evaluate import evaluate
 from lagsim.plan import make_plan
 from lagsim.plan.integration import ANY
 from lagsim.simulate import simulate
-from lagsim.simulate.arcs import MOST_STEPS
+from lagsim.simulate.states import MOST_STEPS
 from lagsim.system import System
 from lagsim.trajectory import Outcome
 

@@ -93,12 +93,13 @@ class Caution:
 
 @dataclass(slots=True)
 class Statistics:
-    """Counts of the work done."""
+    """Counts of the work done, and the smallest step; None after a few steps only."""
 
     steps: int = 0
     rejections: int = 0
     evaluations: int = 0
     factorisations: int = 0
+    smallest_step: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ simulation: {duration: DURATION, output_step: 0.01METHOD}
 
 
 @pytest.mark.parametrize("duration", [1.0999, 2.0])
-@pytest.mark.parametrize("method", ["", ", method: rk4, step: 0.003"])
+@pytest.mark.parametrize("method", [", method: dop853", ", method: rk4, step: 0.003"])
 def test_rows_that_nearly_lose_their_independence_are_solved_by_loops(duration, method):
     # dz and dz - (1.1 - x) dy: the angle between the rows falls to zero at x = 1.1,
     # where rank is lost for a moment. x = t, y = z = 0 is the motion all the way, and
@@ -50,7 +50,9 @@ def test_rows_that_nearly_lose_their_independence_are_solved_by_loops(duration, 
 
 def test_where_loops_would_take_too_long_the_run_goes_on_without(monkeypatch):
     monkeypatch.setattr(arcs, "MOST_DENSE", 0)
-    found = run(NEARLY.replace("DURATION", "1.099").replace("METHOD", ""))
+    found = run(
+        NEARLY.replace("DURATION", "1.099").replace("METHOD", ", method: dop853")
+    )
     assert found.trajectory.outcome is Outcome.DONE
     (warning,) = [w for w in found.trajectory.warnings if w.code == "nearly-dependent"]
     assert "too many for a QR" in warning.text
@@ -107,7 +109,7 @@ def test_small_motion_about_equilibrium_costs_few_steps(force, start):
 
     It stalled at t = 0 or took up to 7 million steps.
     """
-    found = run(REST.replace("FORCE", force).replace("START", start))
+    found = run(REST.replace("FORCE", force).replace("START", start), method="dop853")
     assert found.trajectory.outcome is Outcome.DONE
     # 8.6 periods in all, at some 30 steps each at most.
     assert found.trajectory.statistics.steps < 300

@@ -92,7 +92,7 @@ def test_blocks_of_the_mass_matrix_are_told():
 def test_tolerances():
     plan = plan_of("elastic-pendulum")
     assert (plan.method, plan.rtol, plan.atol, plan.step) == (
-        "dop853",
+        "taylor",
         DEFAULT_RTOL,
         None,
         None,

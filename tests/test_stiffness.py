@@ -152,6 +152,8 @@ simulation: {duration: 2, output_step: 0.05, rtol: 1e-7}
 def test_switches_are_located_by_the_stiff_method_too():
     found, explicit = run(RUBBING), run(RUBBING, method="dop853")
     assert found.trajectory.choices
+    few, many = found.trajectory.statistics, explicit.trajectory.statistics
+    assert 100 * few.steps < many.steps
     times = [[e.time for e in r.trajectory.events] for r in (found, explicit)]
     assert len(times[0]) == 2
     assert times[0] == pytest.approx(times[1], abs=1e-6)
@@ -170,3 +172,35 @@ def test_steps_that_shrink_for_another_reason_are_no_stiffness():
     found = run(text)
     assert not found.trajectory.choices
     assert "step-at-stability-bound" not in codes(found)
+
+
+# A damper that lets go: what it held then moves freely.
+LETTING_GO = """
+parameters: {c: 1e6}
+definitions: {held: c*(1 - tanh(20*(t - 1)))/2}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 50*x^2 + 50*y^4}
+forces: {x: -held*(x_dot - y_dot), y: held*(x_dot - y_dot)}
+initial: {x: 1, y: 1}
+simulation: {duration: 20, output_step: 0.1, rtol: 2e-6}
+"""
+
+
+def test_the_explicit_method_comes_back_where_nothing_is_stiff_any_more():
+    found = run(LETTING_GO)
+    there, back = found.trajectory.choices
+    assert there.choice.startswith("method: radau from t = ")
+    assert back.choice.startswith("method: dop853 from t = ")
+    assert not codes(found)
+    # The damper has fallen to 1 per unit of time at t = 1 + ln(1e6)/40 = 1.35.
+    time = float(back.choice.split()[5])
+    assert 1.1 < time < 4
+    stiff = run(LETTING_GO, method="radau")
+    few, many = found.trajectory.statistics, stiff.trajectory.statistics
+    assert few.evaluations < many.evaluations
+    assert 3 * few.factorisations < many.factorisations
+    # The error is that of the stiff part, at the same tolerance by the same method.
+    accurate = run(LETTING_GO, method="radau", rtol="1e-11")
+    for name in ("x", "y"):
+        errors = [np.max(np.abs(r[name] - accurate[name])) for r in (found, stiff)]
+        assert errors[0] < 3 * errors[1]

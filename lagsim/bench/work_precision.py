@@ -191,17 +191,17 @@ def measure(
             solver.compile_seconds
         )
         sweep = _Sweep(solver, auto, found.reference, Patience(bound, interrupt))
+        chosen = auto.chosen.get((solver.method, solver.formulation), {})
         for value in values:
-            found.entries.append(sweep.entry(value))
             done += 1
+            if sweep.over and value not in chosen:
+                continue
+            found.entries.append(sweep.entry(value))
             if progress is not None:
                 progress(done / total)
-            if sweep.over:
-                break
-        if sweep.pressed:
-            found.interrupted = True
-            break
-        done += len(values) - values.index(found.entries[-1].value) - 1
+            if sweep.pressed:
+                found.interrupted = True
+                return found
     return found
 
 

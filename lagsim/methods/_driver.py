@@ -43,8 +43,10 @@ from lagsim.methods._state import (
     ROW_STEP,
     SIZE,
     SIZES_BEFORE,
+    SMALLEST_STEP,
     STEP_H,
     STEP_T,
+    STEPS,
     STIFF,
     SWITCH_FOUND,
     SWITCHED,
@@ -63,6 +65,8 @@ SWITCHES = True
 
 # A step is looked at this often for the moment that ends the run.
 LOOKS = 8
+# By then the first steps, which are guessed, have grown to what the motion needs.
+SETTLING = 10.0
 NOWHERE = -1
 
 
@@ -91,6 +95,7 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
         code = step(s, p)
         if code != DONE:
             return code
+        record_step(s)
         inspect(s, p)
         if CONSTRAINED and watch(s, p) > 0:
             return RANK_LOST
@@ -109,6 +114,14 @@ def arrived(s: Floats, p: Floats) -> int:
     if CONSTRAINED and s[HEALTH] < s[DEGENERATE_BELOW]:
         return DEGENERATE
     return NOWHERE
+
+
+def record_step(s: Floats) -> None:
+    """Note the smallest step; what an end cuts short does not count."""
+    known = s[SMALLEST_STEP]
+    counts = s[STEPS] > SETTLING and s[T] < s[END]
+    if counts and (known == 0.0 or s[STEP_H] < known):
+        s[SMALLEST_STEP] = s[STEP_H]
 
 
 def inspect(s: Floats, p: Floats) -> None:

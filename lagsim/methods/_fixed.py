@@ -85,6 +85,11 @@ def take(s: Floats, p: Floats, after: float, new: Floats, slope: Floats) -> None
     s[STEP_H] = after - s[T]
     s[T] = after
     s[STEPS] += 1.0
+    note_sizes(s, p)
+
+
+def note_sizes(s: Floats, p: Floats) -> None:
+    """Take the state into the largest sizes; what only projection needs, for that."""
     if CONSTRAINED:
         record_sizes(s, p)
     else:

@@ -120,7 +120,9 @@ def converge(s: Floats, p: Floats, h: float) -> int:
             left_over = rate / (1.0 - rate)
             ahead = MOST - 2 - iteration
             coming = left_over * size * rate**ahead / limit
-            if coming >= 1.0 and left_over * size > limit:
+            hopeless = coming >= 1.0 and left_over * size > limit
+            # Quotients alternate where the errors of J do: one alone is no rate yet.
+            if hopeless and iteration > 1:
                 slower = max(1e-4, min(20.0, coming))
                 s[H] = 0.8 * h * slower ** (-1.0 / (4.0 + ahead))
                 return 0

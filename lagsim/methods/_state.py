@@ -54,7 +54,8 @@ AT_BOUND = 40  # steps held by stability ...
 OFF_BOUND = 41  # ... since when so many were not
 ASK_AT = 42  # at so many the kernel returns; 0: never
 SIZES_BEFORE = 43  # where the largest sizes before the last step are kept; see switches
-HEADER = 44
+SMALLEST_STEP = 44  # once the first steps have found their size; 0: none yet
+HEADER = 45
 
 # The spectral radius of the methods that have it, unless another is asked for.
 USUAL_RADIUS = 0.8

@@ -18,7 +18,7 @@ import math
 from typing import TYPE_CHECKING
 
 from lagsim.methods._controller import record_sizes
-from lagsim.methods._fixed import next_time
+from lagsim.methods._fixed import next_time, note_sizes
 from lagsim.methods._interface import linear
 from lagsim.methods._projection import project
 from lagsim.methods._singular import record_health
@@ -354,7 +354,7 @@ def step(s: Floats, p: Floats) -> int:
     s[T] = after
     s[STEPS] += 1.0
     s[EVALUATIONS] += 1.0
-    record_sizes(s, p)
+    note_sizes(s, p)
     return DONE
 
 

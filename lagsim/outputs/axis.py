@@ -173,3 +173,23 @@ class DecadeAxis(Axis):
         step = max(1, -(-(last - first + 1) // max(1, most)))
         decades = [k for k in range(first, last + 1) if k % step == 0]
         return [float(k) for k in decades], [power_of_ten(k) for k in decades]
+
+
+@dataclass(frozen=True, slots=True)
+class LogAxis(DecadeAxis):
+    """An axis of logarithms with 1, 2, 5 written out where decades are too few."""
+
+    def ticks(self, most: int) -> tuple[list[float], list[str]]:
+        """Return about `most` places (as logarithms) and the numbers at them."""
+        places, texts = super(LogAxis, self).ticks(most)
+        if len(places) >= LEAST_TICKS:
+            return places, texts
+        low, high = sorted((self.low, self.high))
+        decades = range(math.floor(low), math.ceil(high) + 1)
+        for factors in ((1, 2, 5), (1, 1.5, 2, 3, 4, 5, 6, 8)):
+            values = [float(f"{f}e{k}") for k in decades for f in factors]
+            shown = [v for v in values if low - 1e-9 <= math.log10(v) <= high + 1e-9]
+            if len(shown) >= LEAST_TICKS:
+                break
+        skip = -(-len(shown) // max(1, most))
+        return [math.log10(v) for v in shown[::skip]], [f"{v:g}" for v in shown[::skip]]

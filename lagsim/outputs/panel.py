@@ -55,7 +55,7 @@ class Panel:
         self.left, self.top, self.width, self.height = place
         self.bottom = self.top + self.height
         above = sheet.height - self.top
-        self._clip = Bbox.from_bounds(
+        self.clip = Bbox.from_bounds(
             self.left, above - self.height, self.width, self.height
         )
 
@@ -105,7 +105,7 @@ class Panel:
     def curve(self, x: Array, y: Array, pen: Pen) -> None:
         """Draw y against x; a value between two gaps becomes a dot."""
         across, down = self.across(x), self.down(y)
-        self.sheet.line(across, down, pen, self._clip)
+        self.sheet.line(across, down, pen, self.clip)
         seen = np.isfinite(across) & np.isfinite(down)
         linked = seen[:-1] & seen[1:]
         alone = seen.copy()
@@ -131,7 +131,7 @@ class Panel:
         high = np.maximum.reduceat(down[seen], columns)
         x, piece = across[seen][columns], piece[columns]
         for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(piece)) + 1):
-            self.sheet.area(x[part], low[part], high[part], pen, self._clip)
+            self.sheet.area(x[part], low[part], high[part], pen, self.clip)
 
     def band(self, x: Array, low: Array, high: Array, pen: Pen) -> None:
         """Fill what lies between two curves, below everything else."""
@@ -141,7 +141,7 @@ class Panel:
     def dots(self, x: Array, y: Array, pen: Pen) -> None:
         """Draw points that no line joins."""
         dot = Pen(pen.colour, marker=".", size=1.2)
-        self.sheet.line(self.across(x), self.down(y), dot, self._clip)
+        self.sheet.line(self.across(x), self.down(y), dot, self.clip)
 
     def mark(self, x: float, y: float, mark: Pen, colour: str) -> None:
         """Draw one mark above the curves, its edge in this colour."""
@@ -163,7 +163,7 @@ class Panel:
             left = max(float(self.across(np.array([x]))[0]), self.left)
             across = np.array([left, self.left + self.width])
             low, high = np.full(2, self.top), np.full(2, self.bottom)
-            self.sheet.area(across, low, high, LOST, self._clip, layer=0.5)
+            self.sheet.area(across, low, high, LOST, self.clip, layer=0.5)
 
     def times(self, marks: Sequence[float], most_lines: int = 40) -> None:
         """Mark times: by thin lines, or by short ticks at the top where many."""

@@ -13,22 +13,24 @@ import warnings
 import zlib
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal, ParamSpec, TypeAlias, TypeVar
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
-from matplotlib.patches import Polygon
+from matplotlib.patches import PathPatch, Polygon
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox, TransformedBbox
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from matplotlib.path import Path
     from numpy.typing import NDArray
 
     from lagsim.outputs.thinning import Array
@@ -105,7 +107,7 @@ def in_house_style(draw: Callable[P, R]) -> Callable[P, R]:
 def _font(*, bold: bool) -> FontProperties:
     # matplotlib's own file, so that the same rows give the same bytes everywhere.
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-    return FontProperties(fname=Path(mpl.get_data_path(), "fonts", "ttf", name))
+    return FontProperties(fname=FilePath(mpl.get_data_path(), "fonts", "ttf", name))
 
 
 @functools.cache
@@ -217,6 +219,35 @@ class Sheet:
             facecolor=(pen.colour, 0.45),
             edgecolor=pen.colour,
             linewidth=0.5,
+            transform=self.figure.dpi_scale_trans,
+            zorder=layer,
+        )
+        artist.set_clip_box(TransformedBbox(clip, self.figure.dpi_scale_trans))
+        self.figure.add_artist(artist)
+
+    def boxes(self, corners: Array, colours: list[str], layer: float = 1.5) -> None:
+        """Fill boxes (k, 4) of left, top, right, bottom, one colour each."""
+        left, top, right, bottom = corners.T
+        top, bottom = self.height - top, self.height - bottom
+        across = np.stack((left, right, right, left), 1)
+        outlines = np.stack((across, np.stack((top, top, bottom, bottom), 1)), 2)
+        artist = PolyCollection(
+            list(outlines),
+            facecolors=colours,
+            edgecolors="none",
+            antialiaseds=False,
+            transform=self.figure.dpi_scale_trans,
+            zorder=layer,
+        )
+        self.figure.add_artist(artist)
+
+    def shape(self, outline: Path, pen: Pen, clip: Bbox, layer: float = 1.2) -> None:
+        """Fill an outline, given in inches from the lower left corner."""
+        artist = PathPatch(
+            outline,
+            facecolor=pen.fill or "none",
+            edgecolor=pen.colour,
+            linewidth=pen.width,
             transform=self.figure.dpi_scale_trans,
             zorder=layer,
         )

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from lagsim.nodes import Node
     from lagsim.reader.fields import Entry
 
-__all__ = ["FORMAT_VERSION", "SECTIONS", "read", "read_file"]
+__all__ = ["FORMAT_VERSION", "SECTIONS", "read", "read_file", "text_of"]
 
 FORMAT_VERSION = "1"
 SECTIONS = (
@@ -72,6 +72,18 @@ def read_file(
     InputError
         If the file cannot be read, or with every fault in it.
     """
+    text, file = text_of(path)
+    return read(text, file, overrides, options)
+
+
+def text_of(path: str) -> tuple[str, str]:
+    """Give the text of a model file, or of standard input, and what to call it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
     file = _STDIN if path == STANDARD_INPUT else path
     try:
         if path == STANDARD_INPUT:
@@ -89,7 +101,7 @@ def read_file(
         place = Place(file, line, column + 1)
         message = f"not UTF-8: byte 0x{data[error.start]:02x} in line {line}"
         raise _unusable("not-utf8", message, file, place) from None
-    return _read(text, file, overrides or {}, options or {}, data)
+    return text, file
 
 
 def read(

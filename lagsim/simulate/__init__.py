@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.simulate.arcs import BLOCK, MOST_STEPS, Run
+from lagsim.simulate.arcs import BLOCK, Run
+from lagsim.simulate.states import MOST_STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

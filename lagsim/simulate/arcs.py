@@ -20,6 +20,7 @@ from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
+from lagsim.simulate.states import MOST_STEPS, SLIDING, empty_state, taken_over
 from lagsim.system import System
 from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
 
@@ -40,7 +41,6 @@ BLOCK = 2048
 MOST_NUMBERS = 2**20
 # Steps between two looks at interrupts and progress: some tens of milliseconds.
 STEPS_PER_CALL = 4000
-MOST_STEPS = 100_000_000
 # The last row within this part of a row's spacing is the end's.
 SAME_ROW = 1e-9
 # A loss of rank is close where the rows' independence falls below the first part of
@@ -50,9 +50,6 @@ LOST = 1e-5
 # A mechanism may pass the same dead point for ever: these events are kept up to this
 # many, the warning is given once.
 MOST_RANK_EVENTS = 10_000
-# The method where the motion slides along a surface and the method of the run needs
-# more of the model than y'.
-SLIDING = "dop853"
 # Steps at the stability bound after which something may be done about it.
 AT_BOUND = 15
 # Beyond so many multiplications, about a second, the loops are not gone on with.
@@ -98,6 +95,9 @@ class Run:
         self.state = self._fresh_state(system.begin(start))
         rows = max(1, min(BLOCK, MOST_NUMBERS // system.rows_observed))
         self.block = np.empty((rows, 1 + system.size))
+        # Where the stiff method has taken over: the steps at which it is asked whether
+        # to go back, and the state when it was asked last.
+        self.review_at, self.reviewed = MOST_STEPS, self.state
         self.switching: Switching | None = None
         if system.surfaces:
             from lagsim.simulate.switching import Switching
@@ -111,10 +111,9 @@ class Run:
 
     def _fresh_state(self, y: Floats) -> Floats:
         system, simulation = self.system, self.simulation
-        state = np.zeros(self._state_size())
+        state = empty_state(self.runner)
         state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
         state[at.ROW_STEP] = simulation.output_step
-        state[at.SIZES_BEFORE] = len(state) - system.size
         self._set_tolerances(state)
         radius = simulation.spectral_radius
         state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
@@ -126,15 +125,6 @@ class Run:
             state[at.EQUATION] = simulation.until.sense.value == "="
         state[at.HEADER : at.HEADER + len(y)] = y
         return state
-
-    def _state_size(self) -> int:
-        system = self.system
-        methods = {self.plan.method, *([SLIDING] if system.surfaces else [])}
-        # And room for what `_driver.keep_sizes` notes.
-        return (
-            max(int(method(m).state_size(system.size)) for m in methods)
-            + self.system.size
-        )
 
     def _set_tolerances(self, state: Floats) -> None:
         state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
@@ -200,6 +190,7 @@ class Run:
                 int(state[at.REJECTIONS]),
                 evaluations,
                 int(state[at.FACTORISATIONS]) + (1 if all_constant else evaluations),
+                float(state[at.SMALLEST_STEP]) or None,
             ),
             events=tuple(self.events),
             warnings=tuple(self.warnings),
@@ -329,7 +320,7 @@ class Run:
         """Integrate on, by one call of the kernel; give an outcome if there is one."""
         state = self.state
         left = most_steps - self.steps
-        budget = min(STEPS_PER_CALL, left)
+        budget = min(STEPS_PER_CALL, left, self.review_at - self.steps)
         code = self.runner.advance(state, self.block, budget)
         self._emit(self.block[: int(state[at.EMITTED])])
         over = code == at.EVENT_FOUND or self.t >= self.simulation.end
@@ -349,6 +340,10 @@ class Run:
             return Outcome.SWITCHED
         elif code == at.PAUSED and left <= budget:
             return Outcome.TOO_MANY_STEPS
+        elif code == at.PAUSED and self.steps >= self.review_at:
+            from lagsim.simulate.stiffness import review
+
+            review(self)
         elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST):
             return _OUTCOMES[code]
         return None
@@ -374,15 +369,10 @@ class Run:
         self.plan = by_loops(self.plan)
         self.use(System(self.equations, self.plan))
         self.system.begin(self.start)
-        size = self.system.size
-        common = self.state[: at.HEADER + 6 * size + 6]
-        self.state = np.zeros(self._state_size())
-        self.state[: len(common)] = common
-        self.state[at.SIZES_BEFORE] = len(self.state) - size
+        self.state = taken_over(self.state, self.runner)
         self._set_tolerances(self.state)
         self._set_watch(self.state)
         self._set_branches(end)
-        self.state[at.FRESH] = 1.0
 
     def _note_rank_loss(self) -> None:
         """Record a loss of rank on the way, with the constraints in it."""

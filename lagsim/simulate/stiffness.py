@@ -2,7 +2,8 @@
 
 By cost, not on principle: the stiff method takes over where its step is several times
 larger and its operations fewer, as a trial shows. It would damp away a fast oscillation
-that is excited and smaller than the tolerance, so one that is excited stays.
+that is excited and smaller than the tolerance, so one that is excited stays. From time
+to time it is asked whether the explicit method has become cheaper again.
 
 Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 section IV.2, for when to ask.
@@ -11,6 +12,7 @@ section IV.2, for when to ask.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +20,7 @@ import numpy as np
 from lagsim.formulation import Choice
 from lagsim.methods import _state as at
 from lagsim.methods import method
+from lagsim.simulate.states import MOST_STEPS, taken_over
 from lagsim.structure import structure
 from lagsim.system import System
 from lagsim.trajectory import Caution
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from lagsim.simulate.arcs import Run
 
 STIFF = "radau"
+EXPLICIT = "dop853"
 # Its steps may fail for other reasons: of them nothing is said.
 SERIES = "taylor"
 # Asked again after this many times as many steps at the bound.
@@ -46,6 +50,10 @@ TRIAL = 25
 WORTH = 5.0
 # Evaluations in a step of DOP853.
 PER_STEP = 12.0
+# After so many steps of the stiff method, and then twice as many each time, it is asked
+# whether to go back: where that costs less than this part.
+REVIEWED = 100
+CHEAPER = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,32 +143,72 @@ def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
     return values[fast], vectors[:, fast]
 
 
-def _gain(run: Run, system: System) -> float:
-    """Give how many times larger the stiff method's step is; 0 where it costs more.
+def review(run: Run) -> None:
+    """Go back to the explicit method where that has become cheaper."""
+    state, before = run.state, run.reviewed
+    made = state[at.STEPS] - before[at.STEPS]
+    run.review_at, run.reviewed = int(state[at.STEPS] + 2 * made), state.copy()
+    if run.runner.method.NAME != STIFF:
+        return  # it slides
+    n = run.system.n
+    J = run.runner.function("jacobian", (n + 1) * 2 * n)(run.t, run.y)[: 2 * n * n]
+    if not np.all(np.isfinite(J)):
+        return
+    rate = _fastest(run, J.reshape(n, 2 * n)).rate
+    enough = CHEAPER * _cost(run, before, state)
+    shortest = method(EXPLICIT).IMAGINARY_LIMIT / max(rate, 1e-300)
+    if _operations(run.equations) * PER_STEP / shortest > enough:
+        return
+    system = System(run.equations, replace(run.plan, method=EXPLICIT))
+    system.begin(run.start)
+    system.take_modes(run.system)
+    system.link(EXPLICIT).prepare()
+    cost = _cost(run, *_trial(run, system))
+    if cost > enough:
+        return
+    times = enough / CHEAPER / cost
+    reason = f"no longer stiff: {STIFF} takes {times:.1f} times the operations"
+    run.review_at = MOST_STEPS
+    _go_on(run, system, reason)
 
-    From a trial on a copy of the state; its beginning counts only if that is all.
+
+def _trial(run: Run, system: System) -> tuple[Floats, Floats]:
+    """Give the state before and after some steps of another method.
+
+    On a copy; its beginning counts only if that is all.
     """
-    state = _converted(run, system)
-    state[at.ROW_LIMIT] = -np.inf
-    runner, block = system.link(STIFF), np.empty((1, 1 + system.size))
+    runner, block = system.link(system.plan.method), np.empty((1, 1 + system.size))
+    state = taken_over(run.state, runner)
+    state[at.ROW_LIMIT], state[at.ASK_AT] = -np.inf, 0.0
     before = state.copy()
     if runner.advance(state, block, TRIAL) == at.PAUSED:
         before = state.copy()
         runner.advance(state, block, TRIAL)
-    steps = state[at.STEPS] - before[at.STEPS]
-    passed = state[at.T] - before[at.T]
-    if steps == 0.0:
-        return 0.0
-    n = system.n
-    evaluation = _operations(run.equations)
+    return before, state
+
+
+def _cost(run: Run, before: Floats, after: Floats) -> float:
+    """Give how many operations a unit of time took."""
+    n = run.system.n
+    passed = after[at.T] - before[at.T]
+    if passed == 0.0:
+        return inf
     # Half of the factorisations are real (n^3/3), half complex as real ones of 2 n.
     factorisation = 0.5 * (n**3 / 3 + (2 * n) ** 3 / 3)
-    spent = evaluation * (state[at.EVALUATIONS] - before[at.EVALUATIONS])
-    spent += factorisation * (state[at.FACTORISATIONS] - before[at.FACTORISATIONS])
+    evaluations = after[at.EVALUATIONS] - before[at.EVALUATIONS]
+    factorisations = after[at.FACTORISATIONS] - before[at.FACTORISATIONS]
+    spent = _operations(run.equations) * evaluations + factorisation * factorisations
+    return float(spent / passed)
+
+
+def _gain(run: Run, system: System) -> float:
+    """Give how many times larger the stiff method's step is; 0 where it costs more."""
+    before, after = _trial(run, system)
     h = run.state[at.STEP_H]
-    if spent / passed > evaluation * PER_STEP / h:
+    if _cost(run, before, after) > _operations(run.equations) * PER_STEP / h:
         return 0.0
-    return float(passed / steps / h)
+    steps = after[at.STEPS] - before[at.STEPS]
+    return float((after[at.T] - before[at.T]) / steps / h)
 
 
 def _operations(equations: Equations) -> float:
@@ -171,23 +219,21 @@ def _operations(equations: Equations) -> float:
     return len(equations.graph.cone(nodes)) + len(equations.q) ** 3 / 3
 
 
-def _converted(run: Run, system: System) -> Floats:
-    """Give the state of the run as the stiff method's, at the start of an arc."""
-    length = max(len(run.state), method(STIFF).state_size(system.size))
-    state = np.zeros(length)
-    common = at.HEADER + 6 * system.size + 6
-    state[:common] = run.state[:common]
-    state[at.FRESH] = 1.0
-    return state
-
-
 def _switch(run: Run, system: System, fast: Fast, gained: float) -> None:
     reason = (
         f"the step was held at the stability bound by {_named(fast.where)}, at "
         f"{fast.rate:.3g} per unit of time; {STIFF}'s is {gained:.0f} times larger"
     )
-    run.choices.append(Choice(f"method: {STIFF} from t = {run.t:.9g} on", reason))
-    state = _converted(run, system)
+    _go_on(run, system, reason)
+    run.reviewed, run.review_at = run.state.copy(), run.steps + REVIEWED
+
+
+def _go_on(run: Run, system: System, reason: str) -> None:
+    """Go on with another method."""
+    name = system.plan.method
+    run.choices.append(Choice(f"method: {name} from t = {run.t:.9g} on", reason))
+    state = taken_over(run.state, system.link(name))
+    state[at.AT_BOUND] = 0.0
     run.plan = system.plan
     run.use(system)
     run.state = state

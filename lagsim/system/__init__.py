@@ -13,10 +13,9 @@ import numpy as np
 
 from lagsim.formulation import GAIN
 from lagsim.kkt import _layout
-from lagsim.kkt.series import motion_series
 from lagsim.methods import method
 from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
-from lagsim.native import graph_code, tape_code
+from lagsim.native import graph_code
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout
 from lagsim.system.columns import Columns
@@ -60,7 +59,7 @@ class System:
     objects : list of bytes
         Object code of the model's functions.
     operations : int
-        About how many one evaluation of y' takes.
+        About how many one evaluation takes, of y' or of its series.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -92,15 +91,19 @@ class System:
             else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
-        self.operations = self._operations(nodes_of)
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
         if AFTER_FREEZING in needs:
+            from lagsim.kkt.series import motion_series
+
             rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
             nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
+        self.operations = self._operations(nodes_of)
         layout = self._layout()
         if plan.tape:
+            from lagsim.native import tape_code
+
             code = tape_code.generate(equations.graph, nodes_of, layout)
         else:
             code = graph_code.generate(
@@ -153,6 +156,8 @@ class System:
         return self.motion + _layout.weak_direction(self.n, self.m)
 
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+        if "series" in nodes_of:
+            return len(self.equations.graph.cone(nodes_of["series"]))
         if self.plan.elimination is not None:
             solved = nodes_of["field" if self.surfaces else "derivative"]
             return len(self.equations.graph.cone(solved))

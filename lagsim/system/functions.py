@@ -14,6 +14,7 @@ from lagsim.expressions.derivatives import gradient
 from lagsim.formulation import GAIN
 from lagsim.kkt.linear import linear_form
 from lagsim.kkt.series import motion_rates
+from lagsim.linearisation import motion_residuals
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -160,14 +161,7 @@ def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
 def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     """Give what `kkt.jacobian` begins with."""
     e, g = equations, equations.graph
-    accelerations = [g.variable(name) for name in e.accelerations]
-    residuals = []
-    for M, f, held in zip(e.M, e.f, e.constraint_forces(), strict=True):
-        inertia = g.product_sum(zip(M, accelerations, strict=True))
-        residuals.append(g.call("sub", inertia, g.call("add", f, held)))
-    for row in e.rows:
-        moved = g.product_sum(zip(row.A, accelerations, strict=True))
-        residuals.append(g.call("sub", moved, row.b))
+    residuals = motion_residuals(e)
     state = [g.variable(name) for name in (*e.q, *e.velocities)]
     motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]
     work = [] if e.power is None else [e.power]

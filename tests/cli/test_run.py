@@ -221,7 +221,7 @@ def test_what_has_no_effect_is_told(lagsim, write):
     model = write(PENDULUM)
     called = lagsim("run", model, "--no-plots", "--step", "0.01")
     assert called.code == 0
-    assert "`step` has no effect: dop853" in called.err
+    assert "`step` has no effect: taylor" in called.err
     called = lagsim("run", model, "--no-plots", "--method", "rk4", "--rtol", "1e-3")
     assert called.code == 0
     assert "tolerances have no effect: rk4" in called.err

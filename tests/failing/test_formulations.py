@@ -83,6 +83,7 @@ def test_a_large_gain_is_paid_for_in_steps():
             duration=duration,
             output_step=0.01,
             rtol="1e-8",
+            method="dop853",
         ).trajectory.statistics.evaluations
         for name in ("baumgarte", "projection")
     }

@@ -31,6 +31,7 @@ ON_CURVE = 'constraints: {path: "u = l - l*theta^2"}'
 TWICE = 'constraints: {path: "u = l - l*theta^2", again: "2*u + 2*l*theta^2 = 2*l"}'
 STEERED = 'constraints: {blade: "u_dot*cos(theta + 5*u) = l*theta_dot*sin(theta)"}'
 UNTIL = 'until: "theta <= 0.3"'
+DOP853 = "method: dop853"
 FIXED = "method: rk4, step: 0.02"
 # Constant M and forces free of velocities, for the methods that need that.
 SEPARABLE = """
@@ -46,12 +47,12 @@ simulation: {{duration: 0.8, output_step: 0.03, {options}}}
 ON_CIRCLE = 'constraints: {ring: "x^2 + (y + sin(t)/9)^2 = 1"}'
 
 CASES = {
-    "free": ("", ""),
-    "free until": ("", UNTIL),
-    "free until equal": ("", 'until: "u = 0.2"'),
-    "free, tolerances": ("", "rtol: 1e-7, atol: 1e-9"),
-    "held": (ON_CURVE, ""),
-    "held until": (ON_CURVE, UNTIL),
+    "free": ("", DOP853),
+    "free until": ("", f"{DOP853}, {UNTIL}"),
+    "free until equal": ("", f'{DOP853}, until: "u = 0.2"'),
+    "free, tolerances": ("", f"{DOP853}, rtol: 1e-7, atol: 1e-9"),
+    "held": (ON_CURVE, DOP853),
+    "held until": (ON_CURVE, f"{DOP853}, {UNTIL}"),
     "held twice until": (TWICE, UNTIL),
     "steered": (STEERED, ""),
     "rk4": ("", FIXED),

@@ -1,0 +1,381 @@
+"""`lagsim stability`: where each method holds and where it fails."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lagsim.cli._closing import progress_bar
+from lagsim.cli._shared import (
+    AsJson,
+    ModelPath,
+    Sets,
+    assignments,
+    coloured,
+    counted,
+    faults_shown,
+    method_problems,
+    show_json,
+    table,
+)
+from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.bench.scope import Wish
+    from lagsim.bench.solving import Scene
+    from lagsim.bench.stability import Border, Stability
+    from lagsim.model import Model
+    from lagsim.outputs.results import Results
+
+
+def command(
+    model: ModelPath,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="DIR",
+            help="Folder; default results/NAME/stability.",
+        ),
+    ] = None,
+    sets: Sets = None,
+    methods: Annotated[
+        str | None,
+        typer.Option(metavar="A,B", help="Only these; default all that apply."),
+    ] = None,
+    steps: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A:B", help="Range of steps; default around the predicted borders."
+        ),
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=A:B",
+            help="Let a parameter vary: maps over it and the step, and the work of "
+            "methods that choose their steps.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+    quiet: Annotated[
+        bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
+    ] = False,
+) -> int:
+    """Map where each method holds and where it fails."""
+    documents: list[Any] = []
+    with faults_shown(documents if as_json else None, file=model) as code:
+        wish = _wish(methods, steps, vary)
+        job = _Job(model, assignments(sets), wish, as_json=as_json, quiet=quiet)
+        code.append(job.run(folder))
+        documents += job.documents
+    if as_json and documents:
+        show_json(documents[0])
+    return code[0]
+
+
+class _Job:
+    """One call of the command."""
+
+    def __init__(
+        self,
+        path: str,
+        overrides: Mapping[str, str],
+        wish: Wish,
+        *,
+        as_json: bool,
+        quiet: bool,
+    ) -> None:
+        self.path, self.overrides, self.wish = path, overrides, wish
+        self.as_json, self.quiet = as_json, quiet
+        self.documents: list[Any] = []
+
+    def run(self, folder: Path | None) -> int:
+        """Do it; give the exit code."""
+        from lagsim.admissibility import examine
+        from lagsim.bench.solving import Scene
+        from lagsim.cli import check
+        from lagsim.cli.run import refuse
+        from lagsim.equations import derive
+        from lagsim.reader import read, text_of
+
+        text, file = text_of(self.path)
+
+        def scene_at(value: float | None) -> Scene:
+            overrides = dict(self.overrides)
+            if value is not None:
+                assert self.wish.name is not None
+                overrides[self.wish.name] = repr(value)
+            equations = derive(read(text, file, overrides))
+            start = examine(equations)
+            if value is not None and not start.admissible:
+                problem = Problem("inadmissible", "the start is not admissible")
+                raise InputError([problem])
+            return Scene(equations, start)
+
+        model = read(text, file, self.overrides)
+        refuse(model, "stability")
+        self._check_parameter(model)
+        usual = scene_at(None)
+        if not usual.start.admissible:
+            if self.as_json:
+                self.documents.append(check.document(usual.equations, usual.start))
+            else:
+                complain(check.report(usual.equations, usual.start))
+            return 1
+        from lagsim.bench.scope import methods_for
+        from lagsim.bench.stability_document import MANIFEST
+        from lagsim.outputs.results import open_results
+
+        methods_for(usual, self.wish)
+
+        def scene(value: float | None) -> Scene:
+            return usual if value is None else scene_at(value)
+
+        folder = folder or Path("results") / model.name / "stability"
+        with open_results(folder, MANIFEST) as results:
+            return self._measure(scene, model, results)
+
+    def _check_parameter(self, model: Model) -> None:
+        name = self.wish.name
+        known = [p.name for p in model.parameters]
+        if name is None or name in known:
+            return
+        text = f"--vary {name}: the model has no such parameter"
+        hint = f"of {', '.join(known)}" if known else "it has no parameters"
+        raise InputError([Problem("unknown-parameter", text, hint=hint)])
+
+    def _measure(self, scene: Any, model: Model, results: Results) -> int:
+        from lagsim.bench import stability_document as written
+        from lagsim.bench.stability import measure
+        from lagsim.bench.stability_chart import chart
+        from lagsim.interrupt import Interrupt
+        from lagsim.outputs.manifest import encode
+
+        interrupt = Interrupt()
+        with interrupt.noted(), progress_bar(quiet=self.quiet) as progress:
+            found = measure(scene, self.wish, interrupt=interrupt, progress=progress)
+        name = self.wish.name
+        files = [written.TABLE, written.CHART, written.MANIFEST]
+        content = written.document(found, self.wish, files)
+        try:
+            results.write(written.TABLE, written.table(found.cells, name))
+            results.write(written.CHART, chart(model.name, found, name))
+            results.commit(encode(content))
+        except OSError as error:
+            text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
+            raise UnwritableError(text) from None
+        self.documents.append(content)
+        if not self.quiet and not self.as_json:
+            say(_summary(model, found, name))
+            say(table([("files", f"{results.folder}: {', '.join(files)}")]))
+        return 128 + interrupt.signal if interrupt.signal is not None else 0
+
+
+def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wish:
+    """Take the options apart.
+
+    Raises
+    ------
+    InputError
+    """
+    from lagsim.bench.scope import Wish
+
+    problems: list[Problem] = []
+    wanted = None
+    if methods is not None:
+        wanted = tuple(dict.fromkeys(name.strip() for name in methods.split(",")))
+        for wish in wanted:
+            problems += method_problems(wish, auto=False)
+    between = None if steps is None else _range("--steps", steps, problems)
+    if between is not None and min(between) <= 0.0:
+        problems.append(Problem("usage", f"--steps {steps}: steps are above 0"))
+    name: str | None = None
+    values = None
+    if vary:
+        if vary[1:]:
+            text = "--vary is given more than once: one parameter varies at a time"
+            problems.append(Problem("usage", text))
+        name, _, after = vary[0].partition("=")
+        name = name.strip()
+        values = _range(f"--vary {name}", after, problems, "--vary K=10:1000")
+    if problems:
+        raise InputError(problems)
+    return Wish(wanted, between, name, values)
+
+
+def _range(
+    option: str, text: str, problems: list[Problem], example: str = "--steps 0.01:1"
+) -> tuple[float, float] | None:
+    """Take A:B apart: two different numbers, the smaller first."""
+    try:
+        first, last = (float(part) for part in text.split(":"))
+    except ValueError:
+        first = last = math.nan
+    if not (math.isfinite(first) and math.isfinite(last) and first != last):
+        message = f"{option} {text}: two different numbers are expected"
+        problems.append(Problem("usage", message, hint=f"such as {example}"))
+        return None
+    return min(first, last), max(first, last)
+
+
+def _summary(model: Model, found: Stability, varied: str | None) -> str:
+    """Give the closing lines."""
+    state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")
+    count = len(found.methods) + len(found.adaptive)
+    head = (
+        f"{coloured(state, colour)}: {model.name}, {counted(count, 'method')}, "
+        f"{counted(len(found.cells), 'run')}"
+    )
+    lines = [head]
+    if varied is None:
+        lines += _borders(found)
+    else:
+        lines += _over_parameter(found, varied)
+    left_out: dict[str, list[str]] = {}
+    for refused in found.refused:
+        left_out.setdefault(refused.reason, []).append(refused.method)
+    texts = [f"{', '.join(names)}: {reason}" for reason, names in left_out.items()]
+    rows = [("" if k else "left out", text) for k, text in enumerate(texts)]
+    rows += _eigenvalues(found)
+    lines.append(table(rows))
+    lines += _modes(found)
+    return "\n".join(line for line in lines if line)
+
+
+def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
+    """Give rows in columns."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return [
+        "  " + "  ".join(f"{x:<{w}}" for x, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
+def _borders(found: Stability) -> list[str]:
+    """Give the borders of each method, in h and in the fastest period."""
+    from lagsim.bench.stability_document import fastest_period
+
+    if not found.borders:
+        return []
+    period = fastest_period(found.subject)
+    rows: list[tuple[str, ...]] = [
+        ("method", "holds below", "of the fastest period", "predicted", "")
+    ]
+    for border in found.borders:
+        step = border.found
+        part = "" if step is None or not period else f"{step / period:.3g}"
+        shown = "-" if step is None else f"{step:.3g}"
+        rows.append((border.method, shown, part, _predicted(border), border.note))
+    return _aligned(rows)
+
+
+def _predicted(border: Border) -> str:
+    """Give the predictions: one where both are alike."""
+    ways = (border.at_start, border.along)
+    first, second = (
+        "none" if x is None else "every step grows" if x == 0.0 else f"{x:.3g}"
+        for x in ways
+    )
+    return first if first == second else f"{first} at the start, {second} on the way"
+
+
+def _over_parameter(found: Stability, varied: str) -> list[str]:
+    """Give the borders at the ends of the parameter's range, and the work."""
+    values = [value for value in found.values if value is not None]
+    ends = (values[0], values[-1])
+    rows: list[tuple[str, ...]] = []
+    if found.methods:
+        rows.append(("method", *(f"holds below, {varied} = {v:.4g}" for v in ends)))
+    for name in found.methods:
+        at = {b.value: b.found for b in found.borders if b.method == name}
+        steps = (at.get(v) for v in ends)
+        rows.append((name, *("-" if s is None else f"{s:.3g}" for s in steps)))
+    if found.adaptive:
+        rows.append(
+            ("", *(f"evaluations, rejections, {varied} = {v:.4g}" for v in ends))
+        )
+    for name in found.adaptive:
+        cells = {cell.value: cell for cell in found.of(name)}
+        texts = []
+        for v in ends:
+            cell = cells.get(v)
+            known = cell is not None and cell.evaluations is not None
+            texts.append(
+                f"{cell.evaluations}, {cell.rejections}" if cell and known else "-"
+            )
+        rows.append((name, *texts))
+    return _aligned(rows)
+
+
+def _eigenvalues(found: Stability) -> list[tuple[str, str]]:
+    """Give them in short: fastest, slowest, damping."""
+    subject = found.subject
+    if subject.unknown:
+        return [("eigenvalues", f"none: {subject.unknown}")]
+    texts = []
+    for where, values in (("start", subject.at_start), ("motion", subject.along)):
+        known = values[abs(values) * subject.span > 1e-3]
+        if not len(known):
+            texts.append(f"{where}: all are 0")
+            continue
+        fastest, slowest = known[abs(known).argmax()], known[abs(known).argmin()]
+        damping = -known.real / abs(known)
+        low, high = _number(min(damping)), _number(max(damping))
+        texts.append(
+            f"{where}: {_complex(slowest)} to {_complex(fastest)}, damping ratio "
+            f"{low if low == high else f'{low} to {high}'}"
+        )
+    return [("" if k else "eigenvalues", text) for k, text in enumerate(texts)]
+
+
+def _number(value: float) -> str:
+    """Give three digits; what is only rounding beside 1 as 0."""
+    return f"{value:.3g}" if abs(value) > 1e-9 else "0"
+
+
+def _complex(value: complex) -> str:
+    """Give one of a pair."""
+    if abs(value.imag) <= 1e-9 * abs(value):
+        return f"{value.real:.4g}"
+    if abs(value.real) <= 1e-9 * abs(value):
+        return f"±{abs(value.imag):.4g}i"
+    return f"{value.real:.4g} ± {abs(value.imag):.4g}i"
+
+
+def _modes(found: Stability) -> list[str]:
+    """Give the equilibrium and the modes about it."""
+    rest = found.rest
+    if rest.at is None:
+        lines = [table([("equilibrium", f"none: {rest.reason}")])]
+    else:
+        sizes = (*map(abs, rest.at.values()), *abs(found.subject.scene.start.q))
+        rounding = 1e-10 * max(sizes, default=0.0)
+        at = [
+            f"{name} = {x if abs(x) > rounding else 0.0:.6g}"
+            for name, x in rest.at.items()
+        ]
+        if len(at) > 8:
+            at = [*at[:8], f"... {len(at) - 8} more"]
+        where = "the start" if rest.is_start else ", ".join(at)
+        lines = [table([("equilibrium", where)])]
+    if not rest.modes:
+        return lines
+    names = found.subject.equations.q
+    rows: list[tuple[str, ...]] = [("frequency", "period", "damping ratio", "shape")]
+    for mode in rest.modes:
+        period = "-" if mode.period is None else f"{mode.period:.5g}"
+        shapes = zip(names, mode.shape.real, strict=True)
+        shape = [f"{name} {_number(x)}" for name, x in shapes]
+        if len(shape) > 6:
+            shape = [*shape[:6], "..."]
+        ratio = _number(mode.damping_ratio)
+        rows.append((f"{mode.frequency:.5g}", period, ratio, ", ".join(shape)))
+    return lines + _aligned(rows)

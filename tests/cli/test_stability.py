@@ -1,0 +1,139 @@
+"""`lagsim stability`: the command and its files."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+from pathlib import Path
+
+import pytest
+from _results import names
+from _scenes import CAPTION, CONTACT
+
+OSCILLATOR = """\
+parameters: {k: 4}
+coordinates: {x: }
+energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
+initial: {x: 1}
+simulation: {duration: 10, output_step: 0.1}
+"""
+FILES = ["stability.csv", "stability.json", "stability.png"]
+SOME = ("--methods", "rk4,verlet", "--steps", "0.5:2")
+
+
+def rows(folder):
+    text = (Path(folder) / "stability.csv").read_text()
+    return list(csv.DictReader(text.splitlines()))
+
+
+def test_the_files_and_the_table(lagsim, write):
+    called = lagsim("stability", write(OSCILLATOR), *SOME)
+    assert (called.code, called.err) == (0, "")
+    folder = Path("results/model/stability")
+    assert names(folder) == FILES
+    lines = (folder / "stability.csv").read_bytes().split(b"\r\n")
+    assert lines[0] == (
+        b"method,step,verdict,growth,evaluations,rejections,smallest_step,duration"
+    )
+    found = rows(folder)
+    assert [r["method"] for r in found] == 48 * ["rk4"] + 48 * ["verlet"]
+    steps = [float(r["step"]) for r in found[:48]]
+    assert (steps[0], steps[-1]) == (0.5, 2.0)
+    assert steps == sorted(steps)
+    for row in found[48:]:
+        # Verlet's limit is h w = 2, at w = 2.
+        stable = row["verdict"] in ("holds", "decays")
+        assert stable == (float(row["step"]) < 1.0)
+        assert int(row["evaluations"]) > 100
+    assert (folder / "stability.png").read_bytes().startswith(b"\x89PNG")
+    assert called.out.startswith("done: model, 2 methods, 96 runs\n")
+    assert re.search(r"verlet +1 +0\.318 +1\b", called.out)
+    assert "equilibrium  x = 0" in called.out
+
+
+def test_the_document(lagsim, write):
+    called = lagsim("stability", write(OSCILLATOR), *SOME, "-o", "out", "--json")
+    assert called.code == 0
+    document = called.json
+    assert document == json.loads(Path("out/stability.json").read_bytes())
+    border = document["borders"]["verlet"]
+    assert border["found"] == pytest.approx(1.0, rel=0.01)
+    assert border["predicted"] == pytest.approx(1.0, rel=1e-6)
+    for real, imaginary in document["eigenvalues"]["at_start"]:
+        assert (real, abs(imaginary)) == pytest.approx((0.0, 2.0))
+    assert document["equilibrium"] == {"x": 0.0}
+    (mode,) = document["modes"]
+    assert mode["frequency"] == pytest.approx(1.0 / math.pi)
+    assert mode["shape"] == {"x": 1.0}
+    assert document["runs"]["perturbation"]["energy"] > 0.0
+    assert document["complete"] is True
+    assert len(document["cells"]) == 96
+    assert sorted(document["files"]) == FILES
+
+
+def test_a_parameter_varies(lagsim, write):
+    called = lagsim(
+        "stability", write(OSCILLATOR), "--methods", "verlet,dop853", "--vary", "k=1:16"
+    )
+    assert (called.code, called.err) == (0, "")
+    folder = "results/model/stability"
+    found = rows(folder)
+    assert list(found[0])[:4] == ["method", "step", "k", "verdict"]
+    adaptive = [r for r in found if r["method"] == "dop853"]
+    assert {r["step"] for r in adaptive} == {""}
+    values = [float(r["k"]) for r in adaptive]
+    assert (values[0], values[-1]) == (1.0, 16.0)
+    document = json.loads(Path(folder, "stability.json").read_bytes())
+    for border in document["borders"]["verlet"]:
+        expected = 2.0 / math.sqrt(border["k"])
+        assert border["found"] == pytest.approx(expected, rel=0.01)
+        assert border["predicted"] == pytest.approx(expected, rel=1e-6)
+    assert "holds below, k = 16" in called.out
+
+
+def test_quiet(lagsim, write):
+    called = lagsim("stability", write(OSCILLATOR), *SOME, "-q", "-o", "out")
+    assert (called.code, called.out, called.err) == (0, "", "")
+    assert names("out") == FILES
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--methods", "verlet,leapfrog"], "there is no method `leapfrog`"),
+        (["--methods", "dop853"], "`dop853` chooses its steps"),
+        (["--steps", "0.1"], "--steps 0.1: two different numbers"),
+        (["--steps", "0:1"], "--steps 0:1: steps are above 0"),
+        (["--steps", "nan:1"], "two different numbers"),
+        (["--vary", "k"], "--vary k : two different numbers"),
+        (["--vary", "m=1:2"], "--vary m: the model has no such parameter"),
+        (["--vary", "k=1:2", "--vary", "k=2:3"], "one parameter varies at a time"),
+        (["--set", "l"], "--set l: a name and an expression"),
+    ],
+)
+def test_unusable_options(lagsim, write, options, said):
+    called = lagsim("stability", write(OSCILLATOR), *options)
+    assert (called.code, called.out) == (2, "")
+    assert said in called.err
+    assert names(".") == ["model.yaml"]
+    errors = lagsim("stability", "model.yaml", *options, "--json").json["errors"]
+    assert said in errors[0]["text"]
+
+
+def test_a_method_that_refuses(lagsim, write):
+    damped = OSCILLATOR.replace("k*x^2/2}", "k*x^2/2, dissipation: x_dot^2/2}")
+    called = lagsim("stability", write(damped), "--methods", "verlet")
+    assert called.code == 2
+    assert "`verlet` cannot handle this model: its forces depend" in called.err
+
+
+def test_unusable_models(lagsim, write):
+    called = lagsim("stability", write(CONTACT))
+    assert called.code == 2
+    assert "`stability` has no contact yet" in called.err
+    called = lagsim("stability", write(CAPTION))
+    assert called.code == 1
+    assert "constraint `path` has the residual 1" in called.err
+    assert names(".") == ["model.yaml"]
