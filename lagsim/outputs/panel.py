@@ -136,7 +136,7 @@ class Panel:
     def band(self, x: Array, low: Array, high: Array, pen: Pen) -> None:
         """Fill what lies between two curves, below everything else."""
         down = self.down(low), self.down(high)
-        self.sheet.area(self.across(x), *down, pen, self._clip, layer=0.8)
+        self.sheet.area(self.across(x), *down, pen, self.clip, layer=0.8)
 
     def dots(self, x: Array, y: Array, pen: Pen) -> None:
         """Draw points that no line joins."""
