@@ -47,8 +47,8 @@ def rounding_otherwise(monkeypatch):
 
 
 def nudging(generate):
-    def generated(*arguments):
-        code = generate(*arguments)
+    def generated(*arguments, **named):
+        code = generate(*arguments, **named)
         return replace(code, ir=nudged(code.ir))
 
     return generated
