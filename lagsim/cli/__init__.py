@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
     import typer
 
-COMMANDS = ("run", "check", "derive", "bench", "stability", "methods")
+COMMANDS = (
+    "run", "check", "derive", "compare", "golden", "bench", "stability", "methods",
+)  # fmt: skip
 
 _INTERRUPTED = 128 + signal.SIGINT
 _TERMINATED = 128 + signal.SIGTERM

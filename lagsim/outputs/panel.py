@@ -133,6 +133,11 @@ class Panel:
         for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(piece)) + 1):
             self.sheet.area(x[part], low[part], high[part], pen, self.clip)
 
+    def band(self, x: Array, low: Array, high: Array, pen: Pen) -> None:
+        """Fill what lies between two curves, below everything else."""
+        down = self.down(low), self.down(high)
+        self.sheet.area(self.across(x), *down, pen, self.clip, layer=0.8)
+
     def dots(self, x: Array, y: Array, pen: Pen) -> None:
         """Draw points that no line joins."""
         dot = Pen(pen.colour, marker=".", size=1.2)

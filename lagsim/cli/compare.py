@@ -1,0 +1,228 @@
+"""`lagsim compare`: whether a result is still what it was."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path  # noqa: TC003  typer looks at it
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lagsim.cli._shared import (
+    AsJson,
+    coloured,
+    counted,
+    faults_shown,
+    show_json,
+)
+from lagsim.cli._streams import UnwritableError, say
+from lagsim.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.comparison import Comparison, Deviation, Table
+
+# So many columns are listed for a person.
+LISTED = 10
+
+
+def command(
+    golden: Annotated[
+        Path, typer.Argument(metavar="GOLDEN", help="CSV file or folder of results.")
+    ],
+    new: Annotated[
+        Path, typer.Argument(metavar="NEW", help="The one to judge; likewise.")
+    ],
+    rtol: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X",
+            help="Part of a column's scale that it may differ by; without it, one unit "
+            "in the last place.",
+        ),
+    ] = None,
+    atol: Annotated[
+        str | None,
+        typer.Option(metavar="X", help="What may be added to that; default 0."),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw the worst columns into a PNG file."),
+    ] = None,
+    as_json: AsJson = False,
+    quiet: Annotated[
+        bool, typer.Option("-q", "--quiet", help="Only the exit code, and faults.")
+    ] = False,
+) -> int:
+    """Compare two results: 0 within tolerance, 1 they differ, 2 unusable."""
+    documents: list[Any] = []
+    with faults_shown(documents if as_json else None) as code:
+        found = _compared(golden, new, _tolerances(rtol, atol), plot)
+        if as_json:
+            documents.append(document(found))
+        elif not quiet:
+            say(report(found))
+        code.append(0 if found.comparison.passed else 1)
+    for content in documents:
+        show_json(content)
+    return code[-1]
+
+
+class _Found:
+    """A comparison and what was compared."""
+
+    def __init__(self, golden: Table, new: Table, comparison: Comparison) -> None:
+        self.golden, self.new, self.comparison = golden, new, comparison
+
+
+def _compared(
+    golden: Path,
+    new: Path,
+    tolerances: tuple[float | None, float | None],
+    plot: Path | None,
+) -> _Found:
+    from concurrent.futures import ThreadPoolExecutor
+
+    from lagsim.comparison import compare, read_results
+
+    # NumPy and SciPy let two threads read at the same time, for the most part.
+    with ThreadPoolExecutor(2) as pool:
+        tables = [pool.submit(read_results, path) for path in (golden, new)]
+        one, two = (table.result() for table in tables)
+    found = _Found(one, two, compare(one, two, *tolerances))
+    if plot is not None:
+        from lagsim.comparison.picture import picture
+
+        title = f"{found.golden.name} and {found.new.name}"
+        content = picture(title, one, two, found.comparison)
+        try:
+            plot.write_bytes(content)
+        except OSError as error:
+            text = f"lagsim: {plot} cannot be written: {error.strerror}"
+            raise UnwritableError(text) from None
+    return found
+
+
+def _tolerances(
+    rtol: str | None, atol: str | None
+) -> tuple[float | None, float | None]:
+    """Read the tolerances.
+
+    Raises
+    ------
+    InputError
+        Where one is no number, or negative.
+    """
+    values: list[float | None] = []
+    problems = []
+    for option, text in (("--rtol", rtol), ("--atol", atol)):
+        try:
+            value = None if text is None else float(text)
+        except ValueError:
+            value = math.nan
+        if value is not None and not 0.0 <= value < math.inf:
+            message = f"{option} {text}: a number of at least 0 is expected"
+            problems.append(Problem("usage", message, hint=f"such as {option} 1e-9"))
+        values.append(value)
+    if problems:
+        raise InputError(problems)
+    return values[0], values[1]
+
+
+def report(found: _Found) -> str:
+    """Give what a person reads: the verdict, then the worst columns."""
+    comparison = found.comparison
+    passed = comparison.passed
+    verdict = coloured("same", "32") if passed else coloured("differ", "31")
+    size = f"{counted(len(comparison.rows.golden), 'row')}, "
+    size += counted(len(comparison.worst), "column")
+    lines = [f"{verdict}: {found.golden.name} and {found.new.name}, {size} compared"]
+    lines += [f"  {note}" for note in notes(found)]
+    first = comparison.first
+    if first is not None:
+        lines.append(
+            f"  the first to pass its bound: {first.column}, t = {first.first!r}"
+        )
+    failed = [d for d in comparison.worst if not d.passed]
+    listed = failed[:LISTED] if failed else comparison.worst[:3]
+    lines += ["  " + line for line in listing(listed)]
+    if len(failed) > LISTED:
+        lines.append(
+            f"  and {counted(len(failed) - LISTED, 'more column')} that differ"
+        )
+    return "\n".join(lines)
+
+
+def notes(found: _Found) -> list[str]:
+    """Tell of columns and times that only one table has, and of incomplete runs."""
+    comparison, rows = found.comparison, found.comparison.rows
+    told = [*found.golden.remarks, *found.new.remarks]
+    if comparison.missing:
+        told.append(f"missing: {_few(comparison.missing)}")
+    if comparison.extra:
+        told.append(f"extra: {_few(comparison.extra)}")
+    for what, times in (
+        ("only golden has", rows.missing),
+        ("only new has", rows.extra),
+    ):
+        if len(times):
+            which = counted(len(times), "row")
+            told.append(f"{what} {which}, the first at t = {float(times[0])!r}")
+    return told
+
+
+def _few(names: Sequence[str], most: int = 8) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def listing(deviations: Sequence[Deviation]) -> list[str]:
+    """Give the worst cell of each column as an aligned table."""
+    rows = [("column", "worst at t", "golden", "new", "difference", "bound", "cells")]
+    rows += [
+        (
+            d.column, f"{d.t:.9g}", repr(d.golden), repr(d.new),
+            f"{d.difference:.3g}", f"{d.tolerance:.3g}", str(d.cells),
+        )
+        for d in deviations
+    ]  # fmt: skip
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
+def document(found: _Found) -> dict[str, Any]:
+    """Give the JSON document; keys are only ever added."""
+    comparison, rows = found.comparison, found.comparison.rows
+    first = comparison.first
+    return {
+        "pass": comparison.passed,
+        "golden": found.golden.name,
+        "new": found.new.name,
+        "rows": len(rows.golden),
+        "first": first and {"column": first.column, "t": first.first},
+        "missing_columns": list(comparison.missing),
+        "extra_columns": list(comparison.extra),
+        "missing_times": len(rows.missing),
+        "extra_times": len(rows.extra),
+        "notes": notes(found),
+        "worst": [as_mapping(d) for d in comparison.worst],
+    }
+
+
+def as_mapping(deviation: Deviation) -> dict[str, Any]:
+    """Give a column's worst cell for JSON."""
+    return {
+        "column": deviation.column,
+        "t": deviation.t,
+        "golden": deviation.golden,
+        "new": deviation.new,
+        "difference": deviation.difference,
+        "tolerance": deviation.tolerance,
+        "pass": deviation.passed,
+        "first": deviation.first,
+        "cells": deviation.cells,
+    }

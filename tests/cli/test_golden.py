@@ -1,0 +1,156 @@
+"""`lagsim golden`: storing, comparing, exit codes, notes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from _scenes import CAPTION, CONTACT, FALL, ON_THE_CURVE, PENDULUM
+
+
+@pytest.fixture
+def stored(lagsim, write):
+    """Store the pendulum's golden; give the name of the model's file."""
+    file = write(PENDULUM, "pendulum.yaml")
+    assert lagsim("golden", file, "--update", "-q").code == 0
+    return file
+
+
+def test_a_golden_and_its_files(lagsim, stored):
+    assert sorted(p.name for p in Path("golden").iterdir()) == [
+        "pendulum.csv",
+        "pendulum.json",
+    ]
+    about = json.loads(Path("golden/pendulum.json").read_bytes())
+    assert about["horizon"] is None
+    assert len(about["model_sha256"]) == 64
+    header = Path("golden/pendulum.csv").read_text().split("\n")[0].split(",")
+    assert list(about["bounds"]) == header
+    called = lagsim("golden", stored)
+    assert (called.code, called.err) == (0, "")
+    assert called.out.startswith("same: pendulum, 21 rows")
+    document = lagsim("golden", stored, "--json").json
+    assert document["pass"] is True
+    assert document["models"][0]["notes"] == []
+
+
+def test_digits_are_cut_to_what_is_certain(stored):
+    about = json.loads(Path(f"golden/{Path(stored).stem}.json").read_bytes())
+    lines = Path("golden/pendulum.csv").read_text().split()
+    column = lines[0].split(",").index("theta")
+    last = lines[-1].split(",")[column]
+    bound = about["bounds"]["theta"][-1][1]
+    decimals = len(last.split(".")[1])
+    assert 10.0**-decimals <= bound < 1e-7
+    assert decimals < 15
+
+
+def test_a_changed_result_differs(lagsim, stored, write):
+    write(PENDULUM.replace("9.8", "9.800001"), "pendulum.yaml")
+    called = lagsim("golden", stored)
+    assert called.code == 1
+    assert called.out.startswith("differs: pendulum")
+    assert "the model file has changed" in called.out
+    assert "the first to pass its bound: " in called.out
+
+
+def test_a_model_written_otherwise_passes_with_a_note(lagsim, stored, write):
+    other = PENDULUM.replace("l^2*theta_dot^2/2", "(l*theta_dot)**2 * 0.5")
+    assert other != PENDULUM
+    write(other + "x-note: the same\n", "pendulum.yaml")
+    called = lagsim("golden", stored)
+    assert called.code == 0
+    assert "note: the model file has changed" in called.out
+
+
+def test_another_method_or_version_is_noted(lagsim, stored, write):
+    write(PENDULUM.replace("0.1}", "0.1, method: radau}"), "pendulum.yaml")
+    path = Path("golden/pendulum.json")
+    path.write_text(path.read_text().replace('"lagsim": "', '"lagsim": "0.0.'))
+    called = lagsim("golden", stored)
+    assert called.code == 0
+    assert "note: method radau, the golden's is" in called.out
+    assert "the golden is from lagsim 0.0." in called.out
+
+
+def test_columns_that_are_gone_or_new(lagsim, stored, write):
+    more = PENDULUM.replace("energy:", "definitions: {h: -l*cos(theta)}\nenergy:")
+    write(more, "pendulum.yaml")
+    called = lagsim("golden", stored)
+    assert called.code == 0
+    assert "extra: h" in called.out
+    lagsim("golden", stored, "--update")
+    write(PENDULUM, "pendulum.yaml")
+    called = lagsim("golden", stored)
+    assert called.code == 1
+    assert "missing: h" in called.out
+
+
+def test_a_shorter_run_differs_and_a_longer_one_is_noted(lagsim, stored, write):
+    write(PENDULUM.replace("duration: 2", "duration: 1"), "pendulum.yaml")
+    assert lagsim("golden", stored).code == 1
+    write(PENDULUM.replace("duration: 2", "duration: 3"), "pendulum.yaml")
+    called = lagsim("golden", stored)
+    assert called.code == 0
+    assert "the run ends at t = 3.0" in called.out
+
+
+def test_an_end_that_is_located(lagsim, write):
+    until = PENDULUM.replace("duration: 2", "until: theta <= 0, duration: 2")
+    file = write(until, "until.yaml")
+    assert lagsim("golden", file, "--update").code == 0
+    assert lagsim("golden", file).code == 0
+    write(until.replace("9.8", "9.80001"), "until.yaml")
+    assert lagsim("golden", file).code == 1
+
+
+def test_without_a_golden(lagsim, write):
+    called = lagsim("golden", write(PENDULUM), "--dir", "elsewhere")
+    assert (called.code, called.out) == (2, "")
+    assert "there is no golden of model in elsewhere" in called.err
+    assert "--update" in called.err
+    errors = lagsim("golden", "model.yaml", "--json").json["errors"]
+    assert errors[0]["code"] == "no-golden"
+
+
+def test_a_broken_golden(lagsim, stored):
+    for name, text in (
+        ("pendulum.json", "{}"),
+        ("pendulum.json", "garbage"),
+        ("pendulum.csv", "t,theta\n0,1\n"),
+        ("pendulum.csv", ""),
+    ):
+        path = Path("golden") / name
+        before = path.read_text()
+        path.write_text(text)
+        called = lagsim("golden", stored)
+        assert called.code == 2, name
+        assert "pendulum." in called.err
+        assert "Traceback" not in called.err
+        path.write_text(before)
+
+
+def test_several_models_are_all_told_of(lagsim, write, stored):
+    other = write(ON_THE_CURVE, "curve.yaml")
+    called = lagsim("golden", stored, other, "missing.yaml")
+    assert called.code == 2
+    assert "same: pendulum" in called.out
+    assert "there is no golden of curve" in called.err
+    assert "missing.yaml" in called.err
+
+
+def test_models_that_cannot_run(lagsim, write):
+    assert lagsim("golden", write(CONTACT), "--update").code == 2
+    assert lagsim("golden", write(CAPTION), "--update").code == 1
+    called = lagsim("golden", write(FALL), "--update")
+    assert called.code == 3
+    assert "no golden of model" in called.err
+    assert not Path("golden").exists()
+
+
+def test_a_folder_that_cannot_be_written(lagsim, write):
+    Path("golden").write_text("a file")
+    called = lagsim("golden", write(PENDULUM), "--update")
+    assert called.code == 3
+    assert "golden cannot be written" in called.err

@@ -1,0 +1,54 @@
+"""Scenes of the shipped models, and what may happen to them."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+from lagsim.admissibility import examine
+from lagsim.equations import derive
+from lagsim.golden.judging import judge, run
+from lagsim.golden.motion import Scene
+from lagsim.golden.storing import load
+from lagsim.reader import read_file
+from tests.support import MODELS, ROOT
+
+GOLDENS = ROOT / "tests" / "golden"
+SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
+
+
+def scene(name, **overrides):
+    """Give a shipped model, with parameters set."""
+    texts = {k: repr(v) for k, v in overrides.items()}
+    return scene_of(read_file(str(MODELS / f"{name}.yaml"), texts))
+
+
+def scene_of(model):
+    equations = derive(model)
+    start = examine(equations)
+    assert start.admissible
+    return Scene(equations, start)
+
+
+@functools.cache
+def stored(name):
+    return load(GOLDENS, name)
+
+
+def judged(name, other, motion=None):
+    """Hold a scene, or a motion of it, against the golden of a shipped model."""
+    motion = run(other, stored(name)) if motion is None else motion
+    return judge(other, motion, stored(name))
+
+
+def replaced(motion, column, values):
+    """Give the motion with another column."""
+    rows = motion.rows.copy()
+    rows[:, motion.columns.index(column)] = values
+    return replace(motion, rows=rows)
+
+
+def told(judgement):
+    """Say in a few words what was found."""
+    worst = judgement.worst[0]
+    return f"{worst.column} at {worst.t:.4g}: {worst.ratio:.2g} of its bound"

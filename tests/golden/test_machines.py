@@ -1,0 +1,124 @@
+"""One golden for all machines: other processors, other libraries of functions."""
+
+from __future__ import annotations
+
+import platform
+import re
+from dataclasses import replace
+
+import pytest
+
+from lagsim.golden.judging import judge, run
+from lagsim.golden.measuring import measure
+from lagsim.golden.storing import Stored
+from lagsim.native import graph_code, tape_code
+from tests.golden.scenes import SHIPPED, judged, scene, told
+
+# What a library of functions may round otherwise; roots, `floor` and the like are exact
+# everywhere.
+ROUNDED = (
+    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh",
+    "asinh", "acosh", "atanh", "exp", "log", "log10", "cbrt", "hypot", "pow",
+)  # fmt: skip
+CALL = re.compile(rf"call double @((?:llvm\.)?(?:{'|'.join(ROUNDED)})(?:\.f64)?)\(")
+
+# One unit in the last place up or down, as a bit of the result has it; 0 stays 0.
+NUDGED = """
+define internal double @nudged.{name}({parameters}) {{
+  %y = call double @{name}({arguments})
+  %bits = bitcast double %y to i64
+  %third = and i64 %bits, 4
+  %up = icmp eq i64 %third, 0
+  %change = select i1 %up, i64 1, i64 -1
+  %other = add i64 %bits, %change
+  %moved = bitcast i64 %other to double
+  %some = fcmp une double %y, 0.0
+  %r = select i1 %some, double %moved, double %y
+  ret double %r
+}}
+"""
+
+
+@pytest.fixture
+def rounding_otherwise(monkeypatch):
+    """Make all code that is generated use functions that are off in the last place."""
+    for module in (graph_code, tape_code):
+        monkeypatch.setattr(module, "generate", nudging(module.generate))
+
+
+def nudging(generate):
+    def generated(*arguments, **named):
+        code = generate(*arguments, **named)
+        return replace(code, ir=nudged(code.ir))
+
+    return generated
+
+
+def nudged(ir):
+    for name in sorted(set(CALL.findall(ir))):
+        two = any(word in name for word in ("atan2", "hypot", "pow"))
+        parameters = ", ".join(f"double {x}" for x in ("%a", "%b")[: 1 + two])
+        ir = ir.replace(f"call double @{name}(", f"call double @nudged.{name}(")
+        ir += NUDGED.format(name=name, parameters=parameters, arguments=parameters)
+    return ir
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.usefixtures("rounding_otherwise")
+def test_functions_that_round_otherwise(name):
+    found = judged(name, scene(name))
+    assert found.passed, told(found)
+
+
+def test_functions_do_round_otherwise(request):
+    usual = scene("double-pendulum").motion(1).rows
+    request.getfixturevalue("rounding_otherwise")
+    other = scene("double-pendulum").motion(1).rows
+    assert 0.0 < abs(other[1, 5] - usual[1, 5]) < 1e-13
+
+
+def other_targets():
+    """Give processors that this one can run code for."""
+    if platform.machine().lower() not in ("x86_64", "amd64"):
+        return ["generic"]
+    from llvmlite.binding import get_host_cpu_features
+
+    has = get_host_cpu_features()
+    v3 = all(has.get(f) for f in ("avx2", "fma", "bmi2", "lzcnt", "movbe", "f16c"))
+    return ["generic", "x86-64", *(["x86-64-v3"] if v3 else [])]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", other_targets())
+def test_other_processors(target, monkeypatch):
+    monkeypatch.setenv("LAGSIM_CPU", target)
+    for name in SHIPPED:
+        found = judged(name, scene(name))
+        assert found.passed, f"{name}: {told(found)}"
+
+
+@pytest.mark.slow
+def test_the_horizon_of_chaos(monkeypatch, request):
+    monkeypatch.delenv("LAGSIM_CPU", raising=False)
+    long = scene("double-pendulum").asking(end=60.0)
+    golden, base = measure(long)
+    # Errors grow tenfold in 2 s (the model's header): 1e-11 becomes 1 in about 22 s.
+    assert 18.0 < golden.horizon < 24.0
+    assert golden.rows[-1, 0] < golden.horizon < base.rows[-1, 0] == 60.0
+    about = {"output_step": 0.01, "end": 60.0, "outcome": "done"}
+    kept = Stored(golden, about)
+    for target in other_targets():
+        monkeypatch.setenv("LAGSIM_CPU", target)
+        assert judge(long, run(long, kept), kept).passed
+    monkeypatch.delenv("LAGSIM_CPU")
+    # Past the horizon what is kept is still compared.
+    drifting = base.rows.copy()
+    drifting[-1, base.columns.index("energy")] += 1e-5
+    found = judge(long, replace(base, rows=drifting), kept)
+    assert [d.column for d in found.worst if not d.passed] == ["energy (constant)"]
+    # A library that rounds otherwise ends elsewhere, and passes too.
+    request.getfixturevalue("rounding_otherwise")
+    motion = run(long, kept)
+    assert judge(long, motion, kept).passed
+    assert abs(motion.rows[-1] - base.rows[-1]).max() > 0.1
