@@ -279,7 +279,7 @@ initial: {x: 0, y: 1}
         )
     )
     assert "Constraint floor (one-sided)" in text
-    assert "gap = y >= 0" in text
+    assert "gap = y ≥ 0" in text
     assert re.search(r"restitution: 0.8\n  friction: μ\n  slip: ẋ\n", text)
     assert "T + V" not in text.split("Accelerations")[1]
 
