@@ -82,9 +82,9 @@ class _Text:
         self.lines += textwrap.wrap(text, WIDTH - 2, initial_indent="  ",
                                     subsequent_indent="  ")  # fmt: skip
 
-    def equals(self, left: str, right: Any, unit: str = "") -> None:
+    def equals(self, left: str, right: Any, tail: str = "") -> None:
         """Write left = right, broken before a sign where it is too long."""
-        self.broken(f"  {left} = ", self.write.terms(right), unit)
+        self.broken(f"  {left} = ", self.write.terms(right), tail)
 
     def broken(
         self, head: str, terms: Sequence[tuple[str, str]], tail: str = ""
@@ -218,8 +218,10 @@ class _Text:
         if k.kind == "nonholonomic":
             self._equation(k.function, 0 * k.b)
         else:
-            letter = "gap" if k.kind == "one-sided" else "g"
-            self.equals(letter, k.function, " >= 0" if letter == "gap" else " = 0")
+            letter, sign = "g", "="
+            if k.kind == "one-sided":
+                letter, sign = "gap", self.write.style.comparisons[">="]
+            self.equals(letter, k.function, f" {sign} 0")
             self.equals(f"d{letter}/dt", k.rate)
         once = "d/dt of it" if k.kind == "nonholonomic" else "d^2/dt^2"
         once = once if self.ascii_only else once.replace("^2", "²")

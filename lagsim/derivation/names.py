@@ -104,7 +104,12 @@ class Typeset:
 
     def unconstrained(self, shown: str) -> str:
         """Give the acceleration without constraints of a coordinate."""
-        return f"a_{shown}"
+        taken = {self.joined(*parts, 0) for parts in self._shown.values()}
+        return next(x for x in self.accelerations(shown) if x not in taken)
+
+    def accelerations(self, shown: str) -> tuple[str, ...]:
+        """Give what that may look like, the best first."""
+        return f"a_{shown}", f"a\u0304_{shown}"
 
 
 class ModelNames(Typeset):
@@ -124,12 +129,9 @@ class ModelNames(Typeset):
         """Give `lambda_c`."""
         return f"lambda_{constraint}"
 
-    def unconstrained(self, shown: str) -> str:
-        """Give `a_q`, or what is like it and no name of the file."""
-        name = f"a_{shown}"
-        while name in self._shown:
-            name += "_"
-        return name
+    def accelerations(self, shown: str) -> tuple[str, ...]:
+        """Give `a_q`, `a_q_` and so on: one of them is no name of the file."""
+        return tuple(f"a_{shown}{'_' * k}" for k in range(len(self._shown) + 1))
 
 
 class UnicodeNames(Typeset):
@@ -183,9 +185,9 @@ class LatexNames(Typeset):
         """Give lambda with the constraint as an upright subscript."""
         return rf"\lambda_{{{upright_latex(constraint)}}}"
 
-    def unconstrained(self, shown: str) -> str:
-        """Give the acceleration without constraints of a coordinate."""
-        return f"a_{{{shown}}}"
+    def accelerations(self, shown: str) -> tuple[str, ...]:
+        """Give `a_{q}`, or that with a bar."""
+        return f"a_{{{shown}}}", rf"\bar{{a}}_{{{shown}}}"
 
     @staticmethod
     def letter(name: str) -> str:

@@ -184,7 +184,10 @@ class Tidier:
         """Give outer * terms, with what is common to them drawn out if shorter."""
         direct = _product(expression(outer), self._sum(terms))
         common, rest = _common(terms)
-        drawn = _product(expression(times(outer, common)), self._sum(rest))
+        inner = self._sum(rest)
+        # What is left may have sums that are shorter written out.
+        inner = self(inner) if common else inner
+        drawn = _product(expression(times(outer, common)), inner)
         return min(direct, drawn, key=cost)
 
     def _sum(self, terms: Terms) -> Any:

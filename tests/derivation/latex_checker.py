@@ -16,7 +16,9 @@ Omega
 varphi partial sum cdot le ge sin cos tan sinh cosh tanh exp min max ln arcsin arccos
 arctan quad qquad lfloor rfloor lceil rceil log
 """
-_OVER = "dot ddot mathrm mathit mathbf mathcal mathsf boldsymbol operatorname text sqrt"
+_OVER = (
+    "dot ddot bar mathrm mathit mathbf mathcal mathsf boldsymbol operatorname text sqrt"
+)
 # Command -> how many arguments in braces it takes.
 MATH = dict.fromkeys(_LETTERS.split(), 0) | dict.fromkeys(_OVER.split(), 1)
 MATH["frac"] = 2

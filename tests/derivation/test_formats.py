@@ -279,7 +279,7 @@ initial: {x: 0, y: 1}
         )
     )
     assert "Constraint floor (one-sided)" in text
-    assert "gap = y >= 0" in text
+    assert "gap = y ≥ 0" in text
     assert re.search(r"restitution: 0.8\n  friction: μ\n  slip: ẋ\n", text)
     assert "T + V" not in text.split("Accelerations")[1]
 
@@ -321,3 +321,21 @@ def test_a_sum_of_minus_signs_gives_its_sign_to_the_product() -> None:
     text = as_text(content_of("elastic-pendulum-forced"))
     assert "− (c + d) u̇" in text
     assert "(−" not in text
+
+
+def test_the_unconstrained_acceleration_gives_way_to_the_names_of_the_file() -> None:
+    c = small(
+        """
+parameters: {a_x: 2, a_x_: 3}
+coordinates: {x: {}}
+energy: {kinetic: a_x*x_dot^2/2, potential: a_x_*x^2/2}
+initial: {x: 1}
+""",
+        with_gauss=True,
+    )
+    assert "G = a_x (ẍ − ā_x)²/2" in as_text(c)
+    assert "a_x__ = -a_x_*x/a_x" in as_text(c, ascii_only=True)
+    latex = as_latex(c)
+    check(latex)
+    assert r"a_{x} \, \left(\ddot{x} - \bar{a}_{x}\right)^{2}" in latex
+    assert as_json(c)["gauss"]["a"] == {"a_x__": "-a_x_*x/a_x"}
