@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from lagsim.plan import Plan
     from lagsim.system.columns import Columns
 
-# Nodes of pivots that are followed: the 845 of a chain of ten links added a third to the
-# time that it takes to compile.
+# Nodes of pivots that are followed: the 845 of a chain of ten links added a third to
+# the time that it takes to compile.
 SHORT_PIVOTS = 300
 
 
