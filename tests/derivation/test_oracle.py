@@ -240,8 +240,8 @@ def test_what_is_told_holds_along_a_run(name: str) -> None:
         if d["kinetic"] is not None:
             T, V = numbers([d["kinetic"], d["potential"]], values)
             # Each a sum of some ten terms, which may cancel.
-            assert T == pytest.approx(at["kinetic"], rel=1e-12, abs=1e-12)
-            assert V == pytest.approx(at["potential"], rel=1e-9, abs=1e-12)
+            assert pytest.approx(at["kinetic"], rel=1e-12, abs=1e-12) == T
+            assert pytest.approx(at["potential"], rel=1e-9, abs=1e-12) == V
     for kept in np.transpose(found):
         # The run's own tolerance is 1e-11 of the scale of each component.
         scale = max(np.max(np.abs(kept)), np.max(r["kinetic"]))
