@@ -20,6 +20,8 @@ from lagsim.derivation.translation import Translation
 from lagsim.model import Level
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.equations import Equations
     from lagsim.model import Constraint
 
@@ -75,7 +77,7 @@ class _Derivation:
         conserved = conserved_quantities(
             x, self.lagrangian, self.lines, self.constraints
         )
-        notes: list[str] = []
+        notes = _on_contacts(self.constraints)
         solved = solution(x, M, f, self.constraints, notes, insist=solve)
         principle = None
         if with_gauss:
@@ -188,3 +190,17 @@ class _Derivation:
             b=tidy(-x.drift(rate)),
             law=law,
         )
+
+
+def _on_contacts(constraints: Sequence[Condition]) -> list[str]:
+    """Say what the equations of a model with contacts do not show."""
+    notes = []
+    if any(c.kind == "one-sided" for c in constraints):
+        notes.append("the multiplier of a contact is 0 while it is open")
+    if any("friction" in c.law for c in constraints):
+        notes.append(
+            "friction is not in these equations: it acts along the slopes of the slip "
+            "with respect to the velocities, against the slip, with at most the "
+            "friction coefficient times the multiplier"
+        )
+    return notes

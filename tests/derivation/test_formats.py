@@ -282,6 +282,8 @@ initial: {x: 0, y: 1}
     assert "gap = y ≥ 0" in text
     assert re.search(r"restitution: 0.8\n  friction: μ\n  slip: ẋ\n", text)
     assert "T + V" not in text.split("Accelerations")[1]
+    assert "Note: the multiplier of a contact is 0 while it is open." in text
+    assert "Note: friction is not in these equations" in text
 
 
 SINGULAR = """

@@ -17,8 +17,15 @@ import pytest
 from lagsim.derivation.as_python import as_python
 from lagsim.expressions.evaluate import evaluate
 from lagsim.expressions.graph import CONSTANT, VARIABLE
-from tests.derivation.cases import EACH, document_of, equations_of, known, numbers
-from tests.support import MODELS
+from tests.derivation.cases import (
+    EACH,
+    NAMES,
+    document_of,
+    equations_of,
+    known,
+    numbers,
+)
+from tests.support import MODELS, run
 from tests.sympy_oracle import DIGITS, Oracle, random_values
 
 if TYPE_CHECKING:
@@ -211,3 +218,31 @@ def test_the_python_module_agrees_with_native_code(name: str) -> None:
     close(M @ q_ddot, f + A.T @ lam)
     if len(e.rows):
         close(A @ q_ddot, b)
+
+
+QUICK = ("bead-hoop", "charged-particle", "heavy-top", "kepler")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[] if n in QUICK else [pytest.mark.slow]) for n in NAMES],
+)
+def test_what_is_told_holds_along_a_run(name: str) -> None:
+    d = document_of(name)
+    r = run(name, duration=0.02, output_step=0.002)
+    columns = r.system.columns.names
+    found = []
+    for row in r.rows:
+        at = dict(zip(columns, map(float, row[: len(columns)]), strict=True))
+        values = known(d, {**d["parameters"], **at})
+        kept = numbers([k["expression"] for k in d["conserved"]], values)
+        found.append(kept)
+        if d["kinetic"] is not None:
+            T, V = numbers([d["kinetic"], d["potential"]], values)
+            # Each a sum of some ten terms, which may cancel.
+            assert pytest.approx(at["kinetic"], rel=1e-12, abs=1e-12) == T
+            assert pytest.approx(at["potential"], rel=1e-9, abs=1e-12) == V
+    for kept in np.transpose(found):
+        # The run's own tolerance is 1e-11 of the scale of each component.
+        scale = max(np.max(np.abs(kept)), np.max(r["kinetic"]))
+        assert np.ptp(kept) <= 1e-9 * scale
