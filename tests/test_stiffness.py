@@ -204,3 +204,18 @@ def test_the_explicit_method_comes_back_where_nothing_is_stiff_any_more():
     for name in ("x", "y"):
         errors = [np.max(np.abs(r[name] - accurate[name])) for r in (found, stiff)]
         assert errors[0] < 3 * errors[1]
+
+
+def test_a_series_gives_way_where_fast_motion_is_damped():
+    text = (MODELS / "failing" / "relaxation.yaml").read_text(encoding="utf-8")
+    found = run(text, duration="60")
+    assert found.plan.method == "taylor"
+    [choice] = found.trajectory.choices
+    assert choice.choice.startswith("method: radau from t = ")
+    alone = run(text, duration="60", method="taylor")
+    assert not alone.trajectory.choices
+    # Radau's steps are some twenty times longer than h = 6e-4, which stability allows.
+    few, many = found.trajectory.statistics.steps, alone.trajectory.statistics.steps
+    assert few - 20_000 < 0.2 * (many - 20_000)
+    # Radau keeps to the tolerance too, up to some hundred times for a minute's steps.
+    assert np.max(np.abs(found["x"] - alone["x"])) < 1e-7

@@ -78,6 +78,8 @@ def about_steps(
     equations: Equations, plan: Plan, trajectory: Trajectory, witness: Witness
 ) -> list[Caution]:
     """Hold the step of a run against the eigenvalues of its scene."""
+    if trajectory.choices:
+        return []  # another method went on
     module = method(plan.method)
     steps = trajectory.statistics.steps
     if len(equations.q) > MOST_COORDINATES:

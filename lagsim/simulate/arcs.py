@@ -21,7 +21,14 @@ from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
 from lagsim.simulate.coordinates import singularity_caution
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
-from lagsim.simulate.states import MOST_STEPS, SLIDING, empty_state, taken_over
+from lagsim.simulate.states import (
+    LONG,
+    MOST_STEPS,
+    SERIES,
+    SLIDING,
+    empty_state,
+    taken_over,
+)
 from lagsim.system import System
 from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
 
@@ -99,6 +106,8 @@ class Run:
         # Where the stiff method has taken over: the steps at which it is asked whether
         # to go back, and the state when it was asked last.
         self.review_at, self.reviewed = MOST_STEPS, self.state
+        if self.simulation.method == "auto" and plan.method == SERIES:
+            self.review_at = LONG
         self.switching: Switching | None = None
         if system.surfaces:
             from lagsim.simulate.switching import Switching

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 # The method where the motion slides along a surface and the method of the run needs
 # more of the model than y'.
 SLIDING = "dop853"
+# A method whose steps may fail for other reasons than stiffness: of them nothing is
+# said, and it is looked at after so many steps, some ten milliseconds.
+SERIES = "taylor"
+LONG = 20_000
 # More than any run makes, unless it is told otherwise.
 MOST_STEPS = 100_000_000
 

@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.formulation import Choice
+from lagsim.linearisation import Linearisation
 from lagsim.methods import _state as at
 from lagsim.methods import method
-from lagsim.simulate.states import MOST_STEPS, taken_over
+from lagsim.simulate.states import MOST_STEPS, SERIES, taken_over
 from lagsim.structure import structure
 from lagsim.system import System
 from lagsim.trajectory import Caution
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
 
 STIFF = "radau"
 EXPLICIT = "dop853"
-# Its steps may fail for other reasons: of them nothing is said.
-SERIES = "taylor"
 # Asked again after this many times as many steps at the bound.
 ASKED_AGAIN = 4.0
 # The eigenvalues confirm the bound from this part of it on.
@@ -144,6 +143,35 @@ def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
 
 
 def review(run: Run) -> None:
+    """Look anew at a method that has been taken for a while."""
+    if run.runner.method.NAME == SERIES:
+        _review_series(run)
+    else:
+        _review_stiff(run)
+
+
+def _review_series(run: Run) -> None:
+    """Ask for the stiff method where fast motion is damped.
+
+    A series' step for accuracy is close to its stability bound: nothing in a step tells
+    that it is held there.
+    """
+    run.review_at = int(ASKED_AGAIN) * run.steps
+    n, equations = run.system.n, run.system.equations
+    if equations.quadratures:
+        return
+    try:
+        linear = Linearisation(equations).at(run.t, run.y[:n], run.y[n : 2 * n])
+    except ValueError:  # not finite there
+        return
+    values = linear.eigenvalues()
+    speeds = np.abs(values)
+    fast = speeds >= FAST * np.max(speeds, initial=0.0)
+    if np.any(values.real[fast] < -OSCILLATING * speeds[fast]):
+        consider(run)
+
+
+def _review_stiff(run: Run) -> None:
     """Go back to the explicit method where that has become cheaper."""
     state, before = run.state, run.reviewed
     made = state[at.STEPS] - before[at.STEPS]
