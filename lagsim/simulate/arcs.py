@@ -19,6 +19,7 @@ from lagsim.plan import by_loops
 from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
 from lagsim.simulate.coordinates import singularity_caution
+from lagsim.simulate.impacts import impact
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
 from lagsim.simulate.states import (
@@ -62,8 +63,6 @@ MOST_RANK_EVENTS = 10_000
 AT_BOUND = 15
 # Beyond so many multiplications, about a second, the loops are not gone on with.
 MOST_DENSE = 10**9
-# A moving constraint whose residual jumps by more than this, against its scale, tears.
-TORN = 1e-6
 
 
 class Consumer(Protocol):
@@ -227,7 +226,7 @@ class Run:
                 ahead = end
                 if not self.switching.meet():
                     return Outcome.SWITCHES_ACCUMULATE
-                if self.system.m and self._impact():
+                if self.system.m and impact(self):
                     return Outcome.CONSTRAINT_JUMPS
             self._set_limits(end if ahead is None else ahead)
 
@@ -253,7 +252,7 @@ class Run:
         torn = False
         held = self.system.m and self.plan.projected
         if held and self.t > self.simulation.start:
-            torn = self._impact()
+            torn = impact(self)
         return torn
 
     def _set_limits(self, end: float) -> None:
@@ -281,51 +280,13 @@ class Run:
         if self.switching is not None:
             self.switching.begin()
 
-    def _impact(self) -> bool:
-        """Meet a constraint whose rate jumps: the velocities are projected.
-
-        That is the inelastic impact, the least change in the metric of M. Gives whether
-        a position has jumped instead, which no motion can follow.
-        """
-        before = self.observed()
-        names = self.system.columns.names
-        for row in self.equations.rows:
-            g = before[names.index(f"residual_{row.name}")]
-            scale = before[names.index(f"scale.{row.name}")]
-            if row.holonomic and abs(g) > TORN * scale and self._is_far():
-                self.torn = row.name
-                return True
-        n = self.system.n
-        step = self.runner.function("velocity_step")(self.t, self.y)[:n]
-        sizes = self.state[at.HEADER + self.system.size + n :][:n]
-        if np.all(np.abs(step) <= TORN * 1e-3 * np.maximum(sizes, 1e-300)):
-            return False
-        self._emit(self._row())
-        self.y[n : 2 * n] += step
-        if self.system.has_work:
-            energy = names.index("energy")
-            self.y[2 * n] += self.observed()[energy] - before[energy]
-        self.events.append(Event(self.t, "impact"))
-        if self._row_time(0) > self.t:
-            self._emit(self._row())
-        return False
-
-    def _is_far(self) -> bool:
-        """Tell whether the constraints ask for another position, in the metric of M.
-
-        Against the motion so far: at one place all terms of a residual may vanish.
-        """
-        n, size = self.system.n, self.system.size
-        masses = np.maximum(self.state[at.HEADER + 3 * size + 2 :][:n], 0.0)
-        step = self.runner.function("position_step")(self.t, self.y)[:n]
-        return bool(masses @ step**2 > TORN**2 * (masses @ self.sizes[:n] ** 2))
-
-    def _row(self) -> Floats:
+    def row(self) -> Floats:
+        """Give time and state reached (1, 1 + size)."""
         return np.concatenate([[self.t], self.y])[None, :]
 
     def observed(self) -> Floats:
         """Give the columns of the state reached."""
-        return np.asarray(self.runner.tabulate(self._row())[0])
+        return np.asarray(self.runner.tabulate(self.row())[0])
 
     def _arc(self, most_steps: int) -> Outcome:
         """Integrate to the end of the arc."""
@@ -343,7 +304,7 @@ class Run:
         left = most_steps - self.steps
         budget = min(STEPS_PER_CALL, left, self.review_at - self.steps)
         code = self.runner.advance(state, self.block, budget)
-        self._emit(self.block[: int(state[at.EMITTED])])
+        self.emit(self.block[: int(state[at.EMITTED])])
         over = code == at.EVENT_FOUND or self.t >= self.simulation.end
         over |= state[at.CUT] > 0.0  # the state is that of the step as it was
         pressed = self.interrupt is not None and self.interrupt.signal is not None
@@ -413,7 +374,8 @@ class Run:
             self._told.add(names)
             self.warnings.append(rank_caution(time, names, smallest))
 
-    def _emit(self, states: Floats) -> None:
+    def emit(self, states: Floats) -> None:
+        """Hand rows of times and states on, as columns."""
         if not len(states):
             return
         rows = self.runner.tabulate(states)
@@ -423,10 +385,10 @@ class Run:
 
     def _last_row(self) -> None:
         """Give the row at the time reached, unless it has been given."""
-        if self.rows == 0 or self._row_time(-1) < self.t:
-            self._emit(self._row())
+        if self.rows == 0 or self.row_time(-1) < self.t:
+            self.emit(self.row())
 
-    def _row_time(self, k: int) -> float:
+    def row_time(self, k: int) -> float:
         """Give the time of the next row (k = 0), or of one before or after it."""
         state = self.state
         return float(state[at.ROW_START] + (state[at.ROW] + k) * state[at.ROW_STEP])
