@@ -160,6 +160,7 @@ def test_switches_are_located_by_the_stiff_method_too():
     assert np.max(np.abs(found["y"] - explicit["y"])) < 1e-6
 
 
+@pytest.mark.slow
 def test_steps_that_shrink_for_another_reason_are_no_stiffness():
     # At rest the rows of this relation vanish: y' is rounding divided by rounding.
     text = """

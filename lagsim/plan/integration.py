@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.errors import InputError, Problem
 from lagsim.formulation import Choice
-from lagsim.kkt.series import MOST_OPERATIONS, series_length
+from lagsim.kkt.series import MOST_OPERATIONS, motion_rates, series_length
 from lagsim.methods import method, names
 from lagsim.methods._state import USUAL_RADIUS
 from lagsim.structure import structure
@@ -29,6 +29,9 @@ MOST_STATES = 50
 # by two at the default tolerance and by three at 1e-13; a longer one gains less and
 # costs more on a machine that sees the model for the first time.
 SHORT_SERIES = 6000
+# A series takes not less for each operation of y' that moves (measured: 50 to 120 where
+# y' is not linear), so that longer ones need no closer look.
+LEAST_PER_NODE = 20
 # At looser tolerances a tenth and more of its steps are made in vain.
 SERIES_RTOL = 1e-6
 
@@ -77,12 +80,19 @@ def _automatic(
         simulation = equations.model.simulation
         rtol = simulation.rtol if simulation else None
         rtol = DEFAULT_RTOL if rtol is None else rtol
-        if 0.0 < rtol <= SERIES_RTOL and solved.operations <= SHORT_SERIES:
+        few = len(_moving(equations, solved)) * LEAST_PER_NODE <= SHORT_SERIES
+        if 0.0 < rtol <= SERIES_RTOL and few:
             length = series_length(equations, solved, rtol)
             if length <= SHORT_SERIES:
                 reason = f"its series is short, about {length} operations"
                 return Choice("method: taylor", reason)
     return Choice(f"method: {ANY}", "order 8, the most digits for smooth motion")
+
+
+def _moving(equations: Equations, solved: Elimination) -> set[int]:
+    """Give the operations of y' that change with the state or with time."""
+    names = (*equations.q, *equations.velocities, "t")
+    return equations.graph.dependent(motion_rates(equations, solved), names)
 
 
 def _asked(

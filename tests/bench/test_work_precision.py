@@ -117,6 +117,7 @@ def test_what_does_not_apply_is_left_out_with_its_reason():
     assert ("scipy:RK45", "auto", why) in found.refused
 
 
+@pytest.mark.slow
 def test_solves_that_end_at_an_event_are_compared_before_it():
     found = measure(scene(fall("y <= 0")), Wish(("rk4",), steps=(0.1, 0.1)))
     [entry] = found.entries
@@ -137,6 +138,7 @@ def test_a_solve_that_takes_too_long_leaves_a_gap(monkeypatch):
     assert found.front("seconds") == []
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_what_was_measured():
     interrupt = Interrupt()
 
