@@ -232,6 +232,7 @@ def test_a_wave_faster_than_the_doubles_is_given_up():
     assert len(breaks(text, 1.0, 10.0)) <= 2
 
 
+@pytest.mark.slow
 def test_a_search_without_end_pauses():
     begin = time.perf_counter()
     assert 0.0 < next(search("sign(sin(1e6*t)^2)", 0.0, 1e6)) < 1.0

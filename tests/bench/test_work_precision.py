@@ -125,6 +125,7 @@ def test_solves_that_end_at_an_event_are_compared_before_it():
     assert entry.error < 1e-12  # a parabola is exact for order 4
 
 
+@pytest.mark.slow
 def test_a_solve_that_takes_too_long_leaves_a_gap(monkeypatch):
     monkeypatch.setattr("lagsim.bench.work_precision.PATIENCE_SECONDS", 0.0)
     monkeypatch.setattr("lagsim.bench.work_precision.PATIENCE_TIMES", 0.0)

@@ -73,6 +73,7 @@ def test_the_document(lagsim, write):
     assert sorted(document["files"]) == FILES
 
 
+@pytest.mark.slow
 def test_a_parameter_varies(lagsim, write):
     called = lagsim(
         "stability", write(OSCILLATOR), "--methods", "verlet,dop853", "--vary", "k=1:16"

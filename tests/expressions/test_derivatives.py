@@ -216,6 +216,7 @@ def test_gradient_is_that_of_sympy(program: Program, state: dict[str, float]) ->
         assert abs(value - wanted) <= 8 * bound + 1e-14 * (1 + abs(wanted))
 
 
+@pytest.mark.slow
 def test_long_and_deep_expressions() -> None:
     g = Graph()
     text = " + ".join(f"x^2/{k}" for k in range(1, 20_001))

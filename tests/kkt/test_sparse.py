@@ -21,6 +21,7 @@ from tests.support import MODELS, Keep, run
 ALL = sorted(MODELS.glob("*.yaml"))
 
 
+@pytest.mark.slow
 def test_cost_grows_in_proportion(monkeypatch):
     made = []
     generate = tape_code.generate

@@ -208,6 +208,7 @@ def test_pieces_give_the_same_bits(piece: int, monkeypatch: pytest.MonkeyPatch) 
     assert whole.at(VALUES) == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_longer_than_a_piece_and_deep() -> None:
     g = Graph()
     node, x, a = g.variable("x"), g.variable("x"), g.variable("a")

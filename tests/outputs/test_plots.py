@@ -162,6 +162,7 @@ assert "matplotlib.pyplot" not in sys.modules
 """
 
 
+@pytest.mark.slow
 def test_two_processes_make_the_same_bytes(request):
     script = SCRIPT.format(folder=str(request.path.parent))
     outputs = [
@@ -228,6 +229,7 @@ def sheets_of_every_kind():
     yield plots.trajectory(run, list(scales)[:2], Scene({}))
 
 
+@pytest.mark.slow
 def test_nothing_written_lies_over_data_or_over_other_text():
     for sheet in sheets_of_every_kind():
         sheet.png()

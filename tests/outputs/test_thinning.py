@@ -71,6 +71,7 @@ def test_a_spike_of_one_row_in_a_million_is_kept():
     assert thinning.series("b")[1].min() == -9.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [1, 7, 4096, 10_000, 50_000])
 def test_blocks_leave_no_trace(block):
     rows = walk(50_000)
