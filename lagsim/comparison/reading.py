@@ -129,9 +129,11 @@ def _read(file: BinaryIO, name: str) -> Table:
         part = _plain(block, len(columns)) if size > LARGE else None
         if part is None:
             part = _cells(block, columns, name, line)
+            line += block.count(b"\n")
+        else:
+            line += part.shape[1]  # plain rows have a line each
         data[:, rows : rows + part.shape[1]] = part
         rows += part.shape[1]
-        line += block.count(b"\n")
     if not rows:
         raise unusable(name, "there are no rows after the header")
     data = data[:, :rows]
