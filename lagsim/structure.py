@@ -67,11 +67,6 @@ class Structure:
         return (1 + self.constant_rows) * self.constant_mass
 
     @property
-    def separable(self) -> bool:
-        """T(q') + V(q, t): M is constant and the forces depend on positions, time."""
-        return self.constant_mass and self.forces_free_of_velocities
-
-    @property
     def linear_time_invariant(self) -> bool:
         """Y' = J y + c, with constants J and c."""
         return self.linear and self.autonomous
