@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 # rounding.
 RANK = 1e-10
 PASSING = 1e-8
-# The weakest direction is noted below this part of REFERENCE.
-NOTED = 0.5
+# Weak directions are noted where the weakest pivot is below the first part of
+# REFERENCE, and are those whose pivots are below the second.
+NOTED = 0.1
+WEAKER = 0.5
 
 
 # per_row holds, m each: scales, right side (w after `impress`), diagonal of R, factors
@@ -65,7 +67,7 @@ def reflect(n: int, m: int, p: Floats, L: Floats, Y: Floats, per_row: Floats) ->
 
     Leaves the size of the last column that is independent in general as HEALTH. Row k
     of Y then holds R[0:k, k] and the k-th reflection's vector after its first
-    component, which is 1.
+    component, which is 1. Past the rank that is so, too, as far as anything is left.
     """
     diagonal = at(per_row, 2 * m)
     factors = at(per_row, 3 * m)
@@ -74,16 +76,17 @@ def reflect(n: int, m: int, p: Floats, L: Floats, Y: Floats, per_row: Floats) ->
     cutoff = max(RANK, PASSING * p[REFERENCE])
     expected = min(n, kept, int(p[EXPECTED]))
     p[HEALTH] = 1.0
+    rank = expected
+    reflected = 0
     for k in range(expected):
         best = longest_row(n, k, kept, Y)
         longest = sqrt(rest_of_row(n, k, at(Y, best * n)))
         p[HEALTH] = longest
         if longest < cutoff:
-            note_weakest(n, m, k, best, p, L, Y, per_row)
-            return k
+            rank = min(rank, k)
+        if longest == 0.0:
+            break
         swap(n, m, k, best, Y, per_row)
-        if k == expected - 1:
-            note_weakest(n, m, k, k, p, L, Y, per_row)
         row = at(Y, k * n)
         diagonal[k] = -longest
         if row[k] < 0.0:
@@ -94,35 +97,47 @@ def reflect(n: int, m: int, p: Floats, L: Floats, Y: Floats, per_row: Floats) ->
             row[j] /= head
         for i in range(k + 1, m):
             mirror(n, k, row, factors[k], at(Y, i * n))
-    return expected
+        reflected = k + 1
+    note_weakest(n, m, reflected, p, L, Y, per_row)
+    return rank
 
 
 def note_weakest(
-    n: int, m: int, k: int, i: int, p: Floats, L: Floats, Y: Floats, per_row: Floats
+    n: int, m: int, end: int, p: Floats, L: Floats, Y: Floats, per_row: Floats
 ) -> None:
-    """Note the direction in which the constraints are weakest, if it is the weakest.
+    """Note the directions in which the constraints are weakest, if they are the weakest.
 
-    That is what is left of row i after k reflections.
+    Each of the first `end` reflections has made one, the first of their pivots the
+    largest. Several are weak at once where branches cross in several directions.
     """
-    if p[HEALTH] >= p[LEAST_HEALTH] or p[HEALTH] >= NOTED * p[REFERENCE]:
+    if p[HEALTH] >= p[LEAST_HEALTH]:
         return
     p[LEAST_HEALTH] = p[HEALTH]
-    z = at(p, int(p[WEAK]))
-    mass = at(z, n)
-    u = at(mass, n)
+    weak = at(p, int(p[WEAK]))
+    weak[0] = 0.0
+    if p[HEALTH] >= NOTED * p[REFERENCE]:
+        return
+    diagonal = at(per_row, 2 * m)
     factors = at(per_row, 3 * m)
-    for j in range(n):
-        u[j] = 0.0
-        if j >= k:
-            u[j] = Y[i * n + j]
-    for back in range(k):
-        j = k - 1 - back
-        mirror(n, j, at(Y, j * n), factors[j], u)
-    for a in range(n):
-        mass[a] = 0.0
-        for j in range(a + 1):
-            mass[a] += L[a * n + j] * u[j]
-    backward(n, L, u, z)
+    u = at(weak, 1)
+    for back in range(end):
+        k = end - 1 - back
+        if abs(diagonal[k]) >= WEAKER * p[REFERENCE]:
+            return
+        z = at(weak, 1 + n + 2 * n * int(weak[0]))
+        mass = at(z, n)
+        for j in range(n):
+            u[j] = 0.0
+        u[k] = 1.0
+        for before in range(k + 1):
+            j = k - before
+            mirror(n, j, at(Y, j * n), factors[j], u)
+        for a in range(n):
+            mass[a] = 0.0
+            for j in range(a + 1):
+                mass[a] += L[a * n + j] * u[j]
+        backward(n, L, u, z)
+        weak[0] += 1.0
 
 
 def longest_row(n: int, k: int, end: int, Y: Floats) -> int:

@@ -16,14 +16,21 @@ CONSTRAINED = True
 SMALLEST = 8.0 * 2.0**-52
 
 
-def usable_step(s: Floats) -> float:
+def usable_step(s: Floats, p: Floats) -> float:
     """Give the step to try, with t + h exact; 0 where it would be too small."""
     t = s[T]
     h = s[H]
-    if t + 1.01 * h >= s[END]:
-        return float(s[END] - t)
-    if not h > SMALLEST * max(abs(t), 1e-6 * (s[END] - t)):
+    rest = s[END] - t
+    last = t + 1.01 * h >= s[END]
+    if last:
+        h = rest
+    elif not h > SMALLEST * max(abs(t), 1e-6 * rest):
         return 0.0
     if CONSTRAINED:
-        h = clear_of_loss(s, h)
+        clear = clear_of_loss(s, p, h)
+        if clear < rest:
+            h = clear
+            last = False
+    if last:
+        return float(rest)
     return float((t + h) - t)

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 # Where a kernel finds in p what a solve of the constraints leaves for it.
 LEAST_HEALTH = 8  # the smallest independence of the rows since a kernel set it to 1
-WEAK = 9  # offset of the direction z (n) that it was weakest in, and of M z (n); or 0
+# Offset of the directions that they were weakest in, or 0: how many, n numbers of no
+# meaning, then z (n) and M z (n) of each, orthonormal in the metric of M.
+WEAK = 9
 
 # Switches in the state: how many surfaces there are (K), and where things lie. First
 # how many of them the motion slides along, then, K each:

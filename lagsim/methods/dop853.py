@@ -25,7 +25,7 @@ from lagsim.methods._dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
 from lagsim.methods._interface import LEAST_HEALTH, derivative
 from lagsim.methods._projection import meet_constraints
 from lagsim.methods._singular import (
-    forget_weak_direction,
+    forget_weak_directions,
     leave_loss,
 )
 from lagsim.methods._stability import record_speed
@@ -127,7 +127,7 @@ def step(s: Floats, p: Floats) -> int:
     rejected = False
     trouble = STEP_TOO_SMALL
     while True:
-        h = usable_step(s)
+        h = usable_step(s, p)
         if h == 0.0:
             return trouble
         error = attempt(s, p, h)
@@ -179,8 +179,8 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
         errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
         errors[size + i] = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
     if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
-        forget_weak_direction(int(s[N]), p, errors)
-        forget_weak_direction(int(s[N]), p, at(errors, size))
+        forget_weak_directions(int(s[N]), p, errors)
+        forget_weak_directions(int(s[N]), p, at(errors, size))
     return error_norm(size, h, errors, at(s, HEADER + 2 * size))
 
 

@@ -47,7 +47,7 @@ from lagsim.methods._radau_newton import (
     renew,
 )
 from lagsim.methods._radau_tableau import A_INVERSE, DENSE, ERROR, GAMMA, A, B, C
-from lagsim.methods._singular import forget_weak_direction, leave_loss
+from lagsim.methods._singular import forget_weak_directions, leave_loss
 from lagsim.methods._state import (
     CLOSE_BELOW,
     DONE,
@@ -147,7 +147,7 @@ def step(s: Floats, p: Floats) -> int:
     rejected = False
     trouble = STEP_TOO_SMALL
     while True:
-        h = usable_step(s)
+        h = usable_step(s, p)
         if h == 0.0:
             return trouble
         error = attempt(s, p, h)
@@ -277,7 +277,7 @@ def filtered(s: Floats, p: Floats, h: float, errors: Floats) -> float:
     K = at(J, (n + 1) * 2 * n)
     solve_real(n, size > 2 * n, GAMMA / h, J, K, at(K, n * n), errors)
     if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
-        forget_weak_direction(n, p, errors)
+        forget_weak_directions(n, p, errors)
     return float(norm(size, errors, at(s, HEADER + 2 * size)) * s[RTOL] ** 0.2)
 
 

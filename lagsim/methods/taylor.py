@@ -168,8 +168,10 @@ def step(s: Floats, p: Floats) -> int:
     """Make one accepted step, or give a code other than 0."""
     trouble = STEP_TOO_SMALL
     rejected = False
+    work = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    health = 1.0
     while True:
-        h = usable_step(s)
+        h = usable_step(s, p)
         if h == 0.0:
             return trouble
         if attempt(s, h) == 0:
@@ -179,6 +181,7 @@ def step(s: Floats, p: Floats) -> int:
             s[H] = 0.25 * h
             trouble = PROJECTION_FAILED
         else:
+            health = work[int(s[N]) + 1]
             error = check(s, p, h)
             if error <= PASSED:
                 break
@@ -191,6 +194,8 @@ def step(s: Floats, p: Floats) -> int:
                 trouble = STEP_TOO_SMALL
         rejected = True
         s[REJECTIONS] += 1.0
+    if CONSTRAINED:
+        record_health(s, health, h)
     accept(s, h)
     s[AT_BOUND] = max(s[AT_BOUND] + (1.0 if rejected else -1.0), 0.0)
     return DONE
@@ -246,17 +251,17 @@ def attempt(s: Floats, h: float) -> int:
 
 
 def settle(s: Floats, p: Floats, h: float) -> int:
-    """Project the new state onto the constraints; give 0 where that fails."""
+    """Project the new state onto the constraints; give 0 where that fails.
+
+    Leaves how independent they are there in the working memory.
+    """
     n = int(s[N])
     size = int(s[SIZE])
     new = at(s, buffer(size, 2.0))
     work = at(s, HEADER + 4 * size + 2)
     sizes = at(s, HEADER + size)
     masses = at(s, HEADER + 3 * size + 2)
-    if project(n, s[T] + h, h, new, p, sizes, masses, work) == 0:
-        return 0
-    record_health(s, work[n + 1], h)
-    return 1
+    return project(n, s[T] + h, h, new, p, sizes, masses, work)
 
 
 def check(s: Floats, p: Floats, h: float) -> float:
