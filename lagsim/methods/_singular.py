@@ -18,6 +18,7 @@ from lagsim.methods._interface import (
 )
 from lagsim.methods._state import (
     CLOSE_BELOW,
+    DEGENERATE_BELOW,
     END,
     EVALUATIONS,
     HEADER,
@@ -25,6 +26,7 @@ from lagsim.methods._state import (
     HEALTH_SLOPE,
     LOST_AT,
     LOST_BELOW,
+    PASSES,
     PREVIOUS_HEALTH,
     SIZE,
     STEP_H,
@@ -38,13 +40,16 @@ from lagsim.native.kernel_types import at
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
+# A loss of rank is close where the rows' independence falls below this part of what it
+# is in general, or has been.
+CLOSE = 0.03
 # How much faster than it has been seen to the health may change.
 MARGIN = 1.5
-# A step over a loss of rank has it at this fraction: `dop853` has no stage between 0.33
-# and 0.60, `radau` none between 0.16 and 0.64. It may be longer than asked by the
-# second, or the step before it is at least the third part of the way.
+# A step over a loss of rank has it at the first fraction, or up to the second: `dop853`
+# has no stage between 0.33 and 0.60, `radau` none between 0.16 and 0.64. The step before
+# goes at least the third part of the way.
 BETWEEN = 0.467
-LONGER = 1.1
+LATEST = 0.55
 SHORT = 0.4
 # A loss ahead is looked for so often, each time half way to where it seems to be: the
 # health falls there by about a half, and by less where it is not going to vanish.
@@ -63,6 +68,7 @@ def record_health(s: Floats, health: float, h: float) -> None:
     zero and risen again within it, changing as fast as it has been seen to.
     """
     slope = abs(health - s[HEALTH]) / h
+    s[CLOSE_BELOW] = max(s[CLOSE_BELOW], CLOSE * health)
     s[HEALTH_SLOPE] = max(s[HEALTH_SLOPE], slope)
     s[WATCHED] = 0.0
     if s[HEALTH] + health <= MARGIN * s[HEALTH_SLOPE] * h:
@@ -78,6 +84,7 @@ def clear_of_loss(s: Floats, p: Floats, h: float) -> float:
     square at the end. A step that passes has the loss where no method has a stage; one
     before it leaves the room that this takes.
     """
+    s[PASSES] = 0.0
     falling = s[PREVIOUS_HEALTH] - s[HEALTH]
     if s[STEP_H] <= 0.0 or falling <= 0.0:
         return h
@@ -87,9 +94,18 @@ def clear_of_loss(s: Floats, p: Floats, h: float) -> float:
     ahead = time_to_loss(s, p, ahead)
     if ahead <= 0.0 or ahead >= (1.0 + BETWEEN) * h:
         return h
-    if ahead <= LONGER * BETWEEN * h:
-        return ahead / BETWEEN
+    if ahead <= LATEST * h:
+        s[PASSES] = 1.0
+        return min(h, ahead / BETWEEN)
     return max(ahead - BETWEEN * h, SHORT * ahead)
+
+
+def needs_loops(s: Floats) -> bool:
+    """Tell whether a step that failed is one for the QR decomposition.
+
+    It was to pass a loss of rank, and straight-line code squares the rows' condition.
+    """
+    return s[PASSES] > 0.0 and s[DEGENERATE_BELOW] > 0.0
 
 
 def time_to_loss(s: Floats, p: Floats, ahead: float) -> float:

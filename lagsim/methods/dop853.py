@@ -27,11 +27,12 @@ from lagsim.methods._projection import meet_constraints
 from lagsim.methods._singular import (
     forget_weak_directions,
     leave_loss,
+    needs_loops,
 )
 from lagsim.methods._stability import record_speed
 from lagsim.methods._state import (
     AT_BOUND,
-    CLOSE_BELOW,
+    DEGENERATE,
     DONE,
     EVALUATIONS,
     HEADER,
@@ -144,6 +145,8 @@ def step(s: Floats, p: Floats) -> int:
             trouble = PROJECTION_FAILED
         else:
             break
+        if CONSTRAINED and needs_loops(s):
+            return DEGENERATE
         rejected = True
         s[REJECTIONS] += 1.0
     accept(s, p, h)
@@ -178,7 +181,7 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
     for i in apart(size):
         errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
         errors[size + i] = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
-    if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
+    if CONSTRAINED:
         forget_weak_directions(int(s[N]), p, errors)
         forget_weak_directions(int(s[N]), p, at(errors, size))
     return error_norm(size, h, errors, at(s, HEADER + 2 * size))

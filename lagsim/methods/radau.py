@@ -47,9 +47,13 @@ from lagsim.methods._radau_newton import (
     renew,
 )
 from lagsim.methods._radau_tableau import A_INVERSE, DENSE, ERROR, GAMMA, A, B, C
-from lagsim.methods._singular import forget_weak_directions, leave_loss
+from lagsim.methods._singular import (
+    forget_weak_directions,
+    leave_loss,
+    needs_loops,
+)
 from lagsim.methods._state import (
-    CLOSE_BELOW,
+    DEGENERATE,
     DONE,
     EVALUATIONS,
     HEADER,
@@ -154,6 +158,8 @@ def step(s: Floats, p: Floats) -> int:
         trouble = verdict(s, p, h, error)
         if trouble == DONE:
             break
+        if CONSTRAINED and needs_loops(s):
+            return DEGENERATE
         rejected = True
         s[REJECTIONS] += 1.0
         if own[JACOBIAN] < 2.0:
@@ -276,7 +282,7 @@ def filtered(s: Floats, p: Floats, h: float, errors: Floats) -> float:
     J = at(own, OWN + MATRICES * size)
     K = at(J, (n + 1) * 2 * n)
     solve_real(n, size > 2 * n, GAMMA / h, J, K, at(K, n * n), errors)
-    if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
+    if CONSTRAINED:
         forget_weak_directions(n, p, errors)
     return float(norm(size, errors, at(s, HEADER + 2 * size)) * s[RTOL] ** 0.2)
 

@@ -15,6 +15,7 @@ import numpy as np
 from lagsim.kkt.straight import dense_operations
 from lagsim.methods import _state as at
 from lagsim.methods import method
+from lagsim.methods._singular import CLOSE
 from lagsim.plan import by_loops
 from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
@@ -52,9 +53,8 @@ MOST_NUMBERS = 2**20
 STEPS_PER_CALL = 4000
 # The last row within this part of a row's spacing is the end's.
 SAME_ROW = 1e-9
-# A loss of rank is close where the rows' independence falls below the first part of
-# what it is in general, and is one where it falls below the second.
-CLOSE = 0.03
+# A loss of rank is one where the rows' independence falls below this part of what it is
+# in general.
 LOST = 1e-5
 # A mechanism may pass the same dead point for ever: these events are kept up to this
 # many, the warning is given once.
