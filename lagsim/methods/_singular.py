@@ -21,6 +21,7 @@ from lagsim.methods._state import (
     DEGENERATE_BELOW,
     END,
     EVALUATIONS,
+    FALLING,
     HEADER,
     HEALTH,
     HEALTH_SLOPE,
@@ -45,16 +46,21 @@ if TYPE_CHECKING:
 CLOSE = 0.03
 # How much faster than it has been seen to the health may change.
 MARGIN = 1.5
-# A step over a loss of rank has it at the first fraction, or up to the second: `dop853`
-# has no stage between 0.33 and 0.60, `radau` none between 0.16 and 0.64. The step before
-# goes at least the third part of the way.
+# A step over a loss of rank has it at the first fraction, or up to the second, or if it
+# is near at the third, or at once: `dop853` has stages at 0, 0.05, 0.08, 0.12, then
+# from 0.25 to 0.33, and from 0.60 on; `radau` at 0.16 and from 0.64 on. The step before
+# goes at least the last part of the way.
 BETWEEN = 0.467
 LATEST = 0.55
+SOON = 0.184
+AT_ONCE = 0.026
 SHORT = 0.4
 # A loss ahead is looked for so often, each time half way to where it seems to be: the
 # health falls there by about a half, and by less where it is not going to vanish.
 LOOKS = 3
 FALLS = 0.8
+# This part of the first step tells whether the health falls.
+GLANCE = 0.1
 # A loss of rank is looked for where the health falls over this first part of a step,
 # and located to this part of it.
 NUDGE = 1e-3
@@ -68,6 +74,7 @@ def record_health(s: Floats, health: float, h: float) -> None:
     zero and risen again within it, changing as fast as it has been seen to.
     """
     slope = abs(health - s[HEALTH]) / h
+    s[FALLING] = (s[HEALTH] - health) / h
     s[CLOSE_BELOW] = max(s[CLOSE_BELOW], CLOSE * health)
     s[HEALTH_SLOPE] = max(s[HEALTH_SLOPE], slope)
     s[WATCHED] = 0.0
@@ -85,19 +92,22 @@ def clear_of_loss(s: Floats, p: Floats, h: float) -> float:
     before it leaves the room that this takes.
     """
     s[PASSES] = 0.0
-    falling = s[PREVIOUS_HEALTH] - s[HEALTH]
-    if s[STEP_H] <= 0.0 or falling <= 0.0:
+    if s[FALLING] <= 0.0:
         return h
-    ahead = s[HEALTH] / falling * s[STEP_H]
+    ahead = s[HEALTH] / s[FALLING]
     if ahead >= (1.0 + BETWEEN) * h:
         return h
     ahead = time_to_loss(s, p, ahead)
     if ahead <= 0.0 or ahead >= (1.0 + BETWEEN) * h:
         return h
-    if ahead <= LATEST * h:
-        s[PASSES] = 1.0
-        return min(h, ahead / BETWEEN)
-    return max(ahead - BETWEEN * h, SHORT * ahead)
+    if ahead > LATEST * h:
+        return max(ahead - BETWEEN * h, SHORT * ahead)
+    s[PASSES] = 1.0
+    if ahead > BETWEEN * h or ahead <= AT_ONCE * h:
+        return h
+    if ahead > SOON * h:
+        return ahead / BETWEEN
+    return ahead / SOON
 
 
 def needs_loops(s: Floats) -> bool:
@@ -158,12 +168,27 @@ def leave_loss(s: Floats, p: Floats, h: float) -> float:
     velocity_step(s[T], z, p, out)
     s[HEALTH] = out[n + 1]
     s[PREVIOUS_HEALTH] = s[HEALTH]
+    expect_loss(s, p, h)
     while out[n + 1] < s[CLOSE_BELOW] and s[T] + 2.0 * h < s[END]:
         h = 2.0 * h
         for i in range(n):
             z[i] = y[i] + h * y[n + i]
         velocity_step(s[T] + h, z, p, out)
     return h
+
+
+def expect_loss(s: Floats, p: Floats, h: float) -> None:
+    """Note how fast the independence falls at the start of an arc."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    z = at(s, HEADER + 4 * size + 2)
+    out = at(z, size)
+    for i in range(n):
+        z[i] = y[i] + GLANCE * h * y[n + i]
+    velocity_step(s[T] + GLANCE * h, z, p, out)
+    s[FALLING] = (s[HEALTH] - out[n + 1]) / (GLANCE * h)
+    out[n + 1] = s[HEALTH]
 
 
 def watch(s: Floats, p: Floats) -> int:

@@ -61,6 +61,7 @@ INERTIAS = 45  # how many are followed, whether they vanish on the way ...
 INERTIAS_AT = 46  # ... and where: the largest, the smallest and its time, of each
 LANES_AT = 47  # where the memory for rows side by side is; see _projection
 PASSES = 62  # 1 where the step tried last was to pass a loss of rank
+FALLING = 63  # how fast the health fell last, per unit of time
 HEADER = 80
 
 
