@@ -18,6 +18,7 @@ Sources: G. H. Golub and C. F. Van Loan, Matrix Computations, 4th ed., sections 
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.kkt._cholesky import augment_force, backward, factor, forward
@@ -60,6 +61,20 @@ def geometry(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
+def bends(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give what Newton steps leave; y holds them in the place of the velocities.
+
+    Of those of the positions (1,) and of the velocities (1,), against the scales of
+    the residuals.
+    """
+
+
+@external
+def loads(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the rounding of the forces (n,), and of the rates that follow."""
+
+
+@external
 def columns(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the columns of a row, from q'' and lambda in p."""
 
@@ -95,10 +110,85 @@ def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
     p[GAIN] = gain
 
 
+def rounding(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give what rounding does to q'' (n,), and that of other rates.
+
+    In units of the unit roundoff: that of the forces, each with its sign, and that of
+    the constraint forces. In the metric of M reflections leave it anywhere among the
+    coordinates that are joined. out has room for 2 size + 4.
+    """
+    n = int(p[COUNT])
+    m = int(p[ROWS])
+    motion = at(p, int(p[MOTION]))
+    terms = at(motion, n + 3 * m)
+    f = at(terms, n * n + n * m)
+    reaction = at(out, 2 * n + int(p[QUADRATURES]))
+    solve_motion(t, y, p)
+    gather(n, m, terms, at(motion, n), reaction)
+    loads(t, y, p, out)
+    for i in range(n):
+        f[i] = out[i]
+    for i in range(m):
+        f[n + i] = 0.0
+    solve_terms(p)
+    for i in range(n):
+        out[i] = abs(motion[i]) + reaction[i]
+
+
+def gather(n: int, m: int, terms: Floats, lam: Floats, out: Floats) -> None:
+    """Give what constraint forces could do to each coordinate (n,), as accelerations.
+
+    The norm of them all in the metric of diag M, among what is joined by rows or by M.
+    """
+    A = at(terms, n * n)
+    label = at(out, n)
+    join(n, m, terms, label)
+    for i in range(n):
+        out[i] = 0.0
+    for k in range(m):
+        row = at(A, k * n)
+        square = 0.0
+        first = 0
+        for j in range(n):
+            if row[j] != 0.0 and terms[j * n + j] > 0.0:
+                square += row[j] * row[j] / terms[j * n + j]
+                first = j
+        out[int(label[first])] += lam[k] * lam[k] * square
+    for back in range(n):
+        i = n - 1 - back
+        square = out[int(label[i])]
+        label[i] = 0.0
+        if terms[i * n + i] > 0.0:
+            label[i] = sqrt(square / terms[i * n + i])
+    for i in range(n):
+        out[i] = label[i]
+
+
+def join(n: int, m: int, terms: Floats, label: Floats) -> None:
+    """Give each coordinate the first one that rows, or M, join it with: (n,)."""
+    for i in range(n):
+        label[i] = i
+    for _ in range(n):
+        changed = 0.0
+        for k in range(n + m):
+            # The rows of M, then those of A.
+            row = at(terms, k * n)
+            least = 1.0 * n
+            for j in range(n):
+                if row[j] != 0.0:
+                    least = min(least, label[j])
+            for j in range(n):
+                if row[j] != 0.0 and label[j] > least:
+                    label[j] = least
+                    changed = 1.0
+        if changed == 0.0:
+            return
+
+
 def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the least change (n,) in the metric of M that removes the residuals.
 
-    Then the largest residual against its scale (1,).
+    Then the largest residual against its scale, 0, and what the change leaves, (3,).
     """
     n = int(p[COUNT])
     m = int(p[ROWS])
@@ -107,10 +197,12 @@ def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     residuals = at(terms, n * n + n * m)
     correction(p, residuals, out)
     out[n] = residuals[2 * m]
+    out[n + 1] = 0.0
+    out[n + 2] = left_over(0, t, y, p, out)
 
 
 def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the same for the velocities and the rates; then HEALTH (1,)."""
+    """Give the same for the velocities and the rates, with HEALTH instead of 0."""
     n = int(p[COUNT])
     m = int(p[ROWS])
     terms = at(p, int(p[MOTION]) + n + 3 * m)
@@ -119,7 +211,22 @@ def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     correction(p, rates, out)
     out[n] = rates[m + 1]
     out[n + 1] = p[HEALTH]
+    out[n + 2] = left_over(1, t, y, p, out)
     p[REFERENCE] = max(p[REFERENCE], p[HEALTH])
+
+
+def left_over(level: int, t: float, y: Floats, p: Floats, step: Floats) -> float:
+    """Give what a Newton step leaves of the residuals, or of the rates."""
+    n = int(p[COUNT])
+    m = int(p[ROWS])
+    # Where `correction` is done with M and A.
+    found = at(p, int(p[MOTION]) + n + 3 * m)
+    z = at(found, 2)
+    for i in range(n):
+        z[i] = y[i]
+        z[n + i] = step[i]
+    bends(t, z, p, found)
+    return float(found[level])
 
 
 def correction(p: Floats, residuals: Floats, out: Floats) -> None:
@@ -142,6 +249,12 @@ def correction(p: Floats, residuals: Floats, out: Floats) -> None:
 
 def solve_motion(t: float, y: Floats, p: Floats) -> None:
     """Leave q'' (n,) and lambda (m,) at MOTION."""
+    dynamics(t, y, p, at(p, int(p[MOTION]) + int(p[COUNT]) + 3 * int(p[ROWS])))
+    solve_terms(p)
+
+
+def solve_terms(p: Floats) -> None:
+    """Do so for the terms that are there."""
     n = int(p[COUNT])
     m = int(p[ROWS])
     motion = at(p, int(p[MOTION]))
@@ -152,7 +265,6 @@ def solve_motion(t: float, y: Floats, p: Floats) -> None:
     u = at(Y, n * m)
     v = at(u, n)
     per_row = at(v, n)
-    dynamics(t, y, p, terms)
     if p[AUGMENTED] > 0.0:
         augment_force(n, m, terms)
     factor_rows(p, terms)

@@ -212,10 +212,9 @@ class Elimination:
         self.names = [row.name for row in equations.rows]
         self.mass = Factorisation(g, n, equations.mass_entries, self.meter)
         self.Z = [self.mass.forward(row.A.entries) for row in equations.rows]
-        self.f = self.mass.forward(dict(enumerate(equations.f)))
-        self.b = [row.b for row in equations.rows]
+        f = self.mass.forward(dict(enumerate(equations.f)))
         self.schur = Factorisation(g, self.m, self._schur(), self.meter)
-        self._motion = self._solve()
+        self._motion = self._solve(f, [row.b for row in equations.rows])
         # What is solved for later, corrections, is a part of this.
         self.operations = self.meter.operations
         self.meter.stop()
@@ -247,16 +246,20 @@ class Elimination:
         """Give q'' (n,) and lambda (m,)."""
         return self._motion
 
-    def _solve(self) -> tuple[list[int], list[int]]:
+    def response(self, forces: Sequence[int]) -> list[int]:
+        """Give the accelerations (n,) that forces alone would make, with b = 0."""
+        moved = self.mass.forward(dict(enumerate(forces)))
+        return self._solve(moved, [self.g.zero] * self.m)[0]
+
+    def _solve(self, f: Vector, b: Sequence[int]) -> tuple[list[int], list[int]]:
+        """Give q'' and lambda of f, as `Factorisation.forward` gives it, and b."""
         g = self.g
         right = {
-            i: g.call(
-                "sub", self.b[i], self._weighted(z, self.f, sorted(z.keys() & self.f))
-            )
+            i: g.call("sub", b[i], self._weighted(z, f, sorted(z.keys() & f)))
             for i, z in enumerate(self.Z)
         }
         lam = self.schur.solve(right)
-        moved = dict(self.f)
+        moved = dict(f)
         self._add_forces(moved, lam)
         q = self.mass.backward(moved)
         return (

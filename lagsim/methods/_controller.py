@@ -1,10 +1,12 @@
 """Error tolerances from each component's own scale, and the first step.
 
-The default tolerance of a component is rtol times the largest size it has had, and not
-less than a natural floor, so that components which should stay zero are not controlled
-at rounding level: for velocity i FLOOR * sqrt(2 E / M_ii), with E the largest kinetic
-energy or change of potential so far; for coordinate i that times the step. No unit
-enters: metres and millimetres give the same steps.
+The default tolerance of a component is rtol times its own scale: the range that it has
+gone through, which no shift of the origin and no other body changes, or what its rate
+does in the step. Where forces cancel, what each of them could do counts a little too.
+And no component is controlled below its own rounding: that of its value, and that of
+its rate. The latter is looked at where a step would be rejected: what the rounding of
+the state does to it, and what is rounded where it is computed. No unit enters: metres
+and millimetres give the same steps.
 """
 
 from __future__ import annotations
@@ -12,15 +14,22 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods._interface import derivative, measure
+from lagsim.methods._interface import (
+    derivative,
+    measure,
+    rounding,
+    terms,
+)
 from lagsim.methods._state import (
     ARC_START,
     ATOL,
     END,
     ENERGY,
     EVALUATIONS,
-    FORCES,
+    EXTENTS_AT,
     HEADER,
+    LOOKED,
+    LOST_BELOW,
     POTENTIAL,
     ROW_STEP,
     RTOL,
@@ -33,19 +42,22 @@ from lagsim.native.kernel_types import at
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
+# Of what the terms of a rate could do in a step, though they cancel: errors of other
+# components within the tolerance leave a part of them.
 FLOOR = 1e-3
+# What of its range counts as the size of a component: an oscillation about 0 is half of
+# it in size, a motion away from 0 the whole.
+WIDTH = 0.7
 # Of the length of an arc: too short to matter.
 INSTANT = 1e-6
-# No component is controlled below its share of the rounding of the whole motion.
+# A value is not known better than this part of itself.
 NOISE = 4.0 * 2.0**-53
-# Forces that cancel, as in equilibrium, leave rounding of their own size in y', which
-# the error estimate enlarges a few times; control below that only wastes steps.
-FORCE_NOISE = 32.0 * 2.0**-53
-# A change of the state this small, against its size, shows how large the forces are.
-PROBE = 2.0**-30
-# A step over which energy or forces grow by more than this has blown up: what it blew
-# up to is no scale for its error.
-JUMP = 1e6
+# Rates of the size of one leave so much in the error estimate, by their rounding.
+RATE_NOISE = 32.0 * 2.0**-53
+# A relative change of the state this small shows what its rounding does to y'.
+PROBE = 2.0**-36
+# Below this a number has no digits to control.
+UNDERFLOW = 1e-290
 # The part of the tolerance that one step may use: errors of many steps add up, and the
 # tolerance is meant for the motion (Kepler's, e = 0.6, 100 orbits: 6 digits at 1e-11).
 LOCAL = 0.1
@@ -54,15 +66,26 @@ LOCAL = 0.1
 def record_sizes(s: Floats, p: Floats) -> None:
     """Take the state, accepted, into the largest sizes and the energy."""
     take_measure(s, s[T], at(s, HEADER), p)
-    record_measured(s)
+    record_measured(s, p)
 
 
-def record_measured(s: Floats) -> None:
+def record_measured(s: Floats, p: Floats) -> None:
     """Do the same where `set_tolerances` has measured this state last."""
     record_extents(s)
     s[ENERGY] = energy_scale(s)
-    driven = at(s, HEADER + 3 * int(s[SIZE]) + 2 + int(s[N]))
-    s[FORCES] = max(s[FORCES], driven[0])
+    size = int(s[SIZE])
+    n = int(s[N])
+    masses = at(s, HEADER + 3 * size + 2)
+    parts = at(s, int(s[EXTENTS_AT]) + 2 * size)
+    terms(s[T], at(s, HEADER), p, parts)
+    # From here on as accelerations, and the whole in the metric of M.
+    masses[n] = 0.0
+    for i in range(n):
+        if masses[i] > 0.0:
+            masses[n] += parts[i] * parts[i] / masses[i]
+            parts[i] /= masses[i]
+        else:
+            parts[i] = 0.0
 
 
 def record_extents(s: Floats) -> None:
@@ -70,8 +93,15 @@ def record_extents(s: Floats) -> None:
     size = int(s[SIZE])
     y = at(s, HEADER)
     sizes = at(s, HEADER + size)
+    low = at(s, int(s[EXTENTS_AT]))
+    high = at(low, size)
+    noise = at(high, 2 * size)
     for i in range(size):
         sizes[i] = max(sizes[i], abs(y[i]))
+        low[i] = min(low[i], y[i])
+        high[i] = max(high[i], y[i])
+        noise[i] = 0.0
+    s[LOOKED] = 0.0
 
 
 def take_measure(s: Floats, t: float, y: Floats, p: Floats) -> None:
@@ -108,79 +138,74 @@ def set_tolerances(
             scale = max(abs(y[i]), abs(new[i]))
             tolerances[i] = LOCAL * (s[ATOL] + s[RTOL] * scale)
         return
-    masses = at(s, HEADER + 3 * size + 2)
+    low = at(s, int(s[EXTENTS_AT]))
+    high = at(low, size)
+    parts = at(high, size)
+    noise = at(parts, size)
     # A start from rest with a jump in the force (dry friction) is off by the same part
     # of every step, however short; what happens in an instant is not controlled finer.
     instant = INSTANT * (s[END] - s[ARC_START])
     moment = max(h, instant)
-    energy = energy_after(s, moment)
-    whole = 0.0
-    for i in range(n):
-        whole += masses[i] * sizes[i] * sizes[i]
     rtol = LOCAL * s[RTOL]
-    # Each times the root of a mass.
-    extent = NOISE * sqrt(max(whole, 0.0))
-    speed = sqrt(2.0 * energy)
-    push = FORCE_NOISE * h * sqrt(s[FORCES])
-    for i in range(n):
-        place = max(sizes[i], abs(new[i]), moment * abs(rates[i]))
-        place = max(place, instant * instant * abs(rates[n + i]))
-        rate = max(sizes[n + i], abs(new[n + i]), moment * abs(rates[n + i]))
-        tolerances[i] = rtol * place
-        tolerances[n + i] = rtol * rate
-        if masses[i] > 0.0:
-            unit = 1.0 / sqrt(masses[i])
-            floor = FLOOR * speed * unit
-            tolerances[i] = max(rtol * max(place, floor * h), extent * unit)
-            noise = (NOISE * speed + push) * unit
-            tolerances[n + i] = max(rtol * max(rate, floor), noise)
-    for i in range(2 * n, size):
-        scale = max(sizes[i], abs(new[i]), moment * abs(rates[i]))
-        noise = FORCE_NOISE * h * h * s[FORCES]
-        tolerances[i] = max(rtol * max(scale, FLOOR * energy), noise)
+    for i in range(size):
+        scale = WIDTH * (max(high[i], new[i]) - min(low[i], new[i]))
+        scale = max(scale, moment * abs(rates[i]))
+        part = parts[i]
+        if i < n:
+            part = parts[i] * moment
+            scale = max(scale, instant * instant * abs(rates[n + i]))
+            noise[i] = max(RATE_NOISE * abs(rates[i]), noise[n + i] * h)
+        elif i < 2 * n:
+            part = parts[i - n]
+        scale = max(scale, FLOOR * moment * part)
+        rough = max(NOISE * max(sizes[i], abs(new[i])), noise[i] * h, UNDERFLOW)
+        tolerances[i] = max(rtol * scale, rough)
 
 
-def energy_after(s: Floats, moment: float) -> float:
-    """Give the energy that is a scale for a step to what is measured.
+def look_at_rounding(
+    s: Floats, p: Floats, t: float, y: Floats, k: Floats, health: float
+) -> None:
+    """Find what rounding leaves in the rates k (size,) at y, for this step.
 
-    What the forces could do in the `moment` counts as motion: at rest under load,
-    nothing else gives a scale.
-    """
-    energy = energy_scale(s)
-    driven = at(s, HEADER + 3 * int(s[SIZE]) + 2 + int(s[N]))
-    force = driven[0]
-    if s[FORCES] > 0.0:
-        force = min(force, JUMP * s[FORCES])
-    known = max(float(s[ENERGY]), 0.5 * moment * moment * force)
-    if known > 0.0:
-        energy = max(known, min(energy, JUMP * known))
-    return energy
-
-
-def probe_forces(s: Floats, p: Floats, k: Floats) -> None:
-    """Find how large the forces are that may cancel in y', from y' nearby.
-
-    The sum of M_ii a_i^2 with a_i the change of y' per relative change of y. Components
-    change by different parts, or a change of the whole scene's size or place would
-    hide what cancels.
+    From a bound of what is rounded on the way, and from y' nearby. A health below 1 is
+    that of rows close to a loss of rank, which enlarges the former; y' off the
+    constraints says nothing there.
     """
     size = int(s[SIZE])
     n = int(s[N])
-    y = at(s, HEADER)
-    masses = at(s, HEADER + 3 * size + 2)
+    noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
+    z = at(s, HEADER + 4 * size + 2)
+    rounding(t, y, p, z)
+    larger = 1.0 / max(health, float(s[LOST_BELOW]))
+    for i in range(n, size):
+        noise[i] = larger * abs(z[i - n])
+    if health >= 1.0:
+        add_probe(s, p, t, y, k)
+    for i in range(n, size):
+        if not noise[i] < 1e300:
+            noise[i] = 0.0
+        noise[i] = RATE_NOISE * (abs(k[i]) + noise[i])
+    s[LOOKED] = 1.0
+
+
+def add_probe(s: Floats, p: Floats, t: float, y: Floats, k: Floats) -> None:
+    """Add what the rounding of the state does to its rates k.
+
+    Components change by different parts, or a change of the whole scene's size or
+    place would hide what cancels.
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
     z = at(s, HEADER + 4 * size + 2)
     slopes = at(z, size)
     for i in range(size):
         part = 0.618033988749895 * (i + 1)
         z[i] = y[i] * (1.0 + PROBE * (0.5 + part - int(part)))
-    derivative(s[T], z, p, slopes)
+    derivative(t * (1.0 + PROBE), z, p, slopes)
     s[EVALUATIONS] += 1.0
-    forces = 0.0
-    for i in range(n):
-        change = (slopes[n + i] - k[n + i]) / PROBE
-        forces += masses[i] * change * change
-    if forces < 1e300:
-        s[FORCES] = max(s[FORCES], forces)
+    for i in range(n, size):
+        noise[i] += abs(slopes[i] - k[i]) / PROBE
 
 
 def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
@@ -193,7 +218,7 @@ def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
     z = at(s, HEADER + 4 * size + 2)
     slopes = at(z, size)
     tolerances = at(s, HEADER + 2 * size)
-    probe_forces(s, p, k)
+    look_at_rounding(s, p, s[T], y, k, 1.0)
     set_tolerances(s, p, s[T], y, k, s[ROW_STEP])
     d0 = 0.0
     d1 = 0.0
@@ -209,6 +234,8 @@ def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
         z[i] = y[i] + h * k[i]
     derivative(s[T] + h, z, p, slopes)
     s[EVALUATIONS] += 1.0
+    # What rests has a scale by now.
+    set_tolerances(s, p, s[T] + h, z, slopes, h)
     d2 = 0.0
     for i in range(size):
         if tolerances[i] > 0.0:

@@ -32,6 +32,7 @@ from lagsim.methods._state import (
     EQUATION,
     EVENT,
     EVENT_FOUND,
+    EXTENTS_AT,
     FRESH,
     HEADER,
     HEALTH,
@@ -163,9 +164,12 @@ def keep_sizes(s: Floats) -> None:
     """Note the largest sizes: a step may go far past the switch that will cut it."""
     size = int(s[SIZE])
     sizes = at(s, HEADER + size)
+    extents = at(s, int(s[EXTENTS_AT]))
     before = at(s, int(s[SIZES_BEFORE]))
     for i in range(size):
         before[i] = sizes[i]
+    for i in range(2 * size):
+        before[size + i] = extents[i]
 
 
 def take_cut(s: Floats, p: Floats) -> None:
@@ -179,9 +183,13 @@ def take_cut(s: Floats, p: Floats) -> None:
     if SWITCHES:
         # What lies past the switch has not been.
         sizes = at(s, HEADER + size)
+        low = at(s, int(s[EXTENTS_AT]))
+        high = at(low, size)
         before = at(s, int(s[SIZES_BEFORE]))
         for i in range(size):
             sizes[i] = max(before[i], abs(y[i]))
+            low[i] = min(before[size + i], y[i])
+            high[i] = max(before[2 * size + i], y[i])
     if CONSTRAINED:
         settle(s, p, s[T], y)
     if SWITCHES:
@@ -252,11 +260,7 @@ def settle_rows(s: Floats, p: Floats, out: Floats, rows: int) -> None:
 
 def settle(s: Floats, p: Floats, t: float, y: Floats) -> None:
     """Project a state between steps; one that does not converge stays as it is."""
-    size = int(s[SIZE])
-    sizes = at(s, HEADER + size)
-    masses = at(s, HEADER + 3 * size + 2)
-    work = at(s, HEADER + 4 * size + 2)
-    project(int(s[N]), t, s[STEP_H], y, p, sizes, masses, work)
+    project(int(s[N]), t, y, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
 
 
 def arm(s: Floats, p: Floats, work: Floats) -> None:

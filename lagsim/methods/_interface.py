@@ -59,16 +59,17 @@ def linear(t: float, y: Floats, p: Floats, out: Floats) -> None:
 def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give the Newton step onto the holonomic constraints, in the metric of M.
 
-    The step (n,), then the largest residual against its scale (1,).
+    The step (n,), then the largest residual against its scale, 0, and what will be left
+    of it after the step (3,).
     """
 
 
 @external
 def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the same for the velocities; last how independent the rows are (1,).
+    """Give the same for the velocities; how independent the rows are, instead of 0.
 
     About the smallest singular value of the scaled constraint rows: 0 where they lose
-    rank.
+    rank. What will be left is 1 where that is not known.
     """
 
 
@@ -87,10 +88,22 @@ def velocity_steps(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 @external
 def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give q'Mq'/2, the rest of the energy (2,), the diagonal of M (n,), and f^2/M.
+    """Give q'Mq'/2, the rest of the energy (2,), and the diagonal of M (n,)."""
 
-    That (1,) is the sum of f_i^2 / M_ii over the coordinates with inertia. Then for
-    what follows q' in y: 0 for work, the inertia of coordinates.
+
+@external
+def terms(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give how large the terms are that each force (n,) is a sum of.
+
+    Then those of the rates of what follows q' in y.
+    """
+
+
+@external
+def rounding(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give what the rounding of the forces does to q'' (n,), in units of roundoff.
+
+    Then the rounding of the rates of what follows q' in y.
     """
 
 

@@ -17,87 +17,64 @@ from lagsim.methods._interface import (
     velocity_steps,
 )
 from lagsim.methods._singular import record_health
-from lagsim.methods._state import HEADER, LANES_AT, SIZE, STEP_H, N
-from lagsim.native.kernel_types import apart, at, unrolled
+from lagsim.methods._state import HEADER, LANES_AT, SIZE, N
+from lagsim.native.kernel_types import at, unrolled
 from lagsim.native.sincos import LANES
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
-# A Newton step this small leaves less than rounding behind: convergence is quadratic.
-LAST = 1e-8
+# What a Newton step leaves of a residual is rounding if this small against its terms.
+# Terms know what a double can hold of a position, whatever else stands in the scene.
+LAST = 2.0**-52
 # A residual this small against its terms is rounding.
 ROUNDING = 2.0**-47
-# Where steps no longer shrink, they are rounding if smaller than this.
-STALLED = 1e-10
+# Where steps no longer shrink, they are rounding if the residual is smaller than this.
+STALLED = 1e-12
 MOST = 12
 
 
 def meet_constraints(s: Floats, p: Floats, t: float, h: float, new: Floats) -> int:
     """Project the state that a step h has led to; give 0 where that fails."""
     n = int(s[N])
-    size = int(s[SIZE])
-    work = at(s, HEADER + 4 * size + 2)
-    sizes = at(s, HEADER + size)
-    masses = at(s, HEADER + 3 * size + 2)
-    if project(n, t, h, new, p, sizes, masses, work) == 0:
+    work = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    if project(n, t, new, p, work) == 0:
         return 0
     record_health(s, work[n + 1], h)
     return 1
 
 
-def project(
-    n: int,
-    t: float,
-    h: float,
-    y: Floats,
-    p: Floats,
-    sizes: Floats,
-    masses: Floats,
-    work: Floats,
-) -> int:
+def project(n: int, t: float, y: Floats, p: Floats, work: Floats) -> int:
     """Project y in place; give 1 where Newton's method converged, else 0.
 
-    h is the step that led to y; sizes : (2 n,), the largest sizes of positions and
-    velocities so far; masses : (n + 1,), the diagonal of M and f^2/M as `measure` gives
-    them; work : (n + 2,), where work[n + 1] is left as `velocity_step` gives it.
+    work : (n + 3,), where work[n + 1] is left as `velocity_step` gives it.
     """
     for level in range(2):
-        if project_level(level, n, t, h, y, p, sizes, masses, work) == 0:
+        if project_level(level, n, t, y, p, work) == 0:
             return 0
     return 1
 
 
 def project_level(
-    level: int,
-    n: int,
-    t: float,
-    h: float,
-    y: Floats,
-    p: Floats,
-    sizes: Floats,
-    masses: Floats,
-    work: Floats,
+    level: int, n: int, t: float, y: Floats, p: Floats, work: Floats
 ) -> int:
     """Project the positions (level 0) or the velocities (1) alone."""
-    # What the forces could do within the step: the scale of a structure at rest.
-    least = h * h * masses[n] * (h * h if level == 0 else 1.0)
     part = at(y, level * n)
     previous = 0.0
     for iteration in range(MOST):
         newton_step(level, t, y, p, work)
-        change = relative_size(n, work, masses, part, at(sizes, level * n), least)
-        if not change < 1e300:
+        if not is_finite(n, work):
             return 0
-        stalled = iteration > 0 and change >= 0.5 * previous
-        if stalled and change > STALLED and work[n] > ROUNDING:
+        # Residuals shrink by more than half, or they are rounding.
+        stalled = iteration > 0 and work[n] >= 0.5 * previous
+        if stalled and work[n] > STALLED:
             return 0
         if not stalled:
             for i in range(n):
                 part[i] += work[i]
-        if stalled or change < LAST or work[n] <= ROUNDING:
+        if stalled or work[n + 2] <= LAST or work[n] <= ROUNDING:
             return 1
-        previous = change
+        previous = work[n]
     return 0
 
 
@@ -107,6 +84,15 @@ def newton_step(level: int, t: float, y: Floats, p: Floats, out: Floats) -> None
         position_step(t, y, p, out)
     else:
         velocity_step(t, y, p, out)
+
+
+def is_finite(n: int, step: Floats) -> bool:
+    """Tell whether a step (n,) can be made."""
+    largest = 0.0
+    for i in range(n):
+        if not abs(step[i]) < 1e300:
+            largest = 1e300
+    return largest < 1e300
 
 
 def relative_size(
@@ -137,56 +123,25 @@ def project_rows(s: Floats, p: Floats, rows: Floats, count: int) -> None:
     size = int(s[SIZE])
     y = at(s, int(s[LANES_AT]))
     step = at(y, LANES * (1 + size))
-    sizes = at(s, HEADER + size)
-    masses = at(s, HEADER + 3 * size + 2)
     work = at(s, HEADER + 4 * size + 2)
-    h = s[STEP_H]
     for level in range(2):
         for lane in unrolled(LANES):
             row = at(rows, min(lane, count - 1) * (1 + size))
             for i in range(1 + size):
                 y[i * LANES + lane] = row[i]
-        least = h * h * masses[n] * (h * h if level == 0 else 1.0)
         if level == 0:
             position_steps(0.0, y, p, step)
         else:
             velocity_steps(0.0, y, p, step)
-        changes = at(step, LANES * (n + 2))
-        relative_sizes(
-            n, step, masses, at(y, LANES * (1 + level * n)), at(sizes, level * n),
-            least, changes,
-        )  # fmt: skip
         for lane in range(count):
             row = at(rows, lane * (1 + size))
             part = at(row, 1 + level * n)
-            change = changes[lane]
-            if change < LAST or (change < 1e300 and step[n * LANES + lane] <= ROUNDING):
+            for i in range(n):
+                work[i] = step[i * LANES + lane]
+            left = step[(n + 2) * LANES + lane]
+            close = left <= LAST or step[n * LANES + lane] <= ROUNDING
+            if close and is_finite(n, work):
                 for i in range(n):
-                    part[i] += step[i * LANES + lane]
+                    part[i] += work[i]
             else:
-                project_level(level, n, row[0], h, at(row, 1), p, sizes, masses, work)
-
-
-def relative_sizes(
-    n: int,
-    step: Floats,
-    masses: Floats,
-    x: Floats,
-    sizes: Floats,
-    least: float,
-    out: Floats,
-) -> None:
-    """Give `relative_size` of LANES steps; out : (2 LANES,), the second for work."""
-    whole = at(out, LANES)
-    for lane in apart(LANES):
-        out[lane] = 0.0
-        whole[lane] = 0.0
-    for i in range(n):
-        for lane in apart(LANES):
-            move = step[i * LANES + lane]
-            size = max(abs(x[i * LANES + lane]), sizes[i])
-            out[lane] += masses[i] * move * move
-            whole[lane] += masses[i] * size * size
-    for lane in range(LANES):
-        if out[lane] > 0.0:
-            out[lane] = sqrt(out[lane] / max(whole[lane], least))
+                project_level(level, n, row[0], at(row, 1), p, work)

@@ -4,7 +4,8 @@ Between two calls of `advance` nothing else is kept, so a run can be paused, sho
 progress, interrupted and resumed at no cost.
 
 After the header lie, for a state of `size` components: y (size), their largest sizes
-(size), tolerances (size), what `measure` gave (size + 2), work (2 size + 4), and from
+(size), tolerances (size), what `measure` gave (n + 2) and the sum of M_ii a_i^2 that
+forces could make (1; in all size + 2), work (2 size + 4), and from
 HEADER + 6 size + 6 on whatever the method needs; last what `note_inertias` follows.
 """
 
@@ -44,7 +45,6 @@ CLOSE_BELOW = 28  # a health below this is close to a loss of rank
 LOST_BELOW = 29  # which is a least health below this
 DEGENERATE_BELOW = 30  # at a health below this the kernel returns; 0: never
 LOST_AT = 31  # where rank was lost last
-FORCES = 32  # the largest size of forces, which may cancel: sum of M_ii a_i^2
 HEALTH_SLOPE = 33  # the steepest change of the health so far
 WATCHED = 34  # 1 if the last step is to be searched for a loss of rank
 SPECTRAL_RADIUS = 35  # at infinite frequency, for methods that have it as a parameter
@@ -55,13 +55,15 @@ SPEED = 39  # about how fast the fastest motion is, for explicit methods
 AT_BOUND = 40  # steps held by stability ...
 OFF_BOUND = 41  # ... since when so many were not
 ASK_AT = 42  # at so many the kernel returns; 0: never
-SIZES_BEFORE = 43  # where the largest sizes before the last step are kept; see switches
+SIZES_BEFORE = 43  # where sizes and extents before the last step are; see switches
 SMALLEST_STEP = 44  # once the first steps have found their size; 0: none yet
 INERTIAS = 45  # how many are followed, whether they vanish on the way ...
 INERTIAS_AT = 46  # ... and where: the largest, the smallest and its time, of each
 LANES_AT = 47  # where the memory for rows side by side is; see _projection
 PASSES = 62  # 1 where the step tried last was to pass a loss of rank
 FALLING = 63  # how fast the health fell last, per unit of time
+EXTENTS_AT = 56  # where `_controller` keeps what scales of errors are made of
+LOOKED = 57  # 1 once rounding has been looked at in this step
 HEADER = 80
 
 
@@ -85,4 +87,13 @@ STIFF = 11
 
 def lanes_size(size: int) -> int:
     """Give how much memory rows side by side need."""
-    return LANES * (1 + size + (size // 2 + 2) + 2)
+    return LANES * (1 + size + (size // 2 + 3) + 2)
+
+
+def extents_size(size: int) -> int:
+    """Give how much memory the scales of errors need.
+
+    The least and the largest value of each component, the terms of its rate and the
+    rounding of that.
+    """
+    return 4 * size

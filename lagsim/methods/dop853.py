@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
     first_step,
+    look_at_rounding,
     record_measured,
     record_sizes,
     set_tolerances,
@@ -32,11 +33,13 @@ from lagsim.methods._singular import (
 from lagsim.methods._stability import record_speed
 from lagsim.methods._state import (
     AT_BOUND,
+    CLOSE_BELOW,
     DEGENERATE,
     DONE,
     EVALUATIONS,
     HEADER,
     HEALTH,
+    LOOKED,
     NOT_FINITE,
     PREVIOUS_ERROR,
     PROJECTION_FAILED,
@@ -181,10 +184,20 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
     for i in apart(size):
         errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
         errors[size + i] = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
+    health = 1.0
     if CONSTRAINED:
+        if p[LEAST_HEALTH] < s[CLOSE_BELOW]:
+            health = p[LEAST_HEALTH]
         forget_weak_directions(int(s[N]), p, errors)
         forget_weak_directions(int(s[N]), p, at(errors, size))
-    return error_norm(size, h, errors, at(s, HEADER + 2 * size))
+    tolerances = at(s, HEADER + 2 * size)
+    error = error_norm(size, h, errors, tolerances)
+    if error >= 1.0 and s[LOOKED] == 0.0:
+        # Perhaps it is nothing but rounding.
+        look_at_rounding(s, p, t, y, k, health)
+        set_tolerances(s, p, t + h, new, k, h)
+        error = error_norm(size, h, errors, tolerances)
+    return error
 
 
 def error_norm(size: int, h: float, errors: Floats, tolerances: Floats) -> float:
@@ -225,7 +238,7 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     for i in range(size):
         y[i] = new[i]
         k[i] = k[12 * size + i]
-    record_measured(s)
+    record_measured(s, p)
 
 
 def prepare_dense(s: Floats, p: Floats) -> None:

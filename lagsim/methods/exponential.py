@@ -213,9 +213,7 @@ def step(s: Floats, p: Floats) -> int:
             return NOT_FINITE
     if CONSTRAINED:
         work = at(s, HEADER + 4 * size + 2)
-        sizes = at(s, HEADER + size)
-        masses = at(s, HEADER + 3 * size + 2)
-        if project(n, after, h, new, p, sizes, masses, work) == 0:
+        if project(n, after, new, p, work) == 0:
             return PROJECTION_FAILED
         record_health(s, work[n + 1], h)
     for i in range(m - 1):

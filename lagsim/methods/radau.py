@@ -18,7 +18,12 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from lagsim.methods._adaptive import usable_step
-from lagsim.methods._controller import first_step, record_sizes, set_tolerances
+from lagsim.methods._controller import (
+    first_step,
+    look_at_rounding,
+    record_sizes,
+    set_tolerances,
+)
 from lagsim.methods._interface import LEAST_HEALTH, derivative
 from lagsim.methods._linearised import solve_real
 from lagsim.methods._lu import too_large
@@ -53,10 +58,12 @@ from lagsim.methods._singular import (
     needs_loops,
 )
 from lagsim.methods._state import (
+    CLOSE_BELOW,
     DEGENERATE,
     DONE,
     EVALUATIONS,
     HEADER,
+    LOOKED,
     NEWTON_FAILED,
     NOT_FINITE,
     PROJECTION_FAILED,
@@ -241,8 +248,19 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
         return -1.0
     for i in range(size):
         new[i] = y[i] + Z[2 * size + i]
-    set_tolerances(s, p, s[T] + h, new, at(own, OWN), h)
-    return estimate(s, p, h)
+    slope = at(own, OWN)
+    set_tolerances(s, p, s[T] + h, new, slope, h)
+    error = estimate(s, p, h)
+    health = 1.0
+    if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
+        health = p[LEAST_HEALTH]
+    if error >= 1.0 and s[LOOKED] == 0.0:
+        # Perhaps it is nothing but rounding.
+        look_at_rounding(s, p, s[T], y, slope, health)
+        set_tolerances(s, p, s[T] + h, new, slope, h)
+        error = norm(size, at(own, OWN + ERRORS * size), at(s, HEADER + 2 * size))
+        error *= s[RTOL] ** 0.2
+    return error
 
 
 def estimate(s: Floats, p: Floats, h: float) -> float:

@@ -212,11 +212,9 @@ def hold_velocities(s: Floats, p: Floats, after: float, h: float) -> int:
     """Make the new velocities tangent; give 0 where that fails."""
     size = int(s[SIZE])
     n = int(s[N])
-    sizes = at(s, HEADER + size)
-    masses = at(s, HEADER + 3 * size + 2)
     new = at(s, HEADER + 10 * size + 6)
     work = at(new, 2 * size)
-    if project_level(1, n, after, h, new, p, sizes, masses, work) == 0:
+    if project_level(1, n, after, new, p, work) == 0:
         return 0
     record_health(s, work[n + 1], h)
     return 1

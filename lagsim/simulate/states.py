@@ -32,9 +32,13 @@ def empty_state(runner: Runner) -> Floats:
     # And room for rows side by side, for what `_driver.keep_sizes` and
     # `_driver.note_inertias` note.
     sizes = used + at.lanes_size(system.size)
-    count, noted = len(system.inertias), sizes + system.size
+    extents = sizes + 3 * system.size
+    count, noted = len(system.inertias), extents + at.extents_size(system.size)
     state = np.zeros(noted + 3 * count)
     state[at.LANES_AT], state[at.SIZES_BEFORE] = used, sizes
+    state[at.EXTENTS_AT] = extents
+    state[extents : extents + system.size] = np.inf
+    state[extents + system.size : extents + 2 * system.size] = -np.inf
     state[at.INERTIAS], state[at.INERTIAS_AT] = count, noted
     state[noted + count :][:count] = np.inf  # the smallest so far
     return state
@@ -43,10 +47,13 @@ def empty_state(runner: Runner) -> Floats:
 def taken_over(state: Floats, runner: Runner) -> Floats:
     """Give a state as that of another method or system, at the start of an arc."""
     new = empty_state(runner)
-    own = [at.INERTIAS, at.INERTIAS_AT, at.LANES_AT, at.SIZES_BEFORE]
+    own = [at.INERTIAS, at.INERTIAS_AT, at.LANES_AT, at.SIZES_BEFORE, at.EXTENTS_AT]
     kept = new[own]
     common = at.HEADER + 6 * runner.system.size + 6
     new[:common] = state[:common]
+    extents, size = int(kept[4]), runner.system.size
+    length = at.extents_size(size)
+    new[extents : extents + length] = state[int(state[at.EXTENTS_AT]) :][:length]
     if state[at.INERTIAS] == kept[0]:
         new[int(kept[1]) :] = state[int(state[at.INERTIAS_AT]) :]
     new[own] = kept

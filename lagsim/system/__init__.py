@@ -252,6 +252,7 @@ def _loops(constrained: bool, switching: bool) -> bytes:
     kernels: list[Callable[..., Any]] = [dense.derivative, dense.observe]
     if switching:
         kernels = [dense.field]
+    kernels.append(dense.rounding)
     if constrained:
         kernels += [dense.position_step, dense.velocity_step]
     return kernel_object(kernels)

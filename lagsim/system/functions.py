@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from lagsim.constraints import Flow
 from lagsim.equations import generalized_forces
-from lagsim.expressions.derivatives import gradient
+from lagsim.expressions.derivatives import gradient, tangent
+from lagsim.expressions.rounding import addends, roundings
 from lagsim.formulation import GAIN
 from lagsim.kkt.linear import linear_form
 from lagsim.kkt.series import motion_rates
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 # Nodes of pivots that are followed: the 845 of a chain of ten links added a third to
 # the time that it takes to compile.
 SHORT_PIVOTS = 300
+# Multiples of it, less their whole parts, are spread evenly.
+GOLDEN = 0.618033988749895
 
 
 def functions(
@@ -45,10 +48,9 @@ def functions(
     rest = g.call("sub", equations.energy, equations.kinetic_form)
     found = {
         "measure": [
-            equations.kinetic_form, rest, *diagonal, _driven(equations),
-            *([] if equations.power is None else [g.zero]),
-            *(x.mass for x in equations.quadratures),
+            equations.kinetic_form, rest, *diagonal,
         ],
+        "terms": _terms_of_rates(equations),
     }  # fmt: skip
     found["inertias"] = list(varying_inertias(equations, plan).values())
     simulation = equations.model.simulation
@@ -56,6 +58,7 @@ def functions(
         found["until"] = [simulation.until.node]
     if plan.elimination is None:
         found |= _terms(equations, columns)
+        found["loads"] = _loads(equations)
     else:
         found |= _solved(equations, plan, columns, switching=switching)
     for need in needs:
@@ -91,6 +94,9 @@ def _solved(
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
     rates = motion_rates(e, elimination)
+    loads = _loads(e)
+    n = len(e.q)
+    rounding = [*elimination.response(loads[:n]), *loads[n:]]
     if switching:
         found = {
             "field": [*rates, *multipliers],
@@ -104,11 +110,17 @@ def _solved(
             # Rows show the motion without what pulls the state to the constraints.
             "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
         }
+    found["rounding"] = rounding
     if e.rows:
         held, moving, worst_held, worst_moving = _residuals(e)
-        found["position_step"] = [*elimination.correction(held), worst_held]
+        step = elimination.correction(held)
+        left, left_moving = bends(e)
+        velocities = map(g.variable, e.velocities)
+        [left] = g.substitute([left], dict(zip(velocities, step, strict=True)))
+        found["position_step"] = [*step, worst_held, g.zero, left]
         found["velocity_step"] = [
             *elimination.correction(moving), worst_moving, elimination.health(),
+            left_moving,
         ]  # fmt: skip
     return found
 
@@ -126,6 +138,7 @@ def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
         A = [node for row in e.rows for node in row.A]
         held, moving, worst_held, worst_moving = _residuals(e)
         found["geometry"] = [*M, *A, *held, *moving, worst_held, worst_moving]
+        found["bends"] = list(bends(e))
     return found
 
 
@@ -138,16 +151,53 @@ def _dynamics(e: Equations) -> list[int]:
     ]  # fmt: skip
 
 
-def _driven(equations: Equations) -> int:
-    """Give the sum of f^2 / M over the diagonal, where it is not zero."""
+def _terms_of_rates(e: Equations) -> list[int]:
+    """Give how large the terms are that each force, and each other rate, sums."""
+    g = e.graph
+    unsolved = frozenset((*e.multipliers, *e.accelerations))
+
+    def size(node: int) -> int:
+        parts = [n for n in addends(g, node) if not g.depends([n]) & unsolved]
+        return g.sum(g.call("abs", n) for n in parts)
+
+    return [size(node) for node in (*e.f, *e.quadrature_rates)]
+
+
+def _loads(e: Equations) -> list[int]:
+    """Give the rounding of the forces, each with a sign and by a part of its own.
+
+    All together they do something to every acceleration that any of them reaches: what
+    would cancel if they were alike does not.
+    """
+    g = e.graph
+    moving = (*e.q, *e.velocities, "t")
+    found = roundings(g, (*e.f, *e.quadrature_rates), moving)
+    n = len(e.q)
+    parts = [(1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2)) for k in range(n)]
+    return [
+        *(g.call("mul", g.constant(c), x) for c, x in zip(parts, found, strict=False)),
+        *found[n:],
+    ]
+
+
+def bends(equations: Equations) -> tuple[int, int]:
+    """Give what a Newton step leaves, largest against the scales, of both levels.
+
+    The step stands in the place of the velocities. On the level of positions that is
+    half of its second derivative; on that of velocities nothing, or 1: not known.
+    """
     e, g = equations, equations.graph
-    total = g.zero
-    for i, force in enumerate(e.f):
-        if e.M[i][i] != g.zero:
-            part = g.call("div", g.call("mul", force, force), e.M[i][i])
-            some = g.call("gt", e.M[i][i], g.zero)
-            total = g.call("add", total, g.call("if", some, part, g.zero))
-    return total
+    step = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
+    held = [row for row in e.rows if row.holonomic]
+    bent = tangent(g, tangent(g, [row.residual for row in held], step), step)
+    left = g.zero
+    for row, node in zip(held, bent, strict=True):
+        half = g.call("mul", g.constant(0.5), g.call("abs", node))
+        part = g.call("div", half, row.residual_scale)
+        some = g.call("gt", row.residual_scale, g.zero)
+        left = g.call("max", g.call("if", some, part, g.zero), left)
+    linear = all(row.holonomic or row.pfaffian for row in e.rows)
+    return left, g.zero if linear else g.one
 
 
 def _residuals(equations: Equations) -> tuple[list[int], list[int], int, int]:

@@ -22,8 +22,11 @@ def fresh_state(method: ModuleType, y: Any, **header: float) -> Any:
     """Give the array of state at y; header words by their names in `_state`."""
     used = method.state_size(len(y))
     sizes = used + at.lanes_size(len(y))
-    s = np.zeros(sizes + len(y))
-    s[at.LANES_AT], s[at.SIZES_BEFORE] = used, sizes
+    extents = sizes + 3 * len(y)
+    s = np.zeros(extents + at.extents_size(len(y)))
+    s[at.LANES_AT], s[at.SIZES_BEFORE], s[at.EXTENTS_AT] = used, sizes, extents
+    s[extents : extents + len(y)] = np.inf
+    s[extents + len(y) : extents + 2 * len(y)] = -np.inf
     words = {"SIZE": len(y), "RTOL": 1e-9, "ATOL": -1.0, "HEALTH": 1.0, "FRESH": 1.0}
     words |= {"ROW_STEP": 1.0, "END": 1e9} | header
     for name, value in words.items():
@@ -60,6 +63,14 @@ class Plain:
         return int(advance(s, p, out, rows, budget))
 
 
+def _nothing(_t: float, y: Any, _p: Any, out: Any) -> None:
+    out[: len(y) - len(y) // 2] = 0.0
+
+
+# Equations without terms of their own, and without rounding that is told.
+_EXACT = {"terms": _nothing, "rounding": _nothing}
+
+
 def first_order(
     rate: Callable[[float, Any], Any], size: int
 ) -> dict[str, Callable[..., Any]]:
@@ -71,12 +82,12 @@ def first_order(
     def measure(_t: float, _y: Any, _p: Any, out: Any) -> None:
         out[:2] = 0.0
 
-    return {"derivative": derivative, "measure": measure}
+    return {"derivative": derivative, "measure": measure, **_EXACT}
 
 
 def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
     """Give the model's native functions, as kernels call them."""
-    names = ["derivative", "measure", "observe", *runner.method.NEEDS]
+    names = ["derivative", "measure", "terms", "rounding", "observe", *runner.method.NEEDS]
     if "lagrangian" in names:
         names += ["lagrangian_slopes", "inertia"]
     if runner.system.m:
@@ -109,7 +120,7 @@ def second_order(
     def measure(_t: float, _y: Any, _p: Any, out: Any) -> None:
         out[:4] = 0.0
 
-    return {"derivative": derivative, "measure": measure, "power": rate}
+    return {"derivative": derivative, "measure": measure, "power": rate, **_EXACT}
 
 
 def _through(call: Callable[..., Any]) -> Callable[..., Any]:
