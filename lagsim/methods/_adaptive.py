@@ -5,12 +5,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods._singular import clear_of_loss
-from lagsim.methods._state import END, H, T
+from lagsim.methods._state import (
+    END,
+    FEATURE,
+    FEATURE_REACH,
+    FEATURE_WIDTH,
+    MOST_STEP,
+    H,
+    T,
+)
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
 CONSTRAINED = True
+
+# Steps towards what happens at its own time are this part of the way to it.
+CLOSER = 0.25
 
 # Below this many units in the last place of t a step makes no progress.
 SMALLEST = 8.0 * 2.0**-52
@@ -20,6 +31,10 @@ def usable_step(s: Floats) -> float:
     """Give the step to try, with t + h exact; 0 where it would be too small."""
     t = s[T]
     h = s[H]
+    if s[MOST_STEP] > 0.0:
+        h = min(h, s[MOST_STEP])
+    if s[FEATURE_WIDTH] > 0.0:
+        h = up_to_feature(s, h)
     if t + 1.01 * h >= s[END]:
         return float(s[END] - t)
     if not h > SMALLEST * max(abs(t), 1e-6 * (s[END] - t)):
@@ -27,3 +42,17 @@ def usable_step(s: Floats) -> float:
     if CONSTRAINED:
         h = clear_of_loss(s, h)
     return float((t + h) - t)
+
+
+def up_to_feature(s: Floats, h: float) -> float:
+    """Give the step, no longer than what happens at its own time lets it be.
+
+    It ends where that begins; from there steps shrink with the way left to it.
+    """
+    away = s[FEATURE] - s[T]
+    before = away - s[FEATURE_REACH]
+    if before > s[FEATURE_WIDTH]:
+        return min(h, before)
+    if away < -s[FEATURE_REACH]:
+        return h
+    return min(h, max(s[FEATURE_WIDTH], CLOSER * abs(away)))

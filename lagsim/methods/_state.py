@@ -60,7 +60,14 @@ SMALLEST_STEP = 44  # once the first steps have found their size; 0: none yet
 INERTIAS = 45  # how many are followed, whether they vanish on the way ...
 INERTIAS_AT = 46  # ... and where: the largest, the smallest and its time, of each
 LANES_AT = 47  # where the memory for rows side by side is; see _projection
-HEADER = 48
+MOST_STEP = 48  # no step is longer until one has been made; 0: no such limit
+SUSPECT = 49  # 1 if the last step is to be searched for what it may have leapt over
+SIGNALS = 50  # how many arguments of functions that may sleep are watched ...
+LOOKS_AT = 51  # ... and where the memory for that is; see _looks
+FEATURE = 52  # about this time something short happens that depends on t alone ...
+FEATURE_WIDTH = 53  # ... of this width; 0: nothing is known of
+FEATURE_REACH = 54  # and so far before and after it counts
+HEADER = 80
 
 
 # The spectral radius of the methods that have it, unless another is asked for.
@@ -79,6 +86,7 @@ RANK_LOST = 8
 SWITCH_FOUND = 9
 NEWTON_FAILED = 10
 STIFF = 11
+FEATURE_PASSED = 12
 
 
 def lanes_size(size: int) -> int:

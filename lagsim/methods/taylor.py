@@ -31,6 +31,7 @@ from lagsim.methods._controller import (
     set_tolerances,
 )
 from lagsim.methods._interface import series
+from lagsim.methods._looks import suspect
 from lagsim.methods._projection import project
 from lagsim.methods._singular import leave_loss, record_health
 from lagsim.methods._state import (
@@ -69,6 +70,7 @@ HANDLES = "smooth models, not large; equality constraints"
 NEEDS = ("series",)
 
 CONSTRAINED = True
+SLEEPERS = True
 
 # Terms shrink by e^2 from one to the next at the step that costs least per unit of
 # time (Jorba and Zou, proposition 3.1).
@@ -191,7 +193,7 @@ def step(s: Floats, p: Floats) -> int:
                 trouble = STEP_TOO_SMALL
         rejected = True
         s[REJECTIONS] += 1.0
-    accept(s, h)
+    accept(s, p, h)
     s[AT_BOUND] = max(s[AT_BOUND] + (1.0 if rejected else -1.0), 0.0)
     return DONE
 
@@ -287,12 +289,16 @@ def check(s: Floats, p: Floats, h: float) -> float:
     return worst
 
 
-def accept(s: Floats, h: float) -> None:
+def accept(s: Floats, p: Floats, h: float) -> None:
     """Take the new state and its series; the old one is the dense output."""
     size = int(s[SIZE])
     own = at(s, HEADER + 6 * size + 6)
     y = at(s, HEADER)
     new = at(s, buffer(size, 2.0))
+    if SLEEPERS:
+        before = at(s, buffer(size, own[0]) + 1 + size)
+        following = at(s, buffer(size, 1.0 - own[0]) + 1 + size)
+        suspect(s, p, h, y, before, new, following)
     own[0] = 1.0 - own[0]
     for i in range(size):
         y[i] = new[i]
