@@ -33,9 +33,8 @@ from lagsim.methods._state import (
     EQUATION,
     EVENT,
     EVENT_FOUND,
-    FEATURE,
+    FEATURE_END,
     FEATURE_PASSED,
-    FEATURE_REACH,
     FEATURE_WIDTH,
     FRESH,
     HEADER,
@@ -128,7 +127,7 @@ def arrived(s: Floats, p: Floats) -> int:
         return SWITCH_FOUND
     if s[T] >= s[END]:
         return DONE
-    if s[FEATURE_WIDTH] > 0.0 and s[T] >= s[FEATURE] + s[FEATURE_REACH]:
+    if s[FEATURE_WIDTH] > 0.0 and s[T] >= s[FEATURE_END]:
         return FEATURE_PASSED
     if CONSTRAINED and s[HEALTH] < s[DEGENERATE_BELOW]:
         return DEGENERATE

@@ -74,6 +74,7 @@ PASSED = 1e4
 # for the polynomials that they are taken of.
 BESIDE = 2.0**-8
 TINY = 1e-300
+AT_END = 1e-9
 
 
 def looks_size(size: int, count: int) -> int:
@@ -290,7 +291,8 @@ def visit(s: Floats, p: Floats, low: float, high: float) -> float:
         end = distance(own[k], own[count + k], own[7 * count + k])
         if highest[k] - least > WAKES and found == 0.0:
             found = visited(s, p, k, low, high)
-            highest[k] = least
+            if end - least > FLAT:
+                highest[k] = least
         highest[k] = max(highest[k], end)
     return found
 
@@ -298,6 +300,8 @@ def visit(s: Floats, p: Floats, low: float, high: float) -> float:
 def visited(s: Floats, p: Floats, k: int, low: float, high: float) -> float:
     """Look at the closest approach of signal k in [low, high], and around it."""
     x = approach(s, p, k, low, high)
+    if high - x < AT_END * (high - low):
+        return 0.0  # it comes closer still, or the next step begins there
     if differs(s, p, x):
         return x
     least = apart(s, p, k, x)

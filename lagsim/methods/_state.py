@@ -66,7 +66,8 @@ SIGNALS = 50  # how many arguments of functions that may sleep are watched ...
 LOOKS_AT = 51  # ... and where the memory for that is; see _looks
 FEATURE = 52  # about this time something short happens that depends on t alone ...
 FEATURE_WIDTH = 53  # ... of this width; 0: nothing is known of
-FEATURE_REACH = 54  # and so far before and after it counts
+FEATURE_REACH = 54  # it counts from so far before it ...
+FEATURE_END = 55  # ... to this time
 HEADER = 80
 
 
