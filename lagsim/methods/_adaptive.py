@@ -50,9 +50,9 @@ def up_to_feature(s: Floats, h: float) -> float:
     It ends where that begins; from there steps shrink with the way left to it.
     """
     away = s[FEATURE] - s[T]
-    before = away - s[FEATURE_REACH]
-    if before > s[FEATURE_WIDTH]:
-        return min(h, before)
+    before = away - s[FEATURE_REACH] - s[FEATURE_WIDTH]
+    if before > 0.0:
+        return float(min(h, max(before, SMALLEST * abs(s[T]))))
     if away < -s[FEATURE_REACH]:
         return h
-    return min(h, max(s[FEATURE_WIDTH], CLOSER * abs(away)))
+    return float(min(h, max(s[FEATURE_WIDTH], CLOSER * abs(away))))

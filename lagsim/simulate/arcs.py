@@ -272,7 +272,7 @@ class Run:
         state[at.FRESH] = 1.0
         state[at.ARC_START] = self.t
         if self.features is not None:
-            self.features.advance(state)
+            self.features.advance(self)
 
     def _method_now(self) -> str:
         """Give the method of the arc: sliding is written for y' alone."""
@@ -329,7 +329,7 @@ class Run:
             consider(self)
         elif code == at.FEATURE_PASSED:
             assert self.features is not None
-            self.features.advance(state)
+            self.features.advance(self)
         elif code == at.SWITCH_FOUND:
             return Outcome.SWITCHED
         elif code == at.PAUSED and left <= budget:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import heapq
 import math
-from itertools import count
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -28,7 +27,6 @@ from lagsim.system.sleepers import motion_nodes, timed_sleepers
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from lagsim.native.kernel_types import Floats
     from lagsim.simulate.arcs import Run
     from lagsim.system.sleepers import Sleeper
 
@@ -36,10 +34,15 @@ if TYPE_CHECKING:
 # way on which it fades by the first, and it is over where it has faded by the second;
 # or, where it fades as a power does, after so many widths.
 FADED = 0.5
-GONE = 36.0
+GONE = 80.0
 FAR = 64.0
+# The part of what it does to a motion that counts as its size already before it begins:
+# until then the motion may change.
+FORESEEN = 1e-2
 # What varies by no more than this hides nothing: a method's own steps see it.
 SHALLOW = 3.0
+# Halvings of the way on which the distance has grown past what counts.
+REFINED = 6
 
 
 class Feature(NamedTuple):
@@ -80,8 +83,9 @@ class Features:
         self._next = next(self._coming, None) if self.any else None
         self._now: Feature | None = None
 
-    def advance(self, state: Floats) -> None:
+    def advance(self, run: Run) -> None:
         """Tell the kernel what comes first after the time reached."""
+        state = run.state
         t = float(state[at.T])
         while self._now is None or self._ends(self._now) <= t:
             if self._next is None:
@@ -94,7 +98,28 @@ class Features:
         state[at.FEATURE] = self._now.time
         state[at.FEATURE_WIDTH] = self._now.width
         state[at.FEATURE_REACH] = self._now.reach
+        begins = self._now.time - self._now.reach
+        if t < begins - self._now.width:
+            state[at.FEATURE_END] = begins - self._now.width
+            self._expect(run, self._now, FORESEEN)
+            return
         state[at.FEATURE_END] = self._ends(self._now)
+        self._expect(run, self._now, 1.0)
+
+    def _expect(self, run: Run, now: Feature, part: float) -> None:
+        """Take what is about to happen as a size of the motion.
+
+        Or the first traces of a pulse would be controlled against a body at rest, as
+        finely as rounding lets them be.
+        """
+        n = run.system.n
+        rates = run.runner.function("derivative", run.system.size)
+        sizes = run.sizes
+        for time in (now.time - now.width, now.time, now.time + now.width):
+            push = part * now.width * np.abs(rates(time, run.y)[n:])
+            if np.all(np.isfinite(push)):
+                sizes[n:] = np.maximum(sizes[n:], push)
+                sizes[:n] = np.maximum(sizes[:n], now.width * push[:n])
 
     def _ends(self, now: Feature) -> float:
         """Give when it is over, or when the next begins."""
@@ -170,9 +195,7 @@ class _Line:
         beside = max(8.0 * math.ulp(time), self.finest)
         width = None
         fade = 0.0
-        for _ in count():
-            if beside > self.end - self.start:
-                break
+        while beside <= self.end - self.start:
             sides = [self._distance(time - beside), self._distance(time + beside)]
             if width is None and min(sides) - least < -FADED:
                 return None  # it is closer to waking beside that moment
@@ -185,4 +208,16 @@ class _Line:
             beside *= 2.0
         if width is None or fade < SHALLOW:
             return None
-        return Feature(time, width, beside)
+        return Feature(time, width, self._reach(time, least + GONE, beside))
+
+    def _reach(self, time: float, gone: float, far: float) -> float:
+        """Give how far from `time`, at most `far`, it has faded on both sides."""
+        near = 0.5 * far
+        for _ in range(REFINED):
+            middle = 0.5 * (near + far)
+            sides = [self._distance(time - middle), self._distance(time + middle)]
+            if min(sides) >= gone:
+                far = middle
+            else:
+                near = middle
+        return far
