@@ -116,10 +116,13 @@ class Features:
         rates = run.runner.function("derivative", run.system.size)
         sizes = run.sizes
         for time in (now.time - now.width, now.time, now.time + now.width):
-            push = part * now.width * np.abs(rates(time, run.y)[n:])
-            if np.all(np.isfinite(push)):
-                sizes[n:] = np.maximum(sizes[n:], push)
-                sizes[:n] = np.maximum(sizes[:n], now.width * push[:n])
+            push = part * now.width * np.abs(rates(time, run.y)[n : 2 * n])
+            moved = run.y.copy()
+            moved[n : 2 * n] += push  # a body at rest takes no work
+            work = part * now.width * np.abs(rates(time, moved)[2 * n :])
+            change = np.concatenate([now.width * push, push, work])
+            if np.all(np.isfinite(change)):
+                sizes[:] = np.maximum(sizes, change)
 
     def _ends(self, now: Feature) -> float:
         """Give when it is over, or when the next begins."""
