@@ -5,12 +5,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods._singular import clear_of_loss
-from lagsim.methods._state import END, H, T
+from lagsim.methods._state import (
+    END,
+    FEATURE,
+    FEATURE_REACH,
+    FEATURE_WIDTH,
+    MOST_STEP,
+    H,
+    T,
+)
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
 CONSTRAINED = True
+
+# Steps towards what happens at its own time are this part of the way to it.
+CLOSER = 0.25
 
 # Below this many units in the last place of t a step makes no progress.
 SMALLEST = 8.0 * 2.0**-52
@@ -20,6 +31,10 @@ def usable_step(s: Floats, p: Floats) -> float:
     """Give the step to try, with t + h exact; 0 where it would be too small."""
     t = s[T]
     h = s[H]
+    if s[MOST_STEP] > 0.0:
+        h = min(h, s[MOST_STEP])
+    if s[FEATURE_WIDTH] > 0.0:
+        h = up_to_feature(s, h)
     rest = s[END] - t
     last = t + 1.01 * h >= s[END]
     if last:
@@ -34,3 +49,17 @@ def usable_step(s: Floats, p: Floats) -> float:
     if last:
         return float(rest)
     return float((t + h) - t)
+
+
+def up_to_feature(s: Floats, h: float) -> float:
+    """Give the step, no longer than what happens at its own time lets it be.
+
+    It ends where that begins; from there steps shrink with the way left to it.
+    """
+    away = s[FEATURE] - s[T]
+    before = away - s[FEATURE_REACH] - s[FEATURE_WIDTH]
+    if before > 0.0:
+        return float(min(h, max(before, SMALLEST * abs(s[T]))))
+    if away < -s[FEATURE_REACH]:
+        return h
+    return float(min(h, max(s[FEATURE_WIDTH], CLOSER * abs(away))))

@@ -1,6 +1,6 @@
 """The loop around any method: rows on a grid, `until`, and an orderly return.
 
-Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES and WIDE; what a
+Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, SLEEPERS and WIDE; what a
 model does not need is left out.
 """
 
@@ -17,6 +17,7 @@ from lagsim.methods._interface import (
     step,
     until,
 )
+from lagsim.methods._looks import overlooked, take_back
 from lagsim.methods._projection import project, project_rows
 from lagsim.methods._singular import watch
 from lagsim.methods._state import (
@@ -33,11 +34,15 @@ from lagsim.methods._state import (
     EVENT,
     EVENT_FOUND,
     EXTENTS_AT,
+    FEATURE_END,
+    FEATURE_PASSED,
+    FEATURE_WIDTH,
     FRESH,
     HEADER,
     HEALTH,
     INERTIAS,
     INERTIAS_AT,
+    MOST_STEP,
     ORIENTATION,
     PAUSED,
     RANK_LOST,
@@ -52,6 +57,7 @@ from lagsim.methods._state import (
     STEP_T,
     STEPS,
     STIFF,
+    SUSPECT,
     SWITCH_FOUND,
     SWITCHED,
     N,
@@ -68,6 +74,7 @@ CONSTRAINED = True
 UNTIL = True
 SWITCHES = True
 WIDE = True
+SLEEPERS = True
 
 # A step is looked at this often for the moment that ends the run.
 LOOKS = 8
@@ -101,6 +108,10 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
         code = step(s, p)
         if code != DONE:
             return code
+        s[MOST_STEP] = 0.0
+        if SLEEPERS and has_leapt(s, p) > 0:
+            begin(s, p)
+            continue
         record_step(s)
         inspect(s, p)
         if CONSTRAINED and watch(s, p) > 0:
@@ -117,9 +128,22 @@ def arrived(s: Floats, p: Floats) -> int:
         return SWITCH_FOUND
     if s[T] >= s[END]:
         return DONE
+    if s[FEATURE_WIDTH] > 0.0 and s[T] >= s[FEATURE_END]:
+        return FEATURE_PASSED
     if CONSTRAINED and s[HEALTH] < s[DEGENERATE_BELOW]:
         return DEGENERATE
     return NOWHERE
+
+
+def has_leapt(s: Floats, p: Floats) -> int:
+    """Take the last step back where it leapt over something; tell whether it did."""
+    if s[SUSPECT] == 0.0:
+        return 0
+    x = overlooked(s, p)
+    if x == 0.0:
+        return 0
+    take_back(s, x)
+    return 1
 
 
 def record_step(s: Floats) -> None:

@@ -154,6 +154,14 @@ def margins(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
+def signals(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the arguments that are watched and their rates (2 K,) at y and y' (2 size,).
+
+    y' stands behind y; see `_looks`.
+    """
+
+
+@external
 def pull(t: float, y: Floats, p: Floats) -> None:
     """Take a state back onto the surfaces that the motion slides along."""
 

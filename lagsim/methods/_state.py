@@ -64,6 +64,14 @@ PASSES = 62  # 1 where the step tried last was to pass a loss of rank
 FALLING = 63  # how fast the health fell last, per unit of time
 EXTENTS_AT = 56  # where `_controller` keeps what scales of errors are made of
 LOOKED = 57  # 1 once rounding has been looked at in this step
+MOST_STEP = 48  # no step is longer until one has been made; 0: no such limit
+SUSPECT = 49  # 1 if the last step is to be searched for what it may have leapt over
+SIGNALS = 50  # how many arguments of functions that may sleep are watched ...
+LOOKS_AT = 51  # ... and where the memory for that is; see _looks
+FEATURE = 52  # about this time something short happens that depends on t alone ...
+FEATURE_WIDTH = 53  # ... of this width; 0: nothing is known of
+FEATURE_REACH = 54  # it counts from so far before it ...
+FEATURE_END = 55  # ... to this time
 HEADER = 80
 
 
@@ -83,6 +91,7 @@ RANK_LOST = 8
 SWITCH_FOUND = 9
 NEWTON_FAILED = 10
 STIFF = 11
+FEATURE_PASSED = 12
 
 
 def lanes_size(size: int) -> int:

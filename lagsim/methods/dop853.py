@@ -24,6 +24,7 @@ from lagsim.methods._controller import (
 )
 from lagsim.methods._dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
 from lagsim.methods._interface import LEAST_HEALTH, derivative
+from lagsim.methods._looks import suspect
 from lagsim.methods._projection import meet_constraints
 from lagsim.methods._singular import (
     forget_weak_directions,
@@ -53,6 +54,7 @@ from lagsim.methods._state import (
     STEP_T,
     STEP_TOO_SMALL,
     STEPS,
+    SUSPECT,
     WATCHED,
     H,
     N,
@@ -79,6 +81,7 @@ QUADRATURES = True
 
 CONSTRAINED = True
 UNTIL = True
+SLEEPERS = True
 
 STAGES = 16
 SAFETY = 0.9
@@ -223,16 +226,19 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     y = at(s, HEADER)
     k = at(s, HEADER + 6 * size + 6)
     new = at(k, (STAGES + 1) * size)
+    derivative(s[T] + h, new, p, at(k, 12 * size))
+    if SLEEPERS:
+        suspect(s, p, h, y, k, new, at(k, 12 * size))
     s[STEP_T] = s[T]
     s[STEP_H] = h
     s[T] = s[T] + h
     s[STEPS] += 1.0
-    derivative(s[T], new, p, at(k, 12 * size))
     s[EVALUATIONS] += 1.0
     z = at(k, STAGES * size)
     record_speed(s, h, IMAGINARY_LIMIT, new, at(k, 12 * size), z, at(k, 11 * size))
     row = s[ROW_START] + s[ROW] * s[ROW_STEP]
     watched = CONSTRAINED and s[WATCHED] > 0.0
+    watched = watched or (SLEEPERS and s[SUSPECT] > 0.0)
     if UNTIL or watched or (row < s[ROW_LIMIT] and row < s[T]):
         prepare_dense(s, p)
     for i in range(size):

@@ -26,6 +26,7 @@ from lagsim.methods._controller import (
 )
 from lagsim.methods._interface import LEAST_HEALTH, derivative
 from lagsim.methods._linearised import solve_real
+from lagsim.methods._looks import suspect
 from lagsim.methods._lu import too_large
 from lagsim.methods._projection import meet_constraints
 from lagsim.methods._radau_newton import (
@@ -97,6 +98,7 @@ TABLEAU = Tableau(A, B, C, ORDER)
 NEEDS = ("jacobian",)
 
 CONSTRAINED = True
+SLEEPERS = True
 
 # A step at which Newton's method failed is kept clear of, and grows by this per step.
 FORGOTTEN = 1.1
@@ -329,14 +331,22 @@ def accept(s: Floats, p: Floats, h: float) -> None:
                 + c * DENSE[3][m]
             )
         last[i] = c / h
-        y[i] = new[i]
     own[PREVIOUS_H] = h
+    s[EVALUATIONS] += 1.0
+    if SLEEPERS:
+        before = at(own, OWN + STAGE * size)
+        for i in range(size):
+            before[i] = slope[i]
+        derivative(s[T] + h, new, p, slope)
+        suspect(s, p, h, y, before, new, slope)
+    else:
+        derivative(s[T] + h, new, p, slope)
+    for i in range(size):
+        y[i] = new[i]
     s[STEP_T] = s[T]
     s[STEP_H] = h
     s[T] = s[T] + h
     s[STEPS] += 1.0
-    derivative(s[T], y, p, slope)
-    s[EVALUATIONS] += 1.0
     record_sizes(s, p)
 
 

@@ -31,6 +31,7 @@ from lagsim.methods._controller import (
     set_tolerances,
 )
 from lagsim.methods._interface import series
+from lagsim.methods._looks import suspect
 from lagsim.methods._projection import project
 from lagsim.methods._singular import leave_loss, record_health
 from lagsim.methods._state import (
@@ -70,6 +71,7 @@ HANDLES = "smooth models, not large; equality constraints"
 NEEDS = ("series",)
 
 CONSTRAINED = True
+SLEEPERS = True
 
 # Terms shrink by e^2 from one to the next at the step that costs least per unit of
 # time (Jorba and Zou, proposition 3.1).
@@ -329,6 +331,10 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     own = at(s, HEADER + 6 * size + 6)
     y = at(s, HEADER)
     new = at(s, buffer(size, 2.0))
+    if SLEEPERS:
+        before = at(s, buffer(size, own[0]) + 1 + size)
+        following = at(s, buffer(size, 1.0 - own[0]) + 1 + size)
+        suspect(s, p, h, y, before, new, following)
     own[0] = 1.0 - own[0]
     for i in range(size):
         y[i] = new[i]

@@ -32,6 +32,7 @@ from lagsim.simulate.states import (
     taken_over,
 )
 from lagsim.system import System
+from lagsim.system.sleepers import timed
 from lagsim.trajectory import Caution, Event, Outcome, Statistics, Trajectory
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from lagsim.model import Simulation
     from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
+    from lagsim.simulate.features import Features
     from lagsim.simulate.switching import Switching
 
 # Rows in one block: a few hundred kilobytes; fewer where there are many columns.
@@ -107,6 +109,11 @@ class Run:
         self.review_at, self.reviewed = MOST_STEPS, self.state
         if self.simulation.method == "auto" and plan.method == SERIES:
             self.review_at = LONG
+        self.features: Features | None = None
+        if method(plan.method).ADAPTIVE and timed(system.equations):
+            from lagsim.simulate.features import Features
+
+            self.features = Features(self)
         self.switching: Switching | None = None
         if system.surfaces:
             from lagsim.simulate.switching import Switching
@@ -264,6 +271,8 @@ class Run:
         state[at.ROW_LIMIT] = min(end, last)
         state[at.FRESH] = 1.0
         state[at.ARC_START] = self.t
+        if self.features is not None:
+            self.features.advance(self)
 
     def _method_now(self) -> str:
         """Give the method of the arc: sliding is written for y' alone."""
@@ -318,6 +327,9 @@ class Run:
             from lagsim.simulate.stiffness import consider
 
             consider(self)
+        elif code == at.FEATURE_PASSED:
+            assert self.features is not None
+            self.features.advance(self)
         elif code == at.SWITCH_FOUND:
             return Outcome.SWITCHED
         elif code == at.PAUSED and left <= budget:
@@ -326,7 +338,7 @@ class Run:
             from lagsim.simulate.stiffness import review
 
             review(self)
-        elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST):
+        elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST, at.FEATURE_PASSED):
             return _OUTCOMES[code]
         return None
 

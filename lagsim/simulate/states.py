@@ -8,6 +8,7 @@ import numpy as np
 
 from lagsim.methods import _state as at
 from lagsim.methods import method
+from lagsim.methods._looks import looks_size
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
@@ -34,7 +35,13 @@ def empty_state(runner: Runner) -> Floats:
     sizes = used + at.lanes_size(system.size)
     extents = sizes + 3 * system.size
     count, noted = len(system.inertias), extents + at.extents_size(system.size)
-    state = np.zeros(noted + 3 * count)
+    watched = noted + 3 * count
+    looks = looks_size(system.size, len(system.sleepers))
+    state = np.zeros(watched + looks)
+    state[at.SIGNALS], state[at.LOOKS_AT] = len(system.sleepers), watched
+    for k, sleeper in enumerate(system.sleepers):
+        state[watched + k] = sleeper.kind
+        state[watched + len(system.sleepers) + k] = sleeper.power
     state[at.LANES_AT], state[at.SIZES_BEFORE] = used, sizes
     state[at.EXTENTS_AT] = extents
     state[extents : extents + system.size] = np.inf
@@ -48,6 +55,7 @@ def taken_over(state: Floats, runner: Runner) -> Floats:
     """Give a state as that of another method or system, at the start of an arc."""
     new = empty_state(runner)
     own = [at.INERTIAS, at.INERTIAS_AT, at.LANES_AT, at.SIZES_BEFORE, at.EXTENTS_AT]
+    own += [at.SIGNALS, at.LOOKS_AT]
     kept = new[own]
     common = at.HEADER + 6 * runner.system.size + 6
     new[:common] = state[:common]
@@ -55,7 +63,9 @@ def taken_over(state: Floats, runner: Runner) -> Floats:
     length = at.extents_size(size)
     new[extents : extents + length] = state[int(state[at.EXTENTS_AT]) :][:length]
     if state[at.INERTIAS] == kept[0]:
-        new[int(kept[1]) :] = state[int(state[at.INERTIAS_AT]) :]
+        noted = 3 * int(kept[0])
+        here, there = int(kept[1]), int(state[at.INERTIAS_AT])
+        new[here : here + noted] = state[there : there + noted]
     new[own] = kept
     new[at.FRESH] = 1.0
     return new

@@ -21,6 +21,13 @@ from lagsim.native.graph_code import Layout
 from lagsim.system.columns import Columns
 from lagsim.system.functions import AFTER_FREEZING, functions, varying_inertias
 from lagsim.system.runner import Runner
+from lagsim.system.sleepers import (
+    Sleeper,
+    motion_nodes,
+    signal_nodes,
+    slope,
+    state_sleepers,
+)
 from lagsim.system.switching import surface_functions
 
 if TYPE_CHECKING:
@@ -61,6 +68,8 @@ class System:
         The coordinates whose inertia varies with positions.
     parts : list of System
         Of the subsystems, where they are integrated apart.
+    sleepers : list of Sleeper
+        What may wake within a step, see `system.sleepers`.
     objects : list of bytes
         Object code of the model's functions.
     operations : int
@@ -97,6 +106,7 @@ class System:
             else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
+        self.sleepers = self._sleepers(nodes_of)
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
@@ -166,6 +176,15 @@ class System:
             return 0
         return self.motion + _layout.weak_directions(self.n, self.m)
 
+    def _sleepers(self, nodes_of: dict[str, list[int]]) -> list[Sleeper]:
+        """Find what may sleep in the motion, and add the function that watches it."""
+        e = self.equations
+        nodes = self.switches.freeze(motion_nodes(e))
+        found = state_sleepers(e, nodes)
+        if found:
+            nodes_of["signals"] = signal_nodes(e, found)
+        return found
+
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
         if "series" in nodes_of:
             return len(self.equations.graph.cone(nodes_of["series"]))
@@ -184,6 +203,9 @@ class System:
         fixed += [f"length.{row.name}" for row in e.rows]
         p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
         p[GAIN] = _layout.GAIN
+        # y' stands behind y where the arguments of sleepers are watched.
+        slopes = [f"{name}'" for name in e.q]
+        slopes += [slope(name) for name in e.velocities]
         self.switching = _layout.HEADER + len(fixed)
         elements = len(self.pattern[1])
         kept = _layout.switching(self.m, self.size, self.surfaces, elements)
@@ -200,7 +222,7 @@ class System:
         elif self.has_loops:
             loops = _layout.workspace(self.n, self.m)
         return Layout(
-            y={name: k for k, name in enumerate(self.state)},
+            y={name: k for k, name in enumerate((*self.state, *slopes))},
             p=p,
             fixed=frozenset(fixed),
             size=self.motion + max(loops, len(motion)),
