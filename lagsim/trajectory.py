@@ -7,7 +7,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.formulation import Choice
 
@@ -107,7 +107,8 @@ class Trajectory:
     """The result of a run; its rows have gone to the consumers.
 
     `reason` says in words why it ended where it did; `end` is the time reached;
-    `choices` are those made on the way.
+    `choices` are those made on the way; `extents` the least and the greatest value of
+    components of the state over the steps, where they were noted.
     """
 
     outcome: Outcome
@@ -119,3 +120,4 @@ class Trajectory:
     events: Sequence[Event] = ()
     warnings: Sequence[Caution] = field(default_factory=tuple)
     choices: Sequence[Choice] = ()
+    extents: Mapping[str, tuple[float, float]] = field(default_factory=dict)

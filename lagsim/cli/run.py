@@ -223,7 +223,7 @@ class _Job:
         names = system.columns.names
         ledger = Ledger(names)
         thin = self._thinning(equations.model, names)
-        checkpoints = Checkpoints(len(equations.q))
+        checkpoints = Checkpoints(len(equations.q), equations.model.simulation)
         witness = Witness(names, len(equations.q))
         consumers = [ledger, checkpoints, witness, *([thin] if thin else [])]
         interrupt = Interrupt()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods._singular import clear_of_loss
-from lagsim.methods._state import END, H, T
+from lagsim.methods._state import END, LONGEST, H, T
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
@@ -20,6 +20,8 @@ def usable_step(s: Floats) -> float:
     """Give the step to try, with t + h exact; 0 where it would be too small."""
     t = s[T]
     h = s[H]
+    if s[LONGEST] > 0.0 and h > s[LONGEST]:
+        h = s[LONGEST]
     if t + 1.01 * h >= s[END]:
         return float(s[END] - t)
     if not h > SMALLEST * max(abs(t), 1e-6 * (s[END] - t)):

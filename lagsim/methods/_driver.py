@@ -32,6 +32,7 @@ from lagsim.methods._state import (
     EQUATION,
     EVENT,
     EVENT_FOUND,
+    EXTENTS_AT,
     FRESH,
     HEADER,
     HEALTH,
@@ -137,8 +138,21 @@ def inspect(s: Floats, p: Floats) -> None:
             pull(s[T], at(s, HEADER), p)
     if UNTIL:
         locate(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+    if s[EXTENTS_AT] > 0.0:
+        note_extents(s)
     if s[INERTIAS] > 0.0:
         note_inertias(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+
+
+def note_extents(s: Floats) -> None:
+    """Note the range of each component over the steps: rows may be few."""
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    low = at(s, int(s[EXTENTS_AT]))
+    high = at(low, size)
+    for i in range(size):
+        low[i] = min(low[i], y[i])
+        high[i] = max(high[i], y[i])
 
 
 def note_inertias(s: Floats, p: Floats, now: Floats) -> None:

@@ -60,7 +60,9 @@ SMALLEST_STEP = 44  # once the first steps have found their size; 0: none yet
 INERTIAS = 45  # how many are followed, whether they vanish on the way ...
 INERTIAS_AT = 46  # ... and where: the largest, the smallest and its time, of each
 LANES_AT = 47  # where the memory for rows side by side is; see _projection
-HEADER = 48
+LONGEST = 68  # no step is longer than this; 0: any
+EXTENTS_AT = 69  # where the ranges of y over the steps are noted: low, high; or 0
+HEADER = 80
 
 
 # The spectral radius of the methods that have it, unless another is asked for.

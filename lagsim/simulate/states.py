@@ -33,22 +33,38 @@ def empty_state(runner: Runner) -> Floats:
     # `_driver.note_inertias` note.
     sizes = used + at.lanes_size(system.size)
     count, noted = len(system.inertias), sizes + system.size
-    state = np.zeros(noted + 3 * count)
+    state = np.zeros(noted + 3 * count + 2 * system.size)
     state[at.LANES_AT], state[at.SIZES_BEFORE] = used, sizes
     state[at.INERTIAS], state[at.INERTIAS_AT] = count, noted
     state[noted + count :][:count] = np.inf  # the smallest so far
     return state
 
 
+def note_extents(state: Floats) -> None:
+    """Have the ranges over the steps noted from now on."""
+    state[at.EXTENTS_AT] = state[at.INERTIAS_AT] + 3 * state[at.INERTIAS]
+    extents(state)[:] = [[np.inf], [-np.inf]]
+
+
+def extents(state: Floats) -> Floats:
+    """Give the least and the greatest value of each component: a view (2, size)."""
+    return state[int(state[at.EXTENTS_AT]) :].reshape(2, -1)
+
+
 def taken_over(state: Floats, runner: Runner) -> Floats:
     """Give a state as that of another method or system, at the start of an arc."""
     new = empty_state(runner)
-    own = [at.INERTIAS, at.INERTIAS_AT, at.LANES_AT, at.SIZES_BEFORE]
+    own = [at.INERTIAS, at.INERTIAS_AT, at.LANES_AT, at.SIZES_BEFORE, at.EXTENTS_AT]
+    if state[at.EXTENTS_AT]:
+        note_extents(new)
+        extents(new)[:] = extents(state)
     kept = new[own]
     common = at.HEADER + 6 * runner.system.size + 6
     new[:common] = state[:common]
+    count = 3 * int(kept[0])
     if state[at.INERTIAS] == kept[0]:
-        new[int(kept[1]) :] = state[int(state[at.INERTIAS_AT]) :]
+        before = int(state[at.INERTIAS_AT])
+        new[int(kept[1]) :][:count] = state[before : before + count]
     new[own] = kept
     new[at.FRESH] = 1.0
     return new
