@@ -257,7 +257,7 @@ def _compared(
     checkpoints: Checkpoints,
     again: Checkpoints,
 ) -> ErrorBar:
-    """Compare rows of the same numbers, as far as both go, and ends of the same kind."""
+    """Compare rows of the same numbers, as far as both go, and ends alike."""
     n = len(equations.q)
     rows, others = [], []
     for k, row in checkpoints.states.items():

@@ -91,7 +91,7 @@ class Checkpoints:
     def rows(self) -> Floats:
         """Time and coordinates (k, 1 + n); the last row, where all are kept."""
         found = list(self._kept.values())
-        whole = self.stride == 1 and self._last is not None
-        if whole and not (found and found[-1][0] == self._last[0]):
-            found.append(self._last)
+        last = self._last if self.stride == 1 else None
+        if last is not None and not (found and found[-1][0] == last[0]):
+            found.append(last)
         return np.array(found).reshape(len(found), -1)[:, : 1 + self._count]

@@ -32,8 +32,9 @@ def empty_state(runner: Runner) -> Floats:
     # And room for rows side by side, for what `_driver.keep_sizes` and
     # `_driver.note_inertias` note.
     sizes = used + at.lanes_size(system.size)
-    count, noted = len(system.inertias), sizes + system.size
-    state = np.zeros(noted + 3 * count + 2 * system.size)
+    # `note_extents` needs room for two more.
+    count, noted = len(system.inertias), sizes + 3 * system.size
+    state = np.zeros(noted + 3 * count)
     state[at.LANES_AT], state[at.SIZES_BEFORE] = used, sizes
     state[at.INERTIAS], state[at.INERTIAS_AT] = count, noted
     state[noted + count :][:count] = np.inf  # the smallest so far
@@ -42,13 +43,14 @@ def empty_state(runner: Runner) -> Floats:
 
 def note_extents(state: Floats) -> None:
     """Have the ranges over the steps noted from now on."""
-    state[at.EXTENTS_AT] = state[at.INERTIAS_AT] + 3 * state[at.INERTIAS]
+    state[at.EXTENTS_AT] = state[at.INERTIAS_AT] - 2 * state[at.SIZE]
     extents(state)[:] = [[np.inf], [-np.inf]]
 
 
 def extents(state: Floats) -> Floats:
     """Give the least and the greatest value of each component: a view (2, size)."""
-    return state[int(state[at.EXTENTS_AT]) :].reshape(2, -1)
+    size, first = int(state[at.SIZE]), int(state[at.EXTENTS_AT])
+    return state[first : first + 2 * size].reshape(2, size)
 
 
 def taken_over(state: Floats, runner: Runner) -> Floats:
@@ -56,15 +58,14 @@ def taken_over(state: Floats, runner: Runner) -> Floats:
     new = empty_state(runner)
     own = [at.INERTIAS, at.INERTIAS_AT, at.LANES_AT, at.SIZES_BEFORE, at.EXTENTS_AT]
     if state[at.EXTENTS_AT]:
+        new[at.SIZE] = state[at.SIZE]
         note_extents(new)
         extents(new)[:] = extents(state)
     kept = new[own]
     common = at.HEADER + 6 * runner.system.size + 6
     new[:common] = state[:common]
-    count = 3 * int(kept[0])
     if state[at.INERTIAS] == kept[0]:
-        before = int(state[at.INERTIAS_AT])
-        new[int(kept[1]) :][:count] = state[before : before + count]
+        new[int(kept[1]) :] = state[int(state[at.INERTIAS_AT]) :]
     new[own] = kept
     new[at.FRESH] = 1.0
     return new
