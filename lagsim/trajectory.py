@@ -55,6 +55,12 @@ class Outcome(Enum):
         """no motion leads on from there: change the forces near their switches, or stop
         before that time""",
     )
+    NO_ANSWER = (
+        "failed",
+        """the constraints contradict each other from there on, or no method follows the
+        motion through what happens there: look at the scene around that time, or stop
+        before it""",
+    )
     INTERRUPTED = "interrupted", ""
     SWITCHED = "switched", ""  # of an arc: the next one begins
 

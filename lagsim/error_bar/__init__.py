@@ -59,8 +59,9 @@ TIGHTEST = 1e-14
 LOOSEST = 1e-6
 # That of the repeat of a method without error control.
 FREE_RTOL = 1e-13
-# The longest step of a repeat, as a part of the output step (the golden section: looks
-# fall elsewhere in each row), and of the mean step of a run by the same method.
+# The longest step of a repeat, as a part of the output step (not a ratio of small whole
+# numbers: looks fall elsewhere in each row), and of the steps of the same method.
+WITHIN = 0.75**0.5
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
 # Operations that a repeat may take without being asked for: about 2 s; and so many that
 # it may always take to keep its steps short.
@@ -155,7 +156,7 @@ def by_other_means(
     assert simulation is not None
     steps = max(trajectory.statistics.steps, 1)
     mean = (trajectory.end - trajectory.start) / steps
-    within = GOLDEN * simulation.output_step
+    within = WITHIN * simulation.output_step
     if plan.rtol is None and plan.method == EXACT:
         tight = replace(plan, method=ANY, rtol=TIGHTEST, step=None)
         yield Repeat(tight, system, _affordable(within, system, ANY, trajectory))
