@@ -7,7 +7,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.formulation import Choice
 
@@ -54,6 +54,12 @@ class Outcome(Enum):
         "failed",
         """no motion leads on from there: change the forces near their switches, or stop
         before that time""",
+    )
+    NO_ANSWER = (
+        "failed",
+        """the constraints contradict each other from there on, or no method follows the
+        motion through what happens there: look at the scene around that time, or stop
+        before it""",
     )
     INTERRUPTED = "interrupted", ""
     SWITCHED = "switched", ""  # of an arc: the next one begins
@@ -107,7 +113,8 @@ class Trajectory:
     """The result of a run; its rows have gone to the consumers.
 
     `reason` says in words why it ended where it did; `end` is the time reached;
-    `choices` are those made on the way.
+    `choices` are those made on the way; `extents` the least and the greatest value of
+    components of the state over the steps, where they were noted.
     """
 
     outcome: Outcome
@@ -119,3 +126,4 @@ class Trajectory:
     events: Sequence[Event] = ()
     warnings: Sequence[Caution] = field(default_factory=tuple)
     choices: Sequence[Choice] = ()
+    extents: Mapping[str, tuple[float, float]] = field(default_factory=dict)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.alarms.inputs import about_inputs
 from lagsim.alarms.rows import about_constraints, about_energy, about_error
+from lagsim.alarms.verdict import Doubt, doubt_about
 from lagsim.alarms.witness import Witness
 from lagsim.methods import method
 
@@ -37,7 +38,7 @@ SEE_FOR_THEMSELVES = ("dop853", "exponential")
 # fastest that is to be seen (a series takes 0.5 to 1.5).
 FOLLOWS = 0.05
 
-__all__ = ["MEANINGS", "Witness", "alarms"]
+__all__ = ["MEANINGS", "Doubt", "Witness", "alarms", "doubt_about"]
 
 MEANINGS = {
     "constraint-not-held": "rows are off the constraints by more than 1e-6 of their "
@@ -85,7 +86,7 @@ def alarms(
         *about_inputs(start, plan, system),
         *trajectory.warnings,
         *_about_steps(equations, plan, trajectory, witness),
-        *about_energy(plan, witness),
+        *about_energy(equations, plan, trajectory, ledger, witness),
         *about_constraints(ledger, plan),
         *about_error(bar, plan),
     ]

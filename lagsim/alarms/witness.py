@@ -121,6 +121,16 @@ class Witness:
         return float(np.max(found))
 
     @property
+    def ranges(self) -> Floats:
+        """The range of each column."""
+        return np.asarray(self._high - self._low)
+
+    @property
+    def work_range(self) -> float:
+        """The range of the work; 0 where there is none."""
+        return 0.0 if self._work is None else float(self.ranges[self._work])
+
+    @property
     def fastest_rate(self) -> float:
         """How fast the fastest motion is that the rows show: |q''| against |q'|."""
         n, rows = self.count, self._rows

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._closing import progress_bar, summary
+from lagsim.cli._attempts import ErrorBars
+from lagsim.cli._closing import summary
 from lagsim.cli._shared import (
     AsJson,
     ModelPath,
@@ -21,7 +21,7 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import Output, cut_short, open_table
+from lagsim.cli._writing import cut_short, open_table
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
-    from lagsim.error_bar import Checkpoints, ErrorBar
+    from lagsim.error_bar import ErrorBar
     from lagsim.interrupt import Interrupt
     from lagsim.model import Model
     from lagsim.outputs.ledger import Ledger
@@ -42,14 +42,6 @@ if TYPE_CHECKING:
 LAPS = (
     "import", "read", "derive", "compile", "integrate", "error_bar", "output", "plots",
 )  # fmt: skip
-
-
-class ErrorBars(Enum):
-    """When a run is repeated to estimate its error."""
-
-    AUTO = "auto"
-    ALWAYS = "always"
-    NEVER = "never"
 
 
 def command(
@@ -212,42 +204,25 @@ class _Job:
         system: System,
         results: Results,
     ) -> int:
-        from lagsim.alarms import Witness, alarms
-        from lagsim.error_bar import Checkpoints
+        from lagsim.alarms import alarms
+        from lagsim.cli._attempts import Attempts, Means
         from lagsim.interrupt import Interrupt
-        from lagsim.outputs.ledger import Ledger
         from lagsim.outputs.manifest import encode, manifest
         from lagsim.outputs.results import MANIFEST
-        from lagsim.simulate import simulate
 
         names = system.columns.names
-        ledger = Ledger(names)
-        thin = self._thinning(equations.model, names)
-        checkpoints = Checkpoints(len(equations.q))
-        witness = Witness(names, len(equations.q))
-        consumers = [ledger, checkpoints, witness, *([thin] if thin else [])]
         interrupt = Interrupt()
         with open_table(results, names[: system.columns.table]) as writer, (
             interrupt.noted()
         ):  # fmt: skip
-            output = Output(consumers, writer, interrupt)
-            with progress_bar(quiet=self.quiet) as progress:
-                self.lap("output")
-                trajectory = simulate(
-                    equations, start, plan, system, [output],
-                    interrupt=interrupt, progress=progress,
-                )  # fmt: skip
-                self.lap("integrate")
-            self.timings["integrate"] -= output.seconds
-            self.timings["output"] += output.seconds
-            full = output.fault
-            bar = self._error_bar(
-                equations, start, plan, system, trajectory, checkpoints, interrupt
-            )
-            if thin and not full:
-                full = self._draw(system, trajectory, thin, bar, results)
+            attempts = Attempts(self, equations, start, writer, interrupt)
+            found = attempts.best(Means(plan, system))
+            plan, system, trajectory = found.plan, found.system, found.trajectory
+            ledger, bar, full = found.ledger, found.bar, found.output.fault
+            if found.thin and not full:
+                full = self._draw(system, trajectory, found.thin, bar, results)
             cautions = alarms(
-                equations, start, plan, system, trajectory, ledger, witness, bar
+                equations, start, plan, system, trajectory, ledger, found.witness, bar
             )
             self.lap("output")
             timings = {name: round(t, 6) for name, t in self.timings.items()}
@@ -256,7 +231,7 @@ class _Job:
                 [*results.names, MANIFEST],
             )  # fmt: skip
             if full:
-                document |= cut_short(output, full, trajectory.start)
+                document |= cut_short(found.output, full, trajectory.start)
             try:
                 results.commit(encode(document))
             except OSError as error:
@@ -266,39 +241,6 @@ class _Job:
         if full:
             return UnwritableError.exit_code
         return _exit_code(trajectory, interrupt)
-
-    def _error_bar(
-        self,
-        equations: Equations,
-        start: Start,
-        plan: Plan,
-        system: System,
-        trajectory: Trajectory,
-        checkpoints: Checkpoints,
-        interrupt: Interrupt,
-    ) -> ErrorBar | str:
-        """Estimate the error of the run, or say why not."""
-        from lagsim.error_bar import repeat
-
-        if self.error_bars is ErrorBars.NEVER:
-            return "not asked for"
-        if interrupt.signal is not None:
-            return "the run was cut short"
-        always = self.error_bars is ErrorBars.ALWAYS
-        with progress_bar(quiet=self.quiet) as progress:
-            bar = repeat(
-                equations, start, plan, system, trajectory, checkpoints,
-                always=always, interrupt=interrupt, progress=progress,
-            )  # fmt: skip
-        self.lap("error_bar")
-        return bar
-
-    def _thinning(self, model: Model, names: Sequence[str]) -> Thinning | None:
-        if not self.plots:
-            return None
-        from lagsim.outputs.thinning import picture_thinning
-
-        return picture_thinning(model, names)
 
     def _draw(
         self,

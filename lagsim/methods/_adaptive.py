@@ -10,6 +10,7 @@ from lagsim.methods._state import (
     FEATURE,
     FEATURE_REACH,
     FEATURE_WIDTH,
+    LONGEST,
     MOST_STEP,
     H,
     T,
@@ -31,6 +32,8 @@ def usable_step(s: Floats, p: Floats) -> float:
     """Give the step to try, with t + h exact; 0 where it would be too small."""
     t = s[T]
     h = s[H]
+    if s[LONGEST] > 0.0:
+        h = min(h, s[LONGEST])
     if s[MOST_STEP] > 0.0:
         h = min(h, s[MOST_STEP])
     if s[FEATURE_WIDTH] > 0.0:

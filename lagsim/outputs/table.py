@@ -44,6 +44,7 @@ class TableWriter:
         self._width = len(columns)
         self._file = path.open("wb", buffering=0)
         self._file.write(",".join(columns).encode() + _LINE)
+        self._head = self._file.tell()
 
     def add(self, rows: Floats) -> None:
         """Write rows (k, at least the columns).
@@ -67,6 +68,12 @@ class TableWriter:
             self._count(block[: whole.count(_LINE)])
             raise
         self._count(block)
+
+    def begin_anew(self) -> None:
+        """Take all rows back."""
+        self._file.seek(self._head)
+        self._file.truncate()
+        self.rows, self.last = 0, None
 
     def close(self) -> None:
         """Finish the file."""

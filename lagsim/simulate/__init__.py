@@ -36,6 +36,7 @@ def simulate(
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
     most_steps: int = MOST_STEPS,
+    longest_step: float = 0.0,
 ) -> Trajectory:
     """Integrate from `start`, handing every row to the consumers.
 
@@ -43,11 +44,19 @@ def simulate(
     ----------
     progress
         Called with the fraction of the run that is done.
+    longest_step
+        No step of a method that chooses its steps is longer, if it is not 0; the ranges
+        of the coordinates over the steps are then noted, too.
     """
     if plan.parts:
         from lagsim.simulate.apart import Apart
 
-        apart = Apart(equations, start, plan, system, consumers, interrupt, progress)
+        apart = Apart(
+            equations, start, plan, system, consumers, interrupt, progress,
+            longest_step,
+        )  # fmt: skip
         return apart.whole(most_steps)
-    run = Run(equations, start, plan, system, consumers, interrupt, progress)
+    run = Run(
+        equations, start, plan, system, consumers, interrupt, progress, longest_step
+    )
     return run.whole(most_steps)

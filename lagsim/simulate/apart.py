@@ -40,11 +40,12 @@ class Part(Run):
         plan: Plan,
         system: System,
         interrupt: Interrupt | None,
+        longest_step: float,
     ) -> None:
         e, own = part.equations, part.at(start)
         simulation = replace(whole, formulation="auto")
         e = replace(e, model=replace(e.model, simulation=simulation))
-        super().__init__(e, own, plan, system, [], interrupt, None)
+        super().__init__(e, own, plan, system, [], interrupt, None, longest_step)
         n = len(part.coordinates)
         full = len(start.q)
         self.consumers = [self]
@@ -90,6 +91,7 @@ class Apart:
         consumers: Sequence[Consumer],
         interrupt: Interrupt | None,
         progress: Callable[[float], None] | None,
+        longest_step: float,
     ) -> None:
         self.system, self.consumers, self.progress = system, consumers, progress
         self.runner = system.link(system.plan.method)
@@ -102,7 +104,9 @@ class Apart:
             if alike.rtol is not None and plan.rtol is not None:
                 # A repeat has other tolerances, and other rows.
                 alike = replace(alike, rtol=plan.rtol, atol=plan.atol)
-            part = Part(x.subsystem, simulation, start, alike, own, interrupt)
+            part = Part(
+                x.subsystem, simulation, start, alike, own, interrupt, longest_step
+            )
             self.parts.append(part)
         self.rows = 0
 
@@ -159,6 +163,8 @@ class Apart:
             ),
             events=sorted((e for x in found for e in x.events), key=lambda e: e.time),
             warnings=[w for x in found for w in x.warnings],
+            choices=[c for x in found for c in x.choices],
+            extents={k: v for x in found for k, v in x.extents.items()},
         )
 
 

@@ -20,6 +20,7 @@ from lagsim.plan import by_loops
 from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
 from lagsim.simulate.coordinates import singularity_caution
+from lagsim.simulate.fallback import fall_back
 from lagsim.simulate.impacts import impact
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
@@ -29,6 +30,7 @@ from lagsim.simulate.states import (
     SERIES,
     SLIDING,
     empty_state,
+    extents,
     taken_over,
 )
 from lagsim.system import System
@@ -86,6 +88,7 @@ class Run:
         consumers: Sequence[Consumer],
         interrupt: Interrupt | None,
         progress: Callable[[float], None] | None,
+        longest_step: float = 0.0,
     ) -> None:
         simulation = equations.model.simulation
         assert simulation is not None
@@ -102,6 +105,8 @@ class Run:
         self.rows = 0
         self.use(system)
         self.state = self._fresh_state(system.begin(start))
+        if longest_step:
+            self.state[at.LONGEST] = longest_step
         rows = max(1, min(BLOCK, MOST_NUMBERS // system.rows_observed))
         self.block = np.empty((rows, 1 + system.size))
         # Where the stiff method has taken over: the steps at which it is asked whether
@@ -212,7 +217,13 @@ class Run:
             events=tuple(self.events),
             warnings=tuple(self.warnings),
             choices=tuple(self.choices),
+            extents=self._extents(),
         )
+
+    def _extents(self) -> dict[str, tuple[float, float]]:
+        """Give the ranges of the components over the steps: rows may be few."""
+        low, high = extents(self.state).tolist()
+        return dict(zip(self.system.state, zip(low, high, strict=True), strict=True))
 
     def _between_breaks(self, end: float, most_steps: int) -> Outcome:
         """Go through the arcs up to the next break in time."""
@@ -339,7 +350,8 @@ class Run:
 
             review(self)
         elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST, at.FEATURE_PASSED):
-            return _OUTCOMES[code]
+            outcome = _OUTCOMES[code]
+            return None if fall_back(self, outcome) else outcome
         return None
 
     def _switch_to_loops(self) -> None:

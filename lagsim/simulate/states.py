@@ -33,8 +33,8 @@ def empty_state(runner: Runner) -> Floats:
     # And room for rows side by side, for what `_driver.keep_sizes` and
     # `_driver.note_inertias` note.
     sizes = used + at.lanes_size(system.size)
-    extents = sizes + 3 * system.size
-    count, noted = len(system.inertias), extents + at.extents_size(system.size)
+    ranges = sizes + 3 * system.size
+    count, noted = len(system.inertias), ranges + at.extents_size(system.size)
     watched = noted + 3 * count
     looks = looks_size(system.size, len(system.sleepers))
     state = np.zeros(watched + looks)
@@ -43,12 +43,18 @@ def empty_state(runner: Runner) -> Floats:
         state[watched + k] = sleeper.kind
         state[watched + len(system.sleepers) + k] = sleeper.power
     state[at.LANES_AT], state[at.SIZES_BEFORE] = used, sizes
-    state[at.EXTENTS_AT] = extents
-    state[extents : extents + system.size] = np.inf
-    state[extents + system.size : extents + 2 * system.size] = -np.inf
+    state[at.EXTENTS_AT] = ranges
+    state[ranges : ranges + system.size] = np.inf
+    state[ranges + system.size : ranges + 2 * system.size] = -np.inf
     state[at.INERTIAS], state[at.INERTIAS_AT] = count, noted
     state[noted + count :][:count] = np.inf  # the smallest so far
     return state
+
+
+def extents(state: Floats) -> Floats:
+    """Give the least and the greatest value of each component: a view (2, size)."""
+    size, first = int(state[at.SIZE]), int(state[at.EXTENTS_AT])
+    return state[first : first + 2 * size].reshape(2, size)
 
 
 def taken_over(state: Floats, runner: Runner) -> Floats:
@@ -59,9 +65,9 @@ def taken_over(state: Floats, runner: Runner) -> Floats:
     kept = new[own]
     common = at.HEADER + 6 * runner.system.size + 6
     new[:common] = state[:common]
-    extents, size = int(kept[4]), runner.system.size
+    here, size = int(kept[4]), runner.system.size
     length = at.extents_size(size)
-    new[extents : extents + length] = state[int(state[at.EXTENTS_AT]) :][:length]
+    new[here : here + length] = state[int(state[at.EXTENTS_AT]) :][:length]
     if state[at.INERTIAS] == kept[0]:
         noted = 3 * int(kept[0])
         here, there = int(kept[1]), int(state[at.INERTIAS_AT])

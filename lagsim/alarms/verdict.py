@@ -1,0 +1,171 @@
+"""Whether the rows of a run are an answer: its ledger against its error estimate.
+
+What energy - work and the constraints are off by is an error that the run itself shows.
+An adaptive method is to be off by no more than its error estimate explains. Where it is
+by far, or where the estimate says that a repeat by other means comes to another motion
+at once, the run is in doubt: it is made anew by other means, and where these fail, too,
+the rows are no answer. (A motion that is chaotic parts from its repeat little by little
+and keeps its energy: its horizon is told, and that is all.)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.alarms.rows import HELD
+from lagsim.expressions.evaluate import evaluate_with_error
+from lagsim.methods import method
+from lagsim.plan.integration import DEFAULT_RTOL
+
+if TYPE_CHECKING:
+    from lagsim.alarms.witness import Witness
+    from lagsim.equations import Equations
+    from lagsim.error_bar import ErrorBar
+    from lagsim.native.kernel_types import Floats
+    from lagsim.outputs.ledger import Ledger
+    from lagsim.plan import Plan
+    from lagsim.trajectory import Trajectory
+
+# By far: so many times what the errors of the state explain, to first order and with
+# all of them in the worst direction.
+FAR = 100.0
+# And by more than this part of the energy in play; the default tolerance leaves 1e-9.
+LEAST = 1e-6
+# What the errors of a run may be of which there is no estimate, in tolerances (the
+# global error is 10 to 1000 times the tolerance).
+UNKNOWN = 1e4
+# What an exact method counts as.
+EXACT_RTOL = 1e-12
+# Two motions part at once where their difference grows by more than this from one row
+# to the next, ...
+ABRUPT = 1e3
+# ... and they have parted when it is that part of a range, or so many tolerances.
+PARTED = 0.1
+TOLERANCES = 1e4
+# Formulations that let constraints, and with them the energy, go.
+LOOSE = ("baumgarte", "drift")
+# Functions that make an energy jump, which is no error: a jump makes no impulse.
+JUMPS = frozenset(("sign", "heaviside", "floor", "ceil", "if"))
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """Why the rows of a run may be no answer, and from which time on.
+
+    `refutes` where they cannot be one; else another run has to tell.
+    """
+
+    text: str
+    time: float
+    refutes: bool
+
+
+def doubt_about(
+    equations: Equations,
+    plan: Plan,
+    trajectory: Trajectory,
+    ledger: Ledger,
+    witness: Witness,
+    bar: ErrorBar | str,
+) -> Doubt | None:
+    """Give why a run that came to its end is in doubt, if it is."""
+    judged = plan.rtol is not None or math.isinf(method(plan.method).ORDER)
+    if not judged or not trajectory.outcome.complete or plan.formulation in LOOSE:
+        return None
+    return (
+        _about_constraints(ledger)
+        or _about_energy(equations, plan, ledger, witness, bar)
+        or _about_repeat(plan, bar)
+    )
+
+
+def _about_constraints(ledger: Ledger) -> Doubt | None:
+    name, worst = ledger.worst_constraint
+    if worst <= HELD:
+        return None
+    text = f"constraint `{name}` is off by {worst:.2g} of its scale"
+    since = ledger.constraint_since(name, HELD)
+    return None if since is None else Doubt(text, since, refutes=True)
+
+
+def _about_energy(
+    equations: Equations,
+    plan: Plan,
+    ledger: Ledger,
+    witness: Witness,
+    bar: ErrorBar | str,
+) -> Doubt | None:
+    """Hold the drift against what the errors of the state are worth in energy."""
+    drift, in_play = ledger.energy_drift, witness.energy_in_play
+    if not LEAST * in_play < drift < math.inf or ledger.worst_row is None:
+        return None
+    if jumps(equations):
+        return None
+    explained = _explained(equations, plan, ledger.worst_row, witness, bar)
+    bound = max(FAR * explained, LEAST * in_play)
+    if not drift > bound:
+        return None
+    since = ledger.drift_since(bound)
+    if since is None:
+        return None
+    text = (
+        f"energy - work is off by {drift / in_play:.2g} of the energy in play, and the "
+        f"estimated error explains {explained / in_play:.1g}"
+    )
+    return Doubt(text, since, refutes=True)
+
+
+def jumps(equations: Equations) -> bool:
+    """Tell whether the energy may jump where nothing of the motion does."""
+    g = equations.graph
+    moving = g.dependent([equations.energy], (*equations.q, *equations.velocities, "t"))
+    return any(g.ops[n] in JUMPS for n in moving)
+
+
+def _explained(
+    equations: Equations,
+    plan: Plan,
+    row: Floats,
+    witness: Witness,
+    bar: ErrorBar | str,
+) -> float:
+    """Give what the errors of a row make of its energy - work, at most."""
+    n = len(equations.q)
+    rtol = plan.rtol or EXACT_RTOL
+    errors = UNKNOWN * rtol * witness.ranges[1 : 1 + 2 * n]
+    part = UNKNOWN * rtol
+    if not isinstance(bar, str) and bar.rates is not None:
+        # Up to the row that was compared next.
+        until = min(int(np.searchsorted(bar.times, row[0])) + 1, len(bar.times))
+        told = np.hstack([bar.errors[:until], bar.rates[:until]])
+        errors = np.max(told, axis=0)
+        part = float(np.max(bar.parts[:until], initial=0.0)) + FAR * rtol
+    values = {p.name: (p.value, 0.0) for p in equations.model.parameters}
+    names = (*equations.q, *equations.velocities)
+    state = zip(row[1 : 1 + 2 * n].tolist(), errors.tolist(), strict=True)
+    values |= {"t": (float(row[0]), 0.0)} | dict(zip(names, state, strict=True))
+    ((_, error),) = evaluate_with_error(equations.graph, [equations.energy], values)
+    return float(error) + part * witness.work_range
+
+
+def _about_repeat(plan: Plan, bar: ErrorBar | str) -> Doubt | None:
+    """Look for a moment at which a repeat comes to another motion."""
+    if isinstance(bar, str):
+        return None
+    if bar.parted:
+        return Doubt(bar.parted, float(bar.times[-1]), refutes=False)
+    rtol = DEFAULT_RTOL if plan.rtol is None else plan.rtol
+    lost = bar.lost
+    apart = np.flatnonzero(lost > max(PARTED, TOLERANCES * rtol))
+    if not len(apart):
+        return None
+    k = int(apart[0])
+    before = float(np.max(lost[: max(k - 1, 0)], initial=0.0))
+    if before * ABRUPT > lost[k]:
+        return None
+    text = f"a repeat by {bar.method} comes to another motion"
+    return Doubt(text, float(bar.times[k]), refutes=False)

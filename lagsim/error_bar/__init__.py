@@ -1,0 +1,311 @@
+"""The error of a run, estimated: what a repeat by other means gives instead.
+
+A local error says little of the motion: the estimate is the difference of two whole
+runs, so that it knows how errors grow on the way. A repeat with the same steps would
+have the same blind spots: what one step passes over, and what a step at the bound of
+stability is off by, is then no difference. So it is made by another method where there
+is one that can, at a hundredth of the tolerance, and in steps that are forced to be
+others: none is longer than a part of the output step, nor, where the method is the
+same, than a part of the run's own.
+
+The repeat costs a few times the run. It is made while that stays within a number of
+operations, never of seconds, so that a rerun gives the same result.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.error_bar.bar import LOST, TIMES, CoordinateError, ErrorBar
+from lagsim.error_bar.checkpoints import MOST_ROWS, Checkpoints
+from lagsim.error_bar.scales import OWN, SEED, STILL, beside, ranges
+from lagsim.plan import make_plan
+from lagsim.plan.integration import ANY
+from lagsim.simulate import simulate
+from lagsim.simulate.states import MOST_STEPS, SERIES
+from lagsim.system import System
+from lagsim.trajectory import Outcome
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from lagsim.admissibility import Start
+    from lagsim.equations import Equations
+    from lagsim.interrupt import Interrupt
+    from lagsim.plan import Plan
+    from lagsim.trajectory import Trajectory
+
+__all__ = [
+    "BUDGET",
+    "LOST",
+    "MOST_ROWS",
+    "STILL",
+    "TIMES",
+    "Checkpoints",
+    "CoordinateError",
+    "ErrorBar",
+    "Repeat",
+    "by_other_means",
+    "repeat",
+]
+
+# How much tighter the repeat's tolerance is, the least that means anything, and the
+# loosest that a repeat is made at: loose steps may both be far off, and alike.
+TIGHTER = 100.0
+TIGHTEST = 1e-14
+LOOSEST = 1e-6
+# That of the repeat of a method without error control.
+FREE_RTOL = 1e-13
+# The longest step of a repeat, as a part of the output step (not a ratio of small whole
+# numbers: looks fall elsewhere in each row), and of the steps of the same method.
+WITHIN = 0.75**0.5
+GOLDEN = (5.0**0.5 - 1.0) / 2.0
+# Operations that a repeat may take without being asked for: about 2 s; and so many that
+# it may always take to keep its steps short.
+BUDGET = 2e9
+SHORT = 2e7
+# Evaluations and columns of a row cost about this much besides their operations.
+OVERHEAD = 20
+# Evaluations in a step with rows in it, of what repeats most runs.
+PER_STEP = 15.0
+# A series takes about so many times the operations of the rates that it is made of.
+SERIES_LENGTH = 50
+# Rows of the repeat for each row that is compared, and in all: ranges are taken from
+# them, too.
+FINER = 3
+LEAST_ROWS = 64
+# Values are rounded by this part, in either run.
+ROUNDED = 2.0**-53
+
+
+@dataclass(frozen=True, slots=True)
+class Repeat:
+    """Other means of making a run: its plan, its system, and its longest step."""
+
+    plan: Plan
+    system: System
+    longest_step: float
+    per_step: float = PER_STEP
+
+
+def repeat(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    system: System,
+    trajectory: Trajectory,
+    checkpoints: Checkpoints,
+    *,
+    always: bool = False,
+    interrupt: Interrupt | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> ErrorBar | str:
+    """Give the error bar of a run, or why there is none.
+
+    Parameters
+    ----------
+    plan, system, trajectory, checkpoints
+        Of the run.
+    always
+        Whatever it costs.
+    progress
+        Called with the fraction of the repeat that is done.
+    """
+    if len(checkpoints.rows) < 2:
+        return "there are too few rows to compare"
+    expected = 2.0 * trajectory.statistics.evaluations * _cost(system, plan.method)
+    if expected > BUDGET and not always:
+        return (
+            f"a repeat would take about {expected:.1e} operations "
+            "(--error-bar always makes it)"
+        )
+    n = len(equations.model.coordinates)
+    found: ErrorBar | str = "nothing else can repeat it"
+    for other in by_other_means(equations, start, plan, system, trajectory):
+        fine, stride = _spaced(equations, checkpoints)
+        again = Checkpoints(n, fine.model.simulation, stride)
+        per_step = other.per_step * _cost(other.system, other.plan.method)
+        repeated = simulate(
+            fine, start, other.plan, other.system, [again],
+            interrupt=interrupt, progress=progress,
+            most_steps=MOST_STEPS if always else int(BUDGET / per_step),
+            longest_step=other.longest_step,
+        )  # fmt: skip
+        if repeated.outcome is Outcome.INTERRUPTED:
+            return "the repeat was interrupted"
+        if _is_comparable(trajectory, repeated):
+            runs = trajectory, repeated
+            return _compared(equations, start, runs, other.plan, checkpoints, again)
+        where = f"{other.plan.method} ended at t = {repeated.end:.6g}"
+        found = f"a repeat did not finish: {where}"
+    return found
+
+
+def by_other_means(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    system: System,
+    trajectory: Trajectory,
+) -> Iterator[Repeat]:
+    """Give the ways to make a run again, the best first."""
+    simulation = equations.model.simulation
+    assert simulation is not None
+    steps = max(trajectory.statistics.steps, 1)
+    mean = (trajectory.end - trajectory.start) / steps
+    within = WITHIN * simulation.output_step
+    if plan.rtol is None and plan.method == EXACT:
+        tight = replace(plan, method=ANY, rtol=TIGHTEST, step=None)
+        yield Repeat(tight, system, _affordable(within, system, ANY, trajectory))
+        assert plan.step is not None
+        others = replace(plan, step=GOLDEN * plan.step)
+        yield Repeat(others, system, within, 1.0)
+        return
+    if plan.rtol is None:
+        free = _free(equations, start)
+        system = System(equations, free)
+        within = _affordable(within, system, free.method, trajectory)
+        yield Repeat(free, system, within)
+        return
+    tighter = _tighter(plan)
+    same = GOLDEN * min(mean, simulation.output_step)
+    if plan.method == ANY or (plan.method == SERIES and not _is_apart(plan, tighter)):
+        same = _affordable(same, system, plan.method, trajectory)
+        yield Repeat(tighter, system, same)
+        return
+    within = _affordable(within, system, ANY, trajectory)
+    yield Repeat(replace(tighter, method=ANY), system, within)
+    same = _affordable(same, system, plan.method, trajectory)
+    yield Repeat(tighter, system, same, 2.0 * PER_STEP)
+
+
+EXACT = "exponential"
+
+
+def _is_apart(plan: Plan, tighter: Plan) -> bool:
+    """Tell whether the repeat's tolerance leaves another method room to be better."""
+    assert plan.rtol is not None
+    assert tighter.rtol is not None
+    return plan.rtol == 0.0 or tighter.rtol * TIGHTER <= 1.001 * plan.rtol
+
+
+def _tighter(plan: Plan) -> Plan:
+    rtol = plan.rtol or 0.0
+    if rtol:
+        rtol = min(max(rtol / TIGHTER, TIGHTEST), LOOSEST)
+    factor = rtol / plan.rtol if plan.rtol else 1.0 / TIGHTER
+    atol = None if plan.atol is None else plan.atol * min(factor, 1.0)
+    return replace(plan, rtol=rtol, atol=atol)
+
+
+def _free(equations: Equations, start: Start) -> Plan:
+    """Give the plan that repeats a method without error control."""
+    simulation = equations.model.simulation
+    assert simulation is not None
+    free = replace(
+        simulation, method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None
+    )
+    model = replace(equations.model, simulation=free)
+    return make_plan(replace(equations, model=model), start)
+
+
+def _cost(system: System, method: str) -> float:
+    """Give about how many operations an evaluation takes, whatever goes with it."""
+    operations = float(system.operations)
+    if system.plan.method == SERIES and method != SERIES:
+        operations /= SERIES_LENGTH
+    return operations + OVERHEAD
+
+
+def _affordable(
+    longest: float, system: System, method: str, trajectory: Trajectory
+) -> float:
+    """Give a longest step with which steps alone cost no more than they may."""
+    span = trajectory.end - trajectory.start
+    own = trajectory.statistics.evaluations * _cost(system, system.plan.method)
+    most = min(max(2.0 * own, SHORT), BUDGET / 2.0)
+    per_step = PER_STEP * _cost(system, method)
+    return max(longest, span * per_step / most)
+
+
+def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
+    """Tell whether a repeat came as far, or to an end of its own."""
+    if repeated.outcome.complete:
+        return True
+    span = trajectory.end - trajectory.start
+    return repeated.end >= trajectory.end - 1e-6 * span
+
+
+def _spaced(equations: Equations, checkpoints: Checkpoints) -> tuple[Equations, int]:
+    """Give the equations with the rows of a repeat, of which one in k is compared."""
+    simulation = equations.model.simulation
+    assert simulation is not None
+    count = len(checkpoints.rows)
+    finer = max(FINER, -(-LEAST_ROWS // count)) if checkpoints.stride == 1 else 1
+    spacing = checkpoints.stride * simulation.output_step / finer
+    fine = replace(simulation, output_step=spacing)
+    return replace(equations, model=replace(equations.model, simulation=fine)), finer
+
+
+def _compared(
+    equations: Equations,
+    start: Start,
+    runs: tuple[Trajectory, Trajectory],
+    plan: Plan,
+    checkpoints: Checkpoints,
+    again: Checkpoints,
+) -> ErrorBar:
+    """Compare rows of the same numbers, as far as both go, and ends alike."""
+    n = len(equations.q)
+    rows, others = [], []
+    for k, row in checkpoints.states.items():
+        other = again.states.get(k // checkpoints.stride * again.stride)
+        if other is not None:
+            rows.append(row)
+            others.append(other)
+    simulation = equations.model.simulation
+    assert simulation is not None
+    assert checkpoints.last is not None
+    assert again.last is not None
+    run, repeated = runs
+    apart = abs(run.end - repeated.end)
+    alike = run.outcome is repeated.outcome and apart < simulation.output_step
+    if alike and checkpoints.last[0] > rows[-1][0]:
+        rows.append(checkpoints.last)
+        others.append(again.last)
+    mine, theirs = np.array(rows), np.array(others)
+    errors = np.abs(theirs[:, 1:] - mine[:, 1:])
+    rounded = ROUNDED * np.maximum.accumulate(np.abs(mine[:, 1:]), axis=0)
+    errors = np.fmax(errors, rounded)
+    own = checkpoints.high - checkpoints.low
+    sizes = ranges(equations.q, checkpoints, again, repeated.extents)
+    # Where the two are apart, the repeat's motion is another one.
+    parted_ways = np.max(errors[:, :n], axis=0) > LOST * sizes
+    sizes = np.where(parted_ways, own, sizes)
+    moving = beside(equations, start, sizes)
+    largest = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0)
+    return ErrorBar(
+        method=plan.method,
+        rtol=plan.rtol,
+        names=equations.q,
+        times=mine[:, 0],
+        errors=errors[:, :n],
+        scales=np.fmax(sizes, np.fmax(SEED * moving, OWN * largest)),
+        still=STILL * moving,
+        states=mine,
+        rates=errors[:, n:],
+        parted="" if alike else _parted(run, repeated, plan),
+    )
+
+
+def _parted(run: Trajectory, repeated: Trajectory, plan: Plan) -> str:
+    """Say how two runs that came to their ends ended differently."""
+    if not (run.outcome.complete and repeated.outcome.complete):
+        return ""
+    return (
+        f"it ended with `{run.outcome.word}` at t = {run.end:.9g}, and a repeat by "
+        f"{plan.method} with `{repeated.outcome.word}` at t = {repeated.end:.9g}"
+    )

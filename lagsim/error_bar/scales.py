@@ -1,0 +1,68 @@
+"""What an error is measured by: the range of the coordinate's own motion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.expressions.evaluate import evaluate
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.admissibility import Start
+    from lagsim.equations import Equations
+    from lagsim.error_bar.checkpoints import Checkpoints
+    from lagsim.native.kernel_types import Floats
+
+# A coordinate that should stay at rest is moved by the rounding of what moves beside
+# it: its range counts as no less than this part of theirs, ...
+SEED = 2.0**-40
+# ... and than so much of its own size.
+OWN = 2.0**-50
+# For a horizon, what moves less than this part of the others has no motion to lose.
+STILL = 1e-6
+
+
+def ranges(
+    names: tuple[str, ...],
+    checkpoints: Checkpoints,
+    again: Checkpoints,
+    extents: Mapping[str, tuple[float, float]],
+) -> Floats:
+    """Give the ranges (n,): over all rows of both runs, and over the repeat's steps.
+
+    Rows may be few, or show an oscillation always in the same phase.
+    """
+    low = np.fmin(checkpoints.low, again.low)
+    high = np.fmax(checkpoints.high, again.high)
+    for k, name in enumerate(names):
+        if name in extents:
+            low[k] = np.fmin(low[k], extents[name][0])
+            high[k] = np.fmax(high[k], extents[name][1])
+    return np.asarray(high - low)
+
+
+def beside(equations: Equations, start: Start, found: Floats) -> Floats:
+    """Give the largest motion beside that of each coordinate, in its own unit (n,).
+
+    As far as its inertia may be moved by it: of a heavier body no more than that body's
+    own range, so that what is light does not hide behind it; of a lighter one less, as
+    the roots of the masses. Where units differ, whichever is less.
+    """
+    values = {p.name: p.value for p in equations.model.parameters} | {"t": start.t}
+    values |= dict(zip(equations.q, start.q, strict=True))
+    values |= dict(zip(equations.velocities, start.v, strict=True))
+    diagonal = [equations.M[i][i] for i in range(len(found))]
+    roots = np.sqrt(np.fmax(evaluate(equations.graph, diagonal, values), 0.0))
+    finite = np.where(np.isfinite(found) & np.isfinite(roots), found, 0.0)
+    # The largest of range_j min(1, root_j/root_i): by size, without n^2 numbers.
+    lightest = np.argsort(roots)
+    whole = np.zeros(len(found))
+    below = np.maximum.accumulate((finite * roots)[lightest])
+    above = np.maximum.accumulate(finite[lightest][::-1])[::-1]
+    own = roots[lightest]
+    lighter = np.divide(below, own, out=np.zeros_like(below), where=own > 0.0)
+    whole[lightest] = np.fmax(lighter, above)
+    return whole
