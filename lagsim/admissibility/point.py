@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from lagsim.constraints import Row
     from lagsim.equations import Equations
+    from lagsim.expressions.graph import Graph
     from lagsim.native.kernel_types import Floats
 
 
@@ -45,6 +46,15 @@ class Point:
             if not p.value.is_integer()
         }
         self._sizes: Floats | None = None
+
+    @cached_property
+    def scratch(self) -> Graph:
+        """A copy of the graph for what is looked at only here.
+
+        What is added to the equations' own graph would stand in the order of their
+        sums.
+        """
+        return self.g.copy()
 
     def move_to(self, time: float) -> None:
         """Take another time than that of the start."""
