@@ -66,7 +66,7 @@ class Lengths:
         self._measure()
 
     def _measure(self) -> None:
-        g, names = self.point.scratch, self.point.e.q
+        g, names = self.point.g, self.point.e.q
         place = {g.variable(name): j for j, name in enumerate(names)}
         wanted: list[list[int]] = []
         along: list[list[int]] = []

@@ -51,29 +51,34 @@ class Residual:
         A bound of the error that the expressions of the start leave in the residual.
     size : str
         What `scale` is.
+    floor : float
+        What numbers of all digits leave, by the sizes around the relation.
     """
 
     value: float
     scale: float
     rounding: float
     size: str = "its largest term"
+    floor: float = 0.0
 
     @property
     def bound(self) -> float:
         """What |value| may be."""
-        return max(TOLERANCE * self.scale, self.rounding)
+        return max(TOLERANCE * self.scale, self.rounding, self.floor)
 
     @property
     def why(self) -> str:
         """Why the bound is that."""
-        if self.rounding >= TOLERANCE * self.scale:
+        if self.rounding == self.bound:
             return "the rounding error of the start"
+        if self.floor == self.bound:
+            return "what numbers of all digits leave"
         return f"{TOLERANCE:g} of {self.size}"
 
     @property
     def exact(self) -> bool:
         """Whether the residual is no more than rounding."""
-        return abs(self.value) <= self.rounding
+        return abs(self.value) <= max(self.rounding, self.floor)
 
     @property
     def met(self) -> bool:
@@ -83,8 +88,8 @@ class Residual:
     @property
     def digits(self) -> int | None:
         """With how many digits the start seems typed; None where it is exact."""
-        exact = max(self.rounding, ALL_DIGITS * self.scale)
-        if not self.met or abs(self.value) <= exact:
+        exact = self.exact or abs(self.value) <= ALL_DIGITS * self.scale
+        if not self.met or exact:
             return None
         return max(1, int(-math.log10(abs(self.value) / self.scale)))
 
@@ -184,6 +189,9 @@ def judge(
 
 def _of_size(residual: Residual, own: float) -> Residual:
     """Compare with the relation's own size where that is less than its terms."""
+    if not np.isfinite(own):
+        return residual
+    residual = replace(residual, floor=float(ALL_DIGITS * own))
     if own >= residual.scale:
         return residual
     return replace(residual, scale=float(own), size="its own size, wherever it stands")
@@ -191,12 +199,13 @@ def _of_size(residual: Residual, own: float) -> Residual:
 
 def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
     """Compare with the motion that a relation sees, and with that of its body."""
-    computed = COMPUTED * body / TOLERANCE
-    least = max(MOTION * motion, computed) if np.isfinite(motion) else computed
+    residual = replace(residual, floor=COMPUTED * body)
     if motion < residual.scale:
-        return replace(residual, scale=float(max(motion, least)), size="its motion")
-    if least > residual.scale:
-        return replace(residual, scale=float(least), size="the motion around it")
+        return replace(residual, scale=float(motion), size="the motion that it sees")
+    if np.isfinite(motion) and MOTION * motion > residual.scale:
+        size = "a tenth of the motion that it sees"
+        scale = float(MOTION * motion)
+        return replace(residual, scale=scale, size=size)
     return residual
 
 
@@ -268,7 +277,7 @@ def _measured(
     """Give what nodes miss their targets by, with its scale."""
     if not nodes:
         return []
-    g, e = point.scratch, point.e
+    g, e = point.g, point.e
     variables = {g.variable(name): j for j, name in enumerate((*e.q, *e.velocities))}
     places = frozenset(variables)
     sizes = np.abs(np.concatenate(state))

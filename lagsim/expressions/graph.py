@@ -50,13 +50,6 @@ class Graph:
     def __len__(self) -> int:
         return len(self.ops)
 
-    def copy(self) -> Graph:
-        """Give a graph with the same nodes, to which more can be added."""
-        new = Graph(simplify=self.simplify)
-        new.ops, new.args = self.ops.copy(), self.args.copy()
-        new._payload, new._known = self._payload.copy(), self._known.copy()
-        return new
-
     def _node(
         self,
         op: str,
