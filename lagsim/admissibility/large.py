@@ -28,8 +28,10 @@ SETTLED = 1e-6
 MOST_ITERATIONS = 200
 # Columns that are solved for together.
 TOGETHER = 64
-# A step this small, against the values, is the last.
+# A step this small, against the values, is the last; so is one that is no shorter than
+# this part of the one before.
 LAST = 1e-12
+SHORTER = 0.9
 
 
 def is_large(point: Point) -> bool:
@@ -131,8 +133,7 @@ def nearest(relations: AtState, x0: Floats, M: Any) -> Found | None:
 
     if relations.exact(x0):
         return Found(x0.copy(), met=True)
-    ulp = SOLVED / np.sqrt(M.diagonal())
-    x = x0.copy()
+    x, last = x0.copy(), np.inf
     for _ in range(MOST_STEPS):
         r, entries = relations.sparse(x)
         if not (np.all(np.isfinite(r)) and np.all(np.isfinite(entries.values))):
@@ -145,10 +146,14 @@ def nearest(relations: AtState, x0: Floats, M: Any) -> Found | None:
         if not np.all(np.isfinite(step)):
             return None
         x = x + step
-        size = float(np.sqrt(x @ (M @ x)))
-        if np.sqrt(step @ (M @ step)) <= LAST * size:
-            met = relations.met(x, size * ulp)
+        # Each value against its own size, for others may be far larger; one that
+        # should be zero ends where steps no longer become shorter.
+        length = float(np.sqrt(step @ (M @ step)))
+        if np.all(np.abs(step) <= LAST * np.abs(x)) or length > SHORTER * last:
+            way = np.sqrt((x - x0) @ (M @ (x - x0)) / M.diagonal())
+            met = relations.met(x, SOLVED * (np.abs(x) + way))
             return Found(x, met=True) if met else None
+        last = length
     return None
 
 

@@ -27,7 +27,7 @@ MOST_STEPS = 60
 # A residual this small against its own terms is met, and then polished.
 MET = 1e-12
 POLISHING = 3
-# The error of a value that was solved for, against the largest of its kind.
+# The rounding error of a value that was solved for, against its size.
 SOLVED = 2.0**-51
 DIFFERENCE = 2.0**-17  # about the cube root of the unit roundoff
 SMALLEST_DAMPING = 1e-6
@@ -132,9 +132,10 @@ def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
     x = x0.copy()
     L = cholesky(metric)
     r, J = relations(x)
-    # What x is left with: the rounding errors of the largest that it has been.
-    largest = float(np.linalg.norm(L.T @ x))
-    ulp = SOLVED / np.sqrt(np.diag(metric))
+    # What x is left with: the rounding of the largest that each value has been, and of
+    # the way that all of them went together.
+    largest, ulp = np.abs(x), SOLVED / np.sqrt(np.diag(metric))
+    way = 0.0
     halvings, last = 0, np.inf
     double, polished = False, 0
     for _ in range(MOST_STEPS):
@@ -148,14 +149,15 @@ def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
         last = length
         if halvings >= HALVINGS:  # at a double root twice the step goes all the way
             double, step = True, 2 * step
-        met = relations.met(x, largest * ulp)
+        met = relations.met(x, SOLVED * largest + way * ulp)
         polished += met
         damped = _damped(relations, x, r, _lengths(J, L), step, once=met)
         if damped is None:
             break  # no decrease: rounding, or a minimum of |r|
         x, r, J = damped
-        largest = max(largest, float(np.linalg.norm(L.T @ x)))
-    met = not np.any(r) or relations.met(x, largest * ulp)
+        largest = np.maximum(largest, np.abs(x))
+        way = max(way, float(np.linalg.norm(L.T @ (x - x0))))
+    met = not np.any(r) or relations.met(x, SOLVED * largest + way * ulp)
     trouble = Trouble.DOUBLE_ROOT if double and met else Trouble.NONE
     return Found(x, met=met, trouble=trouble)
 
@@ -223,8 +225,8 @@ def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
     )
     z: Floats = np.asarray(fit.x, dtype=float)
     x = back(z)
-    ulp = SOLVED / np.sqrt(np.diag(metric))
-    if relations.met(x, float(np.linalg.norm(z)) * ulp):
+    way = float(np.linalg.norm(z - L.T @ reached.x)) / np.sqrt(np.diag(metric))
+    if relations.met(x, SOLVED * (np.abs(x) + way)):
         return Found(x, met=True)
     r, J = residual(z), slopes(z)
     sizes = np.linalg.svd(J, compute_uv=False)

@@ -74,18 +74,42 @@ class Point:
         }
         return np.array([e for _, e in evaluate_with_error(self.g, nodes, values)])
 
-    def solved_errors(self, q: Floats, v: Floats) -> dict[str, float]:
+    def solved_errors(
+        self, q: Floats, v: Floats, origin: tuple[Floats, Floats] | None = None
+    ) -> dict[str, float]:
         """Give the errors of values that were solved for.
 
-        Against the size of all positions, or velocities, in the metric of M: one that
-        should be zero is left with the rounding errors of the others.
+        Their own rounding; that of the way that all went together from `origin`; and
+        what the rounding of the relations in which they stand makes of them: one that
+        should be zero is left with that of its neighbours.
         """
-        sizes = self.sizes(q, v)
-        errors: dict[str, float] = {}
-        for names, x in ((self.e.q, q), (self.e.velocities, v)):
-            found = SOLVED * np.linalg.norm(sizes * x) / sizes
-            errors |= dict(zip(names, map(float, found), strict=True))
-        return errors
+        rows, weights = self.e.rows, self.sizes(q, v)
+        own = [SOLVED * np.abs(q), SOLVED * np.abs(v)]
+        for error, x, x0 in zip(own, (q, v), origin or (q, v), strict=True):
+            error += SOLVED * np.linalg.norm(weights * (x - x0)) / weights
+        names = (self.e.q, self.e.velocities)
+        errors = self._named(names, own)
+        if not rows:
+            return errors
+        held = [r.residual if r.holonomic else self.g.zero for r in rows]
+        left = [self.rounding(x, q, v, errors) for x in (held, [r.rate for r in rows])]
+        entries = self.jacobian_entries(rows, q, v)
+        columns = np.nan_to_num(np.abs(entries.values)) / weights[entries.j]
+        squares = np.bincount(entries.i, columns**2, len(rows))
+        for error, rounding in zip(own, left, strict=True):
+            step = np.nan_to_num(rounding) / np.where(squares > 0.0, squares, np.inf)
+            shares = columns * step[entries.i] / weights[entries.j]
+            error += np.bincount(entries.j, shares, self.n)
+        return self._named(names, own)
+
+    def _named(
+        self, names: Sequence[Sequence[str]], values: Sequence[Floats]
+    ) -> dict[str, float]:
+        return {
+            name: float(x)
+            for group, array in zip(names, values, strict=True)
+            for name, x in zip(group, array, strict=True)
+        }
 
     def sizes(self, q: Floats, v: Floats) -> Floats:
         """Give sqrt(M_jj), or what stands in its place, where it was first asked."""

@@ -33,8 +33,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Start", "examine", "metric_of"]
 
-# What differs by less than this from what was stated is not reported as a change.
-REPORTED = 1e-13
+# What differs from what was stated by less than so many rounding errors is not reported
+# as a change.
+REPORTED = 225.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +212,7 @@ class _Examination:
             if not found.met:
                 break
             x[free] = found.x
-            errors = self.point.solved_errors(q, v)
+            errors = self.point.solved_errors(q, v, (self.q0, self.v0))
             names = self.solver.names(free, velocities=velocities)
             moved = x[free] != before
             self.errors.update(
@@ -221,8 +222,12 @@ class _Examination:
 
     def _errors(self, judged: _Judged) -> dict[str, float]:
         """Give the errors of a state: as stated, or of values solved for."""
-        errors = self.point.solved_errors(judged.q, judged.v)
-        for name, value in self.point.values(judged.q, judged.v).items():
+        values = self.point.values(judged.q, judged.v)
+        names = (*self.e.q, *self.e.velocities)
+        if all(values[name] == self.initial[name].value for name in names):
+            return dict(self.errors)
+        errors = self.point.solved_errors(judged.q, judged.v, (self.q0, self.v0))
+        for name, value in values.items():
             if name in errors and value == self.initial[name].value:
                 errors[name] = self.errors[name]
         return errors
@@ -275,7 +280,7 @@ class _Examination:
 
     def _touch(self, q: Floats, v: Floats) -> bool:
         """Ask of contacts that are penetrated that they touch; tell if any are new."""
-        errors = self.point.solved_errors(q, v)
+        errors = self.point.solved_errors(q, v, (self.q0, self.v0))
         gaps = {c.name: c.relation.node for c in self.e.model.constraints}
         new = {
             gap.name: gaps[gap.name]
@@ -290,9 +295,9 @@ class _Examination:
     ) -> dict[str, tuple[float, float]]:
         names = (*self.e.q, *self.e.velocities)
         before, after = np.concatenate(old), np.concatenate(new)
-        sizes = self.point.sizes(self.q0, self.v0)
-        size = np.concatenate([np.linalg.norm(sizes * x) / sizes for x in new])
-        moved = np.abs(after - before) > REPORTED * np.maximum(np.abs(after), size)
+        errors = self.point.solved_errors(*new, old)
+        bounds = [REPORTED * errors[name] for name in names]
+        moved = np.abs(after - before) > bounds
         return {
             name: (float(before[i]), float(after[i]))
             for i, name in enumerate(names)

@@ -1,14 +1,23 @@
-"""What is said of each relation at the start: residual, scale, bound, and why."""
+"""What is said of each relation at the start: residual, scale, bound, and why.
+
+A residual is compared with the largest of its terms and of |q_i dg/dq_i|, but not with
+more than the relation's own size (`lengths`): far from the origin the terms are large,
+and the relation is what it was. A rate is compared with its terms, but not with more
+than the motion that the relation sees, nor with less than a tenth of it: a relation
+whose coefficients vanish at the start is judged like its neighbours.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.expressions.derivatives import gradient
+from lagsim.admissibility.lengths import Form, Lengths
+from lagsim.expressions.derivatives import slopes
+from lagsim.expressions.evaluate import evaluate
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -23,6 +32,11 @@ ONE_SIDED = "one-sided"
 START_VALUE = "start value"
 # The bound of rounding errors is to first order; this keeps it a bound.
 CAUTION = 4.0
+# The part of the motion that a rate counts as at least.
+MOTION = 0.1
+# What was computed elsewhere in double precision carries errors of this part of the
+# motion of the body.
+COMPUTED = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,26 +46,39 @@ class Residual:
     Attributes
     ----------
     value, scale : float
-        The residual, and the largest of its terms and of |q_i dg/dq_i|.
+        The residual, and the size that it is compared with.
     rounding : float
         A bound of the error that the expressions of the start leave in the residual.
+    size : str
+        What `scale` is.
+    floor : float
+        What numbers of all digits leave, by the sizes around the relation.
     """
 
     value: float
     scale: float
     rounding: float
+    size: str = "its largest term"
+    floor: float = 0.0
 
     @property
     def bound(self) -> float:
         """What |value| may be."""
-        return max(TOLERANCE * self.scale, self.rounding)
+        return max(TOLERANCE * self.scale, self.rounding, self.floor)
 
     @property
     def why(self) -> str:
         """Why the bound is that."""
-        if self.rounding >= TOLERANCE * self.scale:
+        if self.rounding == self.bound:
             return "the rounding error of the start"
-        return f"{TOLERANCE:g} of its largest term"
+        if self.floor == self.bound:
+            return "what numbers of all digits leave"
+        return f"{TOLERANCE:g} of {self.size}"
+
+    @property
+    def exact(self) -> bool:
+        """Whether the residual is no more than rounding."""
+        return abs(self.value) <= max(self.rounding, self.floor)
 
     @property
     def met(self) -> bool:
@@ -61,8 +88,8 @@ class Residual:
     @property
     def digits(self) -> int | None:
         """With how many digits the start seems typed; None where it is exact."""
-        exact = max(self.rounding, ALL_DIGITS * self.scale)
-        if not self.met or abs(self.value) <= exact:
+        exact = self.exact or abs(self.value) <= ALL_DIGITS * self.scale
+        if not self.met or exact:
             return None
         return max(1, int(-math.log10(abs(self.value) / self.scale)))
 
@@ -137,6 +164,16 @@ def judge(
     moving = residuals(
         point, [r.rate for r in rows], [r.rate_scale for r in rows], q, v, errors
     )
+    # What is only rounding is met, whatever it is compared with.
+    pairs = enumerate(zip(held, moving, strict=True))
+    asked = [i for i, (x, y) in pairs if not (x.exact and y.exact)]
+    forms = [Form(rows[i].residual, rows[i].A.entries) for i in asked]
+    lengths = Lengths(point, forms, q, v)
+    scales, motions = lengths.scales(), lengths.motions()
+    whole = _body_motions(point, forms, q, v)
+    for i, scale, motion, body in zip(asked, scales, motions, whole, strict=True):
+        moving[i] = _of_rate(moving[i], motion, body)
+        held[i] = _of_size(held[i], scale) if rows[i].holonomic else moving[i]
     return [
         Verdict(
             name=row.name,
@@ -150,24 +187,69 @@ def judge(
     ]
 
 
+def _of_size(residual: Residual, own: float) -> Residual:
+    """Compare with the relation's own size where that is less than its terms."""
+    if not np.isfinite(own):
+        return residual
+    residual = replace(residual, floor=float(ALL_DIGITS * own))
+    if own >= residual.scale:
+        return residual
+    return replace(residual, scale=float(own), size="its own size, wherever it stands")
+
+
+def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
+    """Compare with the motion that a relation sees, and with that of its body."""
+    residual = replace(residual, floor=COMPUTED * body)
+    if motion < residual.scale:
+        return replace(residual, scale=float(motion), size="the motion that it sees")
+    if np.isfinite(motion) and MOTION * motion > residual.scale:
+        size = "a tenth of the motion that it sees"
+        scale = float(MOTION * motion)
+        return replace(residual, scale=scale, size=size)
+    return residual
+
+
+def _body_motions(
+    point: Point, forms: Sequence[Form], q: Floats, v: Floats
+) -> list[float]:
+    """Give |A| |v| of each form, of the coordinates whose inertia it shares."""
+    weights, shared = point.sizes(q, v), _Bodies(point)
+    found = []
+    for form in forms:
+        columns = list(form.A)
+        A = point.array(list(form.A.values()), q, v) / weights[columns]
+        body = shared.of(columns)
+        found.append(float(np.linalg.norm(A) * np.linalg.norm((weights * v)[body])))
+    return found
+
+
+class _Bodies:
+    """Coordinates that M couples with one another, directly or through others."""
+
+    def __init__(self, point: Point) -> None:
+        self.neighbours = [set(row.entries) for row in point.e.M]
+
+    def of(self, columns: Sequence[int]) -> list[int]:
+        """Give the coordinates coupled with any of these, and these."""
+        seen, stack = set(columns), list(columns)
+        while stack:
+            new = self.neighbours[stack.pop()] - seen
+            seen |= new
+            stack.extend(new)
+        return sorted(seen)
+
+
 def judge_gaps(
     point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
 ) -> list[Verdict]:
     """Judge the one-sided constraints: their gaps must not be negative."""
-    found = []
-    variables = [point.g.variable(name) for name in point.e.q]
-    for c in point.e.model.constraints:
-        if c.law is None:
-            continue
-        node = c.relation.node
-        value = point.array([node], q, v)[0]
-        levers = np.abs(point.array(gradient(point.g, node, variables), q, v) * q)
-        scale = max(abs(value), np.max(levers, initial=0.0))
-        rounding = CAUTION * point.rounding([node], q, v, errors)[0]
-        gap = Residual(float(value), float(scale), float(rounding))
-        still = "t" not in point.g.depends([node])
-        found.append(Verdict(c.name, ONE_SIDED, still, None, gap, None))
-    return found
+    contacts = [c for c in point.e.model.constraints if c.law is not None]
+    nodes = [c.relation.node for c in contacts]
+    gaps = _measured(point, nodes, [0.0] * len(nodes), (q, v), errors)
+    return [
+        Verdict(c.name, ONE_SIDED, "t" not in point.g.depends([node]), None, gap, None)
+        for c, node, gap in zip(contacts, nodes, gaps, strict=True)
+    ]
 
 
 def judge_starts(
@@ -175,21 +257,40 @@ def judge_starts(
 ) -> list[Verdict]:
     """Judge the start values of definitions."""
     found = []
-    names = (*point.e.q, *point.e.velocities)
-    variables = [point.g.variable(name) for name in names]
-    for wanted in point.e.model.initial:
-        if wanted.node is None:
-            continue
-        value = point.array([wanted.node], q, v)[0]
-        rounding = point.rounding([wanted.node], q, v, errors)[0]
-        slopes = point.array(gradient(point.g, wanted.node, variables), q, v)
-        levers = np.abs(slopes) * np.abs(np.concatenate([q, v]))
-        scale = max(abs(value), abs(wanted.value), np.max(levers, initial=0.0))
-        residual = Residual(
-            float(value - wanted.value),
-            float(scale),
-            float(CAUTION * (rounding + wanted.error)),
-        )
+    values = [w for w in point.e.model.initial if w.node is not None]
+    nodes = [w.node for w in values if w.node is not None]
+    measured = _measured(point, nodes, [w.value for w in values], (q, v), errors)
+    for wanted, residual in zip(values, measured, strict=True):
+        missed = replace(residual, rounding=residual.rounding + CAUTION * wanted.error)
         name = f"{wanted.name}: {wanted.text}"
-        found.append(Verdict(name, START_VALUE, True, None, residual, None))
+        found.append(Verdict(name, START_VALUE, True, None, missed, None))
     return found
+
+
+def _measured(
+    point: Point,
+    nodes: Sequence[int],
+    targets: Sequence[float],
+    state: tuple[Floats, Floats],
+    errors: Mapping[str, float],
+) -> list[Residual]:
+    """Give what nodes miss their targets by, with its scale."""
+    if not nodes:
+        return []
+    g, e = point.g, point.e
+    variables = {g.variable(name): j for j, name in enumerate((*e.q, *e.velocities))}
+    places = frozenset(variables)
+    sizes = np.abs(np.concatenate(state))
+    values, numbers = point.array(nodes, *state), point.values(*state)
+    rounding = CAUTION * point.rounding(nodes, *state, errors)
+    found, forms = [], []
+    for i, node in enumerate(nodes):
+        A = {variables[x]: slope for x, slope in slopes(g, node, places).items()}
+        levers = np.abs(evaluate(g, A.values(), numbers)) * sizes[list(A)]
+        scale = max(abs(values[i]), abs(targets[i]), np.max(levers, initial=0.0))
+        missed = float(values[i] - targets[i])
+        found.append(Residual(missed, float(scale), float(rounding[i])))
+        moving = any(j >= point.n for j in A)
+        forms.append(Form(node, {} if moving else A, targets[i]))
+    own = Lengths(point, forms, *state).scales()
+    return [_of_size(residual, x) for residual, x in zip(found, own, strict=True)]

@@ -1,0 +1,191 @@
+"""How far a relation reaches, wherever it stands: lengths that know no origin.
+
+A relation is as long as the way along a coordinate on which its gradient changes by as
+much as it is long: for a rod its length, for a curve its radius, for a sine one radian.
+Moved elsewhere, or measured in other units, it has the same length, while its terms and
+|q_i dg/dq_i| grow with the distance from the origin. A relation that is affine has no
+length of its own; its coordinates have those of the other relations in which they
+stand.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.admissibility.metric import RANK
+from lagsim.expressions.derivatives import tangent
+from lagsim.expressions.evaluate import evaluate
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lagsim.admissibility.point import Point
+    from lagsim.native.kernel_types import Floats
+
+# Through so many affine relations a length is handed on.
+LINKS = 3
+# The constant of an affine relation is rounding below this part of its terms.
+ROUNDED = 1e-13
+
+
+class Form(NamedTuple):
+    """What is asked of positions: a node, its gradient, and the value it should have.
+
+    The gradient A gives for the index of a coordinate a node.
+    """
+
+    node: int
+    A: Mapping[int, int]
+    target: float = 0.0
+
+
+class Lengths:
+    """The lengths of relations at a state.
+
+    Attributes
+    ----------
+    own : list of dict
+        For each form: coordinate -> the way along it on which the gradient changes by
+        its own length; 0 where the gradient vanishes, inf where it does not change.
+    """
+
+    def __init__(
+        self, point: Point, forms: Sequence[Form], q: Floats, v: Floats
+    ) -> None:
+        self.point, self.forms = point, forms
+        self.q, self.v = q, v
+        self.weights = point.sizes(q, v)
+        self.columns: list[list[int]] = []
+        # Of each form the gradient, then its first and second derivatives by each of
+        # the positions that it depends on: in the metric of M.
+        self.tables: list[Floats] = []
+        self.own: list[dict[int, float]] = []
+        self._measure()
+
+    def _measure(self) -> None:
+        g, names = self.point.g, self.point.e.q
+        place = {g.variable(name): j for j, name in enumerate(names)}
+        wanted: list[list[int]] = []
+        along: list[list[int]] = []
+        for form in self.forms:
+            nodes = list(form.A.values())
+            wanted.append(nodes)
+            along.append(sorted(place[x] for x in g.cone(nodes) if x in place))
+            for k in along[-1]:
+                seed = {g.variable(names[k]): g.one}
+                first = tangent(g, nodes, seed)
+                wanted += [first, tangent(g, first, seed)]
+        flat = [node for nodes in wanted for node in nodes]
+        values = iter(evaluate(g, flat, self.point.values(self.q, self.v)))
+        for form, ways in zip(self.forms, along, strict=True):
+            columns = list(form.A)
+            rows = 2 * len(ways) + 1
+            table = np.array([[next(values) for _ in columns] for _ in range(rows)])
+            table = table.reshape(rows, len(columns)) / self.weights[columns]
+            self.columns.append(columns)
+            self.tables.append(table)
+            size = np.linalg.norm(table, axis=1)
+            self.own.append(
+                {
+                    k: _way(size[0], size[2 * i + 1], size[2 * i + 2])
+                    for i, k in enumerate(ways)
+                }
+            )
+
+    @cached_property
+    def coordinates(self) -> Floats:
+        """The shortest length at each coordinate, shape (n,); inf where there is none.
+
+        Affine relations hand lengths on, from those of their coordinates that have one.
+        """
+        found = np.full(self.point.n, np.inf)
+        for own in self.own:
+            for k, length in own.items():
+                if 0.0 < length < found[k]:
+                    found[k] = length
+        flat = [i for i, own in enumerate(self.own) if _flat(own)]
+        for _ in range(LINKS):
+            before = found.copy()
+            for i in flat:
+                slopes = self._slopes(i)
+                scale = _longest(slopes, before[self.columns[i]])
+                for k, a in zip(self.columns[i], slopes, strict=True):
+                    if a > 0.0 and np.isinf(found[k]):
+                        found[k] = scale / a
+            if np.array_equal(before, found):
+                break
+        return found
+
+    def scales(self) -> Floats:
+        """Give the size of each form by its lengths, (m,); inf where it has none."""
+        values = self.point.array([form.node for form in self.forms], self.q, self.v)
+        missed = values - np.array([form.target for form in self.forms])
+        return np.array([self._scale(i, x) for i, x in enumerate(missed)])
+
+    def _slopes(self, i: int) -> Floats:
+        """Give |A_j| of a form."""
+        return np.asarray(np.abs(self.tables[i][0]) * self.weights[self.columns[i]])
+
+    def _scale(self, i: int, value: float) -> float:
+        columns, own, slopes = self.columns[i], self.own[i], self._slopes(i)
+        if not np.all(np.isfinite(slopes)):
+            return np.inf
+        if not _flat(own):
+            ways = np.array([own.get(k, np.inf) for k in columns])
+            gradient = float(np.linalg.norm(self.tables[i][0]))
+            return max(gradient * self._least(i), _longest(slopes, ways, 0.0))
+        scale = _longest(slopes, self.coordinates[columns])
+        if np.isfinite(scale):
+            return scale
+        moved = float(self.tables[i][0] @ (self.weights * self.q)[columns])
+        constant = abs(value - moved)
+        terms = float(np.max(slopes * np.abs(self.q[columns]), initial=0.0))
+        return np.inf if constant <= ROUNDED * terms else max(constant, abs(moved))
+
+    def motions(self) -> Floats:
+        """Give the size of the motion that each form sees, shape (m,); inf: not known.
+
+        That is |A| in the metric of M^-1 times |v| in that of M, of the coordinates
+        that stand in the form; velocities to which it is blind, here and nearby (both
+        ends of a rod alike), do not count.
+        """
+        return np.array([self._motion(i) for i in range(len(self.forms))])
+
+    def _motion(self, i: int) -> float:
+        table, own = self.tables[i], self.own[i]
+        if _flat(own) or not np.all(np.isfinite(table)):
+            return np.inf
+        # Derivatives count as what they make of the gradient over the shortest length.
+        ways = [self._least(i) / self.weights[k] for k in own]
+        factors = [1.0, *(x for way in ways for x in (way, way * way))]
+        seen = table * np.array(factors)[:, None]
+        v = (self.weights * self.v)[self.columns[i]]
+        along = seen.T @ np.linalg.lstsq(seen.T, v, rcond=RANK)[0]
+        return float(np.linalg.norm(table[0]) * np.linalg.norm(along))
+
+    def _least(self, i: int) -> float:
+        """Give the shortest length of a form, in the metric of M."""
+        return float(min(way * self.weights[k] for k, way in self.own[i].items()))
+
+
+def _way(size: float, first: float, second: float) -> float:
+    """Give how far a gradient of this size and these derivatives stays what it is."""
+    if not (np.isfinite(size) and np.isfinite(first) and np.isfinite(second)):
+        return np.inf
+    linear = size / first if first > 0.0 else np.inf
+    curved = np.sqrt(size / second) if second > 0.0 else np.inf
+    return float(min(linear, curved))
+
+
+def _flat(own: Mapping[int, float]) -> bool:
+    """Tell whether a gradient does not change along any coordinate."""
+    return all(np.isinf(way) for way in own.values())
+
+
+def _longest(slopes: Floats, lengths: Floats, none: float = np.inf) -> float:
+    """Give the greatest slope * length of those that have a length."""
+    known = np.isfinite(lengths) & (slopes > 0.0)
+    return float(np.max(slopes[known] * lengths[known])) if np.any(known) else none
