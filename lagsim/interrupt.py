@@ -19,11 +19,15 @@ class Interrupt:
 
     @contextlib.contextmanager
     def noted(self) -> Iterator[Interrupt]:
-        """Note the signals while the context lasts (in the main thread only)."""
+        """Note the signals while the context lasts (in the main thread only).
+
+        A signal that the caller had ignored stays so: `nohup`, `trap '' INT`, or the
+        `&` of a shell script.
+        """
         if threading.current_thread() is not threading.main_thread():
             yield self
             return
-        kinds = (signal.SIGINT, signal.SIGTERM)
+        kinds = [k for k in (signal.SIGINT, signal.SIGTERM) if not ignored(k)]
         before = [signal.signal(kind, self._note) for kind in kinds]
         try:
             yield self
@@ -33,3 +37,8 @@ class Interrupt:
 
     def _note(self, number: int, _frame: object) -> None:
         self.signal = number
+
+
+def ignored(kind: signal.Signals) -> bool:
+    """Tell whether whoever started this program has it ignore a signal."""
+    return signal.getsignal(kind) is signal.SIG_IGN

@@ -182,6 +182,7 @@ simulation: {duration: 3, output_step: 0.1}
     assert np.all(np.isfinite(found.rows))
 
 
+@pytest.mark.usefixtures("heeded_signals")
 def test_an_interrupt_keeps_what_was_computed():
     interrupt = Interrupt()
 

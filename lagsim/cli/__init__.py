@@ -124,12 +124,14 @@ def _bug() -> int:
 
 @contextlib.contextmanager
 def _terminable() -> Iterator[None]:
-    """Turn SIGTERM into an exception (in the main thread only)."""
+    """Turn SIGTERM into an exception (in the main thread, where it is not ignored)."""
+    from lagsim.interrupt import ignored
 
     def stop(_number: int, _frame: object) -> NoReturn:
         raise _Terminated
 
-    if threading.current_thread() is not threading.main_thread():
+    main = threading.current_thread() is threading.main_thread()
+    if not main or ignored(signal.SIGTERM):
         yield
         return
     before = signal.signal(signal.SIGTERM, stop)

@@ -19,6 +19,7 @@ from lagsim.outputs.ledger import Ledger
 from lagsim.outputs.results import Results
 
 COMMAND = [sys.executable, "-m", "lagsim"]
+pytestmark = pytest.mark.usefixtures("heeded_signals")
 
 
 def test_a_failed_integration_keeps_what_was_computed(lagsim, write, monkeypatch):
@@ -82,10 +83,10 @@ def test_an_interrupt_before_the_run_leaves_nothing(lagsim, write, monkeypatch, 
     assert names(".") == ["model.yaml"]
 
 
-def started(folder, model, *options):
+def started(folder, model, *before):
     """Start a run, and wait until it has written rows."""
     run = subprocess.Popen(
-        [*COMMAND, "run", model, "-o", folder, "--no-plots", *options],
+        [*before, *COMMAND, "run", model, "-o", folder, "--no-plots"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
@@ -114,6 +115,47 @@ def test_a_signal_from_outside(lagsim, write, kind):
     assert document["model"]["file"] == "endless.yaml"
     assert table("out")[1][-1, 0] == document["end"]
     assert names("out") == ["run.json", "trajectory.csv"]
+
+
+def test_an_ignored_signal_stays_ignored(lagsim, write, monkeypatch):
+    blocks = []
+
+    def add(self, rows):
+        blocks.append(rows)
+        if len(blocks) == 2:
+            signal.raise_signal(signal.SIGINT)
+        if len(blocks) == 4:
+            signal.raise_signal(signal.SIGTERM)
+        return taken(self, rows)
+
+    taken = Ledger.add
+    monkeypatch.setattr(Ledger, "add", add)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    called = lagsim("run", write(ENDLESS), "--no-plots", "-o", "out")
+    assert called.code == 128 + signal.SIGTERM
+    assert len(blocks) >= 4
+    assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    assert lagsim("methods").code == 0
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
+
+
+@pytest.mark.usefixtures("lagsim")
+def test_a_run_under_a_parent_that_ignores_an_interrupt(write):
+    model = write(ENDLESS)
+    ignoring = ["sh", "-c", "trap '' INT; exec \"$@\"", "sh"]
+    run = started("out", model, *ignoring)
+    [part] = Path("out").glob(".*csv*")
+    run.send_signal(signal.SIGINT)
+    size, deadline = part.stat().st_size, time.monotonic() + 60
+    # It goes on writing, several blocks more.
+    while part.stat().st_size < size + 100_000 and time.monotonic() < deadline:
+        assert run.poll() is None
+        time.sleep(0.01)
+    run.send_signal(signal.SIGTERM)
+    _, err = run.communicate(timeout=60)
+    assert run.returncode == 128 + signal.SIGTERM
+    assert b"interrupted" in err
 
 
 def test_a_killed_run_leaves_the_old_results(lagsim, write):

@@ -1,0 +1,251 @@
+"""What `golden --update` measures: bounds from runs whose differences are invented."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lagsim.golden import measuring
+from lagsim.golden.judging import judge
+from lagsim.golden.measuring import measure, rounded_up
+from lagsim.golden.motion import _asked
+from lagsim.golden.storing import Stored, certain
+from lagsim.reader import read
+from tests.golden.scenes import replaced, scene, scene_of
+
+PENDULUM = """
+parameters: {g: 9.8, l: 1, zero: 0}
+coordinates: {a: {}, s: {}}
+energy:
+  kinetic: (l^2*a_dot^2 + s_dot^2)/2 + zero*s
+  potential: -g*l*cos(a)
+forces: {a: "0.1*cos(2*t)"}
+initial: {a: 1, s: 0, s_dot: 0.5}
+simulation: {duration: 10, output_step: 0.1, rtol: 1e-9}
+"""
+# Rounding errors and the tolerance itself: a tiny part of what is invented below.
+TINY = 1e-6
+# Bounds are rounded up to two digits, are kept a twentieth larger for the digits that
+# are cut, and rise in steps that make room for half as much again.
+LEAST, MOST = 1.05, 1.05 * 1.5 * 1.11
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return scene_of(read(PENDULUM, "pendulum.yaml"))
+
+
+@pytest.fixture
+def measured(pendulum, monkeypatch):
+    """Give a function that measures with invented runs beside the golden one.
+
+    They are (kind, column, function of t that is added to it).
+    """
+
+    def measured(*invented):
+        def variants(_scene, base, _stride):
+            for kind, column, off in invented:
+                t = base.rows[:, 0]
+                values = base.rows[:, base.columns.index(column)] + off(t)
+                yield kind, replaced(base, column, values)
+
+        monkeypatch.setattr(measuring, "variants", variants)
+        return measure(pendulum)
+
+    return measured
+
+
+@pytest.mark.parametrize(
+    ("kind", "times"),
+    [("looser", 1), ("tighter", 10), ("perturbed", 10), ("method", 10)],
+)
+def test_bounds_grow_with_the_spread(measured, kind, times):
+    golden, base = measured((kind, "a", lambda t: TINY * np.exp(t / 2)))
+    t = golden.rows[:, 0]
+    spread = times * TINY * np.exp(t / 2)
+    bounds = golden.bounds("a")
+    assert np.all(bounds >= LEAST * spread * (1 - 1e-9))
+    assert np.all(bounds <= MOST * spread * 1.05 + 1e-8)
+    # Few steps: each makes room for half as much again, or more.
+    steps = golden.steps["a"]
+    assert len(steps) <= math.log(bounds[-1] / bounds[0]) / math.log(1.5) + 2
+    # The other coordinate does not suffer: it has its tolerance and rounding.
+    assert np.max(golden.bounds("s")) < 2e-8
+    assert len(base.rows) == 101
+
+
+def test_looser_and_the_largest_of_the_samples_add_up(measured):
+    golden, _ = measured(
+        ("looser", "a", lambda t: TINY + 0 * t),
+        ("perturbed", "a", lambda t: -2 * TINY + 0 * t),
+        ("perturbed", "a", lambda t: 3 * TINY + 0 * t),
+        ("method", "a", lambda t: TINY + 0 * t),
+    )
+    expected = (1 + 10 * 3) * TINY
+    assert golden.steps["a"][0][1] == pytest.approx(1.05 * expected, rel=0.04)
+    assert golden.steps["a"][0][1] >= 1.05 * expected
+
+
+def test_bounds_never_fall(measured):
+    golden, _ = measured(("looser", "a", lambda t: TINY * (np.abs(t - 5.0) < 0.51)))
+    bounds = golden.bounds("a")
+    t = golden.rows[:, 0]
+    assert np.all(np.diff(bounds) >= 0.0)
+    assert np.all(bounds[t > 4.45] >= TINY)
+    assert np.all(bounds[t < 4.45] < 0.1 * TINY)
+
+
+def test_the_horizon_is_where_a_third_of_the_scale_is_lost(measured):
+    # The angle swings by about 2 rad, its rate by about 6 rad/s.
+    golden, base = measured(("looser", "a", lambda t: 1e-9 * 10.0 ** (0.9 * t)))
+    width = np.ptp(base.rows[:, base.columns.index("a")])
+    lost = math.log10(width / 3 / 1e-9) / 0.9
+    assert golden.horizon == pytest.approx(lost, abs=0.15)
+    assert golden.rows[-1, 0] < golden.horizon
+    assert measured(("looser", "a", lambda t: 0 * t + TINY))[0].horizon is None
+
+
+@pytest.mark.parametrize(("kind", "times"), [("looser", 1), ("method", 10)])
+def test_the_bound_of_an_energy_can_fail(measured, pendulum, kind, times):
+    golden, base = measured((kind, "energy", lambda t: TINY * t / 10))
+    [name] = [n for n in golden.invariants if n.startswith("energy")]
+    kept = golden.invariants[name]
+    first = base.rows[0]
+    energy = first[base.columns.index("energy")] - first[base.columns.index("work")]
+    assert kept.value == pytest.approx(energy)
+    own = 10 * np.max(np.abs(ledger(base) - kept.value))
+    assert times * TINY <= kept.bound <= 1.11 * (times * TINY + own + 1e-7)
+    about = {"output_step": 0.1, "end": 10.0, "outcome": "done"}
+    for part, passes in ((0.5, True), (3.0, False)):
+        energies = base.rows[:, base.columns.index("energy")].copy()
+        energies[-1] += part * kept.bound
+        found = judge(
+            pendulum, replaced(base, "energy", energies), Stored(golden, about)
+        )
+        [worst] = [d for d in found.worst if d.column == f"{name} (constant)"]
+        assert worst.passed == passes
+
+
+def ledger(motion):
+    energy, work = (
+        motion.rows[:, motion.columns.index(name)] for name in ("energy", "work")
+    )
+    return energy - work
+
+
+def test_momenta_and_residuals_are_bounded_too(monkeypatch):
+    for name, keeps in (
+        ("heavy-top", {"energy", "momentum.phi", "momentum.psi"}),
+        ("elastic-pendulum-curve", {"energy", "residual_path"}),
+        ("forced-oscillator", {"energy - work"}),
+    ):
+        monkeypatch.setattr(measuring, "variants", lambda *_: [])
+        golden, base = measure(scene(name))
+        assert set(golden.invariants) == keeps
+        for kept, invariant in golden.invariants.items():
+            assert 0.0 < invariant.bound < 1e-8
+            if kept.startswith("residual"):
+                assert invariant.value == 0.0
+        assert len(base.rows) >= 100
+
+
+def test_without_any_spread_a_bound_is_tolerance_and_rounding(measured):
+    golden, base = measured()
+    for column, least in (("a", 1e-9), ("s", 1e-9)):
+        values = base.rows[:, base.columns.index(column)]
+        bound = golden.steps[column][0][1]
+        size = np.ptp(values)
+        assert least * size <= bound <= 1.2 * least * size + 1e-13
+    assert golden.steps["t"] == [(0.0, 0.0)]
+
+
+def test_rows_beside_events_are_left_out(measured, pendulum, monkeypatch):
+    event = SimpleNamespace(time=5.0 + 1e-5, kind="switch")
+    end = SimpleNamespace(time=3.0, kind="until")
+    motion = type(pendulum).motion
+
+    def with_events(self, stride):
+        base = motion(self, stride)
+        return replace(base, trajectory=replace(base.trajectory, events=(event, end)))
+
+    monkeypatch.setattr(type(pendulum), "motion", with_events)
+    golden, _ = measured()
+    times = golden.rows[:, 0]
+    assert not np.any(np.abs(times - 5.0) < 1e-6)
+    for kept in (0.0, 3.0, 4.9, 5.1, 10.0):
+        assert np.any(np.abs(times - kept) < 1e-9)
+
+
+def test_what_is_run_besides(pendulum):
+    base = pendulum.motion(10)
+    asked = [
+        (kind, s.equations.model.simulation.method, s.equations.model.simulation.rtol)
+        for kind, s in _asked(pendulum, base.plan)
+    ]
+    own = base.plan.method
+    assert own in ("dop853", "taylor")
+    other = {"dop853": "taylor", "taylor": "dop853"}[own]
+    told = {(kind, method) for kind, method, _ in asked}
+    assert {("looser", own), ("tighter", own), ("method", other)} <= told
+    assert ("method", "radau") in told
+    rates = {kind: rtol for kind, _, rtol in asked if kind in ("looser", "tighter")}
+    assert rates == {"looser": pytest.approx(1e-7), "tighter": pytest.approx(1e-10)}
+    assert [kind for kind, _, _ in asked].count("perturbed") == 4
+
+
+def test_fixed_steps_are_doubled_and_halved(pendulum):
+    fixed = pendulum.asking(method="rk4", step=0.01)
+    asked = list(_asked(fixed, fixed.motion(10).plan))
+    steps = [
+        (kind, s.equations.model.simulation.step)
+        for kind, s in asked
+        if s.equations.model.simulation.method == "rk4" and kind != "perturbed"
+    ]
+    assert steps == [("looser", 0.02), ("tighter", 0.005)]
+
+
+def test_perturbed_by_one_unit_in_the_last_place(pendulum):
+    directions = set()
+    for seed in range(6):
+        other = pendulum.perturbed(seed)
+        old = {p.name: p.value for p in pendulum.equations.model.parameters}
+        new = {p.name: p.value for p in other.equations.model.parameters}
+        assert new["zero"] == 0.0
+        for name in ("g", "l"):
+            neighbours = [math.nextafter(old[name], s * math.inf) for s in (-1, 1)]
+            assert new[name] in neighbours
+            directions.add((name, new[name] > old[name]))
+        for a, b in (
+            (pendulum.start.q, other.start.q),
+            (pendulum.start.v, other.start.v),
+        ):
+            apart = np.abs(b - a)
+            assert np.all((apart == 0.0) == (a == 0.0))
+            assert np.all(apart <= np.spacing(np.abs(a)))
+    assert len(directions) == 4
+
+
+@pytest.mark.parametrize("bound", [1e-9, 3.7e-4, 0.5, 12.0])
+@pytest.mark.parametrize("value", [math.pi, -1234.5678901234, 1e-7 / 3, 0.0])
+def test_digits_are_cut_by_a_twentieth_of_the_bound_at_most(value, bound):
+    text = certain(value, bound)
+    assert abs(float(text) - value) <= bound / 20 * (1 + 1e-9)
+    # And not kept for nothing: two digits fewer would be too few.
+    digits = text.replace("-", "").replace(".", "").split("e")[0].strip("0")
+    most = math.log10(max(abs(value) / bound, 1e-9)) + 3
+    assert len(digits) <= max(1, most)
+
+
+def test_rounding_up():
+    assert [rounded_up(x) for x in (1.234e-9, 9.99, 1.0, 0.0)] == [
+        1.3e-9,
+        10.0,
+        1.0,
+        0.0,
+    ]
+    for x in np.random.default_rng(1).lognormal(0.0, 9.0, 200):
+        assert x * (1 - 1e-12) <= rounded_up(x) <= 1.1 * x

@@ -1,0 +1,337 @@
+"""What a reader of a picture reads off it, with a ruler: artists' data, read back.
+
+Ticks and labels give a scale, as on paper; what the lines are worth on that scale is
+held against the rows.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.lines import Line2D
+from matplotlib.patches import Polygon
+from matplotlib.text import Text
+
+from lagsim.model import Plot, Scene
+from lagsim.outputs import plots
+from lagsim.outputs.thinning import DRIFT, Thinning
+from lagsim.outputs.time_panels import Record
+
+EVENT, SHADE = "#888888", "#dddddd"
+PLAIN = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
+LABEL = re.compile(
+    r"(?P<name>.*?)(?: (?P<sign>[−+]) (?P<offset>[\d.e+-]+))?"
+    r"(?: \((?:10(?P<power>[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))? ?(?P<unit>[^()]*)\))?"
+)
+# A tick's number has four digits or more where it is not exact, and an inch 150 pixels.
+ACCURATE = 1e-6
+
+
+@dataclass
+class Scale:
+    """A scale on paper: value = slope * inches + start, of what, in which unit."""
+
+    name: str
+    unit: str
+    slope: float
+    start: float
+
+    def __call__(self, inches):
+        return self.slope * np.asarray(inches, float) + self.start
+
+
+def scale_of(label, ticks):
+    """Make a scale from an axis label and (inches, text) of its ticks."""
+    m = LABEL.fullmatch(label)
+    assert m, label
+    unit = 10.0 ** int((m["power"] or "0").translate(PLAIN))
+    offset = float(m["offset"] or 0.0) * (1.0 if m["sign"] == "−" else -1.0)
+    places = np.array([place for place, _ in ticks])
+    counts = np.array([float(text.translate(PLAIN)) for _, text in ticks])
+    slope, start = np.polyfit(places, counts, 1)
+    # Ticks are evenly spaced, or somebody moved one.
+    assert np.allclose(
+        slope * places + start, counts, rtol=0, atol=1e-6 * np.ptp(counts)
+    )
+    return Scale(m["name"], m["unit"] or "", unit * slope, unit * start + offset)
+
+
+@dataclass
+class Read:
+    """A panel: its scales, and the lines in it by colour."""
+
+    x: Scale
+    y: Scale
+    lines: dict
+    events: list
+    shade: float | None
+
+
+def inside(box, x, y, slack=0.002):
+    left, right, low, high = box
+    return (
+        np.nanmin(x) >= left - slack
+        and np.nanmax(x) <= right + slack
+        and np.nanmin(y) >= low - slack
+        and np.nanmax(y) <= high + slack
+    )
+
+
+def panels(sheet, *, above=False):
+    """Read all panels of a sheet, in the order in which they are drawn."""
+    artists = sheet.figure.artists
+    lines = [a for a in artists if isinstance(a, Line2D)]
+    texts = [(*a.get_position(), a) for a in artists if isinstance(a, Text)]
+    found = []
+    boxes = [
+        (min(a.get_xdata()), max(a.get_xdata()), min(a.get_ydata()), max(a.get_ydata()))
+        for a in lines
+        if len(a.get_xdata()) == 5 and len(set(a.get_xdata())) == 2
+    ]
+    lowest = min(low for _, _, low, _ in boxes)
+    for box in boxes:
+        left, right, low, high = box
+        below = low
+        x_ticks = []
+        # Panels above each other share the numbers of the lowest.
+        while not x_ticks:
+            x_ticks = [
+                (x, a.get_text())
+                for x, y, a in texts
+                if abs(y - (below - 0.13)) < 1e-6 and left - 0.01 <= x <= right + 0.01
+            ]
+            if not x_ticks:
+                below = max(b for _, _, b, _ in boxes if b < below - 1e-9)
+        y_ticks = [
+            (y, a.get_text())
+            for x, y, a in texts
+            if abs(x - (left - 0.05)) < 1e-6 and low - 0.01 <= y <= high + 0.01
+        ]
+        [x_label] = [
+            a.get_text()
+            for x, y, a in texts
+            if 0.25 < below - y < 0.35 and abs(x - (left + right) / 2) < 1e-6
+        ]
+        sides = [a for x, y, a in texts if a.get_rotation() == 90.0 and low < y < high]
+        if above or not sides:
+            sides = [
+                a for x, y, a in texts if abs(y - high - 0.06) < 1e-6 and x == left
+            ]
+        x_axis = scale_of(x_label, x_ticks)
+        y_axis = scale_of(sides[-1].get_text(), y_ticks)
+        drawn, events = {}, []
+        for a in lines:
+            x, y = (np.asarray(part, float) for part in (a.get_xdata(), a.get_ydata()))
+            if len(x) < 2 or not inside(box, x, y):
+                continue
+            colour = to_hex(a.get_color())
+            if colour == EVENT:
+                events = list(x_axis(x[::3]))
+            elif a.get_linewidth() >= 0.8:
+                drawn.setdefault(colour, []).append((x_axis(x), y_axis(y)))
+        shade = [
+            float(x_axis(a.get_xy()[:, 0].min()))
+            for a in artists
+            if isinstance(a, Polygon)
+            and to_hex(a.get_facecolor()) == SHADE
+            and inside(box, *a.get_xy().T)
+        ]
+        found.append(Read(x_axis, y_axis, drawn, events, shade[0] if shade else None))
+    assert lowest > 0.0
+    return found
+
+
+def record(columns, differences=None, **more):
+    names = tuple(columns)
+    rows = np.stack(
+        [np.broadcast_to(c, columns["t"].shape) for c in columns.values()], 1
+    )
+    thinning = Thinning(names, differences=differences)
+    thinning.add(rows)
+    return Record(title="a scene", rows=thinning, **more)
+
+
+def same(found, expected, scale=None):
+    scale = np.nanmax(np.abs(expected)) if scale is None else scale
+    assert np.max(np.abs(found - expected)) < ACCURATE * scale
+
+
+T = np.linspace(0.0, 12.0, 400)
+# Values that ask for an offset, a power of ten, both, neither; and of both signs.
+SERIES = {
+    "plain": 3.0 * np.sin(T) - 1.0,
+    "small": 4e-7 * np.cos(2 * T),
+    "large": 7e8 * np.sin(T),
+    "far": 7e6 + 12.0 * np.sin(T),
+    "deep": -7e6 + 12.0 * np.sin(T),
+    "near one": 1.0 + 3e-9 * np.cos(T),
+    "falling": -2e-5 * T,
+    "level": 0.0 * T + 5.0,
+    "zero": 0.0 * T,
+}
+
+
+@pytest.mark.parametrize("name", SERIES)
+@pytest.mark.parametrize("start", [0.0, 86_400.0, -3e6, 1e-4])
+def test_coordinates_are_drawn_where_they_are(name, start):
+    values = SERIES[name]
+    t = start + T * (1e-6 if start == 1e-4 else 1.0)
+    run = record({"t": t, "q": values}, units={"q": "m", "t": "s"})
+    [panel] = panels(plots.trajectory(run, ["q"], Scene({})))
+    assert (panel.x.name, panel.x.unit) == ("t", "s")
+    assert (panel.y.name, panel.y.unit) == ("q", "m")
+    [[(x, y)]] = panel.lines.values()
+    same(x, t, np.ptp(t))
+    same(y, values, np.ptp(values) or 1.0)
+
+
+def test_each_coordinate_has_the_unit_and_name_of_its_own():
+    columns = {"t": T, "a": np.sin(T), "b": 2 * np.cos(T), "c": 1e-8 * T, "d": T**2}
+    units = {"t": "s", "a": "m", "b": "m", "c": "rad"}
+    run = record(columns, units=units)
+    shown = panels(plots.trajectory(run, list("abcd"), Scene({})))
+    assert [p.y.name for p in shown] == ["a, b", "c", "d"]
+    assert [p.y.unit for p in shown] == ["m", "rad", ""]
+    drawn = [line for p in shown for group in p.lines.values() for line in group]
+    for name, (x, y) in zip("abcd", drawn, strict=True):
+        same(x, T)
+        same(y, columns[name])
+    for p in shown:
+        assert len(set(p.lines)) == len(p.lines)
+
+
+def energies(**more):
+    work = 2e-3 * T
+    kinetic, potential = 1 + np.cos(4 * T), 2 - np.cos(4 * T)
+    energy = kinetic + potential + work + 1e-9 * np.sin(3 * T) * (T > 0)
+    columns = {"t": T, "kinetic": kinetic, "potential": potential, "energy": energy}
+    columns["work"] = work
+    units = {"t": "s", "energy": "J", "kinetic": "J", "potential": "J", "work": "J"}
+    return columns, record(columns, {DRIFT: ("energy", "work")}, units=units, **more)
+
+
+def test_energies_and_their_drift():
+    columns, run = energies()
+    sheet = plots.energy(run, is_sum=True)
+    upper, lower = panels(sheet)
+    assert (upper.y.name, upper.y.unit) == ("energy", "J")
+    assert (lower.y.name, lower.y.unit) == ("drift", "J")
+    drawn = [lines[0] for lines in upper.lines.values()]
+    for name, (x, y) in zip(("kinetic", "potential", "energy"), drawn, strict=True):
+        same(x, T)
+        same(y, columns[name])
+    [[(x, y)]] = lower.lines.values()
+    ledger = columns["energy"] - columns["work"]
+    same(x, T)
+    same(y, ledger - ledger[0], 1e-9)
+    said = [a.get_text() for a in sheet.figure.artists if isinstance(a, Text)]
+    worst = np.max(np.abs(ledger - ledger[0]))
+    digits, power = f"{worst:.1e}".split("e-")
+    raised = str(int(power)).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    assert (
+        f"energy − work minus its first value: at most {digits} × 10⁻{raised} J" in said
+    )
+
+
+def test_legends_name_the_lines_by_their_colours():
+    _, run = energies()
+    sheet = plots.energy(run, is_sum=True)
+    upper, _ = panels(sheet)
+    texts = [a for a in sheet.figure.artists if isinstance(a, Text)]
+    names = ["kinetic T", "potential V", "energy T + V"]
+    for name, colour in zip(names, upper.lines, strict=True):
+        [text] = [a for a in texts if a.get_text() == name]
+        x, y = text.get_position()
+        samples = [
+            a
+            for a in sheet.figure.artists
+            if isinstance(a, Line2D)
+            and len(a.get_xdata()) == 2
+            and abs(np.mean(a.get_ydata()) - y) < 0.06
+            and 0.0 < x - np.max(a.get_xdata()) < 0.12
+        ]
+        assert [to_hex(a.get_color()) for a in samples] == [colour]
+
+
+def test_events_and_horizon_stand_at_their_times():
+    events = (0.5, 3.25, 11.0)
+    _, run = energies(events=events, horizon=7.5)
+    for panel in panels(plots.energy(run, is_sum=True)):
+        assert panel.events == pytest.approx(events, abs=1e-6)
+        assert panel.shade == pytest.approx(7.5, abs=1e-6)
+    _, run = energies()
+    for panel in panels(plots.energy(run, is_sum=True)):
+        assert panel.events == []
+        assert panel.shade is None
+
+
+def test_constraint_forces_and_multipliers():
+    columns = {"t": T, "Qc_x": 1e4 * np.sin(T), "Qc_y": -3 * T, "lambda_rod": 2 + T}
+    run = record(columns, units={"t": "s", "Qc_x": "N", "Qc_y": "N"})
+    shown = panels(plots.constraint_forces(run, ["x", "y"], ["rod"]))
+    assert [p.y.name for p in shown] == ["Qc_x", "Qc_y", "lambda_rod"]
+    assert [p.y.unit for p in shown] == ["N", "N", ""]
+    for p, name in zip(shown, list(columns)[1:], strict=True):
+        [[(x, y)]] = p.lines.values()
+        same(x, T)
+        same(y, columns[name])
+
+
+@pytest.mark.parametrize("shift", [0.0, 5e4, -5e4])
+def test_a_plot_of_the_model(shift):
+    x, y = shift + np.cos(T), 1e-5 * np.sin(3 * T)
+    run = record({"t": T, "plot.0.x": x, "plot.0.y": y}, units={"plot.0.x": "m"})
+    [panel] = panels(plots.plot(run, 0, Plot(0, 0, "2*a", "b^2", "")))
+    assert (panel.x.name, panel.x.unit) == ("2*a", "m")
+    assert (panel.y.name, panel.y.unit) == ("b^2", "")
+    [[(found_x, found_y)]] = panel.lines.values()
+    same(found_x, x, np.ptp(x))
+    same(found_y, y)
+
+
+def test_a_plot_against_time():
+    run = record(
+        {"t": T, "plot.0.x": T, "plot.0.y": T**2}, units={"t": "s"}, events=(2.0,)
+    )
+    [panel] = panels(plots.plot(run, 0, Plot(0, 0, " t ", "u", "")))
+    assert (panel.x.name, panel.x.unit) == (" t ", "s")
+    [[(x, y)]] = panel.lines.values()
+    same(x, T)
+    same(y, T**2)
+    assert panel.events == pytest.approx([2.0], abs=1e-6)
+
+
+def test_paths_of_the_scene():
+    x, y, z = 5 + np.cos(T), 0.25 * np.sin(T), -1e3 + 0.1 * T
+    points = {"point.p.1": x, "point.p.2": y, "point.p.3": z}
+    run = record({"t": T, "q": x, **points}, units=dict.fromkeys(points, "m"))
+    front, side, top = panels(plots.trajectory(run, ["q"], Scene({"p": (0, 0, 0)})))[1:]
+    for panel, across, up, names in (
+        (front, x, z, "xz"), (side, y, z, "yz"), (top, x, y, "xy"),
+    ):  # fmt: skip
+        assert [panel.x.name, panel.y.name] == [f"scene {name}" for name in names]
+        assert panel.x.unit == panel.y.unit == "m"
+        [[(found_x, found_y)]] = panel.lines.values()
+        same(found_x, across, np.ptp(across))
+        same(found_y, up, np.ptp(up))
+
+
+def test_notes_say_what_they_are_given():
+    _, run = energies(note="incomplete: until t = 3", events=(1.0,), horizon=4.0)
+    for sheet, subject in (
+        (plots.energy(run, is_sum=True), "energy"),
+        (plots.trajectory(run, ["kinetic"], Scene({})), "coordinates"),
+    ):
+        said = [a.get_text() for a in sheet.figure.artists if isinstance(a, Text)]
+        for text in ("a scene", subject, "incomplete: until t = 3", "events",
+                     "past the horizon"):  # fmt: skip
+            assert said.count(text) == 1
+    _, plain = energies()
+    sheet = plots.energy(plain, is_sum=True)
+    said = [a.get_text() for a in sheet.figure.artists if isinstance(a, Text)]
+    assert "events" not in said
+    assert "past the horizon" not in said
