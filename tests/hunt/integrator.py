@@ -19,6 +19,7 @@ SAFETY, LEAST, MOST = 0.8, 0.1, 3.0
 # What long double cannot know of a step: extrapolation magnifies the last bits.
 ROUNDING = Long(2) ** -57
 NOISE = 0.1
+SIGNS = np.array([1, -1, -1, 1, -1, 1, 1, -1, 1, 1, -1] * 40, np.longdouble)
 
 
 class NoTruthError(Exception):
@@ -44,6 +45,7 @@ class Extrapolation:
     low: Any = None
     high: Any = None
     sizes: Any = 0.0
+    noise: Any = 0.0
 
     def leap(self, t: Any, y: Any, dy: Any, h: Any) -> tuple[Any, Any]:
         """Give the state at t + h and the error of the next lower order."""
@@ -69,6 +71,9 @@ class Extrapolation:
         dy = self.slope(t, y)
         self.evaluations += 1
         self._widen(y)
+        # What the rounding of the state does to the slope; signs that do not cancel.
+        moved = y * (1 + Long(2) ** -62 * SIGNS[: len(y)])
+        self.noise = np.abs(self.slope(t, moved) - dy)
         if self.step is None:
             self.step = (end - t) / 10
         shorter = 1.0
@@ -104,5 +109,6 @@ class Extrapolation:
         largest = np.concatenate(
             [np.full(half, np.max(np.abs(part), initial=0)) for part in (y[:half], y[half:])]
         )
-        scale = self.tolerance * own + ROUNDING * (np.abs(y) + 4 * np.abs(h * dy)) + Long(2) ** -62 * largest
+        rounding = np.abs(y) + 4 * np.abs(h * dy)
+        scale = self.tolerance * own + ROUNDING * rounding + 16 * h * self.noise + Long(2) ** -62 * largest
         return float(np.max(error / (scale + Long(10) ** -4000)))

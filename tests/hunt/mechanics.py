@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Long = np.longdouble
 # Powers up to this one are written out as products.
-MOST_FACTORS = 12
+MOST_FACTORS = 24
 
 
 class Mechanics:
@@ -33,8 +33,8 @@ class Mechanics:
 
     acceleration(t, y, p, u) -> list (n,)
     multipliers(t, y, p, u) -> list (m,)
-    positions(t, y, p) -> (residuals (m,), displacement (n,))
-    rates(t, y, p) -> (residuals (m,), change of velocity (n,))
+    positions(t, y, p) -> (displacement (n,), residuals (m,))
+    rates(t, y, p) -> (change of velocity (n,), residuals (m,))
     surfaces(t, y, p) -> list (k,); their `slopes` take the accelerations too
     """
 
@@ -213,7 +213,7 @@ class _Steps:
     def put(self, e: sp.Expr) -> sp.Expr:
         if e.is_Atom:
             return e
-        self.all.append((sp.Symbol(f"w{next(self._number)}"), e))
+        self.all.append((sp.Symbol(f"step_{next(self._number)}"), e))
         return self.all[-1][0]
 
     def row(self, entries: Iterable[sp.Expr]) -> list[sp.Expr]:
@@ -289,7 +289,7 @@ class _Printer(StrPrinter):
         if exponent == sp.Rational(1, 2):
             return f"root({base})"
         if exponent.is_Integer and 1 < abs(exponent) <= MOST_FACTORS:
-            w = f"w_{next(self._count)}"
+            w = f"factor_{next(self._count)}"
             text = f"({w} := {base})" + f"*{w}" * (abs(int(exponent)) - 1)
             return f"({text})" if exponent > 0 else f"(one/({text}))"
         if exponent == -1:
@@ -306,6 +306,8 @@ class _Printer(StrPrinter):
 
 def _power(base: Any, exponent: Any) -> Any:
     """Give a power; a base that a step's last bit took below 0 counts as 0."""
+    if exponent == int(exponent):
+        return base ** int(exponent)
     return base**exponent if base > 0 else Long(0)
 
 
@@ -325,13 +327,13 @@ def function(
     """Compile steps and lists of answers to a function of lists of numbers."""
     names = [name for name, _ in steps]
     flat = [value for _, value in steps] + [e for part in answers for e in part]
-    shared, reduced = sp.cse(flat, symbols=(sp.Symbol(f"x{i}") for i in itertools.count()))
+    shared, reduced = sp.cse(flat, symbols=(sp.Symbol(f"cse_{i}") for i in itertools.count()))
     scope = dict(_SCOPE)
     printer = _Printer(scope)
     lines = []
     for i, group in enumerate(inputs):
         if group:
-            lines.append(", ".join(map(str, group)) + f", = a{i}")
+            lines.append(", ".join(map(str, group)) + f", = in_{i}")
     # Shared parts hold no step's name that is not made before: steps come in order.
     made: set[sp.Symbol] = {x for x, _ in shared}
     pending = list(shared)
@@ -345,7 +347,7 @@ def function(
         texts = [printer.doprint(e) for e in rest[at : at + len(part)]]
         parts.append("[" + ", ".join(texts) + "]")
         at += len(part)
-    arguments = ", ".join(f"a{i}" for i in range(len(inputs)))
+    arguments = ", ".join(f"in_{i}" for i in range(len(inputs)))
     body = "".join(f"    {line}\n" for line in [*lines, f"return {', '.join(parts)}"])
     exec(f"def made({arguments}):\n{body}", scope)
     return scope["made"]

@@ -130,31 +130,27 @@ class Run:
             return y
         y = y.copy()
         for _ in range(PROJECTIONS if far else 1):
-            _, moved = self.m.positions([t], list(y), self.p)
+            moved, _ = self.m.positions([t], list(y), self.p)
             y[: self.n] += np.array(moved, Long)
-        _, moved = self.m.rates([t], list(y), self.p)
+        moved, _ = self.m.rates([t], list(y), self.p)
         y[self.n :] += np.array(moved, Long)
         return y
 
     def sizes(self, t: Any, y: Any) -> Any:
-        """Give the ranges of a rough run, whose steps only see the features.
+        """Give what the forces at the place of the start do within one longest step.
 
-        Without them the first trace of a pulse would have to be followed exactly.
+        Without it the first trace of a pulse would have to be followed exactly.
         """
-        coarse = Extrapolation(self.slope, self.cap, 3, 1.0, self.effort.most // 4)
-        end = t + Long(self.m.scene.duration)
-        low = high = y
+        end, most = t + Long(self.m.scene.duration), np.zeros(2 * self.n, Long)
         while t < end:
             self.u = [Long(1) if s > 0 else Long(-1) for s in self.surfaces(t, y)]
             self.u = self.u[: len(self.m.sides)]
             dy = self.slope(t, y)
-            h = min(end - t, Long(self.cap(t, y, dy)) / 10)
-            y, _ = coarse.leap(t, y, dy, h)
-            y, t = self.projected(t + h, y), t + h
-            if not np.all(np.isfinite(y)):
-                break
-            low, high = np.minimum(low, y), np.maximum(high, y)
-        return high - low
+            h = Long(self.cap(t, y, dy))
+            a = np.abs(dy[self.n :])
+            most = np.maximum(most, np.concatenate([a * h * h, a * h]))
+            t = t + h
+        return most
 
     # Sides
 

@@ -77,8 +77,10 @@ def truth(scene: Scene) -> Truth:
         raise NoTruthError("not finite")
     known = np.maximum.accumulate(np.abs(state - again))
     spread = np.max(state, axis=0) - np.min(state, axis=0)
-    if np.max(np.max(known, axis=0) / (spread + 1e-9 * np.max(np.abs(state)))) > TRUSTED:
-        raise NoTruthError("the two motions differ")
+    sizes = spread + 1e-6 * np.max(np.abs(state), axis=0)
+    parts = np.max(known, axis=0) / np.where(sizes > 0, sizes, 1)
+    if np.max(parts) > TRUSTED:
+        raise NoTruthError(f"the two motions differ: {parts.astype(float)}")
     return Truth(motion, state, known, spread)
 
 
