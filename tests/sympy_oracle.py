@@ -33,7 +33,7 @@ _BINARY = {
 }
 _UNARY = {ast.USub: operator.neg, ast.UAdd: operator.pos, ast.Not: sp.Not}
 _COMPARE = {ast.Lt: sp.Lt, ast.LtE: sp.Le, ast.Gt: sp.Gt, ast.GtE: sp.Ge}
-_FUNCTIONS = {
+FUNCTIONS = {
     **{name: getattr(sp, name) for name in ("sin", "cos", "tan", "asin", "acos")},
     **{name: getattr(sp, name) for name in ("atan", "atan2", "sinh", "cosh", "tanh")},
     **{name: getattr(sp, name) for name in ("asinh", "acosh", "atanh", "exp", "log")},
@@ -57,15 +57,20 @@ def symbol(name: str) -> sp.Symbol:
     return sp.Symbol(name, real=True)
 
 
-def expression(text: str, scope: Any) -> sp.Expr:
-    """Read `text`; `scope` gives what stands for a name."""
+def expression(
+    text: str,
+    scope: Any,
+    functions: Mapping[str, Any] = FUNCTIONS,
+    number: Any = lambda value: sp.Rational(str(value)),
+) -> sp.Expr:
+    """Read `text`; `scope` gives what stands for a name, `number` for a literal."""
     # `^` binds as Python's `**` does; an underscore keeps names off its keywords.
     python = _WORD.sub(r"\g<0>_", text.replace("^", "**"))
 
     def build(node: ast.AST) -> Any:
         match node:
             case ast.Constant(value=value):
-                return sp.Rational(str(value))
+                return number(value)
             case ast.Name(id=name):
                 return scope(name[:-1])
             case ast.BinOp(left=left, op=op, right=right):
@@ -78,7 +83,7 @@ def expression(text: str, scope: Any) -> sp.Expr:
                 join = sp.And if isinstance(op, ast.And) else sp.Or
                 return join(*map(build, values))
             case ast.Call(func=ast.Name(id=name), args=args):
-                return _FUNCTIONS[name[:-1]](*map(build, args))
+                return functions[name[:-1]](*map(build, args))
         raise NotImplementedError(ast.dump(node))
 
     return build(ast.parse(f"({python})", mode="eval").body)

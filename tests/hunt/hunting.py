@@ -1,0 +1,86 @@
+"""The hunt itself: scene after scene, each run and judged; failures to a folder."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from tests.hunt.grammar import scene as scene_of
+from tests.hunt.integrator import NoTruthError
+from tests.hunt.verdict import Truth, Verdict, judge, truth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from tests.hunt.lagsim_runs import Lagsim
+    from tests.hunt.scene import Scene
+
+
+@dataclass
+class Tally:
+    """What came of a hunt. ratios: true over told errors, by scene."""
+
+    counted: int = 0
+    uncounted: int = 0
+    ratios: list[float] = field(default_factory=list)
+    faults: list[tuple[Scene, Verdict]] = field(default_factory=list)
+
+    def add(self, scene: Scene, verdict: Verdict) -> None:
+        if verdict.kind == "uncounted":
+            self.uncounted += 1
+            return
+        self.counted += 1
+        if verdict.ratio is not None:
+            self.ratios.append(verdict.ratio)
+        if verdict.is_fault:
+            self.faults.append((scene, verdict))
+
+
+def tried(scene: Scene, lagsim: Lagsim) -> tuple[Verdict, Truth | None]:
+    """Run a scene on both sides and judge."""
+    try:
+        exact = truth(scene)
+    except NoTruthError as fault:
+        return Verdict("uncounted", str(fault)), None
+    return judge(scene, lagsim.run(scene.text()), exact), exact
+
+
+def hunt(
+    seed: str, count: int, lagsim: Lagsim, told: Callable[[Scene, Verdict], None]
+) -> Tally:
+    """Try scenes of a seed until so many have counted."""
+    tally = Tally()
+    for scene in scenes(seed):
+        verdict, _ = tried(scene, lagsim)
+        tally.add(scene, verdict)
+        told(scene, verdict)
+        if tally.counted >= count:
+            return tally
+    return tally
+
+
+def scenes(seed: str) -> Iterator[Scene]:
+    """Give the scenes of a seed, one after the other."""
+    number = 0
+    while True:
+        yield scene_of(f"{seed}-{number}")
+        number += 1
+
+
+def report(scene: Scene, verdict: Verdict, exact: Truth | None, folder: Path) -> Path:
+    """Write what is needed to see a failure again; give the folder."""
+    kind = re.sub(r"\W+", "-", verdict.kind)
+    place = folder / f"{kind}-{scene.seed}"
+    place.mkdir(parents=True, exist_ok=True)
+    (place / "scene.yaml").write_text(scene.text(), encoding="utf-8")
+    (place / "scene.json").write_text(scene.to_json(), encoding="utf-8")
+    document = {"seed": scene.seed, "kind": verdict.kind, "text": verdict.text}
+    if exact is not None:
+        document["names"] = [*scene.q, *(f"{q}_dot" for q in scene.q)]
+        document["truth_at_end"] = [str(x) for x in exact.state[-1]]
+        document["end"] = exact.motion.end
+    (place / "verdict.json").write_text(json.dumps(document, indent=1) + "\n")
+    return place

@@ -1,0 +1,102 @@
+"""lagsim, seen from outside: a model file in; exit code, table and record out."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.cli._results import manifest, table
+
+ROOT = Path(__file__).parent.parent.parent
+# Processor seconds after which a run counts as hanging, and the clock's.
+PATIENCE = 40.0
+LONGEST = 20 * PATIENCE
+_TICKS = os.sysconf("SC_CLK_TCK")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came of a run; code -1 is a hang or a crash of the process."""
+
+    code: int
+    told: str
+    record: dict[str, Any] | None = None
+    header: list[str] | None = None
+    rows: Any = None
+
+    def column(self, name: str) -> Any:
+        assert self.header is not None
+        return self.rows[:, self.header.index(name)]
+
+
+class Lagsim:
+    """A process that runs models, and is replaced when one of them kills it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.process: subprocess.Popen[str] | None = None
+
+    def run(self, text: str, *options: str) -> Answer:
+        model, out = self.folder / "scene.yaml", self.folder / "out"
+        model.write_text(text, encoding="utf-8")
+        for old in out.glob("*"):
+            old.unlink()
+        answer = self._ask(["run", str(model), "-o", str(out), "--no-plots", *options])
+        code, told = answer["code"], answer["err"]
+        if not (out / "run.json").exists():
+            return Answer(code, told)
+        header, rows = table(out)
+        return Answer(code, told, manifest(out), header, np.atleast_2d(rows))
+
+    def _ask(self, arguments: list[str]) -> dict[str, Any]:
+        if self.process is None or self.process.poll() is not None:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "tests.hunt.worker"], cwd=ROOT, text=True,
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            )  # fmt: skip
+        process = self.process
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(json.dumps(arguments) + "\n")
+        process.stdin.flush()
+        begun, spent = time.monotonic(), _processor(process.pid)
+        while not select.select([process.stdout], [], [], 1.0)[0]:
+            hanging = _processor(process.pid) - spent > PATIENCE
+            if hanging or time.monotonic() - begun > LONGEST:
+                self.close()
+                return {"code": -1, "err": f"no answer after {PATIENCE} s"}
+        line = process.stdout.readline()
+        if not line:
+            return {"code": -1, "err": f"the process died: {process.wait()}"}
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def close(self) -> None:
+        if self.process is not None:
+            self.process.kill()
+            self.process.communicate()
+        self.process = None
+
+    def __enter__(self) -> Lagsim:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _processor(number: int) -> float:
+    """Give the processor seconds that a process has used."""
+    try:
+        fields = Path(f"/proc/{number}/stat").read_text().rsplit(")", 1)[1].split()
+    except OSError:  # no such system, or no such process: the clock decides
+        return 0.0
+    return (int(fields[11]) + int(fields[12])) / _TICKS

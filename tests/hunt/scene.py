@@ -1,0 +1,175 @@
+"""A scene: texts, as a model file has them, in items that can be left out."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+_WORD = re.compile(r"[^\W\d]\w*")
+
+
+@dataclass(frozen=True)
+class Item:
+    """What stands or falls together; every text is in the language of model files.
+
+    coordinates : name -> (position, velocity) at the start, floats
+    parameters : name -> float
+    definitions, constraints : name -> text
+    kinetic, potential, dissipation : terms
+    forces : (key, text)
+    breaks : times at which something in the texts jumps
+    features : (text of an argument, its width): what a large step would not see
+    """
+
+    tag: str
+    coordinates: dict[str, tuple[float, float]] = field(default_factory=dict)
+    parameters: dict[str, float] = field(default_factory=dict)
+    definitions: dict[str, str] = field(default_factory=dict)
+    constraints: dict[str, str] = field(default_factory=dict)
+    kinetic: tuple[str, ...] = ()
+    potential: tuple[str, ...] = ()
+    dissipation: tuple[str, ...] = ()
+    forces: tuple[tuple[str, str], ...] = ()
+    breaks: tuple[float, ...] = ()
+    features: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def needs(self) -> set[str]:
+        """The names that its texts use and that it does not make itself."""
+        texts = [
+            *self.definitions.values(), *self.constraints.values(), *self.kinetic,
+            *self.potential, *self.dissipation, *(t for pair in self.forces for t in pair),
+        ]  # fmt: skip
+        words = {w.removesuffix("_dot") for text in texts for w in _WORD.findall(text)}
+        return words - self.makes
+
+    @property
+    def makes(self) -> set[str]:
+        return {*self.coordinates, *self.parameters, *self.definitions}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Items, and how long they are run.
+
+    stated : whether velocities are stated where constraints act, or guessed
+    """
+
+    seed: str
+    items: tuple[Item, ...]
+    start: float
+    duration: float
+    output_step: float
+    until: str = ""
+    stated: bool = True
+    settings: dict[str, str] = field(default_factory=dict)
+    velocities: dict[str, float] = field(default_factory=dict)
+
+    def gathered(self, name: str) -> dict[str, Any]:
+        """Give a mapping of all items: coordinates, parameters, ..."""
+        return {k: v for item in self.items for k, v in getattr(item, name).items()}
+
+    def terms(self, name: str) -> list[Any]:
+        """Give a list of all items: kinetic, forces, ..."""
+        return [term for item in self.items for term in getattr(item, name)]
+
+    @property
+    def q(self) -> list[str]:
+        return list(self.gathered("coordinates"))
+
+    @property
+    def times(self) -> list[float]:
+        """Times of the rows, both ends included."""
+        end, rows, k = self.start + self.duration, [], 0
+        while (t := self.start + k * self.output_step) < end - 1e-9 * self.output_step:
+            rows.append(t)
+            k += 1
+        return [*rows, end]
+
+    def start_velocity(self, name: str) -> float:
+        return self.velocities.get(name, self.gathered("coordinates")[name][1])
+
+    def keeping(self, items: tuple[Item, ...]) -> Scene | None:
+        """Give the scene with these items, less those that miss something by it."""
+        kept = list(items)
+        while True:
+            known = {"t", "pi", *_FUNCTIONS}.union(*(item.makes for item in kept))
+            sound = [item for item in kept if item.needs <= known]
+            if len(sound) == len(kept):
+                break
+            kept = sound
+        names = {name for item in kept for name in item.coordinates}
+        until = self.until
+        if {w.removesuffix("_dot") for w in _WORD.findall(until)} - known:
+            until = ""
+        if not names:
+            return None
+        return replace(self, items=tuple(kept), until=until, velocities={})
+
+    def text(self) -> str:
+        """Write the model file."""
+        lines = [f"# hunt: {self.seed}", "name: scene"]
+        parameters = self.gathered("parameters")
+        if parameters:
+            lines += ["parameters:"]
+            lines += [f"  {k}: {v!r}" for k, v in parameters.items()]
+        lines += ["coordinates:", *(f"  {q}: {{}}" for q in self.q)]
+        lines += _mapping("definitions", self.gathered("definitions"))
+        lines += ["energy:", f"  kinetic: {_sum(self.terms('kinetic'))}"]
+        lines += [f"  potential: {_sum(self.terms('potential'))}"]
+        if self.terms("dissipation"):
+            lines += [f"  dissipation: {_sum(self.terms('dissipation'))}"]
+        forces: dict[str, list[str]] = {}
+        for key, text in self.terms("forces"):
+            forces.setdefault(key, []).append(text)
+        lines += _mapping("forces", {k: _sum(v) for k, v in forces.items()})
+        constraints = self.gathered("constraints")
+        lines += _mapping("constraints", constraints)
+        lines += ["initial:"]
+        for name, (q, _) in self.gathered("coordinates").items():
+            v = self.start_velocity(name)
+            free = constraints and not self.stated
+            lines += [f"  {name}: {q!r}"]
+            lines += [f"  {name}_dot: " + (f"{{guess: {v!r}}}" if free else repr(v))]
+        lines += ["simulation:", f"  start: {self.start!r}"]
+        lines += [f"  duration: {self.duration!r}"]
+        lines += [f"  output_step: {self.output_step!r}"]
+        lines += [f"  until: {self.until}"] if self.until else []
+        lines += [f"  {k}: {v}" for k, v in self.settings.items()]
+        return "\n".join(lines) + "\n"
+
+    def to_json(self) -> str:
+        kept = {k: v for k, v in vars(self).items() if k != "items"}
+        return json.dumps(kept | {"items": [vars(i) for i in self.items]}, indent=1)
+
+    @classmethod
+    def from_json(cls, text: str) -> Scene:
+        document = json.loads(text)
+        items = [_item(entry) for entry in document.pop("items")]
+        return cls(items=tuple(items), **document)
+
+
+_FUNCTIONS = frozenset(
+    "sin cos tan exp sqrt tanh abs sign max min hypot atan log cosh and or not".split()
+) | {"if"}
+
+
+def _item(entry: dict[str, Any]) -> Item:
+    tuples = ("kinetic", "potential", "dissipation", "breaks")
+    for name in tuples:
+        entry[name] = tuple(entry[name])
+    for name in ("forces", "features"):
+        entry[name] = tuple(tuple(pair) for pair in entry[name])
+    return Item(**entry)
+
+
+def _sum(terms: list[str]) -> str:
+    return " + ".join(f"({term})" for term in terms) if terms else "0"
+
+
+def _mapping(name: str, entries: dict[str, str]) -> list[str]:
+    if not entries:
+        return []
+    return [f"{name}:", *(f'  {k}: "{v}"' for k, v in entries.items())]

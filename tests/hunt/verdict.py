@@ -1,0 +1,178 @@
+"""lagsim's run against the referee's: what a silent wrong answer is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tests.hunt.integrator import NoTruthError
+from tests.hunt.mechanics import Mechanics
+from tests.hunt.truth import Effort, Referee
+
+if TYPE_CHECKING:
+    from tests.hunt.lagsim_runs import Answer
+    from tests.hunt.scene import Scene
+    from tests.hunt.truth import Motion
+
+# A told error may be this much too small before the rows count as wrong; past MUTE
+# no warning excuses it.
+SLACK, MUTE = 100.0, 1000.0
+# The second motion starts this many units in the last place away: what rounding may do
+# is what that does, times GAIN, since rounding acts in every step.
+NUDGE, GAIN = 8.0, 30.0
+# Two motions of the referee that differ by more than this part of the range are no
+# truth: the scene is not counted.
+TRUSTED = 1e-8
+# What is granted to a run that tells no error, as a part of the range.
+UNTOLD = 1e-6
+# Warnings that say nothing about the rows.
+IDLE = {
+    "redundant", "multipliers-not-unique", "start-changed", "step-unused",
+    "tolerance-unused", "undetermined-guess", "unit-mismatch", "disguised",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The motion, and how far it is known. known : (k, 2n), at each row."""
+
+    motion: Motion
+    state: Any
+    known: Any
+    range: Any
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is to be said. kind: fine, uncounted, or a fault; ratio: true over told."""
+
+    kind: str
+    text: str = ""
+    ratio: float | None = None
+    warned: tuple[str, ...] = field(default=())
+
+    @property
+    def is_fault(self) -> bool:
+        return self.kind not in ("fine", "uncounted", "warned")
+
+
+def truth(scene: Scene) -> Truth:
+    """Give the referee's motion of a scene.
+
+    Raises
+    ------
+    NoTruthError
+        Its two motions differ, by method or because the scene magnifies rounding.
+    """
+    mechanics = Mechanics(scene)
+    motion = Referee(mechanics, Effort(columns=7)).motion()
+    near = Effort(columns=6, tolerance=1e-15, nudge=NUDGE, seed=1)
+    other = Referee(mechanics, near).motion()
+    if len(motion.times) != len(other.times) or motion.stopped != other.stopped:
+        raise NoTruthError("the two motions stop at different rows")
+    state, again = (np.hstack([m.q, m.v]) for m in (motion, other))
+    if not np.all(np.isfinite(state)):
+        raise NoTruthError("not finite")
+    known = np.maximum.accumulate(np.abs(state - again))
+    spread = np.max(state, axis=0) - np.min(state, axis=0)
+    sizes = spread + 1e-6 * np.max(np.abs(state), axis=0)
+    parts = np.max(known, axis=0) / np.where(sizes > 0, sizes, 1)
+    if np.max(parts) > TRUSTED:
+        raise NoTruthError(f"the two motions differ: {parts.astype(float)}")
+    return Truth(motion, state, known, spread)
+
+
+def judge(scene: Scene, answer: Answer, exact: Truth) -> Verdict:
+    """Say what a run is worth."""
+    if answer.code == -1:
+        return Verdict("hang", answer.told)
+    if answer.code == 70:
+        return Verdict("crash", answer.told[-600:])
+    record = answer.record
+    if answer.code != 0 or record is None or not record["complete"]:
+        reason = record["reason"] if record else answer.told
+        return Verdict(f"refused-{answer.code}", str(reason)[-600:])
+    warned = tuple(
+        w["code"] for w in record["warnings"] if w["code"] not in IDLE
+    )
+    found = _rows(answer, exact, scene)
+    if isinstance(found, str):
+        return Verdict("wrong-rows", found, warned=warned)
+    return _compared(scene, record, found, exact, warned)
+
+
+def _rows(answer: Answer, exact: Truth, scene: Scene) -> Any:
+    """Give the rows (k, 2n) at the times of the truth, or what is wrong with them."""
+    times, t = exact.motion.times.astype(float), answer.column("t")
+    ends = abs(t[-1] - times[-1])
+    if exact.motion.stopped != (answer.record or {}).get("outcome", "").startswith("u"):
+        return f"it stopped at {t[-1]}, the truth at {times[-1]}"
+    # `until` is located as well as the motion is known.
+    if ends > 1e-8 * scene.duration:
+        return f"it ended at {t[-1]!r}, the truth at {times[-1]!r}"
+    at = np.searchsorted(t, times[:-1])
+    if np.any(at >= len(t)) or np.any(t[at] != times[:-1]):
+        return "rows are missing or at other times"
+    columns = [*scene.q, *(f"{q}_dot" for q in scene.q)]
+    values = np.stack([answer.column(name) for name in columns], axis=1)
+    return values[[*at, len(t) - 1]]
+
+
+def _compared(
+    scene: Scene, record: dict[str, Any], rows: Any, exact: Truth, warned: Any
+) -> Verdict:
+    n = len(scene.q)
+    off = np.abs(rows - exact.state).astype(float)
+    if exact.motion.stopped:  # the last row moves with the time at which it stops
+        rate = np.hstack([exact.motion.v[-1], exact.motion.a[-1]]).astype(float)
+        off[-1] = np.maximum(0.0, off[-1] - 1e-9 * scene.duration * np.abs(rate))
+    rounding = (GAIN * exact.known + 8 * 2.0**-52 * np.abs(exact.state)).astype(float)
+    told = _told(record, scene, exact)
+    over = np.where(off > rounding, off, 0.0)
+    # Velocities carry the error of their coordinate at the rate of the scene.
+    ratios = over / np.where(told > 0, told, 1e-300)
+    ratios[:, n:] /= 10.0
+    k, i = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+    worst = float(ratios[k, i])
+    name = [*scene.q, *(f"{q}_dot" for q in scene.q)][i]
+    text = (
+        f"{name} at t = {float(exact.motion.times[k])!r}: lagsim {rows[k, i]!r}, truth "
+        f"{float(exact.state[k, i])!r}, off by {off[k, i]:.2e} (range "
+        f"{float(exact.range[i]):.2e}, rounding {rounding[k, i]:.1e}), told "
+        f"{told[i]:.1e}; method {record['method']}, warned {warned}, error "
+        f"{'told' if record['error'] else 'untold'}"
+    )
+    ratio = _whole_ratio(over[:, :n], told[:n])
+    if worst > SLACK and not warned:
+        return Verdict("silent-wrong", text, ratio, warned)
+    if worst > MUTE and _far(over, exact):
+        return Verdict("warned", text, ratio, warned)
+    return Verdict("fine", text, ratio, warned)
+
+
+def _far(over: Any, exact: Truth) -> bool:
+    return bool(np.any(over > 1e-6 * (exact.range + 1e-300)))
+
+
+def _told(record: dict[str, Any], scene: Scene, exact: Truth) -> Any:
+    """Give the told error of each coordinate, and what it means for its velocity."""
+    n = len(scene.q)
+    spread = exact.range.astype(float)
+    if record["error"] is None:
+        return UNTOLD * spread / SLACK
+    told = record["error"]["coordinates"]
+    parts = np.array([told[q]["largest"] for q in scene.q])
+    relative = np.divide(parts, spread[:n], out=np.zeros(n), where=spread[:n] > 0)
+    speeds = np.maximum(spread[n:], np.max(np.abs(exact.state[:, n:]), axis=0))
+    return np.concatenate([parts, relative * speeds.astype(float)])
+
+
+def _whole_ratio(over: Any, told: Any) -> float | None:
+    """Give the true error over the told one, of the coordinate where it is largest."""
+    true = np.max(over, axis=0)
+    seen = true > 0
+    if not np.any(seen):
+        return None
+    return float(np.max(true[seen] / np.maximum(told[seen], 1e-300)))

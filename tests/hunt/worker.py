@@ -1,0 +1,32 @@
+"""Runs `lagsim run` again and again in one process: a line in, a line out."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import io
+import json
+import sys
+
+
+def main() -> None:
+    from lagsim.cli import main as lagsim
+
+    lines, answers = sys.stdin, sys.stdout
+    for line in lines:
+        sys.argv = ["lagsim", *json.loads(line)]
+        out, err = io.StringIO(), io.StringIO()
+        code = 70
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            try:
+                code = lagsim()
+            except SystemExit as end:
+                code = end.code
+        gc.collect()
+        answer = {"code": code, "err": err.getvalue()[-4000:]}
+        answers.write(json.dumps(answer) + "\n")
+        answers.flush()
+
+
+if __name__ == "__main__":
+    main()
