@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods._singular import clear_of_loss
+from lagsim.methods._singular import clear_of_loss, planned_step
 from lagsim.methods._state import END, H, T
 
 if TYPE_CHECKING:
@@ -20,6 +20,8 @@ def usable_step(s: Floats, p: Floats) -> float:
     """Give the step to try, with t + h exact; 0 where it would be too small."""
     t = s[T]
     h = s[H]
+    if CONSTRAINED:
+        h = planned_step(s)
     rest = s[END] - t
     last = t + 1.01 * h >= s[END]
     if last:

@@ -62,6 +62,8 @@ INERTIAS_AT = 46  # ... and where: the largest, the smallest and its time, of ea
 LANES_AT = 47  # where the memory for rows side by side is; see _projection
 PASSES = 62  # 1 where the step tried last was to pass a loss of rank
 FALLING = 63  # how fast the health fell last, per unit of time
+PLANNED = 64  # the step that will pass a loss of rank, once there is room for it; or 0
+PLANNED_AT = 65  # when that was planned
 HEADER = 80
 
 

@@ -25,9 +25,12 @@ from lagsim.methods._dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
 from lagsim.methods._interface import LEAST_HEALTH, derivative
 from lagsim.methods._projection import meet_constraints
 from lagsim.methods._singular import (
-    forget_weak_directions,
+    bent,
+    forget_removed,
+    hides_error,
     leave_loss,
     needs_loops,
+    note_directions,
 )
 from lagsim.methods._stability import record_speed
 from lagsim.methods._state import (
@@ -181,10 +184,14 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
     for i in apart(size):
         errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
         errors[size + i] = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
-    if CONSTRAINED:
-        forget_weak_directions(int(s[N]), p, errors)
-        forget_weak_directions(int(s[N]), p, at(errors, size))
-    return error_norm(size, h, errors, at(s, HEADER + 2 * size))
+    tolerances = at(s, HEADER + 2 * size)
+    error = error_norm(size, h, errors, tolerances)
+    if CONSTRAINED and error >= 1.0 and hides_error(s, p):
+        note_directions(s, p, t + h, new)
+        forget_removed(int(s[N]), p, errors)
+        forget_removed(int(s[N]), p, at(errors, size))
+        error = bent(s, error, error_norm(size, h, errors, tolerances))
+    return error
 
 
 def error_norm(size: int, h: float, errors: Floats, tolerances: Floats) -> float:

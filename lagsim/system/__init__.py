@@ -164,7 +164,7 @@ class System:
         """Give where loops note the weakest direction; 0 where none do."""
         if not self.has_loops:
             return 0
-        return self.motion + _layout.weak_directions(self.n, self.m)
+        return self.motion + _layout.directions(self.n, self.m)
 
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
         if "series" in nodes_of:
