@@ -23,7 +23,8 @@ def usable_step(s: Floats, p: Floats) -> float:
     if CONSTRAINED:
         h = planned_step(s)
     rest = s[END] - t
-    last = t + 1.01 * h >= s[END]
+    # Not t + 1.01 h >= END: rounded, that holds for ever at the last digit of t.
+    last = 1.01 * h >= rest
     if last:
         h = rest
     elif not h > SMALLEST * max(abs(t), 1e-6 * rest):
