@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 CONSTANT = "constant"
 VARIABLE = "variable"
 TRUTH = "truth"
+# Degrees up to this are told apart; of chained squares there would be millions.
+MOST_DEGREE = 32
 
 
 class Graph:
@@ -158,7 +160,8 @@ class Graph:
     def degree(self, node: int, names: Collection[str]) -> frozenset[int] | None:
         """Give the degrees of the terms of `node` as a polynomial in `names`.
 
-        An upper bound: terms that would cancel are counted. None where `node` is not
+        An upper bound: terms that would cancel are counted, and what is beyond
+        MOST_DEGREE stands there as the next two degrees, of no one degree. None where `node` is not
         (seen to be) a polynomial in them; the empty set for zero.
         """
         degrees: dict[int, frozenset[int] | None] = {}
@@ -189,7 +192,7 @@ class Graph:
         if op == "neg":
             return known[0]
         if op == "mul":
-            return frozenset(i + j for i in known[0] for j in known[1])
+            return _summed(known[0], known[1])
         if op == "div" and known[1] <= flat:
             return known[0]
         if op == "if" and known[0] <= flat:
@@ -204,7 +207,7 @@ class Graph:
             return None
         degrees = frozenset((0,))
         for _ in range(int(exponent)):
-            degrees = frozenset(i + j for i in degrees for j in base)
+            degrees = _summed(degrees, base)
         return degrees
 
     def substitute(self, nodes: Iterable[int], new: Mapping[int, int]) -> list[int]:
@@ -219,6 +222,15 @@ class Graph:
             else:
                 done[n] = n
         return [done[n] for n in nodes]
+
+
+def _summed(one: frozenset[int], other: frozenset[int]) -> frozenset[int]:
+    """Give the degrees of the terms of a product."""
+    sums = frozenset(i + j for i in one for j in other)
+    if max(sums, default=0) <= MOST_DEGREE:
+        return sums
+    beyond = (MOST_DEGREE + 1, MOST_DEGREE + 2)
+    return frozenset(i for i in sums if i <= MOST_DEGREE).union(beyond)
 
 
 _COMMUTATIVE = frozenset(("add", "mul", "and", "or", "hypot"))

@@ -24,14 +24,14 @@ def workspace(n: int, m: int) -> int:
     """Give the length from MOTION on.
 
     q'', lambda, the rows' largest lengths, which rows are set aside, terms, L, Y, u, v,
-    what `per_row` has, and the weak directions.
+    what `per_row` has, and the directions of the rows.
     """
     return slopes_at(n, m)
 
 
 def slopes_at(n: int, m: int) -> int:
     """Give where `jacobian` has its own room, from MOTION on."""
-    return weak_directions(n, m) + 1 + n + 2 * n * min(n, m)
+    return directions(n, m) + 1 + n + 2 * n * min(n, m)
 
 
 def jacobian_workspace(n: int, m: int) -> int:
@@ -39,8 +39,8 @@ def jacobian_workspace(n: int, m: int) -> int:
     return slopes_at(n, m) + (n + m + 1) * 2 * n + 2 * (n + m)
 
 
-def weak_directions(n: int, m: int) -> int:
-    """Give where their number lies, room (n,), and z and M z of each, from MOTION on."""
+def directions(n: int, m: int) -> int:
+    """Give where their number lies, room (n,), z and M z of each, from MOTION on."""
     terms = n * n + n * m + n + 3 * m + 2
     return (n + 3 * m) + terms + n * n + n * m + 2 * n + 7 * m + m * m
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.kkt._cholesky import backward, cholesky, forward
 from lagsim.kkt._layout import EXPECTED, HEALTH, MOTION, REFERENCE
-from lagsim.methods._interface import LEAST_HEALTH, WEAK
+from lagsim.methods._interface import DIRECTIONS, LEAST_HEALTH, NOTE
 from lagsim.native.kernel_types import at
 
 if TYPE_CHECKING:
@@ -23,10 +23,6 @@ if TYPE_CHECKING:
 # rounding.
 RANK = 1e-10
 PASSING = 1e-8
-# Weak directions are noted where the weakest pivot is below the first part of
-# REFERENCE, and are those whose pivots are below the second.
-NOTED = 0.1
-WEAKER = 0.5
 
 
 # per_row holds, m each: scales, right side (w after `impress`), diagonal of R, factors
@@ -98,33 +94,22 @@ def reflect(n: int, m: int, p: Floats, L: Floats, Y: Floats, per_row: Floats) ->
         for i in range(k + 1, m):
             mirror(n, k, row, factors[k], at(Y, i * n))
         reflected = k + 1
-    note_weakest(n, m, reflected, p, L, Y, per_row)
+    if p[LEAST_HEALTH] >= NOTE:
+        note_directions(n, m, reflected, p, L, Y, per_row)
+    p[LEAST_HEALTH] = min(p[LEAST_HEALTH], p[HEALTH])
     return rank
 
 
-def note_weakest(
+def note_directions(
     n: int, m: int, end: int, p: Floats, L: Floats, Y: Floats, per_row: Floats
 ) -> None:
-    """Note the directions in which the constraints are weakest, if they are the weakest.
-
-    Each of the first `end` reflections has made one, the first of their pivots the
-    largest. Several are weak at once where branches cross in several directions.
-    """
-    if p[HEALTH] >= p[LEAST_HEALTH]:
-        return
-    p[LEAST_HEALTH] = p[HEALTH]
-    weak = at(p, int(p[WEAK]))
-    weak[0] = 0.0
-    if p[HEALTH] >= NOTED * p[REFERENCE]:
-        return
-    diagonal = at(per_row, 2 * m)
+    """Note the directions of the constraints: one for each of the first reflections."""
     factors = at(per_row, 3 * m)
-    u = at(weak, 1)
-    for back in range(end):
-        k = end - 1 - back
-        if abs(diagonal[k]) >= WEAKER * p[REFERENCE]:
-            return
-        z = at(weak, 1 + n + 2 * n * int(weak[0]))
+    noted = at(p, int(p[DIRECTIONS]))
+    noted[0] = end
+    u = at(noted, 1)
+    for k in range(end):
+        z = at(noted, 1 + n + 2 * n * k)
         mass = at(z, n)
         for j in range(n):
             u[j] = 0.0
@@ -137,7 +122,6 @@ def note_weakest(
             for j in range(a + 1):
                 mass[a] += L[a * n + j] * u[j]
         backward(n, L, u, z)
-        weak[0] += 1.0
 
 
 def longest_row(n: int, k: int, end: int, Y: Floats) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods._singular import clear_of_loss
+from lagsim.methods._singular import clear_of_loss, planned_step
 from lagsim.methods._state import (
     END,
     FEATURE,
@@ -32,6 +32,8 @@ def usable_step(s: Floats, p: Floats) -> float:
     """Give the step to try, with t + h exact; 0 where it would be too small."""
     t = s[T]
     h = s[H]
+    if CONSTRAINED:
+        h = planned_step(s)
     if s[LONGEST] > 0.0:
         h = min(h, s[LONGEST])
     if s[MOST_STEP] > 0.0:
@@ -39,7 +41,8 @@ def usable_step(s: Floats, p: Floats) -> float:
     if s[FEATURE_WIDTH] > 0.0:
         h = up_to_feature(s, h)
     rest = s[END] - t
-    last = t + 1.01 * h >= s[END]
+    # Not t + 1.01 h >= END: rounded, that holds for ever at the last digit of t.
+    last = 1.01 * h >= rest
     if last:
         h = rest
     elif not h > SMALLEST * max(abs(t), 1e-6 * rest):

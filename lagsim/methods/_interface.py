@@ -16,9 +16,11 @@ if TYPE_CHECKING:
 
 # Where a kernel finds in p what a solve of the constraints leaves for it.
 LEAST_HEALTH = 8  # the smallest independence of the rows since a kernel set it to 1
-# Offset of the directions that they were weakest in, or 0: how many, n numbers of no
-# meaning, then z (n) and M z (n) of each, orthonormal in the metric of M.
-WEAK = 9
+# Offset of the directions of the rows, or 0: how many, n numbers of no meaning, then
+# z (n) and M z (n) of each, orthonormal in the metric of M. They are noted where
+# LEAST_HEALTH is set to NOTE.
+DIRECTIONS = 9
+NOTE = 2.0
 
 # Switches in the state: how many surfaces there are (K), and where things lie. First
 # how many of them the motion slides along, then, K each:

@@ -10,8 +10,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.methods._controller import LOCAL
 from lagsim.methods._interface import (
-    WEAK,
+    DIRECTIONS,
+    LEAST_HEALTH,
+    NOTE,
     derivative,
     interpolate,
     velocity_step,
@@ -28,11 +31,15 @@ from lagsim.methods._state import (
     LOST_AT,
     LOST_BELOW,
     PASSES,
+    PLANNED,
+    PLANNED_AT,
     PREVIOUS_HEALTH,
+    RTOL,
     SIZE,
     STEP_H,
     STEP_T,
     WATCHED,
+    H,
     N,
     T,
 )
@@ -101,6 +108,8 @@ def clear_of_loss(s: Floats, p: Floats, h: float) -> float:
     if ahead <= 0.0 or ahead >= (1.0 + BETWEEN) * h:
         return h
     if ahead > LATEST * h:
+        s[PLANNED] = h
+        s[PLANNED_AT] = s[T]
         return max(ahead - BETWEEN * h, SHORT * ahead)
     s[PASSES] = 1.0
     if ahead > BETWEEN * h or ahead <= AT_ONCE * h:
@@ -116,6 +125,17 @@ def needs_loops(s: Floats) -> bool:
     It was to pass a loss of rank, and straight-line code squares the rows' condition.
     """
     return s[PASSES] > 0.0 and s[DEGENERATE_BELOW] > 0.0
+
+
+def planned_step(s: Floats) -> float:
+    """Give the step to try: that of the controller, or for which room has been made.
+
+    Close to a loss of rank the controller sees errors that projection will remove.
+    """
+    if s[PLANNED] > s[H] and s[T] > s[PLANNED_AT]:
+        s[H] = s[PLANNED]
+    s[PLANNED] = 0.0
+    return float(s[H])
 
 
 def time_to_loss(s: Floats, p: Floats, ahead: float) -> float:
@@ -225,24 +245,41 @@ def health_at(s: Floats, p: Floats, x: float) -> float:
     return float(out[int(s[N]) + 1])
 
 
-def forget_weak_directions(n: int, p: Floats, error: Floats) -> None:
-    """Take out of the errors of q and q' (2 n,) what projection will remove.
+def hides_error(s: Floats, p: Floats) -> bool:
+    """Tell whether what projection will remove hides the error of a step.
 
     Close to a singular configuration, what a stage is off the constraints is divided by
-    the independence of the rows, and comes out in the directions in which they are
-    weak: one, or several where branches cross in several. The error there says nothing
-    of the motion, which the constraints determine, but would shrink the steps without
-    end.
+    the independence of the rows. The error there says nothing of the motion, which the
+    constraints determine, but would shrink the steps without end.
     """
-    if p[WEAK] > 0.0:
-        weak = at(p, int(p[WEAK]))
-        for k in range(int(weak[0])):
-            z = at(weak, 1 + n + 2 * n * k)
-            mass = at(z, n)
-            for level in range(2):
-                part = at(error, level * n)
-                share = 0.0
-                for i in range(n):
-                    share += mass[i] * part[i]
-                for i in range(n):
-                    part[i] -= share * z[i]
+    close = s[PASSES] > 0.0 or p[LEAST_HEALTH] < s[CLOSE_BELOW]
+    return p[DIRECTIONS] > 0.0 and close
+
+
+def note_directions(s: Floats, p: Floats, t: float, new: Floats) -> None:
+    """Leave the directions in which projection will move the state after a step."""
+    p[LEAST_HEALTH] = NOTE
+    velocity_step(t, new, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+
+
+def forget_removed(n: int, p: Floats, error: Floats) -> None:
+    """Take out of the errors of q and q' (2 n,) what projection will remove."""
+    noted = at(p, int(p[DIRECTIONS]))
+    for k in range(int(noted[0])):
+        z = at(noted, 1 + n + 2 * n * k)
+        mass = at(z, n)
+        for level in range(2):
+            part = at(error, level * n)
+            share = 0.0
+            for i in range(n):
+                share += mass[i] * part[i]
+            for i in range(n):
+                part[i] -= share * z[i]
+
+
+def bent(s: Floats, whole: float, left: float) -> float:
+    """Give the error of a step, of which `left` would be left by projection.
+
+    The constraints are bent: what is removed leaves its square.
+    """
+    return max(left, LOCAL * s[RTOL] * whole * whole)

@@ -73,6 +73,8 @@ FEATURE_WIDTH = 53  # ... of this width; 0: nothing is known of
 FEATURE_REACH = 54  # it counts from so far before it ...
 FEATURE_END = 55  # ... to this time
 LONGEST = 68  # no step is longer than this; 0: any
+PLANNED = 64  # the step that will pass a loss of rank, once there is room for it; or 0
+PLANNED_AT = 65  # when that was planned
 HEADER = 80
 
 

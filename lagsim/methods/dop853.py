@@ -27,9 +27,12 @@ from lagsim.methods._interface import LEAST_HEALTH, derivative
 from lagsim.methods._looks import suspect
 from lagsim.methods._projection import meet_constraints
 from lagsim.methods._singular import (
-    forget_weak_directions,
+    bent,
+    forget_removed,
+    hides_error,
     leave_loss,
     needs_loops,
+    note_directions,
 )
 from lagsim.methods._stability import record_speed
 from lagsim.methods._state import (
@@ -188,11 +191,8 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
         errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
         errors[size + i] = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
     health = 1.0
-    if CONSTRAINED:
-        if p[LEAST_HEALTH] < s[CLOSE_BELOW]:
-            health = p[LEAST_HEALTH]
-        forget_weak_directions(int(s[N]), p, errors)
-        forget_weak_directions(int(s[N]), p, at(errors, size))
+    if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
+        health = p[LEAST_HEALTH]
     tolerances = at(s, HEADER + 2 * size)
     error = error_norm(size, h, errors, tolerances)
     if error >= 1.0 and s[LOOKED] == 0.0:
@@ -200,6 +200,11 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
         look_at_rounding(s, p, t, y, k, health)
         set_tolerances(s, p, t + h, new, k, h)
         error = error_norm(size, h, errors, tolerances)
+    if CONSTRAINED and error >= 1.0 and hides_error(s, p):
+        note_directions(s, p, t + h, new)
+        forget_removed(int(s[N]), p, errors)
+        forget_removed(int(s[N]), p, at(errors, size))
+        error = bent(s, error, error_norm(size, h, errors, tolerances))
     return error
 
 

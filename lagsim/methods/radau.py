@@ -54,9 +54,12 @@ from lagsim.methods._radau_newton import (
 )
 from lagsim.methods._radau_tableau import A_INVERSE, DENSE, ERROR, GAMMA, A, B, C
 from lagsim.methods._singular import (
-    forget_weak_directions,
+    bent,
+    forget_removed,
+    hides_error,
     leave_loss,
     needs_loops,
+    note_directions,
 )
 from lagsim.methods._state import (
     CLOSE_BELOW,
@@ -302,9 +305,14 @@ def filtered(s: Floats, p: Floats, h: float, errors: Floats) -> float:
     J = at(own, OWN + MATRICES * size)
     K = at(J, (n + 1) * 2 * n)
     solve_real(n, size > 2 * n, GAMMA / h, J, K, at(K, n * n), errors)
-    if CONSTRAINED:
-        forget_weak_directions(n, p, errors)
-    return float(norm(size, errors, at(s, HEADER + 2 * size)) * s[RTOL] ** 0.2)
+    tolerances = at(s, HEADER + 2 * size)
+    error = norm(size, errors, tolerances) * s[RTOL] ** 0.2
+    if CONSTRAINED and error >= 1.0 and hides_error(s, p):
+        note_directions(s, p, s[T] + h, at(own, OWN + NEW * size))
+        forget_removed(n, p, errors)
+        left = norm(size, errors, tolerances) * s[RTOL] ** 0.2
+        error = bent(s, error, left)
+    return float(error)
 
 
 def accept(s: Floats, p: Floats, h: float) -> None:

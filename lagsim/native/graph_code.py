@@ -221,7 +221,7 @@ class _Writer(Lines):
         for at, n in enumerate(piece):
             if self.g.args[n] and n not in places:
                 if self.g.ops[n] in CIRCULAR and n not in here:
-                    self._circular(piece[at:], here, operand)
+                    self._circular(piece[at:], places, here, operand)
                 elif n not in here:
                     operands = [operand(a) for a in self.g.args[n]]
                     exponent = exponent_of(self.g, n)
@@ -234,6 +234,7 @@ class _Writer(Lines):
     def _circular(
         self,
         nodes: Sequence[int],
+        places: Mapping[int, int],
         here: dict[int, str],
         operand: Callable[[int], str],
     ) -> None:
@@ -242,7 +243,8 @@ class _Writer(Lines):
         together: list[int] = []
         angles: dict[int, int] = {}
         for n in nodes:
-            if g.ops[n] not in CIRCULAR or g.args[n][0] in together:
+            done = n in places or g.ops[n] not in CIRCULAR
+            if done or g.args[n][0] in together:
                 break
             angle = g.args[n][0]
             if angle not in angles and len(angles) == sincos.LANES:

@@ -174,7 +174,7 @@ class System:
         """Give where loops note the weakest direction; 0 where none do."""
         if not self.has_loops:
             return 0
-        return self.motion + _layout.weak_directions(self.n, self.m)
+        return self.motion + _layout.directions(self.n, self.m)
 
     def _sleepers(self, nodes_of: dict[str, list[int]]) -> list[Sleeper]:
         """Find what may sleep in the motion, and add the function that watches it."""

@@ -268,6 +268,23 @@ def test_degrees(text: str, degrees: set[int] | None) -> None:
     assert g.degree(build(g, text), {"v", "w"}) == degrees
 
 
+def test_degrees_of_chained_squares() -> None:
+    # 2^64 terms: what is found takes no longer than the chain.
+    g = Graph()
+    mixed, pure, cubes = build(g, "v + w^2", "v", "v + 1")
+    for _ in range(64):
+        mixed = g.call("add", g.call("mul", mixed, mixed), mixed)
+        pure = g.call("mul", pure, pure)
+        cubes = g.call("pow", cubes, g.constant(3.0))
+    for node in (mixed, pure, cubes):
+        degrees = g.degree(node, {"v", "w"})
+        assert degrees is not None
+        assert max(degrees) > 4  # neither affine nor quadratic
+        assert len(degrees) > 1  # nor seen to be homogeneous
+    assert g.degree(cubes, {"w"}) == {0}
+    assert g.degree(build(g, "v^5*v^5 + w^4*w^6"), {"v", "w"}) == {10}
+
+
 POLYNOMIAL = ("add", "sub", "mul", "neg", "square", "cube")
 
 

@@ -97,7 +97,7 @@ class System:
         rank = min(n, m) if self.expected is None else self.expected
         p[: _layout.HEADER] = [
             n, m, _layout.HEADER, 0, self.augmented, rank, self.reference, 0, 1.0,
-            _layout.HEADER + _layout.weak_directions(n, m), 0, 0, 0, 0, 0, 0,
+            _layout.HEADER + _layout.directions(n, m), 0, 0, 0, 0, 0, 0,
         ]  # fmt: skip
         p[-4:] = GUARD
         return y, p, np.zeros(n + 3)

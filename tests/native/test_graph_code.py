@@ -133,6 +133,25 @@ def test_what_hangs_on_parameters_alone_is_computed_by_prepare() -> None:
     assert found[3] == pytest.approx(5.0 * math.cos(0.2), rel=4e-16)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_sines_of_parameters_beside_those_of_the_state(seed: int) -> None:
+    # They stand side by side in the code, and only the latter are still to be computed.
+    random = np.random.default_rng(seed)
+    fixed = ["a", "b", "a*b", "a + b", "a/(2 + b)", "a*sin(b)"]
+    moving = ["x", "t", "a*t", "x*y", "b*z", "sin(x) + t"]
+    terms = [
+        f"{random.choice(['sin', 'cos'])}({random.choice(angles)})"
+        for angles in (fixed, moving) * 4
+    ]
+    random.shuffle(terms)
+    texts = [*terms, "*".join(terms), " + ".join(terms)]
+    g = Graph()
+    nodes = build(g, *texts)
+    expected = evaluate(g, nodes, VALUES)
+    # The sines differ by a few units in the last place from those of the C library.
+    assert Compiled(g, {"f": nodes}).at(VALUES) == pytest.approx(expected, rel=1e-13)
+
+
 def test_conditions_on_parameters() -> None:
     g = Graph()
     nodes = build(
