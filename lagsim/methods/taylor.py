@@ -25,6 +25,8 @@ from typing import TYPE_CHECKING
 from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
     LOCAL,
+    against,
+    look_again,
     look_at_rounding,
     record_measured,
     record_sizes,
@@ -39,7 +41,6 @@ from lagsim.methods._state import (
     END,
     EVALUATIONS,
     HEADER,
-    LOOKED,
     NOT_FINITE,
     PROJECTION_FAILED,
     REJECTIONS,
@@ -174,9 +175,8 @@ def chosen_step(s: Floats, c: Floats) -> float:
         largest[back] = 0.0
     for i in range(size):
         if tolerances[i] > 0.0:
-            unit = 1.0 / tolerances[i]
             for back in unrolled(GUARD):
-                term = unit * abs(c[1 + (order - back) * size + i])
+                term = abs(c[1 + (order - back) * size + i]) / tolerances[i]
                 largest[back] = max(largest[back], term)
     logarithm = log(arc / SAFETY)
     for back in unrolled(GUARD):
@@ -294,10 +294,9 @@ def check(s: Floats, p: Floats, h: float) -> float:
     s[EVALUATIONS] += 1.0
     set_tolerances(s, p, s[T] + h, new, at(c, 1 + size), h)
     error = misfit(s, c, at(following, 1 + size), h)
-    if error > PASSED and error < 1e300 and s[LOOKED] == 0.0:
-        # Perhaps it is nothing but rounding.
-        look_at_rounding(s, p, s[T], at(s, HEADER), at(c, 1 + size), 1.0)
-        set_tolerances(s, p, s[T] + h, new, at(c, 1 + size), h)
+    # Perhaps it is nothing but rounding.
+    doubtful = error > PASSED and error < 1e300
+    if doubtful and look_again(s, p, h, new, at(c, 1 + size), 1.0) > 0:
         error = misfit(s, c, at(following, 1 + size), h)
     return error
 
@@ -314,7 +313,7 @@ def misfit(s: Floats, c: Floats, slope: Floats, h: float) -> float:
             off = abs(slope[i] - rates[i]) * h / (c[0] + 1.0)
             if not off < 1e300:
                 return 1e300
-            worst = max(worst, off / tolerances[i])
+            worst = max(worst, against(off, tolerances[i]))
     return worst
 
 

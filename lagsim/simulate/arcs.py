@@ -17,7 +17,8 @@ from lagsim.methods import _state as at
 from lagsim.methods import method
 from lagsim.plan import by_loops
 from lagsim.plan.integration import DEFAULT_RTOL
-from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
+from lagsim.plan.lengths import usual_lengths
+from lagsim.plan.solve import WELL_CONDITIONED
 from lagsim.simulate.coordinates import singularity_caution
 from lagsim.simulate.impacts import impact
 from lagsim.simulate.ranks import rank_caution, weakest

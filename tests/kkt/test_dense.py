@@ -44,13 +44,19 @@ def geometry(t: float, y: Floats, p: Floats, out: Floats) -> None:  # noqa: ARG0
     residuals[2 * m + 1] = 0.5
 
 
+def bends(t: float, y: Floats, p: Floats, out: Floats) -> None:  # noqa: ARG001
+    """Give what Newton steps leave."""
+    out[0] = 0.125
+    out[1] = 0.375
+
+
 def solve(t: float, y: Floats, p: Floats, out: Floats) -> None:  # noqa: ARG001
     """Leave q'' and lambda in p."""
     solve_motion(t, y, p)
 
 
 KERNELS = (solve, position_step, velocity_step)
-MODEL = {"dynamics": dynamics, "geometry": geometry}
+MODEL = {"dynamics": dynamics, "geometry": geometry, "bends": bends}
 
 
 def plain(name: str, y: Floats, p: Floats, out: Floats) -> None:
@@ -60,7 +66,7 @@ def plain(name: str, y: Floats, p: Floats, out: Floats) -> None:
 
 @pytest.fixture(scope="module")
 def native() -> Any:
-    engine = Engine([cache.kernel_object([*KERNELS, dynamics, geometry])])
+    engine = Engine([cache.kernel_object([*KERNELS, *MODEL.values()])])
     pointer = ctypes.c_void_p
 
     def call(name: str, y: Floats, p: Floats, out: Floats) -> None:
