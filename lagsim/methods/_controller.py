@@ -149,13 +149,16 @@ def set_tolerances(
     parts = at(high, size)
     noise = at(parts, size)
     # A start from rest with a jump in the force (dry friction) is off by the same part
-    # of every step, however short; what happens in an instant is not controlled finer.
-    instant = INSTANT * (s[END] - s[ARC_START])
+    # of every step, however short; its first instant is not controlled finer.
+    instant = INSTANT * (s[END] - s[ARC_START]) - (s[T] - s[ARC_START])
+    instant = max(instant, 0.0)
     moment = max(h, instant)
     rtol = LOCAL * s[RTOL]
     for i in range(size):
         scale = WIDTH * (max(high[i], new[i]) - min(low[i], new[i]))
-        scale = max(scale, moment * abs(rates[i]))
+        if scale == 0.0:
+            scale = h * abs(rates[i])
+        scale = max(scale, instant * abs(rates[i]))
         part = parts[i]
         if i < n:
             part = parts[i] * moment
@@ -296,7 +299,7 @@ def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
 
 
 def time_of_change(s: Floats, h: float, k: Floats, slopes: Floats) -> float:
-    """Give in how much time a rate changes by its own size, from rates k and those h on.
+    """Give the time in which a rate changes by its own size: from k to `slopes` in h.
 
     Rates that begin at 0 do not count, nor do changes within the tolerances.
     """

@@ -273,7 +273,7 @@ def settle(s: Floats, p: Floats, h: float) -> int:
     size = int(s[SIZE])
     new = at(s, buffer(size, 2.0))
     work = at(s, HEADER + 4 * size + 2)
-    if project(n, s[T] + h, new, p, work) == 0:
+    if project(s, p, s[T] + h, h, new, work) == 0:
         return 0
     record_health(s, work[n + 1], h)
     return 1

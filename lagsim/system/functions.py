@@ -220,16 +220,19 @@ def bends(equations: Equations) -> tuple[int, int]:
     """Give what a Newton step leaves, largest against the scales, of both levels.
 
     The step stands in the place of the velocities. On the level of positions that is
-    half of its second derivative; on that of velocities nothing, or 1: not known.
+    the residual and its first two derivatives, of which the first cancels it where the
+    rows are independent; on that of velocities nothing, or 1: not known.
     """
     e, g = equations, equations.graph
     step = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
     held = [row for row in e.rows if row.holonomic]
-    bent = tangent(g, tangent(g, [row.residual for row in held], step), step)
+    moved = tangent(g, [row.residual for row in held], step)
+    bent = tangent(g, moved, step)
     left = g.zero
-    for row, node in zip(held, bent, strict=True):
-        half = g.call("mul", g.constant(0.5), g.call("abs", node))
-        part = g.call("div", half, row.residual_scale)
+    for row, first, second in zip(held, moved, bent, strict=True):
+        half = g.call("mul", g.constant(0.5), second)
+        whole = g.call("add", g.call("add", row.residual, first), half)
+        part = g.call("div", g.call("abs", whole), row.residual_scale)
         some = g.call("gt", row.residual_scale, g.zero)
         left = g.call("max", g.call("if", some, part, g.zero), left)
     linear = all(row.holonomic or row.pfaffian for row in e.rows)
