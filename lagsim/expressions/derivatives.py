@@ -78,10 +78,7 @@ class _Reverse:
                 for v, slope in self.selections[n].items():
                     add(result, v, g.call("mul", weight, slope))
             else:
-                partials = OPERATIONS[g.ops[n]].partials
-                assert partials is not None
-                slopes = partials(g, g.args[n], n)
-                for a, slope in zip(g.args[n], slopes, strict=True):
+                for a, slope in local_slopes(g, n):
                     if a in self.active:
                         add(adjoint, a, g.call("mul", weight, slope))
         return result
@@ -128,15 +125,31 @@ def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
     """Give the rate of node `n` from the rates of its arguments (0 if absent)."""
     args = g.args[n]
     row = OPERATIONS[g.ops[n]]
-    moving = [rates.get(a, g.zero) for a in args]
     if row.condition:
         return g.zero
     if row.branches:
+        moving = [rates.get(a, g.zero) for a in args]
         return g.call("if", row.branches(g, args), moving[-2], moving[-1])
-    assert row.partials is not None
-    slopes = row.partials(g, args, n)
-    return g.product_sum(
-        (slope, rate)
-        for slope, rate in zip(slopes, moving, strict=True)
-        if rate != g.zero
-    )
+    moved = [(slope, rates.get(a, g.zero)) for a, slope in local_slopes(g, n)]
+    return g.product_sum((slope, rate) for slope, rate in moved if rate != g.zero)
+
+
+def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
+    """Give what node `n` is differentiated by, with the slopes.
+
+    That is its arguments; or, of a power of a root from the square on, those of the
+    root: r^c has a slope where r = 0 though r has none.
+    """
+    args = g.args[n]
+    if g.ops[n] == "pow" and g.ops[args[0]] in ("hypot", "sqrt"):
+        root, exponent = args[0], g.value(args[1])
+        if exponent is not None and exponent >= 2.0:
+            rest = g.call("pow", root, g.constant(exponent - 2.0))
+            if g.ops[root] == "sqrt":
+                half = g.call("mul", g.constant(0.5 * exponent), rest)
+                return [(g.args[root][0], half)]
+            outer = g.call("mul", g.constant(exponent), rest)
+            return [(a, g.call("mul", outer, a)) for a in g.args[root]]
+    partials = OPERATIONS[g.ops[n]].partials
+    assert partials is not None
+    return list(zip(args, partials(g, args, n), strict=True))

@@ -38,8 +38,8 @@ def spread(
 ) -> None:
     """Make the rows of Y: L^-1 A_i, scaled, and the scales.
 
-    The scale of a row is the largest length (m,) that it has had, so that one that
-    vanishes on the way is seen to.
+    The scale of a row is the largest length (m,) that it has had on the way, so that
+    one that vanishes is seen to; see `keep_lengths`.
     """
     for i in range(m):
         row = at(Y, i * n)
@@ -49,13 +49,24 @@ def spread(
         length = 0.0
         for j in range(n):
             length += row[j] * row[j]
-        length = sqrt(length)
-        lengths[i] = max(lengths[i], length)
+        length = max(lengths[i], sqrt(length))
         per_row[i] = 0.0
-        if lengths[i] > 0.0:
-            per_row[i] = 1.0 / lengths[i]
+        if length > 0.0:
+            per_row[i] = 1.0 / length
         for j in range(n):
             row[j] *= per_row[i]
+
+
+def keep_lengths(m: int, per_row: Floats, lengths: Floats) -> None:
+    """Note the lengths that `spread` has scaled by, of a state on the way.
+
+    Not of every state: what a step is tried with may lie anywhere.
+    """
+    order = at(per_row, 4 * m)
+    for k in range(m):
+        i = int(order[k])
+        if per_row[k] > 0.0:
+            lengths[i] = max(lengths[i], 1.0 / per_row[k])
 
 
 def reflect(n: int, m: int, p: Floats, L: Floats, Y: Floats, per_row: Floats) -> int:

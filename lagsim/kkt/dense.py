@@ -35,7 +35,13 @@ from lagsim.kkt._layout import (
     REFERENCE,
     ROWS,
 )
-from lagsim.kkt._rows import impress, multipliers, reflect, spread
+from lagsim.kkt._rows import (
+    impress,
+    keep_lengths,
+    multipliers,
+    reflect,
+    spread,
+)
 from lagsim.native.kernel_types import at, external
 
 if TYPE_CHECKING:
@@ -212,6 +218,8 @@ def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
     out[n] = rates[m + 1]
     out[n + 1] = p[HEALTH]
     out[n + 2] = left_over(1, t, y, p, out)
+    lengths = at(p, int(p[MOTION]) + n + m)
+    keep_lengths(m, at(terms, per_row_at(n, m)), lengths)
     p[REFERENCE] = max(p[REFERENCE], p[HEALTH])
 
 
@@ -281,6 +289,11 @@ def solve_terms(p: Floats) -> None:
     for j in range(n):
         u[j] += v[j]
     backward(n, L, u, motion)
+
+
+def per_row_at(n: int, m: int) -> int:
+    """Give where `per_row` is, from the terms on."""
+    return n * n + n * m + n + 3 * m + 2 + n * n + n * m + 2 * n
 
 
 def factor_rows(p: Floats, terms: Floats) -> None:

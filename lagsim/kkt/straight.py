@@ -251,6 +251,14 @@ class Elimination:
         moved = self.mass.forward(dict(enumerate(forces)))
         return self._solve(moved, [self.g.zero] * self.m)[0]
 
+    def reactions(self) -> list[int]:
+        """Give for each row the square of its force in the metric of M, A M^-1 A^T."""
+        g = self.g
+        return [
+            g.call("mul", g.call("mul", lam, lam), self.schur.pivots[k][1])
+            for k, lam in enumerate(self._motion[1])
+        ]
+
     def _solve(self, f: Vector, b: Sequence[int]) -> tuple[list[int], list[int]]:
         """Give q'' and lambda of f, as `Factorisation.forward` gives it, and b."""
         g = self.g

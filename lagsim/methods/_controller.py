@@ -11,7 +11,6 @@ and millimetres give the same steps.
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods._interface import (
@@ -56,8 +55,15 @@ NOISE = 4.0 * 2.0**-53
 RATE_NOISE = 32.0 * 2.0**-53
 # A relative change of the state this small shows what its rounding does to y'.
 PROBE = 2.0**-36
-# Below this a number has no digits to control.
-UNDERFLOW = 1e-290
+# Below this a number has no digits to control: some of the smallest steps between two.
+UNDERFLOW = 2.0**-1068
+# The square of this is finite.
+HUGE = 1e140
+# The first step of all, an Euler step, is this part of what lies between two rows; and
+# how much longer the next may be, and how often the guess is made again.
+EULER = 1e-2
+FARTHEST = 100.0
+MOST_GUESSES = 20
 # The part of the tolerance that one step may use: errors of many steps add up, and the
 # tolerance is meant for the motion (Kepler's, e = 0.6, 100 orbits: 6 digits at 1e-11).
 LOCAL = 0.1
@@ -143,13 +149,16 @@ def set_tolerances(
     parts = at(high, size)
     noise = at(parts, size)
     # A start from rest with a jump in the force (dry friction) is off by the same part
-    # of every step, however short; what happens in an instant is not controlled finer.
-    instant = INSTANT * (s[END] - s[ARC_START])
+    # of every step, however short; its first instant is not controlled finer.
+    instant = INSTANT * (s[END] - s[ARC_START]) - (s[T] - s[ARC_START])
+    instant = max(instant, 0.0)
     moment = max(h, instant)
     rtol = LOCAL * s[RTOL]
     for i in range(size):
         scale = WIDTH * (max(high[i], new[i]) - min(low[i], new[i]))
-        scale = max(scale, moment * abs(rates[i]))
+        if scale == 0.0:
+            scale = h * abs(rates[i])
+        scale = max(scale, instant * abs(rates[i]))
         part = parts[i]
         if i < n:
             part = parts[i] * moment
@@ -160,6 +169,59 @@ def set_tolerances(
         scale = max(scale, FLOOR * moment * part)
         rough = max(NOISE * max(sizes[i], abs(new[i])), noise[i] * h, UNDERFLOW)
         tolerances[i] = max(rtol * scale, rough)
+    if size > 2 * n:
+        limit_work(s, new)
+
+
+def against(error: float, tolerance: float) -> float:
+    """Give an error in units of the tolerance; one that is finite has a finite square.
+
+    It may be rounding, though much more than a component that rests should have.
+    """
+    part = abs(error / tolerance)
+    if abs(error) < 1e300:
+        part = min(part, HUGE)
+    return part
+
+
+def limit_work(s: Floats, new: Floats) -> None:
+    """Control work no finer than the energy that it is compared with."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    tolerances = at(s, HEADER + 2 * size)
+    masses = at(s, HEADER + 3 * size + 2)
+    if masses[n + 1] < 0.0:
+        energy = 0.0
+        for i in range(n):
+            off = tolerances[n + i]
+            energy += abs(masses[i]) * (abs(new[n + i]) + off) * off
+        tolerances[2 * n] = max(tolerances[2 * n], energy)
+
+
+def look_again(
+    s: Floats, p: Floats, h: float, new: Floats, k: Floats, health: float
+) -> int:
+    """Look at the rounding in a step h to `new`, and set the tolerances by it.
+
+    Gives 0 where that has been done. k : (size,), y' at the start of the step.
+    """
+    if s[LOOKED] > 0.0:
+        return 0
+    size = int(s[SIZE])
+    n = int(s[N])
+    t = s[T]
+    look_at_rounding(s, p, t, at(s, HEADER), k, health)
+    if size > 2 * n:
+        # The power of forces has no rounding where everything rests, at the start.
+        noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
+        z = at(s, HEADER + 4 * size + 2)
+        rounding(t + h, new, p, z)
+        for i in range(2 * n, size):
+            if abs(z[i - n]) < 1e300:
+                noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
+    set_tolerances(s, p, t + h, new, k, h)
+    s[LOOKED] = 1.0
+    return 1
 
 
 def look_at_rounding(
@@ -185,7 +247,6 @@ def look_at_rounding(
         if not noise[i] < 1e300:
             noise[i] = 0.0
         noise[i] = RATE_NOISE * (abs(k[i]) + noise[i])
-    s[LOOKED] = 1.0
 
 
 def add_probe(s: Floats, p: Floats, t: float, y: Floats, k: Floats) -> None:
@@ -209,42 +270,45 @@ def add_probe(s: Floats, p: Floats, t: float, y: Floats, k: Floats) -> None:
 
 
 def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
-    """Give a first step: one explicit Euler step tells the second derivative.
+    """Give a first step: one explicit Euler step tells how fast the rates change.
 
-    Hairer, Norsett and Wanner, Solving ODEs I, II.4. k : (size,) is y' at the start.
+    k : (size,) is y' at the start. An error that falls with this power of the step,
+    against that change, is within the tolerance.
     """
     size = int(s[SIZE])
     y = at(s, HEADER)
     z = at(s, HEADER + 4 * size + 2)
     slopes = at(z, size)
-    tolerances = at(s, HEADER + 2 * size)
     look_at_rounding(s, p, s[T], y, k, 1.0)
-    set_tolerances(s, p, s[T], y, k, s[ROW_STEP])
-    d0 = 0.0
-    d1 = 0.0
-    for i in range(size):
-        if tolerances[i] > 0.0:
-            d0 += (y[i] / tolerances[i]) * (y[i] / tolerances[i])
-            d1 += (k[i] / tolerances[i]) * (k[i] / tolerances[i])
     span = s[END] - s[T]
-    h = min(1e-3 * s[ROW_STEP], span)
-    if d0 > 1e-10 and d1 > 1e-10:
-        h = min(0.01 * sqrt(d0 / d1), span)
-    for i in range(size):
-        z[i] = y[i] + h * k[i]
-    derivative(s[T] + h, z, p, slopes)
-    s[EVALUATIONS] += 1.0
-    # What rests has a scale by now.
-    set_tolerances(s, p, s[T] + h, z, slopes, h)
-    d2 = 0.0
-    for i in range(size):
-        if tolerances[i] > 0.0:
-            bend = (slopes[i] - k[i]) / tolerances[i]
-            d2 += bend * bend
-    steepest = max(sqrt(d2) / h, sqrt(d1))
-    if not steepest < 1e300:
-        return float(1e-3 * h)
-    guess = max(1e-6 * span, 1e-3 * h)
-    if steepest > 1e-15:
-        guess = (0.01 / steepest) ** (1.0 / order)
-    return float(min(100.0 * h, guess, span))
+    h = min(EULER * s[ROW_STEP], span)
+    part = (LOCAL * max(float(s[RTOL]), NOISE)) ** (1.0 / order)
+    guess = h
+    for _ in range(MOST_GUESSES):
+        for i in range(size):
+            z[i] = y[i] + h * k[i]
+        derivative(s[T] + h, z, p, slopes)
+        s[EVALUATIONS] += 1.0
+        # What rests has a scale by now.
+        set_tolerances(s, p, s[T] + h, z, slopes, h)
+        guess = min(part * time_of_change(s, h, k, slopes), FARTHEST * h)
+        if guess > 0.1 * h:
+            break
+        h = guess
+    return float(min(guess, span))
+
+
+def time_of_change(s: Floats, h: float, k: Floats, slopes: Floats) -> float:
+    """Give the time in which a rate changes by its own size: from k to `slopes` in h.
+
+    Rates that begin at 0 do not count, nor do changes within the tolerances.
+    """
+    tolerances = at(s, HEADER + 2 * int(s[SIZE]))
+    least = 1e300
+    for i in range(int(s[SIZE])):
+        change = abs(slopes[i] - k[i])
+        if not change < 1e300:
+            return 1e-3 * h
+        if h * change > tolerances[i] and abs(k[i]) > 0.1 * abs(slopes[i]):
+            least = min(least, h * abs(k[i]) / change)
+    return least

@@ -60,7 +60,6 @@ from lagsim.methods._state import (
     SUSPECT,
     SWITCH_FOUND,
     SWITCHED,
-    N,
     T,
 )
 from lagsim.methods._switching import find_switch, shorten
@@ -284,7 +283,7 @@ def settle_rows(s: Floats, p: Floats, out: Floats, rows: int) -> None:
 
 def settle(s: Floats, p: Floats, t: float, y: Floats) -> None:
     """Project a state between steps; one that does not converge stays as it is."""
-    project(int(s[N]), t, y, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+    project(s, p, t, s[STEP_H], y, at(s, HEADER + 4 * int(s[SIZE]) + 2))
 
 
 def arm(s: Floats, p: Floats, work: Floats) -> None:

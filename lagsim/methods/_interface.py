@@ -90,7 +90,10 @@ def velocity_steps(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 @external
 def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give q'Mq'/2, the rest of the energy (2,), and the diagonal of M (n,)."""
+    """Give q'Mq'/2, the rest of the energy (2,), and the diagonal of M (n,).
+
+    Then 0 (1,), and -1 where the model has work.
+    """
 
 
 @external

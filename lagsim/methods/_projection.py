@@ -17,7 +17,7 @@ from lagsim.methods._interface import (
     velocity_steps,
 )
 from lagsim.methods._singular import record_health
-from lagsim.methods._state import HEADER, LANES_AT, SIZE, N
+from lagsim.methods._state import EXTENTS_AT, HEADER, LANES_AT, SIZE, STEP_H, N
 from lagsim.native.kernel_types import at, unrolled
 from lagsim.native.sincos import LANES
 
@@ -26,39 +26,43 @@ if TYPE_CHECKING:
 
 # What a Newton step leaves of a residual is rounding if this small against its terms.
 # Terms know what a double can hold of a position, whatever else stands in the scene.
-LAST = 2.0**-52
+LAST = 2.0**-50
 # A residual this small against its terms is rounding.
 ROUNDING = 2.0**-47
 # Where steps no longer shrink, they are rounding if the residual is smaller than this.
 STALLED = 1e-12
+# A step this small against the coordinates that it moves is rounding, too: there may be
+# rows all of whose terms vanish.
+SMALL = 2.0**-46
 MOST = 12
 
 
 def meet_constraints(s: Floats, p: Floats, t: float, h: float, new: Floats) -> int:
     """Project the state that a step h has led to; give 0 where that fails."""
-    n = int(s[N])
     work = at(s, HEADER + 4 * int(s[SIZE]) + 2)
-    if project(n, t, new, p, work) == 0:
+    if project(s, p, t, h, new, work) == 0:
         return 0
-    record_health(s, work[n + 1], h)
+    record_health(s, work[int(s[N]) + 1], h)
     return 1
 
 
-def project(n: int, t: float, y: Floats, p: Floats, work: Floats) -> int:
+def project(s: Floats, p: Floats, t: float, h: float, y: Floats, work: Floats) -> int:
     """Project y in place; give 1 where Newton's method converged, else 0.
 
-    work : (n + 3,), where work[n + 1] is left as `velocity_step` gives it.
+    h is the step that led to y. work : (n + 3,), where work[n + 1] is left as
+    `velocity_step` gives it.
     """
     for level in range(2):
-        if project_level(level, n, t, y, p, work) == 0:
+        if project_level(level, s, p, t, h, y, work) == 0:
             return 0
     return 1
 
 
 def project_level(
-    level: int, n: int, t: float, y: Floats, p: Floats, work: Floats
+    level: int, s: Floats, p: Floats, t: float, h: float, y: Floats, work: Floats
 ) -> int:
     """Project the positions (level 0) or the velocities (1) alone."""
+    n = int(s[N])
     part = at(y, level * n)
     previous = 0.0
     for iteration in range(MOST):
@@ -67,15 +71,39 @@ def project_level(
             return 0
         # Residuals shrink by more than half, or they are rounding.
         stalled = iteration > 0 and work[n] >= 0.5 * previous
-        if stalled and work[n] > STALLED:
-            return 0
-        if not stalled:
-            for i in range(n):
-                part[i] += work[i]
-        if stalled or work[n + 2] <= LAST or work[n] <= ROUNDING:
+        done = work[n + 2] <= LAST or work[n] <= ROUNDING
+        if not done:
+            done = is_small(level, s, h, part, work) > 0
+        if stalled:
+            return 1 if done or work[n] <= STALLED else 0
+        for i in range(n):
+            part[i] += work[i]
+        if done:
             return 1
         previous = work[n]
     return 0
+
+
+def is_small(level: int, s: Floats, h: float, x: Floats, step: Floats) -> int:
+    """Tell whether a step is rounding of what it moves, in the metric of diag M.
+
+    What the forces could do within the step counts as size: the scale of a structure at
+    rest.
+    """
+    n = int(s[N])
+    size = int(s[SIZE])
+    sizes = at(s, HEADER + size + level * n)
+    masses = at(s, HEADER + 3 * size + 2)
+    parts = at(s, int(s[EXTENTS_AT]) + 2 * size)
+    moment = h if level > 0 else h * h
+    moved = 0.0
+    whole = 0.0
+    for i in range(n):
+        if step[i] != 0.0:
+            largest = max(abs(x[i]), sizes[i], moment * parts[i])
+            moved += masses[i] * step[i] * step[i]
+            whole += masses[i] * largest * largest
+    return 1 if moved <= SMALL * SMALL * whole else 0
 
 
 def newton_step(level: int, t: float, y: Floats, p: Floats, out: Floats) -> None:
@@ -144,4 +172,4 @@ def project_rows(s: Floats, p: Floats, rows: Floats, count: int) -> None:
                 for i in range(n):
                     part[i] += work[i]
             else:
-                project_level(level, n, row[0], at(row, 1), p, work)
+                project_level(level, s, p, row[0], s[STEP_H], at(row, 1), work)

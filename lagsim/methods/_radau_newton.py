@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods._controller import LOCAL
+from lagsim.methods._controller import LOCAL, against
 from lagsim.methods._interface import derivative, jacobian
 from lagsim.methods._linearised import (
     decompose_pair,
@@ -223,7 +223,7 @@ def norm(size: int, x: Floats, tolerances: Floats) -> float:
     controlled = 0
     for i in range(size):
         if tolerances[i] > 0.0:
-            part = x[i] / tolerances[i]
+            part = against(x[i], tolerances[i])
             square += part * part
             controlled += 1
     if controlled == 0:

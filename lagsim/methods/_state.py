@@ -4,8 +4,8 @@ Between two calls of `advance` nothing else is kept, so a run can be paused, sho
 progress, interrupted and resumed at no cost.
 
 After the header lie, for a state of `size` components: y (size), their largest sizes
-(size), tolerances (size), what `measure` gave (n + 2) and the sum of M_ii a_i^2 that
-forces could make (1; in all size + 2), work (2 size + 4), and from
+(size), tolerances (size), what `measure` gave (size + 2), with the sum of M_ii a_i^2
+that forces could make in the place of its 0, work (2 size + 4), and from
 HEADER + 6 size + 6 on whatever the method needs; last what `note_inertias` follows.
 """
 

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
+    against,
     first_step,
-    look_at_rounding,
+    look_again,
     record_measured,
     record_sizes,
     set_tolerances,
@@ -43,7 +44,6 @@ from lagsim.methods._state import (
     EVALUATIONS,
     HEADER,
     HEALTH,
-    LOOKED,
     NOT_FINITE,
     PREVIOUS_ERROR,
     PROJECTION_FAILED,
@@ -195,10 +195,8 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
         health = p[LEAST_HEALTH]
     tolerances = at(s, HEADER + 2 * size)
     error = error_norm(size, h, errors, tolerances)
-    if error >= 1.0 and s[LOOKED] == 0.0:
-        # Perhaps it is nothing but rounding.
-        look_at_rounding(s, p, t, y, k, health)
-        set_tolerances(s, p, t + h, new, k, h)
+    # Perhaps it is nothing but rounding.
+    if error >= 1.0 and look_again(s, p, h, new, k, health) > 0:
         error = error_norm(size, h, errors, tolerances)
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, t + h, new)
@@ -209,20 +207,24 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
 
 
 def error_norm(size: int, h: float, errors: Floats, tolerances: Floats) -> float:
-    """Combine the estimates of order 5 and 3 (II.10, (10.17)); errors : (2 size,)."""
+    """Combine the estimates of order 5 and 3 (II.10, (10.17)); errors : (2 size,).
+
+    The mean is that over the components which have an error: others rest.
+    """
     error5 = 0.0
     error3 = 0.0
     controlled = 0
     for i in range(size):
         if tolerances[i] > 0.0:
-            e5 = errors[i] / tolerances[i]
-            e3 = errors[size + i] / tolerances[i]
+            e5 = against(errors[i], tolerances[i])
+            e3 = against(errors[size + i], tolerances[i])
             error5 += e5 * e5
             error3 += e3 * e3
-            controlled += 1
+            if e5 > 0.0:
+                controlled += 1
     if error5 == 0.0:
         return 0.0
-    return h * error5 / sqrt(controlled * (error5 + 0.01 * error3))
+    return h * error5 / sqrt(max(controlled, 1) * (error5 + 0.01 * error3))
 
 
 def accept(s: Floats, p: Floats, h: float) -> None:

@@ -213,7 +213,7 @@ def step(s: Floats, p: Floats) -> int:
             return NOT_FINITE
     if CONSTRAINED:
         work = at(s, HEADER + 4 * size + 2)
-        if project(n, after, new, p, work) == 0:
+        if project(s, p, after, h, new, work) == 0:
             return PROJECTION_FAILED
         record_health(s, work[n + 1], h)
     for i in range(m - 1):

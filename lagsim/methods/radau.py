@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
     first_step,
-    look_at_rounding,
+    look_again,
     record_sizes,
     set_tolerances,
 )
@@ -67,7 +67,6 @@ from lagsim.methods._state import (
     DONE,
     EVALUATIONS,
     HEADER,
-    LOOKED,
     NEWTON_FAILED,
     NOT_FINITE,
     PROJECTION_FAILED,
@@ -259,10 +258,8 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
     health = 1.0
     if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
         health = p[LEAST_HEALTH]
-    if error >= 1.0 and s[LOOKED] == 0.0:
-        # Perhaps it is nothing but rounding.
-        look_at_rounding(s, p, s[T], y, slope, health)
-        set_tolerances(s, p, s[T] + h, new, slope, h)
+    # Perhaps it is nothing but rounding.
+    if error >= 1.0 and look_again(s, p, h, new, slope, health) > 0:
         error = norm(size, at(own, OWN + ERRORS * size), at(s, HEADER + 2 * size))
         error *= s[RTOL] ** 0.2
     return error

@@ -214,7 +214,7 @@ def hold_velocities(s: Floats, p: Floats, after: float, h: float) -> int:
     n = int(s[N])
     new = at(s, HEADER + 10 * size + 6)
     work = at(new, 2 * size)
-    if project_level(1, n, after, new, p, work) == 0:
+    if project_level(1, s, p, after, h, new, work) == 0:
         return 0
     record_health(s, work[n + 1], h)
     return 1

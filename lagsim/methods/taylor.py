@@ -25,6 +25,8 @@ from typing import TYPE_CHECKING
 from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
     LOCAL,
+    against,
+    look_again,
     look_at_rounding,
     record_measured,
     record_sizes,
@@ -40,7 +42,6 @@ from lagsim.methods._state import (
     END,
     EVALUATIONS,
     HEADER,
-    LOOKED,
     NOT_FINITE,
     PROJECTION_FAILED,
     REJECTIONS,
@@ -176,9 +177,8 @@ def chosen_step(s: Floats, c: Floats) -> float:
         largest[back] = 0.0
     for i in range(size):
         if tolerances[i] > 0.0:
-            unit = 1.0 / tolerances[i]
             for back in unrolled(GUARD):
-                term = unit * abs(c[1 + (order - back) * size + i])
+                term = abs(c[1 + (order - back) * size + i]) / tolerances[i]
                 largest[back] = max(largest[back], term)
     logarithm = log(arc / SAFETY)
     for back in unrolled(GUARD):
@@ -283,7 +283,7 @@ def settle(s: Floats, p: Floats, h: float) -> int:
     size = int(s[SIZE])
     new = at(s, buffer(size, 2.0))
     work = at(s, HEADER + 4 * size + 2)
-    return project(n, s[T] + h, new, p, work)
+    return project(s, p, s[T] + h, h, new, work)
 
 
 def check(s: Floats, p: Floats, h: float) -> float:
@@ -301,10 +301,9 @@ def check(s: Floats, p: Floats, h: float) -> float:
     s[EVALUATIONS] += 1.0
     set_tolerances(s, p, s[T] + h, new, at(c, 1 + size), h)
     error = misfit(s, c, at(following, 1 + size), h)
-    if error > PASSED and error < 1e300 and s[LOOKED] == 0.0:
-        # Perhaps it is nothing but rounding.
-        look_at_rounding(s, p, s[T], at(s, HEADER), at(c, 1 + size), 1.0)
-        set_tolerances(s, p, s[T] + h, new, at(c, 1 + size), h)
+    # Perhaps it is nothing but rounding.
+    doubtful = error > PASSED and error < 1e300
+    if doubtful and look_again(s, p, h, new, at(c, 1 + size), 1.0) > 0:
         error = misfit(s, c, at(following, 1 + size), h)
     return error
 
@@ -321,7 +320,7 @@ def misfit(s: Floats, c: Floats, slope: Floats, h: float) -> float:
             off = abs(slope[i] - rates[i]) * h / (c[0] + 1.0)
             if not off < 1e300:
                 return 1e300
-            worst = max(worst, off / tolerances[i])
+            worst = max(worst, against(off, tolerances[i]))
     return worst
 
 

@@ -10,12 +10,12 @@ from lagsim.errors import InputError, Problem
 from lagsim.formulation import Choice, formulate
 from lagsim.methods import method
 from lagsim.plan.integration import ANY, DEFAULT_RTOL, STRAIGHT_ONLY, choose, suits
+from lagsim.plan.lengths import usual_lengths
 from lagsim.plan.solve import (
     eliminate,
     from_tape,
     independence_of,
     set_aside,
-    usual_lengths,
 )
 from lagsim.structure import structure
 from lagsim.subsystems import Subsystem, refusal, saving, subsystems

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from lagsim.admissibility.large import is_large, row_lengths
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import scaled_rows
-from lagsim.admissibility.start import metric_of
 from lagsim.expressions.evaluate import evaluate
 from lagsim.formulation import Choice
 from lagsim.kkt.straight import (
@@ -25,7 +20,6 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
-    from lagsim.native.kernel_types import Floats
 
 # Normal equations square the condition of the rows: below this the loops with their QR
 # decomposition take over (numerics: S loses half of the digits of lambda).
@@ -35,9 +29,6 @@ WELL_CONDITIONED = 1e-2
 CHEAP = 10**6
 # Code that fills in more entries of M and A than these compiles for long.
 MOST_ENTRIES = 10_000
-# How many states tell how long the rows usually are, and how far around the start.
-AROUND = 4
-NEARBY = 0.1
 
 
 def eliminate(
@@ -106,31 +97,3 @@ def set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
     """Tell which rows others imply everywhere, shape (m,)."""
     implied = {d.name for d in start.ranks.dependences if d.everywhere is not False}
     return tuple(row.name in implied for row in equations.rows)
-
-
-def usual_lengths(equations: Equations, start: Start) -> tuple[float, ...]:
-    """Give the largest length of each row at the start and around it."""
-    if not equations.rows:
-        return ()
-    point = Point(equations)
-    random = np.random.default_rng(4)  # the same states each time
-    longest = np.zeros(len(equations.rows))
-    for nearby in range(AROUND):
-        q, v = start.q, start.v
-        if nearby:
-            q, v = (_kicked(x, random) for x in (start.q, start.v))
-        if is_large(point):
-            found = row_lengths(point, q, v)
-            if np.all(np.isfinite(found)):
-                longest = np.fmax(longest, found)
-                continue
-        M = point.mass(q, v)
-        if np.all(np.isfinite(M)):
-            metric = metric_of(M, range(len(q)))
-            longest = np.fmax(longest, scaled_rows(point, q, v, metric)[1])
-    return tuple(map(float, longest))
-
-
-def _kicked(x: Floats, random: np.random.Generator) -> Floats:
-    size = np.abs(x) + (np.max(np.abs(x), initial=0.0) or 1.0)
-    return x + NEARBY * size * random.standard_normal(len(x))

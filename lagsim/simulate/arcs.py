@@ -19,7 +19,8 @@ from lagsim.methods import method
 from lagsim.methods._singular import CLOSE
 from lagsim.plan import by_loops
 from lagsim.plan.integration import DEFAULT_RTOL
-from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
+from lagsim.plan.lengths import usual_lengths
+from lagsim.plan.solve import WELL_CONDITIONED
 from lagsim.simulate.coordinates import singularity_caution
 from lagsim.simulate.fallback import fall_back
 from lagsim.simulate.impacts import impact

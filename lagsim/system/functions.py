@@ -18,9 +18,11 @@ from lagsim.kkt.series import motion_rates
 from lagsim.linearisation import motion_residuals
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from lagsim.equations import Equations
+    from lagsim.expressions.sparse import SparseVector
+    from lagsim.kkt.straight import Elimination
     from lagsim.plan import Plan
     from lagsim.system.columns import Columns
 
@@ -48,7 +50,8 @@ def functions(
     rest = g.call("sub", equations.energy, equations.kinetic_form)
     found = {
         "measure": [
-            equations.kinetic_form, rest, *diagonal,
+            equations.kinetic_form, rest, *diagonal, g.zero,
+            *([] if equations.power is None else [g.constant(-1.0)]),
         ],
         "terms": _terms_of_rates(equations),
     }  # fmt: skip
@@ -94,9 +97,6 @@ def _solved(
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
     rates = motion_rates(e, elimination)
-    loads = _loads(e)
-    n = len(e.q)
-    rounding = [*elimination.response(loads[:n]), *loads[n:]]
     if switching:
         found = {
             "field": [*rates, *multipliers],
@@ -110,7 +110,7 @@ def _solved(
             # Rows show the motion without what pulls the state to the constraints.
             "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
         }
-    found["rounding"] = rounding
+    found["rounding"] = _rounding(e, elimination)
     if e.rows:
         held, moving, worst_held, worst_moving = _residuals(e)
         step = elimination.correction(held)
@@ -172,28 +172,67 @@ def _loads(e: Equations) -> list[int]:
     g = e.graph
     moving = (*e.q, *e.velocities, "t")
     found = roundings(g, (*e.f, *e.quadrature_rates), moving)
-    n = len(e.q)
-    parts = [(1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2)) for k in range(n)]
-    return [
-        *(g.call("mul", g.constant(c), x) for c, x in zip(parts, found, strict=False)),
-        *found[n:],
-    ]
+    loads = []
+    for k, (force, error) in enumerate(zip(e.f, found, strict=False)):
+        part = (1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2))
+        whole = g.call("add", g.call("abs", force), error)
+        loads.append(g.call("mul", g.constant(part), whole))
+    return [*loads, *found[len(loads) :]]
+
+
+def _rounding(e: Equations, elimination: Elimination) -> list[int]:
+    """Give what rounding does to the accelerations, as `kkt.dense.rounding` does."""
+    g, n = e.graph, len(e.q)
+    loads = _loads(e)
+    found = [g.call("abs", x) for x in elimination.response(loads[:n])]
+    label = joined(n, [*(row.A for row in e.rows), *e.M])
+    shares: dict[int, int] = {}
+    squares = elimination.reactions()
+    for row, square in zip(e.rows, squares, strict=True):
+        first = label[min(row.A.entries)] if row.A.entries else 0
+        shares[first] = g.call("add", shares.get(first, g.zero), square)
+    for i, x in enumerate(found):
+        inertia = e.M[i][i]
+        if label[i] in shares and inertia != g.zero:
+            share = g.call("div", shares[label[i]], inertia)
+            root = g.call("sqrt", g.call("max", share, g.zero))
+            found[i] = g.call("add", x, root)
+    return [*found, *loads[n:]]
+
+
+def joined(n: int, rows: Iterable[SparseVector]) -> list[int]:
+    """Give for each of n coordinates the first one that `rows` join it with."""
+    first = list(range(n))
+
+    def root(i: int) -> int:
+        while first[i] != i:
+            i = first[i]
+        return i
+
+    for row in rows:
+        roots = sorted({root(i) for i in row.entries})
+        for i in roots:
+            first[i] = roots[0]
+    return [root(i) for i in range(n)]
 
 
 def bends(equations: Equations) -> tuple[int, int]:
     """Give what a Newton step leaves, largest against the scales, of both levels.
 
     The step stands in the place of the velocities. On the level of positions that is
-    half of its second derivative; on that of velocities nothing, or 1: not known.
+    the residual and its first two derivatives, of which the first cancels it where the
+    rows are independent; on that of velocities nothing, or 1: not known.
     """
     e, g = equations, equations.graph
     step = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
     held = [row for row in e.rows if row.holonomic]
-    bent = tangent(g, tangent(g, [row.residual for row in held], step), step)
+    moved = tangent(g, [row.residual for row in held], step)
+    bent = tangent(g, moved, step)
     left = g.zero
-    for row, node in zip(held, bent, strict=True):
-        half = g.call("mul", g.constant(0.5), g.call("abs", node))
-        part = g.call("div", half, row.residual_scale)
+    for row, first, second in zip(held, moved, bent, strict=True):
+        half = g.call("mul", g.constant(0.5), second)
+        whole = g.call("add", g.call("add", row.residual, first), half)
+        part = g.call("div", g.call("abs", whole), row.residual_scale)
         some = g.call("gt", row.residual_scale, g.zero)
         left = g.call("max", g.call("if", some, part, g.zero), left)
     linear = all(row.holonomic or row.pfaffian for row in e.rows)

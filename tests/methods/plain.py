@@ -87,7 +87,8 @@ def first_order(
 
 def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
     """Give the model's native functions, as kernels call them."""
-    names = ["derivative", "measure", "terms", "rounding", "observe", *runner.method.NEEDS]
+    names = ["derivative", "measure", "terms", "rounding", "observe"]
+    names += runner.method.NEEDS
     if "lagrangian" in names:
         names += ["lagrangian_slopes", "inertia"]
     if runner.system.m:
