@@ -68,6 +68,7 @@ FEATURE = 52  # about this time something short happens that depends on t alone 
 FEATURE_WIDTH = 53  # ... of this width; 0: nothing is known of
 FEATURE_REACH = 54  # it counts from so far before it ...
 FEATURE_END = 55  # ... to this time
+SEARCH_AT = 78  # where the memory is for what ends a step early; see _switching
 HEADER = 80
 
 
