@@ -1,9 +1,9 @@
 """What ends a step early: where within it the first switch, or `until`, is met.
 
 Each surface has a margin: how far the state is from leaving the mode it is in; so has
-`until`, while it is false. A step is looked at several times, and between two looks in
-the middle: where that is not what the values and slopes at both ends tell, looks come
-closer until it is. A margin that has become negative, and by the slopes one that has
+`until`, while it is false. A step is looked at several times, and once more between two
+looks: where that is not what the values and slopes at both ends tell, looks come closer
+until it is. A margin that has become negative, and by the slopes one that has
 been so in between (a touch, a narrow pulse), ends the step. The first moment is located
 by bisection on the dense output, to the last bit. A step that wants more looks than
 there may be ends where they do, and the next one begins there.
@@ -50,8 +50,13 @@ LOOKS = 8
 # that a method resolves.
 BESIDE = 2.0**-10
 # A margin is known between two looks where that in the middle is what the ends tell up
-# to the first part of how it varies, or the second of the least of it.
+# to the first part of how it varies, or the last of the least of it; the slope there
+# counts as the second says. Of looks that are too far apart one of both may agree by
+# chance, hardly both.
 KNOWN = 0.1
+TURNED = 0.25
+# The look between two is not in the middle: what repeats itself may do so twice.
+BETWEEN = 0.6180339887498949
 CLEAR = 0.25
 # Looks come no closer than this, and there are so many in a step.
 FINEST = 2.0**-14
@@ -133,7 +138,7 @@ def search(s: Floats, p: Floats, low: float) -> None:
     sample(s, p, low, BESIDE * width, first)
     while low < 1.0 and high == 0.0:
         x = min(low + width, 1.0)
-        half = 0.5 * (low + x)
+        half = low + BETWEEN * (x - low)
         sample(s, p, half, -BESIDE * width, middle)
         sample(s, p, x, -BESIDE * width, last)
         looks += 2
@@ -156,7 +161,7 @@ def search(s: Floats, p: Floats, low: float) -> None:
             s[T] = s[STEP_T] + low * s[STEP_H]
             return
         else:
-            width = half - low
+            width = 0.5 * (x - low)
             sample(s, p, low, BESIDE * width, first)
 
 
@@ -199,8 +204,13 @@ def known(s: Floats, p: Floats, width: float) -> bool:
         a = first[k]
         m = middle[k]
         b = last[k]
-        guess = 0.5 * (a + b) + 0.125 * width * (first[count + k] - last[count + k])
-        off = abs(guess - m)
+        A = width * first[count + k]
+        B = width * last[count + k]
+        P = 3.0 * (b - a) - 2.0 * A - B
+        Q = A + B - 2.0 * (b - a)
+        off = abs(a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q)) - m)
+        turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
+        off = max(off, TURNED * abs(turned - width * middle[count + k]))
         reach = max(abs(m - a), abs(m - b))
         if off > KNOWN * reach and off > CLEAR * min(a, m, b):
             # What is off by no more than counts as none cannot be known better.
