@@ -225,7 +225,7 @@ def closest(
             top = A if root == 0 else q
             bottom = q if root == 0 else 3.0 * Q
             x = top / bottom if abs(bottom) > TINY else -1.0
-            if 0.0 < x and x < 1.0:
+            if x > 0.0 and x < 1.0:
                 c = a + x * (A + x * (P + x * Q))
                 least = min(least, distance(kind, power, c))
                 crosses = crosses or a * c < 0.0
@@ -273,7 +273,6 @@ def overlooked(s: Floats, p: Floats) -> float:
 
 def look(s: Floats, p: Floats, x: float, out: Floats) -> None:
     """Give the signals and their rates (2 K,) at the fraction x of the last step."""
-    size = int(s[SIZE])
     z = at(s, int(s[LOOKS_AT]) + 9 * int(s[SIGNALS]))
     slopes(s, x, z)
     interpolate(s, x, z)

@@ -212,10 +212,10 @@ def known(s: Floats, p: Floats, width: float) -> bool:
         turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
         off = max(off, TURNED * abs(turned - width * middle[count + k]))
         reach = max(abs(m - a), abs(m - b))
-        if off > KNOWN * reach and off > CLEAR * min(a, m, b):
-            # What is off by no more than counts as none cannot be known better.
-            if off > -least_allowed(p, k):
-                return False
+        # What is off by no more than counts as none cannot be known better.
+        enough = max(KNOWN * reach, CLEAR * min(a, m, b), -least_allowed(p, k))
+        if off > enough:
+            return False
     return True
 
 
