@@ -62,7 +62,7 @@ from lagsim.methods._state import (
     SWITCHED,
     T,
 )
-from lagsim.methods._switching import find_switch, shorten
+from lagsim.methods._switching import find_end
 from lagsim.native.kernel_types import at, unrolled
 from lagsim.native.sincos import LANES
 
@@ -75,8 +75,6 @@ SWITCHES = True
 WIDE = True
 SLEEPERS = True
 
-# A step is looked at this often for the moment that ends the run.
-LOOKS = 8
 # By then the first steps, which are guessed, have grown to what the motion needs.
 SETTLING = 10.0
 NOWHERE = -1
@@ -121,6 +119,9 @@ def arrived(s: Floats, p: Floats) -> int:
     """Give the code of what has been reached, if anything; its rows are written."""
     if s[CUT] > 0.0:
         take_cut(s, p)
+        if s[EVENT] == 0.0 and s[SWITCHED] == 0.0:
+            s[FRESH] = 1.0
+            begin(s, p)
     if s[EVENT] > 0.0:
         return EVENT_FOUND
     if SWITCHES and s[SWITCHED] > 0.0:
@@ -155,12 +156,10 @@ def record_step(s: Floats) -> None:
 
 def inspect(s: Floats, p: Floats) -> None:
     """Look for what ends the arc, or the run, within the last step."""
-    if SWITCHES:
-        find_switch(s, p)
-        if s[SWITCHED] == 0.0:
-            pull(s[T], at(s, HEADER), p)
-    if UNTIL:
-        locate(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+    if SWITCHES or UNTIL:
+        find_end(s, p)
+    if SWITCHES and s[CUT] == 0.0:
+        pull(s[T], at(s, HEADER), p)
     if s[INERTIAS] > 0.0:
         note_inertias(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
 
@@ -236,7 +235,8 @@ def emit(s: Floats, p: Floats, out: Floats, rows: int) -> int:
     end = int(s[EMITTED])
     width = 1 + int(s[SIZE])
     # The row of the state itself needs nothing.
-    if end > first and (s[STEP_H] == 0.0 or out[(end - 1) * width] == s[T]):
+    own = s[STEP_H] == 0.0 or out[max(end - 1, 0) * width] == s[T]
+    if end > first and own and s[CUT] == 0.0:
         end -= 1
     if CONSTRAINED and end > first:
         settle_rows(s, p, at(out, first * width), end - first)
@@ -260,7 +260,7 @@ def fill(s: Floats, out: Floats, rows: int) -> int:
             return 0
         row = at(out, written * (1 + size))
         row[0] = t
-        if t == s[T] or s[STEP_H] == 0.0:
+        if (t == s[T] and s[CUT] == 0.0) or s[STEP_H] == 0.0:
             for i in range(size):
                 row[1 + i] = y[i]
         else:
@@ -302,42 +302,6 @@ def orient(s: Floats, value: float) -> None:
                 s[ORIENTATION] = -1.0
         elif value < 0.0:
             s[ORIENTATION] = -1.0
-
-
-def locate(s: Floats, p: Floats, work: Floats) -> None:
-    """Look for the first moment of the last step at which `until` holds.
-
-    By bisection on the dense output, to the last bit.
-    """
-    size = int(s[SIZE])
-    z = work
-    value = at(work, size)
-    low = 0.0
-    high = 0.0
-    last = (s[T] - s[STEP_T]) / s[STEP_H]  # 1, or where a switch has cut the step
-    for look in range(1, LOOKS + 1):
-        x = last * (look / LOOKS)
-        if high == 0.0:
-            interpolate(s, x, z)
-            until(s[STEP_T] + x * s[STEP_H], z, p, value)
-            if s[ORIENTATION] != 0.0 and s[ORIENTATION] * value[0] <= 0.0:
-                high = x
-            else:
-                low = x
-                orient(s, value[0])
-    if high > 0.0:
-        middle = 0.5 * (low + high)
-        while low < middle and middle < high:
-            interpolate(s, middle, z)
-            until(s[STEP_T] + middle * s[STEP_H], z, p, value)
-            if s[ORIENTATION] * value[0] <= 0.0:
-                high = middle
-            else:
-                low = middle
-            middle = 0.5 * (low + high)
-        shorten(s, high)
-        s[EVENT] = 1.0
-        s[SWITCHED] = 0.0
 
 
 def tabulate(

@@ -2,8 +2,8 @@
 
 A step whose ends and stages see nothing may have leapt over a hill, a wall or a gate
 that is flat to rounding where they lie. What wakes such a function is its argument (a
-signal): smooth, and resolved by the step. From its values and rates at both ends and in
-the middle follows whether it comes closer to waking inside than at either end. Only
+signal): smooth, and resolved by the step. From its values and rates at both ends and
+between them follows whether it comes closer to waking inside than at either end. Only
 then the dense output is searched for the closest approach, and y' from the equations is
 compared there, and on its shoulders, with the slope of the dense output. Where they
 differ by more than the tolerance allows, the step is taken back and made half as long
@@ -50,8 +50,13 @@ LARGE = 3.0
 # A function that becomes e^1.4, four times, larger inside a step than at either end is
 # looked at; less than that the stages of a step see.
 WAKES = 1.4
-# A signal in the middle is known from the ends up to this part of its range.
+# Between both ends a step is looked at here, not in the middle: what repeats itself may
+# do so twice.
+BETWEEN = 0.6180339887498949
+# A signal there is known from the ends up to this part of its range; its rate
+# counts as the second says.
 KNOWN = 0.1
+TURNED = 0.25
 # On the shoulders of a closest approach, where the distance has grown by so much: at
 # the top of a hill itself there is no force.
 SHOULDER = 0.3
@@ -95,7 +100,7 @@ def suspect(
 ) -> None:
     """Set SUSPECT where a signal may come close to waking within a step from T.
 
-    From y and y' (size,) at both ends; the middle is interpolated from them.
+    From y and y' (size,) at both ends, between which both are interpolated.
     """
     size = int(s[SIZE])
     n = int(s[N])
@@ -113,13 +118,23 @@ def suspect(
     signals(s[T] + h, z, p, at(own, 7 * count))
     for i in range(size):
         change = new[i] - old[i]
-        z[i] = 0.5 * (old[i] + new[i]) + 0.125 * h * (old_rates[i] - new_rates[i])
-        rates[i] = 1.5 * change / h - 0.25 * (old_rates[i] + new_rates[i])
+        A = h * old_rates[i]
+        B = h * new_rates[i]
+        P = 3.0 * change - 2.0 * A - B
+        Q = A + B - 2.0 * change
+        z[i] = old[i] + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q))
+        rates[i] = (A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)) / h
     for i in range(n):
-        bend = old_rates[n + i] + new_rates[n + i]
-        turn = 5.0 * (old_rates[i] - new_rates[i])
-        z[i] = 0.5 * (old[i] + new[i]) + h * (turn + 0.5 * h * bend) / 32.0
-    signals(s[T] + 0.5 * h, z, p, at(own, 5 * count))
+        # Positions with their second derivatives too: what the cubic lacks.
+        change = new[i] - old[i]
+        P = 3.0 * change - h * (2.0 * old_rates[i] + new_rates[i])
+        Q = h * (old_rates[i] + new_rates[i]) - 2.0 * change
+        a = 0.5 * h * h * old_rates[n + i] - P
+        b = 0.5 * h * h * new_rates[n + i] - P - 3.0 * Q
+        x = BETWEEN
+        y = 1.0 - BETWEEN
+        z[i] += x * x * y * y * (y * a + x * b)
+    signals(s[T] + BETWEEN * h, z, p, at(own, 5 * count))
     s[SUSPECT] = 0.0
     for k in range(count):
         if stirs(k, count, h, own):
@@ -141,8 +156,8 @@ def stirs(k: int, count: int, h: float, own: Floats) -> bool:
     last = distance(kind, power, b)
     if not known(k, count, h, own):
         return True
-    left = closest(k, 3, 5, count, 0.5 * h, own)
-    right = closest(k, 5, 7, count, 0.5 * h, own)
+    left = closest(k, 3, 5, count, BETWEEN * h, own)
+    right = closest(k, 5, 7, count, (1.0 - BETWEEN) * h, own)
     dip = min(first, max(middle, right, last)) - left
     dip = max(dip, min(max(first, left), max(right, last)) - middle)
     dip = max(dip, min(max(first, left, middle), last) - right)
@@ -167,14 +182,21 @@ def known(k: int, count: int, width: float, own: Floats) -> bool:
     a = own[3 * count + k]
     m = own[5 * count + k]
     b = own[7 * count + k]
-    guess = 0.5 * (a + b) + 0.125 * width * (own[4 * count + k] - own[8 * count + k])
-    if not abs(guess - m) < 1e300:
+    A = width * own[4 * count + k]
+    B = width * own[8 * count + k]
+    P = 3.0 * (b - a) - 2.0 * A - B
+    Q = A + B - 2.0 * (b - a)
+    guess = a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q))
+    turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q) - width * own[6 * count + k]
+    off = max(abs(guess - m), TURNED * abs(turned))
+    if not off < 1e300:
         return False
-    reach = max(abs(m - a), abs(m - b))
-    off = abs(guess - m)
-    if off <= KNOWN * reach:
+    if off <= KNOWN * max(abs(m - a), abs(m - b)):
         return True
-    return abs(distance(kind, power, guess) - distance(kind, power, m)) < FLAT
+    near = m - off if m > 0.0 else m + off
+    if kind == LARGEST or (kind == LARGE and m > 0.0):
+        near = m + off
+    return abs(distance(kind, power, near) - distance(kind, power, m)) < FLAT
 
 
 def closest(
@@ -203,7 +225,7 @@ def closest(
             top = A if root == 0 else q
             bottom = q if root == 0 else 3.0 * Q
             x = top / bottom if abs(bottom) > TINY else -1.0
-            if 0.0 < x and x < 1.0:
+            if x > 0.0 and x < 1.0:
                 c = a + x * (A + x * (P + x * Q))
                 least = min(least, distance(kind, power, c))
                 crosses = crosses or a * c < 0.0
@@ -229,7 +251,7 @@ def overlooked(s: Floats, p: Floats) -> float:
     while low < 1.0:
         high = min(low + width, 1.0)
         look(s, p, high, at(own, 7 * count))
-        look(s, p, 0.5 * (low + high), at(own, 5 * count))
+        look(s, p, low + BETWEEN * (high - low), at(own, 5 * count))
         looks += 2
         clear = True
         for k in range(count):
@@ -251,7 +273,6 @@ def overlooked(s: Floats, p: Floats) -> float:
 
 def look(s: Floats, p: Floats, x: float, out: Floats) -> None:
     """Give the signals and their rates (2 K,) at the fraction x of the last step."""
-    size = int(s[SIZE])
     z = at(s, int(s[LOOKS_AT]) + 9 * int(s[SIGNALS]))
     slopes(s, x, z)
     interpolate(s, x, z)
@@ -282,11 +303,12 @@ def visit(s: Floats, p: Floats, low: float, high: float) -> float:
     count = int(s[SIGNALS])
     own = at(s, int(s[LOOKS_AT]))
     highest = at(own, 2 * count)
-    half = 0.5 * (high - low) * s[STEP_H]
+    width = (high - low) * s[STEP_H]
     found = 0.0
     for k in range(count):
         least = min(
-            closest(k, 3, 5, count, half, own), closest(k, 5, 7, count, half, own)
+            closest(k, 3, 5, count, BETWEEN * width, own),
+            closest(k, 5, 7, count, (1.0 - BETWEEN) * width, own),
         )
         end = distance(own[k], own[count + k], own[7 * count + k])
         if highest[k] - least > WAKES and found == 0.0:

@@ -1,9 +1,12 @@
-"""Switches in the state: where within a step the first one is met.
+"""What ends a step early: where within it the first switch, or `until`, is met.
 
-Each surface has a margin: how far the state is from leaving the mode it is in. A step
-is looked at several times, for a margin that has become negative and, by the slopes
-at both ends of each part, for one that has been so in between: a touch, a narrow pulse.
-The first moment is located by bisection on the dense output, to the last bit.
+Each surface has a margin: how far the state is from leaving the mode it is in; so has
+`until`, while it is false. A step is looked at several times, and once more between two
+looks: where that is not what the values and slopes at both ends tell, looks come closer
+until it is. A margin that has become negative, and by the slopes one that has
+been so in between (a touch, a narrow pulse), ends the step. The first moment is located
+by bisection on the dense output, to the last bit. A step that wants more looks than
+there may be ends where they do, and the next one begins there.
 """
 
 from __future__ import annotations
@@ -12,17 +15,21 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods._interface import (
     BAND,
-    MARGINS,
     SLACK,
     SURFACES,
     SWITCHING,
     interpolate,
     margins,
+    until,
 )
 from lagsim.methods._state import (
     CUT,
+    EQUATION,
+    EVENT,
     HEADER,
+    ORIENTATION,
     ROW_LIMIT,
+    SEARCH_AT,
     SIZE,
     STEP_H,
     STEP_T,
@@ -34,107 +41,233 @@ from lagsim.native.kernel_types import at
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
-# A step is looked at this often.
+SWITCHES = True
+UNTIL = True
+
+# A step is looked at at least this often.
 LOOKS = 8
-# Slopes are differences over this part of a step: a look and its neighbour lie closer
-# than anything that a method resolves.
-BESIDE = 2.0**-13
+# Slopes are differences over this part of the way between looks: closer than anything
+# that a method resolves.
+BESIDE = 2.0**-10
+# A margin is known between two looks where that in the middle is what the ends tell up
+# to the first part of how it varies, or the last of the least of it; the slope there
+# counts as the second says. Of looks that are too far apart one of both may agree by
+# chance, hardly both.
+KNOWN = 0.1
+TURNED = 0.25
+# The look between two is not in the middle: what repeats itself may do so twice.
+BETWEEN = 0.6180339887498949
+CLEAR = 0.25
+# Looks come no closer than this, and there are so many in a step.
+FINEST = 2.0**-14
+MOST_LOOKS = 2000
 # A least margin is located to this part of the stretch it lies in: its own error is of
 # the square of that.
 NARROW = 1e-8
 GOLDEN = 0.6180339887498949
 
 
-def find_switch(s: Floats, p: Floats) -> None:
-    """Look for the first switch in the last step, and let it end there.
+def search_size(surfaces: int) -> int:
+    """Give how much memory the search needs: seven numbers for each margin."""
+    return 7 * (surfaces + 1)
 
-    s[SWITCHED] becomes the number of the surface.
+
+# The memory at SEARCH_AT: the margins of a look, then margins and slopes (2 C) at the
+# start of a stretch, in its middle, at its end. That of `until` is the last one.
+def watched(p: Floats) -> int:
+    """Give how many margins there are (C)."""
+    count = 0
+    if SWITCHES:
+        count = int(p[SURFACES])
+    if UNTIL:
+        count += 1
+    return count
+
+
+def find_end(s: Floats, p: Floats) -> None:
+    """Look for what ends the last step, the first of all, and let it end there.
+
+    s[SWITCHED] becomes the number of the surface, or s[EVENT] 1 for `until`.
     """
-    count = int(p[SURFACES])
-    now = at(p, int(p[SWITCHING]) + 1 + MARGINS * count)
-    before = at(now, count)
-    slopes = at(now, 2 * count)
-    look(s, p, 0.0)
-    for k in range(count):
-        before[k] = now[k]
-    look(s, p, BESIDE)
-    for k in range(count):
-        slopes[k] = (now[k] - before[k]) / BESIDE
     low = 0.0
+    if UNTIL and s[ORIENTATION] == 0.0:
+        low = armed(s, p)
+        if low < 0.0:
+            low = 0.0
+            if not SWITCHES:
+                return
+    search(s, p, low)
+
+
+def armed(s: Floats, p: Floats) -> float:
+    """Give where in the last step `until` becomes false, which it was not; -1: nowhere.
+
+    From then on it counts.
+    """
+    if s[EQUATION] > 0.0:
+        value = until_at(s, p, BESIDE / LOOKS)
+        s[ORIENTATION] = 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
+        return 0.0 if s[ORIENTATION] != 0.0 else -1.0
+    for look in range(LOOKS + 1):
+        x = look / LOOKS
+        if until_at(s, p, x) < 0.0:
+            s[ORIENTATION] = -1.0
+            return x
+    return -1.0
+
+
+def until_at(s: Floats, p: Floats, x: float) -> float:
+    """Give the residual or gap of `until` at the fraction x of the last step."""
+    z = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    interpolate(s, x, z)
+    value = at(z, int(s[SIZE]))
+    until(s[STEP_T] + x * s[STEP_H], z, p, value)
+    return float(value[0])
+
+
+def search(s: Floats, p: Floats, low: float) -> None:
+    """Go through the last step from its fraction `low` on."""
+    count = watched(p)
+    first = at(s, int(s[SEARCH_AT]) + count)
+    middle = at(first, 2 * count)
+    last = at(middle, 2 * count)
+    widest = 2.0 / LOOKS
+    width = widest
+    looks = 0
     high = 0.0
-    for part in range(1, LOOKS + 1):
-        if high == 0.0:
-            x = part / LOOKS
-            high = first_end(s, p, low, x)
-            if high == 0.0:
-                low = x
-    if high > 0.0:
-        cut(s, p, low, high)
+    sample(s, p, low, BESIDE * width, first)
+    while low < 1.0 and high == 0.0:
+        x = min(low + width, 1.0)
+        half = low + BETWEEN * (x - low)
+        sample(s, p, half, -BESIDE * width, middle)
+        sample(s, p, x, -BESIDE * width, last)
+        looks += 2
+        if x - low < FINEST or known(s, p, x - low):
+            high = first_end(s, p, low, half, first, middle)
+            if high > 0.0:
+                x = half
+            else:
+                high = first_end(s, p, half, x, middle, last)
+                if high > 0.0:
+                    low = half
+            if high > 0.0:
+                cut(s, p, low, high)
+            for i in range(2 * count):
+                first[i] = last[i]
+            low = x
+            width = min(2.0 * width, widest)
+        elif looks >= MOST_LOOKS and low > 0.0:
+            s[CUT] = low
+            s[T] = s[STEP_T] + low * s[STEP_H]
+            return
+        else:
+            width = 0.5 * (x - low)
+            sample(s, p, low, BESIDE * width, first)
 
 
 def look(s: Floats, p: Floats, x: float) -> None:
     """Leave the margins at the fraction x of the last step."""
-    count = int(p[SURFACES])
     z = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    now = at(s, int(s[SEARCH_AT]))
+    t = s[STEP_T] + x * s[STEP_H]
     interpolate(s, x, z)
-    now = at(p, int(p[SWITCHING]) + 1 + MARGINS * count)
-    margins(s[STEP_T] + x * s[STEP_H], z, p, now)
+    if SWITCHES:
+        margins(t, z, p, now)
+    if UNTIL:
+        last = watched(p) - 1
+        until(t, z, p, at(now, last))
+        now[last] *= s[ORIENTATION]
+        if s[ORIENTATION] == 0.0:
+            now[last] = 1.0
 
 
-def over(p: Floats) -> int:
-    """Give the number of a surface whose mode is over at the last look; or 0."""
-    count = int(p[SURFACES])
-    now = at(p, int(p[SWITCHING]) + 1 + MARGINS * count)
+def sample(s: Floats, p: Floats, x: float, beside: float, out: Floats) -> None:
+    """Give margins and slopes (2 C,) at the fraction x of the last step."""
+    count = watched(p)
+    now = at(s, int(s[SEARCH_AT]))
+    look(s, p, x + beside)
     for k in range(count):
-        if not now[k] >= least_allowed(p, k):
-            return k + 1
-    return 0
+        out[count + k] = now[k]
+    look(s, p, x)
+    for k in range(count):
+        out[k] = now[k]
+        out[count + k] = (out[count + k] - now[k]) / beside
+
+
+def known(s: Floats, p: Floats, width: float) -> bool:
+    """Tell whether what all margins do on a stretch follows from its ends."""
+    count = watched(p)
+    first = at(s, int(s[SEARCH_AT]) + count)
+    middle = at(first, 2 * count)
+    last = at(middle, 2 * count)
+    for k in range(count):
+        a = first[k]
+        m = middle[k]
+        b = last[k]
+        A = width * first[count + k]
+        B = width * last[count + k]
+        P = 3.0 * (b - a) - 2.0 * A - B
+        Q = A + B - 2.0 * (b - a)
+        off = abs(a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q)) - m)
+        turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
+        off = max(off, TURNED * abs(turned - width * middle[count + k]))
+        reach = max(abs(m - a), abs(m - b))
+        # What is off by no more than counts as none cannot be known better.
+        enough = max(KNOWN * reach, CLEAR * min(a, m, b), -least_allowed(p, k))
+        if off > enough:
+            return False
+    return True
 
 
 def least_allowed(p: Floats, k: int) -> float:
-    """Give the margin below which a mode is over beyond doubt."""
-    count = int(p[SURFACES])
-    kept = at(p, int(p[SWITCHING]) + 1)
-    return -max(float(kept[SLACK * count + k]), float(kept[BAND * count + k]))
+    """Give the margin below which a mode is over beyond doubt; of `until` 0."""
+    if SWITCHES:
+        count = int(p[SURFACES])
+        if k < count:
+            kept = at(p, int(p[SWITCHING]) + 1)
+            return -max(float(kept[SLACK * count + k]), float(kept[BAND * count + k]))
+    return 0.0
 
 
-def first_end(s: Floats, p: Floats, low: float, x: float) -> float:
-    """Give a point in (low, x] where a mode is over, or 0.
+def over(p: Floats, k: int, margin: float) -> bool:
+    """Tell whether margin k says that the mode is over."""
+    if UNTIL and k == watched(p) - 1:
+        return not margin > 0.0
+    return not margin >= least_allowed(p, k)
 
-    Leaves the margins and slopes at x as those before the next part.
+
+def first_end(
+    s: Floats, p: Floats, low: float, x: float, before: Floats, after: Floats
+) -> float:
+    """Give a point in (low, x] where something ends, or 0.
+
+    before, after : (2 C,), margins and slopes there.
     """
-    count = int(p[SURFACES])
-    now = at(p, int(p[SWITCHING]) + 1 + MARGINS * count)
-    slack = at(p, int(p[SWITCHING]) + 1 + SLACK * count)
-    before = at(now, count)
-    slopes = at(now, 2 * count)
-    end = at(now, 3 * count)
-    rise = at(now, 4 * count)
-    look(s, p, x)
-    if over(p) > 0:
-        return x
-    for k in range(count):
-        end[k] = now[k]
-    look(s, p, x - BESIDE)
-    for k in range(count):
-        rise[k] = (end[k] - now[k]) / BESIDE
+    count = watched(p)
     high = 0.0
     for k in range(count):
-        if touches(x - low, before[k], slopes[k], end[k], rise[k]):
+        if over(p, k, after[k]):
+            return x
+    for k in range(count):
+        fall = before[count + k]
+        rise = after[count + k]
+        if touches(x - low, before[k], fall, after[k], rise):
             least = least_margin(s, p, k, low, x)
-            if margin_at(s, p, k, least) < least_allowed(p, k):
+            if over(p, k, margin_at(s, p, k, least)):
                 high = least if high == 0.0 else min(high, least)
-        if end[k] > slack[k]:
-            slack[k] = 0.0
-        before[k] = end[k]
-        slopes[k] = rise[k]
+    if SWITCHES:
+        surfaces = int(p[SURFACES])
+        slack = at(p, int(p[SWITCHING]) + 1 + SLACK * surfaces)
+        for k in range(surfaces):
+            if after[k] > slack[k]:
+                slack[k] = 0.0
     return high
 
 
 def margin_at(s: Floats, p: Floats, k: int, x: float) -> float:
     """Give one margin at the fraction x of the last step."""
     look(s, p, x)
-    return float(p[int(p[SWITCHING]) + 1 + MARGINS * int(p[SURFACES]) + k])
+    return float(s[int(s[SEARCH_AT]) + k])
 
 
 def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
@@ -172,20 +305,23 @@ def least_margin(s: Floats, p: Floats, k: int, low: float, high: float) -> float
 
 
 def cut(s: Floats, p: Floats, low: float, high: float) -> None:
-    """End the step at the first moment in (low, high] at which a mode is over.
+    """End the step at the first moment in (low, high] at which something ends.
 
     That is where its margin vanishes, also where only one well below 0 tells it.
     """
-    look(s, p, high)
-    first = over(p) - 1
-    for k in range(int(p[SURFACES])):
-        least = least_allowed(p, k)
-        if not margin_at(s, p, k, high) >= least:
+    count = watched(p)
+    first = count
+    for k in range(count):
+        if over(p, k, margin_at(s, p, k, high)):
             first = k
+            least = least_allowed(p, k)
             if margin_at(s, p, k, low) >= 0.0:
                 least = 0.0
             high = end_of(s, p, k, least, low, high)
-    s[SWITCHED] = first + 1.0
+    if UNTIL and first == count - 1:
+        s[EVENT] = 1.0
+    else:
+        s[SWITCHED] = first + 1.0
     shorten(s, high)
 
 
@@ -195,7 +331,11 @@ def end_of(
     """Give the first point in (low, high] at which margin k is below `least`."""
     middle = 0.5 * (low + high)
     while low < middle and middle < high:
-        if not margin_at(s, p, k, middle) >= least:
+        margin = margin_at(s, p, k, middle)
+        ended = not margin >= least
+        if UNTIL and k == watched(p) - 1:
+            ended = not margin > 0.0
+        if ended:
             high = middle
         else:
             low = middle

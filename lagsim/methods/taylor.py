@@ -279,7 +279,6 @@ def settle(s: Floats, p: Floats, h: float) -> int:
 
     Leaves how independent they are there in the working memory.
     """
-    n = int(s[N])
     size = int(s[SIZE])
     new = at(s, buffer(size, 2.0))
     work = at(s, HEADER + 4 * size + 2)

@@ -9,6 +9,7 @@ import numpy as np
 from lagsim.methods import _state as at
 from lagsim.methods import method
 from lagsim.methods._looks import looks_size
+from lagsim.methods._switching import search_size
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
@@ -30,22 +31,25 @@ def empty_state(runner: Runner) -> Floats:
     system = runner.system
     methods = [runner.method, *([method(SLIDING)] if system.surfaces else [])]
     used = max(int(m.state_size(system.size)) for m in methods)
-    # And room for rows side by side, for what `_driver.keep_sizes` and
-    # `_driver.note_inertias` note.
+    # And room for rows side by side, for what `_driver.keep_sizes` notes, for the
+    # extents of the motion, for looks into steps, for what ends them early, for what `_driver.note_inertias` notes.
     sizes = used + at.lanes_size(system.size)
     ranges = sizes + 3 * system.size
-    count, noted = len(system.inertias), ranges + at.extents_size(system.size)
-    watched = noted + 3 * count
-    looks = looks_size(system.size, len(system.sleepers))
-    state = np.zeros(watched + looks)
-    state[at.SIGNALS], state[at.LOOKS_AT] = len(system.sleepers), watched
-    for k, sleeper in enumerate(system.sleepers):
-        state[watched + k] = sleeper.kind
-        state[watched + len(system.sleepers) + k] = sleeper.power
+    looks = ranges + at.extents_size(system.size)
+    watched = len(system.sleepers)
+    searched = looks + looks_size(system.size, watched)
+    noted = searched + search_size(system.surfaces)
+    count = len(system.inertias)
+    state = np.zeros(noted + 3 * count)
     state[at.LANES_AT], state[at.SIZES_BEFORE] = used, sizes
     state[at.EXTENTS_AT] = ranges
     state[ranges : ranges + system.size] = np.inf
     state[ranges + system.size : ranges + 2 * system.size] = -np.inf
+    state[at.LOOKS_AT], state[at.SIGNALS] = looks, watched
+    for k, sleeper in enumerate(system.sleepers):
+        state[looks + k] = sleeper.kind
+        state[looks + watched + k] = sleeper.power
+    state[at.SEARCH_AT] = searched
     state[at.INERTIAS], state[at.INERTIAS_AT] = count, noted
     state[noted + count :][:count] = np.inf  # the smallest so far
     return state
@@ -61,7 +65,7 @@ def taken_over(state: Floats, runner: Runner) -> Floats:
     """Give a state as that of another method or system, at the start of an arc."""
     new = empty_state(runner)
     own = [at.INERTIAS, at.INERTIAS_AT, at.LANES_AT, at.SIZES_BEFORE, at.EXTENTS_AT]
-    own += [at.SIGNALS, at.LOOKS_AT]
+    own += [at.SIGNALS, at.LOOKS_AT, at.SEARCH_AT]
     kept = new[own]
     common = at.HEADER + 6 * runner.system.size + 6
     new[:common] = state[:common]
@@ -69,9 +73,7 @@ def taken_over(state: Floats, runner: Runner) -> Floats:
     length = at.extents_size(size)
     new[here : here + length] = state[int(state[at.EXTENTS_AT]) :][:length]
     if state[at.INERTIAS] == kept[0]:
-        noted = 3 * int(kept[0])
-        here, there = int(kept[1]), int(state[at.INERTIAS_AT])
-        new[here : here + noted] = state[there : there + noted]
+        new[int(kept[1]) :] = state[int(state[at.INERTIAS_AT]) :]
     new[own] = kept
     new[at.FRESH] = 1.0
     return new

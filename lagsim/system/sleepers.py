@@ -74,7 +74,9 @@ def signal_nodes(equations: Equations, sleepers: Sequence[Sleeper]) -> list[int]
     e, g = equations, equations.graph
     nodes = [x.node for x in sleepers]
     flow = {g.variable("t"): g.one}
-    flow |= {g.variable(q): g.variable(v) for q, v in zip(e.q, e.velocities, strict=True)}
+    flow |= {
+        g.variable(q): g.variable(v) for q, v in zip(e.q, e.velocities, strict=True)
+    }
     flow |= {g.variable(v): g.variable(slope(v)) for v in e.velocities}
     return [*nodes, *tangent(g, nodes, flow)]
 
@@ -154,7 +156,8 @@ class _Search:
 
     def _exponents(self, n: int) -> list[int] | None:
         """Give the exponents of the factors of `n` that sleep; None for too many."""
-        g, found, below = self.g, [], [(n, False)]
+        g, below = self.g, [(n, False)]
+        found: list[int] = []
         for _ in range(MOST_FACTORS):
             if not below:
                 return found

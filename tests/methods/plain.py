@@ -8,6 +8,7 @@ import numpy as np
 
 from lagsim.methods import _driver
 from lagsim.methods import _state as at
+from lagsim.methods._switching import search_size
 from lagsim.native.kernel_code import bind
 from lagsim.system.runner import FUNCTION
 
@@ -18,13 +19,18 @@ if TYPE_CHECKING:
     from lagsim.system.runner import Runner
 
 
+MOST_SURFACES = 8
+
+
 def fresh_state(method: ModuleType, y: Any, **header: float) -> Any:
     """Give the array of state at y; header words by their names in `_state`."""
     used = method.state_size(len(y))
     sizes = used + at.lanes_size(len(y))
     extents = sizes + 3 * len(y)
-    s = np.zeros(extents + at.extents_size(len(y)))
+    searched = extents + at.extents_size(len(y))
+    s = np.zeros(searched + search_size(MOST_SURFACES))
     s[at.LANES_AT], s[at.SIZES_BEFORE], s[at.EXTENTS_AT] = used, sizes, extents
+    s[at.SEARCH_AT] = searched
     s[extents : extents + len(y)] = np.inf
     s[extents + len(y) : extents + 2 * len(y)] = -np.inf
     words = {"SIZE": len(y), "RTOL": 1e-9, "ATOL": -1.0, "HEALTH": 1.0, "FRESH": 1.0}
@@ -49,6 +55,7 @@ class Plain:
         self.method = method
         self.model = model
         none = {"CONSTRAINED": False, "UNTIL": False, "SWITCHES": False, "WIDE": False}
+        none["SLEEPERS"] = False
         self.statics = none | statics
         own = {"start", "step", "interpolate"}
         self.driven = model | {name: self.kernel(name) for name in own}
