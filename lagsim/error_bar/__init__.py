@@ -282,8 +282,10 @@ def _compared(
     errors = np.fmax(errors, rounded)
     own = checkpoints.high - checkpoints.low
     sizes = ranges(equations.q, checkpoints, again, repeated.extents)
-    # Where the two are apart, the repeat's motion is another one.
+    # Where the two are apart, the repeat's motion is another one; it counts only where
+    # the run has hardly moved.
     parted_ways = np.max(errors[:, :n], axis=0) > LOST * sizes
+    parted_ways &= own > LOST * sizes
     sizes = np.where(parted_ways, own, sizes)
     moving = beside(equations, start, sizes)
     largest = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0)
