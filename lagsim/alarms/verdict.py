@@ -2,10 +2,10 @@
 
 What energy - work and the constraints are off by is an error that the run itself shows.
 An adaptive method is to be off by no more than its error estimate explains. Where it is
-by far, or where the estimate says that a repeat by other means comes to another motion
-at once, the run is in doubt: it is made anew by other means, and where these fail, too,
-the rows are no answer. (A motion that is chaotic parts from its repeat little by little
-and keeps its energy: its horizon is told, and that is all.)
+by far, or where a repeat by other means comes to another motion, the run is in doubt:
+it is made anew by other means, and where these fail, too, the rows are no answer.
+(Chaotic motions part from any repeat and keep their energy: the horizon is told, and
+that is all.)
 """
 
 from __future__ import annotations
@@ -45,12 +45,10 @@ ROUNDED = 2.0**-53
 UNKNOWN = 1e4
 # What an exact method counts as.
 EXACT_RTOL = 1e-12
-# Two motions part at once where their difference grows by more than this over two rows,
-# to more than so many tolerances; ...
-ABRUPT = 1e3
-TOLERANCES = 1e4
-# ... and they have parted when it is that part of a range.
+# A repeat has come to another motion where it is off by that part of a range, and by so
+# many tolerances.
 PARTED = 1e-3
+TOLERANCES = 1e4
 # Formulations that let constraints, and with them the energy, go.
 LOOSE = ("baumgarte", "drift")
 
@@ -158,7 +156,7 @@ def _worth(equations: Equations, row: Floats, errors: Floats) -> float:
 
 
 def _about_repeat(plan: Plan, bar: ErrorBar | str) -> Doubt | None:
-    """Look for a moment at which a repeat comes to another motion."""
+    """Look for a time from which a repeat shows another motion."""
     if isinstance(bar, str):
         return None
     if bar.parted:
@@ -167,9 +165,6 @@ def _about_repeat(plan: Plan, bar: ErrorBar | str) -> Doubt | None:
     lost = bar.lost
     if not np.max(lost) > max(PARTED, TOLERANCES * rtol):
         return None
-    before = np.concatenate([[0.0, 0.0], np.maximum.accumulate(lost)])[: len(lost)]
-    abrupt = (lost > ABRUPT * before) & (lost > TOLERANCES * rtol)
-    if not np.any(abrupt):
-        return None
+    off = int(np.argmax(lost > TOLERANCES * rtol))
     text = f"a repeat by {bar.method} comes to another motion"
-    return Doubt(text, float(bar.times[np.argmax(abrupt)]), refutes=False)
+    return Doubt(text, float(bar.times[off]), refutes=False)
