@@ -41,9 +41,8 @@ class Outcome(Enum):
     )
     NEWTON_FAILED = (
         "failed",
-        """the motion runs into a singularity there, a force jumps, or a fixed step is
-        too large for how strongly the forces bend: look at this state, take a smaller
-        step, or a method that chooses its own""",
+        """the motion runs into a singularity there, a force jumps, or a step is too
+        large for how strongly the forces bend: look at this state""",
     )
     CONSTRAINT_JUMPS = (
         "failed",

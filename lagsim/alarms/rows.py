@@ -22,6 +22,9 @@ HELD = 1e-6
 # default tolerance leaves is a million times less.
 UNEXPLAINED = 1e-3
 
+# Functions that make an energy jump, which is no error: a jump makes no impulse.
+JUMPS = frozenset(("sign", "heaviside", "floor", "ceil", "if"))
+
 
 def about_error(bar: ErrorBar | str, plan: Plan) -> list[Caution]:
     """Say from when on the rows are no forecast."""
@@ -78,7 +81,9 @@ def about_energy(
         f"the motion has {way} energy that no force explains, {part:.2g} of the energy "
         f"in play {reached} t = {when:.6g}"
     )
-    if trajectory.outcome.complete:
+    if jumps(equations):
+        text += "; its expression jumps, which is no error and makes no impulse"
+    elif trajectory.outcome.complete:
         text += f": that is an error of {_whose(plan)}; {_how(equations, plan)} it"
     return [Caution(f"energy-{way}", text)]
 
@@ -97,3 +102,10 @@ def _how(equations: Equations, plan: Plan) -> str:
     if simulation is not None and simulation.method != "auto":
         return f"{how}, or `--method auto`, keeps"
     return f"{how} keeps"
+
+
+def jumps(equations: Equations) -> bool:
+    """Tell whether the energy may jump where nothing of the motion does."""
+    g = equations.graph
+    moving = g.dependent([equations.energy], (*equations.q, *equations.velocities, "t"))
+    return any(g.ops[n] in JUMPS for n in moving)

@@ -2,10 +2,10 @@
 
 What energy - work and the constraints are off by is an error that the run itself shows.
 An adaptive method is to be off by no more than its error estimate explains. Where it is
-by far, or where the estimate says that a repeat by other means comes to another motion
-at once, the run is in doubt: it is made anew by other means, and where these fail, too,
-the rows are no answer. (A motion that is chaotic parts from its repeat little by little
-and keeps its energy: its horizon is told, and that is all.)
+by far, or where a repeat by other means comes to another motion, the run is in doubt:
+it is made anew by other means, and where these fail, too, the rows are no answer.
+(Chaotic motions part from any repeat and keep their energy: the horizon is told, and
+that is all.)
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.alarms.rows import HELD
+from lagsim.alarms.rows import HELD, UNEXPLAINED, jumps
 from lagsim.expressions.evaluate import evaluate_with_error
 from lagsim.methods import method
 from lagsim.plan.integration import DEFAULT_RTOL
@@ -35,21 +35,22 @@ if TYPE_CHECKING:
 FAR = 100.0
 # And by more than this part of the energy in play; the default tolerance leaves 1e-9.
 LEAST = 1e-6
+# Whatever explains it: energy off by so many tolerances, and by what raises an alarm,
+# is not that of the motion.
+ACCURATE = 1e6
+# Values are rounded by this part.
+ROUNDED = 2.0**-53
 # What the errors of a run may be of which there is no estimate, in tolerances (the
 # global error is 10 to 1000 times the tolerance).
 UNKNOWN = 1e4
 # What an exact method counts as.
 EXACT_RTOL = 1e-12
-# Two motions part at once where their difference grows by more than this from one row
-# to the next, ...
-ABRUPT = 1e3
-# ... and they have parted when it is that part of a range, or so many tolerances.
-PARTED = 0.1
+# A repeat has come to another motion where it is off by that part of a range, and by so
+# many tolerances.
+PARTED = 1e-3
 TOLERANCES = 1e4
 # Formulations that let constraints, and with them the energy, go.
 LOOSE = ("baumgarte", "drift")
-# Functions that make an energy jump, which is no error: a jump makes no impulse.
-JUMPS = frozenset(("sign", "heaviside", "floor", "ceil", "if"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,25 +106,18 @@ def _about_energy(
         return None
     if jumps(equations):
         return None
-    explained = _explained(equations, plan, ledger.worst_row, witness, bar)
-    bound = max(FAR * explained, LEAST * in_play)
-    if not drift > bound:
-        return None
+    row = ledger.worst_row
+    text = f"energy - work is off by {drift / in_play:.2g} of the energy in play"
+    explained = _explained(equations, plan, row, witness, bar)
+    rounded = _worth(equations, row, ROUNDED * np.abs(_state(equations, row)))
+    wrong = max(UNEXPLAINED, ACCURATE * (plan.rtol or EXACT_RTOL)) * in_play
+    bound = max(min(FAR * explained, wrong), FAR * rounded, LEAST * in_play)
     since = ledger.drift_since(bound)
-    if since is None:
+    if not drift > bound or since is None:
         return None
-    text = (
-        f"energy - work is off by {drift / in_play:.2g} of the energy in play, and the "
-        f"estimated error explains {explained / in_play:.1g}"
-    )
+    if drift > FAR * explained:
+        text += f", and the estimated error explains {explained / in_play:.1g}"
     return Doubt(text, since, refutes=True)
-
-
-def jumps(equations: Equations) -> bool:
-    """Tell whether the energy may jump where nothing of the motion does."""
-    g = equations.graph
-    moving = g.dependent([equations.energy], (*equations.q, *equations.velocities, "t"))
-    return any(g.ops[n] in JUMPS for n in moving)
 
 
 def _explained(
@@ -134,8 +128,8 @@ def _explained(
     bar: ErrorBar | str,
 ) -> float:
     """Give what the errors of a row make of its energy - work, at most."""
-    n = len(equations.q)
     rtol = plan.rtol or EXACT_RTOL
+    n = len(equations.q)
     errors = UNKNOWN * rtol * witness.ranges[1 : 1 + 2 * n]
     part = UNKNOWN * rtol
     if not isinstance(bar, str) and bar.rates is not None:
@@ -144,28 +138,33 @@ def _explained(
         told = np.hstack([bar.errors[:until], bar.rates[:until]])
         errors = np.max(told, axis=0)
         part = float(np.max(bar.parts[:until], initial=0.0)) + FAR * rtol
+    return _worth(equations, row, errors) + part * witness.work_range
+
+
+def _state(equations: Equations, row: Floats) -> Floats:
+    return row[1 : 1 + 2 * len(equations.q)]
+
+
+def _worth(equations: Equations, row: Floats, errors: Floats) -> float:
+    """Give what errors of the state (2 n,) are worth in energy at a row."""
     values = {p.name: (p.value, 0.0) for p in equations.model.parameters}
     names = (*equations.q, *equations.velocities)
-    state = zip(row[1 : 1 + 2 * n].tolist(), errors.tolist(), strict=True)
+    state = zip(_state(equations, row).tolist(), errors.tolist(), strict=True)
     values |= {"t": (float(row[0]), 0.0)} | dict(zip(names, state, strict=True))
     ((_, error),) = evaluate_with_error(equations.graph, [equations.energy], values)
-    return float(error) + part * witness.work_range
+    return float(error)
 
 
 def _about_repeat(plan: Plan, bar: ErrorBar | str) -> Doubt | None:
-    """Look for a moment at which a repeat comes to another motion."""
+    """Look for a time from which a repeat shows another motion."""
     if isinstance(bar, str):
         return None
     if bar.parted:
         return Doubt(bar.parted, float(bar.times[-1]), refutes=False)
     rtol = DEFAULT_RTOL if plan.rtol is None else plan.rtol
     lost = bar.lost
-    apart = np.flatnonzero(lost > max(PARTED, TOLERANCES * rtol))
-    if not len(apart):
+    if not np.max(lost) > max(PARTED, TOLERANCES * rtol):
         return None
-    k = int(apart[0])
-    before = float(np.max(lost[: max(k - 1, 0)], initial=0.0))
-    if before * ABRUPT > lost[k]:
-        return None
+    off = int(np.argmax(lost > TOLERANCES * rtol))
     text = f"a repeat by {bar.method} comes to another motion"
-    return Doubt(text, float(bar.times[k]), refutes=False)
+    return Doubt(text, float(bar.times[off]), refutes=False)

@@ -79,6 +79,7 @@ class Attempt:
     ledger: Ledger
     witness: Witness
     thin: Thinning | None
+    checkpoints: Checkpoints
     bar: ErrorBar | str
     output: Output
 
@@ -111,7 +112,7 @@ class Attempts:
         """Make the rows, anew where they are in doubt."""
         first = self._made(means)
         doubt = self._doubt(first)
-        if doubt is None:
+        if doubt is None or not (doubt.refutes or self._is_outlier(first)):
             return first
         others = self._others(first, doubt)
         if others is None:
@@ -150,7 +151,9 @@ class Attempts:
         job.timings["integrate"] -= output.seconds
         job.timings["output"] += output.seconds
         bar = self._error_bar(means, trajectory, checkpoints)
-        return Attempt(means, trajectory, ledger, witness, thin, bar, output)
+        return Attempt(
+            means, trajectory, ledger, witness, thin, checkpoints, bar, output
+        )
 
     def _thinning(self, names: Sequence[str]) -> Thinning | None:
         if not self.job.plots:
@@ -192,6 +195,19 @@ class Attempts:
             self.equations, attempt.plan, attempt.trajectory, attempt.ledger,
             attempt.witness, attempt.bar,
         )  # fmt: skip
+
+    def _is_outlier(self, attempt: Attempt) -> bool:
+        """Ask a third run which of two is off."""
+        from lagsim.error_bar import is_outlier
+
+        bar = attempt.bar
+        assert not isinstance(bar, str)
+        found = bool(bar.parted) or is_outlier(
+            self.equations, self.start, attempt.plan, attempt.system,
+            attempt.trajectory, attempt.checkpoints, bar, interrupt=self.interrupt,
+        )  # fmt: skip
+        self.job.lap("error_bar")
+        return found
 
     def _others(self, first: Attempt, doubt: Doubt) -> Means | None:
         """Give other means than those of an attempt that is in doubt."""

@@ -49,16 +49,21 @@ __all__ = [
     "ErrorBar",
     "Repeat",
     "by_other_means",
+    "is_outlier",
     "repeat",
 ]
 
-# How much tighter the repeat's tolerance is, the least that means anything, and the
+# How much tighter the repeat's tolerance is, how much where that does not come to its
+# end, the least that means anything, and the
 # loosest that a repeat is made at: loose steps may both be far off, and alike.
 TIGHTER = 100.0
+LOOSER = 3.0
 TIGHTEST = 1e-14
 LOOSEST = 1e-6
 # That of the repeat of a method without error control.
 FREE_RTOL = 1e-13
+# A method whose steps are exact, whatever their length.
+EXACT = "exponential"
 # The longest step of a repeat, as a part of the output step (not a ratio of small whole
 # numbers: looks fall elsewhere in each row), and of the steps of the same method.
 WITHIN = 0.75**0.5
@@ -77,6 +82,8 @@ SERIES_LENGTH = 50
 # them, too.
 FINER = 3
 LEAST_ROWS = 64
+# Two repeats agree by far where they are apart by this part of what the run is off.
+ALIKE = 1e-4
 # Values are rounded by this part, in either run.
 ROUNDED = 2.0**-53
 
@@ -144,6 +151,44 @@ def repeat(
     return found
 
 
+def is_outlier(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    system: System,
+    trajectory: Trajectory,
+    checkpoints: Checkpoints,
+    bar: ErrorBar,
+    *,
+    interrupt: Interrupt | None = None,
+) -> bool:
+    """Tell whether it is the run, and not its repeat, that is off: by a third one.
+
+    Two that are tighter agree better by far where the run has passed over something; by
+    as much as their tolerances differ where motions part exponentially.
+    """
+    other = next(by_other_means(equations, start, plan, system, trajectory), None)
+    if other is None:
+        return False
+    longest = GOLDEN * GOLDEN * other.longest_step
+    fine, stride = _spaced(equations, checkpoints)
+    third = Checkpoints(len(equations.q), fine.model.simulation, stride)
+    per_step = other.per_step * _cost(other.system, other.plan.method)
+    simulate(
+        fine, start, other.plan, other.system, [third], interrupt=interrupt,
+        most_steps=int(BUDGET / per_step), longest_step=longest,
+    )  # fmt: skip
+    found = third.numbered
+    alike = [np.abs(found[k] - row) for k, row in bar.repeated.items() if k in found]
+    if len(alike) < len(bar.repeated):
+        return False
+    n = len(equations.q)
+    scales = bar.scales if bar.still is None else np.fmax(bar.scales, bar.still)
+    apart = np.max(np.array(alike)[:, 1 : 1 + n], axis=0)
+    parts = np.divide(apart, scales, out=np.zeros(n), where=scales > 0.0)
+    return bool(np.max(parts) < ALIKE * np.max(bar.lost))
+
+
 def by_other_means(
     equations: Equations,
     start: Start,
@@ -170,33 +215,29 @@ def by_other_means(
         within = _affordable(within, system, free.method, trajectory)
         yield Repeat(free, system, within)
         return
-    tighter = _tighter(plan)
     same = GOLDEN * min(mean, simulation.output_step)
-    if plan.method == ANY or (plan.method == SERIES and not _is_apart(plan, tighter)):
-        same = _affordable(same, system, plan.method, trajectory)
-        yield Repeat(tighter, system, same)
-        return
-    within = _affordable(within, system, ANY, trajectory)
-    yield Repeat(replace(tighter, method=ANY), system, within)
-    same = _affordable(same, system, plan.method, trajectory)
-    yield Repeat(tighter, system, same, 2.0 * PER_STEP)
+    for tighter in (_tighter(plan, TIGHTER), _tighter(plan, LOOSER)):
+        alike = plan.method == SERIES and not _has_room(plan, tighter)
+        if plan.method != ANY and not alike:
+            longest = _affordable(within, system, ANY, trajectory)
+            yield Repeat(replace(tighter, method=ANY), system, longest)
+        if plan.method == ANY or alike or plan.method != SERIES:
+            longest = _affordable(same, system, plan.method, trajectory)
+            yield Repeat(tighter, system, longest)
 
 
-EXACT = "exponential"
-
-
-def _is_apart(plan: Plan, tighter: Plan) -> bool:
+def _has_room(plan: Plan, tighter: Plan) -> bool:
     """Tell whether the repeat's tolerance leaves another method room to be better."""
-    assert plan.rtol is not None
-    assert tighter.rtol is not None
-    return plan.rtol == 0.0 or tighter.rtol * TIGHTER <= 1.001 * plan.rtol
+    if not plan.rtol or not tighter.rtol:
+        return True
+    return tighter.rtol > TIGHTEST
 
 
-def _tighter(plan: Plan) -> Plan:
+def _tighter(plan: Plan, times: float) -> Plan:
     rtol = plan.rtol or 0.0
     if rtol:
-        rtol = min(max(rtol / TIGHTER, TIGHTEST), LOOSEST)
-    factor = rtol / plan.rtol if plan.rtol else 1.0 / TIGHTER
+        rtol = min(max(rtol / times, TIGHTEST), LOOSEST)
+    factor = rtol / plan.rtol if plan.rtol else 1.0 / times
     atol = None if plan.atol is None else plan.atol * min(factor, 1.0)
     return replace(plan, rtol=rtol, atol=atol)
 
@@ -261,8 +302,9 @@ def _compared(
     """Compare rows of the same numbers, as far as both go, and ends alike."""
     n = len(equations.q)
     rows, others = [], []
-    for k, row in checkpoints.states.items():
-        other = again.states.get(k // checkpoints.stride * again.stride)
+    repeats = again.numbered
+    for k, row in checkpoints.numbered.items():
+        other = repeats.get(k)
         if other is not None:
             rows.append(row)
             others.append(other)
@@ -282,8 +324,10 @@ def _compared(
     errors = np.fmax(errors, rounded)
     own = checkpoints.high - checkpoints.low
     sizes = ranges(equations.q, checkpoints, again, repeated.extents)
-    # Where the two are apart, the repeat's motion is another one.
+    # Where the two are apart, the repeat's motion is another one; it counts only where
+    # the run has hardly moved.
     parted_ways = np.max(errors[:, :n], axis=0) > LOST * sizes
+    parted_ways &= own > LOST * sizes
     sizes = np.where(parted_ways, own, sizes)
     moving = beside(equations, start, sizes)
     largest = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0)
@@ -295,8 +339,8 @@ def _compared(
         errors=errors[:, :n],
         scales=np.fmax(sizes, np.fmax(SEED * moving, OWN * largest)),
         still=STILL * moving,
-        states=mine,
         rates=errors[:, n:],
+        repeated=repeats,
         parted="" if alike else _parted(run, repeated, plan),
     )
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from lagsim.native.kernel_types import Floats
 
 # Past the horizon the estimate exceeds this part of a coordinate's range.
@@ -43,9 +45,11 @@ class ErrorBar:
         The range of each coordinate, or what counts as one.
     still : ndarray, shape (n,)
         What moves less than this has no horizon; by default nothing.
-    states, rates : ndarray or None
-        The rows that were compared, times, coordinates and velocities (k, 1 + 2 n), and
-        the estimates for the velocities (k, n).
+    rates : ndarray or None
+        The estimates for the velocities (k, n).
+    repeated : dict
+        Times, coordinates and velocities (1 + 2 n,) of the repeat, by the number of
+        what was compared.
     parted : str
         How the two runs ended differently, if they did.
     """
@@ -57,8 +61,8 @@ class ErrorBar:
     errors: Floats
     scales: Floats
     still: Floats | None = None
-    states: Floats | None = None
     rates: Floats | None = None
+    repeated: Mapping[int, Floats] = field(default_factory=dict)
     parted: str = ""
 
     @property

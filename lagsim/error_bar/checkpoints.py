@@ -83,6 +83,11 @@ class Checkpoints:
         return self._kept
 
     @property
+    def numbered(self) -> dict[int, Floats]:
+        """The same, numbered as they are kept."""
+        return {k // self.stride: row for k, row in self._kept.items()}
+
+    @property
     def last(self) -> Floats | None:
         """The last row of all."""
         return self._last

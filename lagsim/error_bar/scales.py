@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 # A coordinate that should stay at rest is moved by the rounding of what moves beside
 # it: its range counts as no less than this part of theirs, ...
-SEED = 2.0**-40
+SEED = 1e-9
 # ... and than so much of its own size.
 OWN = 2.0**-50
 # For a horizon, what moves less than this part of the others has no motion to lose.

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.plan.integration import ANY
+from lagsim.simulate.fallback import WHY
 from lagsim.trajectory import Outcome
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ def reason_of(run: Run, outcome: Outcome) -> str:
         return f"`{run.simulation.until.text}` at t = {run.t!r}"
     if outcome is Outcome.INTERRUPTED:
         return f"interrupted at t = {run.t!r}; the rows up to there were kept"
-    return f"{_what_failed(run, outcome)}: {outcome.advice}"
+    return f"{_what_failed(run, outcome)}: {outcome.advice}{_other_means(run, outcome)}"
 
 
 def _what_failed(run: Run, outcome: Outcome) -> str:
@@ -41,6 +43,15 @@ def _what_failed(run: Run, outcome: Outcome) -> str:
     return f"the step size became too small {where}; {_fastest(run)}"
 
 
+def _other_means(run: Run, outcome: Outcome) -> str:
+    """Name a method that may go on, where it is not the one that failed."""
+    if outcome not in WHY or run.runner.method.NAME == ANY:
+        return ""
+    if run.plan.step is not None:
+        return f", take a smaller step, or `--method {ANY}`, which chooses its own"
+    return f"; `--method {ANY}` asks less of the expressions, and may go on"
+
+
 def _described_state(run: Run) -> str:
     names = (*run.equations.q, *run.equations.velocities)
     row = run.observed()[1:]  # after t
@@ -51,13 +62,14 @@ def _described_state(run: Run) -> str:
 
 
 def _fastest(run: Run) -> str:
-    """Name the component that grows fastest for its size."""
+    """Name the coordinate or velocity that grows fastest for its size."""
     names = run.system.state
+    moving = 2 * run.system.n  # work follows what moves
     rates = np.abs(run.runner.function("derivative")(run.t, run.y))
     size = run.system.size
     sizes = np.maximum(np.abs(run.y), 1e-300)
     ratio = np.where(np.isfinite(rates[:size]), rates[:size] / sizes, np.inf)
     # A component near zero changes fast for its size without any singularity.
-    large = np.abs(run.y) > 1e-3 * np.max(np.abs(run.y))
-    k = int(np.argmax(np.where(large, ratio, -1.0)))
+    large = np.abs(run.y) > 1e-3 * np.max(np.abs(run.y[:moving]))
+    k = int(np.argmax(np.where(large, ratio, -1.0)[:moving]))
     return f"`{names[k]}` grows fastest, at {rates[k]:.3g} per unit of time"

@@ -26,7 +26,7 @@ def barred(model, **keywords):
     start = examine(equations)
     plan = make_plan(equations, start)
     system = System(equations, plan)
-    checkpoints = Checkpoints(len(equations.q))
+    checkpoints = Checkpoints(len(equations.q), model.simulation)
     trajectory = simulate(equations, start, plan, system, [checkpoints])
     bar = repeat(equations, start, plan, system, trajectory, checkpoints, **keywords)
     return checkpoints, bar
