@@ -29,7 +29,6 @@ MET = 1e-12
 POLISHING = 3
 # The rounding error of a value that was solved for, against its size.
 SOLVED = 2.0**-51
-DIFFERENCE = 2.0**-17  # about the cube root of the unit roundoff
 SMALLEST_DAMPING = 1e-6
 # Newton's method halves the distance to a double root: that many halvings in a row.
 HALVINGS = 5
@@ -65,6 +64,9 @@ class Relations(Protocol):
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats]:
         """Give r (m,) and dr/dx (m, k)."""
+
+    def curvature(self, x: Floats, multipliers: Floats) -> Floats:
+        """Give the sum of multiplier_i d2r_i/dx dx, (k, k)."""
 
     def met(self, x: Floats, errors: Floats) -> bool:
         """Tell whether r is small against its terms, or rounding for these errors."""
@@ -268,18 +270,8 @@ class _Slope:
         return np.asarray(self.kernel @ (directions @ down))
 
     def _hessian(self) -> Floats:
-        """Give metric - sum multiplier_i r_i'' by central differences of the slopes."""
-        k = len(self.x)
-        curvature = np.empty((k, k))
-        reach_of_all = np.linalg.norm(self.L.T @ self.x) or 1.0
-        for j in range(k):
-            e = np.zeros(k)
-            size = max(abs(self.x[j]), reach_of_all / np.sqrt(self.metric[j, j]))
-            e[j] = DIFFERENCE * size
-            ahead = self.relations(self.x + e)[1]
-            behind = self.relations(self.x - e)[1]
-            curvature[j] = self.multipliers @ (ahead - behind) / (2 * e[j])
-        H = self.metric - (curvature + curvature.T) / 2
+        """Give metric - sum multiplier_i r_i'', of the Lagrange function."""
+        H = self.metric - self.relations.curvature(self.x, self.multipliers)
         return H if np.all(np.isfinite(H)) else self.metric
 
 

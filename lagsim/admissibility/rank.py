@@ -14,6 +14,7 @@ import numpy as np
 
 from lagsim.admissibility.dependence import LEVELS, Demands, Dependence
 from lagsim.admissibility.large import SURELY, SparseRows, is_large
+from lagsim.admissibility.lengths import of_rows
 from lagsim.admissibility.metric import RANK, metric_of, rank_metric
 from lagsim.admissibility.newton import reach
 from lagsim.admissibility.point import Asked
@@ -206,7 +207,7 @@ def _generic(point: Point, q: Floats, v: Floats) -> _Generic | None:
         state = admissible_near(point, q, v, nearby, random)
         if state is None:
             continue
-        errors = point.solved_errors(*state)
+        errors = point.solved_errors(*state, (q, v))
         Y, _ = scaled_rows(point, *state, errors=errors)
         flags = redundant_rows(Y, GENERIC_RANK)
         rank = flags.count(False)
@@ -225,14 +226,14 @@ def admissible_near(
     metric = rank_metric(point.mass(q, v), point.jacobian(point.e.rows, q, v))
     if not np.all(np.isfinite(metric)):
         return None
+    sizes = np.sqrt(np.diag(metric))
+    speed = np.sqrt(v @ metric @ v) or 1.0
+    own = np.where(v != 0, np.abs(v), speed / sizes)
+    spreads = (of_rows(point, point.e.rows, q, v).spread, own)
     state = []
-    for x in (q, v):
-        size = np.sqrt(x @ metric @ x) or 1.0
-        kick = random.standard_normal(point.n) * size / np.sqrt(point.n)
-        # Each value by its own size, as far as it has one.
-        own = np.where(x != 0, np.abs(x), size / np.sqrt(np.diag(metric)))
-        limit = np.minimum(np.abs(kick) / np.sqrt(np.diag(metric)), own)
-        state.append(x + nearby * np.copysign(limit, kick))
+    for x, spread in zip((q, v), spreads, strict=True):
+        kick = np.clip(random.standard_normal(point.n), -1.0, 1.0)
+        state.append(x + nearby * spread * kick)
     names = frozenset(point.e.velocities)
     moving = (
         point.g.depends([a for row in point.e.rows for a in row.A.entries.values()])

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.admissibility import large
+from lagsim.admissibility.lengths import Form, Lengths
 from lagsim.admissibility.metric import metric_of
 from lagsim.admissibility.newton import Found, Trouble, nearest, reach
 from lagsim.admissibility.point import Asked
+from lagsim.expressions.derivatives import slopes
 from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.admissibility.newton import Relations
     from lagsim.admissibility.point import AtState, Point
     from lagsim.native.kernel_types import Floats
 
@@ -125,13 +126,13 @@ class Solver:
         if not found.met:
             return found
         x0 = (v if velocities else q)[list(free)]
-        slopes = np.zeros((0, len(free)))
+        J = np.zeros((0, len(free)))
         if self.asked(velocities=velocities).nodes:
             relations = self.relations(free, q, v, velocities=velocities)
-            slopes = relations(x0)[1]
+            J = relations(x0)[1]
             found = self._closest_root(relations, x0, found, free, velocities)
         names = self.names(free, velocities=velocities)
-        for name, column in zip(names, slopes.T, strict=True):
+        for name, column in zip(names, J.T, strict=True):
             if not np.any(column):
                 self._warn(
                     "undetermined-guess",
@@ -141,19 +142,19 @@ class Solver:
 
     def _closest_root(
         self,
-        relations: Relations,
+        relations: AtState,
         x0: Floats,
         found: Found,
         free: Sequence[int],
         velocities: bool,
     ) -> Found:
         """Look for other roots around a guess; take the nearest, and say so."""
-        slopes = relations(found.x)[1]
+        J = relations(found.x)[1]
         double = found.trouble is Trouble.DOUBLE_ROOT
-        if double or np.linalg.matrix_rank(slopes) < len(free):
+        if double or np.linalg.matrix_rank(J) < len(free):
             return found  # a family of roots: the nearest of them has been found
         random = np.random.default_rng(3)  # the same starts each time
-        size = np.maximum(np.abs(found.x), np.max(np.abs(found.x), initial=0.0))
+        size = self._spread(relations, found.x, velocities=velocities)
         size = np.maximum(size, np.abs(x0 - found.x))
         size[size == 0] = 1.0
         metric = self.metric(free)
@@ -176,17 +177,32 @@ class Solver:
         )
         return Found(roots[0], met=True)
 
+    def _spread(self, relations: AtState, x: Floats, *, velocities: bool) -> Floats:
+        """Give how far around a root others are looked for."""
+        if velocities:
+            return np.asarray(np.maximum(np.abs(x), np.max(np.abs(x), initial=0.0)))
+        q, v = relations.state(x)
+        g, places = self.e.graph, {}
+        for j, name in enumerate(self.e.q):
+            places[g.variable(name)] = j
+        forms = []
+        for node in relations.asked.nodes:
+            found = slopes(g, node, frozenset(places))
+            forms.append(Form(node, {places[x]: slope for x, slope in found.items()}))
+        spread = Lengths(self.point, forms, q, v).spread
+        return np.asarray(spread[relations.free])
+
     def _note(
         self,
         found: Found,
-        relations: Relations,
+        relations: AtState,
         asked: Sequence[str],
         free: Sequence[int],
         velocities: bool,
     ) -> None:
         """Say what was odd about a root, or why there is none."""
         where = _listed(self.names(free, velocities=velocities), found.x)
-        residual, slopes = relations(found.x)
+        residual, J = relations(found.x)
         worst = int(np.argmax(np.abs(residual)))
         name = asked[worst]
         if found.met:
@@ -201,7 +217,7 @@ class Solver:
         least = f"the least |residual| is {abs(residual[worst]):.6g}, at {where}"
         self.least = least
         if found.trouble is Trouble.MINIMUM:
-            lengths = np.linalg.norm(slopes, axis=1)
+            lengths = np.linalg.norm(J, axis=1)
             lengths[lengths == 0] = 1.0
             far = np.abs(residual) / lengths
             shared = far > SHARES * np.max(far)
