@@ -30,8 +30,11 @@ POLISHING = 3
 # The rounding error of a value that was solved for, against its size.
 SOLVED = 2.0**-51
 SMALLEST_DAMPING = 1e-6
-# Newton's method halves the distance to a double root: that many halvings in a row.
+# Newton's method leaves (k - 1)/k of the distance to a k-fold root: such a part, steady
+# to so much, that many times in a row.
 HALVINGS = 5
+SLOW = (0.4, 0.85)
+STEADY = 0.05
 # The gradient along the relations, against the change, that a minimum may have left.
 FLAT = 1e-12
 # Other starts, and the sizes at which they are looked for; with more unknowns than
@@ -138,7 +141,7 @@ def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
     # the way that all of them went together.
     largest, ulp = np.abs(x), SOLVED / np.sqrt(np.diag(metric))
     way = 0.0
-    halvings, last = 0, np.inf
+    halvings, last, before = 0, np.inf, np.inf
     double, polished = False, 0
     for _ in range(MOST_STEPS):
         if not np.any(r) or polished >= POLISHING:
@@ -147,10 +150,13 @@ def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
             return Found(x, met=False, trouble=Trouble.NOT_FINITE)
         step = least_change(J, r, L)
         length = float(np.sqrt(_length(step, metric)))
-        halvings = halvings + 1 if 0.4 < length / (last or 1.0) < 0.6 else 0
-        last = length
-        if halvings >= HALVINGS:  # at a double root twice the step goes all the way
-            double, step = True, 2 * step
+        part = length / (last or 1.0)
+        steady = SLOW[0] < part < SLOW[1] and abs(part - before) < STEADY
+        halvings = halvings + 1 if steady else 0
+        last, before = length, part
+        if halvings >= HALVINGS:  # the rest of a geometric series, at one go
+            double, step = True, step / (1.0 - part)
+            halvings = 0
         met = relations.met(x, SOLVED * largest + way * ulp)
         polished += met
         damped = _damped(relations, x, r, _lengths(J, L), step, once=met)

@@ -306,6 +306,10 @@ class AtState(Relations):
 
     def met(self, x: Floats, errors: Floats) -> bool:
         """Tell whether r is small against its terms, or rounding for these errors."""
+        return not np.any(self.missed(x, errors))
+
+    def missed(self, x: Floats, errors: Floats) -> Any:
+        """Tell of each of r whether it is more than that, (m,) of bool."""
         residual = self._residual(x)
         state = self.state(x)
         scale = np.abs(self.point.array(self.asked.scales, *state))
@@ -315,7 +319,7 @@ class AtState(Relations):
             **dict(zip(self.names, map(float, errors), strict=True)),
         }
         bound = np.maximum(MET * scale, self._rounding(x, named))
-        return bool(np.all(np.abs(residual) <= bound))
+        return ~(np.abs(residual) <= bound)
 
     def exact(self, x: Floats) -> bool:
         """Tell whether r is within the rounding errors of x as it was stated."""

@@ -38,6 +38,8 @@ class Solver:
         self.stated, self.errors = (q, v), errors
         self.warnings: list[Caution] = []
         self.unsolved = self.least = ""
+        # Positions were found as a double root, and are known to half of the digits.
+        self.double = False
         # One-sided relations that are to be met as equalities: name -> gap.
         self.touching: dict[str, int] = {}
 
@@ -207,6 +209,7 @@ class Solver:
         name = asked[worst]
         if found.met:
             if found.trouble is Trouble.DOUBLE_ROOT:
+                self.double |= not velocities
                 self._warn(
                     "double-root",
                     f"Newton's method halves its way to {where}: a double root of "
