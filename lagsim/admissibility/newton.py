@@ -35,6 +35,7 @@ SMALLEST_DAMPING = 1e-6
 HALVINGS = 5
 SLOW = (0.4, 0.85)
 STEADY = 0.05
+ARRIVED = 2
 # The gradient along the relations, against the change, that a minimum may have left.
 FLAT = 1e-12
 # Other starts, and the sizes at which they are looked for; with more unknowns than
@@ -142,8 +143,8 @@ def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
     largest, ulp = np.abs(x), SOLVED / np.sqrt(np.diag(metric))
     way = 0.0
     halvings, last, before = 0, np.inf, np.inf
-    double, polished = False, 0
-    for _ in range(MOST_STEPS):
+    jump, jumped, polished = -MOST_STEPS, False, 0
+    for k in range(MOST_STEPS):
         if not np.any(r) or polished >= POLISHING:
             break
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
@@ -154,10 +155,11 @@ def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
         steady = SLOW[0] < part < SLOW[1] and abs(part - before) < STEADY
         halvings = halvings + 1 if steady else 0
         last, before = length, part
-        if halvings >= HALVINGS:  # the rest of a geometric series, at one go
-            double, step = True, step / (1.0 - part)
+        if halvings >= HALVINGS:  # take the rest of a geometric series, at one go
+            jump, step = k, step / (1.0 - part)
             halvings = 0
         met = relations.met(x, SOLVED * largest + way * ulp)
+        jumped |= met and not polished and k - jump <= ARRIVED
         polished += met
         damped = _damped(relations, x, r, _lengths(J, L), step, once=met)
         if damped is None:
@@ -166,7 +168,9 @@ def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
         largest = np.maximum(largest, np.abs(x))
         way = max(way, float(np.linalg.norm(L.T @ (x - x0))))
     met = not np.any(r) or relations.met(x, SOLVED * largest + way * ulp)
-    trouble = Trouble.DOUBLE_ROOT if double and met else Trouble.NONE
+    # Far from a simple root steps can shrink so, too; then the last ones do not.
+    jumped |= not polished and k - jump <= ARRIVED
+    trouble = Trouble.DOUBLE_ROOT if jumped and met else Trouble.NONE
     return Found(x, met=met, trouble=trouble)
 
 

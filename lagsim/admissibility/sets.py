@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 # How far, against their lengths, states are varied, and how often.
 NEARBY = 1e-2
 SAMPLES = 8
-# What a state misses a row by is rounding below this part of what the way there changes.
+# What a state misses a row by is rounding below this part of what the way changes.
 TRACE = 1e-10
 # Second derivatives below this part of what they cancel from are none; of the greatest.
 FLAT = 1e-9
@@ -142,38 +142,46 @@ def thin_set(
     q: Floats,
     v: Floats,
     dependences: Sequence[Dependence],
-) -> ThinSet | None:
-    """Find the rows that hold as multiple roots on the whole set through q."""
+) -> tuple[ThinSet | None, tuple[str, ...]]:
+    """Find the rows that hold as multiple roots on the whole set through q.
+
+    Returns
+    -------
+    thin : ThinSet or None
+    real : tuple of str
+        Dependent rows that states admitted by the others do not meet.
+    """
     rows = {row.name: row for row in point.e.rows if row.holonomic}
     dependent = {d.name for d in dependences}
     suspects = [d for d in dependences if d.everywhere is not False and d.name in rows]
     if not suspects or is_large(point):
-        return None
+        return None, ()
     independent = [row for name, row in rows.items() if name not in dependent]
     varied = Varied(point, q, v)
     states = varied.states(independent, SAMPLES)
     asked = varied.relations([rows[d.name] for d in suspects])
     values = np.array([asked(x)[0] for x in states])
     if not states:
-        return None
+        return None, ()
     missed = np.array([asked.missed(x, SOLVED * np.abs(x)) for x in states])
     missed &= np.abs(values) > varied.traces(asked, states)
-    thin = []
+    thin, real = [], []
     for i, d in enumerate(suspects):
         if not np.any(missed[:, i]):
             continue
+        real.append(d.name)
         signs = np.sign(values[:, i])
         one_sign = bool(np.all(missed[:, i]) and np.all(signs == signs[0]))
         if d.everywhere or _is_extreme(varied, independent, rows[d.name], one_sign):
             thin.append(d.name)
     if not thin:
-        return None
+        return None, tuple(real)
     dimension = varied.dimension(list(rows.values()))
     freedom = dimension
     if dimension is not None:
         others = [row.name for row in point.e.rows if not row.holonomic]
         freedom = dimension - len(set(others) - dependent)
-    return ThinSet(tuple(thin), dimension, freedom)
+    return ThinSet(tuple(thin), dimension, freedom), tuple(real)
 
 
 def _is_extreme(

@@ -128,19 +128,37 @@ class Solver:
         if not found.met:
             return found
         x0 = (v if velocities else q)[list(free)]
-        J = np.zeros((0, len(free)))
-        if self.asked(velocities=velocities).nodes:
-            relations = self.relations(free, q, v, velocities=velocities)
-            J = relations(x0)[1]
-            found = self._closest_root(relations, x0, found, free, velocities)
         names = self.names(free, velocities=velocities)
-        for name, column in zip(names, J.T, strict=True):
-            if not np.any(column):
-                self._warn(
-                    "undetermined-guess",
-                    f"nothing determines the guess `{name}`: it stays as given",
-                )
+        if not self.asked(velocities=velocities).nodes:
+            self._undetermined(names, "nothing determines")
+            return found
+        relations = self.relations(free, q, v, velocities=velocities)
+        found = self._closest_root(relations, x0, found, free, velocities)
+        named = {k for row in relations.slopes for k in row}
+        flat, still = (
+            np.all(np.nan_to_num(relations(x)[1]) == 0.0, axis=0) for x in (x0, found.x)
+        )
+        still = flat & still
+        stays = [k for k in named if still[k] and found.x[k] == x0[k]]
+        self._undetermined(
+            [x for k, x in enumerate(names) if k not in named], "nothing determines"
+        )
+        self._undetermined(
+            [names[k] for k in sorted(stays)], "to first order nothing determines"
+        )
+        moved = found.x != x0
+        if np.any(moved) and np.all(flat[moved]):
+            self._warn(
+                "other-roots",
+                "at the guess the relations have no slope: other solutions are as near "
+                f"as {_listed(names, found.x)}",
+            )
         return found
+
+    def _undetermined(self, names: Sequence[str], what: str) -> None:
+        for name in names:
+            text = f"{what} the guess `{name}`: it stays as given"
+            self._warn("undetermined-guess", text)
 
     def _closest_root(
         self,
@@ -153,7 +171,7 @@ class Solver:
         """Look for other roots around a guess; take the nearest, and say so."""
         J = relations(found.x)[1]
         double = found.trouble is Trouble.DOUBLE_ROOT
-        if double or np.linalg.matrix_rank(J) < len(free):
+        if double or not np.all(np.isfinite(J)) or np.linalg.matrix_rank(J) < len(free):
             return found  # a family of roots: the nearest of them has been found
         random = np.random.default_rng(3)  # the same starts each time
         size = self._spread(relations, found.x, velocities=velocities)

@@ -151,9 +151,12 @@ class _Examination:
 
     def start(self, *, classify: bool) -> Start:
         point = self.point
-        self._finite()
+        guessed = bool(self.free_q or self.free_v)
+        self._finite(self.q0, self.v0, rows=not guessed)
         self.solver = Solver(point, self.q0, self.v0, self.errors)
         q, v = self._guessed()
+        if guessed:
+            self._finite(q, v, rows=True)
         verdicts = judge(point, q, v, self.errors)
         gaps = judge_gaps(point, q, v, self.errors)
         starts = judge_starts(point, q, v, self.errors)
@@ -192,8 +195,11 @@ class _Examination:
             thin=judged.thin,
         )
 
-    def _finite(self) -> None:
-        """Refuse a start at which energies, forces or constraints are not finite."""
+    def _finite(self, q: Floats, v: Floats, *, rows: bool) -> None:
+        """Refuse a state at which energies, forces or constraints are not finite.
+
+        The `rows` of constraints need not be where they are only guessed.
+        """
         e = self.e
         named: list[tuple[str, int | None]] = [
             ("kinetic", e.model.kinetic),
@@ -201,17 +207,19 @@ class _Examination:
             ("the energy function", e.energy),
         ]
         named += [(f"the force on {q}", f) for q, f in zip(e.q, e.f, strict=True)]
-        named += [(f"constraint {row.name}", row.residual) for row in e.rows]
-        named += [(f"the rate of {row.name}", row.rate) for row in e.rows]
+        if rows:
+            named += [(f"constraint {row.name}", row.residual) for row in e.rows]
+            named += [(f"the rate of {row.name}", row.rate) for row in e.rows]
         named += [(f"the inertia of {q}", e.M[j][j]) for j, q in enumerate(e.q)]
         found = [(name, node) for name, node in named if node is not None]
-        values = self.point.array([node for _, node in found], self.q0, self.v0)
+        values = self.point.array([node for _, node in found], q, v)
         problems = [
             Problem(
                 "not-finite",
                 f"{name} is {value} at the start, not finite",
                 hint="check the initial values against what it divides by and the "
-                "arguments of its roots and logarithms",
+                "arguments of its roots and logarithms; the point of a cone, as "
+                "that of hypot(x, y) at 0, has no gradient: start, or guess, beside it",
             )
             for (name, _), value in zip(found, values, strict=True)
             if not np.isfinite(value)
@@ -258,10 +266,20 @@ class _Examination:
         double = way if self.solver.double else None
         errors = self._errors(judged)
         ranks = analyse(self.point, q, v, errors, levels, double=double)
-        against = tuple(d for d in ranks.dependences if d.contradictions)
         thin = None
-        if levels == LEVELS and not against:
-            thin = thin_set(self.point, q, v, ranks.dependences)
+        if levels == LEVELS:
+            thin, real = thin_set(self.point, q, v, ranks.dependences)
+            ranks = replace(
+                ranks,
+                dependences=tuple(
+                    # It is not one too many, though no state nearby was found.
+                    replace(d, everywhere=False)
+                    if d.name in real and d.everywhere is None
+                    else d
+                    for d in ranks.dependences
+                ),
+            )
+        against = tuple(d for d in ranks.dependences if d.contradictions)
         return replace(judged, ranks=ranks, contradictions=against, thin=thin)
 
     def _exact(self, q: Floats, v: Floats) -> _Judged:
