@@ -79,12 +79,16 @@ class Sense(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Relation:
-    """`node` = 0, or the gap `node` >= 0; `text` is what the file says."""
+    """`node` = 0, or the gap `node` >= 0; `text` is what the file says.
+
+    `multiple`: what the file says vanishes as a power of `node`, or as its size.
+    """
 
     node: int
     sense: Sense
     text: str
     place: Place
+    multiple: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from lagsim.expressions.tokens import ExpressionError
 from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from lagsim.admissibility.dependence import Dependence
     from lagsim.admissibility.rank import RankReport
@@ -91,12 +91,29 @@ def suggestion(model: Model, relation: str) -> str:
     return ""
 
 
+def multiple_roots(equations: Equations) -> Iterator[Caution]:
+    """Say which relations are met as simple roots of what they are written as."""
+    for constraint in equations.model.constraints:
+        if constraint.relation.multiple:
+            name = constraint.name
+            yield Caution(
+                "multiple-root",
+                f"`{name}` is a power of what it sets to zero, so that its gradient "
+                "vanishes wherever it holds: it is met as a simple root, and "
+                f"lambda_{name} and residual_{name} are those of the root",
+            )
+
+
 def about_ranks(
-    equations: Equations, ranks: RankReport, *, sound: bool
+    equations: Equations, ranks: RankReport, thin: Collection[str], *, sound: bool
 ) -> Iterator[Caution]:
-    """Say which rows depend on others and, of `sound` ones, which lambda are unique."""
+    """Say which rows depend on others and, of `sound` ones, which lambda are unique.
+
+    Of rows that make a thin set more is said elsewhere.
+    """
     for d in ranks.dependences:
-        yield _about(d)
+        if d.name not in thin:
+            yield _about(d)
     if ranks.not_unique and sound:
         unique = [r.name for r in equations.rows if r.name not in ranks.not_unique]
         rest = f"; unique are those of {', '.join(unique)}" if unique else ""

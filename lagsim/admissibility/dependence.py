@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from lagsim.admissibility.lengths import of_rows
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
@@ -95,6 +99,11 @@ class Demands:
         self.values = {k: point.array(nodes[k], q, v) for k in levels}
         self.errors = {k: point.rounding(nodes[k], q, v, errors) for k in levels}
         self.scales = {k: abs(point.array(sizes[k], q, v)) for k in levels}
+        # Not with terms that only the distance from the origin makes large.
+        lengths = of_rows(point, rows, q, v)
+        for level, own in (("position", lengths.scales), ("velocity", lengths.motions)):
+            if level in levels:
+                self.scales[level] = np.fmin(self.scales[level], own())
 
     def contradictions(self, i: int, others: dict[int, float]) -> dict[str, float]:
         """Give the levels on which row i differs from the combination of others."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.admissibility.large import is_large
+from lagsim.admissibility.lengths import of_rows
 from lagsim.admissibility.newton import reach
 from lagsim.admissibility.point import Asked
 from lagsim.expressions.derivatives import tangent
@@ -82,8 +83,11 @@ def _at_generic_points(point: Point, rows: Sequence[Row], q: Floats) -> Reach:
     weights = point.sizes(q, np.zeros_like(q))
     time = point.t
     found: list[Reach] = []
-    for natural in (np.ones_like(q), 1.0 / weights):
-        size = np.where(np.abs(q) > 0, np.abs(q), natural)
+    spread = of_rows(point, rows, q, np.zeros_like(q)).spread
+    # Where no gradient depends on a coordinate, only its own size tells.
+    own = np.where(np.abs(q) > 0.0, np.abs(q), 1.0 / weights)
+    spread = np.where(spread > 0.0, spread, own)
+    for size in (spread, np.maximum(spread, 1.0 / weights)):
         pair = 0
         for _ in range(TRIALS):
             point.move_to(time + SPREAD * abs(random.standard_normal()))

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.admissibility.metric import RANK
+from lagsim.admissibility.newton import SOLVED
 from lagsim.expressions.derivatives import tangent
 from lagsim.expressions.evaluate import evaluate
 
@@ -23,12 +24,16 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.point import Point
+    from lagsim.constraints import Row
     from lagsim.native.kernel_types import Floats
 
 # Through so many affine relations a length is handed on.
 LINKS = 3
 # The constant of an affine relation is rounding below this part of its terms.
 ROUNDED = 1e-13
+# Where states are varied, a length below this part of the longest is that of a gradient
+# that all but vanishes.
+TINY = 1e-8
 
 
 class Form(NamedTuple):
@@ -88,6 +93,9 @@ class Lengths:
             self.columns.append(columns)
             self.tables.append(table)
             size = np.linalg.norm(table, axis=1)
+            # A gradient that is only the rounding of where it is taken vanishes.
+            rounding = SOLVED * float(size[1::2] @ np.abs(self.q[ways]))
+            size[0] = size[0] if size[0] > rounding else 0.0
             self.own.append(
                 {
                     k: _way(size[0], size[2 * i + 1], size[2 * i + 2])
@@ -101,11 +109,15 @@ class Lengths:
 
         Affine relations hand lengths on, from those of their coordinates that have one.
         """
+        return self._shortest(0.0)
+
+    def _shortest(self, least: float) -> Floats:
+        """Give the shortest lengths that are more than `least` in the metric of M."""
         found = np.full(self.point.n, np.inf)
         for own in self.own:
             for k, length in own.items():
-                if 0.0 < length < found[k]:
-                    found[k] = length
+                if length * self.weights[k] > least:
+                    found[k] = min(found[k], length)
         flat = [i for i, own in enumerate(self.own) if _flat(own)]
         for _ in range(LINKS):
             before = found.copy()
@@ -118,6 +130,32 @@ class Lengths:
             if np.array_equal(before, found):
                 break
         return found
+
+    @cached_property
+    def spread(self) -> Floats:
+        """How far around the state each coordinate is varied, shape (n,).
+
+        Its length; 0 where no gradient depends on it. Where one does whose length
+        cannot be told here (at a double root) it is the others', in the metric of M;
+        without any it is the coordinate's own size.
+        """
+        known = [
+            way * self.weights[k]
+            for own in self.own
+            for k, way in own.items()
+            if 0.0 < way < np.inf
+        ]
+        size = max(known, default=0.0)
+        lengths = self._shortest(TINY * size)
+        size = size or float(np.linalg.norm(self.weights * self.q)) or 1.0
+        wanted = {k for own in self.own for k in own}
+        for k in range(self.point.n):
+            if k not in wanted:
+                lengths[k] = 0.0
+            elif np.isinf(lengths[k]):
+                own = 0.0 if known else abs(float(self.q[k]))
+                lengths[k] = own or size / self.weights[k]
+        return lengths
 
     def scales(self) -> Floats:
         """Give the size of each form by its lengths, (m,); inf where it has none."""
@@ -169,6 +207,11 @@ class Lengths:
     def _least(self, i: int) -> float:
         """Give the shortest length of a form, in the metric of M."""
         return float(min(way * self.weights[k] for k, way in self.own[i].items()))
+
+
+def of_rows(point: Point, rows: Sequence[Row], q: Floats, v: Floats) -> Lengths:
+    """Give the lengths of constraint rows."""
+    return Lengths(point, [Form(r.residual, r.A.entries) for r in rows], q, v)
 
 
 def _way(size: float, first: float, second: float) -> float:

@@ -29,10 +29,13 @@ MET = 1e-12
 POLISHING = 3
 # The rounding error of a value that was solved for, against its size.
 SOLVED = 2.0**-51
-DIFFERENCE = 2.0**-17  # about the cube root of the unit roundoff
 SMALLEST_DAMPING = 1e-6
-# Newton's method halves the distance to a double root: that many halvings in a row.
+# Newton's method leaves (k - 1)/k of the distance to a k-fold root: such a part, steady
+# to so much, that many times in a row.
 HALVINGS = 5
+SLOW = (0.4, 0.85)
+STEADY = 0.05
+ARRIVED = 2
 # The gradient along the relations, against the change, that a minimum may have left.
 FLAT = 1e-12
 # Other starts, and the sizes at which they are looked for; with more unknowns than
@@ -65,6 +68,9 @@ class Relations(Protocol):
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats]:
         """Give r (m,) and dr/dx (m, k)."""
+
+    def curvature(self, x: Floats, multipliers: Floats) -> Floats:
+        """Give the sum of multiplier_i d2r_i/dx dx, (k, k)."""
 
     def met(self, x: Floats, errors: Floats) -> bool:
         """Tell whether r is small against its terms, or rounding for these errors."""
@@ -136,20 +142,24 @@ def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
     # the way that all of them went together.
     largest, ulp = np.abs(x), SOLVED / np.sqrt(np.diag(metric))
     way = 0.0
-    halvings, last = 0, np.inf
-    double, polished = False, 0
-    for _ in range(MOST_STEPS):
+    halvings, last, before = 0, np.inf, np.inf
+    jump, jumped, polished = -MOST_STEPS, False, 0
+    for k in range(MOST_STEPS):
         if not np.any(r) or polished >= POLISHING:
             break
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
             return Found(x, met=False, trouble=Trouble.NOT_FINITE)
         step = least_change(J, r, L)
         length = float(np.sqrt(_length(step, metric)))
-        halvings = halvings + 1 if 0.4 < length / (last or 1.0) < 0.6 else 0
-        last = length
-        if halvings >= HALVINGS:  # at a double root twice the step goes all the way
-            double, step = True, 2 * step
+        part = length / (last or 1.0)
+        steady = SLOW[0] < part < SLOW[1] and abs(part - before) < STEADY
+        halvings = halvings + 1 if steady else 0
+        last, before = length, part
+        if halvings >= HALVINGS:  # take the rest of a geometric series, at one go
+            jump, step = k, step / (1.0 - part)
+            halvings = 0
         met = relations.met(x, SOLVED * largest + way * ulp)
+        jumped |= met and not polished and k - jump <= ARRIVED
         polished += met
         damped = _damped(relations, x, r, _lengths(J, L), step, once=met)
         if damped is None:
@@ -158,7 +168,9 @@ def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
         largest = np.maximum(largest, np.abs(x))
         way = max(way, float(np.linalg.norm(L.T @ (x - x0))))
     met = not np.any(r) or relations.met(x, SOLVED * largest + way * ulp)
-    trouble = Trouble.DOUBLE_ROOT if double and met else Trouble.NONE
+    # Far from a simple root steps can shrink so, too; then the last ones do not.
+    jumped |= not polished and k - jump <= ARRIVED
+    trouble = Trouble.DOUBLE_ROOT if jumped and met else Trouble.NONE
     return Found(x, met=met, trouble=trouble)
 
 
@@ -268,18 +280,8 @@ class _Slope:
         return np.asarray(self.kernel @ (directions @ down))
 
     def _hessian(self) -> Floats:
-        """Give metric - sum multiplier_i r_i'' by central differences of the slopes."""
-        k = len(self.x)
-        curvature = np.empty((k, k))
-        reach_of_all = np.linalg.norm(self.L.T @ self.x) or 1.0
-        for j in range(k):
-            e = np.zeros(k)
-            size = max(abs(self.x[j]), reach_of_all / np.sqrt(self.metric[j, j]))
-            e[j] = DIFFERENCE * size
-            ahead = self.relations(self.x + e)[1]
-            behind = self.relations(self.x - e)[1]
-            curvature[j] = self.multipliers @ (ahead - behind) / (2 * e[j])
-        H = self.metric - (curvature + curvature.T) / 2
+        """Give metric - sum multiplier_i r_i'', of the Lagrange function."""
+        H = self.metric - self.relations.curvature(self.x, self.multipliers)
         return H if np.all(np.isfinite(H)) else self.metric
 
 

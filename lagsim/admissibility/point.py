@@ -12,7 +12,7 @@ import numpy as np
 
 from lagsim.admissibility.metric import sizes_of
 from lagsim.admissibility.newton import MET, SOLVED, Relations
-from lagsim.expressions.derivatives import slopes
+from lagsim.expressions.derivatives import slopes, tangent
 from lagsim.expressions.evaluate import (
     UNIT_ROUNDOFF,
     evaluate,
@@ -85,8 +85,8 @@ class Point:
         """
         rows, weights = self.e.rows, self.sizes(q, v)
         own = [SOLVED * np.abs(q), SOLVED * np.abs(v)]
-        for error, x, x0 in zip(own, (q, v), origin or (q, v), strict=True):
-            error += SOLVED * np.linalg.norm(weights * (x - x0)) / weights
+        for k, (x, x0) in enumerate(zip((q, v), origin or (q, v), strict=True)):
+            own[k] += SOLVED * np.linalg.norm(weights * (x - x0)) / weights
         names = (self.e.q, self.e.velocities)
         errors = self._named(names, own)
         if not rows:
@@ -96,10 +96,10 @@ class Point:
         entries = self.jacobian_entries(rows, q, v)
         columns = np.nan_to_num(np.abs(entries.values)) / weights[entries.j]
         squares = np.bincount(entries.i, columns**2, len(rows))
-        for error, rounding in zip(own, left, strict=True):
+        for k, rounding in enumerate(left):
             step = np.nan_to_num(rounding) / np.where(squares > 0.0, squares, np.inf)
             shares = columns * step[entries.i] / weights[entries.j]
-            error += np.bincount(entries.j, shares, self.n)
+            own[k] += np.bincount(entries.j, shares, self.n)
         return self._named(names, own)
 
     def _named(
@@ -252,7 +252,33 @@ class AtState(Relations):
             for node in self.asked.nodes
         ]
 
-    def _state(self, x: Floats) -> tuple[Floats, Floats]:
+    @cached_property
+    def _bends(self) -> list[tuple[int, int, int, int]]:
+        """The second derivatives that do not vanish: row, two values, node."""
+        g = self.point.g
+        place = {g.variable(name): k for k, name in enumerate(self.names)}
+        found = []
+        for i, row in enumerate(self.slopes):
+            nodes = list(row.values())
+            for x in sorted(frozenset(g.cone(nodes)) & frozenset(place)):
+                bent = tangent(g, nodes, {x: g.one})
+                found += [
+                    (i, j, place[x], node)
+                    for j, node in zip(row, bent, strict=True)
+                    if node != g.zero
+                ]
+        return found
+
+    def curvature(self, x: Floats, multipliers: Floats) -> Floats:
+        """Give the sum of multiplier_i d2r_i/dx dx, (k, k)."""
+        found = np.zeros((len(self.free), len(self.free)))
+        values = self.point.array([bend[3] for bend in self._bends], *self.state(x))
+        for (i, j, k, _), value in zip(self._bends, values, strict=True):
+            found[j, k] += multipliers[i] * value
+        return (found + found.T) / 2
+
+    def state(self, x: Floats) -> tuple[Floats, Floats]:
+        """Give the state (q, v) with these values."""
         state = (self.q.copy(), self.v.copy())
         state[self.velocities][self.free] = x
         return state
@@ -268,20 +294,24 @@ class AtState(Relations):
         """Give r (m,) and the entries of dr/dx that are not zero."""
         nodes, slopes = self.asked.nodes, self.slopes
         every = [*nodes, *(node for row in slopes for node in row.values())]
-        found = self.point.array(every, *self._state(x))
+        found = self.point.array(every, *self.state(x))
         i = np.repeat(np.arange(len(slopes)), [len(row) for row in slopes])
         j = np.array([j for row in slopes for j in row], dtype=int)
         r = found[: len(nodes)] - self.targets
         return r, Entries(i, j, found[len(nodes) :])
 
     def _residual(self, x: Floats) -> Floats:
-        found = self.point.array(self.asked.nodes, *self._state(x))
+        found = self.point.array(self.asked.nodes, *self.state(x))
         return np.asarray(found - self.targets)
 
     def met(self, x: Floats, errors: Floats) -> bool:
         """Tell whether r is small against its terms, or rounding for these errors."""
+        return not np.any(self.missed(x, errors))
+
+    def missed(self, x: Floats, errors: Floats) -> Any:
+        """Tell of each of r whether it is more than that, (m,) of bool."""
         residual = self._residual(x)
-        state = self._state(x)
+        state = self.state(x)
         scale = np.abs(self.point.array(self.asked.scales, *state))
         scale = np.maximum(scale, np.abs(self.targets))
         named = {
@@ -289,7 +319,7 @@ class AtState(Relations):
             **dict(zip(self.names, map(float, errors), strict=True)),
         }
         bound = np.maximum(MET * scale, self._rounding(x, named))
-        return bool(np.all(np.abs(residual) <= bound))
+        return ~(np.abs(residual) <= bound)
 
     def exact(self, x: Floats) -> bool:
         """Tell whether r is within the rounding errors of x as it was stated."""
@@ -297,5 +327,5 @@ class AtState(Relations):
         return bool(np.all(np.abs(residual) <= self._rounding(x, self.errors)))
 
     def _rounding(self, x: Floats, errors: Mapping[str, float]) -> Floats:
-        found = self.point.rounding(self.asked.nodes, *self._state(x), errors)
+        found = self.point.rounding(self.asked.nodes, *self.state(x), errors)
         return np.asarray(found + np.array(self.asked.errors))

@@ -8,14 +8,15 @@ vanishes against RANK is dependent. A gradient that is nothing but rounding is z
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.admissibility.dependence import LEVELS, Demands, Dependence
 from lagsim.admissibility.large import SURELY, SparseRows, is_large
+from lagsim.admissibility.lengths import of_rows
 from lagsim.admissibility.metric import RANK, metric_of, rank_metric
-from lagsim.admissibility.newton import reach
+from lagsim.admissibility.newton import Trouble, reach
 from lagsim.admissibility.point import Asked
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ SAMPLES = 3
 TRIALS = 8
 # Newton's method leaves such states a little off, and dependent rows a little less so.
 GENERIC_RANK = 1e-9
+# What vanishes at a double root is known to half of the digits.
+HALF = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +74,8 @@ def analyse(
     v: Floats,
     errors: Mapping[str, float],
     levels: Sequence[str] = LEVELS,
+    *,
+    double: Floats | None = None,
 ) -> RankReport:
     """Find the rank of the constraint rows, and the dependent ones by name.
 
@@ -81,6 +86,9 @@ def analyse(
     levels
         Those on which contradictions are looked for: what the state meets, and the
         first one that it does not.
+    double
+        The way to the state, where it was found as a double root and is known to half
+        of the digits of that.
     """
     rows = point.e.rows
     if not rows:
@@ -91,7 +99,9 @@ def analyse(
         if smallest > SURELY:
             return RankReport(len(rows), smallest, len(rows), smallest)
     Y, lengths = scaled_rows(point, q, v, errors=errors)
-    flags = redundant_rows(Y)
+    if double is not None:
+        lengths = _without_traces(point, q, v, Y, lengths, double)
+    flags = redundant_rows(Y, RANK if double is None else HALF)
     rank = flags.count(False)
     left, sizes, _ = np.linalg.svd(Y)
     smallest = float(sizes[rank - 1]) if rank else 1.0
@@ -203,12 +213,15 @@ def _generic(point: Point, q: Floats, v: Floats) -> _Generic | None:
     found: list[_Generic] = []
     for trial in range(TRIALS):
         nearby = NEARBY if trial < SAMPLES else NEARBY / 10.0 ** (trial - SAMPLES)
-        state = admissible_near(point, q, v, nearby, random)
-        if state is None:
+        near = admissible_near(point, q, v, nearby, random)
+        if near is None:
             continue
-        errors = point.solved_errors(*state)
-        Y, _ = scaled_rows(point, *state, errors=errors)
-        flags = redundant_rows(Y, GENERIC_RANK)
+        state = (near.q, near.v)
+        errors = point.solved_errors(*state, (q, v))
+        Y, lengths = scaled_rows(point, *state, errors=errors)
+        if near.double:
+            _without_traces(point, *state, Y, lengths, nearby * near.spread)
+        flags = redundant_rows(Y, HALF if near.double else GENERIC_RANK)
         rank = flags.count(False)
         sizes = np.linalg.svd(Y, compute_uv=False)
         smallest = float(sizes[rank - 1]) if rank else 1.0
@@ -218,26 +231,50 @@ def _generic(point: Point, q: Floats, v: Floats) -> _Generic | None:
     return max(found, key=lambda g: (g.rank, g.smallest), default=None)
 
 
+def _without_traces(
+    point: Point, q: Floats, v: Floats, Y: Floats, lengths: Floats, way: Floats
+) -> Floats:
+    """Take rows of Y for zero that nearly vanish here, and not so far; give lengths."""
+    random = np.random.default_rng(6)
+    usual = np.zeros_like(lengths)
+    for _ in range(SAMPLES):
+        near = q + way * np.clip(random.standard_normal(len(q)), -1.0, 1.0)
+        usual = np.fmax(usual, scaled_rows(point, near, v)[1])
+    gone = lengths <= HALF * usual
+    Y[gone] = 0.0
+    return np.asarray(np.where(gone, 0.0, lengths))
+
+
+class Near(NamedTuple):
+    """A state nearby, how far it was varied, whether it was found as a double root."""
+
+    q: Floats
+    v: Floats
+    spread: Floats
+    double: bool
+
+
 def admissible_near(
     point: Point, q: Floats, v: Floats, nearby: float, random: np.random.Generator
-) -> tuple[Floats, Floats] | None:
+) -> Near | None:
     """Give a random state near (q, v) that the constraints admit; None if not found."""
     metric = rank_metric(point.mass(q, v), point.jacobian(point.e.rows, q, v))
     if not np.all(np.isfinite(metric)):
         return None
+    sizes = np.sqrt(np.diag(metric))
+    speed = np.sqrt(v @ metric @ v) or 1.0
+    own = np.where(v != 0, np.abs(v), speed / sizes)
+    spreads = (of_rows(point, point.e.rows, q, v).spread, own)
     state = []
-    for x in (q, v):
-        size = np.sqrt(x @ metric @ x) or 1.0
-        kick = random.standard_normal(point.n) * size / np.sqrt(point.n)
-        # Each value by its own size, as far as it has one.
-        own = np.where(x != 0, np.abs(x), size / np.sqrt(np.diag(metric)))
-        limit = np.minimum(np.abs(kick) / np.sqrt(np.diag(metric)), own)
-        state.append(x + nearby * np.copysign(limit, kick))
+    for x, spread in zip((q, v), spreads, strict=True):
+        kick = np.clip(random.standard_normal(point.n), -1.0, 1.0)
+        state.append(x + nearby * spread * kick)
     names = frozenset(point.e.velocities)
     moving = (
         point.g.depends([a for row in point.e.rows for a in row.A.entries.values()])
         & names
     )
+    double = False
     for velocities in (False, True) if moving else (False,):
         asked = Asked()
         for row in point.e.rows:
@@ -254,4 +291,5 @@ def admissible_near(
         if not reached.met:
             return None
         state[velocities] = reached.x
-    return state[0], state[1]
+        double |= reached.trouble is Trouble.DOUBLE_ROOT
+    return Near(state[0], state[1], spreads[0], double)

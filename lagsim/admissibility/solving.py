@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.admissibility import large
+from lagsim.admissibility.lengths import Form, Lengths
 from lagsim.admissibility.metric import metric_of
 from lagsim.admissibility.newton import Found, Trouble, nearest, reach
 from lagsim.admissibility.point import Asked
+from lagsim.expressions.derivatives import slopes
 from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.admissibility.newton import Relations
     from lagsim.admissibility.point import AtState, Point
     from lagsim.native.kernel_types import Floats
 
@@ -37,6 +38,8 @@ class Solver:
         self.stated, self.errors = (q, v), errors
         self.warnings: list[Caution] = []
         self.unsolved = self.least = ""
+        # Positions were found as a double root, and are known to half of the digits.
+        self.double = False
         # One-sided relations that are to be met as equalities: name -> gap.
         self.touching: dict[str, int] = {}
 
@@ -125,35 +128,53 @@ class Solver:
         if not found.met:
             return found
         x0 = (v if velocities else q)[list(free)]
-        slopes = np.zeros((0, len(free)))
-        if self.asked(velocities=velocities).nodes:
-            relations = self.relations(free, q, v, velocities=velocities)
-            slopes = relations(x0)[1]
-            found = self._closest_root(relations, x0, found, free, velocities)
         names = self.names(free, velocities=velocities)
-        for name, column in zip(names, slopes.T, strict=True):
-            if not np.any(column):
-                self._warn(
-                    "undetermined-guess",
-                    f"nothing determines the guess `{name}`: it stays as given",
-                )
+        if not self.asked(velocities=velocities).nodes:
+            self._undetermined(names, "nothing determines")
+            return found
+        relations = self.relations(free, q, v, velocities=velocities)
+        found = self._closest_root(relations, x0, found, free, velocities)
+        named = {k for row in relations.slopes for k in row}
+        flat, still = (
+            np.all(np.nan_to_num(relations(x)[1]) == 0.0, axis=0) for x in (x0, found.x)
+        )
+        still = flat & still
+        stays = [k for k in named if still[k] and found.x[k] == x0[k]]
+        self._undetermined(
+            [x for k, x in enumerate(names) if k not in named], "nothing determines"
+        )
+        self._undetermined(
+            [names[k] for k in sorted(stays)], "to first order nothing determines"
+        )
+        moved = found.x != x0
+        if np.any(moved) and np.all(flat[moved]):
+            self._warn(
+                "other-roots",
+                "at the guess the relations have no slope: other solutions are as near "
+                f"as {_listed(names, found.x)}",
+            )
         return found
+
+    def _undetermined(self, names: Sequence[str], what: str) -> None:
+        for name in names:
+            text = f"{what} the guess `{name}`: it stays as given"
+            self._warn("undetermined-guess", text)
 
     def _closest_root(
         self,
-        relations: Relations,
+        relations: AtState,
         x0: Floats,
         found: Found,
         free: Sequence[int],
         velocities: bool,
     ) -> Found:
         """Look for other roots around a guess; take the nearest, and say so."""
-        slopes = relations(found.x)[1]
+        J = relations(found.x)[1]
         double = found.trouble is Trouble.DOUBLE_ROOT
-        if double or np.linalg.matrix_rank(slopes) < len(free):
+        if double or not np.all(np.isfinite(J)) or np.linalg.matrix_rank(J) < len(free):
             return found  # a family of roots: the nearest of them has been found
         random = np.random.default_rng(3)  # the same starts each time
-        size = np.maximum(np.abs(found.x), np.max(np.abs(found.x), initial=0.0))
+        size = self._spread(relations, found.x, velocities=velocities)
         size = np.maximum(size, np.abs(x0 - found.x))
         size[size == 0] = 1.0
         metric = self.metric(free)
@@ -176,21 +197,37 @@ class Solver:
         )
         return Found(roots[0], met=True)
 
+    def _spread(self, relations: AtState, x: Floats, *, velocities: bool) -> Floats:
+        """Give how far around a root others are looked for."""
+        if velocities:
+            return np.asarray(np.maximum(np.abs(x), np.max(np.abs(x), initial=0.0)))
+        q, v = relations.state(x)
+        g, places = self.e.graph, {}
+        for j, name in enumerate(self.e.q):
+            places[g.variable(name)] = j
+        forms = []
+        for node in relations.asked.nodes:
+            found = slopes(g, node, frozenset(places))
+            forms.append(Form(node, {places[x]: slope for x, slope in found.items()}))
+        spread = Lengths(self.point, forms, q, v).spread
+        return np.asarray(spread[relations.free])
+
     def _note(
         self,
         found: Found,
-        relations: Relations,
+        relations: AtState,
         asked: Sequence[str],
         free: Sequence[int],
         velocities: bool,
     ) -> None:
         """Say what was odd about a root, or why there is none."""
         where = _listed(self.names(free, velocities=velocities), found.x)
-        residual, slopes = relations(found.x)
+        residual, J = relations(found.x)
         worst = int(np.argmax(np.abs(residual)))
         name = asked[worst]
         if found.met:
             if found.trouble is Trouble.DOUBLE_ROOT:
+                self.double |= not velocities
                 self._warn(
                     "double-root",
                     f"Newton's method halves its way to {where}: a double root of "
@@ -201,7 +238,7 @@ class Solver:
         least = f"the least |residual| is {abs(residual[worst]):.6g}, at {where}"
         self.least = least
         if found.trouble is Trouble.MINIMUM:
-            lengths = np.linalg.norm(slopes, axis=1)
+            lengths = np.linalg.norm(J, axis=1)
             lengths[lengths == 0] = 1.0
             far = np.abs(residual) / lengths
             shared = far > SHARES * np.max(far)

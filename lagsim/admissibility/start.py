@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.advice import about_ranks, rough_starts
+from lagsim.admissibility.advice import about_ranks, multiple_roots, rough_starts
 from lagsim.admissibility.dependence import LEVELS
 from lagsim.admissibility.inertia import needs_constraints
 from lagsim.admissibility.metric import metric_of
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import RankReport, analyse
+from lagsim.admissibility.sets import ThinSet, thin_set
 from lagsim.admissibility.solving import Solver
 from lagsim.admissibility.verdict import Verdict, judge, judge_gaps, judge_starts
 from lagsim.errors import InputError, Problem
@@ -36,6 +37,7 @@ __all__ = ["Start", "examine", "metric_of"]
 # What differs from what was stated by less than so many rounding errors is not reported
 # as a change.
 REPORTED = 225.0
+SIMPLE = "write the relations that it amounts to, each with a gradient"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,9 @@ class Start:
     contradictions : tuple of Dependence
         Rows that contradict others, at the state or, where no admissible one was found,
         at the point of least residuals.
+    thin : ThinSet or None
+        The rows that no multiplier keeps, at the state or at the nearest one that meets
+        them.
     unsolved : str
         Why no admissible state was found, where none was; or why the guesses alone
         did not suffice.
@@ -81,15 +86,23 @@ class Start:
     unsolved: str
     changes: dict[str, tuple[float, float]]
     warnings: tuple[Caution, ...]
+    thin: ThinSet | None = None
 
     @property
     def admissible(self) -> bool:
         """Whether a run may begin here."""
-        return not self.contradictions and all(v.satisfied for v in self.verdicts)
+        if self.contradictions or self.thin is not None:
+            return False
+        return all(v.satisfied for v in self.verdicts)
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Coordinates minus the rank of the two-sided rows."""
+        """Coordinates minus the rank of the two-sided rows.
+
+        On a set on which they lose their rank all over, its dimension, where known.
+        """
+        if self.thin is not None and self.thin.degrees_of_freedom is not None:
+            return self.thin.degrees_of_freedom
         return len(self.q) - self.ranks.rank
 
 
@@ -119,6 +132,7 @@ class _Judged:
     ranks: RankReport
     contradictions: tuple[Dependence, ...]
     repair: dict[str, float] | None = None
+    thin: ThinSet | None = None
 
 
 class _Examination:
@@ -137,9 +151,12 @@ class _Examination:
 
     def start(self, *, classify: bool) -> Start:
         point = self.point
-        self._finite()
+        guessed = bool(self.free_q or self.free_v)
+        self._finite(self.q0, self.v0, rows=not guessed)
         self.solver = Solver(point, self.q0, self.v0, self.errors)
         q, v = self._guessed()
+        if guessed:
+            self._finite(q, v, rows=True)
         verdicts = judge(point, q, v, self.errors)
         gaps = judge_gaps(point, q, v, self.errors)
         starts = judge_starts(point, q, v, self.errors)
@@ -153,7 +170,10 @@ class _Examination:
         else:
             judged = self._repaired(q, v)
         augmented = needs_constraints(point, judged.q, judged.v, self._errors(judged))
-        warnings += about_ranks(self.e, judged.ranks, sound=not judged.contradictions)
+        warnings += multiple_roots(self.e)
+        thin = judged.thin.names if judged.thin else ()
+        sound = not judged.contradictions and not thin
+        warnings += about_ranks(self.e, judged.ranks, thin, sound=sound)
         reachable = self._reach(judged.q) if classify else None
         redundant = {d.name for d in judged.ranks.dependences}
         verdicts = [replace(x, redundant=x.name in redundant) for x in verdicts]
@@ -172,10 +192,14 @@ class _Examination:
             unsolved=self.solver.unsolved,
             changes=self._changes(stated, (q, v)),
             warnings=tuple(warnings),
+            thin=judged.thin,
         )
 
-    def _finite(self) -> None:
-        """Refuse a start at which energies, forces or constraints are not finite."""
+    def _finite(self, q: Floats, v: Floats, *, rows: bool) -> None:
+        """Refuse a state at which energies, forces or constraints are not finite.
+
+        The `rows` of constraints need not be where they are only guessed.
+        """
         e = self.e
         named: list[tuple[str, int | None]] = [
             ("kinetic", e.model.kinetic),
@@ -183,17 +207,19 @@ class _Examination:
             ("the energy function", e.energy),
         ]
         named += [(f"the force on {q}", f) for q, f in zip(e.q, e.f, strict=True)]
-        named += [(f"constraint {row.name}", row.residual) for row in e.rows]
-        named += [(f"the rate of {row.name}", row.rate) for row in e.rows]
+        if rows:
+            named += [(f"constraint {row.name}", row.residual) for row in e.rows]
+            named += [(f"the rate of {row.name}", row.rate) for row in e.rows]
         named += [(f"the inertia of {q}", e.M[j][j]) for j, q in enumerate(e.q)]
         found = [(name, node) for name, node in named if node is not None]
-        values = self.point.array([node for _, node in found], self.q0, self.v0)
+        values = self.point.array([node for _, node in found], q, v)
         problems = [
             Problem(
                 "not-finite",
                 f"{name} is {value} at the start, not finite",
                 hint="check the initial values against what it divides by and the "
-                "arguments of its roots and logarithms",
+                "arguments of its roots and logarithms; the point of a cone, as "
+                "that of hypot(x, y) at 0, has no gradient: start, or guess, beside it",
             )
             for (name, _), value in zip(found, values, strict=True)
             if not np.isfinite(value)
@@ -235,9 +261,26 @@ class _Examination:
     def _analysed(self, q: Floats, v: Floats, levels: Sequence[str]) -> _Judged:
         ranks = RankReport(0, 1.0, 0, 1.0)
         judged = _Judged(q, v, ranks, ())
-        ranks = analyse(self.point, q, v, self._errors(judged), levels)
+        way = self.point.sizes(q, v) * (q - self.q0)
+        way = np.linalg.norm(way) / self.point.sizes(q, v)
+        double = way if self.solver.double else None
+        errors = self._errors(judged)
+        ranks = analyse(self.point, q, v, errors, levels, double=double)
+        thin = None
+        if levels == LEVELS:
+            thin, real = thin_set(self.point, q, v, ranks.dependences)
+            ranks = replace(
+                ranks,
+                dependences=tuple(
+                    # It is not one too many, though no state nearby was found.
+                    replace(d, everywhere=False)
+                    if d.name in real and d.everywhere is None
+                    else d
+                    for d in ranks.dependences
+                ),
+            )
         against = tuple(d for d in ranks.dependences if d.contradictions)
-        return replace(judged, ranks=ranks, contradictions=against)
+        return replace(judged, ranks=ranks, contradictions=against, thin=thin)
 
     def _exact(self, q: Floats, v: Floats) -> _Judged:
         """Give the nearest exact state; one that is exact to rounding stays."""
@@ -248,6 +291,8 @@ class _Examination:
         if judged.contradictions:
             text = "; ".join(d.contradiction() for d in judged.contradictions)
             self.solver.unsolved = f"{text}: no motion can begin here"
+        elif judged.thin:
+            self.solver.unsolved = f"{judged.thin}: {SIMPLE}"
         return judged
 
     def _repaired(self, q: Floats, v: Floats) -> _Judged:
@@ -274,6 +319,9 @@ class _Examination:
         changed = self._changes((self.q0, self.v0), (state[0], state[1]))
         judged = self._analysed(state[0], state[1], LEVELS)
         if judged.contradictions:
+            return judged
+        if judged.thin:
+            self.solver.unsolved = f"{judged.thin}: {SIMPLE}"
             return judged
         repair = {name: new for name, (_, new) in changed.items()}
         return replace(judged, repair=repair)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.lengths import Form, Lengths
+from lagsim.admissibility.lengths import LINKS, Form, Lengths, of_rows
 from lagsim.expressions.derivatives import slopes
 from lagsim.expressions.evaluate import evaluate
 
@@ -167,11 +167,11 @@ def judge(
     # What is only rounding is met, whatever it is compared with.
     pairs = enumerate(zip(held, moving, strict=True))
     asked = [i for i, (x, y) in pairs if not (x.exact and y.exact)]
-    forms = [Form(rows[i].residual, rows[i].A.entries) for i in asked]
-    lengths = Lengths(point, forms, q, v)
+    near = _neighbours(point, asked)
+    lengths = of_rows(point, [rows[i] for i in (*asked, *near)], q, v)
     scales, motions = lengths.scales(), lengths.motions()
-    whole = _body_motions(point, forms, q, v)
-    for i, scale, motion, body in zip(asked, scales, motions, whole, strict=True):
+    whole = _body_motions(point, lengths.forms[: len(asked)], q, v)
+    for i, scale, motion, body in zip(asked, scales, motions, whole, strict=False):
         moving[i] = _of_rate(moving[i], motion, body)
         held[i] = _of_size(held[i], scale) if rows[i].holonomic else moving[i]
     return [
@@ -185,6 +185,16 @@ def judge(
         )
         for row, position, velocity in zip(rows, held, moving, strict=True)
     ]
+
+
+def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
+    """Give the other rows that can hand their lengths on to these."""
+    found = set(asked)
+    columns = [set(row.A.entries) for row in point.e.rows]
+    for _ in range(LINKS):
+        known = {j for i in found for j in columns[i]}
+        found |= {i for i, touched in enumerate(columns) if touched & known}
+    return sorted(found - set(asked))
 
 
 def _of_size(residual: Residual, own: float) -> Residual:

@@ -50,6 +50,8 @@ MEANINGS = {
     "fast-mode-damped": "the method takes energy out of an oscillation that has some",
     "gain-unused": "`gain` is for the formulation baumgarte alone",
     "horizon": "past this time the estimated error exceeds 0.1 of a coordinate's range",
+    "multiple-root": "a relation is a power of what it sets to zero, and is met as a "
+    "simple root",
     "nearly-dependent": "constraints came close to dependent; a QR decomposition goes "
     "on",
     "multipliers-not-unique": "constraints are redundant: the least multipliers are "

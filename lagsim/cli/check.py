@@ -126,6 +126,12 @@ def document(
             }
             for d in ranks.dependences
         ],
+        "thin_set": None
+        if start.thin is None
+        else {
+            "names": list(start.thin.names),
+            "dimension": start.thin.dimension,
+        },
         "reach": None
         if reach is None
         else {
@@ -202,6 +208,8 @@ def report(
 def _faults(start: Start) -> list[str]:
     """Say what keeps a start from being admissible."""
     faults = [d.contradiction() for d in start.contradictions]
+    if start.thin is not None:
+        faults.append(str(start.thin))
     told = {d.name for d in start.contradictions}
     told |= {name for d in start.contradictions for name, _ in d.combination}
     faults += [

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from lagsim.expressions.roots import simple_root
 from lagsim.model import Constraint, Level, OneSided, Relation, Sense
 from lagsim.nodes import Broken, Mapping, Node, Scalar, Sequence
 from lagsim.reader.dynamics import affine
@@ -96,6 +98,7 @@ def _constraint(key: Scalar, node: Node, x: Expressions) -> Constraint | None:
     law = None
     if sense is Sense.EQUAL:
         _check_no_law(below, what, x)
+        relation = relation and _once(relation, x)
     elif isinstance(node, Mapping) or sense is Sense.AT_LEAST:
         if relation is not None:
             _check_no_velocity(expression, what, x)
@@ -103,6 +106,15 @@ def _constraint(key: Scalar, node: Node, x: Expressions) -> Constraint | None:
     if relation is None or (law is None and sense is Sense.AT_LEAST):
         return None
     return Constraint(key.text, relation, law, about)
+
+
+def _once(relation: Relation, x: Expressions) -> Relation:
+    """Take a multiple root once."""
+    moving = (Kind.COORDINATE, Kind.VELOCITY)
+    names = {n for n, kind in x.names.variables.items() if kind in moving}
+    names |= {f"{n}_dot" for n in names}
+    root = simple_root(x.graph, relation.node, names)
+    return replace(relation, node=root, multiple=root != relation.node)
 
 
 def _check_no_law(below: Fields, what: str, x: Expressions) -> None:

@@ -124,15 +124,13 @@ def test_a_velocity_gradient_that_vanishes_at_rest():
     assert judged(moving).ranks.rank == 1
 
 
-def test_a_double_root():
-    start = judged(scene("x^2 = 0", {"x": "{guess: 1}", "y": 0}))
-    assert start.admissible
-    assert start.q[0] == 0.0
-    assert "double root of `a`" in warning(start, "double-root")
-    assert "vanishing-gradient" in codes(start)
-    stated = judged(scene("x^2 = 0", {"x": 0, "y": 0}))
-    assert stated.admissible
-    assert "vanishing-gradient" in codes(stated)
+def test_a_double_root_is_met_as_a_simple_one():
+    for x in ("{guess: 1}", "0"):
+        start = judged(scene("x^2 = 0", {"x": x, "y": 0}))
+        assert start.admissible
+        assert start.q[0] == 0.0
+        assert codes(start) == ["multiple-root"]
+        assert start.degrees_of_freedom == 1
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1e3])

@@ -102,7 +102,7 @@ def test_rows_that_only_seem_to_contradict_away_from_the_constraints():
 
 
 def test_a_vanishing_row_that_asks_for_an_acceleration():
-    start = judged(scene("x^2 = 0", {"x": 0, "y": 0, "x_dot": 3}))
+    start = judged(scene("x^2 + y^2 = 0", {"x": 0, "y": 0, "x_dot": 3}))
     [d] = start.contradictions
     assert d.contradictions == {"acceleration": 18.0}
     assert "`a` cannot be met on the level of acceleration" in d.contradiction()

@@ -1,0 +1,207 @@
+"""What a dependent constraint does to the set of admissible positions.
+
+A row that others span may be one relation too many: then all states that the others
+admit meet it, too. It may be dependent only at a singular configuration, where motions
+branch. Or it is dependent all over the set that it makes, as that of x^2 + y^2 = 0, of
+two spheres that touch, or of a plane and a cylinder that touch along a line: the
+relation holds there as a multiple root. No multiplier keeps a motion on such a set.
+
+The first is tried on states that the other rows admit; of the others `rank` tells where
+it finds states nearby, else second derivatives do: where what the row adds to the
+others has one sign all around, the set is thin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.admissibility.large import is_large
+from lagsim.admissibility.lengths import of_rows
+from lagsim.admissibility.metric import rank_metric
+from lagsim.admissibility.newton import SOLVED, cholesky, null_space, reach
+from lagsim.admissibility.point import Asked
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.admissibility.dependence import Dependence
+    from lagsim.admissibility.point import AtState, Point
+    from lagsim.constraints import Row
+    from lagsim.native.kernel_types import Floats
+
+# How far, against their lengths, states are varied, and how often.
+NEARBY = 1e-2
+SAMPLES = 8
+# What a state misses a row by is rounding below this part of what the way changes.
+TRACE = 1e-10
+# Second derivatives below this part of what they cancel from are none; of the greatest.
+FLAT = 1e-9
+ONE_SIGN = 1e-7
+# Coordinates up to which the dimension of a set is measured; points that lie apart by
+# less than this part of the way that they were sent do not span it.
+MOST = 60
+THIN = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class ThinSet:
+    """A set of admissible positions on which rows lose their rank all over.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The rows that are dependent there, and are met nowhere around it.
+    dimension : int or None
+        Of the set; None where it was not found.
+    degrees_of_freedom : int or None
+        The dimension less the independent relations between velocities.
+    """
+
+    names: tuple[str, ...]
+    dimension: int | None
+    degrees_of_freedom: int | None = None
+
+    def __str__(self) -> str:
+        named = " and ".join(f"`{name}`" for name in self.names)
+        text = (
+            f"{named} can only be met as a multiple root: the constraints lose their "
+            "rank on the whole set that they make, and no multiplier keeps a motion on "
+            "it"
+        )
+        if self.dimension is None:
+            return text
+        what = "an isolated point" if self.dimension == 0 else "a set"
+        return f"{text}; it is {what} of dimension {self.dimension}"
+
+
+class Varied:
+    """States around an admissible one that some of its rows admit."""
+
+    def __init__(self, point: Point, q: Floats, v: Floats) -> None:
+        self.point, self.q, self.v = point, q, v
+        rows = point.e.rows
+        self.metric = rank_metric(point.mass(q, v), point.jacobian(rows, q, v))
+        self.spread = of_rows(point, rows, q, v).spread
+
+    def relations(self, rows: Sequence[Row]) -> AtState:
+        """Give what holonomic `rows` ask of all positions."""
+        asked = Asked()
+        for row in rows:
+            asked.add(row.name, row.residual, row.residual_scale)
+        everything = range(self.point.n)
+        return self.point.relations(
+            asked, everything, self.q, self.v, {}, velocities=False
+        )
+
+    def states(self, rows: Sequence[Row], count: int) -> list[Floats]:
+        """Give states around, of those that `rows` admit."""
+        random = np.random.default_rng(7)  # the same each time
+        found = []
+        relations = self.relations(rows)
+        for _ in range(count):
+            kick = np.clip(random.standard_normal(self.point.n), -1.0, 1.0)
+            x = self.q + NEARBY * self.spread * kick
+            if rows:
+                reached = reach(relations, x, self.metric)
+                if not reached.met:
+                    continue
+                x = reached.x
+            found.append(x)
+        return found
+
+    def traces(self, asked: AtState, states: Sequence[Floats]) -> Floats:
+        """Give what rounding may leave in rows at the states, (states, rows)."""
+        L = cholesky(self.metric)
+        slopes = np.linalg.norm(np.linalg.solve(L, asked(self.q)[1].T), axis=0)
+        ways = [np.linalg.norm(L.T @ (x - self.q)) for x in states]
+        return np.asarray(TRACE * np.outer(ways, slopes))
+
+    def dimension(self, rows: Sequence[Row]) -> int | None:
+        """Give the dimension of the set that `rows` admit around here."""
+        n = self.point.n
+        if n > MOST:
+            return None
+        self.spread = np.where(self.spread > 0.0, self.spread, self._sizes())
+        states = self.states(rows, n + 2)
+        if len(states) < n + 1:
+            return None
+        ways = (np.array(states) - self.q) / (NEARBY * self.spread)
+        return int(np.sum(np.linalg.svd(ways, compute_uv=False) > THIN))
+
+    def _sizes(self) -> Floats:
+        weights = np.sqrt(np.diag(self.metric))
+        known = self.spread * weights
+        return np.asarray((np.max(known, initial=0.0) or 1.0) / weights)
+
+
+def thin_set(
+    point: Point,
+    q: Floats,
+    v: Floats,
+    dependences: Sequence[Dependence],
+) -> tuple[ThinSet | None, tuple[str, ...]]:
+    """Find the rows that hold as multiple roots on the whole set through q.
+
+    Returns
+    -------
+    thin : ThinSet or None
+    real : tuple of str
+        Dependent rows that states admitted by the others do not meet.
+    """
+    rows = {row.name: row for row in point.e.rows if row.holonomic}
+    dependent = {d.name for d in dependences}
+    suspects = [d for d in dependences if d.everywhere is not False and d.name in rows]
+    if not suspects or is_large(point):
+        return None, ()
+    independent = [row for name, row in rows.items() if name not in dependent]
+    varied = Varied(point, q, v)
+    states = varied.states(independent, SAMPLES)
+    asked = varied.relations([rows[d.name] for d in suspects])
+    values = np.array([asked(x)[0] for x in states])
+    if not states:
+        return None, ()
+    missed = np.array([asked.missed(x, SOLVED * np.abs(x)) for x in states])
+    missed &= np.abs(values) > varied.traces(asked, states)
+    thin, real = [], []
+    for i, d in enumerate(suspects):
+        if not np.any(missed[:, i]):
+            continue
+        real.append(d.name)
+        signs = np.sign(values[:, i])
+        one_sign = bool(np.all(missed[:, i]) and np.all(signs == signs[0]))
+        if d.everywhere or _is_extreme(varied, independent, rows[d.name], one_sign):
+            thin.append(d.name)
+    if not thin:
+        return None, tuple(real)
+    dimension = varied.dimension(list(rows.values()))
+    freedom = dimension
+    if dimension is not None:
+        others = [row.name for row in point.e.rows if not row.holonomic]
+        freedom = dimension - len(set(others) - dependent)
+    return ThinSet(tuple(thin), dimension, freedom), tuple(real)
+
+
+def _is_extreme(
+    varied: Varied, independent: Sequence[Row], row: Row, one_sign: bool
+) -> bool:
+    """Tell whether what a row adds to others has one sign all around the state."""
+    relations = varied.relations([*independent, row])
+    x = varied.q
+    J = relations(x)[1]
+    shares = np.linalg.lstsq(J[:-1].T, J[-1], rcond=None)[0] if len(J) > 1 else []
+    weights = np.append(-np.asarray(shares, dtype=float), 1.0)
+    L = cholesky(varied.metric)
+    scaled = np.asarray(np.linalg.solve(L, J[:-1].T).T, dtype=float)
+    kernel = np.asarray(np.linalg.solve(L.T, null_space(scaled)), dtype=float)
+    bends = np.linalg.eigvalsh(kernel.T @ relations.curvature(x, weights) @ kernel)
+    parts = [
+        abs(w) * np.linalg.norm(relations.curvature(x, e))
+        for w, e in zip(weights, np.eye(len(weights)), strict=True)
+    ]
+    size = float(np.max(np.abs(bends), initial=0.0))
+    if size <= FLAT * sum(parts):
+        return one_sign
+    return bool(bends[0] > -ONE_SIGN * size or bends[-1] < ONE_SIGN * size)
