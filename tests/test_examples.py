@@ -106,8 +106,10 @@ def test_consoles_print_what_is_shown(block, lagsim, tmp_path):  # noqa: F811
     called = lagsim(*words)
     assert called.code == (1 if "check caption.yaml" in first else 0)
     told = called.out + called.err
-    expected = [shape(line) for line in shown.splitlines()]
-    assert [shape(line) for line in told.splitlines()] == expected
+    for line, printed in zip(shown.splitlines(), told.splitlines(), strict=True):
+        # Dots at the end of a line that is shown stand for the rest.
+        expected, dots, _ = shape(line).partition("...")
+        assert shape(printed)[: len(expected) if dots else None] == expected
     # The first lines hold no times: they are the same to the letter.
     assert told.splitlines()[0] == shown.splitlines()[0]
 
