@@ -55,7 +55,7 @@ def _laws(maker: Maker) -> None:
     if maker.sliders:
         choices += [
             laws.wall, laws.wall, laws.hill, laws.hill, laws.pair_law, laws.drag, laws.drag,
-            laws.friction, laws.friction, laws.forcing,
+            laws.friction, laws.friction,
         ]  # fmt: skip
     if maker.points:
         choices.append(laws.air)

@@ -122,6 +122,8 @@ def friction(k: Maker) -> None:
 
 def forcing(k: Maker) -> None:
     """A force in time: a sine, a pulse (smooth or not, narrow or not), square waves."""
+    if not k.pushed:
+        return
     q, size = k.one_of(*k.pushed)
     n = Numbers(k)
     F = n("F", k.signed(0.1, 2, size))
