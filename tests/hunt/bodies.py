@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -37,7 +38,9 @@ def anchor(k: Maker, place: tuple[float, ...]) -> Point:
 
 
 def somewhere(k: Maker, dimensions: int, size: float = 1.0) -> tuple[float, ...]:
-    return tuple(k.offset + k.signed(0.2, 1.5, size * k.length) for _ in range(dimensions))
+    return tuple(
+        k.offset + k.signed(0.2, 1.5, size * k.length) for _ in range(dimensions)
+    )
 
 
 def some_velocity(k: Maker, dimensions: int) -> tuple[float, ...]:
@@ -57,7 +60,9 @@ def spring(k: Maker, a: Point, b: Point) -> None:
     n = Numbers(k)
     K = n("K", stiffness(k, a, b))
     text, d = distance(a, b)
-    straight = "(" + squares(*(f"({x} - {y})" for x, y in zip(a.at, b.at, strict=True))) + ")"
+    straight = (
+        "(" + squares(*(f"({x} - {y})" for x, y in zip(a.at, b.at, strict=True))) + ")"
+    )
     kind = k.one_of("plain", "length", "duffing")
     if kind == "plain" or len(a.at) == 1:
         energy = f"{K}*{straight}/2"
@@ -78,7 +83,7 @@ def points_and_springs(k: Maker) -> None:
         for _ in range(count)
     ]
     spring(k, made[0], anchor(k, somewhere(k, d, 0.3)))
-    for a, b in zip(made, made[1:], strict=False):
+    for a, b in itertools.pairwise(made):
         spring(k, a, b)
     if d == 1:
         k.sliders += [(p.at[0], p.mass, 0.0) for p in made]
@@ -89,7 +94,7 @@ def unequal_masses(k: Maker) -> None:
     d = k.one_of(1, 2)
     masses = [k.mass, k.decades(-6, 6, k.mass), k.decades(-6, 6, k.mass)]
     made = [free_point(k, somewhere(k, d), some_velocity(k, d), m) for m in masses]
-    for a, b in zip(made, made[1:], strict=False):
+    for a, b in itertools.pairwise(made):
         spring(k, a, b)
     if k.chance(0.5):
         spring(k, made[0], anchor(k, somewhere(k, d, 0.3)))
@@ -166,11 +171,18 @@ def _pivot(k: Maker, n: Numbers) -> tuple[str, str]:
         k.pushed.append((s, mass * k.gravity))
         if k.chance(0.4):
             K = n("K", short(mass * k.between(0.5, 6, 1 / k.time) ** 2))
-            k.add("cart-spring", parameters={K: n.pop(K)}, potential=(f"{K}*({s} - {k.offset!r})^2/2",))
+            k.add(
+                "cart-spring",
+                parameters={K: n.pop(K)},
+                potential=(f"{K}*({s} - {k.offset!r})^2/2",),
+            )
         return s, "0"
     if kind == "fixed":
         return "0", "0"
-    amplitude, w = n("A", k.between(0.02, 0.3, k.length)), n("w", k.between(0.5, 6, 1 / k.time))
+    amplitude, w = (
+        n("A", k.between(0.02, 0.3, k.length)),
+        n("w", k.between(0.5, 6, 1 / k.time)),
+    )
     since = f"(t - {n('t', k.start)})"
     if kind == "shaken":
         return "0", f"{amplitude}*cos({w}*{since})"
@@ -246,7 +258,9 @@ def _rod(k: Maker, a: Point, b: Point) -> None:
     n = Numbers(k)
     steps = [f"({x} - {y})" for x, y in zip(b.at, a.at, strict=True)]
     l = n("l", math.dist(a.place, b.place))  # noqa: E741
-    k.add("rod", parameters=n, constraints={k.name("rod"): f"{squares(*steps)} = {l}^2"})
+    k.add(
+        "rod", parameters=n, constraints={k.name("rod"): f"{squares(*steps)} = {l}^2"}
+    )
 
 
 def bead(k: Maker) -> None:
@@ -255,7 +269,10 @@ def bead(k: Maker) -> None:
     n = Numbers(k)
     x0, v0 = somewhere(k, d), some_velocity(k, d)
     m = k.some_mass()
-    h, w = n("h", k.between(0.1, 0.6, k.length)), n("w", k.between(0.5, 3, 1 / k.length))
+    h, w = (
+        n("h", k.between(0.1, 0.6, k.length)),
+        n("w", k.between(0.5, 3, 1 / k.length)),
+    )
     tail = next(k.count)
     names = [f"{axis}{tail}" for axis in AXES[:d]]
     off = n("o", k.offset)
@@ -268,7 +285,10 @@ def bead(k: Maker) -> None:
         text = f"{h}*{w}^2*({squares(*arguments)})"
         value = n[h] * n[w] ** 2 * sum(x * x for x in place)
     if k.chance(0.3):
-        lift, pace = n("A", k.between(0.02, 0.2, k.length)), n("w", k.between(0.5, 5, 1 / k.time))
+        lift, pace = (
+            n("A", k.between(0.02, 0.2, k.length)),
+            n("w", k.between(0.5, 5, 1 / k.time)),
+        )
         text += f" + {lift}*sin({pace}*(t - {n('t', k.start)}))"
     mass = n("m", m)
     start = [*place_with(k, place), value]
@@ -362,7 +382,11 @@ def oscillators(k: Maker) -> None:
     for point in made:
         n = Numbers(k)
         K, gap = n("K", stiffness(k, point, last)), n("l", k.length)
-        k.add("link", parameters=n, potential=(f"{K}*({point.at[0]} - {last.at[0]} - {gap})^2/2",))
+        k.add(
+            "link",
+            parameters=n,
+            potential=(f"{K}*({point.at[0]} - {last.at[0]} - {gap})^2/2",),
+        )
         last = point
     k.sliders += [(p.at[0], p.mass, 0.0) for p in made]
 

@@ -284,7 +284,7 @@ class _Printer(StrPrinter):
     def _print_Add(self, e: sp.Add, order: Any = None) -> str:  # noqa: ARG002
         return "(" + " + ".join(self._print(x) for x in e.args) + ")"
 
-    def _print_Pow(self, e: sp.Pow, rational: bool = False) -> str:  # noqa: ARG002, FBT001, FBT002
+    def _print_Pow(self, e: sp.Pow, rational: bool = False) -> str:  # noqa: ARG002
         base, exponent = self._print(e.base), e.exp
         if exponent == sp.Rational(1, 2):
             return f"root({base})"
@@ -313,7 +313,7 @@ def _power(base: Any, exponent: Any) -> Any:
 
 _SCOPE = {
     name: getattr(np, name)
-    for name in "sin cos tan exp log tanh sinh cosh".split()
+    for name in ["sin", "cos", "tan", "exp", "log", "tanh", "sinh", "cosh"]
 } | {
     "atan": np.arctan, "atan2": np.arctan2, "asin": np.arcsin, "acos": np.arccos,
     "power": _power, "one": Long(1),
@@ -327,7 +327,9 @@ def function(
     """Compile steps and lists of answers to a function of lists of numbers."""
     names = [name for name, _ in steps]
     flat = [value for _, value in steps] + [e for part in answers for e in part]
-    shared, reduced = sp.cse(flat, symbols=(sp.Symbol(f"cse_{i}") for i in itertools.count()))
+    shared, reduced = sp.cse(
+        flat, symbols=(sp.Symbol(f"cse_{i}") for i in itertools.count())
+    )
     scope = dict(_SCOPE)
     printer = _Printer(scope)
     lines = []
@@ -353,7 +355,9 @@ def function(
     return scope["made"]
 
 
-def _ready(pending: Any, made: set[Any], value: sp.Expr, printer: _Printer) -> list[str]:
+def _ready(
+    pending: Any, made: set[Any], value: sp.Expr, printer: _Printer
+) -> list[str]:
     """Give the lines of the shared parts that a value needs, in their order."""
     needed: set[Any] = set()
     for x, e in reversed(pending):

@@ -152,7 +152,25 @@ class Scene:
 
 
 _FUNCTIONS = frozenset(
-    "sin cos tan exp sqrt tanh abs sign max min hypot atan log cosh and or not".split()
+    [
+        "sin",
+        "cos",
+        "tan",
+        "exp",
+        "sqrt",
+        "tanh",
+        "abs",
+        "sign",
+        "max",
+        "min",
+        "hypot",
+        "atan",
+        "log",
+        "cosh",
+        "and",
+        "or",
+        "not",
+    ]
 ) | {"if"}
 
 

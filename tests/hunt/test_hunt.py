@@ -5,7 +5,7 @@ HUNT_SEED and HUNT_SCENES choose what a night tries, HUNT_FOLDER where failures 
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 import os
 from pathlib import Path
 
@@ -56,7 +56,7 @@ def test_forty_scenes_hold(lagsim, tmp_path):
 
 @pytest.mark.nightly
 def test_a_thousand_scenes_hold(lagsim, tmp_path, capsys):
-    today = datetime.datetime.now(datetime.UTC).date().isoformat()
+    today = dt.datetime.now(dt.UTC).date().isoformat()
     seed = os.environ.get("HUNT_SEED", today)
     count = int(os.environ.get("HUNT_SCENES", "1000"))
     tally, told = hunted(seed, count, lagsim, folder_of(tmp_path))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tests.hunt.integrator import Extrapolation, Long, NoTruthError
-from tests.hunt.mechanics import Mechanics
+
+if TYPE_CHECKING:
+    from tests.hunt.mechanics import Mechanics
 
 # Halvings and secants until a crossing is located to the last bits.
 LOCATING = 200

@@ -94,12 +94,12 @@ def judge(scene: Scene, answer: Answer, exact: Truth) -> Verdict:
     if answer.code != 0 or record is None or not record["complete"]:
         reason = record.get("reason") if record else answer.told
         return Verdict(f"refused-{answer.code}", str(reason)[-600:])
-    warned = tuple(
-        w["code"] for w in record["warnings"] if w["code"] not in IDLE
-    )
+    warned = tuple(w["code"] for w in record["warnings"] if w["code"] not in IDLE)
     if record["outcome"] != ("until" if exact.motion.stopped else "done"):
         end = float(exact.motion.end)
-        return Verdict("wrong-rows", f"{record['outcome']}, but the truth ends at {end}")
+        return Verdict(
+            "wrong-rows", f"{record['outcome']}, but the truth ends at {end}"
+        )
     found = _rows(answer, exact, scene)
     if isinstance(found, str):
         return Verdict("wrong-rows", found, warned=warned)
