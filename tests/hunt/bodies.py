@@ -33,7 +33,7 @@ def free_point(
     return point
 
 
-def anchor(k: Maker, place: tuple[float, ...]) -> Point:
+def anchor(place: tuple[float, ...]) -> Point:
     return Point(tuple(repr(x) for x in place), math.inf, place)
 
 
@@ -82,7 +82,7 @@ def points_and_springs(k: Maker) -> None:
         free_point(k, somewhere(k, d), some_velocity(k, d), k.some_mass())
         for _ in range(count)
     ]
-    spring(k, made[0], anchor(k, somewhere(k, d, 0.3)))
+    spring(k, made[0], anchor(somewhere(k, d, 0.3)))
     for a, b in itertools.pairwise(made):
         spring(k, a, b)
     if d == 1:
@@ -97,7 +97,7 @@ def unequal_masses(k: Maker) -> None:
     for a, b in itertools.pairwise(made):
         spring(k, a, b)
     if k.chance(0.5):
-        spring(k, made[0], anchor(k, somewhere(k, d, 0.3)))
+        spring(k, made[0], anchor(somewhere(k, d, 0.3)))
 
 
 def gravitating(k: Maker) -> None:
@@ -225,7 +225,10 @@ def spherical_pendulum(k: Maker) -> None:
     m, l = n("m", k.some_mass()), n("l", k.between(0.5, 2, k.length))  # noqa: E741
     k.add(
         "spherical", parameters=n,
-        coordinates={a: (k.between(0.5, 2), 0.0), b: (k.between(0, 6), k.signed(0.7, 2, 1 / k.time))},
+        coordinates={
+            a: (k.between(0.5, 2), 0.0),
+            b: (k.between(0, 6), k.signed(0.7, 2, 1 / k.time)),
+        },
         kinetic=(f"{m}*{l}^2*({a}_dot^2 + ({b}_dot*sin({a}))^2)/2",),
         potential=(f"-{weight(k, m, f'{l}*cos({a})', n)}",),
     )  # fmt: skip
@@ -235,7 +238,7 @@ def rods(k: Maker) -> None:
     """Points on rods: a pendulum of one to three, or a free figure, in 2 or 3-D."""
     d, hangs = k.one_of(2, 2, 3), k.chance(0.6)
     n = Numbers(k)
-    last = anchor(k, (k.offset,) * d) if hangs else None
+    last = anchor((k.offset,) * d) if hangs else None
     boost = () if hangs else tuple(k.signed(0, 3, k.speed) for _ in range(d))
     for _ in range(k.one_of(1, 2, 2, 3) + (not hangs)):
         base = last.place if last else (k.offset,) * d
@@ -339,7 +342,8 @@ def roller(k: Maker) -> None:
         "roller", parameters=n,
         coordinates={x: (k.offset, k.signed(0.1, 1, k.speed)), a: (turned, 0.0)},
         kinetic=(f"{m}*{x}_dot^2/2 + {m}*{r}^2*{a}_dot^2/4",
-                 f"{m}*(({x}_dot + {e}*{a}_dot*cos({a}))^2 + ({e}*{a}_dot*sin({a}))^2)/8"),
+                 f"{m}*({x}_dot + {e}*{a}_dot*cos({a}))^2/8",
+                 f"{m}*({e}*{a}_dot*sin({a}))^2/8"),
         potential=(f"{K}*({x} - {k.offset!r})^2/2", weight(k, m, f"{e}*cos({a})/4", n)),
         constraints={k.name("roll"): f"{x}_dot = {r}*{a}_dot"},
     )  # fmt: skip
@@ -378,7 +382,7 @@ def oscillators(k: Maker) -> None:
     for i in range(k.one_of(1, 2, 3, 5)):
         x = (k.offset + short(i * k.length) + k.signed(0, 0.3, k.length),)
         made.append(free_point(k, x, some_velocity(k, 1), k.some_mass()))
-    last = anchor(k, (k.offset - k.length,))
+    last = anchor((k.offset - k.length,))
     for point in made:
         n = Numbers(k)
         K, gap = n("K", stiffness(k, point, last)), n("l", k.length)
@@ -398,7 +402,7 @@ def block(k: Maker) -> None:
     v = k.one_of(0.0, k.signed(0.3, 2, k.speed), k.signed(0.3, 2, k.speed))
     point = free_point(k, (x0,), (v,), mass)
     if k.chance(0.6):
-        spring(k, point, anchor(k, (k.offset,)))
+        spring(k, point, anchor((k.offset,)))
     k.sliders.append((point.at[0], mass, v))
 
 

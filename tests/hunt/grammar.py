@@ -62,7 +62,8 @@ def _laws(maker: Maker) -> None:
     choices = [laws.forcing] if maker.pushed else []
     if maker.sliders:
         choices += [
-            laws.wall, laws.wall, laws.hill, laws.hill, laws.pair_law, laws.drag, laws.drag,
+            laws.wall, laws.wall, laws.hill, laws.hill, laws.pair_law,
+            laws.drag, laws.drag,
             laws.friction, laws.friction,
         ]  # fmt: skip
     if maker.points:
@@ -80,7 +81,7 @@ def _until(maker: Maker) -> str:
 
 
 def admissible(made: Scene) -> Scene:
-    """Give the scene with velocities that its constraints admit, where it states them."""
+    """Give the scene with velocities that its constraints admit, where stated."""
     if not made.stated or not made.gathered("constraints"):
         return made
     from tests.hunt.mechanics import Mechanics

@@ -101,7 +101,7 @@ class Extrapolation:
         self.high = y if self.high is None else np.maximum(self.high, y)
 
     def _ratio(self, y: Any, dy: Any, h: Any, found: Any, error: Any) -> float:
-        """Give the error over what is allowed; each component has a scale of its own."""
+        """Give the error over what is allowed; each component by itself."""
         if not np.all(np.isfinite(found)):
             return np.inf
         own = self.high - self.low + np.abs(h * dy) + 1e-7 * self.sizes

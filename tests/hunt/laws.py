@@ -174,7 +174,8 @@ def forcing(k: Maker) -> None:
         else:
             del n[end]
     k.add(
-        f"force-{kind}", parameters=n, forces=((q, text),), breaks=breaks, features=features,
+        f"force-{kind}", parameters=n, forces=((q, text),), breaks=breaks,
+        features=features,
     )  # fmt: skip
 
 

@@ -85,7 +85,7 @@ def moved(model: Document, names: tuple[str, ...], **options: Any) -> Motion:
 class Known:
     """A model's motion, its error (k, n), and what it makes of a nudge (k, n).
 
-    `gain` is the change of each coordinate for a change of the start by its whole range.
+    `gain` is the change of each coordinate for one of the start by its range.
     """
 
     model: Document

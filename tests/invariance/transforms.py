@@ -93,10 +93,10 @@ def document(text: str) -> Document:
         return float(expression(given, values.__getitem__))
 
     initial, guesses = {}, set()
-    for name, given in raw["initial"].items():
-        if isinstance(given, dict):
+    for name, entry in raw["initial"].items():
+        if isinstance(entry, dict):
             guesses.add(name)
-        given = given["guess"] if isinstance(given, dict) else given
+        given = entry["guess"] if isinstance(entry, dict) else entry
         values[name] = expression(given, values.__getitem__)
         initial[name] = float(values[name])
     for q in raw["coordinates"]:
