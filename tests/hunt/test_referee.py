@@ -35,7 +35,7 @@ def motion(item, **more):
 
 
 def test_an_oscillator_follows_the_cosine():
-    found = motion(slider(potential="x^2/2"), duration=50.0)
+    found = motion(slider(potential="x^2/2"), duration=20.0)
     assert np.max(np.abs(found.q[:, 0] - np.cos(found.times))) < CLOSE
     assert np.max(np.abs(found.a[:, 0] + np.cos(found.times))) < CLOSE
 
@@ -125,7 +125,7 @@ def test_a_narrow_pulse_is_seen():
     pulse = slider(
         0.0, force="exp(-((t - 5.3)/0.001)^2)", features=(("t - 5.3", 0.0005),)
     )
-    found = motion(pulse, duration=10.0)
+    found = motion(pulse, duration=6.0, step=3.0)
     assert abs(found.v[-1, 0] - Long(0.001) * np.sqrt(Long(np.pi))) < 1e-17
 
 
@@ -155,6 +155,7 @@ def test_a_wall_gives_back_the_speed():
     assert len(found.switched) == 2
 
 
+@pytest.mark.slow
 def test_a_chaotic_scene_gives_no_truth():
     arms = Item(
         "double", coordinates={"a": (3.0, 0.0), "b": (2.5, 0.0)},
@@ -185,6 +186,7 @@ def test_the_verdict_sees_what_is_wrong_and_grants_what_is_told():
     assert verdict(1e-4, 1e-9).kind == "silent-wrong"
     told = [{"code": "horizon", "text": ""}]
     assert verdict(1e-4, 1e-6, warnings=told).kind == "fine"
+    assert verdict(1e-9, 0.5, warnings=told).kind == "false-horizon"
     assert verdict(1e-4, 1e-9, warnings=told).kind == "told-too-small"
     assert verdict(1e-4, 1e-9, warnings=[{"code": "step-unused"}]).is_fault
     assert verdict(0.0, 1e-12, outcome="until").kind == "wrong-rows"
@@ -196,7 +198,7 @@ def test_the_verdict_sees_what_is_wrong_and_grants_what_is_told():
 def test_shrinking_keeps_what_fails_and_little_else():
     noise = [
         Item(f"n{i}", coordinates={f"y{i}": (1.234, 0.5)}, kinetic=(f"y{i}_dot^2/2",))
-        for i in range(4)
+        for i in range(3)
     ]
     spring = Item("spring", parameters={"K": 2.345}, potential=("K*x^2/2",))
     scene = a_scene(*noise, slider(1.234), spring, step=0.01)
@@ -208,7 +210,7 @@ def test_shrinking_keeps_what_fails_and_little_else():
 
 
 def test_scenes_follow_from_their_seed_and_come_back_from_a_file():
-    for number in range(4):
+    for number in range(3):
         scene = scene_of(f"same-{number}")
         assert scene.text() == scene_of(f"same-{number}").text()
         again = Scene.from_json(scene.to_json())

@@ -150,7 +150,14 @@ def _compared(
         return Verdict("silent-wrong", text, ratio, warned)
     if worst > MUTE and _far(over, exact):
         return Verdict("told-too-small", text, ratio, warned)
+    if "horizon" in warned and not _lost(off[:, :n], told[:n]):
+        return Verdict("false-horizon", text, ratio, warned)
     return Verdict("fine", text, ratio, warned)
+
+
+def _lost(off: Any, told: Any) -> bool:
+    """Say whether any coordinate is off by a fair part of what was told."""
+    return bool(np.any(off * MUTE > told))
 
 
 def _far(over: Any, exact: Truth) -> bool:
