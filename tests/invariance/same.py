@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 EPS = 2.0**-52
 # The start is moved by this part of each range to see what the motion makes of it.
 NUDGE = 1e-7
+STILL = 1e-6
 # Rounding acts in every step, not at the start alone; a run's error differs by how its
 # steps fall.
 ROUNDINGS, STEPS = 100.0, 30.0
@@ -110,7 +111,8 @@ def known(model: Document) -> Known:
     motion = moved(model, names)
     tight = moved(model, names, rtol="1e-13")
     spread = np.ptp(tight.q, axis=0)
-    sizes = np.where(spread > 0, spread, np.max(spread))
+    # One that should stay where it is has no range but rounding's.
+    sizes = np.where(spread > STILL * np.max(spread), spread, np.max(spread))
     rng = np.random.default_rng(11)
     initial = dict(model.initial)
     for name, size in zip(names, sizes, strict=True):

@@ -11,7 +11,7 @@ import pytest
 from tests.hunt.grammar import scene as scene_of
 from tests.hunt.integrator import NoTruthError
 from tests.hunt.verdict import GAIN, truth
-from tests.invariance.same import CHANGES, Sizes
+from tests.invariance.same import CHANGES, STILL, Sizes
 from tests.invariance.transforms import document
 from tests.support import run
 
@@ -44,7 +44,8 @@ def judged(scene, exact, name):
     times = (found["t"] - model.shift) * model.scale
     at = [int(np.argmin(np.abs(times - t))) for t in exact.motion.times.astype(float)]
     off = np.stack([found[q][at] for q in scene.q], axis=1) - exact.motion.q
-    moving = np.where(spread[:n] > 0, spread[:n], np.max(spread[:n]))
+    still = spread[:n] <= STILL * np.max(spread[:n])
+    moving = np.where(still, np.max(spread[:n]), spread[:n])
     magnified = np.max(exact.known[:, :n] / moving, axis=1, keepdims=True)
     allowed = (WITHIN + GAIN * change.rounding * magnified) * moving
     ratios = (np.abs(off) / allowed).astype(float)
