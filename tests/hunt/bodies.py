@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -32,12 +33,14 @@ def free_point(
     return point
 
 
-def anchor(k: Maker, place: tuple[float, ...]) -> Point:
+def anchor(place: tuple[float, ...]) -> Point:
     return Point(tuple(repr(x) for x in place), math.inf, place)
 
 
 def somewhere(k: Maker, dimensions: int, size: float = 1.0) -> tuple[float, ...]:
-    return tuple(k.offset + k.signed(0.2, 1.5, size * k.length) for _ in range(dimensions))
+    return tuple(
+        k.offset + k.signed(0.2, 1.5, size * k.length) for _ in range(dimensions)
+    )
 
 
 def some_velocity(k: Maker, dimensions: int) -> tuple[float, ...]:
@@ -57,7 +60,9 @@ def spring(k: Maker, a: Point, b: Point) -> None:
     n = Numbers(k)
     K = n("K", stiffness(k, a, b))
     text, d = distance(a, b)
-    straight = "(" + squares(*(f"({x} - {y})" for x, y in zip(a.at, b.at, strict=True))) + ")"
+    straight = (
+        "(" + squares(*(f"({x} - {y})" for x, y in zip(a.at, b.at, strict=True))) + ")"
+    )
     kind = k.one_of("plain", "length", "duffing")
     if kind == "plain" or len(a.at) == 1:
         energy = f"{K}*{straight}/2"
@@ -77,8 +82,8 @@ def points_and_springs(k: Maker) -> None:
         free_point(k, somewhere(k, d), some_velocity(k, d), k.some_mass())
         for _ in range(count)
     ]
-    spring(k, made[0], anchor(k, somewhere(k, d, 0.3)))
-    for a, b in zip(made, made[1:], strict=False):
+    spring(k, made[0], anchor(somewhere(k, d, 0.3)))
+    for a, b in itertools.pairwise(made):
         spring(k, a, b)
     if d == 1:
         k.sliders += [(p.at[0], p.mass, 0.0) for p in made]
@@ -89,10 +94,10 @@ def unequal_masses(k: Maker) -> None:
     d = k.one_of(1, 2)
     masses = [k.mass, k.decades(-6, 6, k.mass), k.decades(-6, 6, k.mass)]
     made = [free_point(k, somewhere(k, d), some_velocity(k, d), m) for m in masses]
-    for a, b in zip(made, made[1:], strict=False):
+    for a, b in itertools.pairwise(made):
         spring(k, a, b)
     if k.chance(0.5):
-        spring(k, made[0], anchor(k, somewhere(k, d, 0.3)))
+        spring(k, made[0], anchor(somewhere(k, d, 0.3)))
 
 
 def gravitating(k: Maker) -> None:
@@ -166,11 +171,18 @@ def _pivot(k: Maker, n: Numbers) -> tuple[str, str]:
         k.pushed.append((s, mass * k.gravity))
         if k.chance(0.4):
             K = n("K", short(mass * k.between(0.5, 6, 1 / k.time) ** 2))
-            k.add("cart-spring", parameters={K: n.pop(K)}, potential=(f"{K}*({s} - {k.offset!r})^2/2",))
+            k.add(
+                "cart-spring",
+                parameters={K: n.pop(K)},
+                potential=(f"{K}*({s} - {k.offset!r})^2/2",),
+            )
         return s, "0"
     if kind == "fixed":
         return "0", "0"
-    amplitude, w = n("A", k.between(0.02, 0.3, k.length)), n("w", k.between(0.5, 6, 1 / k.time))
+    amplitude, w = (
+        n("A", k.between(0.02, 0.3, k.length)),
+        n("w", k.between(0.5, 6, 1 / k.time)),
+    )
     since = f"(t - {n('t', k.start)})"
     if kind == "shaken":
         return "0", f"{amplitude}*cos({w}*{since})"
@@ -213,7 +225,10 @@ def spherical_pendulum(k: Maker) -> None:
     m, l = n("m", k.some_mass()), n("l", k.between(0.5, 2, k.length))  # noqa: E741
     k.add(
         "spherical", parameters=n,
-        coordinates={a: (k.between(0.5, 2), 0.0), b: (k.between(0, 6), k.signed(0.7, 2, 1 / k.time))},
+        coordinates={
+            a: (k.between(0.5, 2), 0.0),
+            b: (k.between(0, 6), k.signed(0.7, 2, 1 / k.time)),
+        },
         kinetic=(f"{m}*{l}^2*({a}_dot^2 + ({b}_dot*sin({a}))^2)/2",),
         potential=(f"-{weight(k, m, f'{l}*cos({a})', n)}",),
     )  # fmt: skip
@@ -223,7 +238,7 @@ def rods(k: Maker) -> None:
     """Points on rods: a pendulum of one to three, or a free figure, in 2 or 3-D."""
     d, hangs = k.one_of(2, 2, 3), k.chance(0.6)
     n = Numbers(k)
-    last = anchor(k, (k.offset,) * d) if hangs else None
+    last = anchor((k.offset,) * d) if hangs else None
     boost = () if hangs else tuple(k.signed(0, 3, k.speed) for _ in range(d))
     for _ in range(k.one_of(1, 2, 2, 3) + (not hangs)):
         base = last.place if last else (k.offset,) * d
@@ -246,7 +261,9 @@ def _rod(k: Maker, a: Point, b: Point) -> None:
     n = Numbers(k)
     steps = [f"({x} - {y})" for x, y in zip(b.at, a.at, strict=True)]
     l = n("l", math.dist(a.place, b.place))  # noqa: E741
-    k.add("rod", parameters=n, constraints={k.name("rod"): f"{squares(*steps)} = {l}^2"})
+    k.add(
+        "rod", parameters=n, constraints={k.name("rod"): f"{squares(*steps)} = {l}^2"}
+    )
 
 
 def bead(k: Maker) -> None:
@@ -255,7 +272,10 @@ def bead(k: Maker) -> None:
     n = Numbers(k)
     x0, v0 = somewhere(k, d), some_velocity(k, d)
     m = k.some_mass()
-    h, w = n("h", k.between(0.1, 0.6, k.length)), n("w", k.between(0.5, 3, 1 / k.length))
+    h, w = (
+        n("h", k.between(0.1, 0.6, k.length)),
+        n("w", k.between(0.5, 3, 1 / k.length)),
+    )
     tail = next(k.count)
     names = [f"{axis}{tail}" for axis in AXES[:d]]
     off = n("o", k.offset)
@@ -268,7 +288,10 @@ def bead(k: Maker) -> None:
         text = f"{h}*{w}^2*({squares(*arguments)})"
         value = n[h] * n[w] ** 2 * sum(x * x for x in place)
     if k.chance(0.3):
-        lift, pace = n("A", k.between(0.02, 0.2, k.length)), n("w", k.between(0.5, 5, 1 / k.time))
+        lift, pace = (
+            n("A", k.between(0.02, 0.2, k.length)),
+            n("w", k.between(0.5, 5, 1 / k.time)),
+        )
         text += f" + {lift}*sin({pace}*(t - {n('t', k.start)}))"
     mass = n("m", m)
     start = [*place_with(k, place), value]
@@ -319,7 +342,8 @@ def roller(k: Maker) -> None:
         "roller", parameters=n,
         coordinates={x: (k.offset, k.signed(0.1, 1, k.speed)), a: (turned, 0.0)},
         kinetic=(f"{m}*{x}_dot^2/2 + {m}*{r}^2*{a}_dot^2/4",
-                 f"{m}*(({x}_dot + {e}*{a}_dot*cos({a}))^2 + ({e}*{a}_dot*sin({a}))^2)/8"),
+                 f"{m}*({x}_dot + {e}*{a}_dot*cos({a}))^2/8",
+                 f"{m}*({e}*{a}_dot*sin({a}))^2/8"),
         potential=(f"{K}*({x} - {k.offset!r})^2/2", weight(k, m, f"{e}*cos({a})/4", n)),
         constraints={k.name("roll"): f"{x}_dot = {r}*{a}_dot"},
     )  # fmt: skip
@@ -358,11 +382,15 @@ def oscillators(k: Maker) -> None:
     for i in range(k.one_of(1, 2, 3, 5)):
         x = (k.offset + short(i * k.length) + k.signed(0, 0.3, k.length),)
         made.append(free_point(k, x, some_velocity(k, 1), k.some_mass()))
-    last = anchor(k, (k.offset - k.length,))
+    last = anchor((k.offset - k.length,))
     for point in made:
         n = Numbers(k)
         K, gap = n("K", stiffness(k, point, last)), n("l", k.length)
-        k.add("link", parameters=n, potential=(f"{K}*({point.at[0]} - {last.at[0]} - {gap})^2/2",))
+        k.add(
+            "link",
+            parameters=n,
+            potential=(f"{K}*({point.at[0]} - {last.at[0]} - {gap})^2/2",),
+        )
         last = point
     k.sliders += [(p.at[0], p.mass, 0.0) for p in made]
 
@@ -374,7 +402,7 @@ def block(k: Maker) -> None:
     v = k.one_of(0.0, k.signed(0.3, 2, k.speed), k.signed(0.3, 2, k.speed))
     point = free_point(k, (x0,), (v,), mass)
     if k.chance(0.6):
-        spring(k, point, anchor(k, (k.offset,)))
+        spring(k, point, anchor((k.offset,)))
     k.sliders.append((point.at[0], mass, v))
 
 

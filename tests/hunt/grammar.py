@@ -13,7 +13,15 @@ from tests.hunt.maker import Maker, short
 from tests.hunt.scene import Scene
 
 # How often a scene has what: natural ones first, odd units and places now and then.
-OTHER_UNITS, OFFSET, TWO, BYSTANDER, LATER, UNTIL, METHOD = 0.35, 0.15, 0.15, 0.15, 0.15, 0.12, 0.15
+OTHER_UNITS, OFFSET, TWO, BYSTANDER, LATER, UNTIL, METHOD = (
+    0.35,
+    0.15,
+    0.15,
+    0.15,
+    0.15,
+    0.12,
+    0.15,
+)
 ROWS = (1, 2, 3, 7, 40, 40, 200, 200, 1000)
 METHODS = ("dop853", "taylor", "radau")
 
@@ -54,8 +62,9 @@ def _laws(maker: Maker) -> None:
     choices = [laws.forcing] if maker.pushed else []
     if maker.sliders:
         choices += [
-            laws.wall, laws.wall, laws.hill, laws.hill, laws.pair_law, laws.drag, laws.drag,
-            laws.friction, laws.friction, laws.forcing,
+            laws.wall, laws.wall, laws.hill, laws.hill, laws.pair_law,
+            laws.drag, laws.drag,
+            laws.friction, laws.friction,
         ]  # fmt: skip
     if maker.points:
         choices.append(laws.air)
@@ -72,7 +81,7 @@ def _until(maker: Maker) -> str:
 
 
 def admissible(made: Scene) -> Scene:
-    """Give the scene with velocities that its constraints admit, where it states them."""
+    """Give the scene with velocities that its constraints admit, where stated."""
     if not made.stated or not made.gathered("constraints"):
         return made
     from tests.hunt.mechanics import Mechanics

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from tests.hunt.grammar import scene as scene_of
 from tests.hunt.integrator import NoTruthError
+from tests.hunt.shrinking import MOST, shrunk
 from tests.hunt.verdict import Truth, Verdict, judge, truth
 
 if TYPE_CHECKING:
@@ -68,6 +69,11 @@ def scenes(seed: str) -> Iterator[Scene]:
     while True:
         yield scene_of(f"{seed}-{number}")
         number += 1
+
+
+def small(scene: Scene, verdict: Verdict, lagsim: Lagsim, most: int = MOST) -> Scene:
+    """Give a smaller scene with the same kind of fault."""
+    return shrunk(scene, lambda s: tried(s, lagsim)[0].kind == verdict.kind, most)
 
 
 def report(scene: Scene, verdict: Verdict, exact: Truth | None, folder: Path) -> Path:

@@ -101,14 +101,22 @@ class Extrapolation:
         self.high = y if self.high is None else np.maximum(self.high, y)
 
     def _ratio(self, y: Any, dy: Any, h: Any, found: Any, error: Any) -> float:
-        """Give the error over what is allowed; each component has a scale of its own."""
+        """Give the error over what is allowed; each component by itself."""
         if not np.all(np.isfinite(found)):
             return np.inf
         own = self.high - self.low + np.abs(h * dy) + 1e-7 * self.sizes
         half = len(y) // 2
         largest = np.concatenate(
-            [np.full(half, np.max(np.abs(part), initial=0)) for part in (y[:half], y[half:])]
+            [
+                np.full(half, np.max(np.abs(part), initial=0))
+                for part in (y[:half], y[half:])
+            ]
         )
         rounding = np.abs(y) + 4 * np.abs(h * dy)
-        scale = self.tolerance * own + ROUNDING * rounding + 16 * h * self.noise + Long(2) ** -62 * largest
+        scale = (
+            self.tolerance * own
+            + ROUNDING * rounding
+            + 16 * h * self.noise
+            + Long(2) ** -62 * largest
+        )
         return float(np.max(error / (scale + Long(10) ** -4000)))

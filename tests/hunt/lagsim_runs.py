@@ -10,7 +10,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -86,7 +86,7 @@ class Lagsim:
             self.process.communicate()
         self.process = None
 
-    def __enter__(self) -> Lagsim:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

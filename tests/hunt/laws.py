@@ -27,7 +27,9 @@ def wall(k: Maker) -> None:
     depth = f"max(0, {side}({x} - {at}))"
     energy = f"{K}*{depth}^{power}/{power}"
     if k.chance(0.3):
-        energy = f"if({side}({x} - {at}) > 0, {K}*({side}({x} - {at}))^{power}/{power}, 0)"
+        energy = (
+            f"if({side}({x} - {at}) > 0, {K}*({side}({x} - {at}))^{power}/{power}, 0)"
+        )
     width = 0.1 * k.length
     k.add("wall", parameters=n, potential=(energy,), features=((f"{x} - {at}", width),))
 
@@ -41,7 +43,9 @@ def hill(k: Maker) -> None:
     E = n("E", k.one_of(-1, 1) * k.between(0.05, 5, energy_of(k, mass)))
     s = f"(({x} - {at})/{w})"
     energy = k.one_of(f"{E}*exp(-{s}^2)", f"{E}*(1 + tanh({s}))/2")
-    k.add("hill", parameters=n, potential=(energy,), features=((f"{x} - {at}", n[w] / 2),))
+    k.add(
+        "hill", parameters=n, potential=(energy,), features=((f"{x} - {at}", n[w] / 2),)
+    )
 
 
 def pair_law(k: Maker) -> None:
@@ -72,7 +76,9 @@ def drag(k: Maker) -> None:
     n = Numbers(k)
     v = f"{x}_dot"
     c = k.between(0.02, 1, mass / k.time)
-    kind = k.one_of("linear", "square", "sign-square", "power", "root", "cube", "rayleigh")
+    kind = k.one_of(
+        "linear", "square", "sign-square", "power", "root", "cube", "rayleigh"
+    )
     size = n("c", c)
     s = n("v", k.speed)
     if kind == "rayleigh":
@@ -98,9 +104,13 @@ def air(k: Maker) -> None:
     speed = "sqrt(" + " + ".join(f"{v}^2" for v in rates) + ")"
     s = n("v", k.speed)
     if len(rates) == 1 or k.chance(0.5):
-        forces = tuple((x, f"-{c}*{v} + 0*{s}") for x, v in zip(point.at, rates, strict=True))
+        forces = tuple(
+            (x, f"-{c}*{v} + 0*{s}") for x, v in zip(point.at, rates, strict=True)
+        )
     else:
-        forces = tuple((x, f"-{c}*{speed}*{v}/{s}") for x, v in zip(point.at, rates, strict=True))
+        forces = tuple(
+            (x, f"-{c}*{speed}*{v}/{s}") for x, v in zip(point.at, rates, strict=True)
+        )
     k.add("air", parameters=n, forces=forces)
 
 
@@ -122,6 +132,8 @@ def friction(k: Maker) -> None:
 
 def forcing(k: Maker) -> None:
     """A force in time: a sine, a pulse (smooth or not, narrow or not), square waves."""
+    if not k.pushed:
+        return
     q, size = k.one_of(*k.pushed)
     n = Numbers(k)
     F = n("F", k.signed(0.1, 2, size))
@@ -162,7 +174,8 @@ def forcing(k: Maker) -> None:
         else:
             del n[end]
     k.add(
-        f"force-{kind}", parameters=n, forces=((q, text),), breaks=breaks, features=features,
+        f"force-{kind}", parameters=n, forces=((q, text),), breaks=breaks,
+        features=features,
     )  # fmt: skip
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, field
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from tests.hunt.scene import Item
+
+if TYPE_CHECKING:
+    import numpy as np
 
 
 @dataclass(frozen=True)

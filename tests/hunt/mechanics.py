@@ -263,16 +263,16 @@ class _Printer(StrPrinter):
         self.scope[name] = Long(high) + Long(low)
         return name
 
-    def _print_Integer(self, e: sp.Integer) -> str:
+    def _print_Integer(self, e: sp.Integer) -> str:  # noqa: N802
         return self._constant(e)
 
-    def _print_Rational(self, e: sp.Rational) -> str:
+    def _print_Rational(self, e: sp.Rational) -> str:  # noqa: N802
         return self._constant(e)
 
-    _print_Half = _print_One = _print_NegativeOne = _print_Rational
-    _print_Zero = _print_Rational
+    _print_Half = _print_One = _print_NegativeOne = _print_Rational  # noqa: N815
+    _print_Zero = _print_Rational  # noqa: N815
 
-    def _print_Mul(self, e: sp.Mul) -> str:
+    def _print_Mul(self, e: sp.Mul) -> str:  # noqa: N802
         below = [x for x in e.args if x.is_Pow and x.exp.is_number and x.exp < 0]
         above = [self._print(x) for x in e.args if x not in below]
         if e.args[0] == -1:
@@ -281,10 +281,10 @@ class _Printer(StrPrinter):
         under = "*".join(self._print(sp.Pow(x.base, -x.exp)) for x in below)
         return f"({text}/({under}))" if below else f"({text})"
 
-    def _print_Add(self, e: sp.Add, order: Any = None) -> str:  # noqa: ARG002
+    def _print_Add(self, e: sp.Add, order: Any = None) -> str:  # noqa: ARG002, N802
         return "(" + " + ".join(self._print(x) for x in e.args) + ")"
 
-    def _print_Pow(self, e: sp.Pow, rational: bool = False) -> str:  # noqa: ARG002, FBT001, FBT002
+    def _print_Pow(self, e: sp.Pow, rational: bool = False) -> str:  # noqa: ARG002, N802
         base, exponent = self._print(e.base), e.exp
         if exponent == sp.Rational(1, 2):
             return f"root({base})"
@@ -296,11 +296,11 @@ class _Printer(StrPrinter):
             return f"(one/{base})"
         return f"power({base}, {self._print(exponent)})"
 
-    def _print_Function(self, e: sp.Function) -> str:
+    def _print_Function(self, e: sp.Function) -> str:  # noqa: N802
         arguments = ", ".join(self._print(x) for x in e.args)
         return f"{type(e).__name__}({arguments})"
 
-    _print_ExpBase = _print_Function
+    _print_ExpBase = _print_Function  # noqa: N815
     _print_exp = _print_Function
 
 
@@ -313,7 +313,7 @@ def _power(base: Any, exponent: Any) -> Any:
 
 _SCOPE = {
     name: getattr(np, name)
-    for name in "sin cos tan exp log tanh sinh cosh".split()
+    for name in ["sin", "cos", "tan", "exp", "log", "tanh", "sinh", "cosh"]
 } | {
     "atan": np.arctan, "atan2": np.arctan2, "asin": np.arcsin, "acos": np.arccos,
     "power": _power, "one": Long(1),
@@ -327,7 +327,9 @@ def function(
     """Compile steps and lists of answers to a function of lists of numbers."""
     names = [name for name, _ in steps]
     flat = [value for _, value in steps] + [e for part in answers for e in part]
-    shared, reduced = sp.cse(flat, symbols=(sp.Symbol(f"cse_{i}") for i in itertools.count()))
+    shared, reduced = sp.cse(
+        flat, symbols=(sp.Symbol(f"cse_{i}") for i in itertools.count())
+    )
     scope = dict(_SCOPE)
     printer = _Printer(scope)
     lines = []
@@ -353,7 +355,9 @@ def function(
     return scope["made"]
 
 
-def _ready(pending: Any, made: set[Any], value: sp.Expr, printer: _Printer) -> list[str]:
+def _ready(
+    pending: Any, made: set[Any], value: sp.Expr, printer: _Printer
+) -> list[str]:
     """Give the lines of the shared parts that a value needs, in their order."""
     needed: set[Any] = set()
     for x, e in reversed(pending):

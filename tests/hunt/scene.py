@@ -40,7 +40,8 @@ class Item:
         """The names that its texts use and that it does not make itself."""
         texts = [
             *self.definitions.values(), *self.constraints.values(), *self.kinetic,
-            *self.potential, *self.dissipation, *(t for pair in self.forces for t in pair),
+            *self.potential, *self.dissipation,
+            *(text for pair in self.forces for text in pair),
         ]  # fmt: skip
         words = {w.removesuffix("_dot") for text in texts for w in _WORD.findall(text)}
         return words - self.makes
@@ -152,7 +153,25 @@ class Scene:
 
 
 _FUNCTIONS = frozenset(
-    "sin cos tan exp sqrt tanh abs sign max min hypot atan log cosh and or not".split()
+    [
+        "sin",
+        "cos",
+        "tan",
+        "exp",
+        "sqrt",
+        "tanh",
+        "abs",
+        "sign",
+        "max",
+        "min",
+        "hypot",
+        "atan",
+        "log",
+        "cosh",
+        "and",
+        "or",
+        "not",
+    ]
 ) | {"if"}
 
 

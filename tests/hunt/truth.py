@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tests.hunt.integrator import Extrapolation, Long, NoTruthError
-from tests.hunt.mechanics import Mechanics
+
+if TYPE_CHECKING:
+    from tests.hunt.mechanics import Mechanics
 
 # Halvings and secants until a crossing is located to the last bits.
 LOCATING = 200
@@ -43,6 +45,8 @@ class Motion:
     evaluations: int
     # Times at which something switched: a row next to one may lie on either side.
     switched: tuple[float, ...] = ()
+    # Of q and v between all steps, not of the rows alone.
+    range: Any = None
 
 
 class Run:
@@ -229,7 +233,7 @@ class Referee(Run):
         kept = [np.array([row[i] for row in rows]) for i in range(5)]
         return Motion(
             *kept, float(t), stopped, len(self.switched), self.method.evaluations,
-            tuple(self.switched),
+            tuple(self.switched), self.method.high - self.method.low,
         )  # fmt: skip
 
     def _begin(self, t: Any, y: Any, later: list[Any]) -> None:
@@ -318,8 +322,9 @@ class Referee(Run):
         first: tuple[Any, int] | None = None
         for k, value in enumerate(after):
             end = h if value < 0 else None
-            if end is None and rates[k] < 0 < later[k]:
-                end = self._dip(at, k, h)
+            fall = h * max(-rates[k], later[k])
+            if end is None and rates[k] < 0 < later[k] and min(before[k], value) < fall:
+                end = self._dip(t, y, dy, h, k)
             if end is None:
                 continue
             low = self._positive(at, k, end, before)
@@ -353,28 +358,26 @@ class Referee(Run):
             return None
         return Long(0)
 
-    def _dip(self, at: Any, k: int, h: Any) -> Any:
+    def _dip(self, t: Any, y: Any, dy: Any, h: Any, k: int) -> Any:
         """Give a time within the step at which the number is negative, if any.
 
-        It falls at the start and rises at the end: the least value, by thirds.
+        It falls at the start and rises at the end: least where its rate vanishes.
         """
-        low, high = Long(0), h
-        for _ in range(60):
-            a, b = low + (high - low) / 3, high - (high - low) / 3
-            fa, fb = at(a)[k], at(b)[k]
-            if min(fa, fb) < 0:
-                return a if fa < 0 else b
-            if abs(fa - fb) < Long(0.05) * min(fa, fb):
-                return None
-            low, high = (low, b) if fa < fb else (a, high)
-        return None
+
+        def fall(part: Any) -> Any:
+            state, _ = self.method.leap(t, y, dy, part)
+            return -self._rates(t + part, state)[k]
+
+        where = _root(fall, Long(0), h, 1e-9 * h)
+        state, _ = self.method.leap(t, y, dy, where)
+        return where if self._watched(t + where, state)[k] < 0 else None
 
 
-def _root(value: Any, low: Any, high: Any) -> Any:
+def _root(value: Any, low: Any, high: Any, near: Any = 0) -> Any:
     """Locate a change of sign: regula falsi, Illinois, with halvings."""
     a, b = value(low), value(high)
     for k in range(LOCATING):
-        if high - low <= 4 * np.spacing(high) or b == 0:
+        if high - low <= max(near, 4 * np.spacing(high)) or b == 0:
             break
         middle = (low + high) / 2
         if k % 4 != 3 and a > 0 > b:

@@ -55,7 +55,7 @@ class Verdict:
 
     @property
     def is_fault(self) -> bool:
-        return self.kind not in ("fine", "uncounted", "warned")
+        return self.kind not in ("fine", "uncounted")
 
 
 def truth(scene: Scene) -> Truth:
@@ -76,7 +76,7 @@ def truth(scene: Scene) -> Truth:
     if not np.all(np.isfinite(state)):
         raise NoTruthError("not finite")
     known = np.maximum.accumulate(np.abs(state - again))
-    spread = np.max(state, axis=0) - np.min(state, axis=0)
+    spread = motion.range
     sizes = spread + 1e-6 * np.max(np.abs(state), axis=0)
     parts = np.max(known, axis=0) / np.where(sizes > 0, sizes, 1)
     if np.max(parts) > TRUSTED:
@@ -92,11 +92,14 @@ def judge(scene: Scene, answer: Answer, exact: Truth) -> Verdict:
         return Verdict("crash", answer.told[-600:])
     record = answer.record
     if answer.code != 0 or record is None or not record["complete"]:
-        reason = record["reason"] if record else answer.told
+        reason = record.get("reason") if record else answer.told
         return Verdict(f"refused-{answer.code}", str(reason)[-600:])
-    warned = tuple(
-        w["code"] for w in record["warnings"] if w["code"] not in IDLE
-    )
+    warned = tuple(w["code"] for w in record["warnings"] if w["code"] not in IDLE)
+    if record["outcome"] != ("until" if exact.motion.stopped else "done"):
+        end = float(exact.motion.end)
+        return Verdict(
+            "wrong-rows", f"{record['outcome']}, but the truth ends at {end}"
+        )
     found = _rows(answer, exact, scene)
     if isinstance(found, str):
         return Verdict("wrong-rows", found, warned=warned)
@@ -107,8 +110,6 @@ def _rows(answer: Answer, exact: Truth, scene: Scene) -> Any:
     """Give the rows (k, 2n) at the times of the truth, or what is wrong with them."""
     times, t = exact.motion.times.astype(float), answer.column("t")
     ends = abs(t[-1] - times[-1])
-    if exact.motion.stopped != (answer.record or {}).get("outcome", "").startswith("u"):
-        return f"it stopped at {t[-1]}, the truth at {times[-1]}"
     # `until` is located as well as the motion is known.
     if ends > 1e-8 * scene.duration:
         return f"it ended at {t[-1]!r}, the truth at {times[-1]!r}"
@@ -148,8 +149,15 @@ def _compared(
     if worst > SLACK and not warned:
         return Verdict("silent-wrong", text, ratio, warned)
     if worst > MUTE and _far(over, exact):
-        return Verdict("warned", text, ratio, warned)
+        return Verdict("told-too-small", text, ratio, warned)
+    if "horizon" in warned and not _lost(off[:, :n], told[:n]):
+        return Verdict("false-horizon", text, ratio, warned)
     return Verdict("fine", text, ratio, warned)
+
+
+def _lost(off: Any, told: Any) -> bool:
+    """Say whether any coordinate is off by a fair part of what was told."""
+    return bool(np.any(off * MUTE > told))
 
 
 def _far(over: Any, exact: Truth) -> bool:

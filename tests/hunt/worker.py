@@ -6,14 +6,17 @@ import contextlib
 import gc
 import io
 import json
+import os
 import sys
 
 
 def main() -> None:
     from lagsim.cli import main as lagsim
 
-    lines, answers = sys.stdin, sys.stdout
-    for line in lines:
+    # What libraries print themselves must not come between the answers.
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    for line in sys.stdin:
         sys.argv = ["lagsim", *json.loads(line)]
         out, err = io.StringIO(), io.StringIO()
         code = 70

@@ -1,0 +1,69 @@
+"""lagsim against the referee: a few scenes always, forty slowly, a thousand nightly.
+
+HUNT_SEED and HUNT_SCENES choose what a night tries, HUNT_FOLDER where failures go.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.hunt.hunting import hunt, report, small, tried
+from tests.hunt.lagsim_runs import Lagsim
+
+# A told error is to be within this factor of the truth, on this part of the scenes.
+FACTOR, MOSTLY = 30.0, 0.95
+
+
+@pytest.fixture
+def lagsim(tmp_path):
+    with Lagsim(tmp_path) as process:
+        yield process
+
+
+def hunted(seed, count, lagsim, folder):
+    """Hunt; shrink and write what fails; give the tally and what is to be said."""
+    tally = hunt(seed, count, lagsim, lambda *_: None)
+    told = [f"seed {seed}: {tally.counted} scenes, {tally.uncounted} without a truth"]
+    for scene, verdict in tally.faults:
+        least = small(scene, verdict, lagsim)
+        found, exact = tried(least, lagsim)
+        place = report(least, found, exact, folder)
+        told.append(f"{scene.seed}: {found.kind}, {place}\n    {found.text}")
+    return tally, "\n".join(told)
+
+
+def folder_of(tmp_path):
+    return Path(os.environ.get("HUNT_FOLDER", tmp_path / "failures"))
+
+
+def test_a_few_scenes_hold(lagsim, tmp_path):
+    tally, told = hunted("few", 5, lagsim, folder_of(tmp_path))
+    assert not tally.faults, told
+
+
+@pytest.mark.slow
+def test_forty_scenes_hold(lagsim, tmp_path):
+    tally, told = hunted("forty", 40, lagsim, folder_of(tmp_path))
+    assert not tally.faults, told
+    # A grammar whose scenes have no truth would test nothing.
+    assert tally.uncounted < tally.counted / 4, told
+
+
+@pytest.mark.nightly
+def test_a_thousand_scenes_hold(lagsim, tmp_path, capsys):
+    today = dt.datetime.now(dt.UTC).date().isoformat()
+    seed = os.environ.get("HUNT_SEED", today)
+    count = int(os.environ.get("HUNT_SCENES", "1000"))
+    tally, told = hunted(seed, count, lagsim, folder_of(tmp_path))
+    ratios = np.array(tally.ratios)
+    within = np.mean((ratios < FACTOR) & (ratios > 1 / FACTOR)) if len(ratios) else 1
+    with capsys.disabled():
+        print(f"\n{told}\ntold errors within a factor {FACTOR:g}: {within:.1%}")  # noqa: T201
+    assert not tally.faults, told
+    assert tally.uncounted < tally.counted / 4
+    assert within >= MOSTLY

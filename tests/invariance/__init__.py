@@ -1,0 +1,1 @@
+"""The same motion, told in other words."""

@@ -1,0 +1,50 @@
+"""Every shipped model elsewhere, moving, in other units, beside others: the same."""
+
+from __future__ import annotations
+
+import functools
+
+import pytest
+
+from tests.invariance.same import CHANGES, differs, known
+from tests.invariance.transforms import document
+from tests.support import MODELS
+
+SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
+QUICK = [
+    ("pendulum-cartesian", "shifted"), ("elastic-pendulum", "boosted"),
+    ("elastic-pendulum", "beside-a-planet"), ("dry-friction", "microseconds"),
+    ("chaplygin-sleigh", "metres"), ("charged-particle", "later"),
+]  # fmt: skip
+# The whole motion is the same; a part of it shows that as well.
+LONGEST = 500  # rows
+
+
+@functools.cache
+def measured(name):
+    model = document((MODELS / f"{name}.yaml").read_text(encoding="utf-8"))
+    duration = min(model.duration, LONGEST * model.output_step)
+    return known(shorter(model, duration))
+
+
+def shorter(model, duration):
+    from dataclasses import replace
+
+    return replace(model, duration=duration)
+
+
+def holds(name, change):
+    ratio, told = differs(measured(name), CHANGES[change])
+    assert ratio < 1.0, told
+
+
+@pytest.mark.parametrize(("name", "change"), QUICK)
+def test_the_same_motion_in_other_words(name, change):
+    holds(name, change)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("change", CHANGES)
+def test_every_model_moves_the_same_in_other_words(name, change):
+    holds(name, change)

@@ -1,0 +1,223 @@
+"""Models rewritten so that they say the same: elsewhere, moving, in other units, ...
+
+Each transformation takes a Document and gives one whose columns `q` mean what they
+meant: a coordinate q that is replaced becomes a definition of the same name, so that
+no other text changes. Works on texts alone; start values are evaluated by sympy.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import sympy as sp
+import yaml
+
+from tests.sympy_oracle import expression
+
+_T = re.compile(r"\bt\b")
+_RATE = re.compile(r"\b([^\W\d]\w*_dot)\b")
+_WORD = re.compile(r"[^\W\d]\w*")
+
+
+@dataclass(frozen=True)
+class Document:
+    """A model's texts, its start as numbers, and its times.
+
+    scale : columns of t times this are the times of the model it came from
+    shift : ... after this was taken off
+    """
+
+    parameters: dict[str, str]
+    coordinates: tuple[str, ...]
+    definitions: dict[str, str]
+    energy: dict[str, str]
+    forces: dict[str, str]
+    constraints: dict[str, str]
+    initial: dict[str, float]
+    guesses: frozenset[str]
+    start: float
+    duration: float
+    output_step: float
+    until: str = ""
+    settings: dict[str, str] = field(default_factory=dict)
+    scale: float = 1.0
+    shift: float = 0.0
+
+    def text(self) -> str:
+        """Write the model file."""
+        simulation: dict[str, Any] = {
+            "start": repr(self.start), "duration": repr(self.duration),
+            "output_step": repr(self.output_step), **self.settings,
+        }  # fmt: skip
+        if self.until:
+            simulation["until"] = self.until
+        initial: dict[str, Any] = {
+            name: {"guess": repr(x)} if name in self.guesses else repr(x)
+            for name, x in self.initial.items()
+        }
+        document = {
+            "name": "same", "parameters": self.parameters,
+            "coordinates": {q: {} for q in self.coordinates},
+            "definitions": self.definitions, "energy": self.energy,
+            "forces": self.forces, "constraints": self.constraints,
+            "initial": initial, "simulation": simulation,
+        }  # fmt: skip
+        return yaml.safe_dump(document, sort_keys=False, width=10**6)
+
+    def everywhere(self, change: Any) -> Document:
+        """Give the document with all texts of the motion changed."""
+
+        def each(texts: dict[str, str]) -> dict[str, str]:
+            return {name: change(text) for name, text in texts.items()}
+
+        return replace(
+            self, definitions=each(self.definitions), energy=each(self.energy),
+            forces=each(self.forces), constraints=each(self.constraints),
+            until=change(self.until),
+        )  # fmt: skip
+
+
+def document(text: str) -> Document:
+    """Read a model file, less what only its output needs."""
+    # BaseLoader keeps all scalars text.
+    raw = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506
+    parameters = _texts(raw.get("parameters"), "value")
+    values: dict[str, sp.Expr] = {"pi": sp.pi}
+    for name, given in parameters.items():
+        values[name] = expression(given, values.__getitem__)
+    simulation = raw["simulation"]
+
+    def number(given: str) -> float:
+        return float(expression(given, values.__getitem__))
+
+    initial, guesses = {}, set()
+    for name, entry in raw["initial"].items():
+        if isinstance(entry, dict):
+            guesses.add(name)
+        given = entry["guess"] if isinstance(entry, dict) else entry
+        values[name] = expression(given, values.__getitem__)
+        initial[name] = float(values[name])
+    for q in raw["coordinates"]:
+        initial.setdefault(f"{q}_dot", 0.0)
+    energy, forces = raw["energy"], raw.get("forces") or {}
+    constraints = _texts(raw.get("constraints"), "relation")
+    used = [*energy.values(), *forces, *forces.values(), *constraints.values()]
+    used.append(simulation.get("until", ""))
+    duration = number(simulation["duration"])
+    kept = {k: v for k, v in simulation.items() if k in ("method", "rtol")}
+    return Document(
+        parameters, tuple(raw["coordinates"]),
+        _needed(_texts(raw.get("definitions"), "value"), used),
+        energy, forces, constraints, initial, frozenset(guesses),
+        number(simulation.get("start", "0")), duration,
+        number(simulation.get("output_step", repr(duration / 1000))),
+        simulation.get("until", ""), kept,
+    )  # fmt: skip
+
+
+def _texts(mapping: Any, key: str) -> dict[str, str]:
+    entries = (mapping or {}).items()
+    return {k: v[key] if isinstance(v, dict) else v for k, v in entries}
+
+
+def _needed(definitions: dict[str, str], used: list[str]) -> dict[str, str]:
+    """Give the definitions that the motion needs, by name or by rate."""
+    names: set[str] = set()
+    pending = list(used)
+    while pending:
+        words = {w.removesuffix("_dot") for w in _WORD.findall(pending.pop())}
+        fresh = (words & definitions.keys()) - names
+        names |= fresh
+        pending += [definitions[name] for name in fresh]
+    return {k: v for k, v in definitions.items() if k in names}
+
+
+def replaced(
+    model: Document, factor: float = 1.0, far: float = 0.0, speed: float = 0.0
+) -> Document:
+    """Put q = factor*Q - far - speed*(t - start) for each coordinate."""
+    definitions, initial = {}, {}
+    parameters = model.parameters | {
+        "new_L": repr(factor), "new_X": repr(far), "new_V": repr(speed),
+        "new_t": repr(model.start),
+    }  # fmt: skip
+    for q in model.coordinates:
+        text = f"new_L*{q}_new"
+        text += " - new_X" if far else ""
+        text += " - new_V*(t - new_t)" if speed else ""
+        definitions[q] = text
+        initial[f"{q}_new"] = (model.initial[q] + far) / factor
+        initial[f"{q}_new_dot"] = (model.initial[f"{q}_dot"] + speed) / factor
+    return replace(
+        model, parameters=parameters,
+        coordinates=tuple(f"{q}_new" for q in model.coordinates),
+        definitions=definitions | model.definitions, initial=initial,
+        guesses=frozenset(_new(name) for name in model.guesses),
+    )  # fmt: skip
+
+
+def _new(name: str) -> str:
+    if name.endswith("_dot"):
+        return name.removesuffix("_dot") + "_new_dot"
+    return name + "_new"
+
+
+def seconds(model: Document, factor: float) -> Document:
+    """Count time in units of `factor`."""
+    changed = model.everywhere(
+        lambda text: _T.sub(f"(t*{factor!r})", _RATE.sub(rf"(\1/{factor!r})", text))
+    )
+    energy = dict(changed.energy)
+    if "dissipation" in energy:  # a power: its derivative is a force per new speed
+        energy["dissipation"] = f"{factor!r}*({energy['dissipation']})"
+    initial = {
+        name: x * factor if name.endswith("_dot") else x
+        for name, x in model.initial.items()
+    }
+    return replace(
+        changed, energy=energy, initial=initial, start=model.start / factor,
+        duration=model.duration / factor, output_step=model.output_step / factor,
+        scale=factor,
+    )  # fmt: skip
+
+
+def kilograms(model: Document, factor: float) -> Document:
+    """Count masses, and so energies and forces, in units of 1/factor."""
+
+    def heavier(texts: dict[str, str]) -> dict[str, str]:
+        return {name: f"new_M*({text})" for name, text in texts.items()}
+
+    return replace(
+        model, parameters=model.parameters | {"new_M": repr(factor)},
+        energy=heavier(model.energy), forces=heavier(model.forces),
+    )  # fmt: skip
+
+
+def with_bystander(
+    model: Document, mass: float, place: float, speed: float
+) -> Document:
+    """Add a body that touches nothing."""
+    energy = dict(model.energy)
+    key = "lagrangian" if "lagrangian" in energy else "kinetic"
+    energy[key] = f"{energy[key]} + new_m*bystander_dot^2/2"
+    return replace(
+        model, parameters=model.parameters | {"new_m": repr(mass)},
+        coordinates=(*model.coordinates, "bystander"), energy=energy,
+        initial=model.initial | {"bystander": place, "bystander_dot": speed},
+    )  # fmt: skip
+
+
+def reordered(model: Document) -> Document:
+    """Name coordinates and constraints the other way round."""
+    return replace(
+        model, coordinates=model.coordinates[::-1],
+        constraints=dict(reversed(model.constraints.items())),
+    )  # fmt: skip
+
+
+def later(model: Document, by: float) -> Document:
+    """Start later, with clocks that are set back in the texts."""
+    changed = model.everywhere(lambda text: _T.sub(f"(t - {by!r})", text))
+    return replace(changed, start=model.start + by, shift=by)
