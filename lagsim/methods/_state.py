@@ -60,7 +60,9 @@ SMALLEST_STEP = 44  # once the first steps have found their size; 0: none yet
 INERTIAS = 45  # how many are followed, whether they vanish on the way ...
 INERTIAS_AT = 46  # ... and where: the largest, the smallest and its time, of each
 LANES_AT = 47  # where the memory for rows side by side is; see _projection
-HEADER = 48
+PULLED = 72  # the farthest that a state was pulled onto what it slides along, against
+# the motion so far
+HEADER = 80
 
 
 # The spectral radius of the methods that have it, unless another is asked for.
