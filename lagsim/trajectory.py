@@ -55,6 +55,11 @@ class Outcome(Enum):
         """no motion leads on from there: change the forces near their switches, or stop
         before that time""",
     )
+    STATE_JUMPS = (
+        "failed",
+        """positions never jump, and velocities only at an impact: the rows up to there
+        stand. This is a fault of lagsim's: please report the model""",
+    )
     INTERRUPTED = "interrupted", ""
     SWITCHED = "switched", ""  # of an arc: the next one begins
 

@@ -50,6 +50,9 @@ BLOCK = 2048
 MOST_NUMBERS = 2**20
 # Steps between two looks at interrupts and progress: some tens of milliseconds.
 STEPS_PER_CALL = 4000
+# A state that slides is pulled back by what a step errs, which is at most a few times
+# the tolerance, and this part of the motion for a method without one.
+MOST_PULLED = 1e-2
 # The last row within this part of a row's spacing is the end's.
 SAME_ROW = 1e-9
 # A loss of rank is close where the rows' independence falls below the first part of
@@ -134,6 +137,12 @@ class Run:
             state[at.EQUATION] = simulation.until.sense.value == "="
         state[at.HEADER : at.HEADER + len(y)] = y
         return state
+
+    @property
+    def most_pulled(self) -> float:
+        """How far a state may be pulled, against the motion, before it jumps."""
+        rtol = self.plan.rtol
+        return MOST_PULLED if rtol is None else min(MOST_PULLED, max(1e-9, 1e4 * rtol))
 
     def _set_tolerances(self, state: Floats) -> None:
         state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
@@ -224,7 +233,10 @@ class Run:
                 return outcome
             if self.state[at.SWITCHED] > 0.0:
                 ahead = end
-                if not self.switching.meet():
+                went_on = self.switching.meet()
+                if self.switching.jumped:
+                    return Outcome.STATE_JUMPS
+                if not went_on:
                     return Outcome.SWITCHES_ACCUMULATE
                 if self.system.m and impact(self):
                     return Outcome.CONSTRAINT_JUMPS
@@ -310,6 +322,8 @@ class Run:
         pressed = self.interrupt is not None and self.interrupt.signal is not None
         if pressed and not over:
             return Outcome.INTERRUPTED
+        if not state[at.PULLED] <= self.most_pulled:
+            return Outcome.STATE_JUMPS
         if code == at.DEGENERATE:
             self._switch_to_loops()
         elif code == at.RANK_LOST:

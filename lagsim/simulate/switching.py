@@ -34,6 +34,8 @@ SHARE_SLACK = 1e-12
 # One farther past it where it is located has not left by its bound: no share keeps to
 # the surface there.
 HELD = 1e-6
+# What is left of accumulating switches, against the speeds there were.
+LEFT = 1e-4
 # Towards a surface past which there are no finite values, steps end after this part of
 # the way to it; where even that fails, after this part of it; and so often at most.
 AHEAD = 0.9
@@ -55,6 +57,7 @@ class Switching:
         self.sequence = Sequence(simulation.start, simulation.end - simulation.start)
         self.told: set[str] = set()
         self.time = run.t
+        self.jumped = False
         self.approaches = 0
         self.reach = AHEAD
         self.tried_at = math.nan
@@ -103,8 +106,21 @@ class Switching:
             self._tell(crossing.undecided)
         modes.write()
         self._set_slack(levels, rows, sizes)
-        run.runner.pull(run.t, run.y)
+        self._pull(resting=bool(at_rest))
         self._record(before, met)
+
+    def _pull(self, *, resting: bool) -> None:
+        """Take the state onto the surfaces that it follows; note if that is a jump."""
+        run, n = self.run, self.run.system.n
+        former, seen = run.y.copy(), self.modes.seen()
+        run.runner.pull(run.t, run.y)
+        masses = run.runner.function("measure")(run.t, former)[2 : 2 + n]
+        most = max(run.most_pulled, LEFT) if resting else run.most_pulled
+        for part in (slice(n), slice(n, 2 * n)):
+            moved = masses @ (run.y[part] - former[part]) ** 2
+            if not moved <= most**2 * (masses @ seen[part] ** 2):
+                run.y[:] = former
+                self.jumped = True
 
     def _find_sides(self, on: set[int]) -> tuple[dict[int, float], Rows, Floats]:
         """Set the sides that are clear; give the level of each surface it is on.
