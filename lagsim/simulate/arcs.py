@@ -19,7 +19,7 @@ from lagsim.plan import by_loops
 from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED, usual_lengths
 from lagsim.simulate.coordinates import singularity_caution
-from lagsim.simulate.impacts import impact
+from lagsim.simulate.impacts import impact, row_before
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
 from lagsim.simulate.states import (
@@ -28,6 +28,7 @@ from lagsim.simulate.states import (
     SERIES,
     SLIDING,
     empty_state,
+    most_pulled,
     taken_over,
 )
 from lagsim.system import System
@@ -50,9 +51,6 @@ BLOCK = 2048
 MOST_NUMBERS = 2**20
 # Steps between two looks at interrupts and progress: some tens of milliseconds.
 STEPS_PER_CALL = 4000
-# A state that slides is pulled back by what a step errs, which is at most a few times
-# the tolerance, and this part of the motion for a method without one.
-MOST_PULLED = 1e-2
 # The last row within this part of a row's spacing is the end's.
 SAME_ROW = 1e-9
 # A loss of rank is close where the rows' independence falls below the first part of
@@ -137,12 +135,6 @@ class Run:
             state[at.EQUATION] = simulation.until.sense.value == "="
         state[at.HEADER : at.HEADER + len(y)] = y
         return state
-
-    @property
-    def most_pulled(self) -> float:
-        """How far a state may be pulled, against the motion, before it jumps."""
-        rtol = self.plan.rtol
-        return MOST_PULLED if rtol is None else min(MOST_PULLED, max(1e-9, 1e4 * rtol))
 
     def _set_tolerances(self, state: Floats) -> None:
         state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
@@ -233,13 +225,9 @@ class Run:
                 return outcome
             if self.state[at.SWITCHED] > 0.0:
                 ahead = end
-                went_on = self.switching.meet()
-                if self.switching.jumped:
-                    return Outcome.STATE_JUMPS
-                if not went_on:
-                    return Outcome.SWITCHES_ACCUMULATE
-                if self.system.m and impact(self):
-                    return Outcome.CONSTRAINT_JUMPS
+                ended = self.switching.cross()
+                if ended is not None:
+                    return ended
             self._set_limits(end if ahead is None else ahead)
 
     def _breaks(self) -> Iterator[float]:
@@ -259,13 +247,12 @@ class Run:
 
     def _begin_arc(self, end: float) -> bool:
         """Set the branches of the arc that ends at `end`; tell if a constraint tore."""
+        held = self.system.m > 0 and self.plan.projected
+        held = held and self.t > self.simulation.start
+        before = row_before(self) if held else self.row()
         self._set_branches(end)
         self._set_limits(end)
-        torn = False
-        held = self.system.m and self.plan.projected
-        if held and self.t > self.simulation.start:
-            torn = impact(self)
-        return torn
+        return held and impact(self, before)
 
     def _set_limits(self, end: float) -> None:
         state, simulation = self.state, self.simulation
@@ -322,7 +309,7 @@ class Run:
         pressed = self.interrupt is not None and self.interrupt.signal is not None
         if pressed and not over:
             return Outcome.INTERRUPTED
-        if not state[at.PULLED] <= self.most_pulled:
+        if not state[at.PULLED] <= most_pulled(self.plan.rtol):
             return Outcome.STATE_JUMPS
         if code == at.DEGENERATE:
             self._switch_to_loops()
@@ -392,7 +379,10 @@ class Run:
         """Hand rows of times and states on, as columns."""
         if not len(states):
             return
-        rows = self.runner.tabulate(states)
+        self.hand_on(self.runner.tabulate(states))
+
+    def hand_on(self, rows: Floats) -> None:
+        """Hand rows of columns on."""
         self.rows += len(rows)
         for consumer in self.consumers:
             consumer.add(rows)

@@ -164,7 +164,8 @@ class Modes:
     def keeps(self, k: int) -> bool:
         """Tell whether an expression is constant hereabouts, not only level here."""
         seen = self.seen()
-        aside = np.where(seen > 0.0, seen, 1.0) * (ASIDE + ASIDE**2 * np.arange(len(seen)))
+        parts = ASIDE + ASIDE**2 * np.arange(len(seen))
+        aside = parts * np.where(seen > 0.0, seen, 1.0)
         here, there = self.rows(), self.rows(self.run.y + aside)
         if self.of_velocities[k]:
             still = abs(here.rates[k] - there.rates[k]) <= ON * abs(here.rates[k])

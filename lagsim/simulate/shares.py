@@ -84,23 +84,22 @@ class Crossroads:
         candidates = list(self._candidates(now))
         # On a side only with a rate above rounding, at first: else the motion follows
         # the surface rather than to creep along it.
-        for way in candidates:
-            if self.holds(way, self._clear):
+        leading = next((w for w in candidates if self.holds(w, self._clear)), None)
+        if leading is not None:
+            return leading
+        creeping = [way for way in candidates if self.holds(way, -self.tolerance)]
+        doubtful = []
+        for way in creeping:
+            stays = ALONG in way or self.stays(tuple(way))
+            if stays:
                 return way
-        doubtful = None
-        for way in candidates:
-            if self.holds(way, -self.tolerance):
-                stays = None if ALONG in way else self.stays(tuple(way))
-                if stays or ALONG in way:
-                    return way
-                if stays is None and doubtful is None:
-                    doubtful = way
-        if doubtful is None and self.settled:
-            # No side leads away: the motion stays, though no surface attracts alone.
-            for way in candidates:
-                if self.holds(way, self._clear, alone=False):
-                    return way
-        return doubtful
+            if stays is None:
+                doubtful.append(way)
+        if doubtful or not self.settled:
+            return doubtful[0] if doubtful else None
+        # No side leads away: the motion stays, though no surface attracts alone.
+        resting = (w for w in candidates if self.holds(w, self._clear, alone=False))
+        return next(resting, None)
 
     def is_fork(self, way: Sequence[int]) -> bool:
         """Tell whether the other side of some surface would do as well."""
@@ -149,9 +148,7 @@ class Crossroads:
             own[along] = np.diag(inner)
         return w, rho, own
 
-    def holds(
-        self, way: Sequence[int], least: Floats, *, alone: bool = True
-    ) -> bool:
+    def holds(self, way: Sequence[int], least: Floats, *, alone: bool = True) -> bool:
         """Tell whether a way meets the conditions, with rates of at least `least`.
 
         And whether each surface that is followed attracts alone.

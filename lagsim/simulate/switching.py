@@ -15,10 +15,12 @@ import numpy as np
 from lagsim.methods import _interface as kept
 from lagsim.methods import _state as at
 from lagsim.simulate.crossing import Crossing
+from lagsim.simulate.impacts import impact, row_before
 from lagsim.simulate.modes import ON, Modes
 from lagsim.simulate.sequence import Sequence
 from lagsim.simulate.shares import ABOVE, BELOW
-from lagsim.trajectory import Caution, Event
+from lagsim.simulate.states import most_pulled
+from lagsim.trajectory import Caution, Event, Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -115,7 +117,8 @@ class Switching:
         former, seen = run.y.copy(), self.modes.seen()
         run.runner.pull(run.t, run.y)
         masses = run.runner.function("measure")(run.t, former)[2 : 2 + n]
-        most = max(run.most_pulled, LEFT) if resting else run.most_pulled
+        most = most_pulled(run.plan.rtol)
+        most = max(most, LEFT) if resting else most
         for part in (slice(n), slice(n, 2 * n)):
             moved = masses @ (run.y[part] - former[part]) ** 2
             if not moved <= most**2 * (masses @ seen[part] ** 2):
@@ -204,6 +207,18 @@ class Switching:
         events = self.run.events
         if len(events) < MOST_EVENTS:
             events.append(Event(self.time, kind, switch=self.sides[k].text))
+
+    def cross(self) -> Outcome | None:
+        """Go through the switch that was located; give how the run ends there."""
+        run = self.run
+        before = row_before(run) if run.system.m else run.row()
+        goes_on = self.meet()
+        if self.jumped:
+            return Outcome.STATE_JUMPS
+        if not goes_on:
+            return Outcome.SWITCHES_ACCUMULATE
+        torn = run.system.m > 0 and impact(run, before)
+        return Outcome.CONSTRAINT_JUMPS if torn else None
 
     def meet(self) -> bool:
         """Go through the switch that was located; tell whether the motion goes on."""
