@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.constraints import Flow, Row, constraint_row
 from lagsim.expressions.derivatives import gradient, rate_of, tangent
+from lagsim.expressions.functions import OPERATIONS
 from lagsim.expressions.sparse import SparseVector
 from lagsim.model import Level
 
@@ -241,6 +242,12 @@ def _energy(
     return g.call("sub", moved, model.lagrangian), False
 
 
+def _may_strike(g: Graph, rows: Sequence[Row]) -> bool:
+    """Tell whether a constraint's rate may jump: an impact takes energy."""
+    cone = g.cone([row.rate for row in rows])
+    return any((known := OPERATIONS.get(g.ops[n])) and known.switch for n in cone)
+
+
 def _power(
     g: Graph,
     model: Model,
@@ -251,7 +258,7 @@ def _power(
 ) -> int | None:
     moved = [row for row in rows if row.transport != g.zero]
     has_forces = bool(model.forces) or model.dissipation is not None
-    if not (has_forces or moved or dL_dt != g.zero):
+    if not (has_forces or moved or dL_dt != g.zero or _may_strike(g, rows)):
         return None
     power = g.call("sub", g.product_sum(zip(Q, rates, strict=True)), dL_dt)
     for row in moved:

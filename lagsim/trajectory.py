@@ -60,6 +60,11 @@ class Outcome(Enum):
         motion through what happens there: look at the scene around that time, or stop
         before it""",
     )
+    STATE_JUMPS = (
+        "failed",
+        """positions never jump, and velocities only at an impact: the rows up to there
+        stand. This is a fault of lagsim's: please report the model""",
+    )
     INTERRUPTED = "interrupted", ""
     SWITCHED = "switched", ""  # of an arc: the next one begins
 

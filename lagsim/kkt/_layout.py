@@ -50,10 +50,11 @@ def switching(m: int, size: int, surfaces: int, elements: int) -> int:
 
     What `methods._interface` names; where the rows of J begin, and the columns of its
     elements; what `surface_rows` gives; the fields on both sides; the equations for the
-    shares.
+    shares; a state.
     """
     if not surfaces:
         return 0
     rows = surfaces + 1 + elements + 4 * surfaces + elements
     fields = (surfaces + 1) * (size + m)
-    return 1 + surfaces * PER_SURFACE + rows + fields + surfaces * (surfaces + 3)
+    shares = surfaces * (surfaces + 3)
+    return 1 + surfaces * PER_SURFACE + rows + fields + shares + size

@@ -5,7 +5,8 @@ fields of both sides point back onto a surface the motion follows it: y' is the
 combination f0 + sum_k w_k (f_k - f0) that stays on all surfaces it slides along, with
 f0 on the lower sides and f_k on the upper side of surface k. A surface gives a row as
 a constraint does, J q'' = b, on the level of velocities or, for one in positions, of
-accelerations; the shares w are its multipliers.
+accelerations; the shares w are its multipliers. What steps together with a surface is
+carried along: it is on its own lower and upper side where that one is.
 
 Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Sides,
 1988, sections 4 and 8.
@@ -17,7 +18,10 @@ from typing import TYPE_CHECKING
 
 from lagsim.kkt._layout import COUNT, GAIN, MOTION, QUADRATURES, ROWS
 from lagsim.methods._interface import (
+    CARRIED,
+    FOLLOWED,
     HIGH,
+    LEADER,
     LEAST,
     LOW,
     MOST,
@@ -36,6 +40,8 @@ if TYPE_CHECKING:
 # A pivot this small against its column is none: forces that slide together and that
 # only their sum matters of.
 DEPENDENT = 1e-12
+# Shares that leave this part of a rate's terms do not keep the motion on the surface.
+MISSED = 1e-9
 
 
 @external
@@ -90,8 +96,11 @@ def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
         motion[n + i] = found[size + i]
     for k in range(count):
         if kept[SLIDES * count + k] > 0.0:
+            leader = k
+            if kept[SLIDES * count + k] == CARRIED:
+                leader = int(kept[LEADER * count + k]) - 1
             width = kept[HIGH * count + k] - kept[LOW * count + k]
-            between = kept[LOW * count + k] + kept[SHARE * count + k] * width
+            between = kept[LOW * count + k] + kept[SHARE * count + leader] * width
             kept[SIDE * count + k] = between
     columns(t, y, p, out)
     for k in range(count):
@@ -109,7 +118,7 @@ def margins(t: float, y: Floats, p: Floats, out: Floats) -> None:
     for k in range(count):
         low = out[k] - kept[LEAST * count + k]
         high = kept[MOST * count + k] - out[k]
-        if kept[SLIDES * count + k] > 0.0:
+        if kept[SLIDES * count + k] == FOLLOWED:
             low = kept[SHARE * count + k]
             high = 1.0 - kept[SHARE * count + k]
         out[k] = min(low, high)
@@ -118,7 +127,8 @@ def margins(t: float, y: Floats, p: Floats, out: Floats) -> None:
 def pull(t: float, y: Floats, p: Floats) -> None:
     """Take a state back onto the surfaces that the motion slides along.
 
-    Along the change of the force there, as the force itself would.
+    Along the change of the force there, as the force itself would. A step that does not
+    bring it closer is not made: where the surface's slope vanishes there is no way.
     """
     n = int(p[COUNT])
     count = int(p[SURFACES])
@@ -127,13 +137,54 @@ def pull(t: float, y: Floats, p: Floats) -> None:
         return
     width = components(p) + int(p[ROWS])
     found = at(p, int(p[SWITCHING]) + fields_at(p))
+    rows = at(p, int(p[SWITCHING]) + rows_at(p))
     combine(t, y, p)
     right = at(found, (count + 1) * width + count * count)
+    former = at(right, 3 * count)
+    weigh(p)
+    far = distance(p)
+    for i in range(2 * n):
+        former[i] = y[i]
     for j in range(sliding):
         change = at(found, (j + 1) * width + n)
         for i in range(n):
             y[i] += change[i] * right[3 * j + 1]
             y[n + i] += change[i] * right[3 * j + 2]
+    surface_rows(t, y, p, rows)
+    if not distance(p) <= far:
+        for i in range(2 * n):
+            y[i] = former[i]
+
+
+def weigh(p: Floats) -> None:
+    """Leave the slope of each surface that the motion follows where B was."""
+    count = int(p[SURFACES])
+    width = components(p) + int(p[ROWS])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    starts = at(p, int(p[SWITCHING]) + 1 + count * PER_SURFACE)
+    elements = at(p, int(p[SWITCHING]) + rows_at(p) + 4 * count)
+    slopes = at(p, int(p[SWITCHING]) + fields_at(p) + (count + 1) * width)
+    for k in range(count):
+        slopes[k] = 0.0
+        if kept[SLIDES * count + k] == FOLLOWED:
+            for e in range(int(starts[k]), int(starts[k + 1])):
+                slopes[k] += abs(elements[e])
+
+
+def distance(p: Floats) -> float:
+    """Give how far the state is from the surfaces that it slides along."""
+    count = int(p[SURFACES])
+    width = components(p) + int(p[ROWS])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    rows = at(p, int(p[SWITCHING]) + rows_at(p))
+    slopes = at(p, int(p[SWITCHING]) + fields_at(p) + (count + 1) * width)
+    far = 0.0
+    for k in range(count):
+        if slopes[k] > 0.0:
+            off = abs(rows[k] - kept[LEAST * count + k])
+            off += abs(rows[count + k] - kept[MOST * count + k])
+            far += off / slopes[k]
+    return far
 
 
 def components(p: Floats) -> int:
@@ -171,15 +222,24 @@ def combine(t: float, y: Floats, p: Floats) -> None:
         surface_rows(t, y, p, rows)
         j = 0
         for k in range(count):
-            if kept[SLIDES * count + k] > 0.0:
+            if kept[SLIDES * count + k] == FOLLOWED:
                 j += 1
-                kept[SIDE * count + k] = kept[HIGH * count + k]
+                take_side(k, HIGH, p)
                 other = at(fields, j * width)
                 field(t, y, p, other)
-                kept[SIDE * count + k] = kept[LOW * count + k]
+                take_side(k, LOW, p)
                 for i in range(width):
                     other[i] -= fields[i]
         share_out(sliding, p)
+
+
+def take_side(k: int, which: int, p: Floats) -> None:
+    """Put a surface, and what it carries along, on the side LOW or HIGH."""
+    count = int(p[SURFACES])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    for i in range(count):
+        if i == k or int(kept[LEADER * count + i]) == k + 1:
+            kept[SIDE * count + i] = kept[which * count + i]
 
 
 def share_out(sliding: int, p: Floats) -> None:
@@ -194,23 +254,58 @@ def share_out(sliding: int, p: Floats) -> None:
     right = at(B, count * count)
     i = 0
     for k in range(count):
-        if kept[SLIDES * count + k] > 0.0:
+        if kept[SLIDES * count + k] == FOLLOWED:
             right[3 * i] = rows[2 * count + k] - product(k, p, at(fields, n))
-            right[3 * i + 1] = -rows[k]
-            right[3 * i + 2] = -rows[count + k]
+            right[3 * i + 1] = kept[LEAST * count + k] - rows[k]
+            right[3 * i + 2] = kept[MOST * count + k] - rows[count + k]
             for j in range(sliding):
                 change = at(fields, (j + 1) * width + n)
                 B[i * sliding + j] = product(k, p, change)
             i += 1
     solve(sliding, B, right)
+    take_shares(sliding, p)
+
+
+def take_shares(sliding: int, p: Floats) -> None:
+    """Combine the fields; a share that does not keep to its surface becomes -1."""
+    n = int(p[COUNT])
+    count = int(p[SURFACES])
+    width = components(p) + int(p[ROWS])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    rows = at(p, int(p[SWITCHING]) + rows_at(p))
+    fields = at(p, int(p[SWITCHING]) + fields_at(p))
+    B = at(fields, (count + 1) * width)
+    right = at(B, count * count)
     i = 0
     for k in range(count):
-        if kept[SLIDES * count + k] > 0.0:
+        if kept[SLIDES * count + k] == FOLLOWED:
             kept[SHARE * count + k] = right[3 * i]
-            change = at(fields, (i + 1) * width)
-            for c in range(width):
-                fields[c] += right[3 * i] * change[c]
+            B[i] = abs(rows[2 * count + k]) + extent(k, p, at(fields, n))
             i += 1
+    for i in range(sliding):
+        change = at(fields, (i + 1) * width)
+        for c in range(width):
+            fields[c] += right[3 * i] * change[c]
+    i = 0
+    for k in range(count):
+        if kept[SLIDES * count + k] == FOLLOWED:
+            size = B[i] + extent(k, p, at(fields, n))
+            left = product(k, p, at(fields, n)) - rows[2 * count + k]
+            if not abs(left) <= MISSED * size:
+                kept[SHARE * count + k] = -1.0
+            i += 1
+
+
+def extent(k: int, p: Floats, a: Floats) -> float:
+    """Give the size of the terms of row k of J times a (n,)."""
+    count = int(p[SURFACES])
+    starts = at(p, int(p[SWITCHING]) + 1 + count * PER_SURFACE)
+    places = at(starts, count + 1)
+    elements = at(p, int(p[SWITCHING]) + rows_at(p) + 4 * count)
+    found = 0.0
+    for e in range(int(starts[k]), int(starts[k + 1])):
+        found += abs(elements[e] * a[int(places[e])])
+    return found
 
 
 def product(k: int, p: Floats, a: Floats) -> float:

@@ -6,6 +6,7 @@ model does not need is left out.
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods._interface import (
@@ -45,6 +46,7 @@ from lagsim.methods._state import (
     MOST_STEP,
     ORIENTATION,
     PAUSED,
+    PULLED,
     RANK_LOST,
     ROW,
     ROW_LIMIT,
@@ -60,6 +62,7 @@ from lagsim.methods._state import (
     SUSPECT,
     SWITCH_FOUND,
     SWITCHED,
+    N,
     T,
 )
 from lagsim.methods._switching import find_end
@@ -159,7 +162,7 @@ def inspect(s: Floats, p: Floats) -> None:
     if SWITCHES or UNTIL:
         find_end(s, p)
     if SWITCHES and s[CUT] == 0.0:
-        pull(s[T], at(s, HEADER), p)
+        pull_back(s, p, s[T], at(s, HEADER))
     if s[INERTIAS] > 0.0:
         note_inertias(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
 
@@ -215,8 +218,33 @@ def take_cut(s: Floats, p: Floats) -> None:
     if CONSTRAINED:
         settle(s, p, s[T], y)
     if SWITCHES:
-        pull(s[T], y, p)
+        pull_back(s, p, s[T], y)
     s[CUT] = 0.0
+
+
+def pull_back(s: Floats, p: Floats, t: float, y: Floats) -> None:
+    """Pull a state onto what it slides along, and note how far it moves.
+
+    In the metric of the diagonal of M, against the largest positions and velocities.
+    """
+    n = int(s[N])
+    size = int(s[SIZE])
+    sizes = at(s, HEADER + size)
+    masses = at(s, HEADER + 3 * size + 2)
+    former = at(s, HEADER + 4 * size + 2)
+    for i in range(2 * n):
+        former[i] = y[i]
+    pull(t, y, p)
+    for part in range(2):
+        moved = 0.0
+        whole = 0.0
+        for i in range(n):
+            k = part * n + i
+            change = y[k] - former[k]
+            moved += masses[i] * change * change
+            whole += masses[i] * sizes[k] * sizes[k]
+        if not moved <= s[PULLED] * s[PULLED] * whole:
+            s[PULLED] = sqrt(moved / whole) if whole > 0.0 else 1.0
 
 
 def begin(s: Floats, p: Floats) -> None:

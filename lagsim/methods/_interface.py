@@ -27,16 +27,23 @@ NOTE = 2.0
 SWITCHING = 10
 SURFACES = 11
 SIDE = 0  # the mode variables
-SLIDES = 1  # 1 where the motion follows the surface
-LOW = 2  # what the mode variable is on its two sides, while it slides
+SLIDES = 1  # see below
+LOW = 2  # what the mode variable is on the two sides of what the motion slides along
 HIGH = 3
-LEAST = 4  # between these the expression of the surface stays
-MOST = 5
+LEAST = 4  # between these the expression of the surface stays; while it slides they
+MOST = 5  # are what the residual and the rate are kept at
 SHARE = 6  # of the upper side, in the combination that stays on the surface
 SLACK = 7  # how far past its end a mode still counts as lasting
 BAND = 8  # and how far it must be past it for more than noise
-MARGINS = 9  # five arrays for the search
-PER_SURFACE = 14
+LEADER = 9  # the number, from 1, of the sliding surface that carries it along; or 0
+MARGINS = 10  # five arrays for the search
+PER_SURFACE = 15
+
+# SLIDES is this where the motion follows a surface and where one is carried along by
+# another; where the expression keeps its level on a whole stretch it is below 0.
+FOLLOWED = 2.0
+CARRIED = 1.0
+LEVEL = -1.0
 
 
 @external

@@ -76,6 +76,8 @@ LONGEST = 68  # no step is longer than this; 0: any
 PLANNED = 64  # the step that will pass a loss of rank, once there is room for it; or 0
 PLANNED_AT = 65  # when that was planned
 SEARCH_AT = 78  # where the memory is for what ends a step early; see _switching
+PULLED = 72  # the farthest that a state was pulled onto what it slides along, against
+# the motion so far
 HEADER = 80
 
 

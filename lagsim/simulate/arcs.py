@@ -23,7 +23,7 @@ from lagsim.plan.lengths import usual_lengths
 from lagsim.plan.solve import WELL_CONDITIONED
 from lagsim.simulate.coordinates import singularity_caution
 from lagsim.simulate.fallback import fall_back
-from lagsim.simulate.impacts import impact
+from lagsim.simulate.impacts import impact, row_before
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
 from lagsim.simulate.states import (
@@ -33,6 +33,7 @@ from lagsim.simulate.states import (
     SLIDING,
     empty_state,
     extents,
+    most_pulled,
     taken_over,
 )
 from lagsim.system import System
@@ -250,10 +251,9 @@ class Run:
                 return outcome
             if self.state[at.SWITCHED] > 0.0:
                 ahead = end
-                if not self.switching.meet():
-                    return Outcome.SWITCHES_ACCUMULATE
-                if self.system.m and impact(self):
-                    return Outcome.CONSTRAINT_JUMPS
+                ended = self.switching.cross()
+                if ended is not None:
+                    return ended
             self._set_limits(end if ahead is None else ahead)
 
     def _breaks(self) -> Iterator[float]:
@@ -273,13 +273,12 @@ class Run:
 
     def _begin_arc(self, end: float) -> bool:
         """Set the branches of the arc that ends at `end`; tell if a constraint tore."""
+        held = self.system.m > 0 and self.plan.projected
+        held = held and self.t > self.simulation.start
+        before = row_before(self) if held else self.row()
         self._set_branches(end)
         self._set_limits(end)
-        torn = False
-        held = self.system.m and self.plan.projected
-        if held and self.t > self.simulation.start:
-            torn = impact(self)
-        return torn
+        return held and impact(self, before)
 
     def _set_limits(self, end: float) -> None:
         state, simulation = self.state, self.simulation
@@ -338,6 +337,8 @@ class Run:
         pressed = self.interrupt is not None and self.interrupt.signal is not None
         if pressed and not over:
             return Outcome.INTERRUPTED
+        if not state[at.PULLED] <= most_pulled(self.plan.rtol):
+            return Outcome.STATE_JUMPS
         if code == at.DEGENERATE:
             self._switch_to_loops()
         elif code == at.RANK_LOST:
@@ -422,7 +423,10 @@ class Run:
         """Hand rows of times and states on, as columns."""
         if not len(states):
             return
-        rows = self.runner.tabulate(states)
+        self.hand_on(self.runner.tabulate(states))
+
+    def hand_on(self, rows: Floats) -> None:
+        """Hand rows of columns on."""
         self.rows += len(rows)
         for consumer in self.consumers:
             consumer.add(rows)

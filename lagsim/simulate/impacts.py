@@ -7,35 +7,58 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods import _state as at
+from lagsim.simulate.modes import ON
 from lagsim.trajectory import Event
 
 if TYPE_CHECKING:
+    from lagsim.native.kernel_types import Floats
     from lagsim.simulate.arcs import Run
 
 # A moving constraint whose residual jumps by more than this, against its scale, tears.
 TORN = 1e-6
 
 
-def impact(run: Run) -> bool:
+# What the rounding of a state does to a rate, times this, is no jump.
+ROUNDING = 16.0
+# Units in the last place of the time by which a row stands before an impact.
+BEFORE = 8.0
+
+
+def row_before(run: Run) -> Floats:
+    """Give the columns (1, k) just before the time reached, dated then.
+
+    Where all switches still are as they were; before they are set anew.
+    """
+    n = run.system.n
+    moment = BEFORE * np.spacing(abs(run.t))
+    row = run.row()
+    row[0, 0] -= moment
+    row[0, 1 : 1 + n] -= moment * run.y[n : 2 * n]
+    columns = run.runner.tabulate(row)
+    columns[0, 0] = run.t
+    return columns
+
+
+def impact(run: Run, row: Floats) -> bool:
     """Meet a constraint whose rate jumps: the velocities are projected.
 
     That is the inelastic impact, the least change in the metric of M. Gives whether
-    a position has jumped instead, which no motion can follow.
+    a position has jumped instead, which no motion can follow. row : what `row_before`
+    gave.
     """
     before = run.observed()
     names = run.system.columns.names
-    for row in run.equations.rows:
-        g = before[names.index(f"residual_{row.name}")]
-        scale = before[names.index(f"scale.{row.name}")]
-        if row.holonomic and abs(g) > TORN * scale and _is_far(run):
-            run.torn = row.name
+    for constraint in run.equations.rows:
+        g = before[names.index(f"residual_{constraint.name}")]
+        scale = before[names.index(f"scale.{constraint.name}")]
+        if constraint.holonomic and abs(g) > TORN * scale and _is_far(run):
+            run.torn = constraint.name
             return True
     n = run.system.n
     step = run.runner.function("velocity_step")(run.t, run.y)[:n]
-    sizes = run.state[at.HEADER + run.system.size + n :][:n]
-    if np.all(np.abs(step) <= TORN * 1e-3 * np.maximum(sizes, 1e-300)):
+    if not _strikes(run, step):
         return False
-    run.emit(run.row())
+    run.hand_on(row)
     run.y[n : 2 * n] += step
     if run.system.has_work:
         energy = names.index("energy")
@@ -44,6 +67,21 @@ def impact(run: Run) -> bool:
     if run.row_time(0) > run.t:
         run.emit(run.row())
     return False
+
+
+def _strikes(run: Run, step: Floats) -> bool:
+    """Tell whether velocities jump by more than the rounding of the state explains."""
+    n, size = run.system.n, run.system.size
+    seen = np.maximum(np.abs(run.y), run.sizes)
+    steps = run.runner.function("velocity_step")
+    noise = np.zeros(n)
+    for sign in (1.0, -1.0):
+        moment = ON * max(abs(run.t), run.simulation.end - run.simulation.start)
+        aside = np.array([1.0 if i % 2 else sign for i in range(size)])
+        moved = steps(run.t + moment, run.y + ON * aside * seen)[:n]
+        noise = np.fmax(noise, np.abs(moved - step))
+    most = TORN * 1e-3 * seen[n : 2 * n] + ROUNDING * noise
+    return bool(np.any(np.abs(step) > most))
 
 
 def _is_far(run: Run) -> bool:

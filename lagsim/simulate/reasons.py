@@ -36,6 +36,8 @@ def _what_failed(run: Run, outcome: Outcome) -> str:
         return f"the position that constraint `{run.torn}` asks for jumps {where}"
     if outcome is Outcome.SWITCHES_ACCUMULATE:
         return f"the switches {run.accumulating} accumulate {where}"
+    if outcome is Outcome.STATE_JUMPS:
+        return f"the state would have jumped {where}"
     if outcome is Outcome.PROJECTION_FAILED:
         return f"the constraints could not be met {where}"
     if outcome is Outcome.NEWTON_FAILED:

@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from collections import deque
 
-# Switches accumulate where this many take less than this part of the longest arc, and
-# come ever faster. What is left of the motion then is about the square of that, and a
-# few times its rounding.
+# Switches accumulate where what is left of them, at the ratio at which they come ever
+# faster, is less than this part of the time since they do. What is left of the motion
+# then is about the square of that.
 WINDOW = 4
-SHORT = 2e-6
-# So many switches in no time, as a part of the run: no motion leads on from there.
+SHORT = 1e-6
+# A stretch this many times longer than the ratio has it is none of theirs.
+REGULAR = 16.0
+# So many switches in no time, a few units in the last place of times of this size: no
+# motion leads on from there.
 STUCK = 40
-NO_TIME = 1e-12
+NO_TIME = 2.0**-47
+# So many are remembered.
+MOST = 4000
 
 
 class Sequence:
@@ -22,7 +27,7 @@ class Sequence:
         self.last = start
         self.span = span
         self.longest = 0.0
-        self.recent: deque[tuple[float, int]] = deque(maxlen=STUCK)
+        self.recent: deque[tuple[float, int]] = deque(maxlen=MOST)
 
     def add(self, time: float, surface: int) -> None:
         """Take one more switch."""
@@ -36,26 +41,39 @@ class Sequence:
 
     def ratio(self) -> float:
         """Give how much faster the last switches came than those before; else inf."""
-        times = [t for t, _ in self.recent]
-        if len(times) <= 2 * WINDOW:
+        if len(self.recent) <= 2 * WINDOW:
             return math.inf
-        last = times[-1] - times[-1 - WINDOW]
-        former = times[-1 - WINDOW] - times[-1 - 2 * WINDOW]
+        last, former = self._stretch(0), self._stretch(1)
         return last / former if former > 0.0 else math.inf
+
+    def _stretch(self, k: int) -> float:
+        """Give how long WINDOW switches took, k such stretches ago."""
+        first = -1 - k * WINDOW
+        return self.recent[first][0] - self.recent[first - WINDOW][0]
 
     def limit(self) -> float | None:
         """Give the time at which switches accumulate, if they do so right now."""
         ratio = self.ratio()
         if ratio >= 1.0:
             return None
-        times = [t for t, _ in self.recent]
-        if times[-1] - times[-1 - 2 * WINDOW] > SHORT * self.longest:
+        left = self._stretch(0) * ratio / (1.0 - ratio)
+        if left > SHORT * self.longest or left > SHORT * self._since(ratio):
             return None
-        last = times[-1] - times[-1 - WINDOW]
-        return times[-1] + last * ratio / (1.0 - ratio)
+        return self.recent[-1][0] + left
+
+    def _since(self, ratio: float) -> float:
+        """Give the longest stretch since they come ever faster, at about one ratio."""
+        longest = self._stretch(0)
+        for k in range(1, (len(self.recent) - 1) // WINDOW):
+            former = self._stretch(k)
+            if not longest < former <= REGULAR / ratio * longest:
+                break
+            longest = former
+        return longest
 
     def is_stuck(self) -> bool:
         """Tell whether the last switches took no time."""
         if len(self.recent) < STUCK:
             return False
-        return self.recent[-1][0] - self.recent[0][0] <= NO_TIME * self.span
+        took = self.recent[-1][0] - self.recent[-STUCK][0]
+        return took <= NO_TIME * max(self.span, abs(self.last))

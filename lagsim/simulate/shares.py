@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     Rates = Callable[[Corner], Floats]
 
 BELOW, ABOVE, ALONG = 0, 1, 2
+LEVEL = 3  # of a surface that is no boundary here: its expression is constant
 # All ways are tried up to this many surfaces; beyond it they are exchanged one by one.
 FEW = 5
 MOST_EXCHANGES = 1000
@@ -43,17 +44,32 @@ class Crossroads:
         The rates (count,) with each surface BELOW or ABOVE.
     scale : ndarray, shape (count,)
         The size of the terms of the rates.
+    noise : ndarray, shape (count,)
+        What the rounding of the state does to them.
     held
         Surfaces whose way is known.
+    stays
+        Whether the motion from a corner stays in it, as far as can be told.
+    settled
+        The motion has come to rest on the surfaces, or some of them have no rates.
     """
 
     def __init__(
-        self, rates: Rates, scale: Floats, held: Mapping[int, int] | None = None
+        self,
+        rates: Rates,
+        scale: Floats,
+        held: Mapping[int, int] | None = None,
+        stays: Callable[[Corner], bool | None] = lambda _: None,
+        *,
+        noise: Floats | float = 0.0,
+        settled: bool = False,
     ) -> None:
         self.count = len(scale)
-        self.tolerance = ROUNDING * scale
+        self.tolerance = np.maximum(ROUNDING * scale, noise)
         self._clear = np.maximum(self.tolerance, TINY)  # not 0, where nothing pushes
         self.held = held or {}
+        self.settled = settled
+        self.stays = cache(stays)
         few = self.count <= FEW
         self.rates: Rates = cache(rates) if few else _affine(rates, self.count)
 
@@ -65,21 +81,41 @@ class Crossroads:
         """
         if self.count > FEW:
             return self._exchanged(now)
+        candidates = list(self._candidates(now))
         # On a side only with a rate above rounding, at first: else the motion follows
         # the surface rather than to creep along it.
-        for least in (self._clear, -self.tolerance):
-            for way in self._candidates(now):
-                if self.holds(way, least):
-                    return way
-        return None
+        leading = next((w for w in candidates if self.holds(w, self._clear)), None)
+        if leading is not None:
+            return leading
+        creeping = [way for way in candidates if self.holds(way, -self.tolerance)]
+        doubtful = []
+        for way in creeping:
+            stays = ALONG in way or self.stays(tuple(way))
+            if stays:
+                return way
+            if stays is None:
+                doubtful.append(way)
+        if doubtful or not self.settled:
+            return doubtful[0] if doubtful else None
+        # No side leads away: the motion stays, though no surface attracts alone.
+        resting = (w for w in candidates if self.holds(w, self._clear, alone=False))
+        return next(resting, None)
 
     def is_fork(self, way: Sequence[int]) -> bool:
         """Tell whether the other side of some surface would do as well."""
         for i, k in enumerate(way):
+            if k == ALONG or i in self.held:
+                continue
             other = [*way[:i], 1 - k, *way[i + 1 :]]
-            if k != ALONG and i not in self.held and self.holds(other, self._clear):
+            if self.holds(other, self._clear) or self._leads_off(other):
                 return True
         return False
+
+    def _leads_off(self, way: Sequence[int]) -> bool:
+        """Tell whether the motion stays on these sides though no rate says so."""
+        if self.count > FEW or ALONG in way or not self.holds(way, -self.tolerance):
+            return False
+        return self.stays(tuple(way)) is True
 
     def _candidates(self, now: Sequence[int]) -> Iterator[list[int]]:
         choices = [
@@ -102,6 +138,7 @@ class Crossroads:
         own = np.zeros(self.count)
         if along:
             B = np.array([self.rates(_above(corner, j)) - rho for j in along]).T
+            B[np.abs(B) <= self.tolerance[:, None]] = 0.0
             inner = B[along]
             # Forces of which only the sum matters: the shares closest to one half.
             half = np.full(len(along), 0.5)
@@ -111,15 +148,19 @@ class Crossroads:
             own[along] = np.diag(inner)
         return w, rho, own
 
-    def holds(self, way: Sequence[int], least: Floats) -> bool:
-        """Tell whether a way meets the conditions, with rates of at least `least`."""
+    def holds(self, way: Sequence[int], least: Floats, *, alone: bool = True) -> bool:
+        """Tell whether a way meets the conditions, with rates of at least `least`.
+
+        And whether each surface that is followed attracts alone.
+        """
         w, rho, own = self._solved(way)
         for i, k in enumerate(way):
             if i in self.held:
                 continue
             if k == ALONG:
                 inside = -ROUNDING <= w[i] <= 1.0 + ROUNDING
-                if not (inside and own[i] < 0.0 and abs(rho[i]) <= self.tolerance[i]):
+                attracts = own[i] < 0.0 or not alone
+                if not (inside and attracts and abs(rho[i]) <= self.tolerance[i]):
                     return False
             elif not (rho[i] if k == ABOVE else -rho[i]) >= least[i]:
                 return False

@@ -24,6 +24,18 @@ SERIES = "taylor"
 LONG = 20_000
 # More than any run makes, unless it is told otherwise.
 MOST_STEPS = 100_000_000
+# A state that slides is pulled back by what a step errs: a few times the tolerance
+# by a method that has one, and this part of the motion by any other.
+MOST_PULLED = 1e-2
+LEAST_PULLED = 1e-9
+ERRED = 1e4
+
+
+def most_pulled(rtol: float | None) -> float:
+    """Give how far a state may be pulled, against the motion, before it jumps."""
+    if rtol is None:
+        return MOST_PULLED
+    return min(MOST_PULLED, max(LEAST_PULLED, ERRED * rtol))
 
 
 def empty_state(runner: Runner) -> Floats:

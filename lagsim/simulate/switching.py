@@ -8,30 +8,36 @@ Filippov's conditions (`shares`) do: the motion leaves to a side or follows the 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagsim.methods import _interface as kept
 from lagsim.methods import _state as at
+from lagsim.simulate.crossing import Crossing
+from lagsim.simulate.impacts import impact, row_before
+from lagsim.simulate.modes import ON, Modes
 from lagsim.simulate.sequence import Sequence
-from lagsim.simulate.shares import ABOVE, ALONG, BELOW, Crossroads
-from lagsim.system.switching import on_velocities
-from lagsim.trajectory import Caution, Event
+from lagsim.simulate.shares import ABOVE, BELOW
+from lagsim.simulate.states import most_pulled
+from lagsim.trajectory import Caution, Event, Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
     from lagsim.native.kernel_types import Floats
     from lagsim.simulate.arcs import Run
-    from lagsim.switches import Side
+    from lagsim.simulate.modes import Rows
 
-# A state this close to a surface, against the size of its terms, is on it.
-ON = 2.0**-47
 # Errors of what hardly moves, in parts of rtol and of the speed that the energy gives.
 NOISE = 1e-4
 # A share this far past its bound still counts as within.
 SHARE_SLACK = 1e-12
+# One farther past it where it is located has not left by its bound: no share keeps to
+# the surface there.
+HELD = 1e-6
+# What is left of accumulating switches, against the speeds there were.
+LEFT = 1e-4
 # Towards a surface past which there are no finite values, steps end after this part of
 # the way to it; where even that fails, after this part of it; and so often at most.
 AHEAD = 0.9
@@ -41,82 +47,27 @@ MOST_APPROACHES = 60
 MOST_EVENTS = 10_000
 
 
-class Rows(NamedTuple):
-    """What surfaces do at a state, as `kkt.sliding.surface_rows` gives it."""
-
-    residuals: Floats
-    rates: Floats
-    b: Floats
-    scales: Floats
-    J: Floats
-
-
 class Switching:
-    """The surfaces of a run: which side each is on.
-
-    Attributes
-    ----------
-    value : ndarray, shape (K,)
-        -1 or 1, or the whole number below; while sliding, of the lower side.
-    slides : ndarray of bool, shape (K,)
-    """
+    """The switches of a run."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
-        system = run.system
-        self.sides: tuple[Side, ...] = system.switches.sides
-        self.count = len(self.sides)
-        self.whole = np.array([s.whole for s in self.sides])
-        self.of_velocities = [on_velocities(run.equations, s) for s in self.sides]
-        variables = {s.variable for s in self.sides}
-        nodes = system.switches.freeze([s.node for s in self.sides])
-        self.nested = bool(variables & run.equations.graph.depends(nodes))
-        self.value = np.ones(self.count)
-        self.slides = np.zeros(self.count, dtype=bool)
+        self.modes = Modes(run)
+        self.sides = self.modes.sides
+        self.of_velocities = self.modes.of_velocities
         simulation = run.simulation
         self.sequence = Sequence(simulation.start, simulation.end - simulation.start)
         self.told: set[str] = set()
         self.time = run.t
+        self.jumped = False
         self.approaches = 0
         self.reach = AHEAD
         self.tried_at = math.nan
 
-    # What the compiled functions know
-
-    def _kept(self, what: int) -> Floats:
-        """Give the K numbers of one kind: a view."""
-        p, first = self.run.system.p, self.run.system.switching + 1
-        return p[first + what * self.count :][: self.count]
-
-    def _write(self) -> None:
-        """Tell the compiled functions the mode."""
-        system = self.run.system
-        system.p[system.switching] = np.count_nonzero(self.slides)
-        self._kept(kept.SIDE)[:] = self.value
-        self._kept(kept.SLIDES)[:] = self.slides
-        value, whole = self.value, self.whole
-        up = value > 0.0
-        self._kept(kept.LOW)[:] = np.where(whole, value, -1.0)
-        self._kept(kept.HIGH)[:] = np.where(whole, value + 1.0, 1.0)
-        least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
-        self._kept(kept.LEAST)[:] = np.where(whole, value, least)
-        self._kept(kept.MOST)[:] = np.where(whole, value + 1.0, most)
-
-    def _rows(self) -> Rows:
-        run, K = self.run, self.count
-        starts, columns = run.system.pattern
-        rows = run.runner.function("surface_rows", 4 * K + len(columns))(run.t, run.y)
-        J = np.zeros((K, run.system.n))
-        J[np.repeat(np.arange(K), np.diff(starts)), list(columns)] = rows[4 * K :]
-        residuals, rates, b, scales = rows[: 4 * K].reshape(4, K)
-        return Rows(residuals, rates, b, scales, J)
-
-    def _field(self) -> Floats:
-        """Give q'' with the sides as written."""
-        system, run = self.run.system, self.run
-        length = system.size + system.m
-        found = run.runner.function("field", length)(run.t, run.y)
-        return np.asarray(found[system.n : 2 * system.n])
+    @property
+    def slides(self) -> Floats:
+        """The surfaces that the motion follows (K,)."""
+        return self.modes.slides
 
     # The start of an arc
 
@@ -138,99 +89,65 @@ class Switching:
         time
             What events are dated, if not the time reached.
         """
-        self.time = self.run.t if time is None else time
-        before = self.slides.copy()
+        run, modes = self.run, self.modes
+        self.time = run.t if time is None else time
+        before = self.slides
         held = {}
         if met is not None and before[met]:
-            self.run.runner.margins(self.run.t, self.run.y)
-            share = self._kept(kept.SHARE)[met]
-            held[met] = ABOVE if share > 0.5 else BELOW
-        self.slides[:] = False
+            run.runner.margins(run.t, run.y)
+            share = modes.kept(kept.SHARE)[met]
+            if share >= 0.0 - HELD and share <= 1.0 + HELD:
+                held[met] = ABOVE if share > 0.5 else BELOW
+        modes.forget()
         on = set(at_rest) | ({met} if met is not None else set())
         levels, rows, sizes = self._find_sides(on)
-        open_ = self._by_rates(levels, rows, at_rest)
-        self._by_forces(open_, levels, held)
-        self._write()
+        settled = bool(at_rest) or any(before[k] for k in levels)
+        crossing = Crossing(modes, levels, sizes, at_rest, held, settled=settled)
+        crossing.decide()
+        if crossing.undecided:
+            self._tell(crossing.undecided)
+        modes.write()
         self._set_slack(levels, rows, sizes)
-        self.run.runner.pull(self.run.t, self.run.y)
+        self._pull(resting=bool(at_rest))
         self._record(before, met)
+
+    def _pull(self, *, resting: bool) -> None:
+        """Take the state onto the surfaces that it follows; note if that is a jump."""
+        run, n = self.run, self.run.system.n
+        former, seen = run.y.copy(), self.modes.seen()
+        run.runner.pull(run.t, run.y)
+        masses = run.runner.function("measure")(run.t, former)[2 : 2 + n]
+        most = most_pulled(run.plan.rtol)
+        most = max(most, LEFT) if resting else most
+        for part in (slice(n), slice(n, 2 * n)):
+            moved = masses @ (run.y[part] - former[part]) ** 2
+            if not moved <= most**2 * (masses @ seen[part] ** 2):
+                run.y[:] = former
+                self.jumped = True
 
     def _find_sides(self, on: set[int]) -> tuple[dict[int, float], Rows, Floats]:
         """Set the sides that are clear; give the level of each surface it is on.
 
         And the rows and the sizes of the terms. A surface may depend on others' sides.
         """
-        run = self.run
+        run, modes = self.run, self.modes
         levels: dict[int, float] = {}
-        for _ in range(self.count + 2 if self.nested else 1):
-            self._write()
-            values = run.runner.function("surfaces", self.count)(run.t, run.y)
-            rows = self._rows()
-            sizes = self._sizes(rows)
-            old = self.value.copy()
-            for k, side in enumerate(self.sides):
-                level = float(np.round(values[k])) if side.whole else 0.0
-                if k in on or abs(values[k] - level) <= ON * sizes[k]:
+        for _ in range(modes.count + 2 if modes.nested else 1):
+            modes.write()
+            values = modes.values(run.t, run.y)
+            rows = modes.rows()
+            sizes = modes.sizes(rows)
+            old = modes.value.copy()
+            levels = {}
+            for k, value in enumerate(values):
+                level = modes.level(k, value)
+                if k in on or abs(value - level) <= ON * sizes[k]:
                     levels[k] = level
-                elif side.whole:
-                    self.value[k] = math.floor(values[k])
                 else:
-                    self.value[k] = 1.0 if values[k] > 0.0 else -1.0
-            if np.array_equal(old, self.value):
+                    modes.put_clear(k, value)
+            if np.array_equal(old, modes.value):
                 break
         return levels, rows, sizes
-
-    def _sizes(self, rows: Rows) -> Floats:
-        """Give the size of the terms of each surface, with sizes seen so far."""
-        run, n = self.run, self.run.system.n
-        seen = np.maximum(np.abs(run.y), run.sizes)
-        slopes = np.abs(rows.J)
-        velocities = slopes @ seen[n : 2 * n]
-        terms = np.where(self.of_velocities, velocities, slopes @ seen[:n])
-        return np.asarray(np.maximum(rows.scales, terms))
-
-    def _by_rates(
-        self, levels: dict[int, float], rows: Rows, at_rest: Collection[int]
-    ) -> list[int]:
-        """Decide what a surface's own rate decides; give the rest."""
-        run, n = self.run, self.run.system.n
-        seen = np.maximum(np.abs(run.y), run.sizes)[n : 2 * n]
-        left = []
-        for k, level in levels.items():
-            rate = rows.rates[k]
-            clear = ON * (np.abs(rows.J[k]) @ seen)
-            if self.of_velocities[k] or k in at_rest or abs(rate) <= clear:
-                left.append(k)
-            else:
-                self._put(k, level, ABOVE if rate > 0.0 else BELOW)
-        return left
-
-    def _put(self, k: int, level: float, way: int) -> None:
-        """Put surface k below or above its level, or along it."""
-        self.slides[k] = way == ALONG
-        if self.sides[k].whole:
-            self.value[k] = level if way == ABOVE else level - 1.0
-        else:
-            self.value[k] = 1.0 if way == ABOVE else -1.0
-
-    def _by_forces(
-        self,
-        open_: list[int],
-        levels: dict[int, float],
-        held: dict[int, int],
-    ) -> None:
-        """Decide the rest by what the forces do on each side."""
-        if not open_:
-            return
-        now = [self._way_now(k, levels[k]) for k in open_]
-        known = {i: held[k] for i, k in enumerate(open_) if k in held}
-        crossroads = self._crossroads(open_, levels, known)
-        found = crossroads.way(now)
-        if found is None or crossroads.is_fork(found):
-            self._tell(open_)
-
-        for k, way in zip(open_, found or now, strict=True):
-            self._put(k, levels[k], way)
 
     def _tell(self, several: list[int]) -> None:
         """Warn of a choice that nothing decides, once."""
@@ -246,42 +163,16 @@ class Switching:
     def _names(self, several: Collection[int]) -> str:
         return ", ".join(f"`{self.sides[k].text}`" for k in sorted(several))
 
-    def _way_now(self, k: int, level: float) -> int:
-        if self.sides[k].whole:
-            return ABOVE if self.value[k] >= level else BELOW
-        return ABOVE if self.value[k] > 0.0 else BELOW
-
-    def _crossroads(
-        self, open_: list[int], levels: dict[int, float], held: dict[int, int]
-    ) -> Crossroads:
-        """Give what the forces do with each of the surfaces below or above."""
-
-        def terms(corner: tuple[int, ...]) -> tuple[Floats, Floats, Floats]:
-            for k, way in zip(open_, corner, strict=True):
-                self._put(k, levels[k], way)
-            self._write()
-            rows = self._rows()
-            return rows.J[open_], rows.b[open_], self._field()
-
-        def rates(corner: tuple[int, ...]) -> Floats:
-            J, b, a = terms(corner)
-            return np.asarray(J @ a - b)
-
-        scale = np.zeros(len(open_))
-        for way in (BELOW, ABOVE):
-            J, b, a = terms((way,) * len(open_))
-            scale = np.maximum(scale, np.abs(J) @ np.abs(a) + np.abs(b))
-        return Crossroads(rates, scale, held)
-
     def _set_slack(self, levels: dict[int, float], rows: Rows, sizes: Floats) -> None:
         """Let rounding not end a mode that has just begun, and noise none at all."""
-        slack = self._kept(kept.SLACK)
+        slides = self.slides
+        slack = self.modes.kept(kept.SLACK)
         slack[:] = 0.0
         margins = self.run.runner.margins(self.run.t, self.run.y)
         for k in levels:
-            least = SHARE_SLACK if self.slides[k] else ON * sizes[k]
+            least = SHARE_SLACK if slides[k] else ON * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -margins[k])
-        self._kept(kept.BAND)[:] = np.where(self.slides, 0.0, self._noise(rows))
+        self.modes.kept(kept.BAND)[:] = np.where(slides, 0.0, self._noise(rows))
 
     def _noise(self, rows: Rows) -> Floats:
         """Give what errors within the tolerance may do to each surface.
@@ -317,6 +208,18 @@ class Switching:
         if len(events) < MOST_EVENTS:
             events.append(Event(self.time, kind, switch=self.sides[k].text))
 
+    def cross(self) -> Outcome | None:
+        """Go through the switch that was located; give how the run ends there."""
+        run = self.run
+        before = row_before(run) if run.system.m else run.row()
+        goes_on = self.meet()
+        if self.jumped:
+            return Outcome.STATE_JUMPS
+        if not goes_on:
+            return Outcome.SWITCHES_ACCUMULATE
+        torn = run.system.m > 0 and impact(run, before)
+        return Outcome.CONSTRAINT_JUMPS if torn else None
+
     def meet(self) -> bool:
         """Go through the switch that was located; tell whether the motion goes on."""
         run = self.run
@@ -350,17 +253,18 @@ class Switching:
             return None
         self.reach = AHEAD if run.t != self.tried_at else self.reach * BACK
         self.tried_at = run.t
-        rows = self._rows()
-        forced = rows.J @ self._field() - rows.b
+        modes = self.modes
+        rows = modes.rows()
+        forced = rows.J @ modes.field() - rows.b
         speeds = np.where(self.of_velocities, forced, rows.rates)
-        values = run.runner.function("surfaces", self.count)(run.t, run.y)
-        ends = np.where(speeds > 0, self._kept(kept.MOST), self._kept(kept.LEAST))
+        values = modes.values(run.t, run.y)
+        ends = np.where(speeds > 0, modes.kept(kept.MOST), modes.kept(kept.LEAST))
         with np.errstate(divide="ignore", invalid="ignore"):
-            ahead = np.where(self.slides, math.inf, (ends - values) / speeds)
+            ahead = np.where(modes.kind != 0.0, math.inf, (ends - values) / speeds)
         ahead[~(ahead >= 0.0)] = math.inf
         k = int(np.argmin(ahead))
         if not run.t + ahead[k] < end:
             return None
-        if abs(ends[k] - values[k]) <= 8.0 * ON * self._sizes(rows)[k]:
+        if abs(ends[k] - values[k]) <= 8.0 * ON * modes.sizes(rows)[k]:
             run.state[at.SWITCHED] = k + 1
         return float(run.t + self.reach * ahead[k])

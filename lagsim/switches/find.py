@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.expressions.evaluate import evaluate
 from lagsim.expressions.functions import OPERATIONS
+from lagsim.switches.shown import Shown
 from lagsim.switches.surfaces import (
     DECIDED_BY,
     JOINING,
@@ -28,7 +29,6 @@ from lagsim.switches.surfaces import (
     WHOLE,
     Side,
     oriented,
-    share,
     stepped,
     surfaces,
 )
@@ -115,6 +115,17 @@ class Switches:
                 done[n] = self._rebuilt(n, args)
         return [done[n] for n in nodes]
 
+    def moving(self, discrete: Sequence[int], names: Collection[str]) -> list[int]:
+        """Give those whose surface moves, each side being fixed.
+
+        The others, `sign(sign(x))`, step with another switch and need no side.
+        """
+        g = self.graph
+        nodes = [oriented(g, surfaces(g, d)[0])[0] for d in discrete]
+        frozen = self.freeze(nodes)
+        free = g.dependent(frozen, names)
+        return [d for d, n in zip(discrete, frozen, strict=True) if n in free]
+
     def _side_of(self, n: int) -> tuple[int, int] | None:
         op, args = self.graph.ops[n], self.graph.args[n]
         if not self._sides_of or not args:
@@ -126,20 +137,17 @@ class Switches:
     def _rebuilt(self, n: int, args: tuple[int, ...]) -> int:
         """Give node `n` on the frozen `args`.
 
-        A power of the larger of something and 0 takes the size of what is frozen, so
-        that a stage past the surface has a value, too.
+        A stage past the surface would take a root of something negative where there is
+        none as written: there the argument counts as written.
         """
         g = self.graph
-        if args == g.args[n]:
+        op, written = g.ops[n], g.args[n]
+        if args == written:
             return n
-        base = g.args[n][0]
-        if g.ops[n] not in ("pow", "sqrt") or g.ops[base] != "max":
-            return g.call(g.ops[n], *args)
-        if self._side_of(base) is not None:
-            bounds = [g.value(a) for a in g.args[base]]
-            if any(b is not None and b >= 0.0 for b in bounds):
-                args = (g.call("abs", args[0]), *args[1:])
-        return g.call(g.ops[n], *args)
+        inside = _domain(g, op, args)
+        if inside is None:
+            return g.call(op, *args)
+        return g.call(op, g.call("if", inside, args[0], written[0]), *args[1:])
 
     def shown(self, nodes: Iterable[int]) -> list[int]:
         """Give `nodes` as rows show them: as written, but for sliding.
@@ -147,7 +155,7 @@ class Switches:
         While the motion slides along a surface, what steps there has the value that
         keeps it there: between those of the two sides.
         """
-        return _Shown(self.graph, self.sides, self._sides_of).nodes(list(nodes))
+        return Shown(self.graph, self.sides, self._sides_of).nodes(list(nodes))
 
     def mode_values(
         self, start: float, end: float, values: Mapping[str, float]
@@ -181,6 +189,20 @@ def _same(a: float, b: float) -> bool:
     return a == b or (math.isnan(a) and math.isnan(b))
 
 
+def _domain(g: Graph, op: str, args: tuple[int, ...]) -> int | None:
+    """Give the condition under which a function has a value; None: always has one."""
+    x = args[0]
+    if op == "pow":
+        exponent = g.value(args[1])
+        if exponent is not None and exponent == math.floor(exponent):
+            return None
+    if op in ("pow", "sqrt", "log", "log10"):
+        return g.call("ge", x, g.zero)
+    if op in ("asin", "acos", "atanh"):
+        return g.call("le", g.call("abs", x), g.one)
+    return g.call("ge", x, g.one) if op == "acosh" else None
+
+
 def _frozen(g: Graph, op: str, args: tuple[int, ...], mode: int) -> int:
     if op in STEPS:
         return mode
@@ -199,70 +221,6 @@ def _on_a_side(
     if op == "abs":
         return g.call("mul", value, args[0])
     return g.call("if", value, *args) if op in ("min", "max") else value
-
-
-class _Shown:
-    """Replaces steps by what they are worth while the motion slides."""
-
-    def __init__(
-        self,
-        g: Graph,
-        sides: Sequence[Side],
-        sides_of: Mapping[int, tuple[int, int]],
-    ) -> None:
-        self.g = g
-        self.sides_of = sides_of
-        half = g.constant(0.5)
-        self.slides = {
-            g.variable(s.variable): g.call("gt", g.variable(s.sliding), half)
-            for s in sides
-        }
-        self.done: dict[int, int] = {}
-        self.shares: dict[int, int] = {}  # of the conditions that may be between
-
-    def nodes(self, nodes: list[int]) -> list[int]:
-        g = self.g
-        if not self.slides:
-            return nodes
-        for n in g.cone(nodes):
-            args = tuple(self.done[a] for a in g.args[n])
-            same = n if args == g.args[n] else g.call(g.ops[n], *args)
-            self.done[n] = self._between(n, same, args)
-        return [self.done[n] for n in nodes]
-
-    def _between(self, n: int, same: int, args: tuple[int, ...]) -> int:
-        g, op = self.g, self.g.ops[n]
-        side = self.sides_of.get(n)
-        if side is not None:
-            slides = self.slides[side[0]]
-            if op in STEPS:
-                return g.call("if", slides, stepped(g, op, *side), same)
-            whole = g.call("if", same, g.one, g.zero)
-            self.shares[n] = g.call("if", slides, share(g, op, *side), whole)
-        elif op in JOINING and any(a in self.shares for a in g.args[n]):
-            self.shares[n] = self._joined(op, [self._share(a) for a in g.args[n]])
-        elif op == "if" and g.args[n][0] in self.shares:
-            part = self.shares[g.args[n][0]]
-            more = g.call("mul", part, g.call("sub", args[1], args[2]))
-            mixed = g.call("add", args[2], more)
-            low = g.call("if", g.call("le", part, g.zero), args[2], mixed)
-            return g.call("if", g.call("ge", part, g.one), args[1], low)
-        return same
-
-    def _share(self, condition: int) -> int:
-        g = self.g
-        if condition in self.shares:
-            return self.shares[condition]
-        return g.call("if", self.done[condition], g.one, g.zero)
-
-    def _joined(self, op: str, parts: list[int]) -> int:
-        g = self.g
-        if op == "and":
-            return g.call("mul", *parts)
-        missing = [g.call("sub", g.one, part) for part in parts]
-        if op == "not":
-            return missing[0]
-        return g.call("sub", g.one, g.call("mul", *missing))
 
 
 def find_switches(
@@ -296,8 +254,13 @@ def find_switches(
     }
     deciding_motion = frozenset(g.cone(dynamics))
     watched = sorted({d for n, d in finder.decided.items() if n in deciding_motion})
-    sides, sides_of = _sides(g, [state[d] for d in watched])
-    return Switches(g, modes, tuple(state.values()), sides, modes_of, sides_of)
+    while True:
+        sides, sides_of = _sides(g, [state[d] for d in watched])
+        found = Switches(g, modes, tuple(state.values()), sides, modes_of, sides_of)
+        moves = found.moving(watched, (*moving, "t"))
+        if len(moves) == len(watched):
+            return found
+        watched = moves
 
 
 def _sides(

@@ -3,7 +3,8 @@
 A discrete function of the state (`x > 0`, `sign(x_dot)`, `floor(x)`) steps where an
 expression meets 0, or a whole number. Functions that step together share a `Side`: a
 mode variable that is -1 or 1, or the whole number below. While the motion slides along
-a surface the variable lies between the values of its two sides.
+a surface the variable lies between the values of its two sides; so it does where the
+expression keeps its level on a whole stretch, as in a dead zone.
 """
 
 from __future__ import annotations
@@ -113,18 +114,32 @@ def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
 
 
 def stepped(g: Graph, op: str, side: int, sign: int) -> int:
-    """Give the value of a step, or a condition's truth, from its mode variable."""
+    """Give the value of a step, or a condition's truth, from its mode variable.
+
+    Where the expression keeps its level on a whole stretch the variable is 0, or half
+    a step below a whole number, and the value is that of the level itself.
+    """
     if op == "floor":
-        return side
+        return g.call("ceil", side)
     if op == "ceil":
-        return g.call("add", side, g.one)
+        return g.call("floor", g.call("add", side, g.one))
     turned = side if sign > 0 else g.call("neg", side)
     if op == "sign":
         return turned
     if op == "heaviside":
+        return g.call("if", g.call("ge", turned, g.zero), g.one, g.zero)
+    return g.call(op, turned, g.zero)
+
+
+def between(g: Graph, op: str, side: int, sign: int) -> int:
+    """Give the value of a step while its mode variable lies between its two sides."""
+    if op == "floor":
+        return side
+    if op == "ceil":
+        return g.call("add", side, g.one)
+    if op == "heaviside":
         return share(g, op, side, sign)
-    above = op in ("gt", "ge")
-    return g.call("gt" if above else "lt", turned, g.zero)
+    return stepped(g, op, side, sign)
 
 
 def share(g: Graph, op: str, side: int, sign: int) -> int:
