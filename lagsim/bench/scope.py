@@ -45,6 +45,8 @@ OVERHEAD = 1000
 PILOT = 20
 # A switch costs about a million, and there may be one in every ten steps.
 SWITCHING = 100_000
+# The same of one in time, and those are counted: a long step takes in many of them.
+ARC = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,7 @@ def runs_for(
     solving = (2 * n) ** 3 if method_named(name).NEEDS not in ((), ("power",)) else 0
     cost = evaluations * (subject.evaluation() + 50) + OVERHEAD + solving
     cost += SWITCHING if subject.switches else 0
+    cost += ARC * subject.arcs * steps[-1]
     affordable = int(BUDGET / (count * cost))
     return (
         max(LEAST_STEPS, min(STEPS, affordable)),

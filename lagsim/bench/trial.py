@@ -107,6 +107,8 @@ class Subject:
         Switches in the state are located, each by itself.
     at_start, along : ndarray of complex
         Eigenvalues at the start, and at `states` states of the motion.
+    arcs : float
+        About how many switches end an arc, per unit of time.
     unknown : str
         Why there are no eigenvalues; "" where there are.
     """
@@ -149,10 +151,12 @@ class Subject:
         self.switches = system.surfaces > 0
         kept = _Kept(1 + 2 * len(equations.q))
         with np.errstate(all="ignore"):
-            simulate(
+            trajectory = simulate(
                 equations, self.start, plan, system, [kept],
                 interrupt=self.interrupt, most_steps=TRUSTED_STEPS,
             )  # fmt: skip
+        switched = sum(event.kind == "switch" for event in trajectory.events)
+        self.arcs = switched / self.span
         rows = np.concatenate(kept.blocks)
         return np.asarray(rows[np.all(np.isfinite(rows), axis=1)])
 

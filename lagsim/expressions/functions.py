@@ -116,7 +116,8 @@ def _whole(x: float, rounded: Callable[[float], int]) -> float:
 
 
 def _sign(x: float) -> float:
-    return float((x > 0) - (x < 0)) if x == x else math.nan
+    # numpy's truth values cannot be subtracted.
+    return float(x > 0) - float(x < 0) if x == x else math.nan
 
 
 def _power_partials(g: Graph, a: tuple[int, ...], itself: int) -> tuple[int, ...]:

@@ -161,8 +161,8 @@ class Graph:
         """Give the degrees of the terms of `node` as a polynomial in `names`.
 
         An upper bound: terms that would cancel are counted, and what is beyond
-        MOST_DEGREE stands there as the next two degrees, of no one degree. None where `node` is not
-        (seen to be) a polynomial in them; the empty set for zero.
+        MOST_DEGREE stands there as the next two degrees, of no one degree. None where
+        `node` is not (seen to be) a polynomial in them; the empty set for zero.
         """
         degrees: dict[int, frozenset[int] | None] = {}
         flat = frozenset((0,))

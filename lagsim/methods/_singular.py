@@ -23,6 +23,7 @@ from lagsim.methods._state import (
     CLOSE_BELOW,
     DEGENERATE_BELOW,
     END,
+    ENERGY,
     EVALUATIONS,
     FALLING,
     HEADER,
@@ -262,9 +263,13 @@ def note_directions(s: Floats, p: Floats, t: float, new: Floats) -> None:
     velocity_step(t, new, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
 
 
-def forget_removed(n: int, p: Floats, error: Floats) -> None:
-    """Take out of the errors of q and q' (2 n,) what projection will remove."""
+def forget_removed(n: int, p: Floats, h: float, error: Floats) -> float:
+    """Take out of the errors of q and q' (2 n,) what projection will remove.
+
+    Gives twice the kinetic energy of what that is, as velocities: q in the time h.
+    """
     noted = at(p, int(p[DIRECTIONS]))
+    removed = 0.0
     for k in range(int(noted[0])):
         z = at(noted, 1 + n + 2 * n * k)
         mass = at(z, n)
@@ -275,11 +280,16 @@ def forget_removed(n: int, p: Floats, error: Floats) -> None:
                 share += mass[i] * part[i]
             for i in range(n):
                 part[i] -= share * z[i]
+            removed += share * share / (1.0 if level == 1 else h * h)
+    return removed
 
 
-def bent(s: Floats, whole: float, left: float) -> float:
-    """Give the error of a step, of which `left` would be left by projection.
+def bent(s: Floats, removed: float, left: float) -> float:
+    """Give the error of a step, of which `left` is left by projection.
 
-    The constraints are bent: what is removed leaves its square.
+    The constraints are bent: of what is removed its square is left, against the speed.
     """
-    return max(left, LOCAL * s[RTOL] * whole * whole)
+    whole = 2.0 * LOCAL * s[RTOL] * s[ENERGY]
+    if whole > 0.0:
+        return max(left, removed / whole)
+    return left

@@ -200,9 +200,9 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
         error = error_norm(size, h, errors, tolerances)
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, t + h, new)
-        forget_removed(int(s[N]), p, errors)
-        forget_removed(int(s[N]), p, at(errors, size))
-        error = bent(s, error, error_norm(size, h, errors, tolerances))
+        removed = h * h * forget_removed(int(s[N]), p, h, errors)
+        forget_removed(int(s[N]), p, h, at(errors, size))
+        error = bent(s, removed, error_norm(size, h, errors, tolerances))
     return error
 
 

@@ -306,9 +306,9 @@ def filtered(s: Floats, p: Floats, h: float, errors: Floats) -> float:
     error = norm(size, errors, tolerances) * s[RTOL] ** 0.2
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, s[T] + h, at(own, OWN + NEW * size))
-        forget_removed(n, p, errors)
+        removed = forget_removed(n, p, h, errors)
         left = norm(size, errors, tolerances) * s[RTOL] ** 0.2
-        error = bent(s, error, left)
+        error = bent(s, removed, left)
     return float(error)
 
 

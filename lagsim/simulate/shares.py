@@ -143,6 +143,9 @@ class Crossroads:
             # Forces of which only the sum matters: the shares closest to one half.
             half = np.full(len(along), 0.5)
             right = -rho[along] - inner @ half
+            if not (np.all(np.isfinite(inner)) and np.all(np.isfinite(right))):
+                # No force there, no way along it: `holds` refuses what is not a number.
+                return np.full(self.count, np.nan), np.full(self.count, np.nan), own
             w[along] = half + np.linalg.lstsq(inner, right, rcond=None)[0]
             rho = rho + B @ w[along]
             own[along] = np.diag(inner)
@@ -192,7 +195,7 @@ class Crossroads:
                     way[i] = ALONG if attracts[i] and k != ALONG else new
                     break
             else:
-                return way
+                return way if np.all(np.isfinite(w + rho)) else None
         return None
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from tests.support import run
 
@@ -50,6 +51,99 @@ initial:
   x_dot: -2*sin(a)
 simulation: {{duration: 10, output_step: 0.05}}
 """
+
+# The angle of N + 1 parallel uprights from the horizontal: all couplers, of mass 1 each
+# too, are carried along without turning.
+WEIGHT = 9.81
+
+
+def four_bars(N, *, speed=1.0, length=1.0, duration=10.0, step=0.01):
+    """Give IFToMM's N four-bar mechanism in the coordinates of the tips."""
+    all_k, cells = range(N + 1), range(N)
+    kinetic = [f"(x{k}_dot^2 + y{k}_dot^2)/6" for k in all_k]
+    kinetic += [
+        f"(x{k}_dot^2 + y{k}_dot^2 + x{k}_dot*x{k + 1}_dot + y{k}_dot*y{k + 1}_dot"
+        f" + x{k + 1}_dot^2 + y{k + 1}_dot^2)/6"
+        for k in cells
+    ]
+    potential = [f"{WEIGHT}*y{k}/2" for k in all_k]
+    potential += [f"{WEIGHT}*(y{k} + y{k + 1})/2" for k in cells]
+    lines = ["coordinates:"]
+    lines += [f"  {name}{k}: {{}}" for k in all_k for name in "xy"]
+    lines += ["energy:", f"  kinetic: {' + '.join(kinetic)}"]
+    lines += [f"  potential: {' + '.join(potential)}", "constraints:"]
+    lines += [f"  rod{k}: (x{k} - {length * k!r})^2 + y{k}^2 = 1" for k in all_k]
+    lines += [
+        f"  coupler{k}: (x{k + 1} - x{k})^2 + (y{k + 1} - y{k})^2 = {length**2!r}"
+        for k in cells
+    ]
+    lines.append("initial:")
+    for k in all_k:
+        lines += [f"  x{k}: {length * k!r}", f"  y{k}: 1"]
+        lines += [f"  x{k}_dot: {speed}", f"  y{k}_dot: 0"]
+    lines.append(f"simulation: {{duration: {duration}, output_step: {step}}}")
+    return "\n".join(lines) + "\n"
+
+
+def loops_of(N, *, speed=1.0, length=1.0, tag=""):
+    """Give the parts of the same in angles, with two closures for each cell."""
+    kinetic = [f"a{k}{tag}_dot^2/6" for k in range(N + 1)]
+    potential = [f"{WEIGHT}*sin(a{k}{tag})/2" for k in range(N + 1)]
+    constraints = []
+    for k in range(N):
+        a, b, c = f"a{k}{tag}", f"a{k + 1}{tag}", f"c{k}{tag}"
+        turn = f"{length}*{a}_dot*{c}_dot*cos({a} - {c}) + {length**2}*{c}_dot^2/3"
+        kinetic.append(f"({a}_dot^2 + {turn})/2")
+        potential.append(f"{WEIGHT}*(sin({a}) + sin({b}))/2")
+        constraints += [
+            f"  x{k}{tag}: cos({a}) + {length}*cos({c}) = {length} + cos({b})",
+            f"  y{k}{tag}: sin({a}) + {length}*sin({c}) = sin({b})",
+        ]
+    initial = [f"  a{k}{tag}: pi/2\n  a{k}{tag}_dot: {-speed}" for k in range(N + 1)]
+    initial += [f"  c{k}{tag}: 0\n  c{k}{tag}_dot: 0" for k in range(N)]
+    names = [f"a{k}{tag}" for k in range(N + 1)] + [f"c{k}{tag}" for k in range(N)]
+    return names, kinetic, potential, constraints, initial
+
+
+def in_angles(*mechanisms, duration=10.0):
+    """Give the model of mechanisms that `loops_of` has made, side by side."""
+    names, kinetic, potential, constraints, initial = (
+        [line for mechanism in mechanisms for line in mechanism[part]]
+        for part in range(5)
+    )
+    return "\n".join([
+        f"coordinates: {{{', '.join(f'{name}: {{}}' for name in names)}}}",
+        "energy:", f"  kinetic: {' + '.join(kinetic)}",
+        f"  potential: {' + '.join(potential)}",
+        "constraints:", *constraints, "initial:", *initial,
+        f"simulation: {{duration: {duration}, output_step: 0.01}}", "",
+    ])  # fmt: skip
+
+
+def pendulum(t, N, speed):
+    """Give the angle while all uprights stay parallel, by an independent method."""
+    inertia, moment = (N + 1) / 3 + N, WEIGHT * ((N + 1) / 2 + N)
+    found = solve_ivp(
+        lambda _, u: [u[1], -moment / inertia * np.cos(u[0])],
+        (t[0], t[-1]), [np.pi / 2, -speed],
+        t_eval=t, method="DOP853", rtol=1e-13, atol=1e-13,
+    )  # fmt: skip
+    return found.y[0]
+
+
+def check_four_bars(result, N, speed, length):
+    """Hold the tips to the pendulum, and the energy to its first value."""
+    assert result.trajectory.outcome.complete
+    angle = pendulum(result["t"], N, speed)
+    # The tolerance is 1e-11, over some ten turns from close to an unstable equilibrium.
+    for k in range(N + 1):
+        assert np.max(np.abs(result[f"x{k}"] - length * k - np.cos(angle))) < 1e-8
+        assert np.max(np.abs(result[f"y{k}"] - np.sin(angle))) < 1e-8
+    assert result.drift < 1e-8  # of energies of 20 to 700
+    # Every turn passes both dead points.
+    turns = (np.pi / 2 - angle[-1]) / (2 * np.pi)
+    lost = {round(e.time, 6) for e in result.trajectory.events if e.kind == "rank"}
+    assert len(lost) >= 2 * int(abs(turns))
 
 
 def rank_losses(result, name):
@@ -122,3 +216,60 @@ simulation: {duration: 2, output_step: 0.1}
     # lambda_b 1e-7 = 9.81, lambda_a = -lambda_b; half of the digits are left.
     assert result["lambda_b"] == pytest.approx(9.81e7, rel=1e-8)
     assert result["lambda_a"] == pytest.approx(-9.81e7, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("N", "speed", "length"),
+    [(1, 1, 1.0), (2, 1, 1.0), (3, 1, 1.0), (2, 5, 1.0), (3, -0.5, 3.0), (4, 1, 1.7)],
+)
+def test_four_bars_pass_their_dead_points(N, speed, length):
+    # N ranks are lost at once where all lie flat, and each cell could branch there.
+    result = run(four_bars(N, speed=speed, length=length))
+    check_four_bars(result, N, speed, length)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("N", [10, 40])
+def test_many_four_bars_pass_their_dead_points(N):
+    check_four_bars(run(four_bars(N)), N, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(("N", "speed", "length"), [(1, 1, 1), (2, 1, 1), (3, 3, 2)])
+def test_four_bars_in_angles(N, speed, length):
+    # Stages of a step are off these constraints, which divides their error by the
+    # independence; the tips' coordinates happen to keep all uprights parallel.
+    result = run(in_angles(loops_of(N, speed=speed, length=length)))
+    assert result.trajectory.outcome.complete
+    angle = pendulum(result["t"], N, speed)
+    for k in range(N + 1):
+        assert np.max(np.abs(result[f"a{k}"] - angle)) < 1e-8
+    assert result.drift < 1e-8
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.3])
+def test_two_mechanisms_side_by_side(speed):
+    # They lose rank at other times, or all at the same.
+    result = run(in_angles(loops_of(1), loops_of(2, speed=speed, tag="b")))
+    assert result.trajectory.outcome.complete
+    assert np.max(np.abs(result["a0"] - pendulum(result["t"], 1, 1.0))) < 1e-8
+    assert np.max(np.abs(result["a2b"] - pendulum(result["t"], 2, speed))) < 1e-8
+
+
+def test_a_hundred_turns():
+    result = run(four_bars(2, speed=9.0, duration=63.0, step=0.1))
+    assert result.trajectory.outcome.complete
+    angle = pendulum(result["t"], 2, 9.0)
+    assert angle[-1] < -2 * np.pi * 99
+    # Errors of the speed, 1e-11 of it at each of 200 passages, add up in the angle.
+    assert np.max(np.abs(result["y2"] - np.sin(angle))) < 1e-7
+    assert result.drift < 1e-8
+
+
+def test_the_slider_crank_for_a_hundred_turns():
+    text = SLIDER_CRANK.format(start="0.7").replace("duration: 10", "duration: 650")
+    result = run(text)
+    assert result.trajectory.outcome.complete
+    assert np.max(np.abs(result["a"] + result["b"])) < 1e-8
+    speed = result["a_dot"] ** 2 * (1 + 2 * np.sin(result["a"]) ** 2)
+    assert np.max(np.abs(speed - speed[0])) < 1e-8
+    assert result["a"][-1] > 2 * np.pi * 99

@@ -84,3 +84,13 @@ def test_the_kernel_leaves_what_is_not_determined_at_one_half():
     found = np.array([1.0, 0.2, 0.3, 1.0, 0.2, 0.3])
     sliding.solve(2, np.ones(4), found)
     assert found == pytest.approx([0.5, 0.2, 0.3, 0.5, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("count", [1, 2, 7])
+def test_no_way_where_a_rate_is_no_number(count):
+    # A force that has no value on one side: 0/0, the root of what is below 0.
+    def rates(corner):
+        return np.where(np.array(corner) == ABOVE, np.nan, 1.0)
+
+    with np.errstate(invalid="ignore"):
+        assert Crossroads(rates, np.ones(count)).way([BELOW] * count) is None
