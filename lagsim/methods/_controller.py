@@ -11,6 +11,7 @@ and millimetres give the same steps.
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods._interface import (
@@ -52,7 +53,9 @@ INSTANT = 1e-6
 # A value is not known better than this part of itself.
 NOISE = 4.0 * 2.0**-53
 # Rates of the size of one leave so much in the error estimate, by their rounding.
-RATE_NOISE = 32.0 * 2.0**-53
+RATE_NOISE = 128.0 * 2.0**-53
+# Of what a relative change of the state by one would do; it is rounded to nearest.
+PROBED = 0.125
 # A relative change of the state this small shows what its rounding does to y'.
 PROBE = 2.0**-36
 # Below this a number has no digits to control: some of the smallest steps between two.
@@ -220,8 +223,32 @@ def look_again(
             if abs(z[i - n]) < 1e300:
                 noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
     set_tolerances(s, p, t + h, new, k, h)
+    if health < 1.0:
+        allow_for_loss(s, h)
     s[LOOKED] = 1.0
     return 1
+
+
+def allow_for_loss(s: Floats, h: float) -> None:
+    """Widen tolerances close to a loss of rank, where a part of the speed comes back.
+
+    What velocities are off by there is divided by the square of the rows' independence.
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    sizes = at(s, HEADER + size)
+    tolerances = at(s, HEADER + 2 * size)
+    masses = at(s, HEADER + 3 * size + 2)
+    rtol = LOCAL * s[RTOL]
+    square = 0.0
+    for i in range(n):
+        square += masses[i] * sizes[n + i] * sizes[n + i]
+    for i in range(n):
+        speed = sizes[n + i]
+        if masses[i] > 0.0:
+            speed = max(speed, FLOOR * sqrt(square / masses[i]))
+        tolerances[i] = max(tolerances[i], rtol * speed * h)
+        tolerances[n + i] = max(tolerances[n + i], rtol * speed)
 
 
 def look_at_rounding(
@@ -266,7 +293,7 @@ def add_probe(s: Floats, p: Floats, t: float, y: Floats, k: Floats) -> None:
     derivative(t * (1.0 + PROBE), z, p, slopes)
     s[EVALUATIONS] += 1.0
     for i in range(n, size):
-        noise[i] += abs(slopes[i] - k[i]) / PROBE
+        noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
 
 
 def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:

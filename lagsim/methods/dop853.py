@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
     against,
+    allow_for_loss,
     first_step,
     look_again,
     record_measured,
@@ -183,6 +184,7 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
     health = 1.0
     if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
         health = p[LEAST_HEALTH]
+        allow_for_loss(s, h)
         forget_weak_direction(int(s[N]), p, errors)
         forget_weak_direction(int(s[N]), p, at(errors, size))
     tolerances = at(s, HEADER + 2 * size)

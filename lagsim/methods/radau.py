@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
+    allow_for_loss,
     first_step,
     look_again,
     record_sizes,
@@ -246,6 +247,7 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
     health = 1.0
     if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
         health = p[LEAST_HEALTH]
+        allow_for_loss(s, h)
     # Perhaps it is nothing but rounding.
     if error >= 1.0 and look_again(s, p, h, new, slope, health) > 0:
         error = norm(size, at(own, OWN + ERRORS * size), at(s, HEADER + 2 * size))
