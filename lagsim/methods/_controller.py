@@ -52,7 +52,9 @@ INSTANT = 1e-6
 # A value is not known better than this part of itself.
 NOISE = 4.0 * 2.0**-53
 # Rates of the size of one leave so much in the error estimate, by their rounding.
-RATE_NOISE = 32.0 * 2.0**-53
+RATE_NOISE = 128.0 * 2.0**-53
+# Of what a relative change of the state by one would do; it is rounded to nearest.
+PROBED = 0.125
 # A relative change of the state this small shows what its rounding does to y'.
 PROBE = 2.0**-36
 # Below this a number has no digits to control: some of the smallest steps between two.
@@ -266,7 +268,7 @@ def add_probe(s: Floats, p: Floats, t: float, y: Floats, k: Floats) -> None:
     derivative(t * (1.0 + PROBE), z, p, slopes)
     s[EVALUATIONS] += 1.0
     for i in range(n, size):
-        noise[i] += abs(slopes[i] - k[i]) / PROBE
+        noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
 
 
 def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:

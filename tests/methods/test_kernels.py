@@ -15,6 +15,7 @@ from lagsim.native.sincos import LANES
 from lagsim.plan import make_plan
 from lagsim.reader import read
 from lagsim.system import System
+from lagsim.system.functions import functions
 from tests.methods.plain import Plain, fresh_state, linked, state_of
 
 SPRING = """
@@ -143,16 +144,13 @@ def test_a_run_in_plain_python_is_the_native_run(case):
 def test_with_the_model_in_plain_python_too(case):
     runner, native, statics = linked_system(case)
     equations = runner.system.equations
-    g, n = equations.graph, len(equations.q)
+    g = equations.graph
     elimination = runner.system.plan.elimination
     accelerations, _ = elimination.motion()
     velocities = [g.variable(v) for v in equations.velocities]
-    diagonal = [equations.M[i][i] for i in range(n)]
-    rest = g.call("sub", equations.energy, equations.kinetic_form)
-    nodes = {
-        "derivative": [*velocities, *accelerations, equations.power],
-        "measure": [equations.kinetic_form, rest, *diagonal],
-    }
+    made = functions(equations, runner.system.plan, runner.system.columns)
+    nodes = {name: made[name] for name in ("measure", "terms", "rounding")}
+    nodes["derivative"] = [*velocities, *accelerations, equations.power]
     if statics["UNTIL"]:
         nodes["until"] = [equations.model.simulation.until.node]
     fixed = {p.name: p.value for p in equations.model.parameters}

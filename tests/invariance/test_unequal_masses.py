@@ -1,0 +1,124 @@
+"""A light body is followed by its own scale, whatever heavy ones are in the scene."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.support import run
+
+METHODS = ["auto", "dop853"]
+
+# SI units: the Sun, the Earth and a probe of 1000 kg that starts close to the latter.
+G = 6.6743e-11
+MASSES = {"s": 1.98847e30, "e": 5.9722e24, "p": 1000.0}
+PLACES = [0.0, 0.0, 1.495978707e11, 0.0, 1.510978707e11, 2e8]
+SPEEDS = [0.0, -0.0894, 0.0, 29780.0, 100.0, 29900.0]
+YEAR = 3.156e7
+
+
+def bodies() -> str:
+    names = [f"{axis}{body}" for body in MASSES for axis in "xy"]
+    kinetic = " + ".join(
+        f"{m!r}*(x{b}_dot^2 + y{b}_dot^2)/2" for b, m in MASSES.items()
+    )
+    pairs = [("s", "e"), ("s", "p"), ("e", "p")]
+    potential = " ".join(
+        f"- {G * MASSES[a] * MASSES[b]!r}/hypot(x{a} - x{b}, y{a} - y{b})"
+        for a, b in pairs
+    )
+    initial = [f"{q}: {x!r}" for q, x in zip(names, PLACES, strict=True)]
+    initial += [f"{q}_dot: {v!r}" for q, v in zip(names, SPEEDS, strict=True)]
+    return f"""
+coordinates: {{{", ".join(f"{q}: {{}}" for q in names)}}}
+energy: {{kinetic: "{kinetic}", potential: "{potential}"}}
+initial: {{{", ".join(initial)}}}
+simulation: {{duration: {YEAR!r}, output_step: 86400}}
+"""
+
+
+def attraction(_t, y):
+    q = y[:6].reshape(3, 2)
+    masses = list(MASSES.values())
+    a = np.zeros((3, 2))
+    for i in range(3):
+        for j in range(3):
+            if i != j:
+                d = q[j] - q[i]
+                a[i] += G * masses[j] * d / np.hypot(*d) ** 3
+    return np.concatenate([y[6:], a.ravel()])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_probe_beside_the_sun_and_the_earth(method):
+    y = np.array(PLACES + SPEEDS)
+    expected = solve_ivp(
+        attraction, (0.0, YEAR), y, method="DOP853", rtol=3e-14, atol=1e-9
+    ).y[:6, -1]
+    result = run(bodies(), method=method)
+    errors = np.abs(result.rows[-1, 1:7] - expected)
+    # Of paths 1e12 m long; both know them to some parts in 1e12.
+    assert np.max(errors) < 20.0
+
+
+PENDULUM = """
+coordinates: {{a: {{}}{more_coordinates}}}
+energy: {{kinetic: "a_dot^2/2{more_energy}", potential: "-cos(a)"}}
+initial: {{a: 1, a_dot: 0{more_initial}}}
+simulation: {{duration: 20, output_step: 0.5}}
+"""
+
+
+def beside(mass: float, speed: float) -> str:
+    return PENDULUM.format(
+        more_coordinates=", b: {}",
+        more_energy=f" + {mass!r}*b_dot^2/2",
+        more_initial=f", b: 1e8, b_dot: {speed!r}",
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("mass", "speed"),
+    [
+        (1e30, 1e5),
+        pytest.param(1e30, 0.0, marks=pytest.mark.slow),
+        pytest.param(1e-30, 1e5, marks=pytest.mark.slow),
+    ],
+)
+def test_a_bystander_changes_nothing(mass, speed, method):
+    alone = PENDULUM.format(more_coordinates="", more_energy="", more_initial="")
+    expected = run(alone, method=method, rtol="1e-13")
+    found = run(beside(mass, speed), method=method)
+    # Ten oscillations at a local tolerance of 1e-12.
+    assert np.max(np.abs(found["a"] - expected["a"])) < 1e-10
+    # And it costs nothing: the bystander's own motion is exact.
+    own = run(alone, method=method)
+    steps = found.trajectory.statistics.steps
+    assert abs(steps - own.trajectory.statistics.steps) <= 0.1 * steps
+
+
+def test_a_light_rod_beside_a_heavy_one():
+    # Both swing as they do alone: each with sqrt(g/l) = 1 at small angles.
+    light, heavy = 1e-20, 1e20
+    text = f"""
+coordinates: {{x: {{}}, y: {{}}, u: {{}}, w: {{}}}}
+energy:
+  kinetic: "{light}*(x_dot^2 + y_dot^2)/2 + {heavy}*(u_dot^2 + w_dot^2)/2"
+  potential: "{light}*y + {heavy}*w"
+constraints: {{a: "x^2 + y^2 = 1", b: "u^2 + w^2 = 1"}}
+initial: {{x: 0.6, y: -0.8, u: 0.96, w: -0.28, x_dot: 0, y_dot: 0, u_dot: 0, w_dot: 0}}
+simulation: {{duration: 10, output_step: 0.5, formulation: projection}}
+"""
+    result = run(text)
+    for x, y, angle in (("x", "y", math.asin(0.6)), ("u", "w", math.asin(0.96))):
+        swing = solve_ivp(
+            lambda _t, s: [s[1], -math.sin(s[0])], (0.0, 10.0), [angle, 0.0],
+            method="DOP853", rtol=1e-13, atol=1e-15, t_eval=result["t"],
+        ).y[0]  # fmt: skip
+        assert np.max(np.abs(result[x] - np.sin(swing))) < 1e-10
+        assert np.max(np.abs(result[y] + np.cos(swing))) < 1e-10
+        assert np.max(np.abs(np.hypot(result[x], result[y]) - 1.0)) < 1e-15
