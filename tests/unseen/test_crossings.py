@@ -117,3 +117,28 @@ def test_narrow_windows_of_a_force(method):
     expected = math.sqrt(1 + 2 * passed * 2 * half)
     assert found["x_dot"][-1] == pytest.approx(expected, abs=1e-9)
     assert len(found.trajectory.events) == 2 * passed
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("until", "expected"),
+    [
+        ("exp(-((x - 7)/1e-4)^2/2) >= 0.5", 7 - 1e-4 * math.sqrt(2 * math.log(2))),
+        ("x_dot*exp(-((t - 7)/1e-3)^2) >= 0.5", 7 - 1e-3 * math.sqrt(math.log(2))),
+        ("tanh(1e4*(x - 3)) - tanh(1e4*(x - 3.1)) >= 1", 3),
+    ],
+)
+def test_until_is_flat_but_for_a_moment(until, expected, method):
+    text = line(v=1, duration=20, step=20, method=method, until=until)
+    assert run(text).trajectory.end == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_switch_is_flat_but_for_a_moment(method):
+    text = line(
+        force="if(exp(-((x - 7)/1e-3)^2/2) > 0.5, 100, 0)", v=1, duration=20, step=20,
+        method=method,
+    )  # fmt: skip
+    gained = 100 * 2 * 1e-3 * math.sqrt(2 * math.log(2))
+    end = run(text)["x_dot"][-1]
+    assert end == pytest.approx(math.sqrt(1 + 2 * gained), abs=1e-9)

@@ -77,10 +77,12 @@ def test_a_spring_leads_back_to_a_hill_again_and_again(method):
 def scattered(x, y, width, height):
     return (
         f"{height}*exp(-((x - {x})^2 + (y - {y})^2)/(2*{width}^2))",
-        lambda q: height
-        * (q - np.array([x, y]))
-        / width**2
-        * math.exp(-((q[0] - x) ** 2 + (q[1] - y) ** 2) / (2 * width**2)),
+        lambda q: (
+            height
+            * (q - np.array([x, y]))
+            / width**2
+            * math.exp(-((q[0] - x) ** 2 + (q[1] - y) ** 2) / (2 * width**2))
+        ),
     )
 
 
