@@ -31,8 +31,7 @@ MOST = 5
 SHARE = 6  # of the upper side, in the combination that stays on the surface
 SLACK = 7  # how far past its end a mode still counts as lasting
 BAND = 8  # and how far it must be past it for more than noise
-MARGINS = 9  # five arrays for the search
-PER_SURFACE = 14
+PER_SURFACE = 9
 
 
 @external
