@@ -1,7 +1,7 @@
 """The loop around any method: rows on a grid, `until`, and an orderly return.
 
-Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, SLEEPERS and WIDE; what a
-model does not need is left out.
+Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, SLEEPERS and WIDE;
+what a model does not need is left out.
 """
 
 from __future__ import annotations

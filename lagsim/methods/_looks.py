@@ -242,7 +242,7 @@ def overlooked(s: Floats, p: Floats) -> float:
     count = int(s[SIGNALS])
     h = s[STEP_H]
     own = at(s, int(s[LOOKS_AT]))
-    look(s, p, 0.0, at(own, 3 * count))
+    look_at_signals(s, p, 0.0, at(own, 3 * count))
     for k in range(count):
         own[2 * count + k] = distance(own[k], own[count + k], own[3 * count + k])
     low = 0.0
@@ -250,8 +250,8 @@ def overlooked(s: Floats, p: Floats) -> float:
     looks = 0
     while low < 1.0:
         high = min(low + width, 1.0)
-        look(s, p, high, at(own, 7 * count))
-        look(s, p, low + BETWEEN * (high - low), at(own, 5 * count))
+        look_at_signals(s, p, high, at(own, 7 * count))
+        look_at_signals(s, p, low + BETWEEN * (high - low), at(own, 5 * count))
         looks += 2
         clear = True
         for k in range(count):
@@ -271,7 +271,7 @@ def overlooked(s: Floats, p: Floats) -> float:
     return 0.0
 
 
-def look(s: Floats, p: Floats, x: float, out: Floats) -> None:
+def look_at_signals(s: Floats, p: Floats, x: float, out: Floats) -> None:
     """Give the signals and their rates (2 K,) at the fraction x of the last step."""
     z = at(s, int(s[LOOKS_AT]) + 9 * int(s[SIGNALS]))
     slopes(s, x, z)

@@ -22,14 +22,17 @@ from lagsim.methods._interface import (
     margins,
     until,
 )
+from lagsim.methods._looks import BETWEEN, look_at_signals, stirs
 from lagsim.methods._state import (
     CUT,
     EQUATION,
     EVENT,
     HEADER,
+    LOOKS_AT,
     ORIENTATION,
     ROW_LIMIT,
     SEARCH_AT,
+    SIGNALS,
     SIZE,
     STEP_H,
     STEP_T,
@@ -43,6 +46,7 @@ if TYPE_CHECKING:
 
 SWITCHES = True
 UNTIL = True
+SLEEPERS = True
 
 # A step is looked at at least this often.
 LOOKS = 8
@@ -55,11 +59,11 @@ BESIDE = 2.0**-10
 # chance, hardly both.
 KNOWN = 0.1
 TURNED = 0.25
-# The look between two is not in the middle: what repeats itself may do so twice.
-BETWEEN = 0.6180339887498949
 CLEAR = 0.25
 # Looks come no closer than this, and there are so many in a step.
 FINEST = 2.0**-14
+# Or than this about where a function wakes.
+NARROWEST = 2.0**-40
 MOST_LOOKS = 2000
 # A least margin is located to this part of the stretch it lies in: its own error is of
 # the square of that.
@@ -142,7 +146,10 @@ def search(s: Floats, p: Floats, low: float) -> None:
         sample(s, p, half, -BESIDE * width, middle)
         sample(s, p, x, -BESIDE * width, last)
         looks += 2
-        if x - low < FINEST or known(s, p, x - low):
+        clear = x - low < FINEST or known(s, p, x - low)
+        if SLEEPERS and clear and x - low > NARROWEST:
+            clear = nothing_stirs(s, p, low, x)
+        if clear:
             high = first_end(s, p, low, half, first, middle)
             if high > 0.0:
                 x = half
@@ -163,6 +170,22 @@ def search(s: Floats, p: Floats, low: float) -> None:
         else:
             width = 0.5 * (x - low)
             sample(s, p, low, BESIDE * width, first)
+
+
+def nothing_stirs(s: Floats, p: Floats, low: float, x: float) -> bool:
+    """Tell whether nothing comes closer to waking inside a stretch than at its ends.
+
+    A margin that is made of one would be flat at every look.
+    """
+    count = int(s[SIGNALS])
+    own = at(s, int(s[LOOKS_AT]))
+    look_at_signals(s, p, low, at(own, 3 * count))
+    look_at_signals(s, p, low + BETWEEN * (x - low), at(own, 5 * count))
+    look_at_signals(s, p, x, at(own, 7 * count))
+    still = True
+    for k in range(count):
+        still = still and not stirs(k, count, (x - low) * s[STEP_H], own)
+    return still
 
 
 def look(s: Floats, p: Floats, x: float) -> None:

@@ -22,7 +22,9 @@ from lagsim.expressions.derivatives import tangent
 from lagsim.expressions.enclosures import Enclosures
 from lagsim.methods import _state as at
 from lagsim.methods._looks import LARGE, LARGEST, NEAR_ZERO
+from lagsim.switches import expression_text
 from lagsim.system.sleepers import motion_nodes, timed_sleepers
+from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,6 +45,8 @@ FORESEEN = 1e-2
 SHALLOW = 3.0
 # Halvings of the way on which the distance has grown past what counts.
 REFINED = 6
+# So many turns of an argument without anything short: some seconds.
+PATIENCE = 20_000
 
 
 class Feature(NamedTuple):
@@ -144,6 +148,7 @@ class _Line:
         end: float,
     ) -> None:
         g = self.g = run.equations.graph
+        self.run, self.text = run, expression_text(g, sleeper.node)
         self.sleeper, self.values, self.start, self.end = sleeper, values, start, end
         self.argument = Values(g, [sleeper.node], values)
         # Below the least step of a run nothing happens.
@@ -174,10 +179,24 @@ class _Line:
             discrete = g.call("sign", rate)
         if "t" not in g.depends([discrete]):
             return
+        vain = 0
         for time in break_times(g, [discrete], self.values, self.start, self.end):
             found = self._at(time)
+            vain += 1
             if found is not None:
+                vain = 0
                 yield found
+            if vain == PATIENCE:
+                self.run.warnings.append(self._given_up(time))
+                return
+
+    def _given_up(self, time: float) -> Caution:
+        text = (
+            f"after t = {time:.9g} steps are not ended before what `{self.text}` may "
+            f"do: it turns too often, {PATIENCE} times without a pulse; a short one "
+            "could be stepped over there"
+        )
+        return Caution("short-times", text)
 
     def _distance(self, t: float) -> float:
         """Give how far from waking it is, as in `methods._looks`."""

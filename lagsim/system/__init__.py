@@ -23,10 +23,10 @@ from lagsim.system.functions import AFTER_FREEZING, functions, varying_inertias
 from lagsim.system.runner import Runner
 from lagsim.system.sleepers import (
     Sleeper,
+    all_sleepers,
     motion_nodes,
     signal_nodes,
     slope,
-    state_sleepers,
 )
 from lagsim.system.switching import surface_functions
 
@@ -180,7 +180,9 @@ class System:
         """Find what may sleep in the motion, and add the function that watches it."""
         e = self.equations
         nodes = self.switches.freeze(motion_nodes(e))
-        found = state_sleepers(e, nodes)
+        ends = self.switches.freeze([side.node for side in self.switches.sides])
+        ends += nodes_of.get("until", [])
+        found = all_sleepers(e, nodes, ends)
         if found:
             nodes_of["signals"] = signal_nodes(e, found)
         return found

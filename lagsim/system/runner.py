@@ -55,11 +55,10 @@ class Runner:
         held = system.m > 0 and system.plan.projected
         statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
         statics["WIDE"] = system.wide
-        sleepers = bool(system.sleepers) and self.method.ADAPTIVE
-        statics["SLEEPERS"] = sleepers
+        statics["SLEEPERS"] = bool(system.sleepers)
         # What a method must make ready for `until` it must for switches.
         watched = {"CONSTRAINED": held, "UNTIL": until or switches}
-        watched["SLEEPERS"] = sleepers
+        watched["SLEEPERS"] = bool(system.sleepers)
         kernels = [self.method.start, self.method.step, self.method.interpolate]
         self.engine = Engine(
             [

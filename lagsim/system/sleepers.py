@@ -46,11 +46,19 @@ def motion_nodes(equations: Equations) -> list[int]:
     return nodes
 
 
-def state_sleepers(equations: Equations, nodes: Sequence[int]) -> list[Sleeper]:
-    """Give the arguments that depend on the state; `nodes` as they are in an arc."""
+def all_sleepers(
+    equations: Equations, nodes: Sequence[int], ends: Sequence[int]
+) -> list[Sleeper]:
+    """Give the arguments that steps are looked through for.
+
+    Of what the motion depends on, `nodes` as they are in an arc, those that depend on
+    the state; of what ends an arc, `ends`, those that depend on t alone too.
+    """
     g = equations.graph
     state = (*equations.q, *equations.velocities)
-    return _Search(equations, nodes).among(g.dependent(nodes, state))
+    found = _Search(equations, nodes).among(g.dependent(nodes, state))
+    found += _Search(equations, ends).among(g.dependent(ends, (*state, "t")))
+    return list(dict.fromkeys(found))
 
 
 def timed_sleepers(equations: Equations, nodes: Sequence[int]) -> list[Sleeper]:
