@@ -87,7 +87,7 @@ def alarms(
         *trajectory.warnings,
         *_about_steps(equations, plan, trajectory, witness),
         *about_energy(equations, plan, trajectory, ledger, witness),
-        *about_constraints(ledger, plan),
+        *about_constraints(equations, start, plan, ledger, witness),
         *about_error(bar, plan),
     ]
 
