@@ -45,6 +45,7 @@ MEANINGS = {
     "scale",
     "coordinate-singularity": "an inertia of a coordinate all but vanished on the way",
     "double-root": "a guess is at a double root of the constraints",
+    "end-in-doubt": "a repeat of the run comes to another end",
     "energy-gained": "energy - work grew by more than 0.1 % of the energy in play",
     "energy-lost": "energy - work fell by more than 0.1 % of the energy in play",
     "fast-mode-damped": "the method takes energy out of an oscillation that has some",

@@ -34,16 +34,22 @@ JUMPS = frozenset(("sign", "heaviside", "floor", "ceil", "if"))
 
 
 def about_error(bar: ErrorBar | str, plan: Plan) -> list[Caution]:
-    """Say from when on the rows are no forecast."""
-    if isinstance(bar, str) or bar.horizon is None:
+    """Say from when on the rows are no forecast, and whether their end is one."""
+    if isinstance(bar, str):
         return []
+    found = []
+    if bar.parted:
+        text = f"{bar.parted}: which of them it is, is not known"
+        found.append(Caution("end-in-doubt", f"the end of the run is in doubt: {text}"))
+    if bar.horizon is None:
+        return found
     less = "a shorter step" if plan.rtol is None else "a tighter rtol"
     text = (
         f"past t = {bar.horizon:.6g} the estimated error exceeds a tenth of a "
         f"coordinate's range: rows beyond it show one motion of many ({less} moves "
         "this horizon)"
     )
-    return [Caution("horizon", text)]
+    return [*found, Caution("horizon", text)]
 
 
 def about_constraints(

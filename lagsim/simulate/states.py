@@ -10,6 +10,8 @@ from lagsim.methods import _state as at
 from lagsim.methods import method
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.native.kernel_types import Floats
     from lagsim.system.runner import Runner
 
@@ -51,6 +53,16 @@ def extents(state: Floats) -> Floats:
     """Give the least and the greatest value of each component: a view (2, size)."""
     size, first = int(state[at.SIZE]), int(state[at.EXTENTS_AT])
     return state[first : first + 2 * size].reshape(2, size)
+
+
+def named_extents(
+    state: Floats, names: Sequence[str]
+) -> dict[str, tuple[float, float]]:
+    """Give them by the names of the components, where they were noted."""
+    if not state[at.EXTENTS_AT]:
+        return {}
+    low, high = extents(state).tolist()
+    return dict(zip(names, zip(low, high, strict=True), strict=True))
 
 
 def taken_over(state: Floats, runner: Runner) -> Floats:
