@@ -45,6 +45,7 @@ MEANINGS = {
     "scale",
     "coordinate-singularity": "an inertia of a coordinate all but vanished on the way",
     "double-root": "a guess is at a double root of the constraints",
+    "end-in-doubt": "a repeat of the run comes to another end",
     "energy-gained": "energy - work grew by more than 0.1 % of the energy in play",
     "energy-lost": "energy - work fell by more than 0.1 % of the energy in play",
     "fast-mode-damped": "the method takes energy out of an oscillation that has some",
@@ -89,7 +90,7 @@ def alarms(
         *trajectory.warnings,
         *_about_steps(equations, plan, trajectory, witness),
         *about_energy(equations, plan, trajectory, ledger, witness),
-        *about_constraints(ledger, plan),
+        *about_constraints(equations, start, plan, ledger, witness),
         *about_error(bar, plan),
     ]
 

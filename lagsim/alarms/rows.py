@@ -5,9 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from lagsim.error_bar import beside
+from lagsim.expressions.evaluate import evaluate
 from lagsim.trajectory import Caution
 
 if TYPE_CHECKING:
+    from lagsim.admissibility import Start
     from lagsim.alarms.witness import Witness
     from lagsim.equations import Equations
     from lagsim.error_bar import ErrorBar
@@ -21,29 +26,40 @@ HELD = 1e-6
 # amplitude off by half of it is about the width of a line in a picture, and what the
 # default tolerance leaves is a million times less.
 UNEXPLAINED = 1e-3
+# A place is known no better than to this part of the motion beside it.
+NEIGHBOURS = 1e-12
 
 # Functions that make an energy jump, which is no error: a jump makes no impulse.
 JUMPS = frozenset(("sign", "heaviside", "floor", "ceil", "if"))
 
 
 def about_error(bar: ErrorBar | str, plan: Plan) -> list[Caution]:
-    """Say from when on the rows are no forecast."""
-    if isinstance(bar, str) or bar.horizon is None:
+    """Say from when on the rows are no forecast, and whether their end is one."""
+    if isinstance(bar, str):
         return []
+    found = []
+    if bar.parted:
+        text = f"{bar.parted}: which of them it is, is not known"
+        found.append(Caution("end-in-doubt", f"the end of the run is in doubt: {text}"))
+    if bar.horizon is None:
+        return found
     less = "a shorter step" if plan.rtol is None else "a tighter rtol"
     text = (
         f"past t = {bar.horizon:.6g} the estimated error exceeds a tenth of a "
         f"coordinate's range: rows beyond it show one motion of many ({less} moves "
         "this horizon)"
     )
-    return [Caution("horizon", text)]
+    return [*found, Caution("horizon", text)]
 
 
-def about_constraints(ledger: Ledger, plan: Plan) -> list[Caution]:
+def about_constraints(
+    equations: Equations, start: Start, plan: Plan, ledger: Ledger, witness: Witness
+) -> list[Caution]:
     """Say so where rows do not meet the constraints: the motion is then no answer."""
-    name, worst = ledger.worst_constraint
-    if worst <= HELD:
+    found = not_held(equations, start, ledger, witness)
+    if found is None:
         return []
+    name, worst = found
     why = "the constraints do not determine this motion, and the rows are no answer"
     if not plan.projected and not plan.reduction.eliminated:
         why = f"the formulation {plan.formulation} lets it go; `projection` does not"
@@ -52,6 +68,36 @@ def about_constraints(ledger: Ledger, plan: Plan) -> list[Caution]:
         f"scale): {why}"
     )
     return [Caution("constraint-not-held", text)]
+
+
+def not_held(
+    equations: Equations, start: Start, ledger: Ledger, witness: Witness
+) -> tuple[str, float] | None:
+    """Give the constraint that is off most, and the part of its scale; or None.
+
+    Where all of its terms all but vanish they are no scale: what counts is by how much
+    of their motion the coordinates would have to move to meet it.
+    """
+    n = len(equations.q)
+    g = equations.graph
+    for name, residual, part, values in ledger.constraints_off(HELD):
+        if not math.isfinite(residual):
+            return name, part
+        row = next(r for r in equations.rows if r.name == name)
+        moved = witness.ranges[1 : 1 + n]
+        seed = NEIGHBOURS * beside(equations, start, moved)
+        if not row.holonomic:
+            moved = witness.ranges[1 + n : 1 + 2 * n]
+            seed = NEIGHBOURS * beside(equations, start, moved)
+        state = dict(zip(equations.q, values[1 : 1 + n].tolist(), strict=True))
+        rates = values[1 + n : 1 + 2 * n].tolist()
+        state |= dict(zip(equations.velocities, rates, strict=True))
+        state |= {p.name: p.value for p in equations.model.parameters}
+        state["t"] = float(values[0])
+        slopes = np.abs(evaluate(g, list(row.A), state))
+        if residual > HELD * float(slopes @ moved) + float(slopes @ seed):
+            return name, part
+    return None
 
 
 def about_energy(

@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.alarms.rows import HELD, UNEXPLAINED, jumps
+from lagsim.alarms.rows import HELD, UNEXPLAINED, jumps, not_held
 from lagsim.expressions.evaluate import evaluate_with_error
 from lagsim.methods import method
 from lagsim.plan.integration import DEFAULT_RTOL
 
 if TYPE_CHECKING:
+    from lagsim.admissibility import Start
     from lagsim.alarms.witness import Witness
     from lagsim.equations import Equations
     from lagsim.error_bar import ErrorBar
@@ -67,6 +68,7 @@ class Doubt:
 
 def doubt_about(
     equations: Equations,
+    start: Start,
     plan: Plan,
     trajectory: Trajectory,
     ledger: Ledger,
@@ -78,16 +80,19 @@ def doubt_about(
     if not judged or not trajectory.outcome.complete or plan.formulation in LOOSE:
         return None
     return (
-        _about_constraints(ledger)
+        _about_constraints(equations, start, ledger, witness)
         or _about_energy(equations, plan, ledger, witness, bar)
         or _about_repeat(plan, bar)
     )
 
 
-def _about_constraints(ledger: Ledger) -> Doubt | None:
-    name, worst = ledger.worst_constraint
-    if worst <= HELD:
+def _about_constraints(
+    equations: Equations, start: Start, ledger: Ledger, witness: Witness
+) -> Doubt | None:
+    found = not_held(equations, start, ledger, witness)
+    if found is None:
         return None
+    name, worst = found
     text = f"constraint `{name}` is off by {worst:.2g} of its scale"
     since = ledger.constraint_since(name, HELD)
     return None if since is None else Doubt(text, since, refutes=True)

@@ -192,8 +192,8 @@ class Attempts:
         if self._is_over(attempt):
             return None
         return doubt_about(
-            self.equations, attempt.plan, attempt.trajectory, attempt.ledger,
-            attempt.witness, attempt.bar,
+            self.equations, self.start, attempt.plan, attempt.trajectory,
+            attempt.ledger, attempt.witness, attempt.bar,
         )  # fmt: skip
 
     def _is_outlier(self, attempt: Attempt) -> bool:

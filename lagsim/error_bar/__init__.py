@@ -48,6 +48,7 @@ __all__ = [
     "CoordinateError",
     "ErrorBar",
     "Repeat",
+    "beside",
     "by_other_means",
     "is_outlier",
     "repeat",
@@ -171,11 +172,14 @@ def is_outlier(
     if other is None:
         return False
     longest = GOLDEN * GOLDEN * other.longest_step
+    plan = _tighter(other.plan, TIGHTER)
+    if plan.rtol == other.plan.rtol:  # equal ones may take the same steps
+        plan = replace(plan, rtol=LOOSER * (plan.rtol or 0.0))
     fine, stride = _spaced(equations, checkpoints)
     third = Checkpoints(len(equations.q), fine.model.simulation, stride)
-    per_step = other.per_step * _cost(other.system, other.plan.method)
+    per_step = other.per_step * _cost(other.system, plan.method)
     simulate(
-        fine, start, other.plan, other.system, [third], interrupt=interrupt,
+        fine, start, plan, other.system, [third], interrupt=interrupt,
         most_steps=int(BUDGET / per_step), longest_step=longest,
     )  # fmt: skip
     found = third.numbered

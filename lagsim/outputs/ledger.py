@@ -64,6 +64,7 @@ class Ledger:
         ]
         self._residuals = np.zeros(len(self._constraints))
         self._grown = [Growth() for _ in self._constraints]
+        self._worst_rows: list[Floats | None] = [None for _ in self._constraints]
         self._drift = Growth()
         self._signed = 0.0
         self.worst_row: Floats | None = None
@@ -95,7 +96,10 @@ class Ledger:
             scales = np.fmax(np.fmax.accumulate(rows[:, scale]), self._scales[i])
             parts = np.divide(sizes, scales, out=np.zeros_like(sizes), where=scales > 0)
             self._grown[i].add(rows[:, 0], parts)
-            self._residuals[i] = np.maximum(self._residuals[i], np.max(sizes))
+            k = int(np.argmax(sizes))
+            if not sizes[k] <= self._residuals[i]:
+                self._worst_rows[i] = rows[k].copy()
+            self._residuals[i] = np.maximum(self._residuals[i], sizes[k])
             self._scales[i] = np.maximum(self._scales[i], np.max(rows[:, scale]))
 
     @property
@@ -121,9 +125,26 @@ class Ledger:
         """The constraint of that residual, and the residual."""
         if not self._names:
             return "", 0.0
-        some = ~(self._scales <= 0)
-        ratios = np.divide(
-            self._residuals, self._scales, out=np.zeros(len(some)), where=some
-        )
+        ratios = self._ratios()
         k = int(np.argmax(ratios))
         return self._names[k], float(ratios[k])
+
+    def constraints_off(self, part: float) -> list[tuple[str, float, float, Floats]]:
+        """Give the constraints with a residual of more than a part of its scale.
+
+        Of each the name, the residual, that part, and its row; the worst first.
+        """
+        ratios = self._ratios()
+        found = []
+        for k in np.argsort(-ratios).tolist():
+            row = self._worst_rows[k]
+            if ratios[k] > part and row is not None:
+                own = float(self._residuals[k])
+                found.append((self._names[k], own, float(ratios[k]), row))
+        return found
+
+    def _ratios(self) -> Floats:
+        some = ~(self._scales <= 0)
+        return np.divide(
+            self._residuals, self._scales, out=np.zeros(len(some)), where=some
+        )

@@ -32,8 +32,8 @@ from lagsim.simulate.states import (
     SERIES,
     SLIDING,
     empty_state,
-    extents,
     most_pulled,
+    named_extents,
     taken_over,
 )
 from lagsim.system import System
@@ -226,13 +226,8 @@ class Run:
             events=tuple(self.events),
             warnings=tuple(self.warnings),
             choices=tuple(self.choices),
-            extents=self._extents(),
+            extents=named_extents(self.state, self.system.state),
         )
-
-    def _extents(self) -> dict[str, tuple[float, float]]:
-        """Give the ranges of the components over the steps: rows may be few."""
-        low, high = extents(self.state).tolist()
-        return dict(zip(self.system.state, zip(low, high, strict=True), strict=True))
 
     def _between_breaks(self, end: float, most_steps: int) -> Outcome:
         """Go through the arcs up to the next break in time."""

@@ -12,6 +12,8 @@ from lagsim.methods._looks import looks_size
 from lagsim.methods._switching import search_size
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.native.kernel_types import Floats
     from lagsim.system.runner import Runner
 
@@ -44,7 +46,8 @@ def empty_state(runner: Runner) -> Floats:
     methods = [runner.method, *([method(SLIDING)] if system.surfaces else [])]
     used = max(int(m.state_size(system.size)) for m in methods)
     # And room for rows side by side, for what `_driver.keep_sizes` notes, for the
-    # extents of the motion, for looks into steps, for what ends them early, for what `_driver.note_inertias` notes.
+    # extents of the motion, for looks into steps, for what ends them early, and for
+    # what `_driver.note_inertias` notes.
     sizes = used + at.lanes_size(system.size)
     ranges = sizes + 3 * system.size
     looks = ranges + at.extents_size(system.size)
@@ -71,6 +74,16 @@ def extents(state: Floats) -> Floats:
     """Give the least and the greatest value of each component: a view (2, size)."""
     size, first = int(state[at.SIZE]), int(state[at.EXTENTS_AT])
     return state[first : first + 2 * size].reshape(2, size)
+
+
+def named_extents(
+    state: Floats, names: Sequence[str]
+) -> dict[str, tuple[float, float]]:
+    """Give them by the names of the components, where they were noted."""
+    if not state[at.EXTENTS_AT]:
+        return {}
+    low, high = extents(state).tolist()
+    return dict(zip(names, zip(low, high, strict=True), strict=True))
 
 
 def taken_over(state: Floats, runner: Runner) -> Floats:
