@@ -80,11 +80,13 @@ class ThinSet:
 class Varied:
     """States around an admissible one that some of its rows admit."""
 
-    def __init__(self, point: Point, q: Floats, v: Floats) -> None:
+    def __init__(self, point: Point, q: Floats, v: Floats, way: Floats | None) -> None:
         self.point, self.q, self.v = point, q, v
         rows = point.e.rows
         self.metric = rank_metric(point.mass(q, v), point.jacobian(rows, q, v))
         self.spread = of_rows(point, rows, q, v).spread
+        if way is not None:
+            self.spread = np.where(self.spread > 0.0, np.fmax(self.spread, way), 0.0)
 
     def relations(self, rows: Sequence[Row]) -> AtState:
         """Give what holonomic `rows` ask of all positions."""
@@ -142,8 +144,14 @@ def thin_set(
     q: Floats,
     v: Floats,
     dependences: Sequence[Dependence],
+    way: Floats | None = None,
 ) -> tuple[ThinSet | None, tuple[str, ...]]:
     """Find the rows that hold as multiple roots on the whole set through q.
+
+    Parameters
+    ----------
+    way
+        To the state, where it was found as a double root: lengths are not known there.
 
     Returns
     -------
@@ -157,7 +165,7 @@ def thin_set(
     if not suspects or is_large(point):
         return None, ()
     independent = [row for name, row in rows.items() if name not in dependent]
-    varied = Varied(point, q, v)
+    varied = Varied(point, q, v, way)
     states = varied.states(independent, SAMPLES)
     asked = varied.relations([rows[d.name] for d in suspects])
     values = np.array([asked(x)[0] for x in states])

@@ -268,7 +268,7 @@ class _Examination:
         ranks = analyse(self.point, q, v, errors, levels, double=double)
         thin = None
         if levels == LEVELS:
-            thin, real = thin_set(self.point, q, v, ranks.dependences)
+            thin, real = thin_set(self.point, q, v, ranks.dependences, double)
             ranks = replace(
                 ranks,
                 dependences=tuple(
