@@ -73,8 +73,9 @@ class ThinSet:
         )
         if self.dimension is None:
             return text
-        what = "an isolated point" if self.dimension == 0 else "a set"
-        return f"{text}; it is {what} of dimension {self.dimension}"
+        if self.dimension == 0:
+            return f"{text}; it is an isolated point"
+        return f"{text}; its dimension is {self.dimension}"
 
 
 class Varied:

@@ -1,8 +1,8 @@
 """The initial state: guesses solved, residuals judged, the nearest state found.
 
 A relation, or its rate, is satisfied when its residual is at most TOLERANCE of the
-largest of its terms and of |q_i dg/dq_i|, or within the rounding error of the
-expressions that gave the start.
+largest of its terms and of |q_i dg/dq_i|, wherever it stands (see `verdict`), or within
+the rounding error of the expressions that gave the start.
 """
 
 from __future__ import annotations
