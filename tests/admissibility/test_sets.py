@@ -64,6 +64,29 @@ def test_thin_sets_that_are_guessed(name):
     assert start.thin is not None
 
 
+@pytest.mark.parametrize("speed", ["0", "{guess: 0.1}"])
+def test_velocities_that_are_met_as_a_multiple_root(speed):
+    at = {"x": 0, "y": 0, "z": 0, "x_dot": speed, "y_dot": speed, "z_dot": 1}
+    start = judged(scene("x_dot^2 + y_dot^2 = 0", at))
+    assert not start.admissible
+    assert start.thin.names == ("a",)
+    assert start.degrees_of_freedom == 1
+
+
+def test_stretched_rods_between_three_bodies():
+    rods = {
+        "a": "hypot(x1 - x0, y1 - y0) = 1",
+        "b": "hypot(x2 - x1, y2 - y1) = 1",
+        "c": "hypot(x2 - x0, y2 - y0) = 2",
+    }
+    at = {"x0": 0, "y0": 0, "x1": 1, "y1": 0, "x2": 2, "y2": 0}
+    for middle in ({}, {"x1": "{guess: 0.9}", "y1": "{guess: 0.1}"}):
+        start = judged(scene(rods, at | middle))
+        assert not start.admissible
+        # The three lie on a line, which moves freely in the plane.
+        assert start.degrees_of_freedom == 3
+
+
 def test_a_start_beside_a_thin_set_gets_no_repair():
     start = judged(scene("x^2 + y^2 = 0", {"x": 0.3, "y": 0.2}))
     assert not start.admissible
