@@ -34,6 +34,8 @@ ROUNDED = 1e-13
 # Where states are varied, a length below this part of the longest is that of a gradient
 # that all but vanishes.
 TINY = 1e-8
+# A length is not handed on if it is more than so many of the form's shortest.
+LONG = 1e3
 
 
 class Form(NamedTuple):
@@ -109,15 +111,27 @@ class Lengths:
 
         Affine relations hand lengths on, from those of their coordinates that have one.
         """
-        return self._shortest(0.0)
+        return self._shortest(0.0, LONG)
 
-    def _shortest(self, least: float) -> Floats:
-        """Give the shortest lengths that are more than `least` in the metric of M."""
+    def _shortest(self, least: float, most: float) -> Floats:
+        """Give the shortest lengths that are more than `least` in the metric of M.
+
+        One that is more than `most` of a form's shortest is only that of a special
+        direction, as along a rod: the shortest stands for it.
+        """
         found = np.full(self.point.n, np.inf)
-        for own in self.own:
+        for i, own in enumerate(self.own):
+            shortest = np.inf if _flat(own) else self._least(i)
             for k, length in own.items():
-                if length * self.weights[k] > least:
-                    found[k] = min(found[k], length)
+                way = length * self.weights[k]
+                way = shortest if way > most * shortest else way
+                if way > least:
+                    found[k] = min(found[k], way / self.weights[k])
+        return self._handed_on(found)
+
+    def _handed_on(self, found: Floats) -> Floats:
+        """Give lengths (n,) where affine forms hand them on."""
+        found = found.copy()
         flat = [i for i, own in enumerate(self.own) if _flat(own)]
         for _ in range(LINKS):
             before = found.copy()
@@ -146,7 +160,7 @@ class Lengths:
             if 0.0 < way < np.inf
         ]
         size = max(known, default=0.0)
-        lengths = self._shortest(TINY * size)
+        lengths = self._shortest(TINY * size, 1.0)
         size = size or float(np.linalg.norm(self.weights * self.q)) or 1.0
         wanted = {k for own in self.own for k in own}
         for k in range(self.point.n):
@@ -172,9 +186,7 @@ class Lengths:
         if not np.all(np.isfinite(slopes)):
             return np.inf
         if not _flat(own):
-            ways = np.array([own.get(k, np.inf) for k in columns])
-            gradient = float(np.linalg.norm(self.tables[i][0]))
-            return max(gradient * self._least(i), _longest(slopes, ways, 0.0))
+            return float(np.linalg.norm(self.tables[i][0])) * self._least(i)
         scale = _longest(slopes, self.coordinates[columns])
         if np.isfinite(scale):
             return scale
@@ -228,7 +240,7 @@ def _flat(own: Mapping[int, float]) -> bool:
     return all(np.isinf(way) for way in own.values())
 
 
-def _longest(slopes: Floats, lengths: Floats, none: float = np.inf) -> float:
-    """Give the greatest slope * length of those that have a length."""
+def _longest(slopes: Floats, lengths: Floats) -> float:
+    """Give the greatest slope * length of those that have a length; inf without."""
     known = np.isfinite(lengths) & (slopes > 0.0)
-    return float(np.max(slopes[known] * lengths[known])) if np.any(known) else none
+    return float(np.max(slopes[known] * lengths[known])) if np.any(known) else np.inf

@@ -96,7 +96,7 @@ def nearest(
         reached = other if other.met else reached
     best = _descend(relations, x0, reached.x, metric) if reached.met else None
     if far and (best is None or len(x0) <= FEW):
-        for start in _others(x0, best, metric):
+        for start in _others(relations, x0, best, metric):
             other = reach(relations, start, metric)
             if not other.met:
                 continue
@@ -120,17 +120,37 @@ def _by_size(x0: Floats, metric: Floats) -> Floats:
     return np.diag(np.where(size > 0, size, rest) ** -2.0)
 
 
-def _others(x0: Floats, best: Floats | None, metric: Floats) -> Iterator[Floats]:
+def _others(
+    relations: Relations, x0: Floats, best: Floats | None, metric: Floats
+) -> Iterator[Floats]:
     """Give other starts around x0, as far as the point found; the same each time."""
     random = np.random.default_rng(3)
     L = cholesky(metric)
     if best is None:
-        size = float(np.sqrt(_length(x0, metric))) or 1.0
+        far = float(np.sqrt(_length(x0, metric))) or 1.0
+        near = _bent(relations, x0, L) or far
     else:
-        size = float(np.sqrt(_length(best - x0, metric)))
+        near = far = float(np.sqrt(_length(best - x0, metric)))
     for k in range(OTHER_STARTS):
         kick = np.linalg.solve(L.T, random.standard_normal(len(x0)))
+        size = near if k < OTHER_STARTS // 2 else far
         yield x0 + size * 10.0 ** ((k % 3) - 1) * kick
+
+
+def _bent(relations: Relations, x0: Floats, L: Floats) -> float:
+    """Give how far away relations are met by their second derivatives; 0: not known."""
+    r = relations(x0)[0]
+    found = 0.0
+    for one, residual in zip(np.eye(len(r)), r, strict=True):
+        bend = np.linalg.norm(_congruent(relations.curvature(x0, one), L))
+        if np.isfinite(residual) and np.isfinite(bend) and bend > 0.0:
+            found = max(found, float(np.sqrt(2.0 * abs(residual) / bend)))
+    return found
+
+
+def _congruent(H: Floats, L: Floats) -> Floats:
+    half = np.linalg.solve(L, np.nan_to_num(H, nan=np.inf))
+    return np.asarray(np.linalg.solve(L, half.T))
 
 
 def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:

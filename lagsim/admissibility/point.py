@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
 
+# Of a value that was found as a double root.
+HALF = 2.0**-26
+
+
 class Point:
     """The equations in numbers."""
 
@@ -99,7 +103,9 @@ class Point:
         for k, rounding in enumerate(left):
             step = np.nan_to_num(rounding) / np.where(squares > 0.0, squares, np.inf)
             shares = columns * step[entries.i] / weights[entries.j]
-            own[k] += np.bincount(entries.j, shares, self.n)
+            # At a double root half of the digits are known, whatever the slopes say.
+            known = HALF * (np.abs((q, v)[k]) + own[k] / SOLVED)
+            own[k] += np.minimum(np.bincount(entries.j, shares, self.n), known)
         return self._named(names, own)
 
     def _named(

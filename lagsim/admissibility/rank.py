@@ -31,6 +31,8 @@ SAMPLES = 3
 TRIALS = 8
 # Newton's method leaves such states a little off, and dependent rows a little less so.
 GENERIC_RANK = 1e-9
+# Rank that is won on the way to such a state is won by more than this part of the way.
+TRACE = 1e-4
 # What vanishes at a double root is known to half of the digits.
 HALF = 1e-6
 
@@ -108,7 +110,7 @@ def analyse(
     if rank == len(rows):
         return RankReport(rank, smallest, rank, smallest)
     independent = [i for i, flag in enumerate(flags) if not flag]
-    generic = _generic(point, q, v)
+    generic = _generic(point, q, v, rank)
     demands = Demands(point, q, v, errors, levels)
     dependences = []
     for i in [i for i, flag in enumerate(flags) if flag]:
@@ -207,8 +209,12 @@ def _coefficients(
     }
 
 
-def _generic(point: Point, q: Floats, v: Floats) -> _Generic | None:
-    """Give what the rows are like at generic admissible states nearby."""
+def _generic(point: Point, q: Floats, v: Floats, least: int) -> _Generic | None:
+    """Give what the rows are like at generic admissible states nearby.
+
+    least
+        Their rank at the state, which is not lost around it.
+    """
     random = np.random.default_rng(1)  # the same states each time
     found: list[_Generic] = []
     for trial in range(TRIALS):
@@ -222,8 +228,14 @@ def _generic(point: Point, q: Floats, v: Floats) -> _Generic | None:
         if near.double:
             _without_traces(point, *state, Y, lengths, nearby * near.spread)
         flags = redundant_rows(Y, HALF if near.double else GENERIC_RANK)
-        rank = flags.count(False)
         sizes = np.linalg.svd(Y, compute_uv=False)
+        if (
+            flags.count(False) > least
+            and sizes[flags.count(False) - 1] < TRACE * nearby
+        ):
+            # More than that grows on the way; this is what Newton's method left.
+            flags = redundant_rows(Y, TRACE * nearby)
+        rank = max(flags.count(False), least)
         smallest = float(sizes[rank - 1]) if rank else 1.0
         found.append(_Generic(rank, smallest, tuple(flags)))
         if len(found) == SAMPLES:

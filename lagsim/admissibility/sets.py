@@ -25,7 +25,7 @@ from lagsim.admissibility.newton import SOLVED, cholesky, null_space, reach
 from lagsim.admissibility.point import Asked
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from lagsim.admissibility.dependence import Dependence
     from lagsim.admissibility.point import AtState, Point
@@ -73,27 +73,40 @@ class ThinSet:
         )
         if self.dimension is None:
             return text
-        what = "an isolated point" if self.dimension == 0 else "a set"
-        return f"{text}; it is {what} of dimension {self.dimension}"
+        if self.dimension == 0:
+            return f"{text}; it is an isolated point"
+        return f"{text}; its dimension is {self.dimension}"
 
 
 class Varied:
     """States around an admissible one that some of its rows admit."""
 
-    def __init__(self, point: Point, q: Floats, v: Floats) -> None:
-        self.point, self.q, self.v = point, q, v
+    def __init__(self, point: Point, q: Floats, v: Floats, *, velocities: bool) -> None:
+        self.point, self.state, self.velocities = point, (q, v), velocities
+        self.x = v if velocities else q
         rows = point.e.rows
         self.metric = rank_metric(point.mass(q, v), point.jacobian(rows, q, v))
-        self.spread = of_rows(point, rows, q, v).spread
+        if velocities:
+            speed = float(np.sqrt(v @ self.metric @ v)) or 1.0
+            own = speed / np.sqrt(np.diag(self.metric))
+            self.spread = np.where(v != 0.0, np.abs(v), own)
+        else:
+            self.spread = of_rows(point, rows, q, v).spread
+
+    def at_least(self, way: Floats) -> None:
+        """Go as far as `way` where any way is gone."""
+        self.spread = np.where(self.spread > 0.0, np.fmax(self.spread, way), 0.0)
 
     def relations(self, rows: Sequence[Row]) -> AtState:
-        """Give what holonomic `rows` ask of all positions."""
+        """Give what `rows` ask of all positions, or of all velocities."""
         asked = Asked()
         for row in rows:
-            asked.add(row.name, row.residual, row.residual_scale)
-        everything = range(self.point.n)
+            if self.velocities:
+                asked.add(row.name, row.rate, row.rate_scale)
+            else:
+                asked.add(row.name, row.residual, row.residual_scale)
         return self.point.relations(
-            asked, everything, self.q, self.v, {}, velocities=False
+            asked, range(self.point.n), *self.state, {}, velocities=self.velocities
         )
 
     def states(self, rows: Sequence[Row], count: int) -> list[Floats]:
@@ -103,7 +116,7 @@ class Varied:
         relations = self.relations(rows)
         for _ in range(count):
             kick = np.clip(random.standard_normal(self.point.n), -1.0, 1.0)
-            x = self.q + NEARBY * self.spread * kick
+            x = self.x + NEARBY * self.spread * kick
             if rows:
                 reached = reach(relations, x, self.metric)
                 if not reached.met:
@@ -115,8 +128,8 @@ class Varied:
     def traces(self, asked: AtState, states: Sequence[Floats]) -> Floats:
         """Give what rounding may leave in rows at the states, (states, rows)."""
         L = cholesky(self.metric)
-        slopes = np.linalg.norm(np.linalg.solve(L, asked(self.q)[1].T), axis=0)
-        ways = [np.linalg.norm(L.T @ (x - self.q)) for x in states]
+        slopes = np.linalg.norm(np.linalg.solve(L, asked(self.x)[1].T), axis=0)
+        ways = [np.linalg.norm(L.T @ (x - self.x)) for x in states]
         return np.asarray(TRACE * np.outer(ways, slopes))
 
     def dimension(self, rows: Sequence[Row]) -> int | None:
@@ -128,7 +141,7 @@ class Varied:
         states = self.states(rows, n + 2)
         if len(states) < n + 1:
             return None
-        ways = (np.array(states) - self.q) / (NEARBY * self.spread)
+        ways = (np.array(states) - self.x) / (NEARBY * self.spread)
         return int(np.sum(np.linalg.svd(ways, compute_uv=False) > THIN))
 
     def _sizes(self) -> Floats:
@@ -142,8 +155,15 @@ def thin_set(
     q: Floats,
     v: Floats,
     dependences: Sequence[Dependence],
+    ways: tuple[Floats, Floats],
 ) -> tuple[ThinSet | None, tuple[str, ...]]:
     """Find the rows that hold as multiple roots on the whole set through q.
+
+    Parameters
+    ----------
+    ways
+        How far positions and velocities were moved to get here: that far around a
+        double root lengths are not known.
 
     Returns
     -------
@@ -151,18 +171,52 @@ def thin_set(
     real : tuple of str
         Dependent rows that states admitted by the others do not meet.
     """
-    rows = {row.name: row for row in point.e.rows if row.holonomic}
-    dependent = {d.name for d in dependences}
-    suspects = [d for d in dependences if d.everywhere is not False and d.name in rows]
+    suspects = [d for d in dependences if d.everywhere is not False]
     if not suspects or is_large(point):
         return None, ()
-    independent = [row for name, row in rows.items() if name not in dependent]
-    varied = Varied(point, q, v)
-    states = varied.states(independent, SAMPLES)
-    asked = varied.relations([rows[d.name] for d in suspects])
-    values = np.array([asked(x)[0] for x in states])
+    dependent = {d.name for d in dependences}
+    held = [row for row in point.e.rows if row.holonomic]
+    varied = Varied(point, q, v, velocities=False)
+    varied.at_least(ways[0])
+    thin, real = _thin_rows(varied, held, suspects, dependent)
+    if thin:
+        dimension = varied.dimension(held)
+        free = {row.name for row in point.e.rows if not row.holonomic} - dependent
+        freedom = None if dimension is None else dimension - len(free)
+        return ThinSet(thin, dimension, freedom), real
+    names = frozenset(point.e.velocities)
+    bent = {
+        row.name
+        for row in point.e.rows
+        if not row.holonomic and point.g.depends(row.A.entries.values()) & names
+    }
+    suspects = [d for d in suspects if d.name in bent]
+    if not suspects:
+        return None, real
+    varied = Varied(point, q, v, velocities=True)
+    varied.at_least(ways[1])
+    thin, more = _thin_rows(varied, point.e.rows, suspects, dependent)
+    if not thin:
+        return None, real + more
+    freedom = varied.dimension(point.e.rows)
+    return ThinSet(thin, None, freedom), real + more
+
+
+def _thin_rows(
+    varied: Varied,
+    rows: Sequence[Row],
+    dependences: Sequence[Dependence],
+    dependent: Collection[str],
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Give the dependent rows that make the set thin, and those that others miss."""
+    known = {row.name: row for row in rows}
+    suspects = [d for d in dependences if d.name in known]
+    independent = [row for row in rows if row.name not in dependent]
+    states = varied.states(independent, SAMPLES) if suspects else []
     if not states:
-        return None, ()
+        return (), ()
+    asked = varied.relations([known[d.name] for d in suspects])
+    values = np.array([asked(x)[0] for x in states])
     missed = np.array([asked.missed(x, SOLVED * np.abs(x)) for x in states])
     missed &= np.abs(values) > varied.traces(asked, states)
     thin, real = [], []
@@ -172,16 +226,9 @@ def thin_set(
         real.append(d.name)
         signs = np.sign(values[:, i])
         one_sign = bool(np.all(missed[:, i]) and np.all(signs == signs[0]))
-        if d.everywhere or _is_extreme(varied, independent, rows[d.name], one_sign):
+        if d.everywhere or _is_extreme(varied, independent, known[d.name], one_sign):
             thin.append(d.name)
-    if not thin:
-        return None, tuple(real)
-    dimension = varied.dimension(list(rows.values()))
-    freedom = dimension
-    if dimension is not None:
-        others = [row.name for row in point.e.rows if not row.holonomic]
-        freedom = dimension - len(set(others) - dependent)
-    return ThinSet(tuple(thin), dimension, freedom), tuple(real)
+    return tuple(thin), tuple(real)
 
 
 def _is_extreme(
@@ -189,7 +236,7 @@ def _is_extreme(
 ) -> bool:
     """Tell whether what a row adds to others has one sign all around the state."""
     relations = varied.relations([*independent, row])
-    x = varied.q
+    x = varied.x
     J = relations(x)[1]
     shares = np.linalg.lstsq(J[:-1].T, J[-1], rcond=None)[0] if len(J) > 1 else []
     weights = np.append(-np.asarray(shares, dtype=float), 1.0)

@@ -1,8 +1,8 @@
 """The initial state: guesses solved, residuals judged, the nearest state found.
 
 A relation, or its rate, is satisfied when its residual is at most TOLERANCE of the
-largest of its terms and of |q_i dg/dq_i|, or within the rounding error of the
-expressions that gave the start.
+largest of its terms and of |q_i dg/dq_i|, wherever it stands (see `verdict`), or within
+the rounding error of the expressions that gave the start.
 """
 
 from __future__ import annotations
@@ -261,14 +261,20 @@ class _Examination:
     def _analysed(self, q: Floats, v: Floats, levels: Sequence[str]) -> _Judged:
         ranks = RankReport(0, 1.0, 0, 1.0)
         judged = _Judged(q, v, ranks, ())
-        way = self.point.sizes(q, v) * (q - self.q0)
-        way = np.linalg.norm(way) / self.point.sizes(q, v)
-        double = way if self.solver.double else None
+        sizes = self.point.sizes(q, v)
+        ways = tuple(
+            np.linalg.norm(sizes * (x - x0)) / sizes
+            for x, x0 in ((q, self.q0), (v, self.v0))
+        )
+        double = ways[0] if self.solver.double else None
+        ways = ways if self.solver.double else (np.zeros_like(q), ways[1])
         errors = self._errors(judged)
         ranks = analyse(self.point, q, v, errors, levels, double=double)
         thin = None
         if levels == LEVELS:
-            thin, real = thin_set(self.point, q, v, ranks.dependences)
+            thin, real = thin_set(
+                self.point, q, v, ranks.dependences, (ways[0], ways[1])
+            )
             ranks = replace(
                 ranks,
                 dependences=tuple(

@@ -79,9 +79,7 @@ def extents(state: Floats) -> Floats:
 def named_extents(
     state: Floats, names: Sequence[str]
 ) -> dict[str, tuple[float, float]]:
-    """Give them by the names of the components, where they were noted."""
-    if not state[at.EXTENTS_AT]:
-        return {}
+    """Give them by the names of the components."""
     low, high = extents(state).tolist()
     return dict(zip(names, zip(low, high, strict=True), strict=True))
 
