@@ -557,8 +557,8 @@ parameters: {m: 1, n: 2, k: 3, g: 9.81}
 coordinates: {a: {}, b: {}, c: {}, d: {}, e: {}, f: {}, h: {}, i: {}, j: {}}
 energy:
   kinetic: >-
-    (m + n + 2*k + g^2)*(a_dot^2 + b_dot^2 + c_dot^2 + d_dot^2 + e_dot^2 + f_dot^2 + h_dot^2
-    + i_dot^2 + j_dot^2)/2 + m*a_dot*b_dot*cos(c)
+    (m + n + 2*k + g^2)*(a_dot^2 + b_dot^2 + c_dot^2 + d_dot^2 + e_dot^2 + f_dot^2
+    + h_dot^2 + i_dot^2 + j_dot^2)/2 + m*a_dot*b_dot*cos(c)
   potential: >-
     m*g*a + k*a^3/3 + n*a*b + n*a*c - n*a*d + n*a*e - n*a*f + n*a*h*i + m*sin(a)*j
     + k*a*exp(c) + k*sin(a - d)
