@@ -98,6 +98,7 @@ def test_a_joined_condition_breaks_only_where_the_whole_changes():
     assert breaks("if(not (t < 1) and p > 0, 1, 0)", 0.0, 10.0, p=-1.0) == []
 
 
+@pytest.mark.slow
 def test_a_part_that_no_longer_matters_costs_nothing():
     begin = time.perf_counter()
     found = breaks("if(t < 1 and sin(100*t) > 0, 1, 0)", 0.0, 1e9)
@@ -149,6 +150,7 @@ def test_two_functions_that_switch_together_break_once():
     assert breaks("if(t > 1, 1, 0) + heaviside(t - 1)*x", 0.0, 9.0) == [1.0]
 
 
+@pytest.mark.slow
 def test_the_first_breaks_of_many_come_at_once():
     begin = time.perf_counter()
     found = list(itertools.islice(search("sign(sin(1000*t))", 0.0, 1e6), 50))

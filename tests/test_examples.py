@@ -132,6 +132,7 @@ def test_the_derivation_that_is_shown(lagsim, folder):  # noqa: F811
     assert shown.strip() in called.out
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("folder")
 def test_goldens_as_shown(lagsim, tmp_path):  # noqa: F811
     lines = commands(only("README.md", "", "golden models/*.yaml --update"))
@@ -148,6 +149,7 @@ SETTINGS = [b for b in BLOCKS if "pip install" in b.text and b.kind in ("yaml", 
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("number", range(len(SETTINGS)))
 def test_settings_for_other_tools(number, lagsim, tmp_path):  # noqa: F811

@@ -117,6 +117,7 @@ def test_reach_depends_on_neither_scale_nor_units(unit, factor):
 TEN = " ".join(f"q{k}" for k in range(10))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "relations",
     [

@@ -269,13 +269,8 @@ def quickest(*command):
     return min(times)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(path.stem, marks=[] if "disk" in path.stem else pytest.mark.slow)
-        for path in sorted(MODELS.glob("*.yaml"))
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(path.stem for path in MODELS.glob("*.yaml")))
 def test_a_check_takes_no_longer_than_three_times_its_imports(name):
     bare = quickest("-c", "import numpy, yaml, typer")
     checked = quickest("-m", "lagsim", "check", str(MODELS / f"{name}.yaml"))

@@ -557,15 +557,15 @@ parameters: {m: 1, n: 2, k: 3, g: 9.81}
 coordinates: {a: {}, b: {}, c: {}, d: {}, e: {}, f: {}, h: {}, i: {}, j: {}}
 energy:
   kinetic: >-
-    (m + n + 2*k)*(a_dot^2 + b_dot^2 + c_dot^2 + d_dot^2 + e_dot^2 + f_dot^2 + h_dot^2
-    + i_dot^2 + j_dot^2)/2 + m*a_dot*b_dot*cos(c)
+    (m + n + 2*k + g^2)*(a_dot^2 + b_dot^2 + c_dot^2 + d_dot^2 + e_dot^2 + f_dot^2
+    + h_dot^2 + i_dot^2 + j_dot^2)/2 + m*a_dot*b_dot*cos(c)
   potential: >-
     m*g*a + k*a^3/3 + n*a*b + n*a*c - n*a*d + n*a*e - n*a*f + n*a*h*i + m*sin(a)*j
     + k*a*exp(c) + k*sin(a - d)
 constraints:
   long: >-
-    (m + n)*a + (m + 2*n)*b + (m + 3*n)*c + (m + 4*n)*d + (m + 5*n)*e^2
-    = (m + 6*n)*f + (m + 7*n)*h + (m + 8*n)*i + sin(j)
+    (m + 2*n + k)*b + (m + 3*n + k)*c + (m + 4*n + k)*d + (m + 5*n + k)*e^2
+    = (m + 6*n + k)*f + (m + 7*n + k)*h + (m + 8*n + k)*i + sin(j)
 initial: {a: 0, b: 0, c: 0, d: 0, e: 0, f: 0, h: 0, i: 0, j: 0}
 """
 

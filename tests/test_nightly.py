@@ -1,0 +1,68 @@
+"""Long fuzzing of whatever takes random input, and every chart of every model."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import random
+import secrets
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import lagsim  # noqa: F401
+from tests.support import MODELS, ROOT
+
+pytestmark = [pytest.mark.nightly, pytest.mark.timeout(7200)]
+
+TRIES = 3000
+FUZZED = {
+    "reader.test_reader_fuzz": (
+        "test_changes_of_a_valid_file", "test_random_pieces", "test_random_expressions",
+    ),
+    "expressions.test_parser": ("test_any_text_parses_or_is_refused_in_its_place",),
+    "expressions.test_evaluate": ("test_the_bound_bounds",),
+    "expressions.test_graph": (
+        "test_simplification_keeps_values",
+        "test_substituting_is_evaluating_at_the_new_value",
+    ),
+    "expressions.test_derivatives": ("test_gradient_tangent_and_differences_agree",),
+}  # fmt: skip
+CASES = [(module, name) for module, names in FUZZED.items() for name in names]
+
+
+@pytest.mark.parametrize(("module", "name"), CASES, ids=[name for _, name in CASES])
+def test_long_fuzzing(module, name, monkeypatch, record_property):
+    monkeypatch.syspath_prepend(ROOT / "tests" / module.split(".")[0])
+    test = getattr(importlib.import_module(f"tests.{module}"), name)
+    seed = secrets.randbits(32)
+    record_property("seed", seed)
+    print(f"seed {seed}")  # noqa: T201  shown where it fails
+    source = random.Random(seed)
+    for _ in range(TRIES):
+        test.hypothesis.fuzz_one_input(source.randbytes(source.choice((64, 512, 4096))))
+
+
+@pytest.mark.parametrize("name", sorted(p.stem for p in MODELS.glob("*.yaml")))
+def test_every_chart(name, lagsim):  # noqa: F811
+    called = lagsim("bench", MODELS / f"{name}.yaml", "-o", "out")
+    assert called.code == 0, called.err
+    table = Path("out/work_precision.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(table.splitlines()))
+    assert Path("out/work_precision.png").stat().st_size > 10_000
+    assert {row["outcome"] for row in rows if row["chosen"] == "true"} == {"done"}
+    # Some method reaches nine digits on every shipped model.
+    best = min(float(row["error"]) for row in rows if row["error"])
+    assert best < 1e-9
+    print(name, best, file=sys.stderr)  # noqa: T201  for the night's record
+
+
+@pytest.mark.parametrize("name", sorted(p.stem for p in MODELS.glob("*.yaml")))
+def test_every_map_of_stability(name, lagsim):  # noqa: F811
+    called = lagsim("stability", MODELS / f"{name}.yaml", "-o", "out")
+    assert called.code in (0, 2), called.err
+    if called.code == 2:  # no place of rest to linearise about, and says so
+        assert called.err.startswith(("lagsim: ", str(MODELS)))
+    else:
+        assert any(p.suffix == ".png" for p in Path("out").iterdir())
