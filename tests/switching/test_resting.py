@@ -9,6 +9,7 @@ import pytest
 
 from lagsim.simulate.sequence import Sequence
 from tests.support import run
+from tests.switching.scenes import one_quick
 from tests.switching.test_located import events, scene
 
 
@@ -33,12 +34,12 @@ def time_optimal(x, v, t):
 
 @pytest.mark.parametrize(
     "law",
-    [
+    one_quick(
         "-sign(x + x_dot*abs(x_dot)/2)",
         "if(2*x + x_dot*abs(x_dot) > 0, -1, 1)",
         "1 - 2*heaviside(x + 0.5*x_dot^2*sign(x_dot))",
         "-sign(x + if(x_dot > 0, x_dot^2, -x_dot^2)/2)",
-    ],
+    ),
 )
 def test_time_optimal_control_comes_to_rest_at_its_time(law):
     for x, v, sign in [(1, 0, 1), (0.5, 1, 1), (2, -0.5, -1), (0.01, 3, -1)]:
@@ -53,7 +54,7 @@ def test_time_optimal_control_comes_to_rest_at_its_time(law):
         assert codes(found) == []
 
 
-@pytest.mark.parametrize("c", [0.6, 0.8, 2.0])
+@pytest.mark.parametrize("c", one_quick(0.8, 0.6, 2.0))
 def test_a_switching_curve_that_is_followed_to_rest(c):
     # On x = -c v |v| it is v' = sign(x)/(2 c): from (1, 0) it is met at x = 1 - t^2/2
     # with 1 - t^2/2 = c t^2, and v falls to 0 in another 2 c t.
@@ -68,7 +69,7 @@ def test_a_switching_curve_that_is_followed_to_rest(c):
     assert not np.any(np.abs(found["x_dot"][t > end + 1e-6]) > 1e-15)
 
 
-@pytest.mark.parametrize("c", [0.1, 0.3, 0.444623563057])
+@pytest.mark.parametrize("c", one_quick(0.444623563057, 0.1, 0.3))
 def test_switches_on_a_curve_accumulate_and_rest(c):
     # The last is Fuller's problem. A swing from rest at x ends at -x k, k below.
     found = run(scene(force=f"-sign(x + {c}*x_dot*abs(x_dot))", x=1, duration=20))
@@ -93,13 +94,13 @@ def test_a_start_at_the_end_of_the_curve_rests():
 
 @pytest.mark.parametrize(
     ("force", "speed"),
-    [
+    one_quick(
         ("1.5 - floor(x_dot)", 2.0),
         ("2.5 - ceil(x_dot)", 2.0),
         ("0.35 - 0.1*floor(10*x_dot)", 0.4),
         ("-floor(x_dot + 3.5) + 0.5", -2.5),
         ("1 - 2*heaviside(x_dot - 0.75)", 0.75),
-    ],
+    ),
 )
 def test_friction_of_levels_holds_the_speed_of_its_level(force, speed):
     for v in (0, 3.7, -1.2):
@@ -122,24 +123,25 @@ def in_a_dead_zone(t):
     return np.where(t < 4, x, -x)
 
 
+EDGES = [
+    "x - max(-1, min(1, x))",
+    "x - (abs(x + 1) - abs(x - 1))/2",
+    "if(x > 1, x - 1, if(x < -1, x + 1, 0))",
+    "max(0, x - 1) + min(0, x + 1)",
+]
+LAWS = [
+    "sign(u)",
+    "if(u > 0, 1, if(u < 0, -1, 0))",
+    "if(u >= 0, if(u <= 0, 0, 1), -1)",
+    "(floor(u) + ceil(u))",
+]
+
+
 @pytest.mark.parametrize(
-    "out_of_it",
-    [
-        "x - max(-1, min(1, x))",
-        "x - (abs(x + 1) - abs(x - 1))/2",
-        "if(x > 1, x - 1, if(x < -1, x + 1, 0))",
-        "max(0, x - 1) + min(0, x + 1)",
-    ],
+    ("edge", "law"), one_quick(*((edge, law) for law in LAWS for edge in EDGES))
 )
-@pytest.mark.parametrize(
-    "law", ["sign({0})", "if({0} > 0, 1, if({0} < 0, -1, 0))",
-            "if({0} >= 0, if({0} <= 0, 0, 1), -1)", "floor({0}) - floor(-({0})) + 0*({0})"]
-)  # fmt: skip
-def test_the_edge_of_a_dead_zone_is_crossed(out_of_it, law):
-    force = "-(" + law.format(f"({out_of_it})") + ")"
-    if "floor" in law:
-        # floor(u) - floor(-u) is 0 at rest, 1 - 2 [u] past it: u stays below 1/2 here.
-        force = "-(" + "(floor(({0})) + ceil(({0})))".format(out_of_it) + ")"
+def test_the_edge_of_a_dead_zone_is_crossed(edge, law):
+    force = "-" + law.replace("u", f"({edge})")
     found = run(scene(force=force, v=1, duration=16))
     assert np.max(np.abs(found["x"] - in_a_dead_zone(found["t"]))) < 1e-12
     assert found.drift < 1e-12
@@ -154,15 +156,16 @@ forces: {{a: -force, p: force}}
 initial: {{a: 0, p: 0, a_dot: 1}}
 simulation: {{duration: 10, output_step: 0.05}}
 """
-PUSH = "if({0} > 0, max(0, k*({0}) + c*phi_dot), if({0} < 0, min(0, k*({0}) + c*phi_dot), 0))"
+PUSH = "k*stretch + c*phi_dot"
+PUSH = f"if(stretch > 0, max(0, {PUSH}), if(stretch < 0, min(0, {PUSH}), 0))"
 
 
 @pytest.mark.parametrize(
-    "stretch", ["phi - max(-b, min(b, phi))", "phi - (abs(phi + b) - abs(phi - b))/2"]
+    "stretch",
+    one_quick("phi - max(-b, min(b, phi))", "phi - (abs(phi + b) - abs(phi - b))/2"),
 )
 def test_gears_with_backlash_touch_and_part(stretch):
-    force = PUSH.format("stretch")
-    found = run(BACKLASH.format(stretch=stretch, force=force))
+    found = run(BACKLASH.format(stretch=stretch, force=PUSH))
     # In phi one mass of 3/4. Free until phi = b, then a damped spring until its force
     # would pull, then free to the other side, and so on, each time by the same factor.
     m, k, c, b = 0.75, 100.0, 2.0, 0.1
@@ -221,7 +224,7 @@ def test_switches_accumulate_only_at_a_steady_ratio():
     assert limit_of([40.0, *slow]) is None
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("scale", one_quick(1e6, 1e-6, 1.0))
 def test_units_of_time_make_no_difference_to_an_end(scale):
     # In a unit of time `scale` times as long, all of the run is 1/scale as long.
     force = f"-0.3*{scale}^2*sign(x_dot)"
