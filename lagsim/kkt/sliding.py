@@ -25,6 +25,7 @@ from lagsim.methods._interface import (
     LEAST,
     LOW,
     MOST,
+    NOISE,
     PER_SURFACE,
     SHARE,
     SIDE,
@@ -255,15 +256,23 @@ def share_out(sliding: int, p: Floats) -> None:
     i = 0
     for k in range(count):
         if kept[SLIDES * count + k] == FOLLOWED:
-            right[3 * i] = rows[2 * count + k] - product(k, p, at(fields, n))
+            noise = kept[NOISE * count + k]
+            right[3 * i] = above(
+                rows[2 * count + k] - product(k, p, at(fields, n)), noise
+            )
             right[3 * i + 1] = kept[LEAST * count + k] - rows[k]
             right[3 * i + 2] = kept[MOST * count + k] - rows[count + k]
             for j in range(sliding):
                 change = at(fields, (j + 1) * width + n)
-                B[i * sliding + j] = product(k, p, change)
+                B[i * sliding + j] = above(product(k, p, change), noise)
             i += 1
     solve(sliding, B, right)
     take_shares(sliding, p)
+
+
+def above(x: float, noise: float) -> float:
+    """Give x, or 0 where it is noise."""
+    return 0.0 if abs(x) <= noise else x
 
 
 def take_shares(sliding: int, p: Floats) -> None:
@@ -291,7 +300,7 @@ def take_shares(sliding: int, p: Floats) -> None:
         if kept[SLIDES * count + k] == FOLLOWED:
             size = B[i] + extent(k, p, at(fields, n))
             left = product(k, p, at(fields, n)) - rows[2 * count + k]
-            if not abs(left) <= MISSED * size:
+            if not abs(left) <= MISSED * size + kept[NOISE * count + k]:
                 kept[SHARE * count + k] = -1.0
             i += 1
 
@@ -325,42 +334,58 @@ def solve(size: int, B: Floats, right: Floats) -> None:
 
     What B does not determine is left at 0.5 in the first column, else at 0.
     """
+    rank = 0
     for k in range(size):
-        if take_pivot(size, k, B, right) == 0:
-            for j in range(size):
-                B[k * size + j] = 0.0
-            B[k * size + k] = 1.0
+        found = take_pivot(size, rank, k, B, right)
+        for i in range(rank + found, size):
+            if found > 0:
+                factor = B[i * size + k] / B[rank * size + k]
+                for j in range(k + 1, size):
+                    B[i * size + j] -= factor * B[rank * size + j]
+                for c in range(3):
+                    right[3 * i + c] -= factor * right[3 * rank + c]
+            B[i * size + k] = 0.0
+        rank += found
+    row = rank - 1
+    for back in range(size):
+        k = size - 1 - back
+        if row >= 0 and begins(size, row, B) == k:
+            for c in range(3):
+                value = right[3 * row + c]
+                for j in range(k + 1, size):
+                    value -= B[row * size + j] * right[3 * j + c]
+                right[3 * k + c] = value / B[row * size + k]
+            row -= 1
+        else:
             right[3 * k] = 0.5
             right[3 * k + 1] = 0.0
             right[3 * k + 2] = 0.0
-        for i in range(k + 1, size):
-            factor = B[i * size + k] / B[k * size + k]
-            for j in range(k, size):
-                B[i * size + j] -= factor * B[k * size + j]
-            for c in range(3):
-                right[3 * i + c] -= factor * right[3 * k + c]
-    for back in range(size):
-        k = size - 1 - back
-        for c in range(3):
-            for j in range(k + 1, size):
-                right[3 * k + c] -= B[k * size + j] * right[3 * j + c]
-            right[3 * k + c] /= B[k * size + k]
 
 
-def take_pivot(size: int, k: int, B: Floats, right: Floats) -> int:
-    """Bring the largest element of column k to its row; give 0 where it is none."""
-    largest = k
+def begins(size: int, row: int, B: Floats) -> int:
+    """Give the first column of a row that is not 0."""
+    k = 0
+    while k < size - 1 and B[row * size + k] == 0.0:
+        k += 1
+    return k
+
+
+def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
+    """Bring the largest element of column k below to `row`; give 0 if it is none."""
+    if row >= size:
+        return 0
+    largest = row
     whole = 0.0
     for i in range(size):
         whole = max(whole, abs(B[i * size + k]))
-        if i > k and abs(B[i * size + k]) > abs(B[largest * size + k]):
+        if i > row and abs(B[i * size + k]) > abs(B[largest * size + k]):
             largest = i
-    if largest > k:
+    if largest > row:
         for j in range(size):
-            exchange(B, k * size + j, largest * size + j)
+            exchange(B, row * size + j, largest * size + j)
         for c in range(3):
-            exchange(right, 3 * k + c, 3 * largest + c)
-    return 1 if abs(B[k * size + k]) > DEPENDENT * whole else 0
+            exchange(right, 3 * row + c, 3 * largest + c)
+    return 1 if abs(B[row * size + k]) > DEPENDENT * whole else 0
 
 
 def exchange(a: Floats, i: int, j: int) -> None:

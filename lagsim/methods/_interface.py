@@ -36,7 +36,8 @@ SHARE = 6  # of the upper side, in the combination that stays on the surface
 SLACK = 7  # how far past its end a mode still counts as lasting
 BAND = 8  # and how far it must be past it for more than noise
 LEADER = 9  # the number, from 1, of the sliding surface that carries it along; or 0
-PER_SURFACE = 10
+NOISE = 10  # a rate this small is rounding, while it slides
+PER_SURFACE = 11
 
 # SLIDES is this where the motion follows a surface and where one is carried along by
 # another; where the expression keeps its level on a whole stretch it is below 0.

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 # Rows of J this close to parallel are those of one surface.
 PARALLEL = 1e-9
+# A motion that comes to rest in a time goes no farther by then than this many times
+# what its rate makes of it.
+REACH = 4.0
 # All corners of up to so many surfaces are looked at for the scales of their rates.
 FEW_CORNERS = 3
 
@@ -47,11 +50,15 @@ class Crossing:
         The way of surfaces where it is known.
     settled
         The motion has come to rest on the surfaces, by itself.
+    left
+        In so much time, that is.
 
     Attributes
     ----------
     undecided : list of int
         The surfaces that nothing decides the way from.
+    noise : ndarray, shape (K,)
+        Rates of the open ones smaller than this are rounding.
     """
 
     def __init__(
@@ -63,12 +70,15 @@ class Crossing:
         held: Mapping[int, int],
         *,
         settled: bool,
+        left: float = 0.0,
     ) -> None:
         self.modes, self.levels, self.sizes = modes, levels, sizes
         self.at_rest, self.held, self.settled = at_rest, held, settled
         self.open: list[int] = []
         self.loose: list[int] = []
         self.undecided: list[int] = []
+        self.noise = np.zeros(modes.count)
+        self.left = left
 
     def decide(self) -> None:
         """Choose the mode."""
@@ -233,10 +243,12 @@ class Crossing:
             )
 
         scale, noise = np.zeros((2, len(self.open)))
+        reach = REACH * self.left * np.abs(modes.rates(run.t, run.y))
         for corner in self._corners():
             J, b, a = terms(corner, run.y)
             scale = np.fmax(scale, np.abs(J) @ np.abs(a) + np.abs(b))
-            for aside in modes.asides():
+            for aside in modes.asides(reach):
                 noise = np.fmax(noise, np.abs(rates(corner, aside) - rates(corner)))
+        self.noise[self.open] = noise
         settled = self.settled or not np.all(scale > noise)
         return Crossroads(rates, scale, held, stays, noise=noise, settled=settled)

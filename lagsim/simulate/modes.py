@@ -213,9 +213,12 @@ class Modes:
             found = np.fmax(found, np.abs(self.values(run.t, aside) - here) / ON)
         return np.asarray(found)
 
-    def asides(self) -> Iterator[Floats]:
-        """Give states that rounding does not tell from the one reached."""
-        step = ON * self.seen()
+    def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
+        """Give states that rounding does not tell from the one reached.
+
+        And that are no farther than `reach` (size,) besides.
+        """
+        step = ON * self.seen() + reach
         i = np.arange(len(step))
         for k in range(DIRECTIONS):
             yield self.run.y + np.where(i >> k & 1, -step, step)

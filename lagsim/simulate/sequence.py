@@ -9,7 +9,7 @@ from collections import deque
 # faster, is less than this part of the time since they do. What is left of the motion
 # then is about the square of that.
 WINDOW = 4
-SHORT = 1e-6
+SHORT = 4e-6
 # A stretch this many times longer than the ratio has it is none of theirs.
 REGULAR = 16.0
 # So many switches in no time, a few units in the last place of times of this size: no

@@ -102,11 +102,15 @@ class Switching:
         on = set(at_rest) | ({met} if met is not None else set())
         levels, rows, sizes = self._find_sides(on)
         settled = bool(at_rest) or any(before[k] for k in levels)
-        crossing = Crossing(modes, levels, sizes, at_rest, held, settled=settled)
+        left = max(0.0, self.time - run.t) if at_rest else 0.0
+        crossing = Crossing(
+            modes, levels, sizes, at_rest, held, settled=settled, left=left
+        )
         crossing.decide()
         if crossing.undecided:
             self._tell(crossing.undecided)
         modes.write()
+        modes.kept(kept.NOISE)[:] = 2.0 * crossing.noise
         self._set_slack(levels, rows, sizes)
         self._pull(resting=bool(at_rest))
         self._record(before, met)
