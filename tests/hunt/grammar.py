@@ -64,10 +64,11 @@ def _laws(maker: Maker) -> None:
         choices += [
             laws.wall, laws.wall, laws.hill, laws.hill, laws.pair_law,
             laws.drag, laws.drag,
-            laws.friction, laws.friction,
+            laws.friction, laws.friction, laws.dead_zone, laws.relay,
+            laws.bent_spring,
         ]  # fmt: skip
     if maker.points:
-        choices.append(laws.air)
+        choices += [laws.air, laws.magnetic]
     for _ in range(maker.one_of(0, 1, 1, 2, 2, 3) if choices else 0):
         maker.one_of(*choices)(maker)
 

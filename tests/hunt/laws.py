@@ -189,3 +189,63 @@ def bystander(k: Maker) -> None:
     points, pushed = list(k.points), list(k.pushed)
     free_point(k, place, speed, k.decades(-9, 9, k.mass))
     k.points, k.pushed = points, pushed
+
+
+def dead_zone(k: Maker) -> None:
+    """A spring with play, maybe with a damper that only pushes (a backlash)."""
+    x, mass, _ = k.one_of(*k.sliders)
+    n = Numbers(k)
+    K = n("K", short(mass * k.between(1, 10, 1 / k.time) ** 2))
+    b, at = n("b", k.between(0.05, 0.6, k.length)), n("o", k.offset)
+    stretch = k.name("u")
+    text = f"{x} - {at} - max(-{b}, min({b}, {x} - {at}))"
+    width = 0.1 * k.length
+    features = ((f"{x} - {at} - {b}", width), (f"{x} - {at} + {b}", width))
+    if k.chance(0.5):
+        k.add(
+            "dead-zone", parameters=n, definitions={stretch: text},
+            potential=(f"{K}*{stretch}^2/2",), features=features,
+        )  # fmt: skip
+        return
+    c = n("c", k.between(0.05, 1, mass / k.time))
+    low = f"min(0, {K}*({x} - {at} + {b}) + {c}*{x}_dot)"
+    high = f"max(0, {K}*({x} - {at} - {b}) + {c}*{x}_dot)"
+    force = f"-if({x} > {at} + {b}, {high}, 0) - if({x} < {at} - {b}, {low}, 0)"
+    k.add("backlash", parameters=n, forces=((x, force),), features=features)
+
+
+def relay(k: Maker) -> None:
+    """A control that switches: on the place, or on a line that is slid along."""
+    x, mass, _ = k.one_of(*k.sliders)
+    n = Numbers(k)
+    F = n("F", k.between(0.1, 1.5, mass * k.gravity))
+    s = f"{x} - {n('o', k.offset)}"
+    if k.chance(0.6):
+        s += f" + {n('d', k.between(0.1, 1, k.time))}*{x}_dot"
+    text = f"-{F}*sign({s})"
+    if k.chance(0.3):
+        K = n("K", short(k.between(1, 50) * n[F] / k.length))
+        text = f"-max(-{F}, min({F}, {K}*({s})))"
+    k.add("relay", parameters=n, forces=((x, text),))
+
+
+def bent_spring(k: Maker) -> None:
+    """A spring whose force is a broken power of the stretch."""
+    x, mass, _ = k.one_of(*k.sliders)
+    n = Numbers(k)
+    power = k.one_of(1.5, 2.5, 3.5)
+    K = n("K", short(k.between(0.5, 10) * energy_of(k, mass) / k.length**power))
+    s = f"abs({x} - {n('o', k.offset + k.signed(0, 0.5, k.length))})"
+    k.add("bent-spring", parameters=n, potential=(f"{K}*{s}^{power}/{power}",))
+
+
+def magnetic(k: Maker) -> None:
+    """A field across the plane, as a potential with velocities."""
+    flat = [p for p in k.points if len(p.at) == 2]
+    if not flat:
+        return
+    point = k.one_of(*flat)
+    n = Numbers(k)
+    B = n("B", k.signed(0.3, 3, point.mass / k.time))
+    x, y = point.at
+    k.add("magnetic", parameters=n, potential=(f"-{B}*({x}*{y}_dot - {y}*{x}_dot)/2",))

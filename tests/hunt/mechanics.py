@@ -35,7 +35,7 @@ class Mechanics:
     multipliers(t, y, p, u) -> list (m,)
     positions(t, y, p) -> (displacement (n,), residuals (m,))
     rates(t, y, p) -> (change of velocity (n,), residuals (m,))
-    surfaces(t, y, p) -> list (k,); their `slopes` take the accelerations too
+    surfaces(t, y, p, u) -> list (k,); their `slopes` take the accelerations too
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -160,9 +160,9 @@ class Mechanics:
             inputs, *solve(zero, [-g for g in self.g_dot]), self.g_dot
         )
         watched = [*self._surfaces, *([self.until] if self.until is not None else [])]
-        self.surfaces = function(inputs, [], watched)
+        self.surfaces = function([*inputs, self.sides], [], watched)
         self.slopes = function(
-            [*inputs, self.a], [], [self._whole_rate(s) for s in watched]
+            [*inputs, self.sides, self.a], [], [self._whole_rate(s) for s in watched]
         )
         self.jerky = [s.has(*self.v) for s in self._surfaces]
         self.timed = [not s.has(*y) for s in self._surfaces]

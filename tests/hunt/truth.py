@@ -79,7 +79,7 @@ class Run:
             for k, value in zip(self.stuck, values, strict=True):
                 self.u[k] = Long(value)
             a = self.m.acceleration([t], state, self.p, self.u)
-            slopes = self.m.slopes([t], state, self.p, a)
+            slopes = self.m.slopes([t], state, self.p, self.u, a)
             return np.array([slopes[k] for k in self.stuck])
 
         count = len(self.stuck)
@@ -147,8 +147,7 @@ class Run:
         """
         end, most = t + Long(self.m.scene.duration), np.zeros(2 * self.n, Long)
         while t < end:
-            self.u = [Long(1) if s > 0 else Long(-1) for s in self.surfaces(t, y)]
-            self.u = self.u[: len(self.m.sides)]
+            self.look(t, y)
             dy = self.slope(t, y)
             h = Long(self.cap(t, y, dy))
             a = np.abs(dy[self.n :])
@@ -159,11 +158,16 @@ class Run:
     # Sides
 
     def surfaces(self, t: Any, y: Any) -> list[Any]:
-        return self.m.surfaces([t], list(y), self.p)
+        return self.m.surfaces([t], list(y), self.p, self.u)
 
     def slopes(self, t: Any, y: Any) -> list[Any]:
         a = self.acceleration(t, y)
-        return self.m.slopes([t], list(y), self.p, a)
+        return self.m.slopes([t], list(y), self.p, self.u, a)
+
+    def look(self, t: Any, y: Any) -> None:
+        """Take all sides from where the state is; inner kinks stand before outer."""
+        for k in range(len(self.u)):
+            self.u[k] = Long(1) if self.surfaces(t, y)[k] > 0 else Long(-1)
 
     def choose(self, t: Any, y: Any, k: int, size: Any) -> None:
         """Choose the side of surface k: where it is, or, on it, where it goes to."""
@@ -188,12 +192,13 @@ class Run:
 
     def settle(self, t: Any, y: Any, later: Any) -> None:
         """Choose all sides anew, those of t alone by the middle of what follows."""
-        timed = self.surfaces((t + later) / 2, y)
-        now = self.surfaces(t, y)
         self.stuck = []
+        self.look((t + later) / 2, y)
+        ruled = list(self.u)
+        self.look(t, y)
         for k, on_time in enumerate(self.m.timed):
-            s = timed[k] if on_time else now[k]
-            self.u[k] = Long(1) if s > 0 else Long(-1)
+            self.u[k] = ruled[k] if on_time else self.u[k]
+        now = self.surfaces(t, y)
         for k, on_time in enumerate(self.m.timed):
             if not on_time and abs(now[k]) <= self._size(t, y, k):
                 self.choose(t, y, k, self._size(t, y, k))
