@@ -110,7 +110,7 @@ def analyse(
     if rank == len(rows):
         return RankReport(rank, smallest, rank, smallest)
     independent = [i for i, flag in enumerate(flags) if not flag]
-    generic = _generic(point, q, v, rank)
+    generic = _generic(point, q, v, rank, double)
     demands = Demands(point, q, v, errors, levels)
     dependences = []
     for i in [i for i, flag in enumerate(flags) if flag]:
@@ -209,7 +209,9 @@ def _coefficients(
     }
 
 
-def _generic(point: Point, q: Floats, v: Floats, least: int) -> _Generic | None:
+def _generic(
+    point: Point, q: Floats, v: Floats, least: int, double: Floats | None
+) -> _Generic | None:
     """Give what the rows are like at generic admissible states nearby.
 
     least
@@ -219,7 +221,7 @@ def _generic(point: Point, q: Floats, v: Floats, least: int) -> _Generic | None:
     found: list[_Generic] = []
     for trial in range(TRIALS):
         nearby = NEARBY if trial < SAMPLES else NEARBY / 10.0 ** (trial - SAMPLES)
-        near = admissible_near(point, q, v, nearby, random)
+        near = admissible_near(point, q, v, nearby, random, double)
         if near is None:
             continue
         state = (near.q, near.v)
@@ -267,16 +269,29 @@ class Near(NamedTuple):
 
 
 def admissible_near(
-    point: Point, q: Floats, v: Floats, nearby: float, random: np.random.Generator
+    point: Point,
+    q: Floats,
+    v: Floats,
+    nearby: float,
+    random: np.random.Generator,
+    way: Floats | None = None,
 ) -> Near | None:
-    """Give a random state near (q, v) that the constraints admit; None if not found."""
+    """Give a random state near (q, v) that the constraints admit; None if not found.
+
+    way
+        To (q, v), where it was found as a double root: as far as that lengths
+        are not known.
+    """
     metric = rank_metric(point.mass(q, v), point.jacobian(point.e.rows, q, v))
     if not np.all(np.isfinite(metric)):
         return None
     sizes = np.sqrt(np.diag(metric))
     speed = np.sqrt(v @ metric @ v) or 1.0
     own = np.where(v != 0, np.abs(v), speed / sizes)
-    spreads = (of_rows(point, point.e.rows, q, v).spread, own)
+    lengths = of_rows(point, point.e.rows, q, v).spread
+    if way is not None:
+        lengths = np.where(lengths > 0.0, np.fmax(lengths, way), 0.0)
+    spreads = (lengths, own)
     state = []
     for x, spread in zip((q, v), spreads, strict=True):
         kick = np.clip(random.standard_normal(point.n), -1.0, 1.0)

@@ -261,20 +261,17 @@ class _Examination:
     def _analysed(self, q: Floats, v: Floats, levels: Sequence[str]) -> _Judged:
         ranks = RankReport(0, 1.0, 0, 1.0)
         judged = _Judged(q, v, ranks, ())
-        sizes = self.point.sizes(q, v)
-        ways = tuple(
-            np.linalg.norm(sizes * (x - x0)) / sizes
-            for x, x0 in ((q, self.q0), (v, self.v0))
+        sizes, both = self.point.sizes(q, v), ((q, self.q0), (v, self.v0))
+        way_q, way_v = (
+            np.asarray(np.linalg.norm(sizes * (x - x0)) / sizes) for x, x0 in both
         )
-        double = ways[0] if self.solver.double else None
-        ways = ways if self.solver.double else (np.zeros_like(q), ways[1])
+        double = way_q if self.solver.double else None
         errors = self._errors(judged)
         ranks = analyse(self.point, q, v, errors, levels, double=double)
         thin = None
         if levels == LEVELS:
-            thin, real = thin_set(
-                self.point, q, v, ranks.dependences, (ways[0], ways[1])
-            )
+            ways = (np.zeros_like(q) if double is None else double, way_v)
+            thin, real = thin_set(self.point, q, v, ranks.dependences, ways)
             ranks = replace(
                 ranks,
                 dependences=tuple(

@@ -8,7 +8,7 @@ import pytest
 
 from tests.admissibility.scenes import PARALLELOGRAM, codes, judged, scene, warning
 
-SHIFTS = [0.0, 1e3, 1e6]
+SHIFTS = [0.0, pytest.param(1e3, marks=pytest.mark.slow), 1e6]
 FAR = 2.0**20  # sums with it lose 20 bits
 
 
@@ -159,8 +159,8 @@ def test_other_roots_are_found_far_away(shift):
     assert "y = -0.866025" in warning(start, "other-roots")
 
 
-@pytest.mark.parametrize("mass", [1.0, 1e30])
-@pytest.mark.parametrize("place", [1.0, 1e11])
+@pytest.mark.parametrize("mass", [pytest.param(1.0, marks=pytest.mark.slow), 1e30])
+@pytest.mark.parametrize("place", [pytest.param(1.0, marks=pytest.mark.slow), 1e11])
 def test_a_bystander_changes_nothing(mass, place):
     def beside(x, more):
         at = {"x1": 0, "y1": 0, "x2": x, "y2": 0.8}
@@ -189,7 +189,7 @@ CAR = {
 }
 
 
-@pytest.mark.parametrize("speed", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("speed", [pytest.param(1.0, marks=pytest.mark.slow), 1e3])
 @pytest.mark.parametrize(
     ("miss", "admissible"),
     [(1e-15, True), (1e-14, True), (1e-13, True), (1e-5, False), (-0.3, False)],

@@ -55,7 +55,14 @@ def test_thin_sets_are_named_with_their_dimension(name):
     assert not {"redundant", "vanishing-gradient"} & set(codes(start))
 
 
-@pytest.mark.parametrize("name", ["two squares", "spheres that touch", "a crest"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "two squares",
+        pytest.param("spheres that touch", marks=pytest.mark.slow),
+        "a crest",
+    ],
+)
 def test_thin_sets_that_are_guessed(name):
     relations, at, _ = THIN[name]
     near = {k: f"{{guess: {x + 0.01}}}" for k, x in at.items()}
@@ -175,7 +182,9 @@ CONES = [
 
 
 @pytest.mark.parametrize("cone", CONES)
-@pytest.mark.parametrize("height", [1e-6, 1.0, 1e3])
+@pytest.mark.parametrize(
+    "height", [1e-6, 1.0, pytest.param(1e3, marks=pytest.mark.slow)]
+)
 def test_guesses_at_the_point_of_a_cone_are_solved(cone, height):
     at = {"x": "{guess: 1000}", "y": "{guess: 0}", "z": height}
     start = judged(scene(cone, at))
