@@ -61,6 +61,7 @@ MEANINGS = {
     "rank": "constraints lost their independence: a singular configuration",
     "redundant": "a constraint follows from others",
     "rough-start": "the start was rounded, and meets the constraints only roughly",
+    "short-times": "a short pulse could be stepped over",
     "spectral-radius-unused": "`spectral_radius` is for generalized-alpha alone",
     "start-changed": "the run starts from the nearest exact state",
     "step-at-stability-bound": "stability, not accuracy, decides how long a step may "

@@ -118,7 +118,8 @@ class _Search:
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op in ("mul", "div"):
             found = self._product(n)
-            if op == "div" and args[1] in those:
+            # A root in a denominator is watched itself.
+            if op == "div" and args[1] in those and g.ops[args[1]] != "sqrt":
                 found.append(Sleeper(args[1], SMALL, 1.0))
             return found
         if op in ("add", "sub"):
@@ -156,9 +157,9 @@ class _Search:
         return float(found) if math.isfinite(found) else 0.0
 
     def _product(self, n: int) -> list[Sleeper]:
-        """Give the argument of a product of several: they wake it together."""
+        """Give the argument of a product's factors: they wake it together."""
         terms = self._exponents(n)
-        if terms is None or len(terms) < 2:
+        if not terms:
             return []
         return [Sleeper(self.g.sum(terms), LARGEST, 1.0)]
 
@@ -179,11 +180,15 @@ class _Search:
                 below.append((args[0], inverse))
             elif op == "exp":
                 found.append(g.call("neg", args[0]) if inverse else args[0])
-            elif op == "pow" and args[1] not in self.moving:
+            elif op == "pow" and self._tall(args[1]):
                 size = g.call("log", g.call("abs", args[0]))
                 size = g.call("mul", args[1], size)
                 found.append(g.call("neg", size) if inverse else size)
         return None
+
+    def _tall(self, exponent: int) -> bool:
+        """Tell whether a power is one that a product may sleep by."""
+        return exponent not in self.moving and abs(self._value(exponent)) >= TALL
 
     def _sum(self, args: Sequence[int]) -> list[Sleeper]:
         """Give where two exponentials, or one and a constant, are of one size."""

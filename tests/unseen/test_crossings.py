@@ -8,7 +8,12 @@ from lagsim.trajectory import Outcome
 from tests.support import run
 from tests.unseen.scenes import line
 
-METHODS = ("auto", "taylor", "dop853", "radau")
+METHODS = (
+    pytest.param("auto", marks=pytest.mark.slow),
+    "taylor",
+    pytest.param("dop853", marks=pytest.mark.slow),
+    pytest.param("radau", marks=pytest.mark.slow),
+)
 DEPTHS = (1e-2, 1e-5, 1e-8)
 
 

@@ -13,7 +13,11 @@ from scipy.integrate import quad
 from tests.support import run
 from tests.unseen.scenes import line, plane, stepped
 
-METHODS = ("taylor", "dop853", "radau")
+METHODS = (
+    "taylor",
+    pytest.param("dop853", marks=pytest.mark.slow),
+    pytest.param("radau", marks=pytest.mark.slow),
+)
 # At rtol 1e-11 a reflection multiplies errors by the steepness of what reflects.
 SPEED = 1e-8
 

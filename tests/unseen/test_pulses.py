@@ -8,7 +8,12 @@ from scipy.special import ive
 from tests.support import run
 from tests.unseen.scenes import line
 
-METHODS = ("auto", "taylor", "dop853", "radau")
+METHODS = (
+    pytest.param("auto", marks=pytest.mark.slow),
+    "taylor",
+    pytest.param("dop853", marks=pytest.mark.slow),
+    pytest.param("radau", marks=pytest.mark.slow),
+)
 ROOT = math.sqrt(2 * math.pi)
 
 # Forces on a body of mass 1 at rest, the time that they take, and their impulse.
