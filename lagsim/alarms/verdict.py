@@ -41,9 +41,6 @@ LEAST = 1e-6
 ACCURATE = 1e6
 # Values are rounded by this part.
 ROUNDED = 2.0**-53
-# What the errors of a run may be of which there is no estimate, in tolerances (the
-# global error is 10 to 1000 times the tolerance).
-UNKNOWN = 1e4
 # What an exact method counts as.
 EXACT_RTOL = 1e-12
 # A repeat has come to another motion where it is off by that part of a range, and by so
@@ -132,17 +129,14 @@ def _explained(
     witness: Witness,
     bar: ErrorBar | str,
 ) -> float:
-    """Give what the errors of a row make of its energy - work, at most."""
-    rtol = plan.rtol or EXACT_RTOL
-    n = len(equations.q)
-    errors = UNKNOWN * rtol * witness.ranges[1 : 1 + 2 * n]
-    part = UNKNOWN * rtol
-    if not isinstance(bar, str) and bar.rates is not None:
-        # Up to the row that was compared next.
-        until = min(int(np.searchsorted(bar.times, row[0])) + 1, len(bar.times))
-        told = np.hstack([bar.errors[:until], bar.rates[:until]])
-        errors = np.max(told, axis=0)
-        part = float(np.max(bar.parts[:until], initial=0.0)) + FAR * rtol
+    """Give what the errors of a row make of its energy - work; inf: not known."""
+    if isinstance(bar, str) or bar.rates is None:
+        return math.inf
+    # Up to the row that was compared next.
+    until = min(int(np.searchsorted(bar.times, row[0])) + 1, len(bar.times))
+    errors = np.max(np.hstack([bar.errors[:until], bar.rates[:until]]), axis=0)
+    part = float(np.max(bar.parts[:until], initial=0.0))
+    part += FAR * (plan.rtol or EXACT_RTOL)
     return _worth(equations, row, errors) + part * witness.work_range
 
 
