@@ -113,7 +113,7 @@ def depth_of(k, g):
 
 
 @pytest.mark.parametrize(
-    "contact",
+    ("potential", "force"),
     one_quick(
         ("9.81*x + 1e4*max(0, -x)^2.5/2.5", None),
         ("9.81*x", "1e4*max(0, -x)^1.5"),
@@ -122,8 +122,7 @@ def depth_of(k, g):
         ("9.81*x", "1e4*((abs(x) - x)/2)^1.5"),
     ),
 )
-def test_a_ball_on_a_hertzian_contact(contact):
-    potential, force = contact
+def test_a_ball_on_a_hertzian_contact(potential, force):
     text = scene(potential, force, x=1, duration=8, output_step=1e-3)
     found = run(text)
     depth = depth_of(1e4, 9.81)
