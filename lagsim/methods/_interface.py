@@ -40,10 +40,12 @@ NOISE = 10  # a rate this small is rounding, while it slides
 PER_SURFACE = 11
 
 # SLIDES is this where the motion follows a surface and where one is carried along by
-# another; where the expression keeps its level on a whole stretch it is below 0.
+# another; where the expression keeps its level on a whole stretch, or nothing but the
+# choice of a side tells on which it is, it is below 0.
 FOLLOWED = 2.0
 CARRIED = 1.0
 LEVEL = -1.0
+CHOSEN = -2.0
 
 
 @external

@@ -12,7 +12,7 @@ from lagsim.simulate.shares import ABOVE, ALONG, LEVEL
 from lagsim.system.switching import on_velocities
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
     from lagsim.native.kernel_types import Floats
     from lagsim.simulate.arcs import Run
@@ -86,6 +86,17 @@ class Modes:
         """Which surfaces the motion follows."""
         return np.asarray(self.kind == kept.FOLLOWED)
 
+    @property
+    def bound(self) -> Floats:
+        """Which surfaces the expression does not tell the mode of (K,)."""
+        return np.asarray((self.kind != 0.0) & (self.kind != kept.CHOSEN))
+
+    def choose(self, several: Collection[int]) -> None:
+        """Take note of sides that nothing decides: rows show what was chosen."""
+        for k in several:
+            if self.kind[k] == 0.0:
+                self.kind[k] = kept.CHOSEN
+
     def kept(self, what: int) -> Floats:
         """Give the K numbers of one kind: a view."""
         p, first = self.run.system.p, self.run.system.switching + 1
@@ -134,7 +145,7 @@ class Modes:
         self.kept(kept.SLIDES)[:] = self.kind
         value, whole = self.value, self.whole
         up = value > 0.0
-        self.kept(kept.LOW)[:] = np.where(whole | (self.kind != 0.0), value, -1.0)
+        self.kept(kept.LOW)[:] = np.where(whole | self.bound, value, -1.0)
         self.kept(kept.HIGH)[:] = np.where(whole, value + 1.0, 1.0)
         self.kept(kept.LEADER)[:] = 0.0
         for k, (leader, high) in self.carried.items():
@@ -143,7 +154,7 @@ class Modes:
         least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
         least = np.where(whole, value, least)
         most = np.where(whole, value + 1.0, most)
-        least[self.kind != 0.0], most[self.kind != 0.0] = -math.inf, math.inf
+        least[self.bound], most[self.bound] = -math.inf, math.inf
         moving = np.array(self.of_velocities, dtype=bool)
         least[slides] = np.where(moving, 0.0, self.levels)[slides]
         most[slides] = np.where(moving, self.levels, 0.0)[slides]

@@ -109,6 +109,7 @@ class Switching:
         crossing.decide()
         if crossing.undecided:
             self._tell(crossing.undecided)
+            modes.choose(crossing.undecided)
         modes.write()
         modes.kept(kept.NOISE)[:] = 2.0 * crossing.noise
         self._set_slack(levels, rows, sizes)
@@ -264,7 +265,7 @@ class Switching:
         values = modes.values(run.t, run.y)
         ends = np.where(speeds > 0, modes.kept(kept.MOST), modes.kept(kept.LEAST))
         with np.errstate(divide="ignore", invalid="ignore"):
-            ahead = np.where(modes.kind != 0.0, math.inf, (ends - values) / speeds)
+            ahead = np.where(modes.bound, math.inf, (ends - values) / speeds)
         ahead[~(ahead >= 0.0)] = math.inf
         k = int(np.argmin(ahead))
         if not run.t + ahead[k] < end:

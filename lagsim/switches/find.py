@@ -16,7 +16,7 @@ kind: in `if(t < 1 and x > 0, ...)`, `t < 1` is a time switch.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from lagsim.expressions.evaluate import evaluate
@@ -147,7 +147,10 @@ class Switches:
         inside = _domain(g, op, args)
         if inside is None:
             return g.call(op, *args)
-        return g.call(op, g.call("if", inside, args[0], written[0]), *args[1:])
+        (plain,) = replace(self, _sides_of={}).freeze([written[0]])
+        if plain == args[0]:
+            return g.call(op, *args)
+        return g.call(op, g.call("if", inside, args[0], plain), *args[1:])
 
     def shown(self, nodes: Iterable[int]) -> list[int]:
         """Give `nodes` as rows show them: as written, but for sliding.

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.switches.surfaces import JOINING, STEPS, Side, between, share, stepped
+from lagsim.switches.surfaces import (
+    JOINING,
+    STEPS,
+    Side,
+    between,
+    share,
+    stepped,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Positions never jump, velocities only by an impact, and an impact is accounted for."""
+"""Positions never jump, velocities only by an impact that is accounted for."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.alarms import alarms
 from lagsim.system.runner import Runner
 from tests.support import run
 from tests.switching.scenes import one_quick

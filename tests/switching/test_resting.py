@@ -237,3 +237,15 @@ def test_units_of_time_make_no_difference_to_an_end(scale):
     zeno = [e.time for e in found.trajectory.events if e.kind == "zeno"]
     assert zeno
     assert zeno == pytest.approx([limit / scale] * len(zeno), rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    "law", one_quick("sign(x_dot)", "if(x_dot > 0, 1, -1)", "sign(x)", "sign(x^3)")
+)
+def test_a_side_that_nothing_decides_is_told_and_shown(law):
+    text = scene(force="push", duration=2)
+    text = text.replace("energy:", f'definitions: {{push: "{law}"}}\nenergy:')
+    found = run(text)
+    assert codes(found) == ["unresolved-switch"]
+    assert np.array_equal(found["push"], found["x_ddot"])
+    assert np.abs(found["x"]) == pytest.approx(found["t"] ** 2 / 2, abs=1e-12)
