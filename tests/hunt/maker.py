@@ -103,3 +103,8 @@ def distance(a: Point, b: Point) -> tuple[str, float]:
     steps = [f"({x} - {y})" for x, y in zip(a.at, b.at, strict=True)]
     value = math.dist(a.place, b.place)
     return f"sqrt({squares(*steps)})", value
+
+
+def weight(k: Maker, m: str, height: str, n: Numbers) -> str:
+    """Give the energy of a mass at a height."""
+    return f"{m}*{n('g', k.between(0.5, 10, k.gravity))}*{height}"

@@ -19,6 +19,9 @@ EPS = 2.0**-52
 # The start is moved by this part of each range to see what the motion makes of it.
 NUDGE = 1e-7
 STILL = 1e-6
+# Errors of whole runs reach a thousand times the tolerance of a step, 1e-11 by default;
+# other words may choose another formulation, so another run's error. A tenth of that.
+GLOBAL = 1e-9
 # Rounding acts in every step, not at the start alone; a run's error differs by how its
 # steps fall.
 ROUNDINGS, STEPS = 100.0, 30.0
@@ -135,7 +138,7 @@ def differs(base: Known, change: Change) -> tuple[float, str]:
     )
     rounding = ROUNDINGS * EPS * change.rounding * base.gain
     # Tolerances are parts of a component's own scale, so the errors agree in size.
-    allowed = STEPS * base.error + rounding + 1e-10 * base.gain
+    allowed = STEPS * base.error + rounding + GLOBAL * base.range
     ratios = np.abs(other.q - base.motion.q) / allowed
     k, i = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
     told = (

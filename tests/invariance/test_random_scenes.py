@@ -15,7 +15,7 @@ from tests.invariance.same import CHANGES, STILL, Sizes
 from tests.invariance.transforms import document
 from tests.support import run
 
-COUNT = 16
+COUNT = 8
 # The default tolerance leaves a hundredth of this, as a part of the range.
 WITHIN = 1e-7
 
