@@ -117,7 +117,7 @@ TOLD = {
     "UNTIL": "`x <= 0` at t = 2.5",
     "INTERRUPTED": "interrupted at t = 2.5; the rows up to there were kept",
     "TOO_MANY_STEPS": "too many steps (77) at t = 2.5 (x = 1, x_dot = -3): the motion ",
-    "NOT_FINITE": "values that are not finite at t = 2.5 (x = 1, x_dot = -3): an energy",
+    "NOT_FINITE": "values that are not finite at t = 2.5 (x = 1, x_dot = -3): an",
     "CONSTRAINT_JUMPS": "the position that constraint `rod` asks for jumps at t = 2.5 "
     "(x = 1, x_dot = -3): a moving constraint may change its speed",
     "SWITCHES_ACCUMULATE": "the switches `sign(x)`, `y > 0` accumulate at t = 2.5 "
