@@ -263,3 +263,16 @@ def test_what_helps_where_there_is_no_golden(tmp_path, broken):
     stores = "it anew" if broken is not None else "one"
     assert problem.hint == f"`lagsim golden --update` stores {stores}"
     assert str(tmp_path) in str(raised.value)
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_rows_are_found_by_their_times(pendulum, ends):
+    motion = pendulum.motion(10)
+    t = motion.rows[:, 0]
+    assert np.array_equal(motion.at(t, 1e-9, ends=ends), motion.rows)
+    assert np.array_equal(motion.at(t + 1e-10, 1e-9, ends=ends), motion.rows)
+    between = motion.at(t[:-1] + 0.01, 1e-9, ends=ends)
+    assert np.all(np.isnan(between[:-1]))
+    # The end of a motion is a result: it goes with the end of the other.
+    last = motion.rows[-1] if ends else np.full(len(motion.columns), np.nan)
+    assert np.array_equal(between[-1], last, equal_nan=True)
