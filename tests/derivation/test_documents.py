@@ -25,6 +25,7 @@ from lagsim.derivation.as_text import as_text
 from lagsim.derivation.lagrange import content
 from tests.derivation.cases import equations_of, small
 from tests.derivation.reading import latex_rows, text_rows, value
+from tests.derivation.test_formats import EVERY_FUNCTION
 from tests.support import MODELS
 from tests.sympy_oracle import Oracle, random_values, symbol
 
@@ -588,6 +589,7 @@ STORED = {
     "contact": lambda: small(CONTACT),
     "pair": lambda: small(PAIR),
     "wide": lambda: small(WIDE),
+    "functions": lambda: small(EVERY_FUNCTION),
 }
 
 

@@ -9,11 +9,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lagsim.errors import InputError
 from lagsim.golden import measuring
 from lagsim.golden.judging import judge
 from lagsim.golden.measuring import measure, rounded_up
 from lagsim.golden.motion import _asked
-from lagsim.golden.storing import Stored, certain
+from lagsim.golden.storing import Stored, certain, load
 from lagsim.reader import read
 from tests.golden.scenes import replaced, scene, scene_of
 
@@ -249,3 +250,29 @@ def test_rounding_up():
     ]
     for x in np.random.default_rng(1).lognormal(0.0, 9.0, 200):
         assert x * (1 - 1e-12) <= rounded_up(x) <= 1.1 * x
+
+
+@pytest.mark.parametrize("broken", [None, "{}", "garbage"])
+def test_what_helps_where_there_is_no_golden(tmp_path, broken):
+    if broken is not None:
+        (tmp_path / "model.json").write_text(broken)
+        (tmp_path / "model.csv").write_text("t,a\n0,1\n")
+    with pytest.raises(InputError) as raised:
+        load(tmp_path, "model")
+    [problem] = raised.value.problems
+    stores = "it anew" if broken is not None else "one"
+    assert problem.hint == f"`lagsim golden --update` stores {stores}"
+    assert str(tmp_path) in str(raised.value)
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_rows_are_found_by_their_times(pendulum, ends):
+    motion = pendulum.motion(10)
+    t = motion.rows[:, 0]
+    assert np.array_equal(motion.at(t, 1e-9, ends=ends), motion.rows)
+    assert np.array_equal(motion.at(t + 1e-10, 1e-9, ends=ends), motion.rows)
+    between = motion.at(t[:-1] + 0.01, 1e-9, ends=ends)
+    assert np.all(np.isnan(between[:-1]))
+    # The end of a motion is a result: it goes with the end of the other.
+    last = motion.rows[-1] if ends else np.full(len(motion.columns), np.nan)
+    assert np.array_equal(between[-1], last, equal_nan=True)

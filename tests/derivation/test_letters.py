@@ -1,0 +1,64 @@
+"""Greek letters by their names, in text and in LaTeX, from Unicode's own tables."""
+
+from __future__ import annotations
+
+import unicodedata
+
+import pytest
+
+from lagsim.derivation.as_latex import as_latex
+from lagsim.derivation.as_text import as_text
+from lagsim.derivation.names import LatexNames, Name, UnicodeNames
+from tests.derivation.cases import small
+
+LETTERS = [
+    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota",
+    "kappa", "lambda", "mu", "nu", "xi", "omicron", "pi", "rho", "sigma", "tau",
+    "upsilon", "phi", "chi", "psi", "omega",
+]  # fmt: skip
+# The capitals that plain TeX has; others look like Latin letters, by Unicode's names.
+CAPITALS = [
+    "Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Upsilon", "Phi",
+    "Psi", "Omega",
+]  # fmt: skip
+ALIKE = {
+    "Alpha": "A", "Beta": "B", "Epsilon": "E", "Zeta": "Z", "Eta": "H", "Iota": "I",
+    "Kappa": "K", "Mu": "M", "Nu": "N", "Omicron": "O", "Rho": "P", "Tau": "T",
+    "Chi": "X", "omicron": "o",
+}  # fmt: skip
+
+
+def greek(name):
+    size = "CAPITAL" if name[0].isupper() else "SMALL"
+    spelled = {"lambda": "LAMDA"}.get(name.lower(), name.upper())
+    return unicodedata.lookup(f"GREEK {size} LETTER {spelled}")
+
+
+@pytest.mark.parametrize("name", [*LETTERS, *map(str.capitalize, LETTERS)])
+def test_a_letter(name):
+    letter = greek(name)
+    text, latex = UnicodeNames([name, letter + "_x"]), LatexNames([name])
+    assert text.show(Name(name)) == letter
+    assert text.show(Name(name, 1)) == letter + "\u0307"
+    assert text.show(Name(name, 2)) == letter + "\u0308"
+    command = rf"\mathrm{{{ALIKE[name]}}}" if name in ALIKE else f"\\{name}"
+    assert name in ALIKE or name in CAPITALS or name.islower()
+    for shown in (name, letter):
+        assert latex.show(Name(shown)) == command
+        assert LatexNames([shown]).show(Name(f"{shown}3")) == f"{command}_{{3}}"
+
+
+NUMBERS = """
+parameters: {a: 0.123456789, b: 1234567.89, c: 1e-9, d: 0.3333333333333333}
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: a*x + b*x^2 + c*x^3 + d*x^4}
+initial: {x: 1}
+"""
+
+
+def test_decimals_have_six_digits():
+    c = small(NUMBERS, substitute=True)
+    for shown in ("0.123457 x", "1.23457e+06 x²", "1e-09 x³", "x⁴/3"):
+        assert shown in as_text(c)
+    for shown in (r"0.123457 \, x", r"1.23457 \cdot 10^{6}", r"10^{-9} \, x^{3}"):
+        assert shown in as_latex(c)
