@@ -125,7 +125,7 @@ def needs_loops(s: Floats) -> bool:
 
     It was to pass a loss of rank, and straight-line code squares the rows' condition.
     """
-    return bool(s[PASSES] > 0.0 and s[DEGENERATE_BELOW] > 0.0)
+    return float(s[PASSES]) > 0.0 and float(s[DEGENERATE_BELOW]) > 0.0
 
 
 def planned_step(s: Floats) -> float:
@@ -253,8 +253,9 @@ def hides_error(s: Floats, p: Floats) -> bool:
     the independence of the rows. The error there says nothing of the motion, which the
     constraints determine, but would shrink the steps without end.
     """
-    close = s[PASSES] > 0.0 or p[LEAST_HEALTH] < s[CLOSE_BELOW]
-    return bool(p[DIRECTIONS] > 0.0 and close)
+    passes = float(s[PASSES]) > 0.0
+    close = float(p[LEAST_HEALTH]) < float(s[CLOSE_BELOW])
+    return float(p[DIRECTIONS]) > 0.0 and (passes or close)
 
 
 def note_directions(s: Floats, p: Floats, t: float, new: Floats) -> None:
