@@ -13,9 +13,12 @@ import pytest
 from lagsim.admissibility import examine
 from lagsim.equations import derive
 from lagsim.interrupt import Interrupt
+from lagsim.methods import _state as at
+from lagsim.methods._adaptive import usable_step
 from lagsim.plan import make_plan
 from lagsim.reader import read
 from lagsim.simulate import BLOCK, simulate
+from lagsim.simulate.pace import Pace
 from lagsim.system import System
 from lagsim.trajectory import Outcome
 from tests.small_scenes import expected_times, oscillator
@@ -180,6 +183,56 @@ simulation: {duration: 3, output_step: 0.1}
     # At about sqrt(2): the force changes that by less than a thousandth.
     assert found.trajectory.end == pytest.approx(math.sqrt(2.0), rel=1e-3)
     assert np.all(np.isfinite(found.rows))
+
+
+@pytest.mark.parametrize(
+    ("potential", "time"),
+    [
+        # From rest at 1: the integral of dx / sqrt(2 (V(1) - V(x))) down to 0.
+        ("-1/abs(x)", math.pi / 2**1.5),
+        ("-1/x^2/2", 1.0),
+        ("-1/abs(x)^2/2", 1.0),
+        ("-1/max(x, -x)", math.pi / 2**1.5),
+    ],
+)
+def test_a_fall_into_a_centre_ends(potential, time):
+    # Where the last step cannot be made shorter, it is not tried for ever.
+    text = f"""
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: "{potential}"}}
+initial: {{x: 1}}
+simulation: {{duration: 2, output_step: 0.01}}
+"""
+    found = run(text, most_steps=20_000)
+    assert not found.trajectory.outcome.complete
+    # Within 1e-6 of the centre speeds are above 1e3: what is left takes no 1e-6.
+    assert found.trajectory.end == pytest.approx(time, abs=1e-6)
+
+
+@pytest.mark.parametrize("part", [0.1, 0.85, 0.9, 0.98])
+def test_no_step_is_tried_twice_at_the_last_digit_of_time(part):
+    state = np.zeros(at.HEADER)
+    state[at.T] = 1.1107207345396342
+    state[at.END] = np.nextafter(state[at.T], 2.0)
+    state[at.H] = part * (state[at.END] - state[at.T])
+    # Shortened from the whole rest, it is too short to be made at all.
+    assert usable_step(state, np.zeros(20)) == 0.0
+
+
+def test_kernels_work_for_a_moment_at_a_time(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("time.perf_counter", lambda: now[0])
+    pace, cost = Pace(), 0.0
+    for _ in range(40):
+        with pace.kept():
+            now[0] += pace.steps * 1e-7
+    quick = pace.steps
+    for _ in range(10):
+        with pace.kept():
+            cost = pace.steps * 5e-3  # as of a step of a thousand coordinates
+            now[0] += cost
+    assert quick > 1000
+    assert cost < 0.1
 
 
 @pytest.mark.usefixtures("heeded_signals")

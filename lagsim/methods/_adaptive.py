@@ -27,6 +27,9 @@ CLOSER = 0.25
 # Below this many units in the last place of t a step makes no progress.
 SMALLEST = 8.0 * 2.0**-52
 
+# What is closer than so many of the smallest steps has been reached.
+REACHED = 4.0
+
 
 def usable_step(s: Floats, p: Floats) -> float:
     """Give the step to try, with t + h exact; 0 where it would be too small."""
@@ -64,8 +67,8 @@ def up_to_feature(s: Floats, h: float) -> float:
     """
     away = s[FEATURE] - s[T]
     before = away - s[FEATURE_REACH] - s[FEATURE_WIDTH]
-    if before > 0.0:
-        return float(min(h, max(before, SMALLEST * abs(s[T]))))
+    if before > REACHED * SMALLEST * abs(s[T]):
+        return float(min(h, before))
     if away < -s[FEATURE_REACH]:
         return h
     return float(min(h, max(s[FEATURE_WIDTH], CLOSER * abs(away))))

@@ -125,7 +125,7 @@ def needs_loops(s: Floats) -> bool:
 
     It was to pass a loss of rank, and straight-line code squares the rows' condition.
     """
-    return s[PASSES] > 0.0 and s[DEGENERATE_BELOW] > 0.0
+    return float(s[PASSES]) > 0.0 and float(s[DEGENERATE_BELOW]) > 0.0
 
 
 def planned_step(s: Floats) -> float:
@@ -253,8 +253,9 @@ def hides_error(s: Floats, p: Floats) -> bool:
     the independence of the rows. The error there says nothing of the motion, which the
     constraints determine, but would shrink the steps without end.
     """
-    close = s[PASSES] > 0.0 or p[LEAST_HEALTH] < s[CLOSE_BELOW]
-    return p[DIRECTIONS] > 0.0 and close
+    passes = float(s[PASSES]) > 0.0
+    close = float(p[LEAST_HEALTH]) < float(s[CLOSE_BELOW])
+    return float(p[DIRECTIONS]) > 0.0 and (passes or close)
 
 
 def note_directions(s: Floats, p: Floats, t: float, new: Floats) -> None:
@@ -291,5 +292,5 @@ def bent(s: Floats, removed: float, left: float) -> float:
     """
     whole = 2.0 * LOCAL * s[RTOL] * s[ENERGY]
     if whole > 0.0:
-        return max(left, removed / whole)
+        return float(max(left, removed / whole))
     return left

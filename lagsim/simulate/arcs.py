@@ -7,7 +7,6 @@ memory does not grow with the number of rows.
 
 from __future__ import annotations
 
-import time
 from itertools import chain
 from typing import TYPE_CHECKING, Protocol
 
@@ -24,6 +23,7 @@ from lagsim.plan.solve import WELL_CONDITIONED
 from lagsim.simulate.coordinates import singularity_caution
 from lagsim.simulate.fallback import fall_back
 from lagsim.simulate.impacts import impact, row_before
+from lagsim.simulate.pace import Pace
 from lagsim.simulate.ranks import rank_caution, weakest
 from lagsim.simulate.reasons import reason_of
 from lagsim.simulate.states import (
@@ -56,13 +56,6 @@ if TYPE_CHECKING:
 # Rows in one block: a few hundred kilobytes; fewer where there are many columns.
 BLOCK = 2048
 MOST_NUMBERS = 2**20
-# Steps between two looks at interrupts and progress: so few at first, then as many as
-# take some tens of milliseconds, with room for so many rows each. Nothing else depends
-# on it.
-STEPS_PER_CALL = 4000
-FIRST_STEPS = 8
-ROWS_PER_STEP = 16
-LOOK_EVERY = 0.02
 # The last row within this part of a row's spacing is the end's.
 SAME_ROW = 1e-9
 # A loss of rank is one where the rows' independence falls below this part of what it is
@@ -111,7 +104,7 @@ class Run:
         self._told: set[tuple[str, ...]] = set()
         self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
         self.rows = 0
-        self._pace = FIRST_STEPS
+        self.pace = Pace()
         self.use(system)
         self.state = self._fresh_state(system.begin(start))
         if longest_step:
@@ -324,8 +317,10 @@ class Run:
         """Integrate on, by one call of the kernel; give an outcome if there is one."""
         state = self.state
         left = most_steps - self.steps
-        budget = min(self._pace, left, self.review_at - self.steps)
-        code = self._paced(budget)
+        budget = min(self.pace.steps, left, self.review_at - self.steps)
+        with self.pace.kept():
+            room = self.block[: self.pace.rows]
+            code = self.runner.advance(state, room, budget)
         self.emit(self.block[: int(state[at.EMITTED])])
         over = code == at.EVENT_FOUND or self.t >= self.simulation.end
         over |= state[at.CUT] > 0.0  # the state is that of the step as it was
@@ -357,18 +352,6 @@ class Run:
             outcome = _OUTCOMES[code]
             return None if fall_back(self, outcome) else outcome
         return None
-
-    def _paced(self, budget: int) -> int:
-        """Let the kernel work, and note how many steps it can make in a moment."""
-        began = time.perf_counter()
-        room = self.block[: ROWS_PER_STEP * self._pace]
-        code = self.runner.advance(self.state, room, budget)
-        lasted = time.perf_counter() - began
-        if lasted > 2.0 * LOOK_EVERY:
-            self._pace = max(1, int(self._pace * LOOK_EVERY / lasted))
-        elif lasted < LOOK_EVERY:
-            self._pace = min(2 * self._pace, STEPS_PER_CALL)
-        return code
 
     def _switch_to_loops(self) -> None:
         """Go on with the QR decomposition where the rows lose their independence."""

@@ -55,8 +55,9 @@ def test_an_interrupted_run_keeps_what_was_computed(lagsim, write, monkeypatch, 
     blocks = []
 
     def add(self, rows):
-        blocks.append(rows)
-        if len(blocks) == 2:
+        before = sum(blocks)
+        blocks.append(len(rows))
+        if before < 300 <= sum(blocks):
             signal.raise_signal(kind)
         return taken(self, rows)
 

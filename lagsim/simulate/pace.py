@@ -1,0 +1,46 @@
+"""How long a kernel works at a time, so that interrupts are seen soon."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+# Steps of a call: so few at first, then as many as take about this long, in seconds.
+# Where a kernel pauses changes nothing in what it computes.
+FIRST = 16
+MOST = 4000
+MOMENT = 0.02
+# Room for so many rows of each step.
+ROWS = 128
+
+
+class Pace:
+    """The steps and rows that a kernel is asked for at a time.
+
+    Attributes
+    ----------
+    steps : int
+    """
+
+    def __init__(self) -> None:
+        self.steps = FIRST
+
+    @property
+    def rows(self) -> int:
+        """The rows that a call may write."""
+        return ROWS * self.steps
+
+    @contextlib.contextmanager
+    def kept(self) -> Iterator[None]:
+        """Measure a call, and choose the next."""
+        began = time.perf_counter()
+        yield
+        lasted = time.perf_counter() - began
+        if lasted > 2.0 * MOMENT:
+            self.steps = max(1, int(self.steps * MOMENT / lasted))
+        elif lasted < MOMENT:
+            self.steps = min(2 * self.steps, MOST)
