@@ -48,6 +48,10 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
 
+# What reflections leave of a vector, in units of the roundoff of its norm.
+REFLECTED = 4.0
+
+
 @external
 def dynamics(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """Give M (n, n), A (m, n), f (n,), b (m,)."""
@@ -138,7 +142,7 @@ def rounding(t: float, y: Floats, p: Floats, out: Floats) -> None:
         f[n + i] = 0.0
     solve_terms(p)
     for i in range(n):
-        out[i] = abs(motion[i]) + reaction[i]
+        out[i] = abs(motion[i]) + REFLECTED * reaction[i]
 
 
 def gather(n: int, m: int, terms: Floats, lam: Floats, out: Floats) -> None:

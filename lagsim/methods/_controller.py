@@ -52,9 +52,9 @@ INSTANT = 1e-6
 # A value is not known better than this part of itself.
 NOISE = 4.0 * 2.0**-53
 # Rates of the size of one leave so much in the error estimate, by their rounding.
-RATE_NOISE = 128.0 * 2.0**-53
+RATE_NOISE = 32.0 * 2.0**-53
 # Of what a relative change of the state by one would do; it is rounded to nearest.
-PROBED = 0.125
+PROBED = 0.5
 # A relative change of the state this small shows what its rounding does to y'.
 PROBE = 2.0**-36
 # Below this a number has no digits to control: some of the smallest steps between two.
@@ -165,7 +165,7 @@ def set_tolerances(
         if i < n:
             part = parts[i] * moment
             scale = max(scale, instant * instant * abs(rates[n + i]))
-            noise[i] = max(RATE_NOISE * abs(rates[i]), noise[n + i] * h)
+            noise[i] = max(NOISE * abs(rates[i]), noise[n + i] * h)
         elif i < 2 * n:
             part = parts[i - n]
         scale = max(scale, FLOOR * moment * part)
@@ -248,7 +248,7 @@ def look_at_rounding(
     for i in range(n, size):
         if not noise[i] < 1e300:
             noise[i] = 0.0
-        noise[i] = RATE_NOISE * (abs(k[i]) + noise[i])
+        noise[i] = RATE_NOISE * (PROBED * abs(k[i]) + noise[i])
 
 
 def add_probe(s: Floats, p: Floats, t: float, y: Floats, k: Floats) -> None:

@@ -128,14 +128,15 @@ def relative_size(
 ) -> float:
     """Give the size of a step against that of x, both in the metric of diag M.
 
-    The square of x counts as not less than `least`.
+    Of x counts what moves, with a square of not less than `least`.
     """
     moved = 0.0
     whole = 0.0
     for i in range(n):
-        size = max(abs(x[i]), sizes[i])
-        moved += masses[i] * step[i] * step[i]
-        whole += masses[i] * size * size
+        if step[i] != 0.0:
+            size = max(abs(x[i]), sizes[i])
+            moved += masses[i] * step[i] * step[i]
+            whole += masses[i] * size * size
     if moved == 0.0:
         return 0.0
     return sqrt(moved / max(whole, least))
