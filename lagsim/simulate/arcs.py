@@ -18,13 +18,12 @@ from lagsim.methods import method
 from lagsim.methods._singular import CLOSE
 from lagsim.plan import by_loops
 from lagsim.plan.integration import DEFAULT_RTOL
-from lagsim.plan.lengths import usual_lengths
 from lagsim.plan.solve import WELL_CONDITIONED
 from lagsim.simulate.coordinates import singularity_caution
 from lagsim.simulate.fallback import fall_back
 from lagsim.simulate.impacts import impact, row_before
 from lagsim.simulate.pace import Pace
-from lagsim.simulate.ranks import rank_caution, weakest
+from lagsim.simulate.ranks import RankLosses
 from lagsim.simulate.reasons import reason_of
 from lagsim.simulate.states import (
     LONG,
@@ -61,9 +60,6 @@ SAME_ROW = 1e-9
 # A loss of rank is one where the rows' independence falls below this part of what it is
 # in general.
 LOST = 1e-5
-# A mechanism may pass the same dead point for ever: these events are kept up to this
-# many, the warning is given once.
-MOST_RANK_EVENTS = 10_000
 # Steps at the stability bound after which something may be done about it.
 AT_BOUND = 15
 # Beyond so many multiplications, about a second, the loops are not gone on with.
@@ -101,8 +97,7 @@ class Run:
         self.choices: list[Choice] = []
         self.torn = ""
         self.accumulating = ""
-        self._told: set[tuple[str, ...]] = set()
-        self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
+        self.losses = RankLosses()
         self.rows = 0
         self.pace = Pace()
         self.use(system)
@@ -329,10 +324,22 @@ class Run:
             return Outcome.INTERRUPTED
         if not state[at.PULLED] <= most_pulled(self.plan.rtol):
             return Outcome.STATE_JUMPS
+        if code == at.PAUSED and left <= budget:
+            return Outcome.TOO_MANY_STEPS
+        if code == at.SWITCH_FOUND:
+            return Outcome.SWITCHED
+        if code in _OUTCOMES:
+            outcome = _OUTCOMES[code]
+            return None if fall_back(self, outcome) else outcome
+        self._go_on(code)
+        return None
+
+    def _go_on(self, code: int) -> None:
+        """Do what the kernel has paused for."""
         if code == at.DEGENERATE:
             self._switch_to_loops()
         elif code == at.RANK_LOST:
-            self._note_rank_loss()
+            self.losses.note(self)
         elif code == at.STIFF:
             from lagsim.simulate.stiffness import consider
 
@@ -340,18 +347,10 @@ class Run:
         elif code == at.FEATURE_PASSED:
             assert self.features is not None
             self.features.advance(self)
-        elif code == at.SWITCH_FOUND:
-            return Outcome.SWITCHED
-        elif code == at.PAUSED and left <= budget:
-            return Outcome.TOO_MANY_STEPS
         elif code == at.PAUSED and self.steps >= self.review_at:
             from lagsim.simulate.stiffness import review
 
             review(self)
-        elif code not in (at.PAUSED, at.BLOCK_FULL, at.RANK_LOST, at.FEATURE_PASSED):
-            outcome = _OUTCOMES[code]
-            return None if fall_back(self, outcome) else outcome
-        return None
 
     def _switch_to_loops(self) -> None:
         """Go on with the QR decomposition where the rows lose their independence."""
@@ -378,24 +377,6 @@ class Run:
         self._set_tolerances(self.state)
         self._set_watch(self.state)
         self._set_branches(end)
-
-    def _note_rank_loss(self) -> None:
-        """Record a loss of rank on the way, with the constraints in it."""
-        time = float(self.state[at.LOST_AT])
-        size = self.system.size
-        at_loss = self.state[at.HEADER + 4 * size + 2 :][:size]
-        full = len(self.equations.q)
-        row = self.runner.tabulate(np.array([[time, *at_loss]]))[0]
-        q, v = row[1 : 1 + full], row[1 + full : 1 + 2 * full]
-        if self._usual is None:
-            self._usual = usual_lengths(self.equations, self.start)
-        rank = self.plan.rank + len(self.plan.reduction.eliminated)
-        names, smallest = weakest(self.equations, rank, self._usual, time, q, v)
-        if len(self.events) < MOST_RANK_EVENTS:
-            self.events += [Event(time, "rank", name, smallest) for name in names]
-        if names not in self._told:
-            self._told.add(names)
-            self.warnings.append(rank_caution(time, names, smallest))
 
     def emit(self, states: Floats) -> None:
         """Hand rows of times and states on, as columns."""
