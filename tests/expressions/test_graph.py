@@ -271,7 +271,7 @@ def test_degrees(text: str, degrees: set[int] | None) -> None:
 def test_degrees_of_chained_squares() -> None:
     # 2^64 terms: what is found takes no longer than the chain.
     g = Graph()
-    mixed, pure, cubes = build(g, "v + w^2", "v", "v + 1")
+    mixed, pure, cubes = (build(g, text) for text in ("v + w^2", "v", "v + 1"))
     for _ in range(64):
         mixed = g.call("add", g.call("mul", mixed, mixed), mixed)
         pure = g.call("mul", pure, pure)

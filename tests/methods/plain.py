@@ -70,12 +70,13 @@ class Plain:
         return int(advance(s, p, out, rows, budget))
 
 
-def _nothing(_t: float, y: Any, _p: Any, out: Any) -> None:
-    out[: len(y) - len(y) // 2] = 0.0
+def exact(rates: int) -> dict[str, Callable[..., Any]]:
+    """Give equations of so many rates no terms of their own, and no rounding."""
 
+    def nothing(_t: float, _y: Any, _p: Any, out: Any) -> None:
+        out[:rates] = 0.0
 
-# Equations without terms of their own, and without rounding that is told.
-_EXACT = {"terms": _nothing, "rounding": _nothing}
+    return {"terms": nothing, "rounding": nothing}
 
 
 def first_order(
@@ -89,7 +90,7 @@ def first_order(
     def measure(_t: float, _y: Any, _p: Any, out: Any) -> None:
         out[:2] = 0.0
 
-    return {"derivative": derivative, "measure": measure, **_EXACT}
+    return {"derivative": derivative, "measure": measure, **exact(size)}
 
 
 def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
@@ -128,7 +129,7 @@ def second_order(
     def measure(_t: float, _y: Any, _p: Any, out: Any) -> None:
         out[:4] = 0.0
 
-    return {"derivative": derivative, "measure": measure, "power": rate, **_EXACT}
+    return {"derivative": derivative, "measure": measure, "power": rate, **exact(2)}
 
 
 def _through(call: Callable[..., Any]) -> Callable[..., Any]:

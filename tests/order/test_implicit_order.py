@@ -9,7 +9,7 @@ import pytest
 
 from lagsim.methods import _state as at
 from lagsim.methods import radau
-from tests.methods.plain import Plain, fresh_state, state_of
+from tests.methods.plain import Plain, exact, fresh_state, state_of
 from tests.methods.test_registry import swing
 from tests.order.test_convergence import slope
 from tests.support import run
@@ -29,7 +29,8 @@ def accelerated(acceleration, slopes):
     def measure(_t, _y, _p, out):
         out[:4] = 0.0, 0.0, 1.0, 0.0
 
-    return {"derivative": derivative, "jacobian": jacobian, "measure": measure}
+    model = {"derivative": derivative, "jacobian": jacobian, "measure": measure}
+    return model | exact(1)
 
 
 class Fixed:
