@@ -395,3 +395,15 @@ def test_what_is_constant_is_factored_once(call: Any, constant: int) -> None:
     call("solve", second.arrays[0], p, out)
     expected = least_norm(second)
     assert motion_in(p)[0] == pytest.approx(expected[0], rel=1e-11, abs=1e-11)
+
+
+def test_reflections_leave_no_rounding_in_what_a_row_does_not_join(call: Any) -> None:
+    # Bystanders of 1e-12 kg, named first, beside a part with large forces.
+    for seed in range(4):
+        x = random_system(seed, 6, 3)
+        M, A = np.eye(9) * 1e-12, np.zeros((3, 9))
+        M[3:, 3:], A[:, 3:] = x.M, x.A
+        f = np.concatenate([np.zeros(3), 1e6 * x.f])
+        q_ddot, _ = System(M, A, f, x.b).motion(call)
+        assert np.all(q_ddot[:3] == 0.0)
+        close(q_ddot[3:], least_norm(replace(x, f=1e6 * x.f))[0], 1e-12)
