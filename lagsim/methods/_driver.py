@@ -255,15 +255,16 @@ def pulled(s: Floats, y: Floats, former: Floats, first: int) -> float:
     for i in range(n):
         k = first + i
         change = abs(y[k] - former[k])
+        reach = high[n + i] - low[n + i] + h * parts[i]
+        if first == 0:
+            reach = high[i] - low[i] + h * reach
+        whole += (masses[i] * change * reach) ** 2
         if not change <= ROUNDED * sizes[k]:
-            reach = high[n + i] - low[n + i] + h * parts[i]
-            if first == 0:
-                reach = high[i] - low[i] + h * reach
             moved += masses[i] * change * change
-            whole += (masses[i] * change * reach) ** 2
     if moved == 0.0:
         return 0.0
-    return moved / sqrt(whole) if whole > 0.0 else 1.0
+    far = moved / sqrt(whole) if whole > 0.0 else 1.0
+    return far if far < 1.0 else 1.0  # what is no number, too
 
 
 def begin(s: Floats, p: Floats) -> None:

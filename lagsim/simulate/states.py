@@ -39,8 +39,8 @@ def pulled(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> floa
 
     As `methods._driver.pulled`: each coordinate counts by the push that it gets.
     """
-    change = np.where(np.abs(change) <= ROUNDED * sizes, 0.0, change)
-    moved = float(masses @ change**2)
+    more = np.abs(change) > ROUNDED * sizes
+    moved = float(masses @ np.where(more, change, 0.0) ** 2)
     if moved == 0.0:
         return 0.0
     whole = float(np.linalg.norm(masses * change * reach))

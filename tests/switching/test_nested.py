@@ -150,15 +150,10 @@ STEPS_OF_STEPS = (
     "if(if(x_dot > 0, 1, -1) > 0, -1, 1)",
     "-sign(floor(x_dot/8) + 0.5)",
 )
-NOT_YET = pytest.mark.xfail(
-    strict=True, reason="sliding is not entered where a step decides another step"
-)
 
 
 @pytest.mark.parametrize("v", [2.0, -2.0])
-@pytest.mark.parametrize(
-    "force", [*FRICTIONS, *(pytest.param(f, marks=NOT_YET) for f in STEPS_OF_STEPS)]
-)
+@pytest.mark.parametrize("force", [*FRICTIONS, *STEPS_OF_STEPS])
 def test_friction_however_it_is_written(force, v):
     # Slows down by 1 and rests from t = 2 at the distance 2.
     found = run(scene(force=force, v=v, duration=5))
