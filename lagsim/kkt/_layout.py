@@ -23,8 +23,8 @@ HEADER = 16
 def workspace(n: int, m: int) -> int:
     """Give the length from MOTION on.
 
-    q'', lambda, the rows' largest lengths, which rows are set aside, terms, L, Y, u, v,
-    what `per_row` has, and the directions of the rows.
+    q'', lambda, the rows' largest lengths, which rows are set aside, terms, L, Y, the
+    columns' order, u, v, what `per_row` has, and the directions of the rows.
     """
     return slopes_at(n, m)
 
@@ -42,7 +42,7 @@ def jacobian_workspace(n: int, m: int) -> int:
 def directions(n: int, m: int) -> int:
     """Give where their number lies, room (n,), z and M z of each, from MOTION on."""
     terms = n * n + n * m + n + 3 * m + 2
-    return (n + 3 * m) + terms + n * n + n * m + 2 * n + 7 * m + m * m
+    return (n + 3 * m) + terms + n * n + n * m + 3 * n + 7 * m + m * m
 
 
 def switching(m: int, size: int, surfaces: int, elements: int) -> int:

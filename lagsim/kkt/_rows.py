@@ -75,11 +75,16 @@ def reflect(n: int, m: int, p: Floats, L: Floats, Y: Floats, per_row: Floats) ->
     Leaves the size of the last column that is independent in general as HEALTH. Row k
     of Y then holds R[0:k, k] and the k-th reflection's vector after its first
     component, which is 1. Past the rank that is so, too, as far as anything is left.
+    A row is reflected onto the largest of its own entries, which is exchanged into
+    place k and noted after Y: rounding stays among the coordinates that rows join.
     """
     diagonal = at(per_row, 2 * m)
     factors = at(per_row, 3 * m)
     aside = at(p, int(p[MOTION]) + n + 2 * m)
+    places = at(Y, n * m)
     kept = set_aside(n, m, aside, Y, per_row)
+    for k in range(n):
+        places[k] = k
     cutoff = max(RANK, PASSING * p[REFERENCE])
     expected = min(n, kept, int(p[EXPECTED]))
     p[HEALTH] = 1.0
@@ -95,6 +100,8 @@ def reflect(n: int, m: int, p: Floats, L: Floats, Y: Floats, per_row: Floats) ->
             break
         swap(n, m, k, best, Y, per_row)
         row = at(Y, k * n)
+        places[k] = largest_entry(n, k, row)
+        exchange(n, m, k, int(places[k]), Y)
         diagonal[k] = -longest
         if row[k] < 0.0:
             diagonal[k] = longest
@@ -128,6 +135,7 @@ def note_directions(
         for before in range(k + 1):
             j = k - before
             mirror(n, j, at(Y, j * n), factors[j], u)
+        from_places(n, at(Y, n * m), u)
         for a in range(n):
             mass[a] = 0.0
             for j in range(a + 1):
@@ -184,6 +192,37 @@ def swap(n: int, m: int, k: int, i: int, Y: Floats, per_row: Floats) -> None:
     order[k], order[i] = order[i], order[k]
 
 
+def largest_entry(n: int, k: int, row: Floats) -> int:
+    """Give where a row is largest, from column k on."""
+    best = k
+    for j in range(k + 1, n):
+        if abs(row[j]) > abs(row[best]):
+            best = j
+    return best
+
+
+def exchange(n: int, m: int, k: int, c: int, Y: Floats) -> None:
+    """Exchange columns k and c of Y; of the reflections made, too."""
+    if c != k:
+        for i in range(m):
+            Y[i * n + k], Y[i * n + c] = Y[i * n + c], Y[i * n + k]
+
+
+def to_places(n: int, places: Floats, x: Floats) -> None:
+    """Exchange the components of x (n,) as the columns were."""
+    for k in range(n):
+        c = int(places[k])
+        x[k], x[c] = x[c], x[k]
+
+
+def from_places(n: int, places: Floats, x: Floats) -> None:
+    """Exchange them back."""
+    for back in range(n):
+        k = n - 1 - back
+        c = int(places[k])
+        x[k], x[c] = x[c], x[k]
+
+
 def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
     """Apply the k-th reflection to x (n,)."""
     product = x[k]
@@ -211,6 +250,7 @@ def impress(n: int, m: int, rank: int, Y: Floats, per_row: Floats, u: Floats) ->
     for i in range(rank):
         k = rank - 1 - i
         mirror(n, k, at(Y, k * n), factors[k], u)
+    from_places(n, at(Y, n * m), u)
 
 
 def multipliers(

@@ -149,8 +149,10 @@ def gather(n: int, m: int, terms: Floats, lam: Floats, out: Floats) -> None:
     """Give what constraint forces could do to each coordinate (n,), as accelerations.
 
     The norm of them all in the metric of diag M, among what is joined by rows or by M.
+    Where they cancel, what the addends of their rows could do counts.
     """
     A = at(terms, n * n)
+    f = at(A, n * m)
     label = at(out, n)
     join(n, m, terms, label)
     for i in range(n):
@@ -158,12 +160,16 @@ def gather(n: int, m: int, terms: Floats, lam: Floats, out: Floats) -> None:
     for k in range(m):
         row = at(A, k * n)
         square = 0.0
+        asked = abs(f[n + k])
         first = 0
         for j in range(n):
             if row[j] != 0.0 and terms[j * n + j] > 0.0:
                 square += row[j] * row[j] / terms[j * n + j]
+                asked += abs(row[j] * f[j]) / terms[j * n + j]
                 first = j
-        out[int(label[first])] += lam[k] * lam[k] * square
+        if square > 0.0:
+            force = max(lam[k] * lam[k] * square, asked * asked / square)
+            out[int(label[first])] += force
     for back in range(n):
         i = n - 1 - back
         square = out[int(label[i])]
@@ -248,7 +254,7 @@ def correction(p: Floats, residuals: Floats, out: Floats) -> None:
     terms = at(p, int(p[MOTION]) + n + 3 * m)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
     Y = at(L, n * n)
-    u = at(Y, n * m)
+    u = at(Y, n * m + n)
     per_row = at(u, 2 * n)
     right = at(per_row, m)
     order = at(per_row, 4 * m)
@@ -274,7 +280,7 @@ def solve_terms(p: Floats) -> None:
     f = at(terms, n * n + n * m)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
     Y = at(L, n * n)
-    u = at(Y, n * m)
+    u = at(Y, n * m + n)
     v = at(u, n)
     per_row = at(v, n)
     if p[AUGMENTED] > 0.0:
@@ -297,7 +303,7 @@ def solve_terms(p: Floats) -> None:
 
 def per_row_at(n: int, m: int) -> int:
     """Give where `per_row` is, from the terms on."""
-    return n * n + n * m + n + 3 * m + 2 + n * n + n * m + 2 * n
+    return n * n + n * m + n + 3 * m + 2 + n * n + n * m + 3 * n
 
 
 def factor_rows(p: Floats, terms: Floats) -> None:
@@ -307,7 +313,7 @@ def factor_rows(p: Floats, terms: Floats) -> None:
     lengths = at(p, int(p[MOTION]) + n + m)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
     Y = at(L, n * n)
-    per_row = at(Y, n * m + 2 * n)
+    per_row = at(Y, n * m + 3 * n)
     if p[FACTORED] < 1.0:
         factor(n, m, p[AUGMENTED] > 0.0, terms, L)
     if p[FACTORED] < 2.0:

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING
 
 from lagsim.kkt._cholesky import augment_force, backward, factor, forward
 from lagsim.kkt._layout import AUGMENTED, COUNT, MOTION, QUADRATURES, ROWS, slopes_at
-from lagsim.kkt._rows import mirror, reflect, spread, unscaled_backward
+from lagsim.kkt._rows import (
+    from_places,
+    mirror,
+    reflect,
+    spread,
+    to_places,
+    unscaled_backward,
+)
 from lagsim.kkt.dense import dynamics
 from lagsim.native.kernel_types import at, external
 
@@ -39,7 +46,7 @@ def jacobian(t: float, y: Floats, p: Floats, out: Floats) -> None:
     b = at(f, n)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
     Y = at(L, n * n)
-    per_row = at(Y, n * m + 2 * n)
+    per_row = at(Y, n * m + 3 * n)
     slope = at(motion, slopes_at(n, m))
     by_motion = at(slope, (n + m + 1) * 2 * n)
     column = at(by_motion, n + m)
@@ -76,7 +83,8 @@ def solve_again(n: int, m: int, rank: int, p: Floats, out: Floats) -> None:
     b = at(f, n)
     L = at(terms, n * n + n * m + n + 3 * m + 2)
     Y = at(L, n * n)
-    per_row = at(Y, n * m + 2 * n)
+    per_row = at(Y, n * m + 3 * n)
+    places = at(Y, n * m)
     w = at(per_row, m)
     diagonal = at(per_row, 2 * m)
     factors = at(per_row, 3 * m)
@@ -85,6 +93,7 @@ def solve_again(n: int, m: int, rank: int, p: Floats, out: Floats) -> None:
     if p[AUGMENTED] > 0.0:
         augment_force(n, m, terms)
     forward(n, L, f)
+    to_places(n, places, f)
     for k in range(rank):
         mirror(n, k, at(Y, k * n), factors[k], f)
     for k in range(rank):
@@ -97,6 +106,7 @@ def solve_again(n: int, m: int, rank: int, p: Floats, out: Floats) -> None:
     for back in range(rank):
         k = rank - 1 - back
         mirror(n, k, at(Y, k * n), factors[k], f)
+    from_places(n, places, f)
     backward(n, L, f, out)
     unscaled_backward(n, m, rank, Y, per_row, x)
     for i in range(m):
