@@ -95,6 +95,16 @@ def test_an_excited_oscillation_is_not_damped_away():
     assert "excited" in caution.text
 
 
+def test_the_energy_of_another_body_does_not_hide_an_oscillation():
+    alone = EXCITED.replace("TOLERANCE", "1e-2")
+    beside = alone.replace("u: {}", "u: {}, b: {}").replace("u: 1e-4", "u: 1e-4, b: 0")
+    beside = beside.replace("u_dot^2/2", "u_dot^2/2 + 1e24*b_dot^2/2")
+    found = run(beside.replace("b: 0", "b: 0, b_dot: 4e3"))
+    assert not found.trajectory.choices
+    assert codes(found) == ["step-at-stability-bound"]
+    assert "excited" in found.trajectory.warnings[0].text
+
+
 @pytest.mark.parametrize("method", ["auto", "dop853"])
 def test_accuracy_holds_the_step_of_an_excited_oscillation_at_tight_tolerance(method):
     found = run(EXCITED.replace("TOLERANCE", "1e-7"), method=method, duration=0.1)

@@ -81,6 +81,9 @@ SLEEPERS = True
 # By then the first steps, which are guessed, have grown to what the motion needs.
 SETTLING = 10.0
 NOWHERE = -1
+# A state that is pulled by this part of its size was off by rounding: some of 2^-47,
+# within which it is on a surface.
+ROUNDED = 2.0**-44
 
 
 def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
@@ -223,28 +226,45 @@ def take_cut(s: Floats, p: Floats) -> None:
 
 
 def pull_back(s: Floats, p: Floats, t: float, y: Floats) -> None:
-    """Pull a state onto what it slides along, and note how far it moves.
-
-    In the metric of the diagonal of M, against the largest positions and velocities.
-    """
+    """Pull a state onto what it slides along, and note how far it moves."""
     n = int(s[N])
-    size = int(s[SIZE])
-    sizes = at(s, HEADER + size)
-    masses = at(s, HEADER + 3 * size + 2)
-    former = at(s, HEADER + 4 * size + 2)
+    former = at(s, HEADER + 4 * int(s[SIZE]) + 2)
     for i in range(2 * n):
         former[i] = y[i]
     pull(t, y, p)
-    for part in range(2):
-        moved = 0.0
-        whole = 0.0
-        for i in range(n):
-            k = part * n + i
-            change = y[k] - former[k]
+    s[PULLED] = max(s[PULLED], pulled(s, y, former, 0), pulled(s, y, former, n))
+
+
+def pulled(s: Floats, y: Floats, former: Floats, first: int) -> float:
+    """Give how far positions (first = 0) or velocities (first = n) were pulled.
+
+    Against how far those have moved that were pulled, and what their forces' terms do
+    in a step, which may cancel. Each counts by the push that it got: bodies that the
+    surface does not touch are no measure, nor is where the origin lies.
+    """
+    n = int(s[N])
+    size = int(s[SIZE])
+    h = s[STEP_H]
+    sizes = at(s, HEADER + size)
+    masses = at(s, HEADER + 3 * size + 2)
+    low = at(s, int(s[EXTENTS_AT]))
+    high = at(low, size)
+    parts = at(high, size)
+    moved = 0.0
+    whole = 0.0
+    for i in range(n):
+        k = first + i
+        change = abs(y[k] - former[k])
+        reach = high[n + i] - low[n + i] + h * parts[i]
+        if first == 0:
+            reach = high[i] - low[i] + h * reach
+        whole += (masses[i] * change * reach) ** 2
+        if not change <= ROUNDED * sizes[k]:
             moved += masses[i] * change * change
-            whole += masses[i] * sizes[k] * sizes[k]
-        if not moved <= s[PULLED] * s[PULLED] * whole:
-            s[PULLED] = sqrt(moved / whole) if whole > 0.0 else 1.0
+    if moved == 0.0:
+        return 0.0
+    far = moved / sqrt(whole) if whole > 0.0 else 1.0
+    return far if far < 1.0 else 1.0  # what is no number, too
 
 
 def begin(s: Floats, p: Floats) -> None:

@@ -31,6 +31,7 @@ from lagsim.simulate.states import (
     SERIES,
     SLIDING,
     empty_state,
+    extents,
     most_pulled,
     named_extents,
     taken_over,
@@ -177,6 +178,12 @@ class Run:
         """The largest sizes of the components so far: a view."""
         size = self.system.size
         return self.state[at.HEADER + size : at.HEADER + 2 * size]
+
+    @property
+    def ranges(self) -> Floats:
+        """How far each component has moved, also to the state reached."""
+        low, high = extents(self.state)
+        return np.asarray(np.maximum(high, self.y) - np.minimum(low, self.y))
 
     def whole(self, most_steps: int) -> Trajectory:
         """Go through all arcs."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from lagsim.methods import _state as at
 from lagsim.simulate.modes import ON
+from lagsim.simulate.states import pulled
 from lagsim.trajectory import Event
 
 if TYPE_CHECKING:
@@ -80,16 +81,18 @@ def _strikes(run: Run, step: Floats) -> bool:
         aside = np.array([1.0 if i % 2 else sign for i in range(size)])
         moved = steps(run.t + moment, run.y + ON * aside * seen)[:n]
         noise = np.fmax(noise, np.abs(moved - step))
-    most = TORN * 1e-3 * seen[n : 2 * n] + ROUNDING * noise
+    noise += ON * seen[n : 2 * n]
+    most = TORN * 1e-3 * run.ranges[n : 2 * n] + ROUNDING * noise
     return bool(np.any(np.abs(step) > most))
 
 
 def _is_far(run: Run) -> bool:
-    """Tell whether the constraints ask for another position, in the metric of M.
+    """Tell whether the constraints ask for another position.
 
-    Against the motion so far: at one place all terms of a residual may vanish.
+    Against the motion so far of what they move: at one place all terms of a residual
+    may vanish.
     """
     n, size = run.system.n, run.system.size
     masses = np.maximum(run.state[at.HEADER + 3 * size + 2 :][:n], 0.0)
     step = run.runner.function("position_step")(run.t, run.y)[:n]
-    return bool(masses @ step**2 > TORN**2 * (masses @ run.sizes[:n] ** 2))
+    return pulled(masses, step, run.ranges[:n], run.sizes[:n]) > TORN

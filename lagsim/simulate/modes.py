@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 ON = 2.0**-47
 # Directions in which a state is moved to see what its rounding does to a surface.
 DIRECTIONS = 3
-# A state this far aside, against the sizes seen, is another one.
+# A state this far aside, against how far it has moved, is another one.
 ASIDE = 1e-3
 
 
@@ -174,9 +174,10 @@ class Modes:
 
     def keeps(self, k: int) -> bool:
         """Tell whether an expression is constant hereabouts, not only level here."""
-        seen = self.seen()
+        seen, reach = self.seen(), self.run.ranges
+        reach = np.where(reach > 0.0, np.maximum(reach, ON**0.5 * seen), seen)
         parts = ASIDE + ASIDE**2 * np.arange(len(seen))
-        aside = parts * np.where(seen > 0.0, seen, 1.0)
+        aside = parts * np.where(reach > 0.0, reach, 1.0)
         here, there = self.rows(), self.rows(self.run.y + aside)
         if self.of_velocities[k]:
             still = abs(here.rates[k] - there.rates[k]) <= ON * abs(here.rates[k])

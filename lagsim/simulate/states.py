@@ -8,6 +8,7 @@ import numpy as np
 
 from lagsim.methods import _state as at
 from lagsim.methods import method
+from lagsim.methods._driver import ROUNDED
 from lagsim.methods._looks import looks_size
 from lagsim.methods._switching import search_size
 
@@ -31,6 +32,19 @@ MOST_STEPS = 100_000_000
 MOST_PULLED = 1e-2
 LEAST_PULLED = 1e-9
 ERRED = 1e4
+
+
+def pulled(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float:
+    """Give how far a change goes, against the reach of what it moves.
+
+    As `methods._driver.pulled`: each coordinate counts by the push that it gets.
+    """
+    more = np.abs(change) > ROUNDED * sizes
+    moved = float(masses @ np.where(more, change, 0.0) ** 2)
+    if moved == 0.0:
+        return 0.0
+    whole = float(np.linalg.norm(masses * change * reach))
+    return moved / whole if whole > 0.0 else 1.0
 
 
 def most_pulled(rtol: float | None) -> float:

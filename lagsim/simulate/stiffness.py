@@ -129,9 +129,24 @@ def _fastest(run: Run, J: Floats) -> Fast:
     amplitudes = np.linalg.lstsq(left.T @ right, left.T @ rates, rcond=None)[0]
     swinging = -values.real < OSCILLATING * np.abs(values)
     moving = np.abs(right[:n]) @ np.abs(amplitudes * swinging)
-    energy = 0.5 * float(np.sum(masses * moving**2))
-    excited = energy > EXCITED * run.state[at.ENERGY]
-    return Fast(float(np.max(np.abs(values))), where, bool(excited))
+    excited = _is_excited(run, masses * moving**2, masses, J)
+    return Fast(float(np.max(np.abs(values))), where, excited)
+
+
+def _is_excited(run: Run, fast: Floats, masses: Floats, J: Floats) -> bool:
+    """Tell whether fast motion has energy, twice that of each coordinate in `fast`.
+
+    Against the whole of the bodies that depend on each other: that of others, and the
+    speed of all of them together, says nothing about it.
+    """
+    n = len(masses)
+    links = np.eye(n) + np.abs(np.sign(J[:, :n])) + np.abs(np.sign(J[:, n:]))
+    linked = np.sign(links + links.T)
+    for _ in range(n.bit_length()):
+        linked = np.sign(linked @ linked)
+    each = masses * run.ranges[n : 2 * n] ** 2
+    whole = np.minimum(linked @ each, 2.0 * run.state[at.ENERGY])
+    return bool(np.any(linked @ fast > EXCITED * whole))
 
 
 def _fast_modes(matrix: Floats) -> tuple[Any, Any]:

@@ -19,7 +19,7 @@ from lagsim.simulate.impacts import impact, row_before
 from lagsim.simulate.modes import ON, Modes
 from lagsim.simulate.sequence import Sequence
 from lagsim.simulate.shares import ABOVE, BELOW
-from lagsim.simulate.states import most_pulled
+from lagsim.simulate.states import most_pulled, pulled
 from lagsim.trajectory import Caution, Event, Outcome
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lagsim.simulate.arcs import Run
     from lagsim.simulate.modes import Rows
 
-# Errors of what hardly moves, in parts of rtol and of the speed that the energy gives.
+# Errors of what hardly moves, in parts of rtol and of its speeds and what forces add.
 NOISE = 1e-4
 # A share this far past its bound still counts as within.
 SHARE_SLACK = 1e-12
@@ -125,8 +125,9 @@ class Switching:
         most = most_pulled(run.plan.rtol)
         most = max(most, LEFT) if resting else most
         for part in (slice(n), slice(n, 2 * n)):
-            moved = masses @ (run.y[part] - former[part]) ** 2
-            if not moved <= most**2 * (masses @ seen[part] ** 2):
+            change = run.y[part] - former[part]
+            far = pulled(masses, change, self._reach()[part], seen[part])
+            if not far <= most:
                 run.y[:] = former
                 self.jumped = True
 
@@ -179,6 +180,19 @@ class Switching:
             slack[k] = least + 2.0 * max(0.0, -margins[k])
         self.modes.kept(kept.BAND)[:] = np.where(slides, 0.0, self._noise(rows))
 
+    def _reach(self) -> Floats:
+        """Give how far positions and velocities (2 n,) have moved.
+
+        And would in a step, by each term of their forces alone.
+        """
+        run, n = self.run, self.run.system.n
+        first = int(run.state[at.EXTENTS_AT]) + 2 * run.system.size
+        step = run.t - float(run.state[at.STEP_T]) if run.steps else 0.0
+        ranges = run.ranges[: 2 * n].copy()
+        ranges[n:] += step * run.state[first : first + n]
+        ranges[:n] += step * ranges[n:]
+        return ranges
+
     def _noise(self, rows: Rows) -> Floats:
         """Give what errors within the tolerance may do to each surface.
 
@@ -186,11 +200,7 @@ class Switching:
         see `methods._controller`.
         """
         run, n = self.run, self.run.system.n
-        measured = run.runner.function("measure")(run.t, run.y)
-        energy = max(float(run.state[at.ENERGY]), abs(float(measured[0])))
-        masses = measured[2 : 2 + n]
-        inverse = np.divide(1.0, masses, out=np.zeros(n), where=masses > 0.0)
-        speeds = np.abs(rows.J) @ np.sqrt(2.0 * energy * inverse)
+        speeds = np.abs(rows.J) @ self._reach()[n:]
         step = run.t - float(run.state[at.STEP_T]) if run.steps else 0.0
         factor = NOISE * float(run.state[at.RTOL])
         return np.asarray(factor * np.where(self.of_velocities, speeds, step * speeds))

@@ -1,0 +1,99 @@
+"""Scenes with switches elsewhere, moving, in other units, beside others: the same."""
+
+from __future__ import annotations
+
+import functools
+
+import pytest
+
+from tests.invariance import transforms as put
+from tests.invariance.same import CHANGES, Change, differs, known
+from tests.invariance.transforms import document
+
+# A million ranges from the origin: 2^-53 of that is 1e-10 of a range.
+FAR = 1e6
+ALL = CHANGES | {
+    "far": Change(lambda m, s: put.replaced(m, far=FAR * s.length), FAR),
+    "beside-two": Change(
+        lambda m, s: put.with_bystander(m, 1e12, -1e6 * s.length, 1e4 * s.speed)
+    ),
+}
+SCENES = {
+    # Play of a spring, and rubbing.
+    "dead-zone": """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: "-4*(x - max(-0.3, min(0.3, x))) - 0.05*sign(x_dot)"}
+initial: {x: 1, x_dot: 0.2}
+simulation: {duration: 20, output_step: 0.05}
+""",
+    # To the origin in the least time, and rest there.
+    "bang-bang": """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: "-sign(x + x_dot*abs(x_dot)/2)"}
+initial: {x: 1, x_dot: 0.5}
+simulation: {duration: 4, output_step: 0.02}
+""",
+    # A block on a belt that runs evenly, on a spring, with friction that weakens.
+    "belt": """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 2*x^2}
+forces: {x: "-(0.4 + 0.6/(1 + abs(x_dot - 0.5)))*sign(x_dot - 0.5)"}
+initial: {x: 0.1, x_dot: 0}
+simulation: {duration: 12, output_step: 0.05}
+""",
+    # A ball falls onto an elastic floor that damps.
+    "floor": """
+coordinates: {y: {}}
+energy: {kinetic: y_dot^2/2, potential: 9.81*y}
+forces: {y: "if(y < 0, -4000*y - 20*y_dot, 0)"}
+initial: {y: 0.5, y_dot: 0.3}
+simulation: {duration: 2, output_step: 0.01}
+""",
+    # A block on a block on the ground: both rub.
+    "two-blocks": """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: "(2*x_dot^2 + y_dot^2)/2", potential: "8*x^2"}
+forces: {x: "-0.9*sign(x_dot) + 0.7*sign(y_dot - x_dot)",
+  y: "-0.7*sign(y_dot - x_dot)"}
+initial: {x: 1, y: 0, x_dot: 0, y_dot: 0.4}
+simulation: {duration: 8, output_step: 0.02}
+""",
+    # A pendulum whose cart rubs: friction beside a constraint.
+    "crane": """
+coordinates: {c: {}, x: {}, y: {}}
+energy: {kinetic: "5*c_dot^2/2 + (x_dot^2 + y_dot^2)/2", potential: 9.81*y}
+forces: {c: -1.5*sign(c_dot)}
+constraints: {rod: "(x - c)^2 + y^2 = 1"}
+initial: {c: 0, x: 0.8, y: -0.6, c_dot: 0, x_dot: 0, y_dot: 0}
+simulation: {duration: 4, output_step: 0.02}
+""",
+}
+# What needs more than a name in common with the change.
+QUICK = [
+    ("belt", "beside-a-planet"), ("two-blocks", "far"), ("crane", "beside-a-planet"),
+    ("bang-bang", "boosted"), ("floor", "beside-two"), ("dead-zone", "later"),
+]  # fmt: skip
+
+
+@functools.cache
+def measured(name):
+    return known(document(SCENES[name]))
+
+
+def holds(name, change):
+    ratio, told = differs(measured(name), ALL[change])
+    assert ratio < 1.0, told
+
+
+@pytest.mark.parametrize(("name", "change"), QUICK)
+def test_switches_in_other_words(name, change):
+    holds(name, change)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("change", ALL)
+def test_every_scene_with_switches_moves_the_same_in_other_words(name, change):
+    holds(name, change)
