@@ -41,7 +41,6 @@ from lagsim.methods._state import (
     STEP_T,
     TRIED,
     WATCHED,
-    H,
     N,
     T,
 )
@@ -66,8 +65,8 @@ AT_ONCE = 0.026
 SHORT = 0.4
 # The step that will pass is as long as those were that the loss was so many of away.
 NEAR = 4.0
-# What a step that passes may err by, against the motion; where shorter ones err more; as
-# what it is then taken, in tolerances.
+# What a step that passes may err by, against the motion; the same where shorter ones
+# err more; as what it is then taken, in tolerances.
 PASSABLE = 1e-10
 WORST = 1e-6
 ACCEPTED = 0.9
@@ -126,14 +125,14 @@ def clear_of_loss(s: Floats, p: Floats, h: float, rest: float) -> float:
     if ahead >= (1.0 + BETWEEN) * whole:
         return h
     if ahead > LATEST * whole:
-        return min(h, max(ahead - BETWEEN * whole, SHORT * ahead))
+        return float(min(h, max(ahead - BETWEEN * whole, SHORT * ahead)))
     s[PASSES] = 1.0
     s[PLANNED_AT] = s[T]
     if ahead > BETWEEN * whole or ahead <= AT_ONCE * whole:
-        return whole
+        return float(whole)
     if ahead > SOON * whole:
-        return ahead / BETWEEN
-    return ahead / SOON
+        return float(ahead / BETWEEN)
+    return float(ahead / SOON)
 
 
 def needs_loops(s: Floats) -> bool:
