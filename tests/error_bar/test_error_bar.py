@@ -184,6 +184,7 @@ class Strict:
         self.rows += len(rows)
 
     def fault(self, plan, trajectory):
+        assert plan.rtol < 1e-11
         assert trajectory.outcome.complete
         return self.text if self.rows else "no rows"
 
