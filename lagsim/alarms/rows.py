@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.alarms.jumps import jumps
 from lagsim.error_bar import beside
 from lagsim.expressions.evaluate import evaluate
 from lagsim.trajectory import Caution
@@ -28,9 +29,6 @@ HELD = 1e-6
 UNEXPLAINED = 1e-3
 # A place is known no better than to this part of the motion beside it.
 NEIGHBOURS = 1e-12
-
-# Functions that make an energy jump, which is no error: a jump makes no impulse.
-JUMPS = frozenset(("sign", "heaviside", "floor", "ceil", "if"))
 
 
 def about_error(bar: ErrorBar | str, plan: Plan) -> list[Caution]:
@@ -127,7 +125,7 @@ def about_energy(
         f"the motion has {way} energy that no force explains, {part:.2g} of the energy "
         f"in play {reached} t = {when:.6g}"
     )
-    if jumps(equations):
+    if jumps(equations, witness, ledger.worst_row):
         text += "; its expression jumps, which is no error and makes no impulse"
     elif trajectory.outcome.complete:
         text += f": that is an error of {_whose(plan)}; {_how(equations, plan)} it"
@@ -148,10 +146,3 @@ def _how(equations: Equations, plan: Plan) -> str:
     if simulation is not None and simulation.method != "auto":
         return f"{how}, or `--method auto`, keeps"
     return f"{how} keeps"
-
-
-def jumps(equations: Equations) -> bool:
-    """Tell whether the energy may jump where nothing of the motion does."""
-    g = equations.graph
-    moving = g.dependent([equations.energy], (*equations.q, *equations.velocities, "t"))
-    return any(g.ops[n] in JUMPS for n in moving)

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.alarms.rows import HELD, UNEXPLAINED, jumps, not_held
+from lagsim.alarms.jumps import jumps
+from lagsim.alarms.rows import HELD, UNEXPLAINED, not_held
 from lagsim.expressions.evaluate import evaluate_with_error
 from lagsim.methods import method
 from lagsim.plan.integration import DEFAULT_RTOL
@@ -106,8 +107,6 @@ def _about_energy(
     drift, in_play = ledger.energy_drift, witness.energy_in_play
     if not LEAST * in_play < drift < math.inf or ledger.worst_row is None:
         return None
-    if jumps(equations):
-        return None
     row = ledger.worst_row
     text = f"energy - work is off by {drift / in_play:.2g} of the energy in play"
     explained = _explained(equations, plan, row, witness, bar)
@@ -115,7 +114,7 @@ def _about_energy(
     wrong = max(UNEXPLAINED, ACCURATE * (plan.rtol or EXACT_RTOL)) * in_play
     bound = max(min(FAR * explained, wrong), FAR * rounded, LEAST * in_play)
     since = ledger.drift_since(bound)
-    if not drift > bound or since is None:
+    if not drift > bound or since is None or jumps(equations, witness, row):
         return None
     if drift > FAR * explained:
         text += f", and the estimated error explains {explained / in_play:.1g}"

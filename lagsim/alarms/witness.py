@@ -75,6 +75,11 @@ class Witness:
         return rows[: lost[0]] if len(lost) else rows
 
     @property
+    def passed(self) -> Floats:
+        """Time, coordinates and velocities (k, 1 + 2 n) of what is kept."""
+        return self._rows[:, 2 : 3 + 2 * self.count]
+
+    @property
     def end(self) -> float:
         """The time of the last row that is kept."""
         rows = self._rows

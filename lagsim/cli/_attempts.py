@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from lagsim.error_bar import Checkpoints, ErrorBar
     from lagsim.interrupt import Interrupt
     from lagsim.model import Model
+    from lagsim.native.kernel_types import Floats
     from lagsim.outputs.ledger import Ledger
     from lagsim.outputs.table import TableWriter
     from lagsim.outputs.thinning import Thinning
@@ -92,6 +93,34 @@ class Attempt:
     def system(self) -> System:
         """The system by which they were made."""
         return self.means.system
+
+
+class Account:
+    """The ledger of a repeat: what is no answer itself accuses no run."""
+
+    def __init__(self, equations: Equations, start: Start, system: System) -> None:
+        from lagsim.alarms import Witness
+        from lagsim.outputs.ledger import Ledger
+
+        names = system.columns.names
+        self.equations, self.start = equations, start
+        self.ledger = Ledger(names)
+        self.witness = Witness(names, len(equations.q))
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+        self.ledger.add(rows)
+        self.witness.add(rows)
+
+    def fault(self, plan: Plan, trajectory: Trajectory) -> str:
+        """Say why they are no answer; "" where they may be one."""
+        from lagsim.alarms import doubt_about
+
+        doubt = doubt_about(
+            self.equations, self.start, plan, trajectory, self.ledger, self.witness,
+            "a repeat has none",
+        )  # fmt: skip
+        return "" if doubt is None else f"from t = {doubt.time:.6g} on, {doubt.text}"
 
 
 class Attempts:
@@ -177,11 +206,14 @@ class Attempts:
         with progress_bar(quiet=self.job.quiet) as progress:
             bar = repeat(
                 self.equations, self.start, means.plan, means.system, trajectory,
-                checkpoints, always=always, interrupt=self.interrupt,
-                progress=progress,
+                checkpoints, always=always, account=self._account,
+                interrupt=self.interrupt, progress=progress,
             )  # fmt: skip
         self.job.lap("error_bar")
         return bar
+
+    def _account(self, system: System) -> Account:
+        return Account(self.equations, self.start, system)
 
     def _is_over(self, attempt: Attempt) -> bool:
         return self.interrupt.signal is not None or attempt.output.fault is not None
@@ -204,7 +236,8 @@ class Attempts:
         assert not isinstance(bar, str)
         found = bool(bar.parted) or is_outlier(
             self.equations, self.start, attempt.plan, attempt.system,
-            attempt.trajectory, attempt.checkpoints, bar, interrupt=self.interrupt,
+            attempt.trajectory, attempt.checkpoints, bar, account=self._account,
+            interrupt=self.interrupt,
         )  # fmt: skip
         self.job.lap("error_bar")
         return found

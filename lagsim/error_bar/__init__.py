@@ -15,13 +15,13 @@ operations, never of seconds, so that a rerun gives the same result.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from lagsim.error_bar.bar import LOST, TIMES, CoordinateError, ErrorBar
 from lagsim.error_bar.checkpoints import MOST_ROWS, Checkpoints
-from lagsim.error_bar.scales import OWN, SEED, STILL, beside, ranges
+from lagsim.error_bar.scales import STILL, beside, ranges, scales_of
 from lagsim.plan import make_plan
 from lagsim.plan.integration import ANY
 from lagsim.simulate import simulate
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
     from lagsim.interrupt import Interrupt
+    from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
     from lagsim.trajectory import Trajectory
 
@@ -89,6 +90,16 @@ ALIKE = 1e-4
 ROUNDED = 2.0**-53
 
 
+class Account(Protocol):
+    """What the rows of a repeat are judged by before it may accuse a run."""
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+
+    def fault(self, plan: Plan, trajectory: Trajectory) -> str:
+        """Say why they are no answer; "" where they may be one."""
+
+
 @dataclass(frozen=True, slots=True)
 class Repeat:
     """Other means of making a run: its plan, its system, and its longest step."""
@@ -108,6 +119,7 @@ def repeat(
     checkpoints: Checkpoints,
     *,
     always: bool = False,
+    account: Callable[[System], Account] | None = None,
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ErrorBar | str:
@@ -119,6 +131,8 @@ def repeat(
         Of the run.
     always
         Whatever it costs.
+    account
+        Gives what judges a repeat; one that fails says nothing, and another is made.
     progress
         Called with the fraction of the repeat that is done.
     """
@@ -136,14 +150,19 @@ def repeat(
         fine, stride = _spaced(equations, checkpoints)
         again = Checkpoints(n, fine.model.simulation, stride)
         per_step = other.per_step * _cost(other.system, other.plan.method)
+        own = None if account is None else account(other.system)
         repeated = simulate(
-            fine, start, other.plan, other.system, [again],
+            fine, start, other.plan, other.system, [again, *([own] if own else [])],
             interrupt=interrupt, progress=progress,
             most_steps=MOST_STEPS if always else int(BUDGET / per_step),
             longest_step=other.longest_step,
         )  # fmt: skip
         if repeated.outcome is Outcome.INTERRUPTED:
             return "the repeat was interrupted"
+        fault = own.fault(other.plan, repeated) if own else ""
+        if fault:
+            found = f"a repeat by {other.plan.method} is no answer itself: {fault}"
+            continue
         if _is_comparable(trajectory, repeated):
             runs = trajectory, repeated
             return _compared(equations, start, runs, other.plan, checkpoints, again)
@@ -161,6 +180,7 @@ def is_outlier(
     checkpoints: Checkpoints,
     bar: ErrorBar,
     *,
+    account: Callable[[System], Account] | None = None,
     interrupt: Interrupt | None = None,
 ) -> bool:
     """Tell whether it is the run, and not its repeat, that is off: by a third one.
@@ -178,10 +198,13 @@ def is_outlier(
     fine, stride = _spaced(equations, checkpoints)
     third = Checkpoints(len(equations.q), fine.model.simulation, stride)
     per_step = other.per_step * _cost(other.system, plan.method)
-    simulate(
-        fine, start, plan, other.system, [third], interrupt=interrupt,
-        most_steps=int(BUDGET / per_step), longest_step=longest,
+    own = None if account is None else account(other.system)
+    made = simulate(
+        fine, start, plan, other.system, [third, *([own] if own else [])],
+        interrupt=interrupt, most_steps=int(BUDGET / per_step), longest_step=longest,
     )  # fmt: skip
+    if own and own.fault(plan, made):
+        return False
     found = third.numbered
     alike = [np.abs(found[k] - row) for k, row in bar.repeated.items() if k in found]
     if len(alike) < len(bar.repeated):
@@ -335,14 +358,15 @@ def _compared(
     sizes = np.where(parted_ways, own, sizes)
     moving = beside(equations, start, sizes)
     largest = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0)
+    scales, still = scales_of(sizes, moving, largest)
     return ErrorBar(
         method=plan.method,
         rtol=plan.rtol,
         names=equations.q,
         times=mine[:, 0],
         errors=errors[:, :n],
-        scales=np.fmax(sizes, np.fmax(SEED * moving, OWN * largest)),
-        still=STILL * moving,
+        scales=scales,
+        still=still,
         rates=errors[:, n:],
         repeated=repeats,
         parted="" if alike else _parted(run, repeated, plan),

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.error_bar.bar import LOST
 from lagsim.expressions.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -17,10 +18,11 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
 
 # A coordinate that should stay at rest is moved by the rounding of what moves beside
-# it: its range counts as no less than this part of theirs, ...
+# it: its range counts as no less than this part of theirs.
 SEED = 1e-9
-# ... and than so much of its own size.
-OWN = 2.0**-50
+# What moves by less than so many units in the last place of its own values is at rest
+# but for rounding: its error is told as a part of those values, and is no horizon.
+RESOLVED = 64.0 * 2.0**-52
 # For a horizon, what moves less than this part of the others has no motion to lose.
 STILL = 1e-6
 
@@ -66,3 +68,16 @@ def beside(equations: Equations, start: Start, found: Floats) -> Floats:
     lighter = np.divide(below, own, out=np.zeros_like(below), where=own > 0.0)
     whole[lightest] = np.fmax(lighter, above)
     return whole
+
+
+def scales_of(found: Floats, moving: Floats, largest: Floats) -> tuple[Floats, Floats]:
+    """Give what errors are told as parts of, and below which there is no horizon (n,).
+
+    Parameters
+    ----------
+    found, moving, largest
+        Of each coordinate the range, the motion beside it, and the largest value.
+    """
+    scales = np.fmax(found, SEED * moving)
+    scales = np.where(scales > RESOLVED * largest, scales, largest)
+    return scales, np.fmax(STILL * moving, RESOLVED * largest / LOST)

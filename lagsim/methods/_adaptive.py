@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods._singular import clear_of_loss, planned_step
+from lagsim.methods._singular import clear_of_loss
 from lagsim.methods._state import (
     END,
     FEATURE,
@@ -12,6 +12,7 @@ from lagsim.methods._state import (
     FEATURE_WIDTH,
     LONGEST,
     MOST_STEP,
+    PASSES,
     H,
     T,
 )
@@ -35,28 +36,23 @@ def usable_step(s: Floats, p: Floats) -> float:
     """Give the step to try, with t + h exact; 0 where it would be too small."""
     t = s[T]
     h = s[H]
-    if CONSTRAINED:
-        h = planned_step(s)
-    if s[LONGEST] > 0.0:
-        h = min(h, s[LONGEST])
     if s[MOST_STEP] > 0.0:
         h = min(h, s[MOST_STEP])
     if s[FEATURE_WIDTH] > 0.0:
         h = up_to_feature(s, h)
     rest = s[END] - t
-    # Not t + 1.01 h >= END: rounded, that holds for ever at the last digit of t.
-    last = 1.01 * h >= rest
-    if last:
-        h = rest
-    elif not h > SMALLEST * max(abs(t), 1e-6 * rest):
-        return 0.0
+    passes = False
     if CONSTRAINED:
-        clear = clear_of_loss(s, p, h)
-        if clear < rest:
-            h = clear
-            last = False
-    if last:
+        # A step over a loss of rank has the length that it needs, whatever is asked.
+        h = clear_of_loss(s, p, h, rest)
+        passes = s[PASSES] > 0.0
+    if s[LONGEST] > 0.0 and not passes:
+        h = min(h, s[LONGEST])
+    # Not t + 1.01 h >= END: rounded, that holds for ever at the last digit of t.
+    if 1.01 * h >= rest:
         return float(rest)
+    if not h > SMALLEST * max(abs(t), 1e-6 * rest):
+        return 0.0
     return float((t + h) - t)
 
 

@@ -39,8 +39,8 @@ from lagsim.methods._state import (
     SIZE,
     STEP_H,
     STEP_T,
+    TRIED,
     WATCHED,
-    H,
     N,
     T,
 )
@@ -63,6 +63,13 @@ LATEST = 0.55
 SOON = 0.184
 AT_ONCE = 0.026
 SHORT = 0.4
+# The step that will pass is as long as those were that the loss was so many of away.
+NEAR = 4.0
+# What a step that passes may err by, against the motion; the same where shorter ones
+# err more; as what it is then taken, in tolerances.
+PASSABLE = 1e-10
+WORST = 1e-6
+ACCEPTED = 0.9
 # A loss ahead is looked for so often, each time half way to where it seems to be: the
 # health falls there by about a half, and by less where it is not going to vanish.
 LOOKS = 3
@@ -92,32 +99,40 @@ def record_health(s: Floats, health: float, h: float) -> None:
     s[HEALTH] = health
 
 
-def clear_of_loss(s: Floats, p: Floats, h: float) -> float:
+def clear_of_loss(s: Floats, p: Floats, h: float, rest: float) -> float:
     """Give a step that keeps its distance from a loss of rank: about h, or less.
 
     There, rounding is divided by the rows' independence at each stage, and by its
     square at the end. A step that passes has the loss where no method has a stage; one
-    before it leaves the room that this takes.
+    before it leaves the room that this takes: for a step as long as they were before
+    they came near, where the controller sees errors that projection will remove.
     """
+    if s[PASSES] > 0.0 and s[T] <= s[PLANNED_AT]:
+        s[PLANNED] = 0.0  # it has been tried
     s[PASSES] = 0.0
     if s[FALLING] <= 0.0:
+        s[PLANNED] = s[TRIED] = 0.0
         return h
+    whole = min(max(h, s[PLANNED]), rest)
     ahead = s[HEALTH] / s[FALLING]
-    if ahead >= (1.0 + BETWEEN) * h:
+    s[PLANNED] = whole if ahead < NEAR * whole else 0.0
+    if ahead >= (1.0 + BETWEEN) * whole:
         return h
     ahead = time_to_loss(s, p, ahead)
-    if ahead <= 0.0 or ahead >= (1.0 + BETWEEN) * h:
+    if ahead <= 0.0:
+        s[PLANNED] = 0.0
         return h
-    if ahead > LATEST * h:
-        s[PLANNED] = h
-        s[PLANNED_AT] = s[T]
-        return max(ahead - BETWEEN * h, SHORT * ahead)
+    if ahead >= (1.0 + BETWEEN) * whole:
+        return h
+    if ahead > LATEST * whole:
+        return float(min(h, max(ahead - BETWEEN * whole, SHORT * ahead)))
     s[PASSES] = 1.0
-    if ahead > BETWEEN * h or ahead <= AT_ONCE * h:
-        return h
-    if ahead > SOON * h:
-        return ahead / BETWEEN
-    return ahead / SOON
+    s[PLANNED_AT] = s[T]
+    if ahead > BETWEEN * whole or ahead <= AT_ONCE * whole:
+        return float(whole)
+    if ahead > SOON * whole:
+        return float(ahead / BETWEEN)
+    return float(ahead / SOON)
 
 
 def needs_loops(s: Floats) -> bool:
@@ -126,17 +141,6 @@ def needs_loops(s: Floats) -> bool:
     It was to pass a loss of rank, and straight-line code squares the rows' condition.
     """
     return float(s[PASSES]) > 0.0 and float(s[DEGENERATE_BELOW]) > 0.0
-
-
-def planned_step(s: Floats) -> float:
-    """Give the step to try: that of the controller, or for which room has been made.
-
-    Close to a loss of rank the controller sees errors that projection will remove.
-    """
-    if s[PLANNED] > s[H] and s[T] > s[PLANNED_AT]:
-        s[H] = s[PLANNED]
-    s[PLANNED] = 0.0
-    return float(s[H])
 
 
 def time_to_loss(s: Floats, p: Floats, ahead: float) -> float:
@@ -178,7 +182,13 @@ def time_to_loss(s: Floats, p: Floats, ahead: float) -> float:
 
 
 def leave_loss(s: Floats, p: Floats, h: float) -> float:
-    """Give a first step that leaves the neighbourhood of a loss of rank: h, or more."""
+    """Give a first step that leaves the neighbourhood of a loss of rank: h, or more.
+
+    Or the one that is to pass it, where only the equations are solved otherwise now.
+    """
+    if s[PASSES] > 0.0 and s[T] <= s[PLANNED_AT]:
+        s[PASSES] = 0.0
+        return float(s[PLANNED])
     size = int(s[SIZE])
     n = int(s[N])
     y = at(s, HEADER)
@@ -244,6 +254,20 @@ def health_at(s: Floats, p: Floats, x: float) -> float:
     interpolate(s, x, z)
     velocity_step(s[STEP_T] + x * s[STEP_H], z, p, out)
     return float(out[int(s[N]) + 1])
+
+
+def passable(s: Floats, error: float) -> float:
+    """Give the error of a step, in tolerances; below 1 where it passes well enough.
+
+    The method errs less in shorter steps and rounding more: past the least of both a
+    shorter step loses everything.
+    """
+    if s[PASSES] == 0.0 or error < 1.0:
+        return error
+    least = s[TRIED] > 0.0 and error > s[TRIED]
+    s[TRIED] = error
+    bound = WORST if least else PASSABLE
+    return ACCEPTED if error * s[RTOL] < bound else error
 
 
 def hides_error(s: Floats, p: Floats) -> bool:

@@ -75,6 +75,7 @@ FEATURE_END = 55  # ... to this time
 LONGEST = 68  # no step is longer than this; 0: any
 PLANNED = 64  # the step that will pass a loss of rank, once there is room for it; or 0
 PLANNED_AT = 65  # when that was planned
+TRIED = 66  # the error of the last step that was to pass and could not; or 0
 SEARCH_AT = 78  # where the memory is for what ends a step early; see _switching
 PULLED = 72  # the farthest that a state was pulled onto what it slides along, against
 # the motion so far

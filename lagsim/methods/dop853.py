@@ -34,6 +34,7 @@ from lagsim.methods._singular import (
     leave_loss,
     needs_loops,
     note_directions,
+    passable,
 )
 from lagsim.methods._stability import record_speed
 from lagsim.methods._state import (
@@ -203,6 +204,7 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
         removed = h * h * forget_removed(int(s[N]), p, h, errors)
         forget_removed(int(s[N]), p, h, at(errors, size))
         error = bent(s, removed, error_norm(size, h, errors, tolerances))
+        error = passable(s, error)
     return error
 
 

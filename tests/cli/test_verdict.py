@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.cli._results import manifest, table
+from tests.scenes.test_change_point import LINKAGE
 from tests.support import MODELS
 
 
@@ -239,3 +240,47 @@ simulation: {duration: 3}
     assert f"--method {method}" not in called.err
     if method == "auto":
         assert "--method" not in called.err
+
+
+@pytest.mark.parametrize(("offset", "allowed"), [("0", 1e-7), ("1e5", 1e-4)])
+def test_no_repeat_accuses_a_linkage_at_a_change_point(lagsim, write, offset, allowed):
+    # A place of 1e5 is known to 1e-11, which the passage divides by the independence.
+    path = write(LINKAGE.format(offset=offset))
+    called = lagsim("run", path, "-o", "out", "--no-plots")
+    document = manifest("out")
+    assert called.code == 0
+    assert "horizon" not in [w["code"] for w in document["warnings"]]
+    assert not anew(document)
+    assert document["error"]["relative"] < allowed
+
+
+AT_REST = """
+coordinates: {x: {}}
+energy:
+  kinetic: 0.705*x_dot^2/2
+  potential: "if(-(x - 0.045) > 0, 118*(-(x - 0.045))^2/2, 0)"
+initial: {x: 0.931, x_dot: 0}
+simulation: {duration: 1.57, output_step: 0.03925}
+"""
+PLANET = """
+parameters: {G: 6.674e-11, E: 5.972e24, m: 1000}
+coordinates: {X: {}, Y: {}, x: {}, y: {}}
+energy:
+  kinetic: E*(X_dot^2 + Y_dot^2)/2 + m*(x_dot^2 + y_dot^2)/2
+  potential: -G*E*m/sqrt((x - X)^2 + (y - Y)^2)
+initial: {X: 1.5e11, Y: 0, x: 1.5e11 + 7e6, y: 0, y_dot: 7545}
+simulation: {duration: 20000, output_step: 50}
+"""
+
+
+@pytest.mark.parametrize("text", [AT_REST, PLANET], ids=["alone", "beside"])
+@pytest.mark.parametrize("method", ["auto", "dop853"])
+def test_what_stays_at_rest_far_away_has_no_horizon(lagsim, write, text, method):
+    """A few units in the last place of where it is are rounding, not an error."""
+    path = write(text)
+    called = lagsim("run", path, "--method", method, "-o", "out", "--no-plots")
+    document = manifest("out")
+    assert called.code == 0
+    assert not anew(document)
+    assert not document["warnings"]
+    assert document["error"]["relative"] < 1e-9

@@ -94,6 +94,49 @@ def test_energy_that_is_far_off_is_in_doubt_whatever_explains_it():
     assert doubt(found, bar_of(found, lambda t: 1.0 * (t > 4))).refutes
 
 
+ONE_SIDED = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: "y^2/2 + POTENTIAL"}
+initial: {x: 1, y: 0.3}
+simulation: {duration: 10, output_step: 0.01}
+"""
+CONTINUOUS = [
+    "if(x > 0, x^2, 0) + if(x < 0, 3*x^2, 0)",
+    "x^2 + max(0, -x)^2",
+    "abs(x)",
+    "x^2/2 + if(x > 0.5, (x - 0.5)*y, 0)",
+    "x^2 + sign(x)*x^3",
+    "x^2 + 1e-3*sign(x + y)*(x + y)",
+    "x^2 + if(y > 0, 1, 1)*x^2",
+]
+JUMPING = [
+    "x^2 + if(x > 0, 0.01, 0)",
+    "x^2/2 + floor(3*x)",
+    "x^2 + sign(y)*(1 + y)",
+    "x^2 + if(x > 0 and y > 0, x + y, 0)",
+    "x^2 + heaviside(x - 0.2)",
+]
+
+
+@pytest.mark.parametrize("potential", CONTINUOUS)
+def test_an_energy_with_switches_is_judged_where_it_is_continuous(potential):
+    found = run(ONE_SIDED.replace("POTENTIAL", potential))
+    assert found.drift < 1e-8
+    assert doubt(found) is None
+    told = doubt(spoilt(found, "energy", bump(0.3)))
+    assert told.refutes
+    assert told.time == pytest.approx(4.75, abs=0.02)
+
+
+@pytest.mark.parametrize("potential", JUMPING)
+def test_an_energy_that_jumps_is_not(potential):
+    """A jump of the potential makes no impulse, and its energy is another."""
+    found = run(ONE_SIDED.replace("POTENTIAL", potential))
+    assert found.drift > 1e-3
+    assert doubt(found) is None
+    assert doubt(spoilt(found, "energy", bump(0.3))) is None
+
+
 def test_a_constraint_that_lets_go():
     found = spoilt(run(ROD), "residual_rod", lambda t: 1e-3 * np.maximum(t - 6, 0))
     told = doubt(found)
