@@ -265,9 +265,22 @@ def share_out(sliding: int, p: Floats) -> None:
             for j in range(sliding):
                 change = at(fields, (j + 1) * width + n)
                 B[i * sliding + j] = above(product(k, p, change), noise)
+            even_out(at(B, i * sliding), sliding, at(right, 3 * i))
             i += 1
     solve(sliding, B, right)
     take_shares(sliding, p)
+
+
+def even_out(row: Floats, count: int, right: Floats) -> None:
+    """Give a row the size of the others: surfaces need not have the same units."""
+    size = 0.0
+    for j in range(count):
+        size = max(size, abs(row[j]))
+    if size > 0.0:
+        for j in range(count):
+            row[j] /= size
+        for c in range(3):
+            right[c] /= size
 
 
 def above(x: float, noise: float) -> float:

@@ -264,7 +264,9 @@ def pulled(s: Floats, y: Floats, former: Floats, first: int) -> float:
     if moved == 0.0:
         return 0.0
     far = moved / sqrt(whole) if whole > 0.0 else 1.0
-    return far if far < 1.0 else 1.0  # what is no number, too
+    if far < 1.0:
+        return far
+    return 1.0  # what is no number, too
 
 
 def begin(s: Floats, p: Floats) -> None:

@@ -146,7 +146,11 @@ class Crossroads:
             if not (np.all(np.isfinite(inner)) and np.all(np.isfinite(right))):
                 # No force there, no way along it: `holds` refuses what is not a number.
                 return np.full(self.count, np.nan), np.full(self.count, np.nan), own
-            w[along] = half + np.linalg.lstsq(inner, right, rcond=None)[0]
+            # Of the same size, whatever the units of each surface.
+            size = np.max(np.abs(inner), axis=1)
+            size[size == 0.0] = 1.0
+            inner_scaled, right = inner / size[:, None], right / size
+            w[along] = half + np.linalg.lstsq(inner_scaled, right, rcond=None)[0]
             rho = rho + B @ w[along]
             own[along] = np.diag(inner)
         return w, rho, own

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import functools
 
+import numpy as np
 import pytest
 
 from tests.invariance import transforms as put
 from tests.invariance.same import CHANGES, Change, differs, known
 from tests.invariance.transforms import document
+from tests.support import run
 
 # A million ranges from the origin: 2^-53 of that is 1e-10 of a range.
 FAR = 1e6
@@ -97,3 +99,19 @@ def test_switches_in_other_words(name, change):
 @pytest.mark.parametrize("change", ALL)
 def test_every_scene_with_switches_moves_the_same_in_other_words(name, change):
     holds(name, change)
+
+
+@pytest.mark.parametrize(
+    "unit",
+    ["1e14", *(pytest.param(k, marks=pytest.mark.slow) for k in ("1e-14", "1e30"))],
+)
+def test_a_surface_in_units_of_its_own(unit):
+    # Both blocks stick in the end: shares of rows that differ by the unit.
+    slip = "sign(y_dot - x_dot)"
+    other = SCENES["two-blocks"].replace(slip, f"sign({unit}*y_dot - {unit}*x_dot)")
+    base, found = run(SCENES["two-blocks"]), run(other)
+    kinds = [[e.kind for e in r.trajectory.events] for r in (base, found)]
+    assert kinds[0] == kinds[1]
+    assert found.trajectory.outcome.complete
+    # Some rounding of places of size 1.
+    assert np.max(np.abs(found["y"] - base["y"])) < 1e-13
