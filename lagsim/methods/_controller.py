@@ -291,7 +291,9 @@ def foresee(s: Floats, p: Floats, k: Floats) -> None:
     for i in range(size):
         foreseen[i] = 0.0
         z[i] = y[i] + instant * k[i]
-        if i >= n and abs(k[i]) <= noise[i]:
+        if i < n:
+            z[i] += instant * instant * k[n + i]
+        elif abs(k[i]) <= noise[i]:
             waiting += 1
     while waiting > 0:
         derivative(s[T] + instant, z, p, slopes)
