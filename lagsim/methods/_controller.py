@@ -150,6 +150,7 @@ def set_tolerances(
     high = at(low, size)
     parts = at(high, size)
     noise = at(parts, size)
+    foreseen = at(noise, size)
     # A start from rest with a jump in the force (dry friction) is off by the same part
     # of every step, however short; its first instant is not controlled finer.
     instant = INSTANT * (s[END] - s[ARC_START]) - (s[T] - s[ARC_START])
@@ -160,7 +161,8 @@ def set_tolerances(
         scale = WIDTH * (max(high[i], new[i]) - min(low[i], new[i]))
         if scale == 0.0:
             scale = h * abs(rates[i])
-        scale = max(scale, instant * abs(rates[i]))
+        if instant > 0.0:
+            scale = max(scale, instant * abs(rates[i]), foreseen[i])
         part = parts[i]
         if i < n:
             part = parts[i] * moment
@@ -271,6 +273,46 @@ def add_probe(s: Floats, p: Floats, t: float, y: Floats, k: Floats) -> None:
         noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
 
 
+def foresee(s: Floats, p: Floats, k: Floats) -> None:
+    """Find what becomes of the components at rest in the first instant of an arc.
+
+    A force that begins at 0, as a power of the time does, gives them a motion without
+    any size. One may set the next in motion. k : (size,), y' at the start.
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
+    foreseen = at(noise, size)
+    z = at(s, HEADER + 4 * size + 2)
+    slopes = at(z, size)
+    instant = INSTANT * (s[END] - s[T])
+    waiting = 0
+    for i in range(size):
+        foreseen[i] = 0.0
+        z[i] = y[i] + instant * k[i]
+        if i < n:
+            z[i] += instant * instant * k[n + i]
+        elif abs(k[i]) <= noise[i]:
+            waiting += 1
+    while waiting > 0:
+        derivative(s[T] + instant, z, p, slopes)
+        s[EVALUATIONS] += 1.0
+        before = waiting
+        for i in range(n, size):
+            rate = abs(slopes[i])
+            rests = abs(k[i]) <= noise[i] and foreseen[i] == 0.0
+            if rests and noise[i] < rate and rate < 1e300:
+                foreseen[i] = instant * rate
+                z[i] = y[i] + instant * slopes[i]
+                if i < 2 * n:
+                    foreseen[i - n] = instant * foreseen[i]
+                    z[i - n] = y[i - n] + instant * instant * slopes[i]
+                waiting -= 1
+        if waiting == before:
+            return
+
+
 def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
     """Give a first step: one explicit Euler step tells how fast the rates change.
 
@@ -282,6 +324,7 @@ def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
     z = at(s, HEADER + 4 * size + 2)
     slopes = at(z, size)
     look_at_rounding(s, p, s[T], y, k, 1.0)
+    foresee(s, p, k)
     span = s[END] - s[T]
     h = min(EULER * s[ROW_STEP], span)
     part = (LOCAL * max(float(s[RTOL]), NOISE)) ** (1.0 / order)

@@ -109,7 +109,7 @@ def lanes_size(size: int) -> int:
 def extents_size(size: int) -> int:
     """Give how much memory the scales of errors need.
 
-    The least and the largest value of each component, the terms of its rate and the
-    rounding of that.
+    The least and the largest value of each component, the terms of its rate, the
+    rounding of that, and what becomes of one at rest in the first instant.
     """
-    return 4 * size
+    return 5 * size

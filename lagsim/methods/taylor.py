@@ -26,6 +26,7 @@ from lagsim.methods._adaptive import usable_step
 from lagsim.methods._controller import (
     LOCAL,
     against,
+    foresee,
     look_again,
     look_at_rounding,
     record_measured,
@@ -135,6 +136,7 @@ def start(s: Floats, p: Floats) -> None:
     record_sizes(s, p)
     rates = at(c, 1 + size)
     look_at_rounding(s, p, s[T], y, rates, 1.0)
+    foresee(s, p, rates)
     # Tolerances depend on the step, and on where it leads what is at rest: some looks
     # settle both well enough.
     new = at(s, buffer(size, 2.0))

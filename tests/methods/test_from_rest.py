@@ -1,0 +1,84 @@
+"""Motions that begin from rest under forces that begin at 0, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.support import run
+
+BODY = """name: body
+coordinates: {{x: {{}}}}
+energy: {{kinetic: "x_dot^2/2", potential: "0"}}
+forces: {{x: "{force}"}}
+initial: {{x: 0}}
+simulation: {{duration: 2, output_step: 0.1, method: {method}}}
+"""
+PAIR = """name: pair
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: "(x_dot^2 + y_dot^2)/2", potential: "0"}}
+constraints: {{sum: "x + y = 1 + t^{power}"}}
+initial: {{x: 0.5, y: 0.5}}
+simulation: {{duration: 2, output_step: 0.1, method: dop853}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("force", "power", "method"),
+    [
+        ("sqrt(t)", 0.5, "auto"),
+        ("abs(t)^0.5", 0.5, "dop853"),
+        ("cbrt(t)", 1.0 / 3.0, "dop853"),
+        ("t^1.5", 1.5, "dop853"),
+        ("t^5", 5.0, "dop853"),
+        ("t^9", 9.0, "auto"),
+        ("sqrt(t)", 0.5, "radau"),
+    ],
+)
+def test_a_power_of_the_time(force: str, power: float, method: str) -> None:
+    result = run(BODY.format(force=force, method=method))
+    assert result.trajectory.outcome.complete
+    exact = result["t"] ** (power + 2.0) / ((power + 1.0) * (power + 2.0))
+    # A tenth of the default tolerance in each step, a hundred steps.
+    assert np.max(np.abs(result["x"] - exact)) < 1e-10 * np.max(exact)
+
+
+@pytest.mark.parametrize("power", [2.5, 4.0, 6.0])
+def test_a_constraint_that_begins_to_move(power: float) -> None:
+    result = run(PAIR.format(power=power))
+    assert result.trajectory.outcome.complete
+    exact = 0.5 + result["t"] ** power / 2.0
+    assert np.max(np.abs(result["x"] - exact)) < 1e-10 * np.max(exact)
+
+
+@pytest.mark.parametrize("force", [1.0, 0.0])
+def test_one_sets_the_next_in_motion(force: float) -> None:
+    # Masses joined by springs, of which the first is pushed, or drives off.
+    count = 8
+    places = range(count)
+    springs = " + ".join(f"(x{i + 1} - x{i})^2" for i in range(count - 1))
+    result = run(
+        "name: springs\n"
+        f"coordinates: {{{', '.join(f'x{i}: {{}}' for i in places)}}}\n"
+        "energy:\n"
+        f'  kinetic: "({" + ".join(f"x{i}_dot^2" for i in places)})/2"\n'
+        f'  potential: "({springs})/2"\n'
+        f'forces: {{x0: "{force}"}}\n'
+        f"initial: {{{', '.join(f'x{i}: 0' for i in places)}, x0_dot: {1.0 - force}}}\n"
+        "simulation: {duration: 3, output_step: 0.5, method: dop853}\n"
+    )
+    assert result.trajectory.outcome.complete
+    # Modes of the free chain: cos(k pi (i + 1/2) / count).
+    i = np.arange(count)
+    exact = np.zeros(count)
+    for k in range(count):
+        mode = np.cos(np.pi * k * (i + 0.5) / count)
+        part = mode[0] / (mode @ mode) * mode
+        w, t = 2.0 * np.sin(np.pi * k / (2.0 * count)), 3.0
+        pushed = t * t / 2.0 if k == 0 else (1.0 - np.cos(w * t)) / w**2
+        driven = t if k == 0 else np.sin(w * t) / w
+        exact += part * (pushed if force else driven)
+    found = np.array([result[f"x{k}"][-1] for k in places])
+    # The sum of modes cancels to the last masses' share: roundings of the first's.
+    assert np.max(np.abs(found - exact)) < 1e-10
+    assert np.all(np.abs(found[-2:] - exact[-2:]) < 1e-6 * exact[-2:])
