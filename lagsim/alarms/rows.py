@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.alarms.jumps import jumps
 from lagsim.error_bar import beside
 from lagsim.expressions.evaluate import evaluate
 from lagsim.trajectory import Caution
@@ -116,6 +115,8 @@ def about_energy(
         gained = ledger.energy_gained
     if not abs(gained) > UNEXPLAINED * in_play:
         return []
+    from lagsim.alarms.jumps import jumps
+
     since = ledger.drift_since(UNEXPLAINED * in_play)
     when = witness.end if plan.rtol is None or since is None else since
     way = "gained" if gained > 0.0 else "lost"

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.alarms.jumps import jumps
 from lagsim.alarms.rows import HELD, UNEXPLAINED, not_held
 from lagsim.expressions.evaluate import evaluate_with_error
 from lagsim.methods import method
@@ -107,6 +106,8 @@ def _about_energy(
     drift, in_play = ledger.energy_drift, witness.energy_in_play
     if not LEAST * in_play < drift < math.inf or ledger.worst_row is None:
         return None
+    from lagsim.alarms.jumps import jumps
+
     row = ledger.worst_row
     text = f"energy - work is off by {drift / in_play:.2g} of the energy in play"
     explained = _explained(equations, plan, row, witness, bar)

@@ -35,10 +35,12 @@ if TYPE_CHECKING:
 # The steps of a second attempt are shorter than those of the repeat that failed to
 # confirm the first: by this part, which no small whole numbers give.
 SHORTER = 0.3819660112501051
-# A second attempt may make so many times the evaluations of the first, or so many for
-# each of the steps that it must make.
-MORE = 100
-PER_STEP = 30
+# A second attempt may make so many times the steps that the evaluations of the first
+# are worth, and so many times those that it must make; or so many, whatever it was.
+MORE = 10
+PER_STEP = 12
+AT_LEAST = 3
+ENOUGH = 20_000
 
 
 class ErrorBars(Enum):
@@ -256,7 +258,8 @@ class Attempts:
             return None
         longest = SHORTER * other.longest_step
         least = (trajectory.end - trajectory.start) / longest
-        most = int(MORE * trajectory.statistics.evaluations + PER_STEP * least)
+        worth = trajectory.statistics.evaluations / PER_STEP
+        most = max(ENOUGH, int(MORE * worth + AT_LEAST * least))
         rtol = "" if other.plan.rtol is None else f" at rtol {other.plan.rtol:.2g}"
         choice = Choice(
             f"made anew: {other.plan.method}{rtol}, steps up to {longest:.3g}",

@@ -74,15 +74,17 @@ GOLDEN = (5.0**0.5 - 1.0) / 2.0
 # it may always take to keep its steps short.
 BUDGET = 2e9
 SHORT = 2e7
+# No repeat takes more than so many times the run, or so many operations: one that does
+# has met with something that the run has not.
+MOST_TIMES = 20.0
+ALWAYS = 2e8
 # Evaluations and columns of a row cost about this much besides their operations.
 OVERHEAD = 20
 # Evaluations in a step with rows in it, of what repeats most runs.
 PER_STEP = 15.0
 # A series takes about so many times the operations of the rates that it is made of.
 SERIES_LENGTH = 50
-# Rows of the repeat for each row that is compared, and in all: ranges are taken from
-# them, too.
-FINER = 3
+# Rows of the repeat, at least: ranges are taken from them, too.
 LEAST_ROWS = 64
 # Two repeats agree by far where they are apart by this part of what the run is off.
 ALIKE = 1e-4
@@ -149,12 +151,12 @@ def repeat(
     for other in by_other_means(equations, start, plan, system, trajectory):
         fine, stride = _spaced(equations, checkpoints)
         again = Checkpoints(n, fine.model.simulation, stride)
-        per_step = other.per_step * _cost(other.system, other.plan.method)
+        most = _most_steps(other, system, trajectory)
         own = None if account is None else account(other.system)
         repeated = simulate(
             fine, start, other.plan, other.system, [again, *([own] if own else [])],
             interrupt=interrupt, progress=progress,
-            most_steps=MOST_STEPS if always else int(BUDGET / per_step),
+            most_steps=MOST_STEPS if always else most,
             longest_step=other.longest_step,
         )  # fmt: skip
         if repeated.outcome is Outcome.INTERRUPTED:
@@ -197,11 +199,11 @@ def is_outlier(
         plan = replace(plan, rtol=LOOSER * (plan.rtol or 0.0))
     fine, stride = _spaced(equations, checkpoints)
     third = Checkpoints(len(equations.q), fine.model.simulation, stride)
-    per_step = other.per_step * _cost(other.system, plan.method)
     own = None if account is None else account(other.system)
     made = simulate(
         fine, start, plan, other.system, [third, *([own] if own else [])],
-        interrupt=interrupt, most_steps=int(BUDGET / per_step), longest_step=longest,
+        interrupt=interrupt, most_steps=_most_steps(other, system, trajectory),
+        longest_step=longest,
     )  # fmt: skip
     if own and own.fault(plan, made):
         return False
@@ -288,6 +290,13 @@ def _cost(system: System, method: str) -> float:
     return operations + OVERHEAD
 
 
+def _most_steps(other: Repeat, system: System, trajectory: Trajectory) -> int:
+    """Give how many steps a repeat may make: it costs a few times the run."""
+    own = trajectory.statistics.evaluations * _cost(system, system.plan.method)
+    most = min(BUDGET, max(MOST_TIMES * own, ALWAYS))
+    return int(most / (other.per_step * _cost(other.system, other.plan.method)))
+
+
 def _affordable(
     longest: float, system: System, method: str, trajectory: Trajectory
 ) -> float:
@@ -312,7 +321,7 @@ def _spaced(equations: Equations, checkpoints: Checkpoints) -> tuple[Equations, 
     simulation = equations.model.simulation
     assert simulation is not None
     count = len(checkpoints.rows)
-    finer = max(FINER, -(-LEAST_ROWS // count)) if checkpoints.stride == 1 else 1
+    finer = -(-LEAST_ROWS // count) if checkpoints.stride == 1 else 1
     spacing = checkpoints.stride * simulation.output_step / finer
     fine = replace(simulation, output_step=spacing)
     return replace(equations, model=replace(equations.model, simulation=fine)), finer

@@ -21,7 +21,6 @@ from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED
 from lagsim.simulate.coordinates import singularity_caution
 from lagsim.simulate.fallback import fall_back
-from lagsim.simulate.impacts import impact, row_before
 from lagsim.simulate.pace import Pace
 from lagsim.simulate.ranks import RankLosses
 from lagsim.simulate.reasons import reason_of
@@ -265,10 +264,16 @@ class Run:
         """Set the branches of the arc that ends at `end`; tell if a constraint tore."""
         held = self.system.m > 0 and self.plan.projected
         held = held and self.t > self.simulation.start
-        before = row_before(self) if held else self.row()
+        if not held:
+            self._set_branches(end)
+            self._set_limits(end)
+            return False
+        from lagsim.simulate.impacts import impact, row_before
+
+        before = row_before(self)
         self._set_branches(end)
         self._set_limits(end)
-        return held and impact(self, before)
+        return impact(self, before)
 
     def _set_limits(self, end: float) -> None:
         state, simulation = self.state, self.simulation
