@@ -138,7 +138,8 @@ def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
     """Give what node `n` is differentiated by, with the slopes.
 
     That is its arguments; or, of a power of a root from the square on, those of the
-    root: r^c has a slope where r = 0 though r has none.
+    root: r^c has a slope where r = 0 though r has none. Or, of a quotient whose divisor
+    grows as exp does, what that has in its exponent: x/y has a slope where y overflows.
     """
     args = g.args[n]
     if g.ops[n] == "pow" and g.ops[args[0]] in ("hypot", "sqrt"):
@@ -150,6 +151,59 @@ def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
                 return [(g.args[root][0], half)]
             outer = g.call("mul", g.constant(exponent), rest)
             return [(a, g.call("mul", outer, a)) for a in g.args[root]]
+    if g.ops[n] == "div":
+        below = log_slopes(g, args[1])
+        if below is not None:
+            fall = g.call("neg", n)
+            through = [(a, g.call("mul", fall, slope)) for a, slope in below]
+            return [(args[0], g.call("div", g.one, args[1])), *through]
     partials = OPERATIONS[g.ops[n]].partials
     assert partials is not None
     return list(zip(args, partials(g, args, n), strict=True))
+
+
+def log_slopes(g: Graph, n: int) -> list[tuple[int, int]] | None:
+    """Give the slopes of log |n| without dividing infinities.
+
+    Of what exp and cosh, numbers, products and powers make, or a number added to one.
+    """
+    op, args = g.ops[n], g.args[n]
+    if g.value(n) is not None:
+        return []
+    if op == "exp":
+        return [(args[0], g.one)]
+    if op == "cosh":
+        return [(args[0], g.call("tanh", args[0]))]
+    if op == "neg":
+        return log_slopes(g, args[0])
+    if op == "pow" and g.value(args[1]) is not None:
+        return _times(g, args[1], log_slopes(g, args[0]))
+    parts = [log_slopes(g, a) for a in args] if op in ("mul", "add", "sub") else []
+    if len(parts) != 2 or parts[0] is None or parts[1] is None:
+        return None
+    if op == "mul":
+        return parts[0] + parts[1]
+    if parts[0] and parts[1]:
+        return None
+    k = 0 if parts[0] else 1
+    ratio = _quotient(g, args[1 - k], args[k])
+    share = g.call("div", g.one, g.call("sub" if op == "sub" else "add", g.one, ratio))
+    return _times(g, share, parts[k])
+
+
+def _times(
+    g: Graph, factor: int, found: list[tuple[int, int]] | None
+) -> list[tuple[int, int]] | None:
+    if found is None:
+        return None
+    return [(a, g.call("mul", factor, slope)) for a, slope in found]
+
+
+def _quotient(g: Graph, number: int, grown: int) -> int:
+    """Give number / grown; of exp itself by the exponent: it may vanish, too."""
+    op, args = g.ops[grown], g.args[grown]
+    if op == "exp":
+        return g.call("mul", number, g.call("exp", g.call("neg", args[0])))
+    if op == "mul" and g.value(args[0]) is not None:
+        return _quotient(g, g.call("div", number, args[0]), args[1])
+    return g.call("div", number, grown)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.equations import Equations
+    from lagsim.expressions.graph import Graph
 
 # Powers from this on are flat enough to hide: a wall.
 TALL = 6.0
@@ -119,7 +120,8 @@ class _Search:
         if op in ("mul", "div"):
             found = self._product(n)
             # A root in a denominator is watched itself.
-            if op == "div" and args[1] in those and g.ops[args[1]] != "sqrt":
+            watched = op == "div" and args[1] in those and g.ops[args[1]] != "sqrt"
+            if watched and not _never_small(g, args[1]):
                 found.append(Sleeper(args[1], SMALL, 1.0))
             return found
         if op in ("add", "sub"):
@@ -216,3 +218,20 @@ class _Search:
         if first is None or second is None:
             return None
         return g.call("add" if op == "mul" else "sub", first, second)
+
+
+def _never_small(g: Graph, n: int) -> bool:
+    """Tell whether a node is a positive number at least, made larger by exp or cosh."""
+    op, args = g.ops[n], g.args[n]
+    value = g.value(n)
+    if value is not None:
+        return value > 0.0
+    if op == "add":
+        least = [_never_small(g, a) for a in args]
+        return any(least) and all(
+            m or g.ops[a] == "exp" for m, a in zip(least, args, strict=True)
+        )
+    if op == "pow":
+        power = g.value(args[1])
+        return power is not None and power > 0.0 and _never_small(g, args[0])
+    return op == "cosh" or (op == "mul" and all(_never_small(g, a) for a in args))
