@@ -3,10 +3,10 @@
 A local error says little of the motion: the estimate is the difference of two whole
 runs, so that it knows how errors grow on the way. A repeat with the same steps would
 have the same blind spots: what one step passes over, and what a step at the bound of
-stability is off by, is then no difference. So it is made by another method where there
-is one that can, at a hundredth of the tolerance, and in steps that are forced to be
-others: none is longer than a part of the output step, nor, where the method is the
-same, than a part of the run's own.
+stability is off by, is then no difference. So it is made at a hundredth of the
+tolerance, and in steps that are forced to be others: none is longer than a part of the
+output step, nor, where the method is the same, than a part of the run's own; and by
+another method where something might hide from this one's steps.
 
 The repeat costs a few times the run. It is made while that stays within a number of
 operations, never of seconds, so that a rerun gives the same result.
@@ -27,6 +27,7 @@ from lagsim.plan.integration import ANY
 from lagsim.simulate import simulate
 from lagsim.simulate.states import MOST_STEPS, SERIES
 from lagsim.system import System
+from lagsim.system.sleepers import timed
 from lagsim.trajectory import Outcome
 
 if TYPE_CHECKING:
@@ -246,13 +247,23 @@ def by_other_means(
         return
     same = GOLDEN * min(mean, simulation.output_step)
     for tighter in (_tighter(plan, TIGHTER), _tighter(plan, LOOSER)):
-        alike = plan.method == SERIES and not _has_room(plan, tighter)
+        alike = plan.method == SERIES and (
+            _sees_all(system) or not _has_room(plan, tighter)
+        )
         if plan.method != ANY and not alike:
             longest = _affordable(within, system, ANY, trajectory)
             yield Repeat(replace(tighter, method=ANY), system, longest)
         if plan.method == ANY or alike or plan.method != SERIES:
             longest = _affordable(same, system, plan.method, trajectory)
             yield Repeat(tighter, system, longest)
+
+
+def _sees_all(system: System) -> bool:
+    """Tell whether nothing in a scene can hide from a series, whatever its steps.
+
+    Then other steps are other means enough, and no second method has to be linked.
+    """
+    return not system.sleepers and not timed(system.equations)
 
 
 def _has_room(plan: Plan, tighter: Plan) -> bool:
