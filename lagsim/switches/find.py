@@ -39,6 +39,9 @@ if TYPE_CHECKING:
 
     from lagsim.expressions.graph import Graph
 
+# What has no derivatives at 0.
+ROOTS = ("pow", "sqrt", "cbrt")
+
 
 @dataclass(frozen=True, slots=True)
 class Mode:
@@ -137,18 +140,34 @@ class Switches:
     def _rebuilt(self, n: int, args: tuple[int, ...]) -> int:
         """Give node `n` on the frozen `args`.
 
-        A stage past the surface would take a root of something negative where there is
-        none as written: there the argument counts as written.
+        Of a root or power of what is a number on one side, the number is taken there,
+        which has derivatives where the root of 0 has none.
         """
         g = self.graph
-        op, written = g.ops[n], g.args[n]
-        if args == written:
+        op = g.ops[n]
+        if args == g.args[n]:
             return n
+        if op in ROOTS and g.ops[args[0]] == "if":
+            condition, *sides = g.args[args[0]]
+            if any(g.value(side) is not None for side in sides):
+                apart = [self._inside(n, (x, *args[1:]), args[0]) for x in sides]
+                return g.call("if", condition, *apart)
+        return self._inside(n, args, args[0])
+
+    def _inside(self, n: int, args: tuple[int, ...], frozen: int) -> int:
+        """Give node `n` on frozen `args` where these have a value.
+
+        A stage past the surface would take a root of something negative where there is
+        none as written: there the argument counts as written. `frozen` is the whole
+        first argument: what is frozen by time alone has no stage past it.
+        """
+        g = self.graph
+        op = g.ops[n]
         inside = _domain(g, op, args)
         if inside is None:
             return g.call(op, *args)
-        (plain,) = replace(self, _sides_of={}).freeze([written[0]])
-        if plain == args[0]:
+        (plain,) = replace(self, _sides_of={}).freeze([g.args[n][0]])
+        if plain == frozen:
             return g.call(op, *args)
         return g.call(op, g.call("if", inside, args[0], plain), *args[1:])
 

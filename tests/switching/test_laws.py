@@ -179,3 +179,21 @@ def test_what_has_no_value_as_written_is_told():
     # x falls to 0 with speed and past it there is no root.
     assert found.trajectory.outcome.word == "failed"
     assert np.all(found["x"] > -1e-9)
+
+
+@pytest.mark.parametrize("power", ["max(0, x - 1)^2.5", "sqrt(max(0, x - 1))^5"])
+@pytest.mark.parametrize("method", ["taylor", "dop853"])
+def test_a_power_that_rests_at_zero_leaves_a_series_finite(power, method):
+    # Through free space into a wall K (x - 1)^2.5 and back at the speed of the start.
+    text = f"""
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: "50*{power}"}}
+initial: {{x: 0, x_dot: 1}}
+simulation: {{duration: 4, output_step: 0.01, method: {method}}}
+"""
+    found = run(text)
+    assert found.trajectory.outcome.complete
+    assert found["x_dot"][-1] == pytest.approx(-1.0, abs=1e-9)
+    # The way in is as deep as the energy lets it be.
+    deepest = 1.0 + 0.01**0.4
+    assert np.max(found["x"]) == pytest.approx(deepest, abs=1e-4)
