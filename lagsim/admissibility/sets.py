@@ -212,7 +212,10 @@ def _thin_rows(
     known = {row.name: row for row in rows}
     suspects = [d for d in dependences if d.name in known]
     independent = [row for row in rows if row.name not in dependent]
-    states = varied.states(independent, SAMPLES) if suspects else []
+    # Where they leave no way but the state itself, no other state tells anything.
+    if not suspects or len(independent) >= varied.point.n:
+        return (), ()
+    states = varied.states(independent, SAMPLES)
     if not states:
         return (), ()
     asked = varied.relations([known[d.name] for d in suspects])

@@ -162,8 +162,13 @@ def test_rank_combinations_and_consistency(block):
         check(seed)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("block", range(20))
+@pytest.mark.parametrize(
+    "block",
+    [
+        pytest.param(k, marks=pytest.mark.nightly if k % 5 else pytest.mark.slow)
+        for k in range(20)
+    ],
+)
 def test_rank_combinations_and_consistency_of_2000(block):
     for seed in range(1000 + 100 * block, 1100 + 100 * block):
         check(seed)

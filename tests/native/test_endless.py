@@ -41,7 +41,7 @@ def test_an_endless_kernel_is_ended(tmp_path):
     settings = ROOT / "pyproject.toml"
     command = ["-m", "pytest", "-c", str(settings), "--rootdir", str(tmp_path)]
     done = subprocess.run(
-        [sys.executable, *command, "--timeout=5", "-p", "no:cacheprovider", "."],
+        [sys.executable, *command, "--timeout=5", "-n", "0", "-p", "no:cacheprovider", "."],
         cwd=tmp_path, capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert done.returncode != 0

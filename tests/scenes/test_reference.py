@@ -90,7 +90,7 @@ def test_reference(name, tolerance):
         assert digits(found, state) >= min(wanted, least), (state.t, least)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", TWO_SIDED)
 def test_conditions_are_those_of_an_independent_integration(name):
     # To a factor of 1.5: the largest of a few random nudges, with other libraries.
