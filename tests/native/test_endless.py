@@ -40,8 +40,9 @@ def test_an_endless_kernel_is_ended(tmp_path):
     (tmp_path / "test_one.py").write_text(TEST)
     settings = ROOT / "pyproject.toml"
     command = ["-m", "pytest", "-c", str(settings), "--rootdir", str(tmp_path)]
+    command += ["-n", "0", "--timeout=5", "-p", "no:cacheprovider"]
     done = subprocess.run(
-        [sys.executable, *command, "--timeout=5", "-n", "0", "-p", "no:cacheprovider", "."],
+        [sys.executable, *command, "."],
         cwd=tmp_path, capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert done.returncode != 0
