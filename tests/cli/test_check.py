@@ -269,7 +269,7 @@ def quickest(*command):
     return min(times)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", sorted(path.stem for path in MODELS.glob("*.yaml")))
 def test_a_check_takes_no_longer_than_three_times_its_imports(name):
     bare = quickest("-c", "import numpy, yaml, typer")
