@@ -141,3 +141,20 @@ def test_each_end_in_words(outcome):
         observed=lambda: [2.5, 1.0, -3.0],
     )
     assert reason_of(ended, Outcome[outcome]).startswith(TOLD[outcome])
+
+
+def test_a_constraint_that_is_never_met_ends_the_run():
+    # At rest on the tip of a cone of velocities, under gravity: the tip is left in no
+    # direction more than in another, and rows that vanish project nothing.
+    found = run(
+        """
+        coordinates: {x: {}, y: {}, z: {}}
+        energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*z}
+        constraints: {cone: x_dot^2 + y_dot^2 = 4*z_dot^2}
+        initial: {x: 0, y: 0, z: 0}
+        simulation: {duration: 1, output_step: 1e-3}
+        """
+    )
+    assert found.trajectory.outcome is Outcome.NO_ANSWER
+    assert "constraint `cone` is not met at t = " in found.trajectory.reason
+    assert found.trajectory.statistics.steps < 200_000

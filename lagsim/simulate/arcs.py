@@ -64,6 +64,12 @@ LOST = 1e-5
 AT_BOUND = 15
 # Beyond so many multiplications, about a second, the loops are not gone on with.
 MOST_DENSE = 10**9
+# A state that is projected is off its constraints by rounding. One that is off by more
+# than this part of their terms, looked at so often and each time so many steps later,
+# never meets them.
+MET = 1e-3
+LOOKS = 8
+APART = 10_000
 
 
 class Consumer(Protocol):
@@ -97,6 +103,7 @@ class Run:
         self.choices: list[Choice] = []
         self.torn = ""
         self.accumulating = ""
+        self.unmet: list[str] = []
         self.losses = RankLosses()
         self.rows = 0
         self.pace = Pace()
@@ -325,6 +332,7 @@ class Run:
         state = self.state
         left = most_steps - self.steps
         budget = min(self.pace.steps, left, self.review_at - self.steps)
+        budget = min(budget, APART - self.steps % APART)
         with self.pace.kept():
             room = self.block[: self.pace.rows]
             code = self.runner.advance(state, room, budget)
@@ -338,6 +346,8 @@ class Run:
             return Outcome.STATE_JUMPS
         if code == at.PAUSED and left <= budget:
             return Outcome.TOO_MANY_STEPS
+        if code == at.PAUSED and self._never_met():
+            return Outcome.NO_ANSWER
         if code == at.SWITCH_FOUND:
             return Outcome.SWITCHED
         if code in _OUTCOMES:
@@ -345,6 +355,23 @@ class Run:
             return None if fall_back(self, outcome) else outcome
         self._go_on(code)
         return None
+
+    def _never_met(self) -> bool:
+        """Tell whether projection has not met the constraints for a long time."""
+        if self.steps % APART or not (self.system.m and self.plan.projected):
+            return False
+        names, row = self.system.columns.names, self.observed()
+        column = dict(zip(names, row.tolist(), strict=True))
+        found = next(
+            (
+                name
+                for name in (row.name for row in self.equations.rows)
+                if abs(column[f"residual_{name}"]) > MET * column[f"scale.{name}"]
+            ),
+            None,
+        )
+        self.unmet = [] if found is None else [*self.unmet, found]
+        return len(self.unmet) >= LOOKS
 
     def _go_on(self, code: int) -> None:
         """Do what the kernel has paused for."""

@@ -40,6 +40,8 @@ def _what_failed(run: Run, outcome: Outcome) -> str:
         return f"the state would have jumped {where}"
     if outcome is Outcome.PROJECTION_FAILED:
         return f"the constraints could not be met {where}"
+    if outcome is Outcome.NO_ANSWER:
+        return f"constraint `{run.unmet[-1]}` is not met {where}"
     if outcome is Outcome.NEWTON_FAILED:
         return f"the equations of an implicit step could not be solved {where}"
     return f"the step size became too small {where}; {_fastest(run)}"
