@@ -44,6 +44,7 @@ MANNER: dict[str, tuple[str, ...]] = {
     "contracted": ("series",),
     "sparse": ("slopes",),
     "wide": ("observe", "position_steps", "velocity_steps"),
+    "rare": ("rounding", "loads"),
 }
 
 
