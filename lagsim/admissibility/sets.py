@@ -13,8 +13,7 @@ others has one sign all around, the set is thin.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -46,8 +45,7 @@ MOST = 60
 THIN = 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class ThinSet:
+class ThinSet(NamedTuple):
     """A set of admissible positions on which rows lose their rank all over.
 
     Attributes

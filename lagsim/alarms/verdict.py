@@ -11,8 +11,7 @@ that is all.)
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -51,8 +50,7 @@ TOLERANCES = 1e4
 LOOSE = ("baumgarte", "drift")
 
 
-@dataclass(frozen=True, slots=True)
-class Doubt:
+class Doubt(NamedTuple):
     """Why the rows of a run may be no answer, and from which time on.
 
     `refutes` where they cannot be one; else another run has to tell.

@@ -8,9 +8,9 @@ time on that the verdict names, and says so.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from lagsim.cli._closing import progress_bar
 from lagsim.cli._writing import Output
@@ -63,8 +63,7 @@ class Job(Protocol):
         """Record the time since the last lap."""
 
 
-@dataclass(frozen=True, slots=True)
-class Means:
+class Means(NamedTuple):
     """How an attempt is made; `longest_step` and `most_steps` 0: as usual."""
 
     plan: Plan
@@ -73,8 +72,7 @@ class Means:
     most_steps: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Attempt:
+class Attempt(NamedTuple):
     """The rows of a run, as far as they are known afterwards."""
 
     means: Means
@@ -281,4 +279,4 @@ def _judged(attempt: Attempt, doubt: Doubt | None) -> Attempt:
         attempt.trajectory, outcome=outcome, reason=f"{reason}: {outcome.advice}"
     )
     # What a repeat says of a motion that is no answer is no error.
-    return replace(attempt, trajectory=trajectory, bar="the rows are no answer")
+    return attempt._replace(trajectory=trajectory, bar="the rows are no answer")

@@ -14,8 +14,8 @@ operations, never of seconds, so that a rerun gives the same result.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -103,8 +103,7 @@ class Account(Protocol):
         """Say why they are no answer; "" where they may be one."""
 
 
-@dataclass(frozen=True, slots=True)
-class Repeat:
+class Repeat(NamedTuple):
     """Other means of making a run: its plan, its system, and its longest step."""
 
     plan: Plan

@@ -36,7 +36,7 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.native.kernel_types import at
+from lagsim.native.kernel_types import at, rare
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
@@ -202,6 +202,7 @@ def limit_work(s: Floats, new: Floats) -> None:
         tolerances[2 * n] = max(tolerances[2 * n], energy)
 
 
+@rare
 def look_again(
     s: Floats, p: Floats, h: float, new: Floats, k: Floats, health: float
 ) -> int:
@@ -228,6 +229,7 @@ def look_again(
     return 1
 
 
+@rare
 def look_at_rounding(
     s: Floats, p: Floats, t: float, y: Floats, k: Floats, health: float
 ) -> None:
@@ -253,6 +255,7 @@ def look_at_rounding(
         noise[i] = RATE_NOISE * (PROBED * abs(k[i]) + noise[i])
 
 
+@rare
 def add_probe(s: Floats, p: Floats, t: float, y: Floats, k: Floats) -> None:
     """Add what the rounding of the state does to its rates k.
 
@@ -273,6 +276,7 @@ def add_probe(s: Floats, p: Floats, t: float, y: Floats, k: Floats) -> None:
         noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
 
 
+@rare
 def foresee(s: Floats, p: Floats, k: Floats) -> None:
     """Find what becomes of the components at rest in the first instant of an arc.
 
@@ -313,6 +317,7 @@ def foresee(s: Floats, p: Floats, k: Floats) -> None:
             return
 
 
+@rare
 def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
     """Give a first step: one explicit Euler step tells how fast the rates change.
 
@@ -343,6 +348,7 @@ def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
     return float(min(guess, span))
 
 
+@rare
 def time_of_change(s: Floats, h: float, k: Floats, slopes: Floats) -> float:
     """Give the time in which a rate changes by its own size: from k to `slopes` in h.
 

@@ -66,7 +66,7 @@ from lagsim.methods._state import (
     T,
 )
 from lagsim.methods._switching import find_end
-from lagsim.native.kernel_types import at, unrolled
+from lagsim.native.kernel_types import at, rare, unrolled
 from lagsim.native.sincos import LANES
 
 if TYPE_CHECKING:
@@ -141,6 +141,7 @@ def arrived(s: Floats, p: Floats) -> int:
     return NOWHERE
 
 
+@rare
 def has_leapt(s: Floats, p: Floats) -> int:
     """Take the last step back where it leapt over something; tell whether it did."""
     if s[SUSPECT] == 0.0:
@@ -200,6 +201,7 @@ def keep_sizes(s: Floats) -> None:
         before[size + i] = extents[i]
 
 
+@rare
 def take_cut(s: Floats, p: Floats) -> None:
     """Take the state at the moment that the last step was cut at."""
     size = int(s[SIZE])

@@ -35,7 +35,7 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.native.kernel_types import at
+from lagsim.native.kernel_types import at, rare
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
@@ -175,6 +175,7 @@ def distance(kind: float, power: float, u: float) -> float:
     return -power * log(max(abs(u), TINY))
 
 
+@rare
 def known(k: int, count: int, width: float, own: Floats) -> bool:
     """Tell whether values and rates at both ends give the value in the middle."""
     kind = own[k]
@@ -199,6 +200,7 @@ def known(k: int, count: int, width: float, own: Floats) -> bool:
     return abs(distance(kind, power, near) - distance(kind, power, m)) < FLAT
 
 
+@rare
 def closest(
     k: int, left: int, right: int, count: int, width: float, own: Floats
 ) -> float:
@@ -234,6 +236,7 @@ def closest(
     return least
 
 
+@rare
 def overlooked(s: Floats, p: Floats) -> float:
     """Give a place in the last step, as a fraction, where y' is not what it should be.
 
@@ -271,6 +274,7 @@ def overlooked(s: Floats, p: Floats) -> float:
     return 0.0
 
 
+@rare
 def look_at_signals(s: Floats, p: Floats, x: float, out: Floats) -> None:
     """Give the signals and their rates (2 K,) at the fraction x of the last step."""
     z = at(s, int(s[LOOKS_AT]) + 9 * int(s[SIGNALS]))
@@ -279,6 +283,7 @@ def look_at_signals(s: Floats, p: Floats, x: float, out: Floats) -> None:
     signals(s[STEP_T] + x * s[STEP_H], z, p, out)
 
 
+@rare
 def slopes(s: Floats, x: float, z: Floats) -> None:
     """Leave the slope of the dense output in z[size:]; z : (6 size,)."""
     size = int(s[SIZE])
@@ -295,6 +300,7 @@ def slopes(s: Floats, x: float, z: Floats) -> None:
         rates[i] = unit * (8.0 * (z[i] - c[i]) - (b[i] - a[i]))
 
 
+@rare
 def visit(s: Floats, p: Floats, low: float, high: float) -> float:
     """Look where a signal comes close between two looks; give what `overlooked` does.
 
@@ -319,6 +325,7 @@ def visit(s: Floats, p: Floats, low: float, high: float) -> float:
     return found
 
 
+@rare
 def visited(s: Floats, p: Floats, k: int, low: float, high: float) -> float:
     """Look at the closest approach of signal k in [low, high], and around it."""
     x = approach(s, p, k, low, high)
@@ -347,6 +354,7 @@ def visited(s: Floats, p: Floats, k: int, low: float, high: float) -> float:
     return 0.0
 
 
+@rare
 def approach(s: Floats, p: Floats, k: int, low: float, high: float) -> float:
     """Give where signal k is closest to waking in [low, high], by golden section."""
     left = high - GOLDEN * (high - low)
@@ -369,6 +377,7 @@ def approach(s: Floats, p: Floats, k: int, low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
+@rare
 def apart(s: Floats, p: Floats, k: int, x: float) -> float:
     """Give the distance of one signal at the fraction x of the last step."""
     count = int(s[SIGNALS])
@@ -379,6 +388,7 @@ def apart(s: Floats, p: Floats, k: int, x: float) -> float:
     return distance(own[k], own[count + k], own[5 * count + k])
 
 
+@rare
 def differs(s: Floats, p: Floats, x: float) -> bool:
     """Tell whether y' is not the slope of the dense output, for all that is allowed."""
     size = int(s[SIZE])
@@ -397,6 +407,7 @@ def differs(s: Floats, p: Floats, x: float) -> bool:
     return False
 
 
+@rare
 def take_back(s: Floats, x: float) -> None:
     """Take the last step back; the next is half as long as to its fraction x."""
     size = int(s[SIZE])

@@ -44,7 +44,7 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.native.kernel_types import at
+from lagsim.native.kernel_types import at, rare
 
 if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
@@ -99,6 +99,7 @@ def record_health(s: Floats, health: float, h: float) -> None:
     s[HEALTH] = health
 
 
+@rare
 def clear_of_loss(s: Floats, p: Floats, h: float, rest: float) -> float:
     """Give a step that keeps its distance from a loss of rank: about h, or less.
 
@@ -143,6 +144,7 @@ def needs_loops(s: Floats) -> bool:
     return float(s[PASSES]) > 0.0 and float(s[DEGENERATE_BELOW]) > 0.0
 
 
+@rare
 def time_to_loss(s: Floats, p: Floats, ahead: float) -> float:
     """Give the time until rank is lost, or nearly so; 0 where it seems that it is not.
 
@@ -181,6 +183,7 @@ def time_to_loss(s: Floats, p: Floats, ahead: float) -> float:
     return ahead
 
 
+@rare
 def leave_loss(s: Floats, p: Floats, h: float) -> float:
     """Give a first step that leaves the neighbourhood of a loss of rank: h, or more.
 
@@ -208,6 +211,7 @@ def leave_loss(s: Floats, p: Floats, h: float) -> float:
     return h
 
 
+@rare
 def expect_loss(s: Floats, p: Floats, h: float) -> None:
     """Note how fast the independence falls at the start of an arc."""
     size = int(s[SIZE])
@@ -282,12 +286,14 @@ def hides_error(s: Floats, p: Floats) -> bool:
     return float(p[DIRECTIONS]) > 0.0 and (passes or close)
 
 
+@rare
 def note_directions(s: Floats, p: Floats, t: float, new: Floats) -> None:
     """Leave the directions in which projection will move the state after a step."""
     p[LEAST_HEALTH] = NOTE
     velocity_step(t, new, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
 
 
+@rare
 def forget_removed(n: int, p: Floats, h: float, error: Floats) -> float:
     """Take out of the errors of q and q' (2 n,) what projection will remove.
 

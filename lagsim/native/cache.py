@@ -1,6 +1,6 @@
 """Object code, kept by content in the user's cache.
 
-A kept object is found by a digest of what it was made from: the IR, or the text and
+A kept object is found by a digest of what it was made from: the graph, or the text and
 the tables of kernels, with the versions, the CPU and its features. Nothing is ever
 out of date, only unused, and the oldest goes when the folder grows too large.
 
@@ -14,6 +14,7 @@ import contextlib
 import hashlib
 import os
 import stat
+import struct
 import sys
 import time
 from pathlib import Path
@@ -24,28 +25,45 @@ from lagsim.native import engine, kernel_code
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from lagsim.native.graph_code import Code
+
 CACHE_VARIABLE = "LAGSIM_CACHE"
 """Environment variable naming the folder to use in place of the platform's."""
 
 LIMIT_BYTES = 256 * 2**20
 """Size at which the objects that were not used for longest are removed."""
 
-_FORMAT = "1"  # of files and keys; a change leaves all that is kept unused
+_FORMAT = "2"  # of files and keys; a change leaves all that is kept unused
 _MAGIC = b"lagsim object " + _FORMAT.encode() + b"\n"
 _SUFFIX = ".object"
+_SIZE = struct.Struct("<q")  # the length of p, before the object of a graph
 _USED_AGAIN_SECONDS = 86400.0  # how fine the age of a file is kept, to spare writes
 _ABANDONED_SECONDS = 3600.0  # after which a file half written has no writer
 
 
-def object_code(ir: str) -> bytes:
-    """Give the object code of a graph's LLVM IR, from the cache where it is there.
+def object_code(made_from: str, generate: Callable[[], Code]) -> tuple[bytes, int]:
+    """Give the object code of a graph, and the length of p that it needs.
+
+    Parameters
+    ----------
+    made_from
+        Tells it from all others: a digest, see `graph_key`.
+    generate
+        Gives the LLVM IR, where the cache does not have its object.
 
     Raises
     ------
     NativeError
         If LLVM refuses the IR.
     """
-    return _object(["ir", ir], lambda: ir, optimise=False)
+
+    def compiled() -> bytes:
+        code = generate()
+        size = _SIZE.pack(code.p_size)
+        return size + engine.compile_object(code.ir, optimise=False)
+
+    kept = _kept(["graph", made_from], compiled)
+    return kept[_SIZE.size :], _SIZE.unpack_from(kept)[0]
 
 
 def kernel_object(
@@ -65,10 +83,11 @@ def kernel_object(
     """
     made_from = ["kernel", kernel_code.fingerprint(functions, statics)]
 
-    def translated() -> str:
-        return kernel_code.translate(functions, statics)
+    def compiled() -> bytes:
+        ir = kernel_code.translate(functions, statics)
+        return engine.compile_object(ir, optimise=True)
 
-    return _object(made_from, translated, optimise=True)
+    return _kept(made_from, compiled)
 
 
 def folder() -> Path | None:
@@ -110,15 +129,13 @@ def _base() -> Path | None:
     return (given if given.is_absolute() else Path.home() / ".cache") / "lagsim"
 
 
-def _object(
-    made_from: Sequence[str], ir: Callable[[], str], *, optimise: bool
-) -> bytes:
+def _kept(made_from: Sequence[str], make: Callable[[], bytes]) -> bytes:
     where = folder()
     key = _digest([_FORMAT, *made_from, *engine.target()])
     path = None if where is None else where / f"{key}{_SUFFIX}"
     code = None if path is None else _read(path)
     if code is None:
-        code = engine.compile_object(ir(), optimise=optimise)
+        code = make()
         if path is not None:
             _write(path, code)
     return code

@@ -15,6 +15,7 @@ from lagsim.expressions.functions import OPERATIONS
 from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.native import sincos
 from lagsim.native.graph_lines import CIRCULAR, Lines, exponent_of
+from lagsim.native.kernel_lines import UNOPTIMISED
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -58,13 +59,15 @@ def generate(
     contracted: Collection[str] = (),
     sparse: Collection[str] = (),
     wide: Collection[str] = (),
+    rare: Collection[str] = (),
 ) -> Code:
     """Give the code of `functions`: name -> the nodes written to out[0], out[1], ...
 
     In those named in `contracted` a product may be added without being rounded first,
     where the processor can: last digits then depend on it. Those named in `sparse` do
     not write what is zero identically: they find zeros. Those named in `wide` are of
-    LANES states at once: t and then y (1 + size, LANES), out (k, LANES).
+    LANES states at once: t and then y (1 + size, LANES), out (k, LANES). Those named in
+    `rare` are called a few times: LLVM takes less time for them, with the same bits.
     """
     hoisted = fixed_nodes(g, functions, layout)
     places = {node: layout.size + k for k, node in enumerate(hoisted)}
@@ -79,6 +82,7 @@ def generate(
         ]
         writer.contract = name in contracted
         writer.wide = name in wide
+        writer.manner = f" {UNOPTIMISED}" if name in rare else ""
         writer.function(name, stores, places)
     ir = "\n".join([*sorted(writer.declared), *writer.lines, ""])
     return Code(ir, scratch + writer.scratch_used)
@@ -124,6 +128,7 @@ class _Writer(Lines):
         self.layout = layout
         self.scratch = scratch
         self.scratch_used = 0
+        self.manner = ""
 
     def function(
         self,
@@ -143,7 +148,8 @@ class _Writer(Lines):
         ]  # fmt: skip
         for piece_name, piece in zip(names, pieces, strict=True):
             linkage = "" if piece_name == name else "internal "
-            self.lines.append(f"define {linkage}void @{piece_name}({_SIGNATURE}) {{")
+            head = f"define {linkage}void @{piece_name}({_SIGNATURE}){self.manner} {{"
+            self.lines.append(head)
             self._piece(piece, places, passed, at_end)
             self.lines += ["ret void", "}"]
         if len(pieces) > 1:

@@ -125,13 +125,14 @@ def fingerprint(
     """
     # Minor versions of Python may read the same text differently.
     parts = [repr(sys.version_info[:2]), repr(sorted((statics or {}).items()))]
-    files = dict.fromkeys(sorted(Path(__file__).parent.glob("kernel_*.py")))
+    own = Path(__file__).parent.glob("kernel_*.py")
+    files = dict.fromkeys(sorted(map(str, own)))
     waiting = [_plain(function) for function in functions]
     seen = set(waiting)
     for function in waiting:
         plain = inspect.unwrap(function)
         parts.append(f"{plain.__module__}.{plain.__qualname__}")
-        files[Path(plain.__code__.co_filename)] = None
+        files[plain.__code__.co_filename] = None
         if kernel_types.is_external(function):
             continue
         for name, value in _globals(function):
@@ -142,7 +143,7 @@ def fingerprint(
                 waiting.append(value)
     digest = hashlib.sha256("\n".join(parts).encode())
     for file in files:
-        digest.update(file.read_bytes())
+        digest.update(Path(file).read_bytes())
     return digest.hexdigest()
 
 

@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.native import kernel_types
 from lagsim.native.kernel_calls import Calls
-from lagsim.native.kernel_lines import LLVM, PASSED, RETURNED, Value, stack_place
+from lagsim.native.kernel_lines import (
+    LLVM,
+    PASSED,
+    RETURNED,
+    UNOPTIMISED,
+    Value,
+    stack_place,
+)
 from lagsim.native.kernel_source import Source, unsupported
+from lagsim.native.kernel_types import is_rare
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -62,9 +70,10 @@ class Statements(Calls):
             raise source.error(source.node, "may end without `return`")
         if self.live:
             self.lines.append("  ret void")
+        manner = f"nounwind {UNOPTIMISED}" if is_rare(source.function) else "nounwind"
         head = (
             f"define {linkage}{RETURNED[source.result]} @{symbol}"
-            f"({', '.join(parameters)}) nounwind {{"
+            f"({', '.join(parameters)}) {manner} {{"
         )
         return "\n".join([head, "entry:", *self.allocated, *self.lines, "}\n"])
 

@@ -105,6 +105,8 @@ class Switches:
         """
         g = self.graph
         nodes = list(nodes)
+        if not self._modes_of and not self._sides_of:
+            return nodes
         done: dict[int, int] = {}
         for n in g.cone(nodes):
             args = tuple(done[a] for a in g.args[n])

@@ -15,7 +15,7 @@ from lagsim.formulation import GAIN
 from lagsim.kkt import _layout
 from lagsim.methods import method
 from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
-from lagsim.native import graph_code
+from lagsim.native import graph_code, graph_key
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout
 from lagsim.system.columns import Columns
@@ -35,11 +35,17 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.equations import Equations
+    from lagsim.native.graph_code import Code
     from lagsim.native.kernel_types import Floats
     from lagsim.plan import Plan
 
-# Taken for several rows at once.
-WIDE = ("observe", "position_steps", "velocity_steps")
+# How straight-line code is written; some functions are taken for several rows at once.
+MANNER: dict[str, tuple[str, ...]] = {
+    "contracted": ("series",),
+    "sparse": ("slopes",),
+    "wide": ("observe", "position_steps", "velocity_steps"),
+    "rare": ("rounding", "loads"),
+}
 
 
 class System:
@@ -122,16 +128,11 @@ class System:
             nodes_of["position_steps"] = nodes_of["position_step"]
             nodes_of["velocity_steps"] = nodes_of["velocity_step"]
         layout = self._layout()
-        if plan.tape:
-            from lagsim.native import tape_code
-
-            code = tape_code.generate(equations.graph, nodes_of, layout)
-        else:
-            code = graph_code.generate(
-                equations.graph, nodes_of, layout,
-                contracted=("series",), sparse=("slopes",), wide=WIDE,
-            )  # fmt: skip
-        self.p = np.zeros(code.p_size)
+        found_code, p_size = object_code(
+            graph_key.fingerprint(equations.graph, nodes_of, layout, plan.tape, MANNER),
+            lambda: self._code(nodes_of, layout),
+        )
+        self.p = np.zeros(p_size)
         self.p[: _layout.HEADER] = [
             self.n, self.m, self.motion, self.size - 2 * self.n, plan.augmented,
             plan.rank, plan.independence, 1.0, 1.0, self._weak(), self.switching,
@@ -149,7 +150,7 @@ class System:
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
-        self.objects = [object_code(code.ir)]
+        self.objects = [found_code]
         if plan.elimination is None:
             self.objects.append(_loops(self.m > 0, self.surfaces > 0))
         if self.has_jacobian:
@@ -164,6 +165,15 @@ class System:
                     [sliding.derivative, sliding.observe, sliding.margins, sliding.pull]
                 )
             )
+
+    def _code(self, nodes_of: Mapping[str, Sequence[int]], layout: Layout) -> Code:
+        """Write the code of all functions."""
+        g = self.equations.graph
+        if self.plan.tape:
+            from lagsim.native import tape_code
+
+            return tape_code.generate(g, nodes_of, layout)
+        return graph_code.generate(g, nodes_of, layout, **MANNER)
 
     @property
     def has_loops(self) -> bool:

@@ -154,13 +154,12 @@ def _dynamics(e: Equations) -> list[int]:
 def _terms_of_rates(e: Equations) -> list[int]:
     """Give how large the terms are that each force, and each other rate, sums."""
     g = e.graph
-    unsolved = frozenset((*e.multipliers, *e.accelerations))
-
-    def size(node: int) -> int:
-        parts = [n for n in addends(g, node) if not g.depends([n]) & unsolved]
-        return g.sum(g.call("abs", n) for n in parts)
-
-    return [size(node) for node in (*e.f, *e.quadrature_rates)]
+    rates = (*e.f, *e.quadrature_rates)
+    unsolved = g.dependent(rates, (*e.multipliers, *e.accelerations))
+    return [
+        g.sum(g.call("abs", n) for n in addends(g, rate) if n not in unsolved)
+        for rate in rates
+    ]
 
 
 def _loads(e: Equations) -> list[int]:

@@ -25,6 +25,13 @@ if TYPE_CHECKING:
 
 # Powers from this on are flat enough to hide: a wall.
 TALL = 6.0
+# What may sleep, or lets what it is made with sleep: a scene without any has nothing to
+# look for.
+DROWSY = frozenset(
+    ("exp", "cosh", "sinh", "tanh", "atan", "sqrt", "log", "pow", "div")
+)  # fmt: skip
+# What a product may sleep by.
+FLAT = frozenset(("exp", "pow"))
 # Products of more factors are not taken apart.
 MOST_FACTORS = 64
 
@@ -65,6 +72,8 @@ def all_sleepers(
 def timed_sleepers(equations: Equations, nodes: Sequence[int]) -> list[Sleeper]:
     """Give the arguments that depend on t and on nothing that moves."""
     e, g = equations, equations.graph
+    if "t" not in g.depends(nodes):
+        return []
     moving = (*e.q, *e.velocities, *e.accelerations, *e.multipliers, "work")
     timed = g.dependent(nodes, ("t",)) - g.dependent(nodes, moving)
     return _Search(equations, nodes).among(timed)
@@ -101,6 +110,7 @@ class _Search:
     def __init__(self, equations: Equations, nodes: Sequence[int]) -> None:
         g = self.g = equations.graph
         self.cone = g.cone(nodes)
+        self.ops = {g.ops[n] for n in self.cone}
         moves = (*equations.q, *equations.velocities, "t")
         moves = (*moves, *equations.accelerations, *equations.multipliers, "work")
         self.moving = g.dependent(nodes, moves)
@@ -109,7 +119,7 @@ class _Search:
     def among(self, those: set[int]) -> list[Sleeper]:
         """Give what may wake a node of `those`, with arguments among them too."""
         found: dict[Sleeper, None] = {}
-        for n in self.cone:
+        for n in self.cone if self.ops & DROWSY else ():
             if n in those:
                 found |= dict.fromkeys(self._of(n, those))
         return list(found)
@@ -118,14 +128,14 @@ class _Search:
         """Give the arguments that could wake the node `n`."""
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op in ("mul", "div"):
-            found = self._product(n)
+            found = self._product(n) if self.ops & FLAT else []
             # A root in a denominator is watched itself.
             watched = op == "div" and args[1] in those and g.ops[args[1]] != "sqrt"
             if watched and not _never_small(g, args[1]):
                 found.append(Sleeper(args[1], SMALL, 1.0))
             return found
         if op in ("add", "sub"):
-            return self._sum(args)
+            return self._sum(args) if "exp" in self.ops else []
         if not args or args[0] not in those:
             return []
         if op == "exp":

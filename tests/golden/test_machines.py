@@ -56,8 +56,10 @@ define internal {BOTH} @{NAME}({VECTOR} %x) noinline {{
 
 
 @pytest.fixture
-def rounding_otherwise(monkeypatch):
+def rounding_otherwise(monkeypatch, tmp_path):
     """Make all code that is generated use functions that are off in the last place."""
+    # The usual code of a graph is in the usual cache.
+    monkeypatch.setenv("LAGSIM_CACHE", str(tmp_path / "otherwise"))
     for module in (graph_code, tape_code):
         monkeypatch.setattr(module, "generate", nudging(module.generate))
 

@@ -22,7 +22,9 @@ ALL = sorted(MODELS.glob("*.yaml"))
 
 
 @pytest.mark.slow
-def test_cost_grows_in_proportion(monkeypatch):
+def test_cost_grows_in_proportion(monkeypatch, tmp_path):
+    # What is in the cache is not made anew.
+    monkeypatch.setenv("LAGSIM_CACHE", str(tmp_path))
     made = []
     generate = tape_code.generate
 

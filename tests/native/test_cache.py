@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from lagsim.native import cache, engine
+from lagsim.native.graph_code import Code
 from lagsim.native.kernel_code import KernelError
 from lagsim.native.kernel_types import Floats, unrolled
 
@@ -27,6 +28,13 @@ def doubled(n: int, y: Floats) -> None:
 def wrong() -> None:
     for i in unrolled(2):
         i += 1  # noqa: PLW2901
+
+
+def made(ir: str, p_size: int = 0) -> bytes:
+    """Make an object from the cache, or compile it; its IR tells it from all others."""
+    code, size = cache.object_code(ir, lambda: Code(ir, p_size))
+    assert size == p_size
+    return code
 
 
 def value(code: bytes) -> float:
@@ -57,12 +65,12 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_compiled_once(kept: Path, compiled: list[str]) -> None:
-    first = cache.object_code(IR)
-    assert cache.object_code(IR) == first
+    first = made(IR)
+    assert made(IR) == first
     assert compiled == [IR]
     assert value(first) == 4.5
     assert len(list(kept.iterdir())) == 1
-    cache.object_code(IR.replace("4.5", "5.5"))
+    made(IR.replace("4.5", "5.5"))
     assert len(compiled) == 2
 
 
@@ -96,7 +104,7 @@ def test_another_cpu_is_another_object(
 ) -> None:
     for cpu in ("host", "generic", "host"):
         monkeypatch.setenv("LAGSIM_CPU", cpu)
-        assert value(cache.object_code(IR)) == 4.5
+        assert value(made(IR)) == 4.5
     assert len(list(kept.iterdir())) == 2
 
 
@@ -105,27 +113,27 @@ def test_another_cpu_is_another_object(
 def test_damaged_files_are_made_anew(
     kept: Path, compiled: list[str], where: int, how: str
 ) -> None:
-    good = cache.object_code(IR)
+    good = made(IR)
     [path] = kept.iterdir()
     content = path.read_bytes()
     damaged = bytearray(content)
     damaged[where] ^= 4
     path.write_bytes({"cut": content[:where], "changed": damaged, "empty": b""}[how])
-    assert cache.object_code(IR) == good
+    assert made(IR) == good
     assert len(compiled) == 2
     assert path.read_bytes() == content
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="modes of POSIX")
 def test_the_folder_is_private(kept: Path, compiled: list[str]) -> None:
-    cache.object_code(IR)
+    made(IR)
     assert kept.stat().st_mode & 0o777 == 0o700
     [path] = kept.iterdir()
     assert path.stat().st_mode & 0o777 == 0o600
     # What others may write to is not run, and nothing is put there.
     kept.chmod(0o770)
     assert cache.folder() is None
-    assert value(cache.object_code(IR)) == 4.5
+    assert value(made(IR)) == 4.5
     assert len(compiled) == 2
 
 
@@ -133,11 +141,11 @@ def test_the_folder_is_private(kept: Path, compiled: list[str]) -> None:
 def test_the_folder_of_another_is_not_used(
     kept: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    cache.object_code(IR)
+    made(IR)
     owner = kept.stat().st_uid
     monkeypatch.setattr(os, "getuid", lambda: owner + 1)
     assert cache.folder() is None
-    assert value(cache.object_code(IR)) == 4.5
+    assert value(made(IR)) == 4.5
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="links need a right on Windows")
@@ -146,13 +154,13 @@ def test_a_link_is_no_folder(kept: Path, tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir(mode=0o700)
     kept.symlink_to(tmp_path / "elsewhere")
     assert cache.folder() is None
-    assert value(cache.object_code(IR)) == 4.5
+    assert value(made(IR)) == 4.5
 
 
 def test_a_file_in_the_place_of_the_folder(kept: Path) -> None:
     kept.parent.write_text("in the way")
     assert cache.folder() is None
-    assert value(cache.object_code(IR)) == 4.5
+    assert value(made(IR)) == 4.5
 
 
 def test_no_room(
@@ -162,10 +170,10 @@ def test_no_room(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "replace", refuse)
-    assert value(cache.object_code(IR)) == 4.5
+    assert value(made(IR)) == 4.5
     assert list(kept.iterdir()) == []
     monkeypatch.setattr("tempfile.mkstemp", refuse)
-    assert value(cache.object_code(IR)) == 4.5
+    assert value(made(IR)) == 4.5
     assert len(compiled) == 2
 
 
@@ -177,7 +185,7 @@ def test_no_home(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(Path, "home", refuse)
     assert cache.folder() is None
-    assert value(cache.object_code(IR)) == 4.5
+    assert value(made(IR)) == 4.5
 
 
 @pytest.mark.parametrize(
@@ -231,17 +239,17 @@ def test_new_objects_have_the_folder_pruned(
     monkeypatch.setattr(cache, "prune", looked_at.append)
     monkeypatch.setattr(engine, "compile_object", lambda _, **__: b"code")
     for k in range(160):
-        cache.object_code(str(k))
+        made(str(k))
     # Binomial: 10 expected of 160; the names are fixed by their content.
     assert 1 <= len(looked_at) <= 30
     assert set(looked_at) == {kept}
 
 
 def test_use_renews(kept: Path) -> None:
-    cache.object_code(IR)
+    made(IR)
     [path] = kept.iterdir()
     os.utime(path, (1e9, 1e9))
-    cache.object_code(IR)
+    made(IR)
     assert time.time() - path.stat().st_mtime < 60.0
 
 
@@ -250,7 +258,8 @@ def test_processes_at_once(kept: Path) -> None:
     code = (
         "import ctypes\n"
         "from lagsim.native import cache, engine\n"
-        f"code = cache.object_code({IR!r})\n"
+        "from lagsim.native.graph_code import Code\n"
+        f"code = cache.object_code('x', lambda: Code({IR!r}, 0))[0]\n"
         "f = engine.Engine([code]).function('f', ctypes.c_double, [])\n"
         "print(f())\n"
     )
@@ -260,3 +269,10 @@ def test_processes_at_once(kept: Path) -> None:
     ]
     assert [process.communicate()[0] for process in running] == ["4.5\n"] * 4
     assert [path.suffix for path in kept.iterdir()] == [".object"]
+
+
+@pytest.mark.usefixtures("kept")
+def test_the_length_of_p_is_kept() -> None:
+    assert made(IR, 7) == made(IR, 7)
+    unused = cache.object_code(IR, lambda: Code(IR, 8))
+    assert unused == (made(IR, 7), 7)
