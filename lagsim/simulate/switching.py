@@ -15,6 +15,7 @@ import numpy as np
 from lagsim.methods import _interface as kept
 from lagsim.methods import _state as at
 from lagsim.simulate.crossing import Crossing
+from lagsim.simulate.floors import set_floors
 from lagsim.simulate.impacts import impact, row_before
 from lagsim.simulate.modes import ON, Modes
 from lagsim.simulate.sequence import Sequence
@@ -99,6 +100,7 @@ class Switching:
             if share >= 0.0 - HELD and share <= 1.0 + HELD:
                 held[met] = ABOVE if share > 0.5 else BELOW
         modes.forget()
+        set_floors(modes)
         on = set(at_rest) | ({met} if met is not None else set())
         levels, rows, sizes = self._find_sides(on)
         settled = bool(at_rest) or any(before[k] for k in levels)
