@@ -13,8 +13,9 @@ if TYPE_CHECKING:
     from lagsim.native.kernel_types import Floats
     from lagsim.simulate.modes import Modes
 
-# A floor is this part of what the tolerance lets a velocity err in a step.
-PART = 0.1
+# A floor is this part of what the tolerance lets a velocity err in the run: ten times
+# what it may err in a step, so that no error leads through it.
+PART = 1.0
 USUAL = 1e-9  # of a method without a tolerance
 # Where nothing has moved, the forces are looked at so many times, at ever longer spans
 # from between two rows to the whole run.
@@ -29,7 +30,9 @@ def set_floors(modes: Modes) -> None:
     if not rooted:
         return
     modes.write()
-    sizes = _sizes(modes)
+    seen = _seen(modes)
+    unseen = [k for k in rooted if not seen[k] > 0.0]
+    sizes = _sizes(modes, seen) if unseen else seen
     rtol = float(modes.run.state[at.RTOL]) or USUAL
     floors = np.zeros(modes.count)
     for k in rooted:
@@ -38,7 +41,7 @@ def set_floors(modes: Modes) -> None:
         floors[k] = PART * rtol * size if size > 0.0 else PART * rtol
     _put(modes, floors)
     for k in rooted:
-        if not _seen(modes)[k] > 0.0:
+        if k in unseen:
             floors[k] = min(floors[k], PART * rtol * _kept_up(modes, k, floors))
     _put(modes, floors)
 
@@ -55,14 +58,13 @@ def _seen(modes: Modes) -> Floats:
     here = np.abs(modes.values(run.t, run.y))
     # The rounding of what cancels is no size.
     least = 2.0**-44 * (slopes @ modes.seen()[n : 2 * n])
-    return np.maximum(np.where(here > least, here, 0.0), slopes @ run.ranges[n : 2 * n])
+    found = np.maximum(np.where(here > least, here, 0.0), slopes @ run.ranges[n : 2 * n])
+    # What has not left its floor has not been seen.
+    return np.where(found > modes.kept(kept.LEAST_ROOT), found, 0.0)
 
 
-def _sizes(modes: Modes) -> Floats:
+def _sizes(modes: Modes, found: Floats) -> Floats:
     """Give how large each is, or would become between two rows."""
-    found = _seen(modes)
-    if np.all(found > 0.0):
-        return found
     step = float(modes.run.state[at.ROW_STEP])
     pushed = step * np.max(np.abs(_pushes(modes)), axis=0)
     return np.where(found > 0.0, found, pushed)

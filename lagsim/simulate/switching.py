@@ -180,7 +180,9 @@ class Switching:
         for k in levels:
             least = SHARE_SLACK if slides[k] else ON * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -margins[k])
-        self.modes.kept(kept.BAND)[:] = np.where(slides, 0.0, self._noise(rows))
+        # Within its floor a root is the same to either side.
+        noise = np.maximum(self._noise(rows), 0.5 * self.modes.kept(kept.FLOOR))
+        self.modes.kept(kept.BAND)[:] = np.where(slides, 0.0, noise)
 
     def _reach(self) -> Floats:
         """Give how far positions and velocities (2 n,) have moved.
