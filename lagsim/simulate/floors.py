@@ -58,7 +58,8 @@ def _seen(modes: Modes) -> Floats:
     here = np.abs(modes.values(run.t, run.y))
     # The rounding of what cancels is no size.
     least = 2.0**-44 * (slopes @ modes.seen()[n : 2 * n])
-    found = np.maximum(np.where(here > least, here, 0.0), slopes @ run.ranges[n : 2 * n])
+    moved = slopes @ run.ranges[n : 2 * n]
+    found = np.maximum(np.where(here > least, here, 0.0), moved)
     # What has not left its floor has not been seen.
     return np.where(found > modes.kept(kept.LEAST_ROOT), found, 0.0)
 

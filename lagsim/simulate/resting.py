@@ -31,13 +31,14 @@ SLOW = 2.0**-20
 def come_to_rest(modes: Modes, levels: Mapping[int, float], sizes: Floats) -> bool:
     """Let the motion rest on a surface, if it does; tell whether.
 
-    Where others depend on its side, and the forces on both sides of it lead back.
+    Where the others that the state is on depend on its side, and the forces on both
+    sides of it lead back.
     """
     value, kind = modes.value.copy(), modes.kind.copy()
     rows = modes.rows()
     for k in levels:
-        others = [j for j in range(modes.count) if j != k and k in modes.depends[j]]
-        if not others or not all(j == k or j in others for j in levels):
+        others = [j for j in levels if j != k]
+        if not others or not all(k in modes.depends[j] for j in others):
             continue
         if _rests(modes, rows, k, others, levels, sizes[k]):
             return True
@@ -62,9 +63,6 @@ def _rests(
     speed, moving = float(rows.rates[k]), modes.of_velocities[k]
     aside = ON * size
     if moving:
-        # Rest is at the end of the curve only.
-        if not all(j in levels for j in others):
-            return False
         size = float(np.abs(J) @ modes.seen()[:n])
         aside = SLOW * float(np.abs(J) @ modes.seen()[n : 2 * n])
     found = {}

@@ -96,7 +96,8 @@ class Shown:
         g, op = self.g, self.g.ops[inner]
         condition, *branches = g.args[inner]
         if op != "if":
-            condition, branches = g.call(DECIDED_BY[op], *g.args[inner]), [*g.args[inner]]
+            branches = list(g.args[inner])
+            condition = g.call(DECIDED_BY[op], *branches)
         roots = [
             g.call(g.ops[n], self.roots.floored(n, self.done[x]), *args[1:])
             for x in branches
