@@ -82,8 +82,8 @@ def _rests(
             return False
         found[way] = modes.value.copy()
     modes.value[:] = found[BELOW]
-    for j in np.flatnonzero(found[BELOW] != found[ABOVE]):
-        if j != k:
-            modes.carry(int(j), k, float(found[ABOVE][j]))
+    for j in others:
+        if found[BELOW][j] != found[ABOVE][j]:
+            modes.carry(j, k, float(found[ABOVE][j]))
     modes.put(k, levels[k], ALONG)
     return True
