@@ -11,6 +11,7 @@ import math
 import sys
 from typing import TYPE_CHECKING
 
+from lagsim.expressions.directions import directed_product, direction
 from lagsim.expressions.functions import OPERATIONS
 
 if TYPE_CHECKING:
@@ -270,7 +271,7 @@ def _mul(g: Graph, x: int, y: int) -> int | None:
         return g.call("neg", g.call("mul", g.args[x][0], y))
     if g.ops[y] == "neg":
         return g.call("neg", g.call("mul", x, g.args[y][0]))
-    return None
+    return directed_product(g, x, y)
 
 
 def _scaled(g: Graph, c: float, x: int, y: int) -> int | None:
@@ -302,6 +303,9 @@ def _div(g: Graph, x: int, y: int) -> int | None:
         return g.zero
     if x == y and x != g.zero:
         return g.one
+    signed = direction(g, x, y)
+    if signed is not None:
+        return signed
     if g.ops[x] == "neg":
         return g.call("neg", g.call("div", g.args[x][0], y))
     if g.ops[y] == "neg":

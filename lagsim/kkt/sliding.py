@@ -19,10 +19,12 @@ from typing import TYPE_CHECKING
 from lagsim.kkt._layout import COUNT, GAIN, MOTION, QUADRATURES, ROWS
 from lagsim.methods._interface import (
     CARRIED,
+    FLOOR,
     FOLLOWED,
     HIGH,
     LEADER,
     LEAST,
+    LEAST_ROOT,
     LOW,
     MOST,
     NOISE,
@@ -89,6 +91,10 @@ def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
     found = at(p, int(p[SWITCHING]) + fields_at(p))
     gain = p[GAIN]
     p[GAIN] = 0.0
+    for k in range(count):
+        # Roots are shown as written unless the motion keeps to them.
+        if not kept[SLIDES * count + k] > 0.0:
+            kept[FLOOR * count + k] = 0.0
     combine(t, y, p)
     p[GAIN] = gain
     for i in range(n):
@@ -107,6 +113,7 @@ def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
     for k in range(count):
         if kept[SLIDES * count + k] > 0.0:
             kept[SIDE * count + k] = kept[LOW * count + k]
+        kept[FLOOR * count + k] = kept[LEAST_ROOT * count + k]
 
 
 def margins(t: float, y: Floats, p: Floats, out: Floats) -> None:

@@ -37,7 +37,9 @@ SLACK = 7  # how far past its end a mode still counts as lasting
 BAND = 8  # and how far it must be past it for more than noise
 LEADER = 9  # the number, from 1, of the sliding surface that carries it along; or 0
 NOISE = 10  # a rate this small is rounding, while it slides
-PER_SURFACE = 11
+FLOOR = 11  # roots of it are taken of no less, in the motion; see `switches.roots`
+LEAST_ROOT = 12  # and what that is set to between rows
+PER_SURFACE = 13
 
 # SLIDES is this where the motion follows a surface and where one is carried along by
 # another; where the expression keeps its level on a whole stretch, or nothing but the

@@ -54,7 +54,7 @@ class Sequence:
     def limit(self) -> float | None:
         """Give the time at which switches accumulate, if they do so right now."""
         ratio = self.ratio()
-        if ratio >= 1.0:
+        if ratio >= 1.0 or ratio == 0.0:
             return None
         left = self._stretch(0) * ratio / (1.0 - ratio)
         if left > SHORT * self.longest or left > SHORT * self._since(ratio):

@@ -15,8 +15,10 @@ import numpy as np
 from lagsim.methods import _interface as kept
 from lagsim.methods import _state as at
 from lagsim.simulate.crossing import Crossing
+from lagsim.simulate.floors import set_floors
 from lagsim.simulate.impacts import impact, row_before
 from lagsim.simulate.modes import ON, Modes
+from lagsim.simulate.resting import come_to_rest
 from lagsim.simulate.sequence import Sequence
 from lagsim.simulate.shares import ABOVE, BELOW
 from lagsim.simulate.states import most_pulled, pulled
@@ -99,22 +101,27 @@ class Switching:
             if share >= 0.0 - HELD and share <= 1.0 + HELD:
                 held[met] = ABOVE if share > 0.5 else BELOW
         modes.forget()
+        set_floors(modes)
         on = set(at_rest) | ({met} if met is not None else set())
         levels, rows, sizes = self._find_sides(on)
-        settled = bool(at_rest) or any(before[k] for k in levels)
-        left = max(0.0, self.time - run.t) if at_rest else 0.0
-        crossing = Crossing(
-            modes, levels, sizes, at_rest, held, settled=settled, left=left
-        )
-        crossing.decide()
-        if crossing.undecided:
-            self._tell(crossing.undecided)
-            modes.choose(crossing.undecided)
+        noise = np.zeros(modes.count)
+        rests = come_to_rest(modes, levels, sizes)
+        if not rests:
+            settled = bool(at_rest) or any(before[k] for k in levels)
+            left = max(0.0, self.time - run.t) if at_rest else 0.0
+            crossing = Crossing(
+                modes, levels, sizes, at_rest, held, settled=settled, left=left
+            )
+            crossing.decide()
+            noise = crossing.noise
+            if crossing.undecided:
+                self._tell(crossing.undecided)
+                modes.choose(crossing.undecided)
         modes.write()
-        modes.kept(kept.NOISE)[:] = 2.0 * crossing.noise
+        modes.kept(kept.NOISE)[:] = 2.0 * noise
         self._set_slack(levels, rows, sizes)
-        self._pull(resting=bool(at_rest))
-        self._record(before, met)
+        self._pull(resting=rests or bool(at_rest))
+        self._record(before, met, rests=rests)
 
     def _pull(self, *, resting: bool) -> None:
         """Take the state onto the surfaces that it follows; note if that is a jump."""
@@ -178,7 +185,9 @@ class Switching:
         for k in levels:
             least = SHARE_SLACK if slides[k] else ON * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -margins[k])
-        self.modes.kept(kept.BAND)[:] = np.where(slides, 0.0, self._noise(rows))
+        # Within its floor a root is the same to either side.
+        noise = np.maximum(self._noise(rows), 0.5 * self.modes.kept(kept.FLOOR))
+        self.modes.kept(kept.BAND)[:] = np.where(slides, 0.0, noise)
 
     def _reach(self) -> Floats:
         """Give how far positions and velocities (2 n,) have moved.
@@ -207,10 +216,10 @@ class Switching:
 
     # What a switch leads to
 
-    def _record(self, before: Floats, met: int | None) -> None:
+    def _record(self, before: Floats, met: int | None, *, rests: bool) -> None:
         for k in np.flatnonzero(before != self.slides):
             kind = "switch"
-            if self.of_velocities[k]:
+            if self.of_velocities[k] or rests:
                 kind = "stick" if self.slides[k] else "slip"
             if self.slides[k] and kind == "switch" and self.sequence.ratio() < 1.0:
                 kind = "zeno"  # it has come to rest sooner than looked for
@@ -253,7 +262,7 @@ class Switching:
             self._event("zeno", k)
         self.sequence.recent.clear()
         self.begin(at_rest=several, time=limit)
-        return bool(np.any(self.slides[several]))
+        return bool(np.any(self.modes.kind[several] > 0.0))
 
     def approach(self, end: float) -> float | None:
         """Give a time at which to end an arc that cannot be stepped over its surface.

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.expressions.evaluate import evaluate
 from lagsim.expressions.functions import OPERATIONS
+from lagsim.switches.roots import ROOTS, Roots
 from lagsim.switches.shown import Shown
 from lagsim.switches.surfaces import (
     DECIDED_BY,
@@ -38,9 +39,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from lagsim.expressions.graph import Graph
-
-# What has no derivatives at 0.
-ROOTS = ("pow", "sqrt", "cbrt")
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +95,7 @@ class Switches:
     sides: tuple[Side, ...]
     _modes_of: Mapping[int, int]  # switch, or condition -> its mode variable's node
     _sides_of: Mapping[int, tuple[int, int]]  # discrete -> mode variable's node, sign
+    _roots: Roots
 
     def freeze(self, nodes: Iterable[int]) -> list[int]:
         """Give `nodes` with each switch decided by its mode variable.
@@ -115,7 +114,7 @@ class Switches:
             if mode is not None:
                 done[n] = _frozen(g, g.ops[n], args, mode)
             elif side is not None:
-                done[n] = _on_a_side(g, n, args, *side)
+                done[n] = self._on_a_side(n, args, *side)
             else:
                 done[n] = self._rebuilt(n, args)
         return [done[n] for n in nodes]
@@ -139,6 +138,19 @@ class Switches:
             n = self.graph.call(DECIDED_BY[op], *args)
         return self._sides_of.get(n)
 
+    def _on_a_side(
+        self, n: int, args: tuple[int, ...], variable: int, sign: int
+    ) -> int:
+        """Give switch `n` on the frozen `args`, decided by its side."""
+        g, op = self.graph, self.graph.ops[n]
+        value = stepped(g, DECIDED_BY.get(op, op), variable, sign)
+        if op == "abs":
+            return g.call("mul", value, args[0])
+        if op == "cbrt":
+            size = self._roots.floored(n, g.call("mul", value, args[0]))
+            return g.call("mul", value, g.call("cbrt", size))
+        return g.call("if", value, *args) if op in ("min", "max") else value
+
     def _rebuilt(self, n: int, args: tuple[int, ...]) -> int:
         """Give node `n` on the frozen `args`.
 
@@ -147,7 +159,7 @@ class Switches:
         """
         g = self.graph
         op = g.ops[n]
-        if args == g.args[n]:
+        if args == g.args[n] and self._roots.floor(n) is None:
             return n
         if op in ROOTS and g.ops[args[0]] == "if":
             condition, *sides = g.args[args[0]]
@@ -165,8 +177,9 @@ class Switches:
         """
         g = self.graph
         op = g.ops[n]
+        args = (self._roots.floored(n, args[0]), *args[1:])
         inside = _domain(g, op, args)
-        if inside is None:
+        if inside is None or self._roots.floor(n) is not None:
             return g.call(op, *args)
         (plain,) = replace(self, _sides_of={}).freeze([g.args[n][0]])
         if plain == frozen:
@@ -179,7 +192,8 @@ class Switches:
         While the motion slides along a surface, what steps there has the value that
         keeps it there: between those of the two sides.
         """
-        return Shown(self.graph, self.sides, self._sides_of).nodes(list(nodes))
+        shown = Shown(self.graph, self.sides, self._sides_of, self._roots)
+        return shown.nodes(list(nodes))
 
     def mode_values(
         self, start: float, end: float, values: Mapping[str, float]
@@ -236,22 +250,12 @@ def _frozen(g: Graph, op: str, args: tuple[int, ...], mode: int) -> int:
     return g.call("if", truth, *args) if op in ("min", "max") else truth
 
 
-def _on_a_side(
-    g: Graph, n: int, args: tuple[int, ...], variable: int, sign: int
-) -> int:
-    """Give switch `n` on the frozen `args`, decided by its side."""
-    op = g.ops[n]
-    value = stepped(g, DECIDED_BY.get(op, op), variable, sign)
-    if op == "abs":
-        return g.call("mul", value, args[0])
-    return g.call("if", value, *args) if op in ("min", "max") else value
-
-
 def find_switches(
     g: Graph,
     nodes: Iterable[int],
     moving: Collection[str],
     dynamics: Sequence[int] = (),
+    speeds: Collection[str] = (),
 ) -> Switches:
     """Find the switches of `nodes`.
 
@@ -264,8 +268,10 @@ def find_switches(
     dynamics
         Those of the expressions that decide the motion: their state switches get
         sides.
+    speeds
+        The names of velocities: roots of these are switches, see `roots`.
     """
-    finder = _Finder(g, list(nodes), moving)
+    finder = _Finder(g, list(nodes), moving, speeds)
     finder.visit()
     numbers = {d: k for k, d in enumerate(sorted(set(finder.time.values())))}
     modes = tuple(Mode(f"mode.{k}", d) for d, k in numbers.items())
@@ -280,7 +286,10 @@ def find_switches(
     watched = sorted({d for n, d in finder.decided.items() if n in deciding_motion})
     while True:
         sides, sides_of = _sides(g, [state[d] for d in watched])
-        found = Switches(g, modes, tuple(state.values()), sides, modes_of, sides_of)
+        roots = Roots.among(g, dynamics, sides, speeds)
+        sides = roots.told(sides)
+        every = tuple(state.values())
+        found = Switches(g, modes, every, sides, modes_of, sides_of, roots)
         moves = found.moving(watched, (*moving, "t"))
         if len(moves) == len(watched):
             return found
@@ -307,10 +316,17 @@ def _sides(
 class _Finder:
     """Walks down from the nodes; what only decides a time switch is not reached."""
 
-    def __init__(self, g: Graph, nodes: list[int], moving: Collection[str]) -> None:
+    def __init__(
+        self,
+        g: Graph,
+        nodes: list[int],
+        moving: Collection[str],
+        speeds: Collection[str],
+    ) -> None:
         self.g = g
         self.nodes = nodes
         self.moving = g.dependent(nodes, moving)
+        self.fast = g.dependent(nodes, speeds) if speeds else set()
         self.timed = g.dependent(nodes, ("t",)) - self.moving
         self.time: dict[int, int] = {}  # switch or condition -> discrete function
         self.state: dict[int, tuple[str, tuple[int, ...]]] = {}
@@ -330,7 +346,8 @@ class _Finder:
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS.get(op)
-        if row is None or not (row.switch or row.condition):
+        rooted = op == "cbrt" and args[0] in self.fast
+        if row is None or not (row.switch or row.condition or rooted):
             return args
         if op == "if":
             return args[1:] if _is_guard(g, n) else args

@@ -30,4 +30,5 @@ def model_switches(equations: Equations) -> Switches:
         ]
     state = [*e.q, *e.velocities]
     moving = [*state, "work", *e.accelerations, *e.multipliers]
-    return find_switches(e.graph, [*dynamics, e.energy], moving, dynamics)
+    nodes = [*dynamics, e.energy]
+    return find_switches(e.graph, nodes, moving, dynamics, e.velocities)

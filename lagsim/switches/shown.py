@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.switches.roots import CHOOSING
 from lagsim.switches.surfaces import (
+    DECIDED_BY,
     JOINING,
     STEPS,
     Side,
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.expressions.graph import Graph
+    from lagsim.switches.roots import Roots
 
 
 class Shown:
@@ -27,8 +30,9 @@ class Shown:
         g: Graph,
         sides: Sequence[Side],
         sides_of: Mapping[int, tuple[int, int]],
+        roots: Roots,
     ) -> None:
-        self.g = g
+        self.g, self.roots = g, roots
         self.sides_of = sides_of
         half, less = g.constant(0.5), g.constant(-0.5)
         modes = {g.variable(s.variable): g.variable(s.sliding) for s in sides}
@@ -50,6 +54,8 @@ class Shown:
 
     def _between(self, n: int, same: int, args: tuple[int, ...]) -> int:
         g, op = self.g, self.g.ops[n]
+        if self.roots.floor(n) is not None:
+            return self._root(n, args)
         side = self.sides_of.get(n)
         if side is not None:
             slides, level = self.slides[side[0]], self.level[side[0]]
@@ -70,6 +76,40 @@ class Shown:
             low = g.call("if", g.call("le", part, g.zero), args[2], mixed)
             return g.call("if", g.call("ge", part, g.one), args[1], low)
         return same
+
+    def _root(self, n: int, args: tuple[int, ...]) -> int:
+        """Give a root with its floor, which is 0 unless the motion slides."""
+        g, op, inner = self.g, self.g.ops[n], self.g.args[n][0]
+        if g.ops[inner] in CHOOSING:
+            return self._apart(n, inner, args)
+        if op != "cbrt":
+            return g.call(op, self.roots.floored(n, args[0]), *args[1:])
+        size = self.roots.floored(n, g.call("abs", args[0]))
+        kept = g.call("sign", args[0])
+        side = self.sides_of.get(g.call("sign", inner))
+        if side is not None:
+            kept = g.call("if", self.slides[side[0]], between(g, "sign", *side), kept)
+        return g.call("mul", kept, g.call("cbrt", size))
+
+    def _apart(self, n: int, inner: int, args: tuple[int, ...]) -> int:
+        """Give a root of what has two branches, as the combination of their roots."""
+        g, op = self.g, self.g.ops[inner]
+        condition, *branches = g.args[inner]
+        if op != "if":
+            branches = list(g.args[inner])
+            condition = g.call(DECIDED_BY[op], *branches)
+        roots = [
+            g.call(g.ops[n], self.roots.floored(n, self.done[x]), *args[1:])
+            for x in branches
+        ]
+        side = self.sides_of.get(condition)
+        plain = g.call(g.ops[n], args[0], *args[1:])
+        if side is None:
+            return plain
+        more = g.call("sub", *roots)
+        more = g.call("mul", share(g, g.ops[condition], *side), more)
+        mixed = g.call("add", roots[1], more)
+        return g.call("if", self.slides[side[0]], mixed, plain)
 
     def _share(self, condition: int) -> int:
         g = self.g

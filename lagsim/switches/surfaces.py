@@ -19,7 +19,7 @@ JOINING = ("and", "or", "not")
 STEPS = ("sign", "heaviside", "floor", "ceil")
 WHOLE = ("floor", "ceil")
 # For a function that is not a step itself: the discrete function that decides it.
-DECIDED_BY = {"abs": "sign", "min": "le", "max": "ge"}
+DECIDED_BY = {"abs": "sign", "cbrt": "sign", "min": "le", "max": "ge"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +84,8 @@ class Side:
         It steps at every whole number.
     text
         One of the switches, as it may have been written.
+    floor
+        The name of the least size of which roots of it are taken, or empty.
     """
 
     variable: str
@@ -91,6 +93,7 @@ class Side:
     node: int
     whole: bool
     text: str
+    floor: str = ""
 
 
 def oriented(g: Graph, surface: Surface) -> tuple[int, int]:

@@ -14,7 +14,7 @@ import numpy as np
 from lagsim.formulation import GAIN
 from lagsim.kkt import _layout
 from lagsim.methods import method
-from lagsim.methods._interface import PER_SURFACE, SIDE, SLIDES
+from lagsim.methods._interface import FLOOR, PER_SURFACE, SIDE, SLIDES
 from lagsim.native import graph_code, graph_key
 from lagsim.native.cache import kernel_object, object_code
 from lagsim.native.graph_code import Layout
@@ -225,6 +225,8 @@ class System:
             first = self.switching + 1 + k
             p[side.variable] = first + SIDE * self.surfaces
             p[side.sliding] = first + SLIDES * self.surfaces
+            if side.floor:
+                p[side.floor] = first + FLOOR * self.surfaces
         self.motion = self.switching + kept
         motion = (*e.accelerations, *e.multipliers)
         p |= {name: self.motion + k for k, name in enumerate(motion)}
