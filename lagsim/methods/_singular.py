@@ -25,6 +25,7 @@ from lagsim.methods._state import (
     END,
     ENERGY,
     EVALUATIONS,
+    EXTENTS_AT,
     FALLING,
     HEADER,
     HEALTH,
@@ -288,16 +289,19 @@ def note_directions(s: Floats, p: Floats, t: float, new: Floats) -> None:
     velocity_step(t, new, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
 
 
-def forget_removed(n: int, p: Floats, h: float, error: Floats) -> float:
+def forget_removed(s: Floats, p: Floats, h: float, error: Floats) -> float:
     """Take out of the errors of q and q' (2 n,) what projection will remove.
 
-    Gives twice the kinetic energy of what that is, as velocities: q in the time h.
+    Gives what that is as velocities, q in the time h: twice its kinetic energy, against
+    that of the mechanism that it belongs to.
     """
+    n = int(s[N])
     noted = at(p, int(p[DIRECTIONS]))
     removed = 0.0
     for k in range(int(noted[0])):
         z = at(noted, 1 + n + 2 * n * k)
         mass = at(z, n)
+        energy = energy_along(s, z, mass)
         for level in range(2):
             part = at(error, level * n)
             share = 0.0
@@ -305,8 +309,31 @@ def forget_removed(n: int, p: Floats, h: float, error: Floats) -> float:
                 share += mass[i] * part[i]
             for i in range(n):
                 part[i] -= share * z[i]
-            removed += share * share / (1.0 if level == 1 else h * h)
+            if energy > 0.0:
+                removed += share * share / energy / (1.0 if level == 1 else h * h)
     return removed
+
+
+def energy_along(s: Floats, z: Floats, mass: Floats) -> float:
+    """Give twice the most kinetic energy so far of what a direction z (n,) moves.
+
+    Of all that rows or the mass matrix join to it, and of no other body. mass : (n,),
+    M z. No more than the whole scene has had.
+    """
+    n = int(s[N])
+    size = int(s[SIZE])
+    speeds = at(s, HEADER + size + n)
+    masses = at(s, HEADER + 3 * size + 2)
+    joined = at(s, int(s[EXTENTS_AT]) + 5 * size)
+    most = 0
+    for i in range(n):
+        if abs(mass[i] * z[i]) > abs(mass[most] * z[most]):
+            most = i
+    energy = 0.0
+    for i in range(n):
+        if joined[i] == joined[most] and masses[i] > 0.0:
+            energy += masses[i] * speeds[i] * speeds[i]
+    return float(min(energy, 2.0 * s[ENERGY]))
 
 
 def bent(s: Floats, removed: float, left: float) -> float:
@@ -314,7 +341,4 @@ def bent(s: Floats, removed: float, left: float) -> float:
 
     The constraints are bent: of what is removed its square is left, against the speed.
     """
-    whole = 2.0 * LOCAL * s[RTOL] * s[ENERGY]
-    if whole > 0.0:
-        return float(max(left, removed / whole))
-    return left
+    return float(max(left, removed / (LOCAL * s[RTOL])))
