@@ -112,7 +112,7 @@ def test_nor_does_that_of_one_it_is_tied_to_softly(coupling):
     beside = alone.replace("u: {}", "u: {}, b: {}")
     beside = beside.replace("u: 1e-4", "u: 1e-4, b: 0, b_dot: 4e3")
     beside = beside.replace("u_dot^2/2", "u_dot^2/2 + 1e24*b_dot^2/2")
-    pull = f"potential: -{coupling}*u*cos(b/1e3) + "
+    pull = f"potential: 1e24*50*b^2 - {coupling}*u*cos(b/1e3) + "
     found = run(beside.replace("potential: ", pull))
     assert not found.trajectory.choices
     assert codes(found) == ["step-at-stability-bound"]
