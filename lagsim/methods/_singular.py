@@ -77,8 +77,9 @@ LOOKS = 3
 FALLS = 0.8
 # This part of the first step tells whether the health falls.
 GLANCE = 0.1
-# A loss of rank is looked for where the health falls over this first part of a step,
-# and located to this part of it.
+# A loss of rank is looked for where the health is less at one of these parts of a step,
+# or falls over this first part of it and rises over the last, and located to this part.
+PARTS = 8
 NUDGE = 1e-3
 NARROW = 1e-9
 
@@ -228,23 +229,46 @@ def watch(s: Floats, p: Floats) -> int:
 
     The state where it is found is left in the working memory.
     """
-    if s[WATCHED] > 0.0:
-        # The least lies inside where it falls at the start and rises at the end.
-        low = 0.0
-        high = 1.0
-        falls = health_at(s, p, NUDGE) < s[PREVIOUS_HEALTH]
-        if falls and health_at(s, p, 1.0 - NUDGE) < s[HEALTH]:
-            while high - low > NARROW:
-                left = low + (high - low) / 3.0
-                right = high - (high - low) / 3.0
-                if health_at(s, p, left) < health_at(s, p, right):
-                    high = right
-                else:
-                    low = left
-            if health_at(s, p, low) < s[LOST_BELOW]:
-                s[LOST_AT] = s[STEP_T] + low * s[STEP_H]
-                return 1
+    if s[WATCHED] == 0.0:
+        return 0
+    low = lowest_part(s, p)
+    if low < 0.0:
+        return 0
+    high = 1.0
+    if low > 0.0:
+        high = low + 1.0 / PARTS
+        low -= 1.0 / PARTS
+    while high - low > NARROW:
+        left = low + (high - low) / 3.0
+        right = high - (high - low) / 3.0
+        if health_at(s, p, left) < health_at(s, p, right):
+            high = right
+        else:
+            low = left
+    if health_at(s, p, low) < s[LOST_BELOW]:
+        s[LOST_AT] = s[STEP_T] + low * s[STEP_H]
+        return 1
     return 0
+
+
+def lowest_part(s: Floats, p: Floats) -> float:
+    """Give where in the last step the rows are least independent.
+
+    0 where it is somewhere in it, and below 0 where it is at an end. What the health is
+    told as jumps a little where rows change their order: close to an end that hides
+    whether it falls.
+    """
+    lowest = FALLS * min(float(s[PREVIOUS_HEALTH]), float(s[HEALTH]))
+    found = -1.0
+    for k in range(1, PARTS):
+        health = health_at(s, p, k / PARTS)
+        if health < lowest:
+            lowest = health
+            found = k / PARTS
+    falls = found < 0.0 and health_at(s, p, NUDGE) < s[PREVIOUS_HEALTH]
+    if falls and health_at(s, p, 1.0 - NUDGE) < s[HEALTH]:
+        return 0.0
+    return found
 
 
 def health_at(s: Floats, p: Floats, x: float) -> float:

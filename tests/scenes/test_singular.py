@@ -239,7 +239,6 @@ def test_many_four_bars_pass_their_dead_points(N):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="one of ten losses of rank is passed untold")
 def test_each_dead_point_of_ten_four_bars_is_told():
     check_told(run(four_bars(10)), 10, 1.0)
 
