@@ -35,7 +35,8 @@ def is_drowned(spread, name):
     """Tell whether doubles cannot hold a motion so far away, or so fast.
 
     All coordinates are moved by the same, many times the largest range: where a body
-    has come 1e9 times as far as an angle has turned, no six digits are left of that (rounding acts in some 30 steps).
+    has come 1e9 times as far as an angle has turned, no six digits are left of that.
+    Rounding acts in some 30 steps.
     """
     if name not in ("shifted", "boosted"):
         return False
