@@ -105,6 +105,20 @@ def test_the_energy_of_another_body_does_not_hide_an_oscillation():
     assert "excited" in found.trajectory.warnings[0].text
 
 
+@pytest.mark.parametrize("coupling", [1e-3, 10.0])
+def test_nor_does_that_of_one_it_is_tied_to_softly(coupling):
+    # What 1e24 at 4e3 leaves in a spring of stiffness K is its pull over K, no more.
+    alone = EXCITED.replace("TOLERANCE", "1e-2")
+    beside = alone.replace("u: {}", "u: {}, b: {}")
+    beside = beside.replace("u: 1e-4", "u: 1e-4, b: 0, b_dot: 4e3")
+    beside = beside.replace("u_dot^2/2", "u_dot^2/2 + 1e24*b_dot^2/2")
+    pull = f"potential: 1e24*50*b^2 - {coupling}*u*cos(b/1e3) + "
+    found = run(beside.replace("potential: ", pull))
+    assert not found.trajectory.choices
+    assert codes(found) == ["step-at-stability-bound"]
+    assert "excited" in found.trajectory.warnings[0].text
+
+
 @pytest.mark.parametrize("method", ["auto", "dop853"])
 def test_accuracy_holds_the_step_of_an_excited_oscillation_at_tight_tolerance(method):
     found = run(EXCITED.replace("TOLERANCE", "1e-7"), method=method, duration=0.1)

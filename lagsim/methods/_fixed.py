@@ -9,18 +9,27 @@ from __future__ import annotations
 from math import floor
 from typing import TYPE_CHECKING
 
-from lagsim.methods._controller import record_extents, record_sizes
+from lagsim.methods._controller import (
+    NOISE,
+    look_at_rounding,
+    record_extents,
+    record_sizes,
+)
 from lagsim.methods._interface import derivative
+from lagsim.methods._newton import CONVERGED, progress
 from lagsim.methods._state import (
     ARC_START,
     END,
     EVALUATIONS,
+    EXTENTS_AT,
     FIXED_STEP,
     HEADER,
+    LOOKED,
     SIZE,
     STEP_H,
     STEP_T,
     STEPS,
+    N,
     T,
 )
 from lagsim.native.kernel_types import at
@@ -67,6 +76,41 @@ def is_finite(size: int, y: Floats) -> bool:
         if not abs(y[i]) < 1e300:
             largest = 1e300
     return largest < 1e300
+
+
+def judge(
+    s: Floats, p: Floats, h: float, v: Floats, change: Floats,
+    iteration: int, moved: float, previous: float,
+) -> int:  # fmt: skip
+    """Say how Newton's method goes on for velocities v, after a change (n,) of them.
+
+    moved : the changes' largest part of what changes; previous : that of the ones
+    before. Where it goes no further they may be rounding: of velocities that should
+    stay 0 under forces that cancel, of positions far from the origin.
+    """
+    state = progress(iteration, moved, previous)
+    if state == CONVERGED or iteration == 0 or not moved < 1e300:
+        return state
+    if moved >= 0.5 * previous and is_rounding(s, p, h, v, change):
+        return CONVERGED
+    return state
+
+
+def is_rounding(s: Floats, p: Floats, h: float, v: Floats, change: Floats) -> bool:
+    """Tell whether changes of the velocities v (n,) are what rounding makes of them."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    if s[LOOKED] == 0.0:
+        k = at(s, HEADER + 8 * size + 6)
+        look_at_rounding(s, p, s[T], at(s, HEADER), k, 1.0)
+        s[LOOKED] = 1.0
+    noise = at(s, int(s[EXTENTS_AT]) + 3 * size + n)
+    most = 0.0
+    for i in range(n):
+        known = NOISE * abs(v[i]) + h * noise[i]
+        if not abs(change[i]) <= known:
+            most = 1.0
+    return most == 0.0
 
 
 def take(s: Floats, p: Floats, after: float, new: Floats, slope: Floats) -> None:

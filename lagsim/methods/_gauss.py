@@ -15,11 +15,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods._fixed import begin, is_finite, next_time, step_length, take
+from lagsim.methods._fixed import (
+    begin,
+    is_finite,
+    judge,
+    next_time,
+    step_length,
+    take,
+)
 from lagsim.methods._interface import derivative, inertia, lagrangian, lagrangian_slopes
 from lagsim.methods._lu import decompose, solve, too_large
-from lagsim.methods._newton import CONVERGED, LOST, MOST, RENEW, progress
-from lagsim.methods._projection import relative_size
+from lagsim.methods._newton import CONVERGED, LOST, MOST, RENEW
+from lagsim.methods._projection import largest_part
 from lagsim.methods._state import (
     DONE,
     EVALUATIONS,
@@ -168,8 +175,6 @@ def solve_stages(s: Floats, p: Floats, h: float) -> int:
     out = at(V, 2 * unknowns)
     K = at(out, stages * (2 * n + 1 + 4 * n * n))
     right = at(K, unknowns * unknowns + unknowns)
-    sizes = at(s, HEADER + size + n)
-    masses = at(s, HEADER + 3 * size + 2)
     if abs(words[FACTORED_H] - h) > 1e-9 * h:
         words[DUE] = 1.0
     previous = 0.0
@@ -180,17 +185,17 @@ def solve_stages(s: Floats, p: Floats, h: float) -> int:
         residual(s, p, h)
         solve(unknowns, K, at(K, unknowns * unknowns), right)
         moved = 0.0
+        worst = 0
         for stage in range(stages):
-            part = at(right, stage * n)
-            moved = max(
-                moved,
-                relative_size(
-                    n, part, masses, at(V, stage * n), sizes, h * h * masses[n]
-                ),
-            )
+            part = largest_part(1, s, h, at(V, stage * n), at(right, stage * n))
+            if part > moved:
+                worst = stage * n
+                moved = part
         for k in range(unknowns):
             V[k] += right[k]
-        state = progress(iteration, moved, previous)
+        state = judge(
+            s, p, h, at(V, worst), at(right, worst), iteration, moved, previous
+        )
         if state == CONVERGED:
             return 1
         if state == LOST:
@@ -323,8 +328,6 @@ def solve_velocities(s: Floats, p: Floats, t: float, h: float) -> int:
     out = at(words, WORDS + 2 * stages * n)
     M = at(words, WORDS + stage_room(n, stages) - n * n - 2 * n)
     change = at(M, n * n + n)
-    sizes = at(s, HEADER + size + n)
-    masses = at(s, HEADER + 3 * size + 2)
     previous = 0.0
     renewing = RENEW
     for iteration in range(MOST):
@@ -338,10 +341,10 @@ def solve_velocities(s: Floats, p: Floats, t: float, h: float) -> int:
         for i in range(n):
             change[i] = momenta[i] - out[i]
         solve(n, M, at(M, n * n), change)
-        moved = relative_size(n, change, masses, at(new, n), sizes, h * h * masses[n])
+        moved = largest_part(1, s, h, at(new, n), change)
         for i in range(n):
             new[n + i] += change[i]
-        renewing = progress(iteration, moved, previous)
+        renewing = judge(s, p, h, at(new, n), change, iteration, moved, previous)
         if renewing == CONVERGED:
             return 1
         if renewing == LOST:

@@ -7,7 +7,6 @@ energy where the constraints are homogeneous in the velocities.
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods._interface import (
@@ -88,7 +87,8 @@ def is_small(level: int, s: Floats, h: float, x: Floats, step: Floats) -> int:
     """Tell whether a step is rounding of what it moves, in the metric of diag M.
 
     What the forces could do within the step counts as size: the scale of a structure at
-    rest.
+    rest. A coordinate counts by its share of the step: a heavy body that hardly moves
+    says nothing of a light one that it is joined to.
     """
     n = int(s[N])
     size = int(s[SIZE])
@@ -97,12 +97,15 @@ def is_small(level: int, s: Floats, h: float, x: Floats, step: Floats) -> int:
     parts = at(s, int(s[EXTENTS_AT]) + 2 * size)
     moment = h if level > 0 else h * h
     moved = 0.0
+    for i in range(n):
+        moved += masses[i] * step[i] * step[i]
+    if moved == 0.0:
+        return 1
     whole = 0.0
     for i in range(n):
-        if step[i] != 0.0:
-            largest = max(abs(x[i]), sizes[i], moment * parts[i])
-            moved += masses[i] * step[i] * step[i]
-            whole += masses[i] * largest * largest
+        share = masses[i] * step[i] * step[i] / moved
+        largest = max(abs(x[i]), sizes[i], moment * parts[i])
+        whole += share * masses[i] * largest * largest
     return 1 if moved <= SMALL * SMALL * whole else 0
 
 
@@ -123,23 +126,28 @@ def is_finite(n: int, step: Floats) -> bool:
     return largest < 1e300
 
 
-def relative_size(
-    n: int, step: Floats, masses: Floats, x: Floats, sizes: Floats, least: float
-) -> float:
-    """Give the size of a step against that of x, both in the metric of diag M.
+def largest_part(level: int, s: Floats, h: float, x: Floats, step: Floats) -> float:
+    """Give the largest part of its own size by which a step (n,) changes a component.
 
-    Of x counts what moves, with a square of not less than `least`.
+    Of the positions (level 0) or the velocities x. No other body enters, however heavy
+    or far. What the forces could do in the time h counts as size; what has none changes
+    by the whole of itself.
     """
-    moved = 0.0
-    whole = 0.0
+    n = int(s[N])
+    size = int(s[SIZE])
+    sizes = at(s, HEADER + size + level * n)
+    parts = at(s, int(s[EXTENTS_AT]) + 2 * size)
+    moment = h if level > 0 else h * h
+    largest = 0.0
     for i in range(n):
-        if step[i] != 0.0:
-            size = max(abs(x[i]), sizes[i])
-            moved += masses[i] * step[i] * step[i]
-            whole += masses[i] * size * size
-    if moved == 0.0:
-        return 0.0
-    return sqrt(moved / max(whole, least))
+        change = abs(step[i])
+        if not change < 1e300:
+            return 1e300
+        if change > 0.0:
+            own = max(abs(x[i]), sizes[i], moment * parts[i])
+            part = change / own if change < own * 1e300 else 1.0
+            largest = max(largest, part)
+    return float(largest)
 
 
 def project_rows(s: Floats, p: Floats, rows: Floats, count: int) -> None:

@@ -25,6 +25,7 @@ from lagsim.methods._state import (
     END,
     ENERGY,
     EVALUATIONS,
+    EXTENTS_AT,
     FALLING,
     HEADER,
     HEALTH,
@@ -76,8 +77,9 @@ LOOKS = 3
 FALLS = 0.8
 # This part of the first step tells whether the health falls.
 GLANCE = 0.1
-# A loss of rank is looked for where the health falls over this first part of a step,
-# and located to this part of it.
+# A loss of rank is looked for where the health is less at one of these parts of a step,
+# or falls over this first part of it and rises over the last, and located to this part.
+PARTS = 8
 NUDGE = 1e-3
 NARROW = 1e-9
 
@@ -231,23 +233,46 @@ def watch(s: Floats, p: Floats) -> int:
 
     The state where it is found is left in the working memory.
     """
-    if s[WATCHED] > 0.0:
-        # The least lies inside where it falls at the start and rises at the end.
-        low = 0.0
-        high = 1.0
-        falls = health_at(s, p, NUDGE) < s[PREVIOUS_HEALTH]
-        if falls and health_at(s, p, 1.0 - NUDGE) < s[HEALTH]:
-            while high - low > NARROW:
-                left = low + (high - low) / 3.0
-                right = high - (high - low) / 3.0
-                if health_at(s, p, left) < health_at(s, p, right):
-                    high = right
-                else:
-                    low = left
-            if health_at(s, p, low) < s[LOST_BELOW]:
-                s[LOST_AT] = s[STEP_T] + low * s[STEP_H]
-                return 1
+    if s[WATCHED] == 0.0:
+        return 0
+    low = lowest_part(s, p)
+    if low < 0.0:
+        return 0
+    high = 1.0
+    if low > 0.0:
+        high = low + 1.0 / PARTS
+        low -= 1.0 / PARTS
+    while high - low > NARROW:
+        left = low + (high - low) / 3.0
+        right = high - (high - low) / 3.0
+        if health_at(s, p, left) < health_at(s, p, right):
+            high = right
+        else:
+            low = left
+    if health_at(s, p, low) < s[LOST_BELOW]:
+        s[LOST_AT] = s[STEP_T] + low * s[STEP_H]
+        return 1
     return 0
+
+
+def lowest_part(s: Floats, p: Floats) -> float:
+    """Give where in the last step the rows are least independent.
+
+    0 where it is somewhere in it, and below 0 where it is at an end. What the health is
+    told as jumps a little where rows change their order: close to an end that hides
+    whether it falls.
+    """
+    lowest = FALLS * min(float(s[PREVIOUS_HEALTH]), float(s[HEALTH]))
+    found = -1.0
+    for k in range(1, PARTS):
+        health = health_at(s, p, k / PARTS)
+        if health < lowest:
+            lowest = health
+            found = k / PARTS
+    falls = found < 0.0 and health_at(s, p, NUDGE) < s[PREVIOUS_HEALTH]
+    if falls and health_at(s, p, 1.0 - NUDGE) < s[HEALTH]:
+        return 0.0
+    return found
 
 
 def health_at(s: Floats, p: Floats, x: float) -> float:
@@ -294,16 +319,19 @@ def note_directions(s: Floats, p: Floats, t: float, new: Floats) -> None:
 
 
 @rare
-def forget_removed(n: int, p: Floats, h: float, error: Floats) -> float:
+def forget_removed(s: Floats, p: Floats, h: float, error: Floats) -> float:
     """Take out of the errors of q and q' (2 n,) what projection will remove.
 
-    Gives twice the kinetic energy of what that is, as velocities: q in the time h.
+    Gives what that is as velocities, q in the time h: twice its kinetic energy, against
+    that of the mechanism that it belongs to.
     """
+    n = int(s[N])
     noted = at(p, int(p[DIRECTIONS]))
     removed = 0.0
     for k in range(int(noted[0])):
         z = at(noted, 1 + n + 2 * n * k)
         mass = at(z, n)
+        energy = energy_along(s, z, mass)
         for level in range(2):
             part = at(error, level * n)
             share = 0.0
@@ -311,8 +339,31 @@ def forget_removed(n: int, p: Floats, h: float, error: Floats) -> float:
                 share += mass[i] * part[i]
             for i in range(n):
                 part[i] -= share * z[i]
-            removed += share * share / (1.0 if level == 1 else h * h)
+            if energy > 0.0:
+                removed += share * share / energy / (1.0 if level == 1 else h * h)
     return removed
+
+
+def energy_along(s: Floats, z: Floats, mass: Floats) -> float:
+    """Give twice the most kinetic energy so far of what a direction z (n,) moves.
+
+    Of all that rows or the mass matrix join to it, and of no other body. mass : (n,),
+    M z. No more than the whole scene has had.
+    """
+    n = int(s[N])
+    size = int(s[SIZE])
+    speeds = at(s, HEADER + size + n)
+    masses = at(s, HEADER + 3 * size + 2)
+    joined = at(s, int(s[EXTENTS_AT]) + 5 * size)
+    most = 0
+    for i in range(n):
+        if abs(mass[i] * z[i]) > abs(mass[most] * z[most]):
+            most = i
+    energy = 0.0
+    for i in range(n):
+        if joined[i] == joined[most] and masses[i] > 0.0:
+            energy += masses[i] * speeds[i] * speeds[i]
+    return float(min(energy, 2.0 * s[ENERGY]))
 
 
 def bent(s: Floats, removed: float, left: float) -> float:
@@ -320,7 +371,4 @@ def bent(s: Floats, removed: float, left: float) -> float:
 
     The constraints are bent: of what is removed its square is left, against the speed.
     """
-    whole = 2.0 * LOCAL * s[RTOL] * s[ENERGY]
-    if whole > 0.0:
-        return float(max(left, removed / whole))
-    return left
+    return float(max(left, removed / (LOCAL * s[RTOL])))

@@ -99,6 +99,7 @@ SWITCH_FOUND = 9
 NEWTON_FAILED = 10
 STIFF = 11
 FEATURE_PASSED = 12
+LOSS_AHEAD = 13
 
 
 def lanes_size(size: int) -> int:
@@ -110,6 +111,7 @@ def extents_size(size: int) -> int:
     """Give how much memory the scales of errors need.
 
     The least and the largest value of each component, the terms of its rate, the
-    rounding of that, and what becomes of one at rest in the first instant.
+    rounding of that, and what becomes of one at rest in the first instant; then to
+    which mechanism each coordinate belongs.
     """
-    return 5 * size
+    return 5 * size + size // 2

@@ -61,7 +61,6 @@ from lagsim.methods._state import (
     SUSPECT,
     WATCHED,
     H,
-    N,
     T,
 )
 from lagsim.methods._tableau import Tableau
@@ -201,8 +200,8 @@ def attempt(s: Floats, p: Floats, h: float) -> float:
         error = error_norm(size, h, errors, tolerances)
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, t + h, new)
-        removed = h * h * forget_removed(int(s[N]), p, h, errors)
-        forget_removed(int(s[N]), p, h, at(errors, size))
+        removed = h * h * forget_removed(s, p, h, errors)
+        forget_removed(s, p, h, at(errors, size))
         error = bent(s, removed, error_norm(size, h, errors, tolerances))
         error = passable(s, error)
     return error

@@ -26,14 +26,15 @@ from lagsim.methods._fixed import (
     begin,
     hermite,
     is_finite,
+    judge,
     next_time,
     step_length,
     take,
 )
 from lagsim.methods._interface import derivative, jacobian
 from lagsim.methods._lu import decompose, solve, too_large
-from lagsim.methods._newton import CONVERGED, LOST, MOST, RENEW, progress
-from lagsim.methods._projection import meet_constraints, relative_size
+from lagsim.methods._newton import CONVERGED, LOST, MOST, RENEW
+from lagsim.methods._projection import largest_part, meet_constraints
 from lagsim.methods._state import (
     DONE,
     EVALUATIONS,
@@ -67,7 +68,8 @@ NEEDS = ("jacobian",)
 
 CONSTRAINED = True
 
-# An acceleration that changes by less in a ninth of a step or so is resolved.
+# A motion is resolved where its own restoring rate, times a ninth of a step or so, and
+# times the step, is less.
 RESOLVED = 0.5
 
 
@@ -151,28 +153,23 @@ def aim(s: Floats, p: Floats, a: Floats) -> None:
     k = at(s, HEADER + 8 * size + 6)
     slope = at(k, size)
     z = at(slope, size)
-    change = at(a, 2 * n)
-    masses = at(s, HEADER + 3 * size + 2)
+    J = at(a, 3 * n)
     h = s[FIXED_STEP]
     radius = s[SPECTRAL_RADIUS]
     off = share(radius) - radius / (radius + 1.0)
     ahead = abs(off) * h
-    moving = 1e-300
     for i in range(n):
         z[i] = y[i] + ahead * (y[n + i] + 0.5 * ahead * k[n + i])
         z[n + i] = y[n + i] + ahead * k[n + i]
-        moving += masses[i] * y[n + i] * y[n + i] / (h * h)
     derivative(s[T] + ahead, z, p, slope)
     s[EVALUATIONS] += 1.0
+    jacobian(s[T], y, p, J)
     for i in range(n):
         a[i] = k[n + i]
-        change[i] = slope[n + i] - k[n + i]
-        if off < 0.0:
-            change[i] = -change[i]
-    force = at(k, n)
-    if relative_size(n, change, masses, force, force, moving) < RESOLVED:
-        for i in range(n):
-            a[i] += change[i]
+        row = at(J, 2 * i * n)
+        if ahead * (h * abs(row[i]) + abs(row[n + i])) < RESOLVED:
+            change = slope[n + i] - k[n + i]
+            a[i] += change if off >= 0.0 else -change
 
 
 def step(s: Floats, p: Floats) -> int:
@@ -217,8 +214,6 @@ def balance(s: Floats, p: Floats, after: float, h: float) -> int:
     change = at(a, 2 * n)
     factors = at(a, 3 * n + (n + 1) * 2 * n)
     due = at(factors, n * n + n)
-    sizes = at(s, HEADER + size + n)
-    masses = at(s, HEADER + 3 * size + 2)
     radius = s[SPECTRAL_RADIUS]
     alpha_m = share(radius)
     alpha_f = radius / (radius + 1.0)
@@ -243,8 +238,8 @@ def balance(s: Floats, p: Floats, after: float, h: float) -> int:
             a[n + i] += change[i]
             change[i] *= h * gamma
         advance(s, h)
-        moved = relative_size(n, change, masses, at(new, n), sizes, h * h * masses[n])
-        state = progress(iteration, moved, previous)
+        moved = largest_part(1, s, h, at(new, n), change)
+        state = judge(s, p, h, at(new, n), change, iteration, moved, previous)
         if state == CONVERGED:
             return DONE
         if state == LOST:

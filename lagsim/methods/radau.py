@@ -60,15 +60,21 @@ from lagsim.methods._singular import (
     leave_loss,
     needs_loops,
     note_directions,
+    time_to_loss,
 )
 from lagsim.methods._state import (
     CLOSE_BELOW,
     DEGENERATE,
     DONE,
     EVALUATIONS,
+    FALLING,
     HEADER,
+    HEALTH,
+    LOSS_AHEAD,
     NEWTON_FAILED,
     NOT_FINITE,
+    PASSES,
+    PLANNED,
     PROJECTION_FAILED,
     REJECTIONS,
     RTOL,
@@ -165,6 +171,8 @@ def step(s: Floats, p: Floats) -> int:
         h = usable_step(s, p)
         if h == 0.0:
             return trouble
+        if CONSTRAINED and cannot_pass(s, p, rejected):
+            return LOSS_AHEAD
         error = attempt(s, p, h)
         trouble = verdict(s, p, h, error)
         if trouble == DONE:
@@ -177,9 +185,14 @@ def step(s: Floats, p: Floats) -> int:
             own[JACOBIAN] = 0.0
     quotient = predict(s, h, error)
     accept(s, p, h)
-    s[H] = h / quotient
-    if rejected:
-        s[H] = min(s[H], h)
+    plan_next(s, h, h / quotient, rejected)
+    return DONE
+
+
+def plan_next(s: Floats, h: float, ahead: float, rejected: bool) -> None:
+    """Choose the step after one of length h, and whether the Jacobian is kept."""
+    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
+    s[H] = min(ahead, h) if rejected else ahead
     if own[CEILING] > 0.0:
         own[CEILING] *= FORGOTTEN
         s[H] = min(s[H], CLEAR * own[CEILING])
@@ -188,7 +201,19 @@ def step(s: Floats, p: Floats) -> int:
         own[JACOBIAN] = 1.0
         if h <= s[H] and s[H] <= NOT_WORTH * h:
             s[H] = h
-    return DONE
+
+
+def cannot_pass(s: Floats, p: Floats, rejected: bool) -> bool:
+    """Tell whether the step is one over or from a loss of rank, or fails before it.
+
+    The accelerations off the constraints, and their derivatives, grow with the inverse
+    of the rows' independence: Newton's method for the stages finds a false solution, or
+    none. An explicit method has stages at a distance.
+    """
+    if rejected and s[PLANNED] > 0.0 and s[FALLING] > 0.0:
+        return time_to_loss(s, p, s[HEALTH] / s[FALLING]) > 0.0
+    leaves = float(s[STEP_H]) == 0.0 and float(s[HEALTH]) < float(s[CLOSE_BELOW])
+    return leaves or float(s[PASSES]) > 0.0
 
 
 def verdict(s: Floats, p: Floats, h: float, error: float) -> int:
@@ -306,7 +331,7 @@ def filtered(s: Floats, p: Floats, h: float, errors: Floats) -> float:
     error = norm(size, errors, tolerances) * s[RTOL] ** 0.2
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, s[T] + h, at(own, OWN + NEW * size))
-        removed = forget_removed(n, p, h, errors)
+        removed = forget_removed(s, p, h, errors)
         left = norm(size, errors, tolerances) * s[RTOL] ** 0.2
         error = bent(s, removed, left)
     return float(error)

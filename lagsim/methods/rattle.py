@@ -34,7 +34,12 @@ from lagsim.methods._fixed import (
     take,
 )
 from lagsim.methods._interface import derivative, position_step, velocity_step
-from lagsim.methods._projection import ROUNDING, project_level, relative_size
+from lagsim.methods._projection import (
+    ROUNDING,
+    is_small,
+    largest_part,
+    project_level,
+)
 from lagsim.methods._singular import record_health
 from lagsim.methods._state import (
     DONE,
@@ -144,20 +149,18 @@ def hold(s: Floats, p: Floats, after: float, h: float) -> int:
     size = int(s[SIZE])
     n = int(s[N])
     y = at(s, HEADER)
-    sizes = at(s, HEADER + size)
     masses = at(s, HEADER + 3 * size + 2)
     new = at(s, HEADER + 10 * size + 6)
     work = at(s, HEADER + 12 * size + 6)
     steps = at(work, size + 4)
-    least = h * h * h * h * masses[n]
     previous = 1e300
     for made in range(MOST):
         position_step(after, new, p, work)
         residual = work[n]
-        change = relative_size(n, work, masses, new, sizes, least)
-        if residual <= EXACT or change <= EXACT:
+        if residual <= EXACT or largest_part(0, s, h, new, work) <= EXACT:
             return 1
-        if residual <= ROUNDING and residual > 0.5 * previous:
+        stalled = residual > 0.5 * previous
+        if stalled and (residual <= ROUNDING or is_small(0, s, h, new, work) > 0):
             return 1
         if not residual < 1e300:
             return 0

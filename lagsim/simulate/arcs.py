@@ -20,7 +20,7 @@ from lagsim.plan import by_loops
 from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED
 from lagsim.simulate.coordinates import singularity_caution
-from lagsim.simulate.fallback import fall_back
+from lagsim.simulate.fallback import fall_back, pass_loss
 from lagsim.simulate.pace import Pace
 from lagsim.simulate.ranks import RankLosses
 from lagsim.simulate.reasons import reason_of
@@ -379,6 +379,8 @@ class Run:
             self._switch_to_loops()
         elif code == at.RANK_LOST:
             self.losses.note(self)
+        elif code == at.LOSS_AHEAD:
+            pass_loss(self)
         elif code == at.STIFF:
             from lagsim.simulate.stiffness import consider
 

@@ -11,6 +11,7 @@ from lagsim.methods import method
 from lagsim.methods._driver import ROUNDED
 from lagsim.methods._looks import looks_size
 from lagsim.methods._switching import search_size
+from lagsim.system.functions import joined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -74,6 +75,10 @@ def empty_state(runner: Runner) -> Floats:
     state[at.EXTENTS_AT] = ranges
     state[ranges : ranges + system.size] = np.inf
     state[ranges + system.size : ranges + 2 * system.size] = -np.inf
+    together = state[ranges + 5 * system.size :][: system.n]
+    together[:] = joined(
+        system.n, [*(row.A for row in system.equations.rows), *system.equations.M]
+    )
     state[at.LOOKS_AT], state[at.SIGNALS] = looks, watched
     for k, sleeper in enumerate(system.sleepers):
         state[looks + k] = sleeper.kind

@@ -44,6 +44,9 @@ OSCILLATING = 0.1
 # A fast oscillation with more than this part of the energy is excited. What follows
 # slow motion quasi-statically has the fourth power of the ratio of the frequencies.
 EXCITED = 1e-10
+# A body that another one moves has no more than so many times the energy by which it
+# depends on it: the square of how its acceleration does, in units of the fast motion.
+FOLLOWS = 1e2
 # Steps of the trial: some to grow, as many to measure.
 TRIAL = 25
 WORTH = 5.0
@@ -129,21 +132,31 @@ def _fastest(run: Run, J: Floats) -> Fast:
     amplitudes = np.linalg.lstsq(left.T @ right, left.T @ rates, rcond=None)[0]
     swinging = -values.real < OSCILLATING * np.abs(values)
     moving = np.abs(right[:n]) @ np.abs(amplitudes * swinging)
-    excited = _is_excited(run, masses * moving**2, masses, J)
-    return Fast(float(np.max(np.abs(values))), where, excited)
+    rate = float(np.max(np.abs(values)))
+    excited = _is_excited(run, masses * moving**2, masses, J, max(rate, 1e-300))
+    return Fast(rate, where, excited)
 
 
-def _is_excited(run: Run, fast: Floats, masses: Floats, J: Floats) -> bool:
+def _is_excited(
+    run: Run, fast: Floats, masses: Floats, J: Floats, speed: float
+) -> bool:
     """Tell whether fast motion has energy, twice that of each coordinate in `fast`.
 
-    Against the whole of the bodies that depend on each other: that of others, and the
-    speed of all of them together, says nothing about it.
+    Against the whole of the bodies that depend on each other, as far as they do: that
+    of others, and the speed of all of them together, says nothing about it.
     """
     n = len(masses)
-    links = np.eye(n) + np.abs(np.sign(J[:, :n])) + np.abs(np.sign(J[:, n:]))
-    linked = np.sign(links + links.T)
+    depends = np.abs(J[:, :n]) / speed**2 + np.abs(J[:, n:]) / speed
+    roots = np.sqrt(masses)
+    ratios = np.divide(
+        roots[:, None], roots, out=np.full((n, n), inf), where=roots > 0.0
+    )
+    moved = np.where(depends > 0.0, ratios * depends, 0.0)
+    # What one body's energy may leave in another that follows it quasi-statically.
+    linked = np.minimum(FOLLOWS / EXCITED * np.maximum(moved, moved.T) ** 2, 1.0)
+    linked = np.maximum(linked, np.eye(n))
     for _ in range(n.bit_length()):
-        linked = np.sign(linked @ linked)
+        linked = np.minimum(linked @ linked, 1.0)
     each = masses * run.ranges[n : 2 * n] ** 2
     whole = np.minimum(linked @ each, 2.0 * run.state[at.ENERGY])
     return bool(np.any(linked @ fast > EXCITED * whole))
