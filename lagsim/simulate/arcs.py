@@ -104,6 +104,7 @@ class Run:
         self.torn = ""
         self.accumulating = ""
         self.unmet: list[str] = []
+        self.arcs, self.arc_steps = 0, 0.0
         self.losses = RankLosses()
         self.rows = 0
         self.pace = Pace()
@@ -191,8 +192,9 @@ class Run:
         low, high = extents(self.state)
         return np.asarray(np.maximum(high, self.y) - np.minimum(low, self.y))
 
-    def whole(self, most_steps: int) -> Trajectory:
-        """Go through all arcs."""
+    def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
+        """Go through all arcs; each counts as some steps besides its own."""
+        self.arc_steps = arc_steps
         outcome = Outcome.DONE
         for end in chain(self._breaks(), [self.simulation.end]):
             if self.t > self.simulation.start:
@@ -223,6 +225,7 @@ class Run:
                 evaluations,
                 int(state[at.FACTORISATIONS]) + (1 if all_constant else evaluations),
                 float(state[at.SMALLEST_STEP]) or None,
+                self.arcs,
             ),
             events=tuple(self.events),
             warnings=tuple(self.warnings),
@@ -291,6 +294,7 @@ class Run:
         state[at.ROW_LIMIT] = min(end, last)
         state[at.FRESH] = 1.0
         state[at.ARC_START] = self.t
+        self.arcs += 1
         if self.features is not None:
             self.features.advance(self)
 
@@ -330,7 +334,9 @@ class Run:
     def advance(self, most_steps: int) -> Outcome | None:
         """Integrate on, by one call of the kernel; give an outcome if there is one."""
         state = self.state
-        left = most_steps - self.steps
+        left = most_steps - self.steps - int(self.arcs * self.arc_steps)
+        if left <= 0:
+            return Outcome.TOO_MANY_STEPS
         budget = min(self.pace.steps, left, self.review_at - self.steps)
         budget = min(budget, APART - self.steps % APART)
         with self.pace.kept():
