@@ -70,6 +70,8 @@ MOST_DENSE = 10**9
 MET = 1e-3
 LOOKS = 8
 APART = 10_000
+# After so many steps each it is asked whether they lead to a surface or only up to it.
+NEAR = 500
 
 
 class Consumer(Protocol):
@@ -339,6 +341,8 @@ class Run:
             return Outcome.TOO_MANY_STEPS
         budget = min(self.pace.steps, left, self.review_at - self.steps)
         budget = min(budget, APART - self.steps % APART)
+        if self.switching is not None:
+            budget = min(budget, NEAR - self.steps % NEAR)
         with self.pace.kept():
             room = self.block[: self.pace.rows]
             code = self.runner.advance(state, room, budget)
@@ -354,13 +358,19 @@ class Run:
             return Outcome.TOO_MANY_STEPS
         if code == at.PAUSED and self._never_met():
             return Outcome.NO_ANSWER
-        if code == at.SWITCH_FOUND:
+        if code == at.SWITCH_FOUND or (code == at.PAUSED and self._is_stuck()):
             return Outcome.SWITCHED
         if code in _OUTCOMES:
             outcome = _OUTCOMES[code]
             return None if fall_back(self, outcome) else outcome
         self._go_on(code)
         return None
+
+    def _is_stuck(self) -> bool:
+        """Tell whether steps lead no nearer to a surface that is reached."""
+        if self.switching is None or self.steps % NEAR:
+            return False
+        return self.switching.is_stuck()
 
     def _never_met(self) -> bool:
         """Tell whether projection has not met the constraints for a long time."""
