@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from tests.hunt.grammar import scene as scene_of
-from tests.hunt.integrator import NoTruthError
+from tests.hunt.integrator import Extrapolation, NoTruthError
 from tests.hunt.lagsim_runs import Answer
 from tests.hunt.scene import Item, Scene
 from tests.hunt.shrinking import shrunk
