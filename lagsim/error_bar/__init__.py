@@ -60,8 +60,8 @@ __all__ = [
 ]
 
 # How much tighter the repeat's tolerance is, how much where that does not come to its
-# end, the least that means anything, and the
-# loosest that a repeat is made at: loose steps may both be far off, and alike.
+# end, the least that means anything, and the loosest that a repeat is made at: loose
+# ones may both be far off, and alike.
 TIGHTER = 100.0
 LOOSER = 3.0
 TIGHTEST = 1e-14
@@ -161,8 +161,7 @@ def repeat(
             fine, start, other.plan, other.system, [again, *([own] if own else [])],
             interrupt=interrupt, progress=progress,
             most_steps=MOST_STEPS if always else most,
-            arc_steps=0.0 if always else price.arc,
-            longest_step=other.longest_step,
+            longest_step=other.longest_step, arc_steps=0.0 if always else price.arc,
         )  # fmt: skip
         allowance.take(price, repeated)
         if repeated.outcome is Outcome.INTERRUPTED:
@@ -360,8 +359,8 @@ def _compared(
     errors = np.abs(theirs[:, 1:] - mine[:, 1:])
     errors = np.fmax(errors, ROUNDED * _largest(mine[:, 1:]))
     # Times are rounded, too, also those at which forces step.
-    moved = mine[:, :1] * mine[:, 1 + n :]
-    errors[:, :n] = np.fmax(errors[:, :n], ROUNDED * _largest(moved))
+    late = ROUNDED * _largest(mine[:, :1] * mine[:, 1 + n :])
+    errors[:, :n] = np.fmax(errors[:, :n], late)
     own = checkpoints.high - checkpoints.low
     sizes = ranges(equations.q, checkpoints, again, repeated.extents)
     # Where the two are apart, the repeat's motion is another one; it counts only where
