@@ -103,13 +103,17 @@ class Caution:
 
 @dataclass(slots=True)
 class Statistics:
-    """Counts of the work done, and the smallest step; None after a few steps only."""
+    """Counts of the work done, and the smallest step; None after a few steps only.
+
+    `arcs` are counted as they begin.
+    """
 
     steps: int = 0
     rejections: int = 0
     evaluations: int = 0
     factorisations: int = 0
     smallest_step: float | None = None
+    arcs: int = 0
 
 
 @dataclass(frozen=True, slots=True)

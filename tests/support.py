@@ -61,7 +61,7 @@ def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
     `loops` insists on the dense solve; other keywords are those of `simulate`, or
     options of `simulation` such as rtol="1e-12".
     """
-    passed = {"interrupt", "progress", "most_steps"}
+    passed = {"interrupt", "progress", "most_steps", "arc_steps"}
     options = {k: str(v) for k, v in keywords.items() if k not in passed}
     rest = {k: v for k, v in keywords.items() if k in passed}
     if isinstance(model, str):

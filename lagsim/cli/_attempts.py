@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.alarms import Doubt, Witness
     from lagsim.equations import Equations
-    from lagsim.error_bar import Checkpoints, ErrorBar
+    from lagsim.error_bar import Allowance, Checkpoints, ErrorBar
     from lagsim.interrupt import Interrupt
     from lagsim.model import Model
     from lagsim.native.kernel_types import Floats
@@ -70,6 +70,7 @@ class Means(NamedTuple):
     system: System
     longest_step: float = 0.0
     most_steps: int = 0
+    arc_steps: float = 0.0
 
 
 class Attempt(NamedTuple):
@@ -136,6 +137,8 @@ class Attempts:
     ) -> None:
         self.job, self.equations, self.start = job, equations, start
         self.writer, self.interrupt = writer, interrupt
+        # What all that judges the first attempt may cost.
+        self.allowance: Allowance | None = None
 
     def best(self, means: Means) -> Attempt:
         """Make the rows, anew where they are in doubt."""
@@ -149,10 +152,13 @@ class Attempts:
         second = self._made(others)
         if second.trajectory.outcome.complete or self._is_over(second):
             return _judged(second, self._doubt(second))
-        return _judged(self._made(means), doubt)
+        return _judged(self._made(means, first.bar), doubt)
 
-    def _made(self, means: Means) -> Attempt:
-        """Make one attempt; the table and all that rows go to begin anew."""
+    def _made(self, means: Means, bar: ErrorBar | str | None = None) -> Attempt:
+        """Make one attempt; the table and all that rows go to begin anew.
+
+        `bar` is what a repeat says of it, where one has been made before.
+        """
         from lagsim.alarms import Witness
         from lagsim.error_bar import Checkpoints
         from lagsim.outputs.ledger import Ledger
@@ -175,14 +181,27 @@ class Attempts:
                 interrupt=self.interrupt, progress=progress,
                 longest_step=means.longest_step,
                 most_steps=means.most_steps or MOST_STEPS,
+                arc_steps=means.arc_steps,
             )  # fmt: skip
             job.lap("integrate")
         job.timings["integrate"] -= output.seconds
         job.timings["output"] += output.seconds
-        bar = self._error_bar(means, trajectory, checkpoints)
+        if bar is None:
+            self._charge(means, trajectory)
+            bar = self._error_bar(means, trajectory, checkpoints)
         return Attempt(
             means, trajectory, ledger, witness, thin, checkpoints, bar, output
         )
+
+    def _charge(self, means: Means, trajectory: Trajectory) -> None:
+        """Let the first attempt set the allowance; take from it what others cost."""
+        from lagsim.error_bar import Allowance, Price
+
+        if self.allowance is None:
+            self.allowance = Allowance(means.system, trajectory)
+        else:
+            price = Price(means.system, means.plan.method, PER_STEP)
+            self.allowance.take(price, trajectory)
 
     def _thinning(self, names: Sequence[str]) -> Thinning | None:
         if not self.job.plots:
@@ -207,7 +226,8 @@ class Attempts:
             bar = repeat(
                 self.equations, self.start, means.plan, means.system, trajectory,
                 checkpoints, always=always, account=self._account,
-                interrupt=self.interrupt, progress=progress,
+                allowance=self.allowance, interrupt=self.interrupt,
+                progress=progress,
             )  # fmt: skip
         self.job.lap("error_bar")
         return bar
@@ -237,14 +257,14 @@ class Attempts:
         found = bool(bar.parted) or is_outlier(
             self.equations, self.start, attempt.plan, attempt.system,
             attempt.trajectory, attempt.checkpoints, bar, account=self._account,
-            interrupt=self.interrupt,
+            allowance=self.allowance, interrupt=self.interrupt,
         )  # fmt: skip
         self.job.lap("error_bar")
         return found
 
     def _others(self, first: Attempt, doubt: Doubt) -> Means | None:
         """Give other means than those of an attempt that is in doubt."""
-        from lagsim.error_bar import by_other_means
+        from lagsim.error_bar import Price, by_other_means
         from lagsim.formulation import Choice
 
         trajectory = first.trajectory
@@ -258,13 +278,16 @@ class Attempts:
         least = (trajectory.end - trajectory.start) / longest
         worth = trajectory.statistics.evaluations / PER_STEP
         most = max(ENOUGH, int(MORE * worth + AT_LEAST * least))
+        price = Price(other.system, other.plan.method, PER_STEP)
+        assert self.allowance is not None
+        most = max(1, self.allowance.most(price, most))
         rtol = "" if other.plan.rtol is None else f" at rtol {other.plan.rtol:.2g}"
         choice = Choice(
             f"made anew: {other.plan.method}{rtol}, steps up to {longest:.3g}",
             f"by {first.plan.method}, from t = {doubt.time:.9g} on, {doubt.text}",
         )
         plan = replace(other.plan, choices=(*first.plan.choices, choice))
-        return Means(plan, other.system, longest, most)
+        return Means(plan, other.system, longest, most, price.arc)
 
 
 def _judged(attempt: Attempt, doubt: Doubt | None) -> Attempt:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from lagsim.error_bar.allowance import BUDGET, Allowance, Price, cost, own_cost
 from lagsim.error_bar.bar import LOST, TIMES, CoordinateError, ErrorBar
 from lagsim.error_bar.checkpoints import MOST_ROWS, Checkpoints
 from lagsim.error_bar.scales import STILL, beside, ranges, scales_of
@@ -46,9 +47,11 @@ __all__ = [
     "MOST_ROWS",
     "STILL",
     "TIMES",
+    "Allowance",
     "Checkpoints",
     "CoordinateError",
     "ErrorBar",
+    "Price",
     "Repeat",
     "beside",
     "by_other_means",
@@ -57,8 +60,8 @@ __all__ = [
 ]
 
 # How much tighter the repeat's tolerance is, how much where that does not come to its
-# end, the least that means anything, and the
-# loosest that a repeat is made at: loose steps may both be far off, and alike.
+# end, the least that means anything, and the loosest that a repeat is made at: loose
+# ones may both be far off, and alike.
 TIGHTER = 100.0
 LOOSER = 3.0
 TIGHTEST = 1e-14
@@ -71,20 +74,10 @@ EXACT = "exponential"
 # numbers: looks fall elsewhere in each row), and of the steps of the same method.
 WITHIN = 0.75**0.5
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
-# Operations that a repeat may take without being asked for: about 2 s; and so many that
-# it may always take to keep its steps short.
-BUDGET = 2e9
+# Operations that a repeat may always take to keep its steps short.
 SHORT = 2e7
-# No repeat takes more than so many times the run, or so many operations: one that does
-# has met with something that the run has not.
-MOST_TIMES = 20.0
-ALWAYS = 2e8
-# Evaluations and columns of a row cost about this much besides their operations.
-OVERHEAD = 20
 # Evaluations in a step with rows in it, of what repeats most runs.
 PER_STEP = 15.0
-# A series takes about so many times the operations of the rates that it is made of.
-SERIES_LENGTH = 50
 # Rows of the repeat, at least: ranges are taken from them, too.
 LEAST_ROWS = 64
 # Two repeats agree by far where they are apart by this part of what the run is off.
@@ -111,6 +104,11 @@ class Repeat(NamedTuple):
     longest_step: float
     per_step: float = PER_STEP
 
+    @property
+    def price(self) -> Price:
+        """What it costs."""
+        return Price(self.system, self.plan.method, self.per_step)
+
 
 def repeat(
     equations: Equations,
@@ -122,6 +120,7 @@ def repeat(
     *,
     always: bool = False,
     account: Callable[[System], Account] | None = None,
+    allowance: Allowance | None = None,
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ErrorBar | str:
@@ -135,30 +134,35 @@ def repeat(
         Whatever it costs.
     account
         Gives what judges a repeat; one that fails says nothing, and another is made.
+    allowance
+        What is left for the judging of the run; by default as much as there ever is.
     progress
         Called with the fraction of the repeat that is done.
     """
     if len(checkpoints.rows) < 2:
         return "there are too few rows to compare"
-    expected = 2.0 * trajectory.statistics.evaluations * _cost(system, plan.method)
+    expected = 2.0 * trajectory.statistics.evaluations * cost(system, plan.method)
     if expected > BUDGET and not always:
         return (
             f"a repeat would take about {expected:.1e} operations "
             "(--error-bar always makes it)"
         )
     n = len(equations.model.coordinates)
+    allowance = allowance or Allowance(system, trajectory)
     found: ErrorBar | str = "nothing else can repeat it"
     for other in by_other_means(equations, start, plan, system, trajectory):
         fine, stride = _spaced(equations, checkpoints)
         again = Checkpoints(n, fine.model.simulation, stride)
-        most = _most_steps(other, system, trajectory)
+        price = other.price
+        most = allowance.steps(price, system, trajectory)
         own = None if account is None else account(other.system)
         repeated = simulate(
             fine, start, other.plan, other.system, [again, *([own] if own else [])],
             interrupt=interrupt, progress=progress,
             most_steps=MOST_STEPS if always else most,
-            longest_step=other.longest_step,
+            longest_step=other.longest_step, arc_steps=0.0 if always else price.arc,
         )  # fmt: skip
+        allowance.take(price, repeated)
         if repeated.outcome is Outcome.INTERRUPTED:
             return "the repeat was interrupted"
         fault = own.fault(other.plan, repeated) if own else ""
@@ -183,6 +187,7 @@ def is_outlier(
     bar: ErrorBar,
     *,
     account: Callable[[System], Account] | None = None,
+    allowance: Allowance | None = None,
     interrupt: Interrupt | None = None,
 ) -> bool:
     """Tell whether it is the run, and not its repeat, that is off: by a third one.
@@ -200,11 +205,13 @@ def is_outlier(
     fine, stride = _spaced(equations, checkpoints)
     third = Checkpoints(len(equations.q), fine.model.simulation, stride)
     own = None if account is None else account(other.system)
+    allowance, price = allowance or Allowance(system, trajectory), other.price
     made = simulate(
         fine, start, plan, other.system, [third, *([own] if own else [])],
-        interrupt=interrupt, most_steps=_most_steps(other, system, trajectory),
-        longest_step=longest,
+        interrupt=interrupt, longest_step=longest, arc_steps=price.arc,
+        most_steps=allowance.steps(price, system, trajectory),
     )  # fmt: skip
+    allowance.take(price, made)
     if own and own.fault(plan, made):
         return False
     found = third.numbered
@@ -292,30 +299,13 @@ def _free(equations: Equations, start: Start) -> Plan:
     return make_plan(replace(equations, model=model), start)
 
 
-def _cost(system: System, method: str) -> float:
-    """Give about how many operations an evaluation takes, whatever goes with it."""
-    operations = float(system.operations)
-    if system.plan.method == SERIES and method != SERIES:
-        operations /= SERIES_LENGTH
-    return operations + OVERHEAD
-
-
-def _most_steps(other: Repeat, system: System, trajectory: Trajectory) -> int:
-    """Give how many steps a repeat may make: it costs a few times the run."""
-    own = trajectory.statistics.evaluations * _cost(system, system.plan.method)
-    most = min(BUDGET, max(MOST_TIMES * own, ALWAYS))
-    return int(most / (other.per_step * _cost(other.system, other.plan.method)))
-
-
 def _affordable(
     longest: float, system: System, method: str, trajectory: Trajectory
 ) -> float:
     """Give a longest step with which steps alone cost no more than they may."""
     span = trajectory.end - trajectory.start
-    own = trajectory.statistics.evaluations * _cost(system, system.plan.method)
-    most = min(max(2.0 * own, SHORT), BUDGET / 2.0)
-    per_step = PER_STEP * _cost(system, method)
-    return max(longest, span * per_step / most)
+    most = min(max(2.0 * own_cost(system, trajectory), SHORT), BUDGET / 2.0)
+    return max(longest, span * PER_STEP * cost(system, method) / most)
 
 
 def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
@@ -366,8 +356,10 @@ def _compared(
         others.append(again.last)
     mine, theirs = np.array(rows), np.array(others)
     errors = np.abs(theirs[:, 1:] - mine[:, 1:])
-    rounded = ROUNDED * np.maximum.accumulate(np.abs(mine[:, 1:]), axis=0)
-    errors = np.fmax(errors, rounded)
+    errors = np.fmax(errors, ROUNDED * _largest(mine[:, 1:]))
+    # Times are rounded, too, also those at which forces step.
+    late = ROUNDED * _largest(mine[:, :1] * mine[:, 1 + n :])
+    errors[:, :n] = np.fmax(errors[:, :n], late)
     own = checkpoints.high - checkpoints.low
     sizes = ranges(equations.q, checkpoints, again, repeated.extents)
     # Where the two are apart, the repeat's motion is another one; it counts only where
@@ -390,6 +382,11 @@ def _compared(
         repeated=repeats,
         parted="" if alike else _parted(run, repeated, plan),
     )
+
+
+def _largest(values: Floats) -> Floats:
+    """Give the largest sizes up to each row (k, n)."""
+    return np.asarray(np.maximum.accumulate(np.abs(values), axis=0))
 
 
 def _parted(run: Trajectory, repeated: Trajectory, plan: Plan) -> str:

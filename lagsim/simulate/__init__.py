@@ -36,6 +36,7 @@ def simulate(
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
     most_steps: int = MOST_STEPS,
+    arc_steps: float = 0.0,
     longest_step: float = 0.0,
 ) -> Trajectory:
     """Integrate from `start`, handing every row to the consumers.
@@ -44,6 +45,8 @@ def simulate(
     ----------
     progress
         Called with the fraction of the run that is done.
+    arc_steps
+        How many of the most steps an arc counts as, besides its own.
     longest_step
         No step of a method that chooses its steps is longer, if it is not 0; the ranges
         of the coordinates over the steps are then noted, too.
@@ -55,8 +58,8 @@ def simulate(
             equations, start, plan, system, consumers, interrupt, progress,
             longest_step,
         )  # fmt: skip
-        return apart.whole(most_steps)
+        return apart.whole(most_steps, arc_steps)
     run = Run(
         equations, start, plan, system, consumers, interrupt, progress, longest_step
     )
-    return run.whole(most_steps)
+    return run.whole(most_steps, arc_steps)

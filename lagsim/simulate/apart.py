@@ -110,8 +110,10 @@ class Apart:
             self.parts.append(part)
         self.rows = 0
 
-    def whole(self, most_steps: int) -> Trajectory:
+    def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
         """Go through the whole run."""
+        for part in self.parts:
+            part.arc_steps = arc_steps
         simulation = self.parts[0].simulation
         span = simulation.end - simulation.start
         while True:
@@ -160,6 +162,7 @@ class Apart:
                 sum(x.rejections for x in counts),
                 sum(x.evaluations for x in counts),
                 sum(x.factorisations for x in counts),
+                arcs=sum(x.arcs for x in counts),
             ),
             events=sorted((e for x in found for e in x.events), key=lambda e: e.time),
             warnings=[w for x in found for w in x.warnings],

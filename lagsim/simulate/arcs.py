@@ -70,6 +70,8 @@ MOST_DENSE = 10**9
 MET = 1e-3
 LOOKS = 8
 APART = 10_000
+# After so many steps each it is asked whether they lead to a surface or only up to it.
+NEAR = 500
 
 
 class Consumer(Protocol):
@@ -104,6 +106,7 @@ class Run:
         self.torn = ""
         self.accumulating = ""
         self.unmet: list[str] = []
+        self.arcs, self.arc_steps = 0, 0.0
         self.losses = RankLosses()
         self.rows = 0
         self.pace = Pace()
@@ -191,8 +194,9 @@ class Run:
         low, high = extents(self.state)
         return np.asarray(np.maximum(high, self.y) - np.minimum(low, self.y))
 
-    def whole(self, most_steps: int) -> Trajectory:
-        """Go through all arcs."""
+    def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
+        """Go through all arcs; each counts as some steps besides its own."""
+        self.arc_steps = arc_steps
         outcome = Outcome.DONE
         for end in chain(self._breaks(), [self.simulation.end]):
             if self.t > self.simulation.start:
@@ -223,6 +227,7 @@ class Run:
                 evaluations,
                 int(state[at.FACTORISATIONS]) + (1 if all_constant else evaluations),
                 float(state[at.SMALLEST_STEP]) or None,
+                self.arcs,
             ),
             events=tuple(self.events),
             warnings=tuple(self.warnings),
@@ -291,6 +296,7 @@ class Run:
         state[at.ROW_LIMIT] = min(end, last)
         state[at.FRESH] = 1.0
         state[at.ARC_START] = self.t
+        self.arcs += 1
         if self.features is not None:
             self.features.advance(self)
 
@@ -330,9 +336,13 @@ class Run:
     def advance(self, most_steps: int) -> Outcome | None:
         """Integrate on, by one call of the kernel; give an outcome if there is one."""
         state = self.state
-        left = most_steps - self.steps
+        left = most_steps - self.steps - int(self.arcs * self.arc_steps)
+        if left <= 0:
+            return Outcome.TOO_MANY_STEPS
         budget = min(self.pace.steps, left, self.review_at - self.steps)
         budget = min(budget, APART - self.steps % APART)
+        if self.switching is not None:
+            budget = min(budget, NEAR - self.steps % NEAR)
         with self.pace.kept():
             room = self.block[: self.pace.rows]
             code = self.runner.advance(state, room, budget)
@@ -348,13 +358,19 @@ class Run:
             return Outcome.TOO_MANY_STEPS
         if code == at.PAUSED and self._never_met():
             return Outcome.NO_ANSWER
-        if code == at.SWITCH_FOUND:
+        if code == at.SWITCH_FOUND or (code == at.PAUSED and self._is_stuck()):
             return Outcome.SWITCHED
         if code in _OUTCOMES:
             outcome = _OUTCOMES[code]
             return None if fall_back(self, outcome) else outcome
         self._go_on(code)
         return None
+
+    def _is_stuck(self) -> bool:
+        """Tell whether steps lead no nearer to a surface that is reached."""
+        if self.switching is None or self.steps % NEAR:
+            return False
+        return self.switching.is_stuck()
 
     def _never_met(self) -> bool:
         """Tell whether projection has not met the constraints for a long time."""

@@ -277,18 +277,44 @@ class Switching:
             return None
         self.reach = AHEAD if run.t != self.tried_at else self.reach * BACK
         self.tried_at = run.t
+        k, ahead = self._next()
+        if not run.t + ahead < end:
+            return None
+        if self._is_on(k):
+            run.state[at.SWITCHED] = k + 1
+        return float(run.t + self.reach * ahead)
+
+    def is_stuck(self) -> bool:
+        """Tell whether the motion is as good as on a surface that it cannot step over.
+
+        Then it counts as met: far from the origin a position has no value between, and
+        steps too short to change it lead nowhere.
+        """
+        k, ahead = self._next()
+        if not ahead < math.inf or not self._is_on(k):
+            return False
+        self.run.state[at.SWITCHED] = k + 1
+        return True
+
+    def _next(self) -> tuple[int, float]:
+        """Give the surface that is met next, at the rates there are, and how soon."""
         modes = self.modes
         rows = modes.rows()
         forced = rows.J @ modes.field() - rows.b
         speeds = np.where(self.of_velocities, forced, rows.rates)
-        values = modes.values(run.t, run.y)
+        values = modes.values(self.run.t, self.run.y)
         ends = np.where(speeds > 0, modes.kept(kept.MOST), modes.kept(kept.LEAST))
         with np.errstate(divide="ignore", invalid="ignore"):
             ahead = np.where(modes.bound, math.inf, (ends - values) / speeds)
         ahead[~(ahead >= 0.0)] = math.inf
         k = int(np.argmin(ahead))
-        if not run.t + ahead[k] < end:
-            return None
-        if abs(ends[k] - values[k]) <= 8.0 * ON * modes.sizes(rows)[k]:
-            run.state[at.SWITCHED] = k + 1
-        return float(run.t + self.reach * ahead[k])
+        return k, float(ahead[k])
+
+    def _is_on(self, k: int) -> bool:
+        """Tell whether rounding alone keeps the state from a surface's end."""
+        modes, run = self.modes, self.run
+        rows = modes.rows()
+        values = modes.values(run.t, run.y)
+        low, high = modes.kept(kept.LEAST)[k], modes.kept(kept.MOST)[k]
+        off = min(abs(low - values[k]), abs(high - values[k]))
+        return bool(off <= 8.0 * ON * modes.sizes(rows)[k])

@@ -322,7 +322,7 @@ def test_a_home_that_is_read_only(tmp_path, write):
     assert home.read_text() == "not even a folder"
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 def test_constraints_that_rows_do_not_meet_are_told(lagsim, write):
     # At rest the gradient 2 (x', y', -4 z') of the relation vanishes and nothing tells
     # how the fall goes on.

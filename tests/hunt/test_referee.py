@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from tests.hunt.grammar import scene as scene_of
-from tests.hunt.integrator import NoTruthError
+from tests.hunt.integrator import Extrapolation, NoTruthError
 from tests.hunt.lagsim_runs import Answer
 from tests.hunt.scene import Item, Scene
 from tests.hunt.shrinking import shrunk
@@ -217,3 +217,20 @@ def test_scenes_follow_from_their_seed_and_come_back_from_a_file():
         assert again.text() == scene.text()
         assert list(yaml.safe_load(scene.text())["coordinates"]) == scene.q
     assert scene_of("same-0").text() != scene_of("same-1").text()
+
+
+@pytest.mark.parametrize("past", [0.0009, 0.002, 0.004])
+def test_a_kink_just_before_the_end_of_a_step_is_seen(past):
+    # A throw with drag as the square of the speed: it is up at atan(2), and a step
+    # ends a little later, past all the midpoints but not past the kink.
+    top = np.arctan(Long(2))
+    end = top + Long(past)
+
+    def slope(_, y):
+        return np.array([y[1], -1 - abs(y[1]) * y[1]])
+
+    step = Extrapolation(slope, lambda *_: float(end) / 20, 7, 1e-16, 150_000)
+    t, y = Long(0), np.array([0, 2], Long)
+    while t < end:
+        _, _, y, t = step.advance(t, y, end)
+    assert abs(y[1] + np.tanh(Long(past))) < 1e-14
