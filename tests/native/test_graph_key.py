@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from lagsim.expressions.graph import Graph
-from lagsim.native import graph_code
-from lagsim.native.graph_code import Layout, generate
-from lagsim.native.graph_key import fingerprint
+from lagsim.language.graph import Graph
+from lagsim.native.graph import straight_line
+from lagsim.native.graph.keys import fingerprint
+from lagsim.native.graph.straight_line import Layout, generate
 
 LAYOUT = Layout(y={"x": 0, "v": 1}, p={"k": 0, "c": 1}, fixed=frozenset("kc"), size=2)
 
@@ -83,5 +83,5 @@ def test_the_manner_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     g, functions = graph()
     before = digest(g, functions)
     assert fingerprint(g, functions, LAYOUT, {"sparse": ("f",)}) != before
-    monkeypatch.setattr(graph_code, "PIECE", 1)
+    monkeypatch.setattr(straight_line, "PIECE", 1)
     assert digest(g, functions) != before

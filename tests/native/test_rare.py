@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.expressions.graph import Graph
-from lagsim.native.engine import Engine, compile_object
-from lagsim.native.graph_code import Layout, generate
-from lagsim.native.kernel_code import translate
-from lagsim.native.kernel_types import is_rare, rare
+from lagsim.language.graph import Graph
+from lagsim.native.graph.straight_line import Layout, generate
+from lagsim.native.kernels.code import translate
+from lagsim.native.kernels.words import is_rare, rare
+from lagsim.native.link.engine import Engine, compile_object
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
+    from lagsim.native.kernels.words import Floats
 
 POINTER = ctypes.c_void_p
 

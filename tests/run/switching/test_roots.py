@@ -1,0 +1,151 @@
+"""Roots of velocities: finite and continuous at rest, and steeper than any slope."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from tests.run.switching.scenes import one_quick
+from tests.run.switching.test_located import events, scene
+from tests.run.switching.test_resting import kinds
+from tests.support import run
+
+
+def slowing(v, p, c, t):
+    """Give v and x from 0 of v' = -c v^p, which ends at v^(1 - p)/(c (1 - p))."""
+    q = 1 - p
+    left = np.maximum(v**q - c * q * t, 0)
+    return left ** (1 / q), (v ** (2 - p) - left ** ((2 - p) / q)) / (c * (2 - p))
+
+
+LAWS = {
+    "-C*cbrt(x_dot)": 1 / 3,
+    "-C*sign(x_dot)*abs(x_dot)^0.3": 0.3,
+    "-C*x_dot/abs(x_dot)^0.6": 0.4,
+    "-C*x_dot*abs(x_dot)^(-0.5)": 0.5,
+    "-C*x_dot/sqrt(abs(x_dot))": 0.5,
+    "-C*if(x_dot > 0, x_dot^0.7, -(-x_dot)^0.7)": 0.7,
+    "C*(max(0, -x_dot)^0.4 - max(0, x_dot)^0.4)": 0.4,
+    "-C*sign(x_dot)*(abs(x_dot)/1)^0.1": 0.1,
+}
+
+
+@pytest.mark.parametrize("law", one_quick(*LAWS))
+@pytest.mark.parametrize("unit", [1.0, 1e-6])
+def test_a_power_of_the_speed_brings_to_rest(law, unit):
+    p = LAWS[law]
+    c = 0.7 * unit ** (1 - p)  # the same law where lengths are counted otherwise
+    found = run(scene(force=law.replace("C", repr(c)), v=unit, duration=6))
+    v, x = slowing(1.0, p, 0.7, found["t"])
+    # The floor is 1e-11 of the speed, and the tolerance as much.
+    assert np.max(np.abs(found["x_dot"] / unit - v)) < 1e-9
+    assert np.max(np.abs(found["x"] / unit - x)) < 1e-9
+    assert kinds(found) == (["stick"] if v[-1] == 0.0 else [])
+    assert found.trajectory.statistics.steps < 1000
+
+
+def test_a_moving_level_of_the_speed_is_kept():
+    found = run(scene(force="1.2*cbrt(1 - x_dot)", duration=6))
+    v, _ = slowing(1.0, 1 / 3, 1.2, found["t"])
+    assert np.max(np.abs(found["x_dot"] - (1 - v))) < 1e-9
+    assert kinds(found) == ["stick"]
+
+
+@pytest.mark.parametrize("p", [1 / 3])
+def test_a_force_that_grows_from_rest_moves_at_its_own_pace(p):
+    # v = a t^r with r = 1/p makes F = r a t^(r - 1) + a^p t, known in closed form.
+    r, a = 1 / p, 0.8
+    force = f"{r * a!r}*t^{r - 1!r} + {a**p!r}*t - sign(x_dot)*abs(x_dot)^{p!r}"
+    found = run(scene(force=force, duration=2, output_step=0.02))
+    t = found["t"]
+    assert np.max(np.abs(found["x_dot"] - a * t**r)) < 1e-9
+    assert np.max(np.abs(found["x"] - a * t ** (r + 1) / (r + 1))) < 1e-9
+    assert found.trajectory.statistics.steps < 60_000
+    assert kinds(found) == ["stick", "slip"]
+
+
+def test_a_swing_through_rest_agrees_with_its_implicit_form():
+    # From rest at F(t) = 1 - t the speed is met again at 0 where the force has turned:
+    # the balance of momentum, by quadrature of the rows' own speeds.
+    found = run(scene(force="1 - t - cbrt(x_dot)", duration=3, output_step=1e-3))
+    t, v = found["t"], found["x_dot"]
+    drag = np.concatenate([[0], np.cumsum((np.cbrt(v[1:]) + np.cbrt(v[:-1])) / 2e3)])
+    push = [quad(lambda s: 1 - s, 0, x)[0] for x in t[::500]]
+    # The trapezoidal rule bends at the root's: a step of 1e-3 to the power 4/3 there.
+    assert v[::500] + drag[::500] == pytest.approx(push, abs=3e-4)
+    assert [kind for _, kind in events(found)] == ["switch"]
+
+
+@pytest.mark.parametrize(
+    "law",
+    one_quick(
+        "-cbrt(x_dot)",
+        "-sign(x_dot)*abs(x_dot)^0.4",
+        "-if(x_dot > 0, x_dot^0.3, -(-x_dot)^0.3)",
+    ),
+)
+def test_rows_show_the_force_that_acts(law):
+    text = scene(force="drag + push", duration=1, output_step=1e-5).replace(
+        "duration: 1", "duration: 1e-3"
+    )
+    words = f'definitions: {{drag: "{law}", push: "t"}}\nenergy:'
+    found = run(text.replace("energy:", words))
+    assert kinds(found)[0] == "stick"
+    # As it sticks, and as it has left: the force is what the acceleration says.
+    total = found["drag"] + found["push"] - found["x_ddot"]
+    assert np.max(np.abs(total)) < 1e-15
+    assert found["x_dot"][-1] > 0
+
+
+@pytest.mark.parametrize(
+    "direction",
+    one_quick(
+        "0.5*x_dot/abs(x_dot)",
+        "abs(x_dot)/x_dot/2",
+        "0.5*x_dot/sqrt(x_dot^2)",
+        "x_dot/(2*abs(x_dot))",
+        "0.5*x_dot*abs(x_dot)^(-1)",
+        "x_dot*(0.5/abs(x_dot))",
+        "-(-x_dot)/abs(-x_dot)*0.5",
+    ),
+)
+def test_a_velocity_by_its_size_is_its_sign(direction):
+    found = run(scene(force=f"2*sin(t) - ({direction})", duration=1))
+    # Held until 2 sin t = 1/2, then x'' = 2 sin t - 1/2.
+    t = found["t"]
+    free = np.arcsin(0.25)
+    exact = 2 * (np.cos(free) - np.cos(t)) - (t - free) / 2
+    assert np.max(np.abs(found["x_dot"] - np.where(t < free, 0, exact))) < 1e-12
+    assert kinds(found) == ["stick", "slip"]
+    assert events(found)[1][0] == pytest.approx(free, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("gain", "target", "load"), one_quick((1, 0, 0.1), (1, 0, -0.1), (2, 0, 0))
+)
+@pytest.mark.parametrize("form", ["root", "square"])
+def test_the_end_of_a_switching_curve_is_rest(gain, target, load, form):
+    # Pushed with -gain + load from 1 beside the target to the curve x = v^2/(2 gain),
+    # then along it (or, where the load is against it, in swings) to rest.
+    u = f"(x - {target})"
+    curve = f"x_dot + sign({u})*sqrt({2 * gain}*abs({u}))"
+    if form == "square":
+        curve = f"{u} + x_dot*abs(x_dot)/{2 * gain}"
+    found = run(scene(force=f"{load} - {gain}*sign({curve})", x=target + 1, duration=8))
+    assert found.trajectory.outcome.name == "DONE"
+    t, x = found["t"], found["x"] - target
+    push = gain - load
+    if load >= 0:
+        # 1 - push t^2/2 = (push t)^2/(2 gain)
+        met = np.sqrt(1 / (push / 2 + push**2 / (2 * gain)))
+        end = met + push * met / gain
+        exact = np.where(
+            t < met, 1 - push * t**2 / 2, gain * np.maximum(end - t, 0) ** 2 / 2
+        )
+        # At the end the speed is the root of what the place is known to.
+        assert np.max(np.abs(x - exact)) < 1e-9
+        assert events(found)[-1][0] == pytest.approx(end, abs=1e-5)
+    assert np.max(np.abs(found["x_dot"][-20:])) == 0.0
+    assert np.max(np.abs(x[-20:])) < 1e-12
+    assert np.max(np.abs(found["x_ddot"][-20:])) < 1e-12
