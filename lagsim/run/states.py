@@ -16,7 +16,7 @@ from lagsim.run.system.functions import joined
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.run.system.runner import Runner
 
 # The method where the motion slides along a surface and the method of the run needs

@@ -52,8 +52,6 @@ def _writers() -> str:
     """Give a digest of the text of all that writes the code of a graph."""
     digest = hashlib.sha256(repr(sys.version_info[:2]).encode())
     here = Path(__file__).parent
-    files = [here / "sincos.py", here / "tape_code.py"]
-    files += sorted(here.glob("graph_*.py"))
-    for file in [*files, Path(operations.__file__)]:
+    for file in [*sorted(here.glob("*.py")), Path(operations.__file__)]:
         digest.update(file.read_bytes())
     return digest.hexdigest()
