@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lagsim.mechanics.equations import Equations
-    from lagsim.studies.error_bar import ErrorBar
+    from lagsim.run.error import ErrorBar
 
 # Runs that last longer than this show a progress bar on a terminal.
 PATIENCE_SECONDS = 1.0

@@ -160,8 +160,8 @@ class Attempts:
 
         `bar` is what a repeat says of it, where one has been made before.
         """
-        from lagsim.run import simulate
         from lagsim.run.observers.ledger import Ledger
+        from lagsim.run.simulate import simulate
         from lagsim.run.states import MOST_STEPS
         from lagsim.studies.alarms import Witness
         from lagsim.studies.error_bar import Checkpoints

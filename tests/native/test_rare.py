@@ -14,7 +14,7 @@ from lagsim.native.kernels.words import is_rare, rare
 from lagsim.native.link.engine import Engine, compile_object
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 POINTER = ctypes.c_void_p
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from lagsim.outputs.manifest import encode, manifest, versions
+from lagsim.run.error import ErrorBar
 from lagsim.run.observers.ledger import Ledger
-from lagsim.studies.error_bar import ErrorBar
 from tests.support import run
 
 BROKEN = """\

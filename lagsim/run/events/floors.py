@@ -10,7 +10,7 @@ from lagsim.methods.parts import interface as kept
 from lagsim.methods.parts import state as at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.run.events.modes import Modes
 
 # A floor is this part of what the tolerance lets a velocity err in the run: ten times

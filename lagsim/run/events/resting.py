@@ -18,7 +18,7 @@ from lagsim.run.events.shares import ABOVE, ALONG, BELOW
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.run.events.modes import Modes, Rows
 
 # What is left may be so many times the rounding of a position: that of several steps.

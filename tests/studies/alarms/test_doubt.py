@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from lagsim.outputs.table import TableWriter
+from lagsim.run.error import ErrorBar
 from lagsim.run.observers.ledger import Growth, Ledger
 from lagsim.studies.alarms import Witness, doubt_about
-from lagsim.studies.error_bar import ErrorBar
 from tests.studies.alarms.alarmed import codes
 from tests.support import run
 

@@ -11,10 +11,11 @@ from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
 from lagsim.plan import make_plan
-from lagsim.run import simulate
+from lagsim.run.error import ErrorBar
+from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 from lagsim.studies import error_bar
-from lagsim.studies.error_bar import Checkpoints, ErrorBar, repeat
+from lagsim.studies.error_bar import Checkpoints, repeat
 from tests.methods.test_registry import swing
 from tests.scenes.reference import PROBLEMS, TWO_SIDED, model_text, states
 from tests.support import MODELS
