@@ -10,11 +10,11 @@ from measure import HERE, MODELS, Table, alternate, ms, ratio
 from scipy.integrate import solve_ivp
 
 from lagsim.admissibility import examine
-from lagsim.equations import derive
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read_file
 from lagsim.plan import make_plan
-from lagsim.reader import read_file
-from lagsim.simulate import simulate
-from lagsim.system import System
+from lagsim.run import simulate
+from lagsim.run.system import System
 
 PROBLEMS = HERE.parent / "tests" / "data" / "problems.json"
 WANTED = 1e-9

@@ -18,15 +18,15 @@ from measure import MODELS, Table
 from PIL import Image
 
 from lagsim.admissibility import examine
-from lagsim.bench.chart import chart
-from lagsim.bench.document import document
-from lagsim.bench.front import cost_at
-from lagsim.bench.reference import NoReferenceError
-from lagsim.bench.solving import Scene
-from lagsim.bench.work_precision import Wish, measure
-from lagsim.equations import derive
+from lagsim.mechanics.equations import derive
 from lagsim.methods import names
-from lagsim.reader import read_file
+from lagsim.model.reader import read_file
+from lagsim.studies.bench.chart import chart
+from lagsim.studies.bench.document import document
+from lagsim.studies.bench.front import cost_at
+from lagsim.studies.bench.reference import NoReferenceError
+from lagsim.studies.bench.solving import Scene
+from lagsim.studies.bench.work_precision import Wish, measure
 
 ERRORS = (1e-6, 1e-9, 1e-12)
 GOAL = 2.0

@@ -15,14 +15,14 @@ from failing_chart import EXACT, FAILS, HOLDS, MORE, OTHER, View, draw
 from scipy.integrate import solve_ivp
 
 from lagsim.admissibility import examine
-from lagsim.equations import derive
-from lagsim.methods import _state as at
+from lagsim.mechanics.equations import derive
 from lagsim.methods import dop853
+from lagsim.methods.parts import state as at
+from lagsim.model.reader import read_file
 from lagsim.plan import make_plan
-from lagsim.reader import read_file
-from lagsim.simulate import simulate
-from lagsim.simulate.arcs import Run
-from lagsim.system import System
+from lagsim.run import simulate
+from lagsim.run.arcs import Run
+from lagsim.run.system import System
 
 ROOT = Path(__file__).resolve().parent.parent
 MODELS, FOLDER = ROOT / "models" / "failing", ROOT / "docs" / "failing"

@@ -8,7 +8,7 @@ import time
 import heyoka as hy
 import numpy as np
 
-from lagsim.bench.solving import Solved
+from lagsim.studies.bench.solving import Solved
 
 # Ten times what any of the scenes takes; at loose tolerances some would never end.
 MOST_STEPS = 50_000

@@ -12,12 +12,12 @@ import time
 import numpy as np
 from sksundae.ida import IDA
 
-from lagsim.bench.solving import Solved
-from lagsim.expressions.derivatives import gradient
-from lagsim.native.cache import object_code
-from lagsim.native.engine import Engine
-from lagsim.native.graph_code import Layout, generate
-from lagsim.system.runner import FUNCTION
+from lagsim.language.derivatives import gradient
+from lagsim.native.graph.straight_line import Layout, generate
+from lagsim.native.link.cache import object_code
+from lagsim.native.link.engine import Engine
+from lagsim.run.system.runner import FUNCTION
+from lagsim.studies.bench.solving import Solved
 
 FORMS = ("GGL", "index 1")
 # Multipliers are not controlled, as SUNDIALS recommends for index 2.

@@ -94,11 +94,11 @@ def measured(case, method):
     from rival_heyoka import equations_of
 
     from lagsim.admissibility import examine
-    from lagsim.bench.reference import state_sizes
-    from lagsim.bench.scipy_solvers import Scipy
-    from lagsim.bench.solving import Own, Patience, Scene, least
-    from lagsim.equations import derive
-    from lagsim.reader import read_file
+    from lagsim.mechanics.equations import derive
+    from lagsim.model.reader import read_file
+    from lagsim.studies.bench.reference import state_sizes
+    from lagsim.studies.bench.scipy_solvers import Scipy
+    from lagsim.studies.bench.solving import Own, Patience, Scene, least
 
     equations = derive(
         read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)
@@ -151,8 +151,8 @@ def measured(case, method):
 
 def ours(scene, method, rtol):
     """Give lagsim with a method, or its own choice where that refuses, ready."""
-    from lagsim.bench.solving import Own, Patience
     from lagsim.errors import InputError
+    from lagsim.studies.bench.solving import Own, Patience
 
     try:
         own = Own(scene, method, "auto", rtol)
@@ -230,7 +230,7 @@ def by_tolerance(results):
 
 def by_error(results):
     """Give the table of times at equal errors, and the ratios."""
-    from lagsim.bench.front import cost_at
+    from lagsim.studies.bench.front import cost_at
 
     head = ["scene", "error", "lagsim, ms", "best rival, ms", "lagsim / rival"]
     head += ["lagsim without columns / rival"]
@@ -273,7 +273,7 @@ def compared(result, error, costs):
 def report(results):
     """Give the page."""
     from lagsim import __version__
-    from lagsim.bench.machine import described, machine
+    from lagsim.studies.bench.machine import described, machine
 
     packages = ("heyoka", "scikit-sundae", "scipy", "numpy", "llvmlite")
     versions = ", ".join(f"{p} {version(p)}" for p in packages)

@@ -48,11 +48,11 @@ def candidates(n):
     import numpy as np
 
     from lagsim.admissibility import examine
-    from lagsim.equations import derive
+    from lagsim.mechanics.equations import derive
+    from lagsim.model.reader import read
     from lagsim.plan import make_plan
-    from lagsim.reader import read
-    from lagsim.system import System
-    from lagsim.system.runner import FUNCTION
+    from lagsim.run.system import System
+    from lagsim.run.system.runner import FUNCTION
 
     equations = derive(read(rod_chain(n, 1.0), "rods.yaml"))
     start = examine(equations)

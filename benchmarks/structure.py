@@ -11,11 +11,11 @@ from measure import MODELS, Table, alternate, ms, ratio
 from rod_chain import rod_chain
 
 from lagsim.admissibility import examine
-from lagsim.equations import derive
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read, read_file
 from lagsim.plan import make_plan
-from lagsim.reader import read, read_file
-from lagsim.simulate import simulate
-from lagsim.system import System
+from lagsim.run import simulate
+from lagsim.run.system import System
 
 
 class Scene:

@@ -21,12 +21,12 @@ from measure import (
 from scipy.integrate import solve_ivp
 
 from lagsim.admissibility import examine
-from lagsim.equations import derive
-from lagsim.methods import _state as at
+from lagsim.mechanics.equations import derive
+from lagsim.methods.parts import state as at
+from lagsim.model.reader import read_file
 from lagsim.plan import make_plan
-from lagsim.reader import read_file
-from lagsim.simulate import simulate
-from lagsim.system import System
+from lagsim.run import simulate
+from lagsim.run.system import System
 
 MODEL = MODELS / "elastic-pendulum.yaml"
 # Tolerances tried for scipy, four to a decade.

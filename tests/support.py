@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.admissibility import Start, examine
-from lagsim.equations import Equations, derive
+from lagsim.mechanics.equations import Equations, derive
+from lagsim.model.reader import read, read_file
 from lagsim.plan import Plan, make_plan
-from lagsim.reader import read, read_file
-from lagsim.simulate import simulate
-from lagsim.system import System
+from lagsim.run import simulate
+from lagsim.run.system import System
 
 if TYPE_CHECKING:
-    from lagsim.trajectory import Trajectory
+    from lagsim.run.trajectory import Trajectory
 
 ROOT = Path(__file__).parent.parent
 MODELS = ROOT / "models"

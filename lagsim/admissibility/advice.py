@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.expressions.parser import parse
-from lagsim.expressions.tokens import ExpressionError
-from lagsim.trajectory import Caution
+from lagsim.language.parser import parse
+from lagsim.language.tokens import ExpressionError
+from lagsim.run.trajectory import Caution
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from lagsim.admissibility.dependence import Dependence
     from lagsim.admissibility.rank import RankReport
     from lagsim.admissibility.verdict import Residual, Verdict
-    from lagsim.constraints import Row
-    from lagsim.equations import Equations
-    from lagsim.model import Model
+    from lagsim.mechanics.constraints import Row
+    from lagsim.mechanics.equations import Equations
+    from lagsim.model.model import Model
 
 # As many names are told of which one could be a guess.
 MOST_NAMES = 4

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.admissibility.point import Point
-    from lagsim.native.kernel_types import Floats
+    from lagsim.native.kernels.words import Floats
 
 
 def needs_constraints(

@@ -18,15 +18,15 @@ from lagsim.admissibility.large import is_large
 from lagsim.admissibility.lengths import of_rows
 from lagsim.admissibility.newton import reach
 from lagsim.admissibility.point import Asked
-from lagsim.expressions.derivatives import tangent
-from lagsim.expressions.evaluate import evaluate, evaluate_with_error
+from lagsim.language.derivatives import tangent
+from lagsim.language.evaluate import evaluate, evaluate_with_error
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.admissibility.point import Point
-    from lagsim.constraints import Row
-    from lagsim.native.kernel_types import Floats
+    from lagsim.mechanics.constraints import Row
+    from lagsim.native.kernels.words import Floats
 
 # Vectors that differ from a span by less than this part of their length lie in it.
 INDEPENDENT = 1e-7

@@ -17,15 +17,15 @@ import numpy as np
 
 from lagsim.admissibility.metric import RANK
 from lagsim.admissibility.newton import SOLVED
-from lagsim.expressions.derivatives import tangent
-from lagsim.expressions.evaluate import evaluate
+from lagsim.language.derivatives import tangent
+from lagsim.language.evaluate import evaluate
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.point import Point
-    from lagsim.constraints import Row
-    from lagsim.native.kernel_types import Floats
+    from lagsim.mechanics.constraints import Row
+    from lagsim.native.kernels.words import Floats
 
 # Through so many affine relations a length is handed on.
 LINKS = 3

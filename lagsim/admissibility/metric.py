@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.native.kernel_types import Floats
+    from lagsim.native.kernels.words import Floats
 
 # Singular values below this part of the largest, of what was scaled, are zero.
 RANK = 1e-10

@@ -12,19 +12,15 @@ import numpy as np
 
 from lagsim.admissibility.metric import sizes_of
 from lagsim.admissibility.newton import MET, SOLVED, Relations
-from lagsim.expressions.derivatives import slopes, tangent
-from lagsim.expressions.evaluate import (
-    UNIT_ROUNDOFF,
-    evaluate,
-    evaluate_with_error,
-)
+from lagsim.language.derivatives import slopes, tangent
+from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate, evaluate_with_error
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.constraints import Row
-    from lagsim.equations import Equations
-    from lagsim.native.kernel_types import Floats
+    from lagsim.mechanics.constraints import Row
+    from lagsim.mechanics.equations import Equations
+    from lagsim.native.kernels.words import Floats
 
 
 # Of a value that was found as a double root.

@@ -12,14 +12,14 @@ from lagsim.admissibility.lengths import Form, Lengths
 from lagsim.admissibility.metric import metric_of
 from lagsim.admissibility.newton import Found, Trouble, nearest, reach
 from lagsim.admissibility.point import Asked
-from lagsim.expressions.derivatives import slopes
-from lagsim.trajectory import Caution
+from lagsim.language.derivatives import slopes
+from lagsim.run.trajectory import Caution
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.point import AtState, Point
-    from lagsim.native.kernel_types import Floats
+    from lagsim.native.kernels.words import Floats
 
 # Other roots are looked for from this many starts around the guess, this far away.
 OTHER_STARTS = 16

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility.dependence import Dependence
     from lagsim.admissibility.integrability import Reach
-    from lagsim.equations import Equations
-    from lagsim.native.kernel_types import Floats
-    from lagsim.trajectory import Caution
+    from lagsim.mechanics.equations import Equations
+    from lagsim.native.kernels.words import Floats
+    from lagsim.run.trajectory import Caution
 
 __all__ = ["Start", "examine", "metric_of"]
 

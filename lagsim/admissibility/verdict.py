@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.admissibility.lengths import LINKS, Form, Lengths, of_rows
-from lagsim.expressions.derivatives import slopes
-from lagsim.expressions.evaluate import evaluate
+from lagsim.language.derivatives import slopes
+from lagsim.language.evaluate import evaluate
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.point import Point
-    from lagsim.native.kernel_types import Floats
+    from lagsim.native.kernels.words import Floats
 
 TOLERANCE = 1e-6
 # What all digits of a number leave in a residual of a few terms.

@@ -125,7 +125,7 @@ def _bug() -> int:
 @contextlib.contextmanager
 def _terminable() -> Iterator[None]:
     """Turn SIGTERM into an exception (in the main thread, where it is not ignored)."""
-    from lagsim.interrupt import ignored
+    from lagsim.run.interrupt import ignored
 
     def stop(_number: int, _frame: object) -> NoReturn:
         raise _Terminated

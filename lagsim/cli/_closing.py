@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
-    from lagsim.equations import Equations
-    from lagsim.error_bar import ErrorBar
+    from lagsim.mechanics.equations import Equations
+    from lagsim.studies.error_bar import ErrorBar
 
 # Runs that last longer than this show a progress bar on a terminal.
 PATIENCE_SECONDS = 1.0

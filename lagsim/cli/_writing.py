@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.interrupt import Interrupt
-    from lagsim.native.kernel_types import Floats
+    from lagsim.native.kernels.words import Floats
     from lagsim.outputs.results import Results
     from lagsim.outputs.table import TableWriter
+    from lagsim.run.interrupt import Interrupt
 
 
 def open_table(

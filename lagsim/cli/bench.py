@@ -25,9 +25,9 @@ from lagsim.methods import names
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.bench.solving import Scene
-    from lagsim.bench.work_precision import Wish, WorkPrecision
-    from lagsim.model import Model
+    from lagsim.model.model import Model
+    from lagsim.studies.bench.solving import Scene
+    from lagsim.studies.bench.work_precision import Wish, WorkPrecision
 
 
 def command(
@@ -100,11 +100,11 @@ class _Job:
     def run(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
         """Do it; give the exit code."""
         from lagsim.admissibility import examine
-        from lagsim.bench.solving import Scene
         from lagsim.cli import check
         from lagsim.cli.run import refuse
-        from lagsim.equations import derive
-        from lagsim.reader import read_file
+        from lagsim.mechanics.equations import derive
+        from lagsim.model.reader import read_file
+        from lagsim.studies.bench.solving import Scene
 
         model = read_file(path, overrides)
         refuse(model, "bench")
@@ -116,21 +116,21 @@ class _Job:
             else:
                 complain(check.report(equations, start))
             return 1
-        from lagsim.bench.document import MANIFEST
         from lagsim.outputs.results import open_results
+        from lagsim.studies.bench.document import MANIFEST
 
         folder = self.folder or Path("results") / model.name / "bench"
         with open_results(folder, MANIFEST) as results:
             return self._measure(Scene(equations, start), wish, results)
 
     def _measure(self, scene: Scene, wish: Wish, results: Any) -> int:
-        from lagsim.bench.chart import chart
-        from lagsim.bench.document import CHART, MANIFEST, TABLE, document
-        from lagsim.bench.document import table as entries_table
-        from lagsim.bench.solving import GivenUpError
-        from lagsim.bench.work_precision import measure
-        from lagsim.interrupt import Interrupt
         from lagsim.outputs.manifest import encode
+        from lagsim.run.interrupt import Interrupt
+        from lagsim.studies.bench.chart import chart
+        from lagsim.studies.bench.document import CHART, MANIFEST, TABLE, document
+        from lagsim.studies.bench.document import table as entries_table
+        from lagsim.studies.bench.solving import GivenUpError
+        from lagsim.studies.bench.work_precision import measure
 
         interrupt = Interrupt()
         with interrupt.noted(), progress_bar(quiet=self.quiet) as progress:
@@ -160,7 +160,7 @@ def _wish(methods: str | None, tolerances: str | None, steps: str | None) -> Wis
     ------
     InputError
     """
-    from lagsim.bench.work_precision import TOLERANCES, Wish
+    from lagsim.studies.bench.work_precision import TOLERANCES, Wish
 
     problems: list[Problem] = []
     wanted = None
@@ -175,7 +175,7 @@ def _wish(methods: str | None, tolerances: str | None, steps: str | None) -> Wis
 
 
 def _unknown(wanted: tuple[str, ...]) -> list[Problem]:
-    from lagsim.bench.scipy_solvers import NAMES
+    from lagsim.studies.bench.scipy_solvers import NAMES
 
     known = [*names(), *NAMES]
     hint = f"of {', '.join(known)}; `lagsim methods` describes those that are ours"
@@ -205,7 +205,7 @@ def _between(
 
 def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
     """Give the closing lines."""
-    from lagsim.bench.document import CHART, MANIFEST, TABLE
+    from lagsim.studies.bench.document import CHART, MANIFEST, TABLE
 
     reference = found.reference
     state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")

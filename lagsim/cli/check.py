@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility import Start, Verdict
-    from lagsim.equations import Equations
-    from lagsim.formulation import Choice
+    from lagsim.mechanics.equations import Equations
+    from lagsim.plan.formulation import Choice
 
 # The kind of a verdict on the start value of a definition, which is no constraint.
 _START_VALUE = "start value"
@@ -61,10 +61,10 @@ def _one(
 ) -> int:
     """Check one model; give the exit code."""
     from lagsim.admissibility import examine
-    from lagsim.equations import derive
-    from lagsim.formulation import formulation_problems
+    from lagsim.mechanics.equations import derive
+    from lagsim.model.reader import read_file
     from lagsim.plan import make_plan
-    from lagsim.reader import read_file
+    from lagsim.plan.formulation import formulation_problems
 
     with faults_shown(documents, file=path) as code:
         model = read_file(path, assignments(sets))

@@ -21,7 +21,7 @@ from lagsim.errors import InputError, Problem
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.comparison import Comparison, Deviation, Table
+    from lagsim.studies.comparison import Comparison, Deviation, Table
 
 # So many columns are listed for a person.
 LISTED = 10
@@ -84,7 +84,7 @@ def _compared(
 ) -> _Found:
     from concurrent.futures import ThreadPoolExecutor
 
-    from lagsim.comparison import compare, read_results
+    from lagsim.studies.comparison import compare, read_results
 
     # NumPy and SciPy let two threads read at the same time, for the most part.
     with ThreadPoolExecutor(2) as pool:
@@ -92,7 +92,7 @@ def _compared(
         one, two = (table.result() for table in tables)
     found = _Found(one, two, compare(one, two, *tolerances))
     if plot is not None:
-        from lagsim.comparison.picture import picture
+        from lagsim.studies.comparison.picture import picture
 
         title = f"{found.golden.name} and {found.new.name}"
         content = picture(title, one, two, found.comparison)

@@ -17,7 +17,7 @@ from lagsim.cli._streams import UnwritableError, put
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
-    from lagsim.equations import Equations
+    from lagsim.mechanics.equations import Equations
 
 
 class Format(StrEnum):
@@ -110,8 +110,8 @@ def _written(
     gauss: bool,
 ) -> bytes:
     """Give what is written."""
-    from lagsim.equations import derive
-    from lagsim.reader import read_file
+    from lagsim.mechanics.equations import derive
+    from lagsim.model.reader import read_file
 
     equations: Equations = derive(read_file(path, assignments(sets)))
     if form is Format.python:

@@ -18,10 +18,10 @@ from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli.compare import LISTED, as_mapping, listing
 
 if TYPE_CHECKING:
-    from lagsim.golden.judging import Judgement
-    from lagsim.golden.measuring import Golden
-    from lagsim.golden.motion import Scene
-    from lagsim.model import Model
+    from lagsim.model.model import Model
+    from lagsim.studies.golden.judging import Judgement
+    from lagsim.studies.golden.measuring import Golden
+    from lagsim.studies.golden.motion import Scene
 
 
 def command(
@@ -76,10 +76,10 @@ class _Job:
         from lagsim.admissibility import examine
         from lagsim.cli import check
         from lagsim.cli.run import refuse
-        from lagsim.equations import derive
-        from lagsim.golden.motion import Scene
-        from lagsim.golden.storing import folder_of, load
-        from lagsim.reader import read_file
+        from lagsim.mechanics.equations import derive
+        from lagsim.model.reader import read_file
+        from lagsim.studies.golden.motion import Scene
+        from lagsim.studies.golden.storing import folder_of, load
 
         model = read_file(path)
         refuse(model, "golden")
@@ -95,7 +95,7 @@ class _Job:
         scene = Scene(equations, start)
         if stored is None:
             return self._store(scene, folder)
-        from lagsim.golden.judging import judge, run
+        from lagsim.studies.golden.judging import judge, run
 
         judgement = judge(scene, run(scene, stored), stored)
         self.documents.append(document(model, judgement, stored.golden))
@@ -104,8 +104,8 @@ class _Job:
         return 0 if judgement.passed else 1
 
     def _store(self, scene: Scene, folder: Path) -> int:
-        from lagsim.golden.measuring import measure
-        from lagsim.golden.storing import document, names, table
+        from lagsim.studies.golden.measuring import measure
+        from lagsim.studies.golden.storing import document, names, table
 
         model = scene.equations.model
         golden, base = measure(scene)

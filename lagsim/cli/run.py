@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._attempts import ErrorBars
 from lagsim.cli._closing import summary
 from lagsim.cli._shared import (
     AsJson,
@@ -23,21 +22,22 @@ from lagsim.cli._shared import (
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import cut_short, open_table
 from lagsim.errors import InputError, Problem
+from lagsim.studies.attempts import ErrorBars
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility import Start
-    from lagsim.equations import Equations
-    from lagsim.error_bar import ErrorBar
-    from lagsim.interrupt import Interrupt
-    from lagsim.model import Model
-    from lagsim.outputs.ledger import Ledger
+    from lagsim.mechanics.equations import Equations
+    from lagsim.model.model import Model
     from lagsim.outputs.results import Results
-    from lagsim.outputs.thinning import Thinning
     from lagsim.plan import Plan
-    from lagsim.system import System
-    from lagsim.trajectory import Caution, Trajectory
+    from lagsim.run.interrupt import Interrupt
+    from lagsim.run.observers.ledger import Ledger
+    from lagsim.run.observers.thinning import Thinning
+    from lagsim.run.system import System
+    from lagsim.run.trajectory import Caution, Trajectory
+    from lagsim.studies.error_bar import ErrorBar
 
 LAPS = (
     "import", "read", "derive", "compile", "integrate", "error_bar", "output", "plots",
@@ -168,10 +168,10 @@ class _Job:
         """Do it; give the exit code."""
         from lagsim.admissibility import examine
         from lagsim.cli import check
-        from lagsim.equations import derive
+        from lagsim.mechanics.equations import derive
+        from lagsim.model.reader import read_file
         from lagsim.plan import make_plan
-        from lagsim.reader import read_file
-        from lagsim.system import System
+        from lagsim.run.system import System
 
         self.lap("import")
         model = read_file(path, overrides, options)
@@ -204,11 +204,11 @@ class _Job:
         system: System,
         results: Results,
     ) -> int:
-        from lagsim.alarms import alarms
-        from lagsim.cli._attempts import Attempts, Means
-        from lagsim.interrupt import Interrupt
         from lagsim.outputs.manifest import encode, manifest
         from lagsim.outputs.results import MANIFEST
+        from lagsim.run.interrupt import Interrupt
+        from lagsim.studies.alarms import alarms
+        from lagsim.studies.attempts import Attempts, Means
 
         names = system.columns.names
         interrupt = Interrupt()
@@ -299,7 +299,7 @@ class _Job:
 
 def refuse(model: Model, command: str = "run") -> None:
     """Refuse what this version cannot run."""
-    from lagsim.formulation import formulation_problems
+    from lagsim.plan.formulation import formulation_problems
 
     simulation = model.simulation
     problems = [

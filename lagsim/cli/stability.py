@@ -27,11 +27,11 @@ from lagsim.errors import InputError, Problem
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.bench.scope import Wish
-    from lagsim.bench.solving import Scene
-    from lagsim.bench.stability import Border, Stability
-    from lagsim.model import Model
+    from lagsim.model.model import Model
     from lagsim.outputs.results import Results
+    from lagsim.studies.bench.scope import Wish
+    from lagsim.studies.bench.solving import Scene
+    from lagsim.studies.bench.stability import Border, Stability
 
 
 def command(
@@ -100,11 +100,11 @@ class _Job:
     def run(self, folder: Path | None) -> int:
         """Do it; give the exit code."""
         from lagsim.admissibility import examine
-        from lagsim.bench.solving import Scene
         from lagsim.cli import check
         from lagsim.cli.run import refuse
-        from lagsim.equations import derive
-        from lagsim.reader import read, text_of
+        from lagsim.mechanics.equations import derive
+        from lagsim.model.reader import read, text_of
+        from lagsim.studies.bench.solving import Scene
 
         text, file = text_of(self.path)
 
@@ -130,9 +130,9 @@ class _Job:
             else:
                 complain(check.report(usual.equations, usual.start))
             return 1
-        from lagsim.bench.scope import methods_for
-        from lagsim.bench.stability_document import MANIFEST
         from lagsim.outputs.results import open_results
+        from lagsim.studies.bench.scope import methods_for
+        from lagsim.studies.bench.stability_document import MANIFEST
 
         methods_for(usual, self.wish)
 
@@ -153,11 +153,11 @@ class _Job:
         raise InputError([Problem("unknown-parameter", text, hint=hint)])
 
     def _measure(self, scene: Any, model: Model, results: Results) -> int:
-        from lagsim.bench import stability_document as written
-        from lagsim.bench.stability import measure
-        from lagsim.bench.stability_chart import chart
-        from lagsim.interrupt import Interrupt
         from lagsim.outputs.manifest import encode
+        from lagsim.run.interrupt import Interrupt
+        from lagsim.studies.bench import stability_document as written
+        from lagsim.studies.bench.stability import measure
+        from lagsim.studies.bench.stability_chart import chart
 
         interrupt = Interrupt()
         with interrupt.noted(), progress_bar(quiet=self.quiet) as progress:
@@ -186,7 +186,7 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
     ------
     InputError
     """
-    from lagsim.bench.scope import Wish
+    from lagsim.studies.bench.scope import Wish
 
     problems: list[Problem] = []
     wanted = None
@@ -261,7 +261,7 @@ def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
 
 def _borders(found: Stability) -> list[str]:
     """Give the borders of each method, in h and in the fastest period."""
-    from lagsim.bench.stability_document import fastest_period
+    from lagsim.studies.bench.stability_document import fastest_period
 
     if not found.borders:
         return []

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.constraints import Flow, constraint_row
-from lagsim.expressions.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.mechanics.constraints import Flow, constraint_row
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.equations import Equations
-    from lagsim.expressions.graph import Graph
+    from lagsim.language.graph import Graph
+    from lagsim.mechanics.equations import Equations
 
 _SAME = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "log10", "sqrt",
          "cbrt", "abs", "sign", "hypot", "floor", "ceil")  # fmt: skip

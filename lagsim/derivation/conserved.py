@@ -19,17 +19,17 @@ import numpy as np
 import sympy as sp
 
 from lagsim.derivation.content import Conserved
-from lagsim.expressions.derivatives import gradient
-from lagsim.expressions.evaluate import evaluate
-from lagsim.model import Level
+from lagsim.language.derivatives import gradient
+from lagsim.language.evaluate import evaluate
+from lagsim.model.model import Level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.derivation.content import Condition, Line
     from lagsim.derivation.translation import Translation
-    from lagsim.equations import Equations
-    from lagsim.native.kernel_types import Floats
+    from lagsim.mechanics.equations import Equations
+    from lagsim.native.kernels.words import Floats
 
 # More shifts and turns than this are not looked through.
 MOST_GENERATORS = 250

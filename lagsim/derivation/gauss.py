@@ -18,7 +18,7 @@ from lagsim.derivation.names import Name
 from lagsim.derivation.solving import READABLE, dot, gram, inverted
 from lagsim.derivation.tidy import cost
 from lagsim.errors import InputError, Problem
-from lagsim.expressions.symbolic import symbol
+from lagsim.language.symbolic import symbol
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

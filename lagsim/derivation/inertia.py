@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.expressions.evaluate import evaluate
+from lagsim.language.evaluate import evaluate
 
 if TYPE_CHECKING:
-    from lagsim.equations import Equations
+    from lagsim.mechanics.equations import Equations
 
 # A matrix whose smallest eigenvalue is this small against its diagonal is singular.
 SINGULAR = 1e-12

@@ -17,13 +17,13 @@ from lagsim.derivation.content import Condition, Content, Force, Line
 from lagsim.derivation.gauss import gauss
 from lagsim.derivation.solving import solution
 from lagsim.derivation.translation import Translation
-from lagsim.model import Level
+from lagsim.model.model import Level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.equations import Equations
-    from lagsim.model import Constraint
+    from lagsim.mechanics.equations import Equations
+    from lagsim.model.model import Constraint
 
 
 def content(

@@ -16,8 +16,8 @@ from lagsim.derivation.inertia import without_inertia
 from lagsim.derivation.names import Name
 from lagsim.derivation.tidy import cost
 from lagsim.derivation.translation import number
-from lagsim.expressions.symbolic import symbol, to_sympy
-from lagsim.kkt.straight import Elimination, TooLongError
+from lagsim.language.symbolic import symbol, to_sympy
+from lagsim.mechanics.ldl import Elimination, TooLongError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

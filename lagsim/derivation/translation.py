@@ -20,18 +20,18 @@ from lagsim.derivation.functions import TWINS
 from lagsim.derivation.names import Name
 from lagsim.derivation.tidy import Roles, Tidier
 from lagsim.errors import InputError, Problem
-from lagsim.expressions.derivatives import gradient
-from lagsim.expressions.functions import FUNCTIONS
-from lagsim.expressions.graph import CONSTANT, VARIABLE
-from lagsim.expressions.symbolic import symbol, to_sympy
-from lagsim.model import Level
+from lagsim.language.derivatives import gradient
+from lagsim.language.functions import FUNCTIONS
+from lagsim.language.graph import CONSTANT, VARIABLE
+from lagsim.language.symbolic import symbol, to_sympy
+from lagsim.model.model import Level
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from lagsim.equations import Equations
-    from lagsim.expressions.graph import Graph
-    from lagsim.model import Parameter
+    from lagsim.language.graph import Graph
+    from lagsim.mechanics.equations import Equations
+    from lagsim.model.model import Parameter
 
 # What would be longer, written out, nobody reads; and sympy recurses into its depth.
 MOST_OPERATIONS = 100_000

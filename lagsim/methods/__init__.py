@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 @cache
 def names() -> tuple[str, ...]:
     """Give the names of all methods, in alphabetical order."""
-    modules = (m.name for m in pkgutil.iter_modules(__path__))
+    modules = (m.name for m in pkgutil.iter_modules(__path__) if not m.ispkg)
     return tuple(
         sorted(name.replace("_", "-") for name in modules if not name.startswith("_"))
     )

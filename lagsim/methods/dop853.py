@@ -14,8 +14,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods._adaptive import usable_step
-from lagsim.methods._controller import (
+from lagsim.methods.parts.adaptive import usable_step
+from lagsim.methods.parts.controller import (
     against,
     first_step,
     look_again,
@@ -23,11 +23,11 @@ from lagsim.methods._controller import (
     record_sizes,
     set_tolerances,
 )
-from lagsim.methods._dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
-from lagsim.methods._interface import LEAST_HEALTH, derivative
-from lagsim.methods._looks import suspect
-from lagsim.methods._projection import meet_constraints
-from lagsim.methods._singular import (
+from lagsim.methods.parts.dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
+from lagsim.methods.parts.interface import LEAST_HEALTH, derivative
+from lagsim.methods.parts.looks import suspect
+from lagsim.methods.parts.projection import meet_constraints
+from lagsim.methods.parts.singular import (
     bent,
     forget_removed,
     hides_error,
@@ -36,8 +36,8 @@ from lagsim.methods._singular import (
     note_directions,
     passable,
 )
-from lagsim.methods._stability import record_speed
-from lagsim.methods._state import (
+from lagsim.methods.parts.stability import record_speed
+from lagsim.methods.parts.state import (
     AT_BOUND,
     CLOSE_BELOW,
     DEGENERATE,
@@ -64,12 +64,12 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.methods._tableau import Tableau
-from lagsim.native.kernel_types import apart, at, total, unrolled
+from lagsim.methods.parts.tableau import Tableau
+from lagsim.native.kernels.words import apart, at, total, unrolled
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
-    from lagsim.structure import Structure
+    from lagsim.mechanics.structure import Structure
+    from lagsim.native.kernels.words import Floats
 
 NAME = "dop853"
 TITLE = "Dormand-Prince 8(5,3)"

@@ -16,10 +16,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods._fixed import begin, is_finite, next_time, step_length, take
-from lagsim.methods._interface import derivative
-from lagsim.methods._projection import meet_constraints
-from lagsim.methods._state import (
+from lagsim.methods.parts.fixed import begin, is_finite, next_time, step_length, take
+from lagsim.methods.parts.interface import derivative
+from lagsim.methods.parts.projection import meet_constraints
+from lagsim.methods.parts.state import (
     DONE,
     EVALUATIONS,
     HEADER,
@@ -27,12 +27,12 @@ from lagsim.methods._state import (
     PROJECTION_FAILED,
     SIZE,
 )
-from lagsim.methods._tableau import Tableau
-from lagsim.native.kernel_types import at
+from lagsim.methods.parts.tableau import Tableau
+from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
-    from lagsim.structure import Structure
+    from lagsim.mechanics.structure import Structure
+    from lagsim.native.kernels.words import Floats
 
 NAME = "euler"
 TITLE = "explicit Euler"

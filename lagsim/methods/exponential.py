@@ -17,10 +17,10 @@ import cmath
 import math
 from typing import TYPE_CHECKING
 
-from lagsim.methods._controller import record_sizes
-from lagsim.methods._fixed import next_time, note_sizes
-from lagsim.methods._interface import linear
-from lagsim.methods._matrix_exponential import (
+from lagsim.methods.parts.controller import record_sizes
+from lagsim.methods.parts.fixed import next_time, note_sizes
+from lagsim.methods.parts.interface import linear
+from lagsim.methods.parts.matrix_exponential import (
     TERMS,
     balance,
     begin_exponential,
@@ -30,9 +30,9 @@ from lagsim.methods._matrix_exponential import (
     norm,
     times_columns,
 )
-from lagsim.methods._projection import project
-from lagsim.methods._singular import record_health
-from lagsim.methods._state import (
+from lagsim.methods.parts.projection import project
+from lagsim.methods.parts.singular import record_health
+from lagsim.methods.parts.state import (
     DONE,
     EVALUATIONS,
     FIXED_STEP,
@@ -46,11 +46,11 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.native.kernel_types import at, unrolled
+from lagsim.native.kernels.words import at, unrolled
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
-    from lagsim.structure import Structure
+    from lagsim.mechanics.structure import Structure
+    from lagsim.native.kernels.words import Floats
 
 NAME = "exponential"
 TITLE = "matrix exponential"

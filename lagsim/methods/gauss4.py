@@ -17,9 +17,9 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods import _gauss
-from lagsim.methods._fixed import hermite
-from lagsim.methods._gauss import (
+from lagsim.methods.parts import gauss
+from lagsim.methods.parts.fixed import hermite
+from lagsim.methods.parts.gauss import (
     COEFFICIENTS,
     COUNT,
     NODES,
@@ -27,13 +27,13 @@ from lagsim.methods._gauss import (
     begin_stages,
     gauss_step,
 )
-from lagsim.methods._state import HEADER, SIZE, N
-from lagsim.methods._tableau import Tableau
-from lagsim.native.kernel_types import at, unrolled
+from lagsim.methods.parts.state import HEADER, SIZE, N
+from lagsim.methods.parts.tableau import Tableau
+from lagsim.native.kernels.words import at, unrolled
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
-    from lagsim.structure import Structure
+    from lagsim.mechanics.structure import Structure
+    from lagsim.native.kernels.words import Floats
 
 NAME = "gauss4"
 TITLE = "Gauss collocation, 2 stages"
@@ -58,7 +58,7 @@ CONSTRAINED = False  # for what is shared with methods that can be
 
 def refusal(scene: Structure) -> str:
     """Say why momenta do not tell the motion, or give ""."""
-    return _gauss.refusal(scene)
+    return gauss.refusal(scene)
 
 
 def amplification(z: complex) -> float:
@@ -68,7 +68,7 @@ def amplification(z: complex) -> float:
 
 def state_size(size: int) -> int:
     """Give the length of the array of state for `size` components."""
-    return _gauss.state_size(size, len(B))
+    return gauss.state_size(size, len(B))
 
 
 def start(s: Floats, p: Floats) -> None:

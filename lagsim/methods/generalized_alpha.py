@@ -22,7 +22,7 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING
 
-from lagsim.methods._fixed import (
+from lagsim.methods.parts.fixed import (
     begin,
     hermite,
     is_finite,
@@ -30,11 +30,11 @@ from lagsim.methods._fixed import (
     step_length,
     take,
 )
-from lagsim.methods._interface import derivative, jacobian
-from lagsim.methods._lu import decompose, solve, too_large
-from lagsim.methods._newton import CONVERGED, LOST, MOST, RENEW, progress
-from lagsim.methods._projection import meet_constraints, relative_size
-from lagsim.methods._state import (
+from lagsim.methods.parts.interface import derivative, jacobian
+from lagsim.methods.parts.lu import decompose, solve, too_large
+from lagsim.methods.parts.newton import CONVERGED, LOST, MOST, RENEW, progress
+from lagsim.methods.parts.projection import meet_constraints, relative_size
+from lagsim.methods.parts.state import (
     DONE,
     EVALUATIONS,
     FACTORISATIONS,
@@ -49,11 +49,11 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.native.kernel_types import at
+from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
-    from lagsim.structure import Structure
+    from lagsim.mechanics.structure import Structure
+    from lagsim.native.kernels.words import Floats
 
 NAME = "generalized-alpha"
 TITLE = "generalized-alpha"

@@ -22,16 +22,16 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING
 
-from lagsim.methods import _symplectic
-from lagsim.methods._composition import ARRAYS, make_dense, within
-from lagsim.methods._fixed import begin, is_finite, next_time, step_length, take
-from lagsim.methods._state import DONE, EVALUATIONS, HEADER, NOT_FINITE, SIZE, T
-from lagsim.methods._symplectic import arrive, clear, depart, drift, kick
-from lagsim.native.kernel_types import at, unrolled
+from lagsim.methods.parts import symplectic
+from lagsim.methods.parts.composition import ARRAYS, make_dense, within
+from lagsim.methods.parts.fixed import begin, is_finite, next_time, step_length, take
+from lagsim.methods.parts.state import DONE, EVALUATIONS, HEADER, NOT_FINITE, SIZE, T
+from lagsim.methods.parts.symplectic import arrive, clear, depart, drift, kick
+from lagsim.native.kernels.words import at, unrolled
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
-    from lagsim.structure import Structure
+    from lagsim.mechanics.structure import Structure
+    from lagsim.native.kernels.words import Floats
 
 NAME = "kahan-li6"
 TITLE = "Kahan-Li composition of 9 Verlet steps"
@@ -64,7 +64,7 @@ UNTIL = True
 
 def refusal(scene: Structure) -> str:
     """Say why positions and velocities cannot be moved in turn, or give ""."""
-    return _symplectic.refusal(scene)
+    return symplectic.refusal(scene)
 
 
 def amplification(z: complex) -> float:
@@ -72,7 +72,7 @@ def amplification(z: complex) -> float:
 
     Damping, which a run refuses, is taken by the velocity before each half kick.
     """
-    return _symplectic.amplification(WEIGHTS, z)
+    return symplectic.amplification(WEIGHTS, z)
 
 
 def state_size(size: int) -> int:

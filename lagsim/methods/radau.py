@@ -17,19 +17,19 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING
 
-from lagsim.methods._adaptive import usable_step
-from lagsim.methods._controller import (
+from lagsim.methods.parts.adaptive import usable_step
+from lagsim.methods.parts.controller import (
     first_step,
     look_again,
     record_sizes,
     set_tolerances,
 )
-from lagsim.methods._interface import LEAST_HEALTH, derivative
-from lagsim.methods._linearised import solve_real
-from lagsim.methods._looks import suspect
-from lagsim.methods._lu import too_large
-from lagsim.methods._projection import meet_constraints
-from lagsim.methods._radau_newton import (
+from lagsim.methods.parts.interface import LEAST_HEALTH, derivative
+from lagsim.methods.parts.linearised import solve_real
+from lagsim.methods.parts.looks import suspect
+from lagsim.methods.parts.lu import too_large
+from lagsim.methods.parts.projection import meet_constraints
+from lagsim.methods.parts.radau_newton import (
     CEILING,
     ERRORS,
     INCREMENTS,
@@ -52,8 +52,8 @@ from lagsim.methods._radau_newton import (
     polynomial,
     renew,
 )
-from lagsim.methods._radau_tableau import A_INVERSE, DENSE, ERROR, GAMMA, A, B, C
-from lagsim.methods._singular import (
+from lagsim.methods.parts.radau_tableau import A_INVERSE, DENSE, ERROR, GAMMA, A, B, C
+from lagsim.methods.parts.singular import (
     bent,
     forget_removed,
     hides_error,
@@ -61,7 +61,7 @@ from lagsim.methods._singular import (
     needs_loops,
     note_directions,
 )
-from lagsim.methods._state import (
+from lagsim.methods.parts.state import (
     CLOSE_BELOW,
     DEGENERATE,
     DONE,
@@ -81,12 +81,12 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.methods._tableau import Tableau
-from lagsim.native.kernel_types import at, total, unrolled
+from lagsim.methods.parts.tableau import Tableau
+from lagsim.native.kernels.words import at, total, unrolled
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
-    from lagsim.structure import Structure
+    from lagsim.mechanics.structure import Structure
+    from lagsim.native.kernels.words import Floats
 
 NAME = "radau"
 TITLE = "Radau IIA"

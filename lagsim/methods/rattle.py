@@ -24,8 +24,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods import _symplectic
-from lagsim.methods._fixed import (
+from lagsim.methods.parts import symplectic
+from lagsim.methods.parts.fixed import (
     begin,
     hermite,
     is_finite,
@@ -33,10 +33,10 @@ from lagsim.methods._fixed import (
     step_length,
     take,
 )
-from lagsim.methods._interface import derivative, position_step, velocity_step
-from lagsim.methods._projection import ROUNDING, project_level, relative_size
-from lagsim.methods._singular import record_health
-from lagsim.methods._state import (
+from lagsim.methods.parts.interface import derivative, position_step, velocity_step
+from lagsim.methods.parts.projection import ROUNDING, project_level, relative_size
+from lagsim.methods.parts.singular import record_health
+from lagsim.methods.parts.state import (
     DONE,
     EVALUATIONS,
     HEADER,
@@ -46,11 +46,11 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.native.kernel_types import at
+from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
-    from lagsim.structure import Structure
+    from lagsim.mechanics.structure import Structure
+    from lagsim.native.kernels.words import Floats
 
 NAME = "rattle"
 TITLE = "RATTLE"
@@ -77,12 +77,12 @@ def refusal(scene: Structure) -> str:
             "it has constraints between velocities that hold no positions (`dop853` "
             "projects onto them)"
         )
-    return _symplectic.inseparable(scene)
+    return symplectic.inseparable(scene)
 
 
 def amplification(z: complex) -> float:
     """Give the spectral radius for q'' = 2 Re(z) q' - |z|^2 q, h = 1, as `verlet`."""
-    return _symplectic.amplification((1.0,), z)
+    return symplectic.amplification((1.0,), z)
 
 
 def state_size(size: int) -> int:

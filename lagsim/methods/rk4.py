@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods._fixed import (
+from lagsim.methods.parts.fixed import (
     begin,
     hermite,
     is_finite,
@@ -20,9 +20,9 @@ from lagsim.methods._fixed import (
     step_length,
     take,
 )
-from lagsim.methods._interface import derivative
-from lagsim.methods._projection import meet_constraints
-from lagsim.methods._state import (
+from lagsim.methods.parts.interface import derivative
+from lagsim.methods.parts.projection import meet_constraints
+from lagsim.methods.parts.state import (
     DONE,
     EVALUATIONS,
     HEADER,
@@ -31,12 +31,12 @@ from lagsim.methods._state import (
     SIZE,
     T,
 )
-from lagsim.methods._tableau import Tableau
-from lagsim.native.kernel_types import at, total, unrolled
+from lagsim.methods.parts.tableau import Tableau
+from lagsim.native.kernels.words import at, total, unrolled
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
-    from lagsim.structure import Structure
+    from lagsim.mechanics.structure import Structure
+    from lagsim.native.kernels.words import Floats
 
 NAME = "rk4"
 TITLE = "classic Runge-Kutta"

@@ -22,8 +22,8 @@ import math
 from math import exp, log
 from typing import TYPE_CHECKING
 
-from lagsim.methods._adaptive import usable_step
-from lagsim.methods._controller import (
+from lagsim.methods.parts.adaptive import usable_step
+from lagsim.methods.parts.controller import (
     LOCAL,
     against,
     foresee,
@@ -33,11 +33,11 @@ from lagsim.methods._controller import (
     record_sizes,
     set_tolerances,
 )
-from lagsim.methods._interface import series
-from lagsim.methods._looks import suspect
-from lagsim.methods._projection import project
-from lagsim.methods._singular import leave_loss, record_health
-from lagsim.methods._state import (
+from lagsim.methods.parts.interface import series
+from lagsim.methods.parts.looks import suspect
+from lagsim.methods.parts.projection import project
+from lagsim.methods.parts.singular import leave_loss, record_health
+from lagsim.methods.parts.state import (
     AT_BOUND,
     DONE,
     END,
@@ -56,11 +56,11 @@ from lagsim.methods._state import (
     N,
     T,
 )
-from lagsim.native.kernel_types import at, unrolled
+from lagsim.native.kernels.words import at, unrolled
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
-    from lagsim.structure import Structure
+    from lagsim.mechanics.structure import Structure
+    from lagsim.native.kernels.words import Floats
 
 NAME = "taylor"
 TITLE = "Taylor series, order from the tolerance"

@@ -23,8 +23,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods import _symplectic
-from lagsim.methods._fixed import (
+from lagsim.methods.parts import symplectic
+from lagsim.methods.parts.fixed import (
     begin,
     hermite,
     is_finite,
@@ -32,13 +32,13 @@ from lagsim.methods._fixed import (
     step_length,
     take,
 )
-from lagsim.methods._state import DONE, EVALUATIONS, HEADER, NOT_FINITE, SIZE, T
-from lagsim.methods._symplectic import arrive, clear, depart, drift, kick
-from lagsim.native.kernel_types import at
+from lagsim.methods.parts.state import DONE, EVALUATIONS, HEADER, NOT_FINITE, SIZE, T
+from lagsim.methods.parts.symplectic import arrive, clear, depart, drift, kick
+from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernel_types import Floats
-    from lagsim.structure import Structure
+    from lagsim.mechanics.structure import Structure
+    from lagsim.native.kernels.words import Floats
 
 NAME = "verlet"
 TITLE = "Stoermer-Verlet (leapfrog)"
@@ -55,7 +55,7 @@ CONSTRAINED = False  # for what is shared with methods that can be
 
 def refusal(scene: Structure) -> str:
     """Say why positions and velocities cannot be moved in turn, or give ""."""
-    return _symplectic.refusal(scene)
+    return symplectic.refusal(scene)
 
 
 def amplification(z: complex) -> float:
@@ -63,12 +63,12 @@ def amplification(z: complex) -> float:
 
     Damping, which a run refuses, is taken by the velocity before each half kick.
     """
-    return _symplectic.amplification((1.0,), z)
+    return symplectic.amplification((1.0,), z)
 
 
 def state_size(size: int) -> int:
     """Give the length of the array of state for `size` components."""
-    return HEADER + 6 * size + 6 + _symplectic.ARRAYS * size
+    return HEADER + 6 * size + 6 + symplectic.ARRAYS * size
 
 
 def start(s: Floats, p: Floats) -> None:

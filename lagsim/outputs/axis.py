@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from lagsim.outputs.thinning import Array
+    from lagsim.run.observers.thinning import Array
 
 # A series that varies by less than this part of its size is rounding noise, and is
 # drawn flat; below the next, what varies is drawn as its distance from a round number.

@@ -13,11 +13,11 @@ from lagsim import __version__
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.error_bar import ErrorBar
-    from lagsim.outputs.ledger import Ledger
     from lagsim.plan import Plan
-    from lagsim.system import System
-    from lagsim.trajectory import Caution, Trajectory
+    from lagsim.run.observers.ledger import Ledger
+    from lagsim.run.system import System
+    from lagsim.run.trajectory import Caution, Trajectory
+    from lagsim.studies.error_bar import ErrorBar
 
 PACKAGES = ("numpy", "llvmlite", "yaml", "matplotlib")
 

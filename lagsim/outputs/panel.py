@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.outputs.axis import Axis
-    from lagsim.outputs.thinning import Array
+    from lagsim.run.observers.thinning import Array
 
 EVENTS = Pen("#888888", (1.0, 1.5), width=0.6)
 # What lies past the horizon, where a row is no longer a forecast.

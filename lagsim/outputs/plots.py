@@ -10,7 +10,6 @@ from lagsim.outputs.axis import noise_axis, power_of_ten, value_axis
 from lagsim.outputs.panel import Panel
 from lagsim.outputs.scene_panel import Paths, ScenePanel, dotted
 from lagsim.outputs.sheet import BLACK, PENS, WIDTH, Sheet, fitted, in_house_style, png
-from lagsim.outputs.thinning import DRIFT
 from lagsim.outputs.time_panels import (
     LEFT,
     MOST_PANELS,
@@ -31,11 +30,12 @@ from lagsim.outputs.time_panels import (
     ticks,
     time_label,
 )
+from lagsim.run.observers.thinning import DRIFT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from lagsim.model import Model, Plot, Scene
+    from lagsim.model.model import Model, Plot, Scene
 
 
 @in_house_style

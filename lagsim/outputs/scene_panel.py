@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from lagsim.model import Scene
-    from lagsim.outputs.thinning import Array
+    from lagsim.model.model import Scene
+    from lagsim.run.observers.thinning import Array
 
 AXES = ("scene x", "scene y", "scene z")
 

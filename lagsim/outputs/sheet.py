@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.path import Path
     from numpy.typing import NDArray
 
-    from lagsim.outputs.thinning import Array
+    from lagsim.run.observers.thinning import Array
 
 DPI = 200
 WIDTH = 7.0

@@ -26,7 +26,7 @@ from lagsim.outputs.sheet import (
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.outputs.thinning import Array, Thinning
+    from lagsim.run.observers.thinning import Array, Thinning
 
 # Inches at the sides of a sheet; and for the numbers at the left of a small panel.
 LEFT, RIGHT, EDGE, NUMBERS = 0.78, 0.18, 0.12, 0.46

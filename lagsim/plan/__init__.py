@@ -7,8 +7,10 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from lagsim.errors import InputError, Problem
-from lagsim.formulation import Choice, formulate
+from lagsim.mechanics.structure import structure
+from lagsim.mechanics.switches import model_switches
 from lagsim.methods import method
+from lagsim.plan.formulation import Choice, formulate
 from lagsim.plan.integration import ANY, DEFAULT_RTOL, STRAIGHT_ONLY, choose, suits
 from lagsim.plan.lengths import usual_lengths
 from lagsim.plan.solve import (
@@ -17,17 +19,15 @@ from lagsim.plan.solve import (
     independence_of,
     set_aside,
 )
-from lagsim.structure import structure
-from lagsim.subsystems import Subsystem, refusal, saving, subsystems
-from lagsim.switches import model_switches
+from lagsim.plan.subsystems import Subsystem, refusal, saving, subsystems
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
-    from lagsim.equations import Equations
-    from lagsim.kkt.straight import Elimination
-    from lagsim.reduction import Reduction
-    from lagsim.structure import Structure
-    from lagsim.switches import Switches
+    from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.ldl import Elimination
+    from lagsim.mechanics.reduction import Reduction
+    from lagsim.mechanics.structure import Structure
+    from lagsim.mechanics.switches import Switches
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class Plan:
     ----------
     method : str
     formulation : str
-        See `lagsim.formulation`.
+        See `lagsim.plan.formulation`.
     reduction : Reduction
         The equations that are integrated.
     projected : bool

@@ -5,17 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.errors import InputError, Problem
-from lagsim.formulation import Choice
-from lagsim.kkt.series import MOST_OPERATIONS, motion_rates, series_length
+from lagsim.mechanics.structure import structure
 from lagsim.methods import method, names
-from lagsim.methods._state import USUAL_RADIUS
-from lagsim.structure import structure
+from lagsim.methods.parts.state import USUAL_RADIUS
+from lagsim.plan.formulation import Choice
+from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_length
 
 if TYPE_CHECKING:
-    from lagsim.equations import Equations
-    from lagsim.kkt.straight import Elimination
-    from lagsim.model import Simulation
-    from lagsim.structure import Structure
+    from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.ldl import Elimination
+    from lagsim.mechanics.structure import Structure
+    from lagsim.model.model import Simulation
 
 DEFAULT_RTOL = 1e-11
 # Needs of a method that are made from y' as nodes of the graph.

@@ -15,15 +15,15 @@ from lagsim.admissibility.large import is_large, row_lengths
 from lagsim.admissibility.metric import metric_of
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
-from lagsim.expressions.derivatives import tangent
-from lagsim.expressions.evaluate import UNIT_ROUNDOFF
-from lagsim.expressions.rounding import addends
+from lagsim.language.derivatives import tangent
+from lagsim.language.evaluate import UNIT_ROUNDOFF
+from lagsim.language.rounding import addends
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
-    from lagsim.constraints import Row
-    from lagsim.equations import Equations
-    from lagsim.native.kernel_types import Floats
+    from lagsim.mechanics.constraints import Row
+    from lagsim.mechanics.equations import Equations
+    from lagsim.native.kernels.words import Floats
 
 # How many states around the start are looked at, and how far away they are, against the
 # distance over which a relation changes.

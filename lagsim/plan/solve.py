@@ -5,21 +5,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.admissibility.point import Point
-from lagsim.expressions.evaluate import evaluate
-from lagsim.formulation import Choice
-from lagsim.kkt.straight import (
+from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.ldl import (
     BUDGET,
     Elimination,
     TooLongError,
     affordable,
     dense_operations,
 )
+from lagsim.plan.formulation import Choice
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.admissibility import Start
-    from lagsim.equations import Equations
+    from lagsim.mechanics.equations import Equations
 
 # Normal equations square the condition of the rows: below this the loops with their QR
 # decomposition take over (numerics: S loses half of the digits of lambda).

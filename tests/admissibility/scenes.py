@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from lagsim.admissibility import examine
-from lagsim.equations import derive
-from lagsim.reader import read
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start

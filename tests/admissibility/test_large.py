@@ -11,14 +11,14 @@ from benchmarks.rod_chain import rod_chain
 from lagsim.admissibility import examine, large
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows, weakest_rows
-from lagsim.equations import derive
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read, read_file
 from lagsim.plan import make_plan
-from lagsim.reader import read, read_file
 from tests.support import MODELS
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
-    from lagsim.equations import Equations
+    from lagsim.mechanics.equations import Equations
 
 
 def both(e: Equations, monkeypatch: pytest.MonkeyPatch) -> tuple[Start, Start]:

@@ -6,7 +6,8 @@ import time
 from pathlib import Path
 
 import pytest
-from _scenes import ON_THE_CURVE, PENDULUM
+
+from tests.cli._scenes import ON_THE_CURVE, PENDULUM
 
 KEYS = ["file", "line", "column", "code", "text", "hint"]
 

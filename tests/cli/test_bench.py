@@ -7,8 +7,9 @@ import json
 from pathlib import Path
 
 import pytest
-from _results import names
-from _scenes import CAPTION, CONTACT, FALL, PENDULUM
+
+from tests.cli._results import names
+from tests.cli._scenes import CAPTION, CONTACT, FALL, PENDULUM
 
 HEADER = (
     "method,formulation,setting,value,seconds,evaluations,error,error_lambda,"

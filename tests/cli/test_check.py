@@ -8,8 +8,8 @@ import sys
 import time
 
 import pytest
-from _scenes import CAPTION, CONTACT, CURVE, ON_THE_CURVE, PENDULUM
 
+from tests.cli._scenes import CAPTION, CONTACT, CURVE, ON_THE_CURVE, PENDULUM
 from tests.support import MODELS
 
 NONHOLONOMIC = """\

@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from _scenes import CAPTION, CONTACT, FALL, ON_THE_CURVE, PENDULUM
+
+from tests.cli._scenes import CAPTION, CONTACT, FALL, ON_THE_CURVE, PENDULUM
 
 
 @pytest.fixture

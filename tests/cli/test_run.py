@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from _results import manifest, names, table
-from _scenes import CAPTION, CONTACT, ON_THE_CURVE, PENDULUM
 
+from tests.cli._results import manifest, names, table
+from tests.cli._scenes import CAPTION, CONTACT, ON_THE_CURVE, PENDULUM
 from tests.support import MODELS
 
 COMMAND = [sys.executable, "-m", "lagsim"]

@@ -12,11 +12,11 @@ import time
 from pathlib import Path
 
 import pytest
-from _results import manifest, names, table
-from _scenes import CAPTION, CONTACT, ENDLESS, FALL, PENDULUM
 
-from lagsim.outputs.ledger import Ledger
 from lagsim.outputs.results import Results
+from lagsim.run.observers.ledger import Ledger
+from tests.cli._results import manifest, names, table
+from tests.cli._scenes import CAPTION, CONTACT, ENDLESS, FALL, PENDULUM
 
 COMMAND = [sys.executable, "-m", "lagsim"]
 pytestmark = pytest.mark.usefixtures("heeded_signals")

@@ -9,8 +9,9 @@ import re
 from pathlib import Path
 
 import pytest
-from _results import names
-from _scenes import CAPTION, CONTACT
+
+from tests.cli._results import names
+from tests.cli._scenes import CAPTION, CONTACT
 
 OSCILLATOR = """\
 parameters: {k: 4}

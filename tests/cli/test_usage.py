@@ -10,8 +10,8 @@ import subprocess
 import sys
 
 import pytest
-from _scenes import CAPTION, ON_THE_CURVE, PENDULUM
 
+from tests.cli._scenes import CAPTION, ON_THE_CURVE, PENDULUM
 from tests.support import ROOT
 
 COMMAND = f"{sys.executable} -m lagsim"
@@ -84,7 +84,7 @@ def test_a_bug_is_told_as_one(lagsim, write, monkeypatch):
     def broken(_model):
         raise RuntimeError("what nobody foresaw")
 
-    monkeypatch.setattr("lagsim.equations.derive", broken)
+    monkeypatch.setattr("lagsim.mechanics.equations.derive", broken)
     for command in ("run", "check"):
         called = lagsim(command, write(PENDULUM))
         assert (called.code, called.out) == (70, "")

@@ -10,12 +10,12 @@ import pytest
 
 from lagsim.derivation.as_json import as_json
 from lagsim.derivation.lagrange import content
-from lagsim.equations import Equations, derive
-from lagsim.expressions.evaluate import evaluate
-from lagsim.expressions.graph import Graph
-from lagsim.expressions.parser import parse
-from lagsim.expressions.symbolic import symbol
-from lagsim.reader import read, read_file
+from lagsim.language.evaluate import evaluate
+from lagsim.language.graph import Graph
+from lagsim.language.parser import parse
+from lagsim.language.symbolic import symbol
+from lagsim.mechanics.equations import Equations, derive
+from lagsim.model.reader import read, read_file
 from tests.support import MODELS
 
 if TYPE_CHECKING:

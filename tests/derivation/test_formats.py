@@ -12,12 +12,12 @@ from lagsim.derivation.as_latex import as_latex
 from lagsim.derivation.as_python import CODE, as_python
 from lagsim.derivation.as_text import as_text
 from lagsim.derivation.lagrange import content
-from lagsim.equations import derive
-from lagsim.expressions.evaluate import evaluate
-from lagsim.expressions.functions import OPERATIONS
-from lagsim.expressions.graph import Graph
-from lagsim.expressions.parser import parse
-from lagsim.reader import read
+from lagsim.language.evaluate import evaluate
+from lagsim.language.functions import OPERATIONS
+from lagsim.language.graph import Graph
+from lagsim.language.parser import parse
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read
 from tests.derivation.cases import (
     EACH,
     content_of,

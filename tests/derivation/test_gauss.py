@@ -10,12 +10,12 @@ import pytest
 from lagsim.admissibility import examine
 from lagsim.derivation.as_json import as_json
 from lagsim.derivation.lagrange import content
-from lagsim.equations import derive
 from lagsim.errors import InputError
-from lagsim.expressions.evaluate import evaluate
+from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read
 from lagsim.plan import make_plan
-from lagsim.reader import read
-from lagsim.system import System
+from lagsim.run.system import System
 from tests.derivation.cases import NAMES, equations_of, known, numbers
 from tests.support import MODELS, Run, run
 

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from lagsim.derivation.as_python import as_python
-from lagsim.expressions.evaluate import evaluate
-from lagsim.expressions.graph import CONSTANT, VARIABLE
+from lagsim.language.evaluate import evaluate
+from lagsim.language.graph import CONSTANT, VARIABLE
 from tests.derivation.cases import (
     EACH,
     NAMES,
@@ -31,7 +31,7 @@ from tests.sympy_oracle import DIGITS, Oracle, random_values
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.equations import Equations
+    from lagsim.mechanics.equations import Equations
 
 # Whose accelerations are no longer than a few lines.
 SHORT = (
@@ -214,7 +214,7 @@ def test_the_python_module_gives_the_numbers_of_the_graph(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["double-pendulum", "elastic-pendulum-steered"])
 def test_the_python_module_agrees_with_native_code(name: str) -> None:
-    from tests.test_equations import native_of
+    from tests.mechanics.test_equations import native_of
 
     e, module = equations_of(name), module_of(name)
     values = state_of(name, seed=1)

@@ -12,9 +12,9 @@ from lagsim.derivation.lagrange import _Derivation, content
 from lagsim.derivation.terms import CutError, Meter
 from lagsim.derivation.tidy import Roles, Tidier, cost
 from lagsim.derivation.translation import Translation
-from lagsim.equations import derive
 from lagsim.errors import InputError
-from lagsim.reader import read
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read
 from tests.derivation.cases import equations_of, s
 
 sin, cos = sp.sin, sp.cos

@@ -6,11 +6,11 @@ import functools
 from dataclasses import replace
 
 from lagsim.admissibility import examine
-from lagsim.equations import derive
-from lagsim.golden.judging import judge, run
-from lagsim.golden.motion import Scene
-from lagsim.golden.storing import load
-from lagsim.reader import read_file
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read_file
+from lagsim.studies.golden.judging import judge, run
+from lagsim.studies.golden.motion import Scene
+from lagsim.studies.golden.storing import load
 from tests.support import MODELS, ROOT
 
 GOLDENS = ROOT / "tests" / "golden"

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from lagsim.golden.judging import judge, run
-from lagsim.golden.measuring import measure
-from lagsim.golden.storing import Stored
-from lagsim.native import graph_code, tape_code
-from lagsim.native.sincos import BOTH, LANES, NAME, VECTOR
+from lagsim.native.graph import straight_line, tapes
+from lagsim.native.graph.sincos import BOTH, LANES, NAME, VECTOR
+from lagsim.studies.golden.judging import judge, run
+from lagsim.studies.golden.measuring import measure
+from lagsim.studies.golden.storing import Stored
 from tests.golden.scenes import SHIPPED, judged, scene, told
 
 # What a library of functions may round otherwise; roots, `floor` and the like are exact
@@ -58,7 +58,7 @@ define internal {BOTH} @{NAME}({VECTOR} %x) noinline {{
 @pytest.fixture
 def rounding_otherwise(monkeypatch):
     """Make all code that is generated use functions that are off in the last place."""
-    for module in (graph_code, tape_code):
+    for module in (straight_line, tapes):
         monkeypatch.setattr(module, "generate", nudging(module.generate))
 
 

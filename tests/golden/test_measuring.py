@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from lagsim.errors import InputError
-from lagsim.golden import measuring
-from lagsim.golden.judging import judge
-from lagsim.golden.measuring import measure, rounded_up
-from lagsim.golden.motion import _asked
-from lagsim.golden.storing import Stored, certain, load
-from lagsim.reader import read
+from lagsim.model.reader import read
+from lagsim.studies.golden import measuring
+from lagsim.studies.golden.judging import judge
+from lagsim.studies.golden.measuring import measure, rounded_up
+from lagsim.studies.golden.motion import _asked
+from lagsim.studies.golden.storing import Stored, certain, load
 from tests.golden.scenes import replaced, scene, scene_of
 
 PENDULUM = """

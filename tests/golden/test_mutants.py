@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from lagsim.errors import InputError
-from lagsim.golden.judging import run
-from lagsim.golden.motion import METHODS
+from lagsim.studies.golden.judging import run
+from lagsim.studies.golden.motion import METHODS
 from tests.golden.scenes import SHIPPED, judged, replaced, scene, stored, told
 
 SEEN = 200

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.methods import _driver
-from lagsim.methods import _state as at
-from lagsim.methods._switching import search_size
-from lagsim.native.kernel_code import bind
-from lagsim.system.runner import FUNCTION
+from lagsim.methods.parts import driver
+from lagsim.methods.parts import state as at
+from lagsim.methods.parts.switching import search_size
+from lagsim.native.kernels.code import bind
+from lagsim.run.system.runner import FUNCTION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from types import ModuleType
 
-    from lagsim.system.runner import Runner
+    from lagsim.run.system.runner import Runner
 
 
 MOST_SURFACES = 8
@@ -66,7 +66,7 @@ class Plain:
 
     def advance(self, s: Any, p: Any, out: Any, rows: int, budget: int) -> int:
         """Do what the native `advance` does; `out` is flat."""
-        advance = bind(_driver.advance, self.driven, self.statics)
+        advance = bind(driver.advance, self.driven, self.statics)
         return int(advance(s, p, out, rows, budget))
 
 

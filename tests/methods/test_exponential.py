@@ -10,9 +10,9 @@ import pytest
 from scipy.linalg import expm
 
 from lagsim.errors import InputError
-from lagsim.methods import _state as at
 from lagsim.methods import exponential
-from lagsim.system.runner import FUNCTION
+from lagsim.methods.parts import state as at
+from lagsim.run.system.runner import FUNCTION
 from tests.methods.plain import Plain, fresh_state, linked, state_of
 from tests.support import run
 

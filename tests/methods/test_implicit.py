@@ -8,22 +8,15 @@ import numpy as np
 import pytest
 
 from lagsim.methods import generalized_alpha, method
-from lagsim.methods._linearised import (
+from lagsim.methods.parts.linearised import (
     decompose_pair,
     decompose_real,
     solve_pair,
     solve_real,
 )
-from lagsim.methods._lu import decompose, solve
-from lagsim.methods._newton import (
-    CONVERGED,
-    GO_ON,
-    LOST,
-    MOST,
-    RENEW,
-    progress,
-)
-from lagsim.methods._radau_tableau import (
+from lagsim.methods.parts.lu import decompose, solve
+from lagsim.methods.parts.newton import CONVERGED, GO_ON, LOST, MOST, RENEW, progress
+from lagsim.methods.parts.radau_tableau import (
     A_INVERSE,
     ALPHA,
     BETA,
@@ -223,9 +216,9 @@ def test_quadratic_energies_are_kept_to_rounding(name):
     ],
 )
 def test_gauss_methods_refuse_constraints(name, text, instead):
-    from lagsim.equations import derive
-    from lagsim.reader import read
-    from lagsim.structure import structure
+    from lagsim.mechanics.equations import derive
+    from lagsim.mechanics.structure import structure
+    from lagsim.model.reader import read
 
     model = f"""
 coordinates: {{x: {{}}, y: {{}}}}
@@ -274,9 +267,9 @@ def test_radau_counts_its_factorisations():
 def test_scenes_too_large_for_dense_matrices_are_refused(name):
     from dataclasses import replace
 
-    from lagsim.equations import derive
-    from lagsim.reader import read
-    from lagsim.structure import structure
+    from lagsim.mechanics.equations import derive
+    from lagsim.mechanics.structure import structure
+    from lagsim.model.reader import read
 
     scene = structure(derive(read(DOUBLE.replace("METHOD", name), "m.yaml")))
     assert scene.unknowns == 2

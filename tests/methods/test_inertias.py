@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from lagsim.methods import _driver
-from lagsim.methods import _state as at
-from lagsim.native.kernel_code import bind
-from lagsim.simulate.states import empty_state, taken_over
+from lagsim.methods.parts import driver
+from lagsim.methods.parts import state as at
+from lagsim.native.kernels.code import bind
+from lagsim.run.states import empty_state, taken_over
 from tests.support import run
 
 
@@ -20,7 +20,7 @@ def test_the_smallest_is_noted_with_its_time():
     def inertias(t, _y, _p, out):
         out[:2] = (t - 0.3) ** 2, 2.0 + t
 
-    note = bind(_driver.note_inertias, {"inertias": inertias}, {})
+    note = bind(driver.note_inertias, {"inertias": inertias}, {})
     for t in (0.0, 0.25, 0.5, 1.0):
         s[at.T] = t
         note(s, np.zeros(1), np.zeros(2))

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from lagsim.admissibility import examine
-from lagsim.equations import derive
-from lagsim.expressions.evaluate import evaluate
-from lagsim.methods import _driver
-from lagsim.methods import _state as at
-from lagsim.native.kernel_code import bind
-from lagsim.native.sincos import LANES
+from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.equations import derive
+from lagsim.methods.parts import driver
+from lagsim.methods.parts import state as at
+from lagsim.model.reader import read
+from lagsim.native.graph.sincos import LANES
+from lagsim.native.kernels.code import bind
 from lagsim.plan import make_plan
-from lagsim.reader import read
-from lagsim.system import System
-from lagsim.system.functions import functions
+from lagsim.run.system import System
+from lagsim.run.system.functions import functions
 from tests.methods.plain import Plain, fresh_state, linked, state_of
 
 SPRING = """
@@ -185,6 +185,6 @@ def test_tabulate_is_the_same():
     size, width = runner.system.size, runner.system.rows_observed
     out = np.zeros(2 * width)
     work = np.zeros(LANES * (1 + size + width))
-    tabulate = bind(_driver.tabulate, linked(runner))
+    tabulate = bind(driver.tabulate, linked(runner))
     tabulate(states.ravel(), 2, size, runner.system.p, out, width, work)
     assert np.array_equal(out.reshape(2, width), runner.tabulate(states))

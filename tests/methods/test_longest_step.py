@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from lagsim.simulate import simulate
+from lagsim.run import simulate
 from tests.support import Keep, run
 
 SPRING = """

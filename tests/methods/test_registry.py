@@ -8,11 +8,11 @@ import re
 import numpy as np
 import pytest
 
-from lagsim.equations import derive
 from lagsim.errors import InputError
+from lagsim.mechanics.equations import derive
+from lagsim.mechanics.structure import structure
 from lagsim.methods import method, names
-from lagsim.reader import read
-from lagsim.structure import structure
+from lagsim.model.reader import read
 from tests.support import run
 
 SIMULATION = "simulation: {duration: 5, output_step: 0.05, method: METHOD, step: STEP}"

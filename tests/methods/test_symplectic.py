@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from lagsim.admissibility import examine
-from lagsim.equations import derive
-from lagsim.methods import _composition, kahan_li6, kahan_li8, method
-from lagsim.methods import _state as at
+from lagsim.mechanics.equations import derive
+from lagsim.methods import kahan_li6, kahan_li8, method
+from lagsim.methods.parts import composition
+from lagsim.methods.parts import state as at
+from lagsim.model.reader import read
 from lagsim.plan import make_plan
-from lagsim.reader import read
-from lagsim.simulate import simulate
-from lagsim.system import System
+from lagsim.run import simulate
+from lagsim.run.system import System
 from tests.methods.plain import fresh_state, state_of
 from tests.methods.test_registry import refusal_of
 from tests.support import Keep, run
@@ -112,13 +113,13 @@ def test_compositions_are_symmetric_and_meet_the_conditions_that_are_sums():
 
 @pytest.mark.parametrize(
     ("table", "power", "derivative"),
-    [(_composition.BEND, 3, 2), (_composition.RISE, 2, 1)],
+    [(composition.BEND, 3, 2), (composition.RISE, 2, 1)],
 )
 def test_the_tables_of_the_dense_output_are_inverses(table, power, derivative):
     w = np.polynomial.Polynomial([0, 1, -1]) ** power
     c = np.polynomial.Polynomial([-0.5, 1])
     rows = [
-        [(w * c**m).deriv(derivative)(x) for m in range(4)] for x in _composition.NODES
+        [(w * c**m).deriv(derivative)(x) for m in range(4)] for x in composition.NODES
     ]
     assert np.allclose(np.array(table) @ rows, np.eye(4), rtol=0, atol=1e-13)
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from lagsim.errors import InputError
-from lagsim.methods import _state as at
 from lagsim.methods import taylor
-from lagsim.system.runner import FUNCTION
+from lagsim.methods.parts import state as at
+from lagsim.run.system.runner import FUNCTION
 from tests.methods.plain import Plain, fresh_state, linked, state_of
 from tests.methods.test_registry import swing
 from tests.support import run

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from math import copysign, exp, floor, isfinite, isnan, log, sqrt
 
-from lagsim.native.kernel_types import Floats, apart, at, external, total, unrolled
+from lagsim.native.kernels.words import Floats, apart, at, external, total, unrolled
 
 CONSTRAINED = True
 COUNT = 3

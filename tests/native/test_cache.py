@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from lagsim.native import cache, engine
-from lagsim.native.kernel_code import KernelError
-from lagsim.native.kernel_types import Floats, unrolled
+from lagsim.native.kernels.code import KernelError
+from lagsim.native.kernels.words import Floats, unrolled
+from lagsim.native.link import cache, engine
 
 IR = "define double @f() {\n  ret double 4.5\n}\n"
 FACTOR = 2.0
@@ -70,7 +70,7 @@ def test_kernels_are_translated_once(
     kept: Path, compiled: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = cache.kernel_object([doubled])
-    monkeypatch.setattr(cache.kernel_code, "translate", None)
+    monkeypatch.setattr(cache.code, "translate", None)
     assert cache.kernel_object([doubled]) == first
     monkeypatch.undo()
     assert len(compiled) == 1
@@ -249,7 +249,7 @@ def test_use_renews(kept: Path) -> None:
 def test_processes_at_once(kept: Path) -> None:
     code = (
         "import ctypes\n"
-        "from lagsim.native import cache, engine\n"
+        "from lagsim.native.link import cache, engine\n"
         f"code = cache.object_code({IR!r})\n"
         "f = engine.Engine([code]).function('f', ctypes.c_double, [])\n"
         "print(f())\n"

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from lagsim.native import engine
-from lagsim.native.engine import Engine, NativeError, compile_object
+from lagsim.native.link import engine
+from lagsim.native.link.engine import Engine, NativeError, compile_object
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -159,7 +159,7 @@ def test_the_host_is_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_llvmlite_is_loaded_when_needed() -> None:
     code = (
-        "import sys, lagsim.native.cache\n"
+        "import sys, lagsim.native.link.cache\n"
         "sys.exit('llvmlite' in sys.modules or 'numpy' in sys.modules)\n"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

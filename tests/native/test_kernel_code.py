@@ -12,7 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from sample_kernels import (
+
+from lagsim.native.kernels import code
+from lagsim.native.kernels.code import KernelError, bind, fingerprint, translate
+from lagsim.native.kernels.words import total
+from lagsim.native.link.engine import Engine, compile_object
+from tests.native.sample_kernels import (
     ARRAY_KERNELS,
     FINITE_KERNELS,
     FLOAT_KERNELS,
@@ -29,11 +34,6 @@ from sample_kernels import (
     static_branch,
     sums,
 )
-
-from lagsim.native import kernel_code
-from lagsim.native.engine import Engine, compile_object
-from lagsim.native.kernel_code import KernelError, bind, fingerprint, translate
-from lagsim.native.kernel_types import total
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -310,7 +310,7 @@ def native_of(kernel: Callable[..., object]) -> Callable[[float], object]:
 
 def test_an_external_may_be_translated_along(tmp_path: Path) -> None:
     text = (
-        "from lagsim.native.kernel_types import external\n"
+        "from lagsim.native.kernels.words import external\n"
         "@external\ndef part(x: float) -> float:\n    raise NotImplementedError\n"
         "def whole(x: float) -> float:\n    return part(x) + 1.0\n"
     )
@@ -326,7 +326,7 @@ def test_an_external_may_be_translated_along(tmp_path: Path) -> None:
 
 
 def test_everything_is_exported() -> None:
-    assert set(kernel_code.__all__) == {
+    assert set(code.__all__) == {
         "KernelError",
         "bind",
         "fingerprint",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from lagsim.native.kernel_code import KernelError, translate
+from lagsim.native.kernels.code import KernelError, translate
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 HEAD = """from __future__ import annotations
 import math
 from math import hypot, sqrt
-from lagsim.native import kernel_types
-from lagsim.native.kernel_types import Floats, at, external, total, unrolled
+from lagsim.native.kernels import words
+from lagsim.native.kernels.words import Floats, at, external, total, unrolled
 TABLE = (1.0, 2.0)
 ROWS = {}
 N = 2
@@ -89,7 +89,7 @@ FAULTS = [
     ("!return n + x if n is n else x", "not of the subset"),
     ("!return x if x > 0 and 1 else x", "no condition"),
     ("!return x(n)", "`x` is a variable"),
-    ("!return kernel_types.at(a, 0)(n)", "not of the subset"),
+    ("!return words.at(a, 0)(n)", "not of the subset"),
     ("!return math.nothing(x)", "only modules have attributes"),
     ("!return TABLE.index.x()", "write a plain name"),
     ("!return N[0]", "no table"),
@@ -109,7 +109,7 @@ FAULTS = [
     ("x: float = 1\n!x: int = 2\nreturn x", "float already"),
     ("!x: float\nreturn x", "gets a value at once"),
     ("!return int(a)", "is Floats, not float"),
-    ("!x = kernel_types.at\nreturn x", "only modules|globals are|not of the subset"),
+    ("!x = words.at\nreturn x", "only modules|globals are|not of the subset"),
 ]
 
 

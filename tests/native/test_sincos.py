@@ -9,8 +9,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from lagsim.native import sincos
-from lagsim.native.engine import Engine, compile_object
+from lagsim.native.graph import sincos
+from lagsim.native.link.engine import Engine, compile_object
 
 CALLER = f"""
 define void @several(ptr %x, ptr %sines, ptr %cosines) {{

@@ -9,9 +9,9 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagsim.expressions.graph import Graph
-from lagsim.native import tape_code
-from tests.expressions._programs import on_graph, programs, states
+from lagsim.language.graph import Graph
+from lagsim.native.graph import tapes
+from tests.language._programs import on_graph, programs, states
 from tests.native.test_graph_code import (
     LAYOUT,
     SIZE,
@@ -28,7 +28,7 @@ def bits(found: list[float]) -> list[bytes]:
 
 def pair(g: Graph, functions: Any) -> tuple[Compiled, Compiled]:
     """Give the same functions on tapes and in straight-line code."""
-    return Compiled(g, functions, tape_code.generate), Compiled(g, functions)
+    return Compiled(g, functions, tapes.generate), Compiled(g, functions)
 
 
 @given(st.lists(programs(), min_size=20, max_size=20), st.lists(states, min_size=3))
@@ -73,6 +73,6 @@ def test_memory_is_used_again() -> None:
     node = g.variable("x")
     for k in range(1000):
         node = g.call("sin", g.call("mul", node, g.constant(1.0 + k % 3)))
-    tape = Compiled(g, {"f": [node]}, tape_code.generate)
+    tape = Compiled(g, {"f": [node]}, tapes.generate)
     # Two values at once; three numbers, of which one is 1 and multiplies nothing.
     assert tape.code.p_size <= SIZE + 2 + 2

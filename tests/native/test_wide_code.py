@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lagsim.expressions.functions import OPERATIONS
-from lagsim.expressions.graph import Graph
-from lagsim.native import graph_code
-from lagsim.native.graph_code import generate
-from lagsim.native.sincos import LANES
-from tests.expressions._programs import on_graph, programs, states
+from lagsim.language.functions import OPERATIONS
+from lagsim.language.graph import Graph
+from lagsim.native.graph import straight_line
+from lagsim.native.graph.sincos import LANES
+from lagsim.native.graph.straight_line import generate
+from tests.language._programs import on_graph, programs, states
 from tests.native.test_graph_code import STATE, VALUES, Compiled, build, long_functions
 from tests.native.test_tape_code import bits
 
@@ -55,7 +55,7 @@ def shifted() -> list[dict[str, float]]:
 
 @pytest.mark.parametrize("piece", [7, 400])
 def test_long_functions(piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(graph_code, "PIECE", piece)
+    monkeypatch.setattr(straight_line, "PIECE", piece)
     g = Graph()
     compare(g, long_functions(g)["f"], shifted())
 

@@ -16,10 +16,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.text import Text
 
-from lagsim.model import Plot, Scene
+from lagsim.model.model import Plot, Scene
 from lagsim.outputs import plots
-from lagsim.outputs.thinning import DRIFT, Thinning
 from lagsim.outputs.time_panels import Record
+from lagsim.run.observers.thinning import DRIFT, Thinning
 
 EVENT, SHADE = "#888888", "#dddddd"
 PLAIN = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")

@@ -9,9 +9,9 @@ import sys
 import numpy as np
 import pytest
 
-from lagsim.error_bar import ErrorBar
-from lagsim.outputs.ledger import Ledger
 from lagsim.outputs.manifest import encode, manifest, versions
+from lagsim.run.observers.ledger import Ledger
+from lagsim.studies.error_bar import ErrorBar
 from tests.support import run
 
 BROKEN = """\

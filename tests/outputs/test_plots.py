@@ -20,8 +20,8 @@ from matplotlib.patches import Polygon
 from matplotlib.text import Text
 from PIL import Image
 
-from lagsim.expressions.graph import Graph
-from lagsim.model import (
+from lagsim.language.graph import Graph
+from lagsim.model.model import (
     Constraint,
     Coordinate,
     Model,
@@ -36,8 +36,8 @@ from lagsim.outputs.axis import value_axis
 from lagsim.outputs.panel import BAND, ink
 from lagsim.outputs.scene_panel import Paths, views
 from lagsim.outputs.sheet import DIM, DPI, fitted, text_width
-from lagsim.outputs.thinning import DRIFT, Thinning, picture_thinning
 from lagsim.outputs.time_panels import Record, chosen, grouped
+from lagsim.run.observers.thinning import DRIFT, Thinning, picture_thinning
 
 UNITS = {"t": "s", "theta": "rad", "u": "m", "energy": "J"}
 SWING = Scene({"pivot": (0, 0), "bob": (0, 0)}, (("pivot", "bob"),))

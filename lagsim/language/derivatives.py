@@ -1,0 +1,209 @@
+"""Derivatives on the graph: reverse sweeps, forward sweeps, and total rates.
+
+Functions that select among their arguments (`if`, `min`, `max`) are differentiated
+branch by branch: the gradient of the whole is a selection among the gradients of the
+branches, so that an infinite slope in the branch not taken never spoils a derivative
+(0 * inf would be nan).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.language.functions import OPERATIONS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from lagsim.language.graph import Graph
+
+Gradient = dict[int, int]
+
+
+def gradient(g: Graph, node: int, variables: Sequence[int]) -> list[int]:
+    """Give d node / d variable for each of `variables`, by reverse sweeps."""
+    found = slopes(g, node, frozenset(variables))
+    return [found.get(v, g.zero) for v in variables]
+
+
+def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
+    """Give d node / d variable for those of `variables` that `node` depends on."""
+    return _Reverse(g, node, variables).gradient(node)
+
+
+class _Reverse:
+    def __init__(self, g: Graph, node: int, variables: frozenset[int]) -> None:
+        self.g = g
+        self.variables = variables
+        self.active: set[int] = set()
+        cone = g.cone([node])
+        for n in cone:
+            if n in self.variables or any(a in self.active for a in g.args[n]):
+                self.active.add(n)
+        # Inner selections come first, so none needs recursion.
+        self.selections: dict[int, Gradient] = {}
+        for n in cone:
+            if n in self.active and OPERATIONS_BRANCHES.get(g.ops[n]):
+                self.selections[n] = self._selection(n)
+
+    def _selection(self, n: int) -> Gradient:
+        g = self.g
+        first, second = g.args[n][-2:]
+        branches = OPERATIONS[g.ops[n]].branches
+        assert branches is not None
+        condition = branches(g, g.args[n])
+        a, b = self.gradient(first), self.gradient(second)
+        return {
+            v: g.call("if", condition, a.get(v, g.zero), b.get(v, g.zero))
+            for v in sorted(a.keys() | b.keys())
+        }
+
+    def gradient(self, node: int) -> Gradient:
+        g = self.g
+        if node not in self.active:
+            return {}
+        adjoint: Gradient = {node: g.one}
+        result: Gradient = {}
+
+        def add(to: Gradient, n: int, term: int) -> None:
+            to[n] = g.call("add", to[n], term) if n in to else term
+
+        for n in self._below(node):
+            weight = adjoint.pop(n, g.zero)
+            if weight == g.zero:
+                continue
+            if n in self.variables:
+                add(result, n, weight)
+            elif n in self.selections:
+                for v, slope in self.selections[n].items():
+                    add(result, v, g.call("mul", weight, slope))
+            else:
+                for a, slope in local_slopes(g, n):
+                    if a in self.active:
+                        add(adjoint, a, g.call("mul", weight, slope))
+        return result
+
+    def _below(self, node: int) -> list[int]:
+        """Give the active nodes under `node`, last first, stopping at selections."""
+        seen = {node}
+        stack = [node]
+        while stack:
+            n = stack.pop()
+            if n in self.selections:
+                continue
+            for a in self.g.args[n]:
+                if a in self.active and a not in seen:
+                    seen.add(a)
+                    stack.append(a)
+        return sorted(seen, reverse=True)
+
+
+OPERATIONS_BRANCHES = {n: row.branches for n, row in OPERATIONS.items() if row.branches}
+
+
+def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int]:
+    """Give the directional derivative of each of `nodes`.
+
+    Parameters
+    ----------
+    g, nodes
+        What to differentiate.
+    seed
+        The direction: the rate of each variable that moves.
+    """
+    nodes = list(nodes)
+    rates: dict[int, int] = {}
+    for n in g.cone(nodes):
+        if n in seed:
+            rates[n] = seed[n]
+        elif any(a in rates for a in g.args[n]):
+            rates[n] = rate_of(g, n, rates)
+    return [rates.get(n, g.zero) for n in nodes]
+
+
+def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
+    """Give the rate of node `n` from the rates of its arguments (0 if absent)."""
+    args = g.args[n]
+    row = OPERATIONS[g.ops[n]]
+    if row.condition:
+        return g.zero
+    if row.branches:
+        moving = [rates.get(a, g.zero) for a in args]
+        return g.call("if", row.branches(g, args), moving[-2], moving[-1])
+    moved = [(slope, rates.get(a, g.zero)) for a, slope in local_slopes(g, n)]
+    return g.product_sum((slope, rate) for slope, rate in moved if rate != g.zero)
+
+
+def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
+    """Give what node `n` is differentiated by, with the slopes.
+
+    That is its arguments; or, of a power of a root from the square on, those of the
+    root: r^c has a slope where r = 0 though r has none. Or, of a quotient whose divisor
+    grows as exp does, what that has in its exponent: x/y has a slope where y overflows.
+    """
+    args = g.args[n]
+    if g.ops[n] == "pow" and g.ops[args[0]] in ("hypot", "sqrt"):
+        root, exponent = args[0], g.value(args[1])
+        if exponent is not None and exponent >= 2.0:
+            rest = g.call("pow", root, g.constant(exponent - 2.0))
+            if g.ops[root] == "sqrt":
+                half = g.call("mul", g.constant(0.5 * exponent), rest)
+                return [(g.args[root][0], half)]
+            outer = g.call("mul", g.constant(exponent), rest)
+            return [(a, g.call("mul", outer, a)) for a in g.args[root]]
+    if g.ops[n] == "div":
+        below = log_slopes(g, args[1])
+        if below is not None:
+            fall = g.call("neg", n)
+            through = [(a, g.call("mul", fall, slope)) for a, slope in below]
+            return [(args[0], g.call("div", g.one, args[1])), *through]
+    partials = OPERATIONS[g.ops[n]].partials
+    assert partials is not None
+    return list(zip(args, partials(g, args, n), strict=True))
+
+
+def log_slopes(g: Graph, n: int) -> list[tuple[int, int]] | None:
+    """Give the slopes of log |n| without dividing infinities.
+
+    Of what exp and cosh, numbers, products and powers make, or a number added to one.
+    """
+    op, args = g.ops[n], g.args[n]
+    if g.value(n) is not None:
+        return []
+    if op == "exp":
+        return [(args[0], g.one)]
+    if op == "cosh":
+        return [(args[0], g.call("tanh", args[0]))]
+    if op == "neg":
+        return log_slopes(g, args[0])
+    if op == "pow" and g.value(args[1]) is not None:
+        return _times(g, args[1], log_slopes(g, args[0]))
+    parts = [log_slopes(g, a) for a in args] if op in ("mul", "add", "sub") else []
+    if len(parts) != 2 or parts[0] is None or parts[1] is None:
+        return None
+    if op == "mul":
+        return parts[0] + parts[1]
+    if parts[0] and parts[1]:
+        return None
+    k = 0 if parts[0] else 1
+    ratio = _quotient(g, args[1 - k], args[k])
+    share = g.call("div", g.one, g.call("sub" if op == "sub" else "add", g.one, ratio))
+    return _times(g, share, parts[k])
+
+
+def _times(
+    g: Graph, factor: int, found: list[tuple[int, int]] | None
+) -> list[tuple[int, int]] | None:
+    if found is None:
+        return None
+    return [(a, g.call("mul", factor, slope)) for a, slope in found]
+
+
+def _quotient(g: Graph, number: int, grown: int) -> int:
+    """Give number / grown; of exp itself by the exponent: it may vanish, too."""
+    op, args = g.ops[grown], g.args[grown]
+    if op == "exp":
+        return g.call("mul", number, g.call("exp", g.call("neg", args[0])))
+    if op == "mul" and g.value(args[0]) is not None:
+        return _quotient(g, g.call("div", number, args[0]), args[1])
+    return g.call("div", number, grown)

@@ -1,0 +1,362 @@
+"""The hash-consed expression graph.
+
+A node is an int; equal expressions are the same node, and arguments always have
+smaller numbers than what uses them, so ascending order is an order of evaluation and
+no algorithm on the graph recurses.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import TYPE_CHECKING
+
+from lagsim.language.functions import OPERATIONS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable, Mapping
+
+CONSTANT = "constant"
+VARIABLE = "variable"
+TRUTH = "truth"
+# Degrees up to this are told apart; of chained squares there would be millions.
+MOST_DEGREE = 32
+
+
+class Graph:
+    """A store of expressions, shared wherever they are equal.
+
+    Parameters
+    ----------
+    simplify : bool
+        False keeps every operation as written, for running error analysis.
+
+    Attributes
+    ----------
+    ops : list of str
+        The operation of each node: a key of OPERATIONS, "constant", "variable" or
+        "truth".
+    args : list of tuple of int
+        The arguments of each node.
+    """
+
+    def __init__(self, *, simplify: bool = True) -> None:
+        self.simplify = simplify
+        self.ops: list[str] = []
+        self.args: list[tuple[int, ...]] = []
+        self._payload: dict[int, float | str | bool] = {}
+        self._known: dict[tuple[object, ...], int] = {}
+        self.zero = self.constant(0.0)
+        self.one = self.constant(1.0)
+
+    def __len__(self) -> int:
+        return len(self.ops)
+
+    def _node(
+        self,
+        op: str,
+        args: tuple[int, ...] = (),
+        payload: float | str | bool | None = None,
+    ) -> int:
+        key = (op, *args) if payload is None else (op, payload)
+        known = self._known.get(key)
+        if known is not None:
+            return known
+        node = len(self.ops)
+        self.ops.append(op)
+        self.args.append(args)
+        if payload is not None:
+            self._payload[node] = payload
+        self._known[key] = node
+        return node
+
+    def constant(self, x: float) -> int:
+        """Give the node of the number `x`."""
+        return self._node(CONSTANT, payload=float(x) + 0.0)  # -0.0 becomes 0.0
+
+    def truth(self, x: bool) -> int:
+        """Give the node of a truth value."""
+        return self._node(TRUTH, payload=bool(x))
+
+    def variable(self, name: str) -> int:
+        """Give the node of the variable `name`, the same one each time."""
+        return self._node(VARIABLE, payload=name)
+
+    def value(self, node: int) -> float | None:
+        """Give the number that `node` is, or None if it is not a constant."""
+        if self.ops[node] != CONSTANT:
+            return None
+        payload = self._payload[node]
+        assert isinstance(payload, float)
+        return payload
+
+    def payload(self, node: int) -> float | str | bool:
+        """Give the number, the name or the truth value of a leaf."""
+        return self._payload[node]
+
+    def call(self, op: str, *args: int) -> int:
+        """Give the node of operation `op` on `args`, folded and simplified.
+
+        Folding never raises: what has no finite value stays an operation.
+        """
+        if self.simplify:
+            simple = _SIMPLER.get(op)
+            found = simple(self, *args) if simple else None
+            if found is None:
+                found = self._folded(op, args)
+            if found is not None:
+                return found
+        if op in _COMMUTATIVE and args[0] > args[1]:
+            args = (args[1], args[0])
+        return self._node(op, args)
+
+    def _folded(self, op: str, args: tuple[int, ...]) -> int | None:
+        if any(self.ops[a] not in (CONSTANT, TRUTH) for a in args):
+            return None
+        value = OPERATIONS[op](*(self._payload[a] for a in args))
+        if OPERATIONS[op].condition:
+            return self.truth(value)
+        return self.constant(value) if math.isfinite(value) else None
+
+    def sum(self, nodes: Iterable[int]) -> int:
+        """Give the sum of `nodes`, left to right."""
+        total = self.zero
+        for node in nodes:
+            total = self.call("add", total, node)
+        return total
+
+    def product_sum(self, pairs: Iterable[tuple[int, int]]) -> int:
+        """Give the sum of a * b over `pairs`."""
+        return self.sum(self.call("mul", a, b) for a, b in pairs)
+
+    def cone(self, nodes: Iterable[int]) -> list[int]:
+        """Give `nodes` and everything below them, in order of evaluation."""
+        seen = set(nodes)
+        stack = list(seen)
+        while stack:
+            for a in self.args[stack.pop()]:
+                if a not in seen:
+                    seen.add(a)
+                    stack.append(a)
+        return sorted(seen)
+
+    def depends(self, nodes: Iterable[int]) -> frozenset[str]:
+        """Give the names of the variables below `nodes`."""
+        return frozenset(
+            str(self._payload[n]) for n in self.cone(nodes) if self.ops[n] == VARIABLE
+        )
+
+    def dependent(self, nodes: Iterable[int], names: Collection[str]) -> set[int]:
+        """Give those nodes of the cone of `nodes` that depend on any of `names`."""
+        found: set[int] = set()
+        for n in self.cone(nodes):
+            if self.ops[n] == VARIABLE:
+                if self._payload[n] in names:
+                    found.add(n)
+            elif any(a in found for a in self.args[n]):
+                found.add(n)
+        return found
+
+    def degree(self, node: int, names: Collection[str]) -> frozenset[int] | None:
+        """Give the degrees of the terms of `node` as a polynomial in `names`.
+
+        An upper bound: terms that would cancel are counted, and what is beyond
+        MOST_DEGREE stands there as the next two degrees, of no one degree. None where
+        `node` is not (seen to be) a polynomial in them; the empty set for zero.
+        """
+        degrees: dict[int, frozenset[int] | None] = {}
+        flat = frozenset((0,))
+        for n in self.cone([node]):
+            op = self.ops[n]
+            if op == VARIABLE:
+                inside = self._payload[n] in names
+                degrees[n] = frozenset((1,)) if inside else flat
+            elif op in (CONSTANT, TRUTH):
+                degrees[n] = frozenset() if n == self.zero else flat
+            else:
+                below = [degrees[a] for a in self.args[n]]
+                degrees[n] = self._degree_of(n, op, below)
+        return degrees[node]
+
+    def _degree_of(
+        self, n: int, op: str, below: list[frozenset[int] | None]
+    ) -> frozenset[int] | None:
+        flat = frozenset((0,))
+        if all(d is not None and d <= flat for d in below):
+            return flat
+        known = [d for d in below if d is not None]
+        if len(known) < len(below):
+            return None
+        if op in ("add", "sub"):
+            return known[0] | known[1]
+        if op == "neg":
+            return known[0]
+        if op == "mul":
+            return _summed(known[0], known[1])
+        if op == "div" and known[1] <= flat:
+            return known[0]
+        if op == "if" and known[0] <= flat:
+            return known[1] | known[2]
+        if op == "pow":
+            return self._degree_of_power(n, known[0])
+        return None
+
+    def _degree_of_power(self, n: int, base: frozenset[int]) -> frozenset[int] | None:
+        exponent = self.value(self.args[n][1])
+        if exponent is None or exponent not in (2.0, 3.0, 4.0, 5.0, 6.0):
+            return None
+        degrees = frozenset((0,))
+        for _ in range(int(exponent)):
+            degrees = _summed(degrees, base)
+        return degrees
+
+    def substitute(self, nodes: Iterable[int], new: Mapping[int, int]) -> list[int]:
+        """Give `nodes` with each key of `new` replaced by its value."""
+        nodes = list(nodes)
+        done: dict[int, int] = {}
+        for n in self.cone(nodes):
+            if n in new:
+                done[n] = new[n]
+            elif self.args[n] and any(done[a] != a for a in self.args[n]):
+                done[n] = self.call(self.ops[n], *(done[a] for a in self.args[n]))
+            else:
+                done[n] = n
+        return [done[n] for n in nodes]
+
+
+def _summed(one: frozenset[int], other: frozenset[int]) -> frozenset[int]:
+    """Give the degrees of the terms of a product."""
+    sums = frozenset(i + j for i in one for j in other)
+    if max(sums, default=0) <= MOST_DEGREE:
+        return sums
+    beyond = (MOST_DEGREE + 1, MOST_DEGREE + 2)
+    return frozenset(i for i in sums if i <= MOST_DEGREE).union(beyond)
+
+
+_COMMUTATIVE = frozenset(("add", "mul", "and", "or", "hypot"))
+
+
+def _add(g: Graph, x: int, y: int) -> int | None:
+    if x == g.zero:
+        return y
+    if y == g.zero:
+        return x
+    if g.ops[y] == "neg":
+        return g.call("sub", x, g.args[y][0])
+    if g.ops[x] == "neg":
+        return g.call("sub", y, g.args[x][0])
+    return None
+
+
+def _sub(g: Graph, x: int, y: int) -> int | None:
+    if y == g.zero:
+        return x
+    if x == g.zero:
+        return g.call("neg", y)
+    if x == y:
+        return g.zero
+    if g.ops[y] == "neg":
+        return g.call("add", x, g.args[y][0])
+    return None
+
+
+def _mul(g: Graph, x: int, y: int) -> int | None:
+    if g.value(x) is None:
+        x, y = y, x
+    c = g.value(x)
+    if c is not None:
+        return _scaled(g, c, x, y)
+    if g.ops[x] == "neg":
+        return g.call("neg", g.call("mul", g.args[x][0], y))
+    if g.ops[y] == "neg":
+        return g.call("neg", g.call("mul", x, g.args[y][0]))
+    return None
+
+
+def _scaled(g: Graph, c: float, x: int, y: int) -> int | None:
+    """Simplify c * y, where `x` is the node of c."""
+    if c == 0.0:
+        return g.zero
+    if c == 1.0:
+        return y
+    if c == -1.0:
+        return g.call("neg", y)
+    if g.ops[y] == "neg":
+        return g.call("mul", g.constant(-c), g.args[y][0])
+    if g.ops[y] == "mul":
+        inner = g.value(g.args[y][0])
+        if inner is not None and _is_normal(c * inner):
+            return g.call("mul", g.constant(c * inner), g.args[y][1])
+    if g.ops[y] not in (CONSTANT, TRUTH) and y < x:
+        return g._node("mul", (x, y))  # noqa: SLF001  the constant comes first
+    return None
+
+
+def _is_normal(x: float) -> bool:
+    """Tell whether `x` has all its digits, neither overflown nor underflown."""
+    return sys.float_info.min <= abs(x) <= sys.float_info.max
+
+
+def _div(g: Graph, x: int, y: int) -> int | None:
+    if x == g.zero and y != g.zero:
+        return g.zero
+    if x == y and x != g.zero:
+        return g.one
+    if g.ops[x] == "neg":
+        return g.call("neg", g.call("div", g.args[x][0], y))
+    if g.ops[y] == "neg":
+        return g.call("neg", g.call("div", x, g.args[y][0]))
+    c = g.value(y)
+    if c is not None and c != 0.0 and math.frexp(c)[0] in (0.5, -0.5):
+        reciprocal = 1.0 / c
+        if math.isfinite(reciprocal):  # exact for a power of two
+            return g.call("mul", g.constant(reciprocal), x)
+    return None
+
+
+def _neg(g: Graph, x: int) -> int | None:
+    if g.ops[x] == "neg":
+        return g.args[x][0]
+    if g.ops[x] == "sub":
+        return g.call("sub", g.args[x][1], g.args[x][0])
+    if g.ops[x] == "mul":
+        c = g.value(g.args[x][0])
+        if c is not None:
+            return g.call("mul", g.constant(-c), g.args[x][1])
+    return None
+
+
+def _pow(g: Graph, x: int, y: int) -> int | None:
+    exponent = g.value(y)
+    if exponent == 0.0 or x == g.one:
+        return g.one
+    if exponent == 1.0:
+        return x
+    if exponent == 0.5:
+        return g.call("sqrt", x)
+    if exponent is not None and exponent % 2 == 0 and g.ops[x] == "neg":
+        return g.call("pow", g.args[x][0], y)
+    return None
+
+
+def _if(g: Graph, condition: int, x: int, y: int) -> int | None:
+    if g.ops[condition] == TRUTH:
+        return x if g.payload(condition) else y
+    return x if x == y else None
+
+
+def _extreme(_: Graph, x: int, y: int) -> int | None:
+    return x if x == y else None
+
+
+_SIMPLER: dict[str, Callable[..., int | None]] = {
+    "add": _add,
+    "sub": _sub,
+    "mul": _mul,
+    "div": _div,
+    "neg": _neg,
+    "pow": _pow,
+    "if": _if,
+    "min": _extreme,
+    "max": _extreme,
+}

@@ -1,0 +1,399 @@
+"""The interval rule of each row of the functions table, over many intervals at once.
+
+A rule gives an enclosure of the function's values; what is rounded is rounded outward.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagsim.language.intervals import Flags, Floats, Interval, interval
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+# Libraries differ in the last places of sin, pow, ...: four units are allowed for.
+SLACK = 2.0**-50
+TINY = math.ulp(0.0)
+LARGEST = np.finfo(np.float64).max
+
+
+def _outward(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
+    """Widen by the slack of library functions; an infinite overflow is undone."""
+    low = np.minimum(lo, LARGEST)
+    high = np.maximum(hi, -LARGEST)
+    return low - (np.abs(low) * SLACK + TINY), high + (np.abs(high) * SLACK + TINY)
+
+
+def _outward_but_zero(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
+    """Widen as `_outward`, for functions whose zeros are exact."""
+    low, high = _outward(lo, hi)
+    return np.where(lo == 0.0, 0.0, low), np.where(hi == 0.0, 0.0, high)
+
+
+def _exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
+    return np.where(exact, bound, np.nextafter(bound, toward))
+
+
+# ------------------------------------------------------------------- operators
+
+
+def _error_of_sum(a: Floats, b: Floats, total: Floats) -> Floats:
+    """Give the rounding error of total = a + b exactly (Knuth's TwoSum)."""
+    part = total - a
+    error: Floats = (a - (total - part)) + (b - part)
+    return error
+
+
+def _add(x: Interval, y: Interval) -> Interval:
+    lo, hi = x.lo + y.lo, x.hi + y.hi
+    clash = (x.hi == math.inf) & (y.lo == -math.inf)
+    clash |= (x.lo == -math.inf) & (y.hi == math.inf)
+    lo = _exact_or_next(lo, _error_of_sum(x.lo, y.lo, lo) == 0.0, -math.inf)
+    hi = _exact_or_next(hi, _error_of_sum(x.hi, y.hi, hi) == 0.0, math.inf)
+    return interval(
+        np.where(np.isnan(lo), -math.inf, lo),
+        np.where(np.isnan(hi), math.inf, hi),
+        clash,
+    )
+
+
+def _neg(x: Interval) -> Interval:
+    return interval(-x.hi, -x.lo)
+
+
+def _corners(
+    f: Callable[[Floats, Floats], Floats], x: Interval, y: Interval
+) -> tuple[Floats, Floats]:
+    values = np.stack(
+        np.broadcast_arrays(f(x.lo, y.lo), f(x.lo, y.hi), f(x.hi, y.lo), f(x.hi, y.hi))
+    )
+    values = np.where(np.isnan(values), 0.0, values)  # 0 * inf: the bound is never met
+    return values.min(0), values.max(0)
+
+
+def _whole(x: Interval) -> Flags:
+    """Tell where both bounds are whole numbers and small enough for exact products."""
+    size = np.maximum(np.abs(x.lo), np.abs(x.hi))
+    flags: Flags = (
+        (np.floor(x.lo) == x.lo) & (np.floor(x.hi) == x.hi) & (size < 2.0**26)
+    )
+    return flags
+
+
+def _one_sided(
+    lo: Floats, hi: Floats, x: Interval, y: Interval
+) -> tuple[Floats, Floats]:
+    """Widen the bounds of a product or quotient, but never beyond a sure sign."""
+    alike = (x.lo >= 0.0) & (y.lo >= 0.0) | (x.hi <= 0.0) & (y.hi <= 0.0)
+    opposite = (x.lo >= 0.0) & (y.hi <= 0.0) | (x.hi <= 0.0) & (y.lo >= 0.0)
+    nothing = (x.lo == 0.0) & (x.hi == 0.0) | (y.lo == 0.0) & (y.hi == 0.0)
+    return (
+        _exact_or_next(lo, nothing | (lo == 0.0) & alike, -math.inf),
+        _exact_or_next(hi, nothing | (hi == 0.0) & opposite, math.inf),
+    )
+
+
+def _mul(x: Interval, y: Interval) -> Interval:
+    lo, hi = _corners(np.multiply, x, y)
+    whole = _whole(x) & _whole(y)
+    low, high = _one_sided(lo, hi, x, y)
+    lo, hi = np.where(whole, lo, low), np.where(whole, hi, high)
+    return interval(lo, hi, (x.unbounded & y.has_zero) | (y.unbounded & x.has_zero))
+
+
+def _square(x: Interval) -> Interval:
+    size = _abs(x)
+    return _strict(_mul)(size, size)
+
+
+def _div(x: Interval, y: Interval) -> Interval:
+    pole = y.has_zero  # also at an end: x / 0 is infinite with either sign
+    lo, hi = _one_sided(*_corners(np.divide, x, y), x, y)
+    return interval(
+        np.where(pole, -math.inf, lo),
+        np.where(pole, math.inf, hi),
+        pole & x.has_zero | x.unbounded & y.unbounded,
+        pole,
+    )
+
+
+def _pow(x: Interval, y: Interval) -> Interval:
+    whole = (y.lo == y.hi) & (np.floor(y.lo) == y.lo) & np.isfinite(y.lo)
+    by_whole, by_real = _whole_power(x, y.lo), _real_power(x, y)
+    return _select(whole, by_whole, by_real)
+
+
+def _whole_power(x: Interval, n: Floats) -> Interval:
+    a, b = np.power(x.lo, n), np.power(x.hi, n)
+    even = np.mod(n, 2.0) == 0.0
+    inside = x.has_zero
+    pole = inside & (n < 0.0)
+    lo = np.where(even & inside & (n > 0.0), 0.0, np.minimum(a, b))
+    lo = np.where(pole & ~even, -math.inf, lo)
+    hi = np.where(pole, math.inf, np.maximum(a, b))
+    low, high = _outward(lo, hi)
+    exact = _whole(x) & (n > 0.0) & (np.maximum(np.abs(lo), np.abs(hi)) < 2.0**52)
+    low, high = np.where(exact, lo, low), np.where(exact, hi, high)
+    ones = n == 0.0
+    low = np.where(even & (n > 0.0), np.maximum(low, 0.0), low)
+    return interval(np.where(ones, 1.0, low), np.where(ones, 1.0, high), False, pole)
+
+
+def _real_power(x: Interval, y: Interval) -> Interval:
+    """Give x^y, a real number for x >= 0 only, or where y happens to be whole."""
+    base = interval(np.maximum(x.lo, 0.0), np.maximum(x.hi, 0.0))
+    lo, hi = _outward(*_corners(np.power, base, y))
+    lo = np.maximum(lo, 0.0)
+    negative = x.lo < 0.0
+    pole = (x.lo <= 0.0) & (y.lo <= 0.0)
+    moving = y.lo < y.hi
+    # A negative base with a moving exponent: any whole exponent on the way counts.
+    size = interval(np.zeros_like(x.lo), np.maximum(np.abs(x.lo), np.abs(x.hi)))
+    _, largest = _outward(*_corners(np.power, size, y))
+    stray = negative & moving
+    nowhere = (x.hi < 0.0) & ~moving
+    return interval(
+        np.where(nowhere, math.nan, np.where(stray, -largest, lo)),
+        np.where(nowhere, math.nan, np.where(stray, largest, hi)),
+        negative,
+        pole | stray,
+    )
+
+
+# ------------------------------------------------------------------ conditions
+
+
+def _comparison(
+    surely: Callable[[Interval, Interval], Flags],
+    never: Callable[[Interval, Interval], Flags],
+) -> Callable[[Interval, Interval], Interval]:
+    """Give the rule of a comparison; one with nan is false."""
+
+    def rule(x: Interval, y: Interval) -> Interval:
+        true = surely(x, y) & ~(x.partial | y.partial)
+        false = never(x, y) | x.undefined | y.undefined
+        return interval(true.astype(np.float64), (~false).astype(np.float64))
+
+    return rule
+
+
+def _if(c: Interval, x: Interval, y: Interval) -> Interval:
+    hull = interval(
+        np.fmin(x.lo, y.lo),
+        np.fmax(x.hi, y.hi),
+        x.partial | y.partial | (x.undefined ^ y.undefined),
+        jumps=True,
+    )
+    return _select(c.lo == 1.0, x, _select(c.hi == 0.0, y, hull))
+
+
+def _select(which: Flags, x: Interval, y: Interval) -> Interval:
+    return Interval(
+        np.where(which, x.lo, y.lo),
+        np.where(which, x.hi, y.hi),
+        np.where(which, x.partial, y.partial),
+        np.where(which, x.jumps, y.jumps),
+    )
+
+
+# ------------------------------------------------------------------- functions
+
+
+def _increasing(f: Any) -> Callable[[Interval], Interval]:
+    """Give the rule of an increasing function, defined everywhere, exact zeros."""
+    return lambda x: interval(*_outward_but_zero(f(x.lo), f(x.hi)))
+
+
+def _on(
+    f: Any, least: float, most: float = math.inf, *, open_end: bool = False
+) -> Callable[[Interval], Interval]:
+    """Give the rule of an increasing function defined from `least` to `most`."""
+
+    def rule(x: Interval) -> Interval:
+        lo, hi = _outward_but_zero(
+            f(np.clip(x.lo, least, most)), f(np.clip(x.hi, least, most))
+        )
+        nowhere = (x.hi < least) | (x.lo > most)
+        partial = (x.lo < least) | (x.hi > most)
+        pole = (x.lo <= least) | (x.hi >= most) if open_end else partial
+        return interval(
+            np.where(nowhere, math.nan, lo), np.where(nowhere, math.nan, hi),
+            partial | (pole if open_end and most < math.inf else False), pole,
+        )  # fmt: skip
+
+    return rule
+
+
+def _sqrt(x: Interval) -> Interval:
+    """Give the root, exact where it is a whole number."""
+    root = _on(np.sqrt, 0.0)(x)
+    lo, hi = np.sqrt(np.maximum(x.lo, 0.0)), np.sqrt(np.maximum(x.hi, 0.0))
+    exact_lo = (np.floor(lo) == lo) & (lo < 2.0**26) & (lo * lo == x.lo)
+    exact_hi = (np.floor(hi) == hi) & (hi < 2.0**26) & (hi * hi == x.hi)
+    return interval(
+        np.where(exact_lo, lo, root.lo), np.where(exact_hi, hi, root.hi),
+        root.partial, root.jumps,
+    )  # fmt: skip
+
+
+def _exp(x: Interval) -> Interval:
+    lo, hi = _outward(np.exp(x.lo), np.exp(x.hi))
+    return interval(np.maximum(lo, 0.0), hi)
+
+
+def _acos(x: Interval) -> Interval:
+    mirrored = _on(np.arccos, -1.0, 1.0)(x)
+    lo, hi = _outward_but_zero(
+        np.arccos(np.clip(x.hi, -1.0, 1.0)), np.arccos(np.clip(x.lo, -1.0, 1.0))
+    )
+    nowhere = mirrored.undefined
+    return interval(
+        np.where(nowhere, math.nan, lo), np.where(nowhere, math.nan, hi),
+        mirrored.partial,
+    )  # fmt: skip
+
+
+def _meets(x: Interval, first: float, period: float) -> Flags:
+    """Tell where x may contain a point of first + k * period."""
+    a, b = x.lo / period - first / period, x.hi / period - first / period
+    slack = 8.0 * np.finfo(np.float64).eps
+    a, b = a - slack * (np.abs(a) + 1.0), b + slack * (np.abs(b) + 1.0)
+    flags: Flags = ~(np.ceil(a) > np.floor(b))
+    return flags
+
+
+def _wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
+    def rule(x: Interval) -> Interval:
+        a, b = f(x.lo), f(x.hi)
+        lo, hi = _outward_but_zero(np.fmin(a, b), np.fmax(a, b))
+        return interval(
+            np.where(_meets(x, trough, math.tau), -1.0, np.maximum(lo, -1.0)),
+            np.where(_meets(x, crest, math.tau), 1.0, np.minimum(hi, 1.0)),
+            x.unbounded,
+        )
+
+    return rule
+
+
+def _tan(x: Interval) -> Interval:
+    pole = _meets(x, math.pi / 2, math.pi)
+    lo, hi = _outward_but_zero(np.tan(x.lo), np.tan(x.hi))
+    return interval(
+        np.where(pole, -math.inf, lo), np.where(pole, math.inf, hi), x.unbounded, pole
+    )
+
+
+def _abs(x: Interval) -> Interval:
+    least = np.where(x.has_zero, 0.0, np.minimum(np.abs(x.lo), np.abs(x.hi)))
+    return interval(least, np.maximum(np.abs(x.lo), np.abs(x.hi)))
+
+
+def _cosh(x: Interval) -> Interval:
+    size = _abs(x)
+    lo, hi = _outward(np.cosh(size.lo), np.cosh(size.hi))
+    return interval(np.maximum(lo, 1.0), hi)
+
+
+def _hypot(x: Interval, y: Interval) -> Interval:
+    a, b = _abs(x), _abs(y)
+    lo, hi = _outward_but_zero(np.hypot(a.lo, b.lo), np.hypot(a.hi, b.hi))
+    return interval(lo, hi)
+
+
+def _atan2(y: Interval, x: Interval) -> Interval:
+    origin = y.has_zero & x.has_zero
+    cut = (y.lo < 0.0) & (y.hi >= 0.0) & (x.lo <= 0.0) | origin
+    lo, hi = _outward(*_corners(np.arctan2, y, x))
+    lo, hi = np.maximum(lo, -math.pi), np.minimum(hi, math.pi)
+    return interval(np.where(cut, -math.pi, lo), np.where(cut, math.pi, hi), False, cut)
+
+
+def _step(f: Any) -> Callable[[Interval], Interval]:
+    """Give the rule of an increasing function of steps."""
+
+    def rule(x: Interval) -> Interval:
+        lo, hi = f(x.lo), f(x.hi)
+        return interval(lo, hi, False, lo != hi)
+
+    return rule
+
+
+def _extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
+    """Give the rule of min or max: y where it wins, and x where either is nan."""
+
+    def rule(x: Interval, y: Interval) -> Interval:
+        lo, hi = choose(x.lo, y.lo), choose(x.hi, y.hi)
+        lo = np.where(y.partial, np.fmin(lo, x.lo), lo)
+        hi = np.where(y.partial, np.fmax(hi, x.hi), hi)
+        decided = interval(lo, hi, x.partial, x.jumps | y.jumps | y.partial)
+        return _select(y.undefined | x.undefined, x, decided)
+
+    return rule
+
+
+def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
+    """Pass nan, doubt and jumps of any argument on to the value."""
+
+    def whole(*args: Interval) -> Interval:
+        value = rule(*args)
+        lo, hi, partial, jumps = value.lo, value.hi, value.partial, value.jumps
+        for a in args:
+            lo = np.where(a.undefined, math.nan, lo)
+            hi = np.where(a.undefined, math.nan, hi)
+            partial = partial | a.partial
+            jumps = jumps | a.jumps
+        return interval(lo, hi, partial, jumps)
+
+    return whole
+
+
+RULES: dict[str, Callable[..., Interval]] = {
+    "lt": _comparison(lambda x, y: x.hi < y.lo, lambda x, y: x.lo >= y.hi),
+    "le": _comparison(lambda x, y: x.hi <= y.lo, lambda x, y: x.lo > y.hi),
+    "gt": _comparison(lambda x, y: x.lo > y.hi, lambda x, y: x.hi <= y.lo),
+    "ge": _comparison(lambda x, y: x.lo >= y.hi, lambda x, y: x.hi < y.lo),
+    "and": lambda x, y: interval(np.minimum(x.lo, y.lo), np.minimum(x.hi, y.hi)),
+    "or": lambda x, y: interval(np.maximum(x.lo, y.lo), np.maximum(x.hi, y.hi)),
+    "not": lambda x: interval(1.0 - x.hi, 1.0 - x.lo),
+    "if": _if,
+    "min": _extreme(np.minimum),
+    "max": _extreme(np.maximum),
+}
+_STRICT: dict[str, Callable[..., Interval]] = {
+    "add": _add,
+    "sub": lambda x, y: _add(x, _neg(y)),
+    "mul": _mul,
+    "div": _div,
+    "neg": _neg,
+    "pow": _pow,
+    "sin": _wave(np.sin, math.pi / 2, -math.pi / 2),
+    "cos": _wave(np.cos, 0.0, math.pi),
+    "tan": _tan,
+    "asin": _on(np.arcsin, -1.0, 1.0),
+    "acos": _acos,
+    "atan": _increasing(np.arctan),
+    "atan2": _atan2,
+    "sinh": _increasing(np.sinh),
+    "cosh": _cosh,
+    "tanh": _increasing(np.tanh),
+    "asinh": _increasing(np.arcsinh),
+    "acosh": _on(np.arccosh, 1.0),
+    "atanh": _on(np.arctanh, -1.0, 1.0, open_end=True),
+    "exp": _exp,
+    "log": _on(np.log, 0.0, open_end=True),
+    "log10": _on(np.log10, 0.0, open_end=True),
+    "sqrt": _sqrt,
+    "cbrt": _increasing(np.cbrt),
+    "hypot": _hypot,
+    "abs": _abs,
+    "sign": _step(np.sign),
+    "heaviside": _step(lambda x: np.heaviside(x, 1.0)),
+    "floor": _step(np.floor),
+    "ceil": _step(np.ceil),
+}
+RULES.update((name, _strict(rule)) for name, rule in _STRICT.items())
+square = _strict(_square)

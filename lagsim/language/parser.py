@@ -1,0 +1,348 @@
+"""Tokens -> graph, by a precedence parser with its own stack.
+
+Parsing gives a `Parsed` (postfix, with the names used), so that definitions can be put
+in order before anything is built. Nothing recurses, and nothing is ever evaluated by
+Python or sympy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from lagsim.language.functions import FUNCTIONS
+from lagsim.language.tokens import ExpressionError, Token, tokens
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from lagsim.language.graph import Graph
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A variable used, and where."""
+
+    text: str
+    offset: int
+
+
+@dataclass(frozen=True, slots=True)
+class Parsed:
+    """An expression in postfix: numbers, names and operations with their arity."""
+
+    text: str
+    postfix: tuple[tuple[str, float | str | int], ...]
+    names: tuple[Name, ...]
+
+    def build(self, g: Graph, scope: Callable[[str], int]) -> int:
+        """Give the node in `g`; `scope` gives the node of each name."""
+        stack: list[int] = []
+        for kind, payload in self.postfix:
+            if kind == "number":
+                assert isinstance(payload, float)
+                stack.append(g.constant(payload))
+            elif kind == "name":
+                stack.append(scope(str(payload)))
+            else:
+                assert isinstance(payload, int)
+                args = stack[-payload:]
+                del stack[-payload:]
+                stack.append(g.call(kind, *args))
+        return stack.pop()
+
+
+@dataclass(frozen=True, slots=True)
+class ParsedRelation:
+    """Left side, right side (None for a bare expression) and `=`, `<=` or `>=`."""
+
+    left: Parsed
+    right: Parsed | None
+    sense: str
+
+    @property
+    def names(self) -> tuple[Name, ...]:
+        """The variables of both sides."""
+        return self.left.names + (self.right.names if self.right else ())
+
+
+# Binding powers, weakest first. Unary minus binds weaker than `^` and tighter than `*`.
+_BINARY = {
+    "or": (1, "or"),
+    "and": (2, "and"),
+    "<": (4, "lt"),
+    "<=": (4, "le"),
+    ">": (4, "gt"),
+    ">=": (4, "ge"),
+    "+": (5, "add"),
+    "-": (5, "sub"),
+    "*": (6, "mul"),
+    "/": (6, "div"),
+    "^": (8, "pow"),
+    "**": (8, "pow"),
+}
+_NOT, _COMPARES, _UNARY, _POWER = 3, 4, 7, 8
+
+
+@dataclass(slots=True)
+class _Pending:
+    """An operator, parenthesis or call whose end has not been seen."""
+
+    op: str  # an operation, "(" or "+" (unary plus)
+    power: int
+    token: Token
+    arity: int = 1
+    call: bool = False
+
+
+class _Parser:
+    """One pass over the tokens: `output` is postfix, `kinds` what each value is."""
+
+    def __init__(self, text: str, part: list[Token]) -> None:
+        self.text = text
+        self.part = part
+        self.output: list[tuple[str, float | str | int]] = []
+        self.kinds: list[tuple[bool, Token]] = []  # (is a condition, begins at)
+        self.pending: list[_Pending] = []
+        self.names: list[Name] = []
+
+    def parse(self) -> Parsed:
+        operand_next = True
+        for token in self.part:
+            step = self._operand if operand_next else self._after_operand
+            operand_next = step(token)
+        condition, at = self.kinds[-1]
+        if condition:
+            raise ExpressionError(
+                at.offset, len(at.text), "a comparison stands only in `if`",
+                "write if(condition, a, b)",
+            )  # fmt: skip
+        return Parsed(self.text, tuple(self.output), tuple(self.names))
+
+    def _operand(self, token: Token) -> bool:
+        """Take the beginning of an operand; give whether one is still expected."""
+        if token.kind == "number":
+            self._value(token, ("number", float(token.text)))
+            return False
+        if token.kind == "name":
+            self.names.append(Name(token.text, token.offset))
+            self._value(token, ("name", token.text))
+            return False
+        if token.kind == "function":
+            self._function(token)
+        elif token.kind == "open":
+            if not (self.pending and self.pending[-1].call and self._just_named(token)):
+                self.pending.append(_Pending("(", 0, token))
+        elif token.kind == "operator" and token.text in ("+", "-", "not"):
+            op, power = {
+                "+": ("+", _UNARY),
+                "-": ("neg", _UNARY),
+                "not": ("not", _NOT),
+            }[token.text]
+            self.pending.append(_Pending(op, power, token))
+        else:
+            raise self._missing_operand(token)
+        return True
+
+    def _just_named(self, token: Token) -> bool:
+        """Tell whether `token` is the parenthesis of the function just named."""
+        name = self.pending[-1].token
+        between = self.text[name.offset + len(name.text) : token.offset]
+        return not between.strip()
+
+    def _missing_operand(self, token: Token) -> ExpressionError:
+        if token.kind == "end":
+            if not self.part[:-1]:
+                return ExpressionError(
+                    token.offset, 1, "an expression is expected, found nothing"
+                )
+            return ExpressionError(
+                token.offset, 1, "the expression ends where a value is expected"
+            )
+        if token.kind == "relation":
+            return _relation_inside(token)
+        hint = ""
+        if token.kind == "close" and self.pending and self.pending[-1].call:
+            hint = f"`{self.pending[-1].op}` takes {_count(self.pending[-1].op)}"
+        return ExpressionError(
+            token.offset, len(token.text), f"a value is expected before `{token.text}`",
+            hint,
+        )  # fmt: skip
+
+    def _function(self, token: Token) -> None:
+        if token.text not in FUNCTIONS:
+            near = get_close_matches(token.text, FUNCTIONS, 1)
+            hint = f"did you mean `{near[0]}`?" if near else "a product is written `*`"
+            raise ExpressionError(
+                token.offset, len(token.text), f"there is no function `{token.text}`",
+                hint, "unknown-function",
+            )  # fmt: skip
+        self.pending.append(_Pending(token.text, 0, token, call=True))
+
+    def _value(self, token: Token, item: tuple[str, float | str | int]) -> None:
+        self.output.append(item)
+        self.kinds.append((False, token))
+
+    def _after_operand(self, token: Token) -> bool:
+        """Take what follows an operand; give whether an operand is expected next."""
+        if token.kind == "operator" and token.text in _BINARY:
+            power, op = _BINARY[token.text]
+            # `^` is right-associative; `2^-1` leaves its unary minus on the stack.
+            self._reduce(power + 1 if power == _POWER else power, token)
+            self.pending.append(_Pending(op, power, token, arity=2))
+            return True
+        if token.kind in ("close", "comma"):
+            self._reduce(1, token)
+            return self._close(token) if token.kind == "close" else self._comma(token)
+        if token.kind == "end":
+            self._reduce(1, token)
+            if self.pending:
+                left = self.pending[-1].token
+                raise ExpressionError(
+                    left.offset, len(left.text), "this parenthesis is never closed",
+                    "an expression in {} must be quoted if it contains a comma",
+                    "parenthesis",
+                )  # fmt: skip
+            return False
+        raise self._missing_operator(token)
+
+    def _missing_operator(self, token: Token) -> ExpressionError:
+        if token.kind == "relation":
+            return _relation_inside(token)
+        before = self.text[: token.offset].rstrip()
+        hint = "there is no implicit product: write `*`"
+        if token.text == "not":
+            hint = ""
+        return ExpressionError(
+            token.offset,
+            len(token.text),
+            f"an operator is expected between `{before[-12:]}` and `{token.text}`",
+            hint,
+        )
+
+    def _reduce(self, power: int, token: Token) -> None:
+        """Apply pending operators that bind at least as tightly as `power`."""
+        while self.pending and self.pending[-1].power >= power:
+            top = self.pending.pop()
+            if top.power == _COMPARES == power and token.text in _BINARY:
+                raise ExpressionError(
+                    token.offset, len(token.text), "comparisons do not chain",
+                    "write a < b and b < c",
+                )  # fmt: skip
+            self._apply(top)
+
+    def _apply(self, top: _Pending) -> None:
+        args = self.kinds[-top.arity :]
+        wants_conditions = top.op in ("and", "or", "not")
+        for condition, at in args:
+            if condition != wants_conditions:
+                raise _wrong_kind(top.token, at, wants_conditions)
+        del self.kinds[-top.arity :]
+        gives_condition = wants_conditions or top.power == _COMPARES
+        start = args[0][1] if top.arity == 2 else top.token
+        self.kinds.append((gives_condition, start))
+        if top.op != "+":
+            self.output.append((top.op, top.arity))
+
+    def _comma(self, token: Token) -> bool:
+        if not self.pending or not self.pending[-1].call:
+            raise ExpressionError(
+                token.offset, 1, "a comma stands only between a function's arguments",
+                "a decimal point is written `.`",
+            )  # fmt: skip
+        self.pending[-1].arity += 1
+        return True
+
+    def _close(self, token: Token) -> bool:
+        if not self.pending:
+            raise ExpressionError(
+                token.offset, 1, "this parenthesis was never opened", code="parenthesis"
+            )
+        top = self.pending.pop()
+        if not top.call:
+            return False
+        row = FUNCTIONS[top.op]
+        if top.arity != row.arity:
+            raise ExpressionError(
+                top.token.offset,
+                len(top.token.text),
+                f"`{top.op}` takes {_count(top.op)}, found {top.arity}",
+                code="arity",
+            )
+        args = self.kinds[-top.arity :]
+        for i, (condition, at) in enumerate(args):
+            if condition != (top.op == "if" and i == 0):
+                raise _wrong_kind(top.token, at, wants=top.op == "if" and i == 0)
+        del self.kinds[-top.arity :]
+        self.kinds.append((False, top.token))
+        self.output.append((top.op, top.arity))
+        return False
+
+
+def _count(function: str) -> str:
+    arity = FUNCTIONS[function].arity
+    if function == "if":
+        return "3 arguments, if(condition, a, b)"
+    return "1 argument" if arity == 1 else f"{arity} arguments"
+
+
+def _wrong_kind(operator: Token, at: Token, wants: bool) -> ExpressionError:
+    if wants:
+        text = f"`{operator.text}` expects a comparison here, found a number"
+        return ExpressionError(at.offset, len(at.text), text, "such as x > 0")
+    text = "a comparison stands only in `if`"
+    return ExpressionError(at.offset, len(at.text), text, "write if(condition, a, b)")
+
+
+def _relation_inside(token: Token) -> ExpressionError:
+    return ExpressionError(
+        token.offset, 1, "`=` has no meaning here",
+        "relations stand only in constraints and `until`, one each",
+    )  # fmt: skip
+
+
+def parse(text: str) -> Parsed:
+    """Parse an expression.
+
+    Raises
+    ------
+    ExpressionError
+        With the place of the first fault in `text`.
+    """
+    return _Parser(text, list(tokens(text))).parse()
+
+
+def parse_relation(text: str) -> ParsedRelation:
+    """Parse `lhs = rhs`, `lhs <= rhs`, `lhs >= rhs` or a bare expression.
+
+    Raises
+    ------
+    ExpressionError
+        With the place of the first fault in `text`.
+    """
+    found = list(tokens(text))
+    depth, at = 0, []
+    for i, token in enumerate(found):
+        depth += (token.kind == "open") - (token.kind == "close")
+        if depth == 0 and token.text in ("=", "<=", ">="):
+            at.append(i)
+        elif depth == 0 and token.text in ("<", ">"):
+            raise ExpressionError(
+                token.offset, 1, f"a relation is not strict: found `{token.text}`",
+                f"write `{token.text}=`",
+            )  # fmt: skip
+    if len(at) > 1:
+        second = found[at[1]]
+        raise ExpressionError(
+            second.offset, len(second.text), "a relation has one `=`, `<=` or `>=`",
+            "write two constraints",
+        )  # fmt: skip
+    if not at:
+        return ParsedRelation(_Parser(text, found).parse(), None, "=")
+    middle = found[at[0]]
+    left = [*found[: at[0]], Token("end", "", middle.offset)]
+    right = found[at[0] + 1 :]
+    return ParsedRelation(
+        _Parser(text, left).parse(), _Parser(text, right).parse(), middle.text
+    )

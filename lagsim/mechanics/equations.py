@@ -1,0 +1,267 @@
+"""Energies -> the equations of motion, as nodes of the model's graph.
+
+    M q'' = f + A^T lambda,      A q'' = b,      Qc = A^T lambda
+
+with M = d2L/dq'2 and f = dL/dq - d/dt(dL/dq') at q'' = 0, plus the generalized forces.
+For lhs = rhs the constraint function is lhs - rhs; this sign of lambda holds all over.
+Source: H. P. Gavin, Generalized Coordinates, Lagrange's Equations, and Constraints,
+eqs 47 and 61; Arnold, Mathematical Methods of Classical Mechanics, sections 12 and 15.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from lagsim.language.derivatives import gradient, rate_of, tangent
+from lagsim.language.functions import OPERATIONS
+from lagsim.language.sparse import SparseVector
+from lagsim.mechanics.constraints import Flow, Row, constraint_row
+from lagsim.model.model import Level
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.language.graph import Graph
+    from lagsim.model.model import Model
+
+
+# The column, and the variable, of the integral of L.
+ACTION = "action.S"
+
+
+@dataclass(frozen=True, slots=True)
+class Quadrature:
+    """What stands in no equation: only its rate is integrated.
+
+    A coordinate, or the action. `rate` and `mass` (its entry of M's diagonal; zero for
+    the action) are nodes.
+    """
+
+    name: str
+    rate: int
+    mass: int
+
+
+@dataclass(frozen=True, slots=True)
+class Equations:
+    """Everything a run needs, as nodes of `graph`.
+
+    Attributes
+    ----------
+    M : tuple of SparseVector, shape (n, n)
+        Symmetric; entries that vanish identically are `graph.zero`.
+    f : tuple of int, shape (n,)
+    rows : tuple of Row, length m
+        The equality constraints.
+    momenta : tuple of int, shape (n,)
+        dL/dq'.
+    energy : int
+        The energy function h = sum q' dL/dq' - L.
+    energy_is_sum : bool
+        h is kinetic + potential.
+    kinetic_form : int
+        q'^T M q' / 2, which is `kinetic` where that is quadratic.
+    power : int or None
+        The rate of `work`, with the multipliers as variables `lambda_<c>`; None where
+        the model has nothing that could do work.
+    quadratures : tuple of Quadrature
+        What is integrated beside these equations: the action where it is asked for,
+        and coordinates, see `reduction`.
+    """
+
+    model: Model
+    graph: Graph
+    q: tuple[str, ...]
+    velocities: tuple[str, ...]
+    M: tuple[SparseVector, ...]
+    f: tuple[int, ...]
+    rows: tuple[Row, ...]
+    momenta: tuple[int, ...]
+    energy: int
+    energy_is_sum: bool
+    kinetic_form: int
+    power: int | None
+    quadratures: tuple[Quadrature, ...] = ()
+
+    @property
+    def accelerations(self) -> tuple[str, ...]:
+        """The names of the variables q''."""
+        return tuple(f"{q}_ddot" for q in self.q)
+
+    @property
+    def quadrature_rates(self) -> list[int]:
+        """The rates of what follows the velocities in y: work, then `quadratures`."""
+        work = [] if self.power is None else [self.power]
+        return [*work, *(x.rate for x in self.quadratures)]
+
+    @property
+    def multipliers(self) -> tuple[str, ...]:
+        """The names of the variables lambda."""
+        return tuple(f"lambda_{row.name}" for row in self.rows)
+
+    @property
+    def mass_entries(self) -> dict[tuple[int, int], int]:
+        """The entries of M that do not vanish identically: (i, j) -> node."""
+        return {
+            (i, j): node
+            for i, row in enumerate(self.M)
+            for j, node in row.entries.items()
+        }
+
+    def constraint_forces(self) -> list[int]:
+        """Give Qc = A^T lambda, with the multipliers as variables."""
+        g = self.graph
+        forces = [g.zero] * len(self.q)
+        for row, name in zip(self.rows, self.multipliers, strict=True):
+            lam = g.variable(name)
+            for j, entry in row.A.entries.items():
+                forces[j] = g.call("add", forces[j], g.call("mul", entry, lam))
+        return forces
+
+
+def derive(model: Model) -> Equations:
+    """Derive the equations of motion of `model`."""
+    g = model.graph
+    q = tuple(c.name for c in model.coordinates)
+    velocities = tuple(f"{name}_dot" for name in q)
+    flow = Flow(g, q, velocities)
+    positions, rates = flow.positions, flow.rates
+    time = g.variable("t")
+
+    slopes = gradient(g, model.lagrangian, [*rates, *positions, time])
+    momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
+    M = _mass_matrix(g, momenta, rates)
+    convective = tangent(g, momenta, flow.forward)
+    Q = generalized_forces(g, model, flow)
+    f = [
+        g.call("add", g.call("sub", a, c), force)
+        for a, c, force in zip(dL_dq, convective, Q, strict=True)
+    ]
+    rows = tuple(constraint_row(g, c, flow) for c in model.constraints if c.law is None)
+    energy, is_sum = _energy(g, model, momenta, rates, flow.velocities)
+    half = g.constant(0.5)
+    kinetic_form = g.call(
+        "mul",
+        half,
+        g.product_sum(
+            (v, g.product_sum((m, rates[j]) for j, m in row.entries.items()))
+            for v, row in zip(rates, M, strict=True)
+        ),
+    )
+    return Equations(
+        model=model,
+        graph=g,
+        q=q,
+        velocities=velocities,
+        M=M,
+        f=tuple(f),
+        rows=rows,
+        momenta=tuple(momenta),
+        energy=energy,
+        energy_is_sum=is_sum,
+        kinetic_form=kinetic_form,
+        power=_power(g, model, Q, rates, rows, dL_dt),
+        quadratures=_action(g, model),
+    )
+
+
+def _action(g: Graph, model: Model) -> tuple[Quadrature, ...]:
+    if not model.output.action:
+        return ()
+    return (Quadrature(ACTION, model.lagrangian, g.zero),)
+
+
+def _mass_matrix(
+    g: Graph, momenta: Sequence[int], rates: Sequence[int]
+) -> tuple[SparseVector, ...]:
+    """Give d momenta / d rates: for each rate one sweep over what depends on it."""
+    n = len(rates)
+    rows_of: dict[int, list[int]] = {}
+    for i, momentum in enumerate(momenta):
+        rows_of.setdefault(momentum, []).append(i)
+    M: list[dict[int, int]] = [{} for _ in range(n)]
+    below = _below(g, momenta, rates)
+    for j, v in enumerate(rates):
+        moving = {v: g.one}
+        for node in below[j]:
+            moving[node] = rate_of(g, node, moving)
+        for node in moving.keys() & rows_of.keys():
+            for i in rows_of[node]:
+                if i >= j:
+                    M[i][j] = M[j][i] = moving[node]
+    return tuple(SparseVector(g, n, row) for row in M)
+
+
+def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[int]]:
+    """Give for each rate what depends on it, in order of evaluation."""
+    below: list[list[int]] = [[] for _ in rates]
+    dependence: dict[int, int] = {v: 1 << j for j, v in enumerate(rates)}
+    for node in g.cone(momenta):
+        mask = dependence.get(node, 0)
+        if g.args[node]:
+            for a in g.args[node]:
+                mask |= dependence.get(a, 0)
+            dependence[node] = mask
+            while mask:
+                j = (mask & -mask).bit_length() - 1
+                below[j].append(node)
+                mask &= mask - 1
+    return below
+
+
+def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:
+    """Give Q_j: virtual work of the forces, and -dF/dq' of the dissipation."""
+    Q = [g.zero] * len(flow.rates)
+    for force in model.forces:
+        by_rates = force.level is not Level.POSITION
+        levers = flow.gradient(g, force.direction, by_rates=by_rates)
+        for j, lever in levers.entries.items():
+            Q[j] = g.call("add", Q[j], g.call("mul", force.node, lever))
+    if model.dissipation is not None:
+        losses = flow.gradient(g, model.dissipation, by_rates=True)
+        for j, loss in losses.entries.items():
+            Q[j] = g.call("sub", Q[j], loss)
+    return Q
+
+
+def _energy(
+    g: Graph,
+    model: Model,
+    momenta: Sequence[int],
+    rates: Sequence[int],
+    velocities: frozenset[str],
+) -> tuple[int, bool]:
+    if model.kinetic is not None and model.potential is not None:
+        quadratic = g.degree(model.kinetic, velocities)
+        if quadratic is not None and quadratic <= frozenset((2,)):
+            static = not g.depends([model.potential]) & velocities
+            if static:
+                return g.call("add", model.kinetic, model.potential), True
+    moved = g.product_sum(zip(rates, momenta, strict=True))
+    return g.call("sub", moved, model.lagrangian), False
+
+
+def _may_strike(g: Graph, rows: Sequence[Row]) -> bool:
+    """Tell whether a constraint's rate may jump: an impact takes energy."""
+    cone = g.cone([row.rate for row in rows])
+    return any((known := OPERATIONS.get(g.ops[n])) and known.switch for n in cone)
+
+
+def _power(
+    g: Graph,
+    model: Model,
+    Q: Sequence[int],
+    rates: Sequence[int],
+    rows: Sequence[Row],
+    dL_dt: int,
+) -> int | None:
+    moved = [row for row in rows if row.transport != g.zero]
+    has_forces = bool(model.forces) or model.dissipation is not None
+    if not (has_forces or moved or dL_dt != g.zero or _may_strike(g, rows)):
+        return None
+    power = g.call("sub", g.product_sum(zip(Q, rates, strict=True)), dL_dt)
+    for row in moved:
+        term = g.call("mul", g.variable(f"lambda_{row.name}"), row.transport)
+        power = g.call("add", power, term)
+    return power

@@ -1,0 +1,248 @@
+"""The equations of motion linearised about a state: eigenvalues and modes.
+
+Small changes keep the constraints, so the linearised motion is written in as many
+coordinates as there are free directions. With columns Z that span the velocities which
+the constraints let through, and Zh the positions (Zh = Z where all constraints are
+holonomic), both orthonormal in the metric of M,
+
+    dq = Zh a,      dq' = Z w + K a,      K = -A^+ B Zh,
+
+where B dq + A dq' is the change of the rates of the constraints. Then a' and w' are
+linear in (a, w), and no eigenvalue of the constraints' own index-1 form is among them.
+The columns turn with the constraints, without turning among themselves.
+Source: E. Hairer, G. Wanner, Solving ODEs II (1996), VII.2: equations on manifolds in
+local coordinates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from lagsim.language.derivatives import gradient, tangent
+from lagsim.language.evaluate import evaluate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from lagsim.mechanics.equations import Equations
+    from lagsim.native.kernels.words import Floats
+
+    Complexes: TypeAlias = NDArray[np.complex128]
+
+# Rows more dependent than this count as dependent.
+DEPENDENT = 1e-10
+
+
+def motion_residuals(equations: Equations) -> list[int]:
+    """Give M q'' - f - A^T lambda (n,) and A q'' - b (m,), as nodes.
+
+    q'' and lambda stand in them as variables.
+    """
+    e, g = equations, equations.graph
+    accelerations = [g.variable(name) for name in e.accelerations]
+    residuals = []
+    for M, f, held in zip(e.M, e.f, e.constraint_forces(), strict=True):
+        inertia = g.product_sum(zip(M, accelerations, strict=True))
+        residuals.append(g.call("sub", inertia, g.call("add", f, held)))
+    for row in e.rows:
+        moved = g.product_sum(zip(row.A, accelerations, strict=True))
+        residuals.append(g.call("sub", moved, row.b))
+    return residuals
+
+
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """The linearised motion (a, w)' = R (a, w) about a state.
+
+    Attributes
+    ----------
+    R : ndarray, shape (k + d, k + d)
+        k free directions of positions, d of velocities.
+    Zh : ndarray, shape (n, k)
+        What a stands for: dq = Zh a.
+    Z : ndarray, shape (n, d)
+        The velocities which the constraints let through.
+    force : ndarray, shape (d,)
+        Z^T (f + A^T lambda), by the mass that is one: how far from an equilibrium.
+    lengths : ndarray, shape (n, n)
+        L^T, where L L^T is the metric: |L^T dq| measures changes.
+    restoring : ndarray, shape (n, m)
+        -Ah^+, which takes residuals of holonomic rows to the dq that meets them.
+    residuals : ndarray, shape (m,)
+        Of the holonomic rows, else 0.
+    rates : ndarray, shape (m,)
+    """
+
+    R: Floats
+    Zh: Floats
+    Z: Floats
+    force: Floats
+    lengths: Floats
+    restoring: Floats
+    residuals: Floats
+    rates: Floats
+
+    def eigenvalues(self) -> Complexes:
+        """Give them, by falling size."""
+        found = np.linalg.eigvals(self.R).astype(complex)
+        return np.asarray(found[np.argsort(-np.abs(found), kind="stable")])
+
+    @property
+    def stiffness(self) -> Floats:
+        """Give d(force)/da (d, k), with its sign turned."""
+        k = self.Zh.shape[1]
+        return -self.R[k:, :k]
+
+
+class Linearisation:
+    """The equations and their slopes, ready to be evaluated at states.
+
+    By the graph in plain Python, with the branches that switches have at each state:
+    some tens of states are asked for, and nothing is compiled.
+
+    Attributes
+    ----------
+    nodes : int
+        How many are evaluated for one state.
+    """
+
+    def __init__(self, equations: Equations) -> None:
+        e, g = equations, equations.graph
+        self.e, self.g = e, g
+        self.n, self.m = len(e.q), len(e.rows)
+        self._parameters = {p.name: p.value for p in e.model.parameters}
+        positions = [g.variable(name) for name in e.q]
+        rates = [g.variable(name) for name in e.velocities]
+        accelerations = [g.variable(name) for name in e.accelerations]
+        A = [node for row in e.rows for node in row.A]
+        self._terms = [
+            *(node for row in e.M for node in row), *A, *e.f,
+            *(row.b for row in e.rows),
+            *(row.residual if row.holonomic else g.zero for row in e.rows),
+            *(row.rate for row in e.rows),
+        ]  # fmt: skip
+        state = [*positions, *rates]
+        flow = dict(zip(state, [*rates, *accelerations], strict=True))
+        flow[g.variable("t")] = g.one
+        self._slopes = [
+            *(s for r in motion_residuals(e) for s in gradient(g, r, state)),
+            *(s for row in e.rows for s in gradient(g, row.rate, positions)),
+            *tangent(g, A, flow),
+        ]
+        self.nodes = len(g.cone(self._terms)) + len(g.cone(self._slopes))
+        self._holonomic = np.array([row.holonomic for row in e.rows], dtype=bool)
+
+    def at(self, t: float, q: Floats, v: Floats, *, resting: bool = False) -> Linear:
+        """Linearise about a state.
+
+        Parameters
+        ----------
+        resting
+            As if the accelerations were zero: the forces that this takes are told.
+
+        Raises
+        ------
+        ValueError
+            Where something is not finite.
+        """
+        n, m, e = self.n, self.m, self.e
+        values = self._parameters | {"t": t}
+        values |= dict(zip(e.q, map(float, q), strict=True))
+        values |= dict(zip(e.velocities, map(float, v), strict=True))
+        found = self._evaluated(self._terms, values)
+        cuts = np.cumsum([n * n, m * n, n, m, m])
+        M, A, f, b, residuals, rates = np.split(found, cuts)
+        M, A = M.reshape(n, n), A.reshape(m, n)
+        metric = _Metric(M, A)
+        acceleration, lam = np.zeros(n), metric.held(f)
+        if not resting:
+            acceleration, lam = metric.motion(f, b)
+        values |= dict(zip(e.accelerations, map(float, acceleration), strict=True))
+        values |= dict(zip(e.multipliers, map(float, lam), strict=True))
+        slopes = self._evaluated(self._slopes, values)
+        by_state, B, turning = np.split(slopes, np.cumsum([(n + m) * 2 * n, m * n]))
+        r = by_state.reshape(n + m, 2 * n)[:n]
+        B, turning = B.reshape(m, n), turning.reshape(m, n)
+        Z, inverse = metric.free, metric.inverse
+        held = metric if self._holonomic.all() else _Metric(M, A, self._holonomic)
+        Zh = held.free
+        K = -inverse @ (B @ Zh)
+        turned = -inverse @ (turning @ Z)
+        G = metric.G
+        by_position = -Z.T @ (r[:, :n] @ Zh + r[:, n:] @ K)
+        by_position += turned.T @ G @ K
+        R = np.block([
+            [Zh.T @ G @ K, Zh.T @ G @ Z],
+            [by_position, -Z.T @ r[:, n:] @ Z],
+        ])  # fmt: skip
+        return Linear(
+            R, Zh, Z, Z.T @ f, np.asarray(metric.L.T), -held.inverse, residuals, rates
+        )  # fmt: skip
+
+    def _evaluated(self, nodes: list[int], values: dict[str, float]) -> Floats:
+        found = np.array(evaluate(self.g, nodes, values), dtype=float)
+        if not np.all(np.isfinite(found)):
+            raise ValueError
+        return found
+
+
+class _Metric:
+    """M at a state, and the rows A in its metric.
+
+    Attributes
+    ----------
+    G, L : ndarray, shape (n, n)
+        M, or M + A^T A where M is singular; L L^T = G.
+    free : ndarray, shape (n, d)
+        Orthonormal in G, with A free = 0.
+    inverse : ndarray, shape (n, m)
+        A^+, the least change in G that changes the rows by given amounts.
+    """
+
+    def __init__(self, M: Floats, A: Floats, kept: Any = None) -> None:
+        n = len(M)
+        self.M, self.A = M, A
+        self.weight = 0.0
+        try:
+            self.L: Floats = np.asarray(np.linalg.cholesky(M))
+        except np.linalg.LinAlgError:
+            self.weight = (np.trace(M) or 1.0) / (np.sum(A * A) or 1.0)
+            self.L = _root(M + self.weight * A.T @ A)
+        self.G = self.L @ self.L.T
+        rows = np.linalg.solve(self.L, A.T).T  # A L^-T
+        if kept is not None:
+            rows = rows * kept[:, None]
+        sizes = np.linalg.norm(rows, axis=1)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        U, s, V = np.linalg.svd(rows / sizes[:, None], full_matrices=True)
+        rank = int(np.sum(s > DEPENDENT * max(1.0, s[0] if len(s) else 1.0)))
+        back = np.linalg.inv(self.L.T)
+        self._scaled = (U[:, :rank], s[:rank], V[:rank], sizes)
+        self.free = back @ V[rank:].T.reshape(n, -1)
+        pseudo = V[:rank].T @ (U[:, :rank] / s[:rank]).T / sizes
+        self.inverse = back @ pseudo
+        self._pseudo = pseudo
+
+    def motion(self, f: Floats, b: Floats) -> tuple[Floats, Floats]:
+        """Give q'' and lambda of M q'' = f + A^T lambda, A q'' = b."""
+        f = f + self.weight * self.A.T @ b
+        free = np.linalg.solve(self.L, f)
+        V = self._scaled[2]
+        x = self._pseudo @ b + free - V.T @ (V @ free)
+        lam = self._pseudo.T @ (x - free)
+        return np.linalg.solve(self.L.T, x), lam
+
+    def held(self, f: Floats) -> Floats:
+        """Give the lambda that comes closest to f + A^T lambda = 0."""
+        return np.asarray(-self._pseudo.T @ np.linalg.solve(self.L, f))
+
+
+def _root(G: Floats) -> Floats:
+    """Give L with L L^T = G, or 1 where G is no metric."""
+    try:
+        return np.asarray(np.linalg.cholesky(G))
+    except np.linalg.LinAlgError:
+        return np.eye(len(G))

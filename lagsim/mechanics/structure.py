@@ -1,0 +1,128 @@
+"""The structure of the equations of motion, as far as the graph shows it.
+
+What a method or a formulation can handle, and what a scene does not need, is decided
+by this. All of it is seen in the expressions: a structure that only shows at some
+values of the parameters is not found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from lagsim.mechanics.equations import Equations
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """What the equations of motion are made of.
+
+    Attributes
+    ----------
+    mass_varies_with : str
+        `nothing`, or the first of `velocities`, `positions`, `time` that M depends on.
+    diagonal : bool
+        M is.
+    blocks : int
+        Of M: groups of coordinates that it does not couple.
+    constant_rows : bool
+        A is made of parameters only, as it is without constraints.
+    constraints : str
+        `none`, `holonomic`, `nonholonomic` or `mixed`.
+    forces_free_of_velocities : bool
+        f is.
+    conservative : bool
+        Nothing does work: energy is constant.
+    autonomous : bool
+        Time does not stand in the equations.
+    linear : bool
+        y' is affine in the state: M and A constant, f and b affine; and the power,
+        where there is one, quadratic.
+    unknowns : int
+        Coordinates and constraints.
+    """
+
+    mass_varies_with: str
+    diagonal: bool
+    blocks: int
+    constant_rows: bool
+    constraints: str
+    forces_free_of_velocities: bool
+    conservative: bool
+    autonomous: bool
+    linear: bool
+    unknowns: int
+
+    @property
+    def constant_mass(self) -> bool:
+        """M is made of parameters only."""
+        return self.mass_varies_with == "nothing"
+
+    @property
+    def constant_parts(self) -> int:
+        """What is factored once: 2 M and A, 1 only M, 0 neither."""
+        return (1 + self.constant_rows) * self.constant_mass
+
+    @property
+    def linear_time_invariant(self) -> bool:
+        """Y' = J y + c, with constants J and c."""
+        return self.linear and self.autonomous
+
+
+def structure(equations: Equations) -> Structure:
+    """Find the structure of `equations`."""
+    g = equations.graph
+    mass = equations.mass_entries
+    entries = list(mass.values())
+    rows = equations.rows
+    A = [node for row in rows for node in row.A.entries.values()]
+    right = [*equations.f, *(row.b for row in rows)]
+    state = frozenset((*equations.q, *equations.velocities))
+    moving = state | {"t"}
+    everything = [*entries, *A, *right, *(row.rate for row in rows)]
+    levels = {row.holonomic for row in rows}
+    kinds = {(): "none", (True,): "holonomic", (False,): "nonholonomic"}
+    constants = g.depends([*entries, *A])
+    degrees = [g.degree(node, state) for node in right]
+    power = [] if equations.power is None else [equations.power]
+    # Multipliers are affine where all else is.
+    of_power = [g.degree(node, (*state, *equations.multipliers)) for node in power]
+    return Structure(
+        mass_varies_with=_varies(equations, entries),
+        diagonal=all(i == j for i, j in mass),
+        blocks=_blocks(len(equations.q), mass),
+        constant_rows=not g.depends(A) & moving,
+        constraints=kinds.get(tuple(levels), "mixed"),
+        forces_free_of_velocities=not g.depends(equations.f)
+        & frozenset(equations.velocities),
+        conservative=equations.power is None,
+        autonomous="t" not in g.depends([*everything, *power]),
+        linear=not constants & moving
+        and all(d is not None and d <= frozenset((0, 1)) for d in degrees)
+        and all(d is not None and d <= frozenset((0, 1, 2)) for d in of_power),
+        unknowns=len(equations.q) + len(rows),
+    )
+
+
+def _blocks(n: int, entries: Iterable[tuple[int, int]]) -> int:
+    leader = list(range(n))
+    for pair in entries:
+        i, j = pair
+        while leader[i] != i:
+            i = leader[i]
+        while leader[j] != j:
+            j = leader[j]
+        leader[max(i, j)] = min(i, j)
+    return sum(1 for j in range(n) if leader[j] == j)
+
+
+def _varies(equations: Equations, entries: list[int]) -> str:
+    names = equations.graph.depends(entries)
+    if names & frozenset(equations.velocities):
+        return "velocities"
+    if names & frozenset(equations.q):
+        return "positions"
+    return "time" if "t" in names else "nothing"

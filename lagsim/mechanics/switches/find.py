@@ -1,0 +1,374 @@
+"""Which switches a model has, and its expressions with their branches frozen.
+
+Inside an arc of a run the branch of each switch is fixed, so that the equations are
+smooth there, also for a Runge-Kutta stage at or past the arc's last instant. What
+decides a switch (the condition of `if`, the argument of `abs`, ...) may depend on
+
+- parameters only: it is no switch;
+- t, but on nothing that moves: a *time switch*. Its discrete function (the truth of the
+  condition, the sign, the floor, ...) becomes a mode variable, constant on each arc;
+- what moves: a *state switch*.
+
+Conditions joined by `and`, `or`, `not` are taken apart as far as their parts differ in
+kind: in `if(t < 1 and x > 0, ...)`, `t < 1` is a time switch.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from lagsim.language.evaluate import evaluate
+from lagsim.language.functions import OPERATIONS
+from lagsim.mechanics.switches.shown import Shown
+from lagsim.mechanics.switches.surfaces import (
+    DECIDED_BY,
+    JOINING,
+    STEPS,
+    WHOLE,
+    Side,
+    oriented,
+    stepped,
+    surfaces,
+)
+from lagsim.mechanics.switches.text import expression_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+
+    from lagsim.language.graph import Graph
+
+# What has no derivatives at 0.
+ROOTS = ("pow", "sqrt", "cbrt")
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """A time switch: the mode variable's name and the node of its discrete function."""
+
+    variable: str
+    discrete: int
+
+
+@dataclass(frozen=True, slots=True)
+class StateSwitch:
+    """A switch that depends on the state.
+
+    Attributes
+    ----------
+    function
+        The name of the function in the model's text: `if`, `sign`, ...
+    discrete
+        The node of its discrete function.
+    text
+        The expression that decides it, roughly as it was written.
+    """
+
+    function: str
+    discrete: int
+    text: str
+
+    def __str__(self) -> str:
+        """Give the switch as it may have been written."""
+        shown = self.text
+        if self.function == "if":
+            shown += ", ..."
+        return f"{self.function}({shown})"
+
+
+@dataclass(frozen=True, slots=True)
+class Switches:
+    """The switches of a graph's expressions.
+
+    Attributes
+    ----------
+    modes
+        The time switches, one per distinct discrete function.
+    state
+        The state switches.
+    sides
+        Where the state is with respect to the surfaces that the motion depends on.
+    """
+
+    graph: Graph
+    modes: tuple[Mode, ...]
+    state: tuple[StateSwitch, ...]
+    sides: tuple[Side, ...]
+    _modes_of: Mapping[int, int]  # switch, or condition -> its mode variable's node
+    _sides_of: Mapping[int, tuple[int, int]]  # discrete -> mode variable's node, sign
+
+    def freeze(self, nodes: Iterable[int]) -> list[int]:
+        """Give `nodes` with each switch decided by its mode variable.
+
+        For time switches, `nodes` must be among those that they were found in.
+        """
+        g = self.graph
+        nodes = list(nodes)
+        done: dict[int, int] = {}
+        for n in g.cone(nodes):
+            args = tuple(done[a] for a in g.args[n])
+            mode = self._modes_of.get(n)
+            side = self._side_of(n)
+            if mode is not None:
+                done[n] = _frozen(g, g.ops[n], args, mode)
+            elif side is not None:
+                done[n] = _on_a_side(g, n, args, *side)
+            else:
+                done[n] = self._rebuilt(n, args)
+        return [done[n] for n in nodes]
+
+    def moving(self, discrete: Sequence[int], names: Collection[str]) -> list[int]:
+        """Give those whose surface moves, each side being fixed.
+
+        The others, `sign(sign(x))`, step with another switch and need no side.
+        """
+        g = self.graph
+        nodes = [oriented(g, surfaces(g, d)[0])[0] for d in discrete]
+        frozen = self.freeze(nodes)
+        free = g.dependent(frozen, names)
+        return [d for d, n in zip(discrete, frozen, strict=True) if n in free]
+
+    def _side_of(self, n: int) -> tuple[int, int] | None:
+        op, args = self.graph.ops[n], self.graph.args[n]
+        if not self._sides_of or not args:
+            return None
+        if op in DECIDED_BY:
+            n = self.graph.call(DECIDED_BY[op], *args)
+        return self._sides_of.get(n)
+
+    def _rebuilt(self, n: int, args: tuple[int, ...]) -> int:
+        """Give node `n` on the frozen `args`.
+
+        Of a root or power of what is a number on one side, the number is taken there,
+        which has derivatives where the root of 0 has none.
+        """
+        g = self.graph
+        op = g.ops[n]
+        if args == g.args[n]:
+            return n
+        if op in ROOTS and g.ops[args[0]] == "if":
+            condition, *sides = g.args[args[0]]
+            if any(g.value(side) is not None for side in sides):
+                apart = [self._inside(n, (x, *args[1:]), args[0]) for x in sides]
+                return g.call("if", condition, *apart)
+        return self._inside(n, args, args[0])
+
+    def _inside(self, n: int, args: tuple[int, ...], frozen: int) -> int:
+        """Give node `n` on frozen `args` where these have a value.
+
+        A stage past the surface would take a root of something negative where there is
+        none as written: there the argument counts as written. `frozen` is the whole
+        first argument: what is frozen by time alone has no stage past it.
+        """
+        g = self.graph
+        op = g.ops[n]
+        inside = _domain(g, op, args)
+        if inside is None:
+            return g.call(op, *args)
+        (plain,) = replace(self, _sides_of={}).freeze([g.args[n][0]])
+        if plain == frozen:
+            return g.call(op, *args)
+        return g.call(op, g.call("if", inside, args[0], plain), *args[1:])
+
+    def shown(self, nodes: Iterable[int]) -> list[int]:
+        """Give `nodes` as rows show them: as written, but for sliding.
+
+        While the motion slides along a surface, what steps there has the value that
+        keeps it there: between those of the two sides.
+        """
+        return Shown(self.graph, self.sides, self._sides_of).nodes(list(nodes))
+
+    def mode_values(
+        self, start: float, end: float, values: Mapping[str, float]
+    ) -> list[float]:
+        """Give the mode variables on an arc without breaks, `values` the parameters."""
+        if not self.modes:
+            return []
+        discrete = [mode.discrete for mode in self.modes]
+        return prevailing(
+            lambda t: evaluate(self.graph, discrete, {**values, "t": t}), start, end
+        )
+
+
+def prevailing(
+    value: Callable[[float], Sequence[float]], start: float, end: float
+) -> list[float]:
+    """Give the values that step functions without a break have in (start, end).
+
+    A value that is taken at one instant only, like sign(0), is outvoted.
+    """
+    samples = [
+        [float(x) for x in value(start + part * (end - start))]
+        for part in (0.381966, 0.5, 0.723607)
+    ]
+    return [
+        a if _same(a, b) or _same(a, c) else b for a, b, c in zip(*samples, strict=True)
+    ]
+
+
+def _same(a: float, b: float) -> bool:
+    return a == b or (math.isnan(a) and math.isnan(b))
+
+
+def _domain(g: Graph, op: str, args: tuple[int, ...]) -> int | None:
+    """Give the condition under which a function has a value; None: always has one."""
+    x = args[0]
+    if op == "pow":
+        exponent = g.value(args[1])
+        if exponent is not None and exponent == math.floor(exponent):
+            return None
+    if op in ("pow", "sqrt", "log", "log10"):
+        return g.call("ge", x, g.zero)
+    if op in ("asin", "acos", "atanh"):
+        return g.call("le", g.call("abs", x), g.one)
+    return g.call("ge", x, g.one) if op == "acosh" else None
+
+
+def _frozen(g: Graph, op: str, args: tuple[int, ...], mode: int) -> int:
+    if op in STEPS:
+        return mode
+    if op == "abs":
+        return g.call("mul", mode, args[0])
+    truth = g.call("gt", mode, g.constant(0.5))
+    return g.call("if", truth, *args) if op in ("min", "max") else truth
+
+
+def _on_a_side(
+    g: Graph, n: int, args: tuple[int, ...], variable: int, sign: int
+) -> int:
+    """Give switch `n` on the frozen `args`, decided by its side."""
+    op = g.ops[n]
+    value = stepped(g, DECIDED_BY.get(op, op), variable, sign)
+    if op == "abs":
+        return g.call("mul", value, args[0])
+    return g.call("if", value, *args) if op in ("min", "max") else value
+
+
+def find_switches(
+    g: Graph,
+    nodes: Iterable[int],
+    moving: Collection[str],
+    dynamics: Sequence[int] = (),
+) -> Switches:
+    """Find the switches of `nodes`.
+
+    Parameters
+    ----------
+    g, nodes
+        The expressions, derivatives included: differentiation makes switches.
+    moving
+        The names of what changes along the motion, other than t.
+    dynamics
+        Those of the expressions that decide the motion: their state switches get
+        sides.
+    """
+    finder = _Finder(g, list(nodes), moving)
+    finder.visit()
+    numbers = {d: k for k, d in enumerate(sorted(set(finder.time.values())))}
+    modes = tuple(Mode(f"mode.{k}", d) for d, k in numbers.items())
+    modes_of = {
+        n: g.variable(modes[numbers[d]].variable) for n, d in finder.time.items()
+    }
+    state = {
+        discrete: StateSwitch(function, discrete, expression_text(g, *deciding))
+        for discrete, (function, deciding) in sorted(finder.state.items())
+    }
+    deciding_motion = frozenset(g.cone(dynamics))
+    watched = sorted({d for n, d in finder.decided.items() if n in deciding_motion})
+    while True:
+        sides, sides_of = _sides(g, [state[d] for d in watched])
+        found = Switches(g, modes, tuple(state.values()), sides, modes_of, sides_of)
+        moves = found.moving(watched, (*moving, "t"))
+        if len(moves) == len(watched):
+            return found
+        watched = moves
+
+
+def _sides(
+    g: Graph, switches: Sequence[StateSwitch]
+) -> tuple[tuple[Side, ...], dict[int, tuple[int, int]]]:
+    """Give the sides of `switches`, one for all that step together."""
+    sides: dict[tuple[int, bool], Side] = {}
+    sides_of = {}
+    for switch in switches:
+        (surface,) = surfaces(g, switch.discrete)
+        node, sign = oriented(g, surface)
+        key = node, surface.op in WHOLE
+        if key not in sides:
+            k = len(sides)
+            sides[key] = Side(f"side.{k}", f"sliding.{k}", *key, str(switch))
+        sides_of[switch.discrete] = g.variable(sides[key].variable), sign
+    return tuple(sides.values()), sides_of
+
+
+class _Finder:
+    """Walks down from the nodes; what only decides a time switch is not reached."""
+
+    def __init__(self, g: Graph, nodes: list[int], moving: Collection[str]) -> None:
+        self.g = g
+        self.nodes = nodes
+        self.moving = g.dependent(nodes, moving)
+        self.timed = g.dependent(nodes, ("t",)) - self.moving
+        self.time: dict[int, int] = {}  # switch or condition -> discrete function
+        self.state: dict[int, tuple[str, tuple[int, ...]]] = {}
+        self.decided: dict[int, int] = {}  # state switch -> discrete function
+
+    def visit(self) -> None:
+        seen = set(self.nodes)
+        stack = sorted(seen)
+        while stack:
+            for a in self._below(stack.pop()):
+                if a not in seen:
+                    seen.add(a)
+                    stack.append(a)
+
+    def _below(self, n: int) -> tuple[int, ...]:
+        """Record `n` if it is a switch; give where to go on."""
+        g = self.g
+        op, args = g.ops[n], g.args[n]
+        row = OPERATIONS.get(op)
+        if row is None or not (row.switch or row.condition):
+            return args
+        if op == "if":
+            return args[1:] if _is_guard(g, n) else args
+        if row.condition:
+            return self._condition(n, op, args)
+        if any(a in self.moving for a in args):
+            discrete = self.decided[n] = self._discrete(n, op, args)
+            # abs, min and max keep their name where their derivative is a switch too.
+            if op not in STEPS or discrete not in self.state:
+                self.state[discrete] = op, args
+        elif any(a in self.timed for a in args):
+            self.time[n] = self._discrete(n, op, args)
+            return () if op in STEPS else args
+        return args
+
+    def _condition(self, n: int, op: str, args: tuple[int, ...]) -> tuple[int, ...]:
+        if n in self.timed:
+            self.time[n] = n
+            return ()
+        if n in self.moving and op not in JOINING:
+            self.state.setdefault(n, ("if", (n,)))
+            self.decided[n] = n
+        return args
+
+    def _discrete(self, n: int, op: str, args: tuple[int, ...]) -> int:
+        return n if op in STEPS else self.g.call(DECIDED_BY[op], *args)
+
+
+def _is_guard(g: Graph, n: int) -> bool:
+    """Tell whether `n` is x^y log(x), with its limit 0 where x^y is 0.
+
+    Differentiation makes these. The condition mends a single point; nothing switches.
+    """
+    condition, limit, product = g.args[n]
+    if g.ops[condition] != "le" or limit != g.zero or g.ops[product] != "mul":
+        return False
+    size, zero = g.args[condition]
+    return (
+        zero == g.zero
+        and g.ops[size] == "abs"
+        and g.ops[g.args[size][0]] == "pow"
+        and g.args[size][0] in g.args[product]
+    )

@@ -1,0 +1,33 @@
+"""The switches of a model's motion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.mechanics.switches.find import Switches, find_switches
+
+if TYPE_CHECKING:
+    from lagsim.mechanics.equations import Equations
+
+
+def model_switches(equations: Equations) -> Switches:
+    """Find the switches of the equations of motion.
+
+    Those of the state that only stand in outputs or in an energy without a slope make
+    no difference to the motion.
+    """
+    e = equations
+    dynamics = list(e.mass_entries.values())
+    dynamics += [*e.f, *([] if e.power is None else [e.power])]
+    dynamics += [x.rate for x in e.quadratures]
+    for row in e.rows:
+        dynamics += [
+            row.residual,
+            row.rate,
+            *row.A.entries.values(),
+            row.b,
+            row.transport,
+        ]
+    state = [*e.q, *e.velocities]
+    moving = [*state, "work", *e.accelerations, *e.multipliers]
+    return find_switches(e.graph, [*dynamics, e.energy], moving, dynamics)

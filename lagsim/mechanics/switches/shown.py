@@ -1,0 +1,87 @@
+"""Expressions as rows show them: as written, but for switches that are followed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.mechanics.switches.surfaces import (
+    JOINING,
+    STEPS,
+    Side,
+    between,
+    share,
+    stepped,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lagsim.language.graph import Graph
+
+
+class Shown:
+    """Replaces steps by what they are worth while the motion slides."""
+
+    def __init__(
+        self,
+        g: Graph,
+        sides: Sequence[Side],
+        sides_of: Mapping[int, tuple[int, int]],
+    ) -> None:
+        self.g = g
+        self.sides_of = sides_of
+        half, less = g.constant(0.5), g.constant(-0.5)
+        modes = {g.variable(s.variable): g.variable(s.sliding) for s in sides}
+        self.slides = {v: g.call("gt", m, half) for v, m in modes.items()}
+        self.level = {v: g.call("lt", m, less) for v, m in modes.items()}
+        self.done: dict[int, int] = {}
+        self.shares: dict[int, int] = {}  # of the conditions that may be between
+
+    def nodes(self, nodes: list[int]) -> list[int]:
+        """Give `nodes` as shown."""
+        g = self.g
+        if not self.slides:
+            return nodes
+        for n in g.cone(nodes):
+            args = tuple(self.done[a] for a in g.args[n])
+            same = n if args == g.args[n] else g.call(g.ops[n], *args)
+            self.done[n] = self._between(n, same, args)
+        return [self.done[n] for n in nodes]
+
+    def _between(self, n: int, same: int, args: tuple[int, ...]) -> int:
+        g, op = self.g, self.g.ops[n]
+        side = self.sides_of.get(n)
+        if side is not None:
+            slides, level = self.slides[side[0]], self.level[side[0]]
+            kept = stepped(g, op, *side)
+            if op in STEPS:
+                same = g.call("if", level, kept, same)
+                return g.call("if", slides, between(g, op, *side), same)
+            kept = g.call("and", level, kept)
+            same = g.call("or", kept, g.call("and", g.call("not", level), same))
+            whole = g.call("if", same, g.one, g.zero)
+            self.shares[n] = g.call("if", slides, share(g, op, *side), whole)
+        elif op in JOINING and any(a in self.shares for a in g.args[n]):
+            self.shares[n] = self._joined(op, [self._share(a) for a in g.args[n]])
+        elif op == "if" and g.args[n][0] in self.shares:
+            part = self.shares[g.args[n][0]]
+            more = g.call("mul", part, g.call("sub", args[1], args[2]))
+            mixed = g.call("add", args[2], more)
+            low = g.call("if", g.call("le", part, g.zero), args[2], mixed)
+            return g.call("if", g.call("ge", part, g.one), args[1], low)
+        return same
+
+    def _share(self, condition: int) -> int:
+        g = self.g
+        if condition in self.shares:
+            return self.shares[condition]
+        return g.call("if", self.done[condition], g.one, g.zero)
+
+    def _joined(self, op: str, parts: list[int]) -> int:
+        g = self.g
+        if op == "and":
+            return g.call("mul", *parts)
+        missing = [g.call("sub", g.one, part) for part in parts]
+        if op == "not":
+            return missing[0]
+        return g.call("sub", g.one, g.call("mul", *missing))

@@ -1,0 +1,151 @@
+"""The surfaces at which discrete functions step, and on which side of each one is.
+
+A discrete function of the state (`x > 0`, `sign(x_dot)`, `floor(x)`) steps where an
+expression meets 0, or a whole number. Functions that step together share a `Side`: a
+mode variable that is -1 or 1, or the whole number below. While the motion slides along
+a surface the variable lies between the values of its two sides; so it does where the
+expression keeps its level on a whole stretch, as in a dead zone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lagsim.language.graph import Graph
+
+JOINING = ("and", "or", "not")
+STEPS = ("sign", "heaviside", "floor", "ceil")
+WHOLE = ("floor", "ceil")
+# For a function that is not a step itself: the discrete function that decides it.
+DECIDED_BY = {"abs": "sign", "min": "le", "max": "ge"}
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """A part of a discrete function that steps where `node` meets a value.
+
+    Attributes
+    ----------
+    discrete
+        The comparison or the sign, heaviside, floor or ceil.
+    op
+        Its operation.
+    node
+        The expression: it meets 0, or a whole number for floor and ceil. For a
+        comparison a < b it is a - b.
+    """
+
+    discrete: int
+    op: str
+    node: int
+
+
+def joined_conditions(g: Graph, discrete: int) -> list[int]:
+    """Give the `and`, `or`, `not` that make up a condition, in order of evaluation."""
+    found: set[int] = set()
+    stack = [discrete]
+    while stack:
+        n = stack.pop()
+        if g.ops[n] in JOINING and n not in found:
+            found.add(n)
+            stack += g.args[n]
+    return sorted(found)
+
+
+def surfaces(g: Graph, discrete: int) -> tuple[Surface, ...]:
+    """Take a discrete function apart into its surfaces."""
+    joined = joined_conditions(g, discrete)
+    parts = {discrete, *(a for n in joined for a in g.args[n])} - set(joined)
+    found = []
+    for n in sorted(parts):
+        op, args = g.ops[n], g.args[n]
+        if op in STEPS:
+            found.append(Surface(n, op, args[0]))
+        elif args:  # else a truth value
+            found.append(Surface(n, op, g.call("sub", *args)))
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """Where the state is with respect to one surface, or to a stack of them.
+
+    Attributes
+    ----------
+    variable
+        The name of the mode variable.
+    sliding
+        The name of a variable that is 1 while the motion follows the surface, else 0.
+    node
+        The expression that meets 0, or a whole number.
+    whole
+        It steps at every whole number.
+    text
+        One of the switches, as it may have been written.
+    """
+
+    variable: str
+    sliding: str
+    node: int
+    whole: bool
+    text: str
+
+
+def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
+    """Give an expression that vanishes with the surface's, and their common sign.
+
+    The same for expressions that differ by a sign or a constant factor.
+    """
+    node, sign = surface.node, 1
+    if surface.op in WHOLE:
+        return node, sign
+    while True:
+        opposite = g.call("neg", node)
+        if g.ops[node] == "neg" or (opposite < node and g.ops[node] == "sub"):
+            node, sign = opposite, -sign
+        elif g.ops[node] == "mul" and (c := g.value(g.args[node][0])):
+            node, sign = g.args[node][1], sign if c > 0 else -sign
+        elif g.ops[node] == "div" and (c := g.value(g.args[node][1])):
+            node, sign = g.args[node][0], sign if c > 0 else -sign
+        else:
+            return node, sign
+
+
+def stepped(g: Graph, op: str, side: int, sign: int) -> int:
+    """Give the value of a step, or a condition's truth, from its mode variable.
+
+    Where the expression keeps its level on a whole stretch the variable is 0, or half
+    a step below a whole number, and the value is that of the level itself.
+    """
+    if op == "floor":
+        return g.call("ceil", side)
+    if op == "ceil":
+        return g.call("floor", g.call("add", side, g.one))
+    turned = side if sign > 0 else g.call("neg", side)
+    if op == "sign":
+        return turned
+    if op == "heaviside":
+        return g.call("if", g.call("ge", turned, g.zero), g.one, g.zero)
+    return g.call(op, turned, g.zero)
+
+
+def between(g: Graph, op: str, side: int, sign: int) -> int:
+    """Give the value of a step while its mode variable lies between its two sides."""
+    if op == "floor":
+        return side
+    if op == "ceil":
+        return g.call("add", side, g.one)
+    if op == "heaviside":
+        return share(g, op, side, sign)
+    return stepped(g, op, side, sign)
+
+
+def share(g: Graph, op: str, side: int, sign: int) -> int:
+    """Give how far a condition holds, from 0 to 1, while its mode variable is between.
+
+    Filippov's combination of the two sides.
+    """
+    half = g.constant(0.5 if (op in ("gt", "ge", "heaviside")) == (sign > 0) else -0.5)
+    return g.call("add", g.constant(0.5), g.call("mul", half, side))

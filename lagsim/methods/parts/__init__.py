@@ -1,0 +1,1 @@
+"""What integration methods share: tableaus, step control, projection, the loop."""

@@ -1,0 +1,354 @@
+"""Error tolerances from each component's own scale, and the first step.
+
+The default tolerance of a component is rtol times its own scale: the range that it has
+gone through, which no shift of the origin and no other body changes, or what its rate
+does in the step. Where forces cancel, what each of them could do counts a little too.
+And no component is controlled below its own rounding: that of its value, and that of
+its rate. The latter is looked at where a step would be rejected: what the rounding of
+the state does to it, and what is rounded where it is computed. No unit enters: metres
+and millimetres give the same steps.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts.interface import derivative, measure, rounding, terms
+from lagsim.methods.parts.state import (
+    ARC_START,
+    ATOL,
+    END,
+    ENERGY,
+    EVALUATIONS,
+    EXTENTS_AT,
+    HEADER,
+    LOOKED,
+    LOST_BELOW,
+    POTENTIAL,
+    ROW_STEP,
+    RTOL,
+    SIZE,
+    N,
+    T,
+)
+from lagsim.native.kernels.words import at
+
+if TYPE_CHECKING:
+    from lagsim.native.kernels.words import Floats
+
+# Of what the terms of a rate could do in a step, though they cancel: errors of other
+# components within the tolerance leave a part of them.
+FLOOR = 1e-3
+# What of its range counts as the size of a component: an oscillation about 0 is half of
+# it in size, a motion away from 0 the whole.
+WIDTH = 0.7
+# Of the length of an arc: too short to matter.
+INSTANT = 1e-6
+# A value is not known better than this part of itself.
+NOISE = 4.0 * 2.0**-53
+# Rates of the size of one leave so much in the error estimate, by their rounding.
+RATE_NOISE = 32.0 * 2.0**-53
+# Of what a relative change of the state by one would do; it is rounded to nearest.
+PROBED = 0.5
+# A relative change of the state this small shows what its rounding does to y'.
+PROBE = 2.0**-36
+# Below this a number has no digits to control: some of the smallest steps between two.
+UNDERFLOW = 2.0**-1068
+# The square of this is finite.
+HUGE = 1e140
+# The first step of all, an Euler step, is this part of what lies between two rows; and
+# how much longer the next may be, and how often the guess is made again.
+EULER = 1e-2
+FARTHEST = 100.0
+MOST_GUESSES = 20
+# The part of the tolerance that one step may use: errors of many steps add up, and the
+# tolerance is meant for the motion (Kepler's, e = 0.6, 100 orbits: 6 digits at 1e-11).
+LOCAL = 0.1
+
+
+def record_sizes(s: Floats, p: Floats) -> None:
+    """Take the state, accepted, into the largest sizes and the energy."""
+    take_measure(s, s[T], at(s, HEADER), p)
+    record_measured(s, p)
+
+
+def record_measured(s: Floats, p: Floats) -> None:
+    """Do the same where `set_tolerances` has measured this state last."""
+    record_extents(s)
+    s[ENERGY] = energy_scale(s)
+    size = int(s[SIZE])
+    n = int(s[N])
+    masses = at(s, HEADER + 3 * size + 2)
+    parts = at(s, int(s[EXTENTS_AT]) + 2 * size)
+    terms(s[T], at(s, HEADER), p, parts)
+    # From here on as accelerations, and the whole in the metric of M.
+    masses[n] = 0.0
+    for i in range(n):
+        if masses[i] > 0.0:
+            masses[n] += parts[i] * parts[i] / masses[i]
+            parts[i] /= masses[i]
+        else:
+            parts[i] = 0.0
+
+
+def record_extents(s: Floats) -> None:
+    """Take the state into the largest sizes: all that a fixed step asks for."""
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    sizes = at(s, HEADER + size)
+    low = at(s, int(s[EXTENTS_AT]))
+    high = at(low, size)
+    noise = at(high, 2 * size)
+    for i in range(size):
+        sizes[i] = max(sizes[i], abs(y[i]))
+        low[i] = min(low[i], y[i])
+        high[i] = max(high[i], y[i])
+        noise[i] = 0.0
+    s[LOOKED] = 0.0
+
+
+def take_measure(s: Floats, t: float, y: Floats, p: Floats) -> None:
+    """Leave what `measure` gives in the state."""
+    measured = at(s, HEADER + 3 * int(s[SIZE]))
+    measure(t, y, p, measured)
+    if s[EVALUATIONS] <= 1.0:
+        s[POTENTIAL] = measured[1]
+
+
+def energy_scale(s: Floats) -> float:
+    """Give the largest kinetic energy or change of potential, what is measured too."""
+    measured = at(s, HEADER + 3 * int(s[SIZE]))
+    change = abs(measured[1] - s[POTENTIAL])
+    return max(float(s[ENERGY]), abs(float(measured[0])), float(change))
+
+
+def set_tolerances(
+    s: Floats, p: Floats, t: float, new: Floats, rates: Floats, h: float
+) -> None:
+    """Set the tolerance of each component for a step of length h to `new` at t.
+
+    new, rates : (size,), the state after the step and y' before it. A tolerance of 0
+    means that the component has no scale and is not controlled.
+    """
+    take_measure(s, t, new, p)
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    sizes = at(s, HEADER + size)
+    tolerances = at(s, HEADER + 2 * size)
+    if s[ATOL] >= 0.0:
+        for i in range(size):
+            scale = max(abs(y[i]), abs(new[i]))
+            tolerances[i] = LOCAL * (s[ATOL] + s[RTOL] * scale)
+        return
+    low = at(s, int(s[EXTENTS_AT]))
+    high = at(low, size)
+    parts = at(high, size)
+    noise = at(parts, size)
+    foreseen = at(noise, size)
+    # A start from rest with a jump in the force (dry friction) is off by the same part
+    # of every step, however short; its first instant is not controlled finer.
+    instant = INSTANT * (s[END] - s[ARC_START]) - (s[T] - s[ARC_START])
+    instant = max(instant, 0.0)
+    moment = max(h, instant)
+    rtol = LOCAL * s[RTOL]
+    for i in range(size):
+        scale = WIDTH * (max(high[i], new[i]) - min(low[i], new[i]))
+        if scale == 0.0:
+            scale = h * abs(rates[i])
+        if instant > 0.0:
+            scale = max(scale, instant * abs(rates[i]), foreseen[i])
+        part = parts[i]
+        if i < n:
+            part = parts[i] * moment
+            scale = max(scale, instant * instant * abs(rates[n + i]))
+            noise[i] = max(NOISE * abs(rates[i]), noise[n + i] * h)
+        elif i < 2 * n:
+            part = parts[i - n]
+        scale = max(scale, FLOOR * moment * part)
+        rough = max(NOISE * max(sizes[i], abs(new[i])), noise[i] * h, UNDERFLOW)
+        tolerances[i] = max(rtol * scale, rough)
+    if size > 2 * n:
+        limit_work(s, new)
+
+
+def against(error: float, tolerance: float) -> float:
+    """Give an error in units of the tolerance; one that is finite has a finite square.
+
+    It may be rounding, though much more than a component that rests should have.
+    """
+    part = abs(error / tolerance)
+    if abs(error) < 1e300:
+        part = min(part, HUGE)
+    return part
+
+
+def limit_work(s: Floats, new: Floats) -> None:
+    """Control work no finer than the energy that it is compared with."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    tolerances = at(s, HEADER + 2 * size)
+    masses = at(s, HEADER + 3 * size + 2)
+    if masses[n + 1] < 0.0:
+        energy = 0.0
+        for i in range(n):
+            off = tolerances[n + i]
+            energy += abs(masses[i]) * (abs(new[n + i]) + off) * off
+        tolerances[2 * n] = max(tolerances[2 * n], energy)
+
+
+def look_again(
+    s: Floats, p: Floats, h: float, new: Floats, k: Floats, health: float
+) -> int:
+    """Look at the rounding in a step h to `new`, and set the tolerances by it.
+
+    Gives 0 where that has been done. k : (size,), y' at the start of the step.
+    """
+    if s[LOOKED] > 0.0:
+        return 0
+    size = int(s[SIZE])
+    n = int(s[N])
+    t = s[T]
+    look_at_rounding(s, p, t, at(s, HEADER), k, health)
+    if size > 2 * n:
+        # The power of forces has no rounding where everything rests, at the start.
+        noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
+        z = at(s, HEADER + 4 * size + 2)
+        rounding(t + h, new, p, z)
+        for i in range(2 * n, size):
+            if abs(z[i - n]) < 1e300:
+                noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
+    set_tolerances(s, p, t + h, new, k, h)
+    s[LOOKED] = 1.0
+    return 1
+
+
+def look_at_rounding(
+    s: Floats, p: Floats, t: float, y: Floats, k: Floats, health: float
+) -> None:
+    """Find what rounding leaves in the rates k (size,) at y, for this step.
+
+    From a bound of what is rounded on the way, and from y' nearby. A health below 1 is
+    that of rows close to a loss of rank, which enlarges the former; y' off the
+    constraints says nothing there.
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
+    z = at(s, HEADER + 4 * size + 2)
+    rounding(t, y, p, z)
+    larger = 1.0 / max(health, float(s[LOST_BELOW]))
+    for i in range(n, size):
+        noise[i] = larger * abs(z[i - n])
+    if health >= 1.0:
+        add_probe(s, p, t, y, k)
+    for i in range(n, size):
+        if not noise[i] < 1e300:
+            noise[i] = 0.0
+        noise[i] = RATE_NOISE * (PROBED * abs(k[i]) + noise[i])
+
+
+def add_probe(s: Floats, p: Floats, t: float, y: Floats, k: Floats) -> None:
+    """Add what the rounding of the state does to its rates k.
+
+    Components change by different parts, or a change of the whole scene's size or
+    place would hide what cancels.
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
+    z = at(s, HEADER + 4 * size + 2)
+    slopes = at(z, size)
+    for i in range(size):
+        part = 0.618033988749895 * (i + 1)
+        z[i] = y[i] * (1.0 + PROBE * (0.5 + part - int(part)))
+    derivative(t * (1.0 + PROBE), z, p, slopes)
+    s[EVALUATIONS] += 1.0
+    for i in range(n, size):
+        noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
+
+
+def foresee(s: Floats, p: Floats, k: Floats) -> None:
+    """Find what becomes of the components at rest in the first instant of an arc.
+
+    A force that begins at 0, as a power of the time does, gives them a motion without
+    any size. One may set the next in motion. k : (size,), y' at the start.
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
+    foreseen = at(noise, size)
+    z = at(s, HEADER + 4 * size + 2)
+    slopes = at(z, size)
+    instant = INSTANT * (s[END] - s[T])
+    waiting = 0
+    for i in range(size):
+        foreseen[i] = 0.0
+        z[i] = y[i] + instant * k[i]
+        if i < n:
+            z[i] += instant * instant * k[n + i]
+        elif abs(k[i]) <= noise[i]:
+            waiting += 1
+    while waiting > 0:
+        derivative(s[T] + instant, z, p, slopes)
+        s[EVALUATIONS] += 1.0
+        before = waiting
+        for i in range(n, size):
+            rate = abs(slopes[i])
+            rests = abs(k[i]) <= noise[i] and foreseen[i] == 0.0
+            if rests and noise[i] < rate and rate < 1e300:
+                foreseen[i] = instant * rate
+                z[i] = y[i] + instant * slopes[i]
+                if i < 2 * n:
+                    foreseen[i - n] = instant * foreseen[i]
+                    z[i - n] = y[i - n] + instant * instant * slopes[i]
+                waiting -= 1
+        if waiting == before:
+            return
+
+
+def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
+    """Give a first step: one explicit Euler step tells how fast the rates change.
+
+    k : (size,) is y' at the start. An error that falls with this power of the step,
+    against that change, is within the tolerance.
+    """
+    size = int(s[SIZE])
+    y = at(s, HEADER)
+    z = at(s, HEADER + 4 * size + 2)
+    slopes = at(z, size)
+    look_at_rounding(s, p, s[T], y, k, 1.0)
+    foresee(s, p, k)
+    span = s[END] - s[T]
+    h = min(EULER * s[ROW_STEP], span)
+    part = (LOCAL * max(float(s[RTOL]), NOISE)) ** (1.0 / order)
+    guess = h
+    for _ in range(MOST_GUESSES):
+        for i in range(size):
+            z[i] = y[i] + h * k[i]
+        derivative(s[T] + h, z, p, slopes)
+        s[EVALUATIONS] += 1.0
+        # What rests has a scale by now.
+        set_tolerances(s, p, s[T] + h, z, slopes, h)
+        guess = min(part * time_of_change(s, h, k, slopes), FARTHEST * h)
+        if guess > 0.1 * h:
+            break
+        h = guess
+    return float(min(guess, span))
+
+
+def time_of_change(s: Floats, h: float, k: Floats, slopes: Floats) -> float:
+    """Give the time in which a rate changes by its own size: from k to `slopes` in h.
+
+    Rates that begin at 0 do not count, nor do changes within the tolerances.
+    """
+    tolerances = at(s, HEADER + 2 * int(s[SIZE]))
+    least = 1e300
+    for i in range(int(s[SIZE])):
+        change = abs(slopes[i] - k[i])
+        if not change < 1e300:
+            return 1e-3 * h
+        if h * change > tolerances[i] and abs(k[i]) > 0.1 * abs(slopes[i]):
+            least = min(least, h * abs(k[i]) / change)
+    return least

@@ -1,0 +1,176 @@
+"""Projection onto the constraints: positions, then velocities.
+
+Newton's method in the metric of M at the current iterate (Hairer and Wanner, Solving
+ODEs II, section VII.2). The M-metric velocity projection never raises the kinetic
+energy where the constraints are homogeneous in the velocities.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts.interface import (
+    position_step,
+    position_steps,
+    velocity_step,
+    velocity_steps,
+)
+from lagsim.methods.parts.singular import record_health
+from lagsim.methods.parts.state import EXTENTS_AT, HEADER, LANES_AT, SIZE, STEP_H, N
+from lagsim.native.graph.sincos import LANES
+from lagsim.native.kernels.words import at, unrolled
+
+if TYPE_CHECKING:
+    from lagsim.native.kernels.words import Floats
+
+# What a Newton step leaves of a residual is rounding if this small against its terms.
+# Terms know what a double can hold of a position, whatever else stands in the scene.
+LAST = 2.0**-50
+# A residual this small against its terms is rounding.
+ROUNDING = 2.0**-47
+# Where steps no longer shrink, they are rounding if the residual is smaller than this.
+STALLED = 1e-12
+# A step this small against the coordinates that it moves is rounding, too: there may be
+# rows all of whose terms vanish.
+SMALL = 2.0**-46
+MOST = 12
+
+
+def meet_constraints(s: Floats, p: Floats, t: float, h: float, new: Floats) -> int:
+    """Project the state that a step h has led to; give 0 where that fails."""
+    work = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    if project(s, p, t, h, new, work) == 0:
+        return 0
+    record_health(s, work[int(s[N]) + 1], h)
+    return 1
+
+
+def project(s: Floats, p: Floats, t: float, h: float, y: Floats, work: Floats) -> int:
+    """Project y in place; give 1 where Newton's method converged, else 0.
+
+    h is the step that led to y. work : (n + 3,), where work[n + 1] is left as
+    `velocity_step` gives it.
+    """
+    for level in range(2):
+        if project_level(level, s, p, t, h, y, work) == 0:
+            return 0
+    return 1
+
+
+def project_level(
+    level: int, s: Floats, p: Floats, t: float, h: float, y: Floats, work: Floats
+) -> int:
+    """Project the positions (level 0) or the velocities (1) alone."""
+    n = int(s[N])
+    part = at(y, level * n)
+    previous = 0.0
+    for iteration in range(MOST):
+        newton_step(level, t, y, p, work)
+        if not is_finite(n, work):
+            return 0
+        # Residuals shrink by more than half, or they are rounding.
+        stalled = iteration > 0 and work[n] >= 0.5 * previous
+        done = work[n + 2] <= LAST or work[n] <= ROUNDING
+        if not done:
+            done = is_small(level, s, h, part, work) > 0
+        if stalled:
+            return 1 if done or work[n] <= STALLED else 0
+        for i in range(n):
+            part[i] += work[i]
+        if done:
+            return 1
+        previous = work[n]
+    return 0
+
+
+def is_small(level: int, s: Floats, h: float, x: Floats, step: Floats) -> int:
+    """Tell whether a step is rounding of what it moves, in the metric of diag M.
+
+    What the forces could do within the step counts as size: the scale of a structure at
+    rest.
+    """
+    n = int(s[N])
+    size = int(s[SIZE])
+    sizes = at(s, HEADER + size + level * n)
+    masses = at(s, HEADER + 3 * size + 2)
+    parts = at(s, int(s[EXTENTS_AT]) + 2 * size)
+    moment = h if level > 0 else h * h
+    moved = 0.0
+    whole = 0.0
+    for i in range(n):
+        if step[i] != 0.0:
+            largest = max(abs(x[i]), sizes[i], moment * parts[i])
+            moved += masses[i] * step[i] * step[i]
+            whole += masses[i] * largest * largest
+    return 1 if moved <= SMALL * SMALL * whole else 0
+
+
+def newton_step(level: int, t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the Newton step of the positions (level 0) or of the velocities (1)."""
+    if level == 0:
+        position_step(t, y, p, out)
+    else:
+        velocity_step(t, y, p, out)
+
+
+def is_finite(n: int, step: Floats) -> bool:
+    """Tell whether a step (n,) can be made."""
+    largest = 0.0
+    for i in range(n):
+        if not abs(step[i]) < 1e300:
+            largest = 1e300
+    return largest < 1e300
+
+
+def relative_size(
+    n: int, step: Floats, masses: Floats, x: Floats, sizes: Floats, least: float
+) -> float:
+    """Give the size of a step against that of x, both in the metric of diag M.
+
+    Of x counts what moves, with a square of not less than `least`.
+    """
+    moved = 0.0
+    whole = 0.0
+    for i in range(n):
+        if step[i] != 0.0:
+            size = max(abs(x[i]), sizes[i])
+            moved += masses[i] * step[i] * step[i]
+            whole += masses[i] * size * size
+    if moved == 0.0:
+        return 0.0
+    return sqrt(moved / max(whole, least))
+
+
+def project_rows(s: Floats, p: Floats, rows: Floats, count: int) -> None:
+    """Project up to LANES rows (count, 1 + size) of the last step, side by side.
+
+    One Newton step is enough for nearly all; a row that needs more is done by itself.
+    One that does not converge stays as it is.
+    """
+    n = int(s[N])
+    size = int(s[SIZE])
+    y = at(s, int(s[LANES_AT]))
+    step = at(y, LANES * (1 + size))
+    work = at(s, HEADER + 4 * size + 2)
+    for level in range(2):
+        for lane in unrolled(LANES):
+            row = at(rows, min(lane, count - 1) * (1 + size))
+            for i in range(1 + size):
+                y[i * LANES + lane] = row[i]
+        if level == 0:
+            position_steps(0.0, y, p, step)
+        else:
+            velocity_steps(0.0, y, p, step)
+        for lane in range(count):
+            row = at(rows, lane * (1 + size))
+            part = at(row, 1 + level * n)
+            for i in range(n):
+                work[i] = step[i * LANES + lane]
+            left = step[(n + 2) * LANES + lane]
+            close = left <= LAST or step[n * LANES + lane] <= ROUNDING
+            if close and is_finite(n, work):
+                for i in range(n):
+                    part[i] += work[i]
+            else:
+                project_level(level, s, p, row[0], s[STEP_H], at(row, 1), work)

@@ -1,0 +1,320 @@
+"""Configurations in which the constraints lose their independence: passed, and told.
+
+The health of a state is about the smallest singular value of the scaled constraint
+rows. Near a singular configuration what a stage is off the constraints is divided by
+it, and rounding in a velocity by its square: steps that end there, or shrink on their
+way there, lose digits, and steps that pass it at a distance lose nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts.controller import LOCAL
+from lagsim.methods.parts.interface import (
+    DIRECTIONS,
+    LEAST_HEALTH,
+    NOTE,
+    derivative,
+    interpolate,
+    velocity_step,
+)
+from lagsim.methods.parts.state import (
+    CLOSE_BELOW,
+    DEGENERATE_BELOW,
+    END,
+    ENERGY,
+    EVALUATIONS,
+    FALLING,
+    HEADER,
+    HEALTH,
+    HEALTH_SLOPE,
+    LOST_AT,
+    LOST_BELOW,
+    PASSES,
+    PLANNED,
+    PLANNED_AT,
+    PREVIOUS_HEALTH,
+    RTOL,
+    SIZE,
+    STEP_H,
+    STEP_T,
+    TRIED,
+    WATCHED,
+    N,
+    T,
+)
+from lagsim.native.kernels.words import at
+
+if TYPE_CHECKING:
+    from lagsim.native.kernels.words import Floats
+
+# A loss of rank is close where the rows' independence falls below this part of what it
+# is in general, or has been.
+CLOSE = 0.03
+# How much faster than it has been seen to the health may change.
+MARGIN = 1.5
+# A step over a loss of rank has it at the first fraction, or up to the second, or if it
+# is near at the third, or at once: `dop853` has stages at 0, 0.05, 0.08, 0.12, then
+# from 0.25 to 0.33, and from 0.60 on; `radau` at 0.16 and from 0.64 on. The step before
+# goes at least the last part of the way.
+BETWEEN = 0.467
+LATEST = 0.55
+SOON = 0.184
+AT_ONCE = 0.026
+SHORT = 0.4
+# The step that will pass is as long as those were that the loss was so many of away.
+NEAR = 4.0
+# What a step that passes may err by, against the motion; the same where shorter ones
+# err more; as what it is then taken, in tolerances.
+PASSABLE = 1e-10
+WORST = 1e-6
+ACCEPTED = 0.9
+# A loss ahead is looked for so often, each time half way to where it seems to be: the
+# health falls there by about a half, and by less where it is not going to vanish.
+LOOKS = 3
+FALLS = 0.8
+# This part of the first step tells whether the health falls.
+GLANCE = 0.1
+# A loss of rank is looked for where the health falls over this first part of a step,
+# and located to this part of it.
+NUDGE = 1e-3
+NARROW = 1e-9
+
+
+def record_health(s: Floats, health: float, h: float) -> None:
+    """Take the independence of the rows after a step of length h.
+
+    The step is searched for a loss of rank where the independence could have fallen to
+    zero and risen again within it, changing as fast as it has been seen to.
+    """
+    slope = abs(health - s[HEALTH]) / h
+    s[FALLING] = (s[HEALTH] - health) / h
+    s[CLOSE_BELOW] = max(s[CLOSE_BELOW], CLOSE * health)
+    s[HEALTH_SLOPE] = max(s[HEALTH_SLOPE], slope)
+    s[WATCHED] = 0.0
+    if s[HEALTH] + health <= MARGIN * s[HEALTH_SLOPE] * h:
+        s[WATCHED] = 1.0
+    s[PREVIOUS_HEALTH] = s[HEALTH]
+    s[HEALTH] = health
+
+
+def clear_of_loss(s: Floats, p: Floats, h: float, rest: float) -> float:
+    """Give a step that keeps its distance from a loss of rank: about h, or less.
+
+    There, rounding is divided by the rows' independence at each stage, and by its
+    square at the end. A step that passes has the loss where no method has a stage; one
+    before it leaves the room that this takes: for a step as long as they were before
+    they came near, where the controller sees errors that projection will remove.
+    """
+    if s[PASSES] > 0.0 and s[T] <= s[PLANNED_AT]:
+        s[PLANNED] = 0.0  # it has been tried
+    s[PASSES] = 0.0
+    if s[FALLING] <= 0.0:
+        s[PLANNED] = s[TRIED] = 0.0
+        return h
+    whole = min(max(h, s[PLANNED]), rest)
+    ahead = s[HEALTH] / s[FALLING]
+    s[PLANNED] = whole if ahead < NEAR * whole else 0.0
+    if ahead >= (1.0 + BETWEEN) * whole:
+        return h
+    ahead = time_to_loss(s, p, ahead)
+    if ahead <= 0.0:
+        s[PLANNED] = 0.0
+        return h
+    if ahead >= (1.0 + BETWEEN) * whole:
+        return h
+    if ahead > LATEST * whole:
+        return float(min(h, max(ahead - BETWEEN * whole, SHORT * ahead)))
+    s[PASSES] = 1.0
+    s[PLANNED_AT] = s[T]
+    if ahead > BETWEEN * whole or ahead <= AT_ONCE * whole:
+        return float(whole)
+    if ahead > SOON * whole:
+        return float(ahead / BETWEEN)
+    return float(ahead / SOON)
+
+
+def needs_loops(s: Floats) -> bool:
+    """Tell whether a step that failed is one for the QR decomposition.
+
+    It was to pass a loss of rank, and straight-line code squares the rows' condition.
+    """
+    return float(s[PASSES]) > 0.0 and float(s[DEGENERATE_BELOW]) > 0.0
+
+
+def time_to_loss(s: Floats, p: Floats, ahead: float) -> float:
+    """Give the time until rank is lost, or nearly so; 0 where it seems that it is not.
+
+    By secants through the health along a parabola from the state reached.
+
+    Parameters
+    ----------
+    ahead
+        The time by which the health has been falling.
+    """
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    rates = at(s, HEADER + 4 * size + 2)
+    z = at(rates, n)
+    out = at(z, size)
+    derivative(s[T], y, p, rates)
+    s[EVALUATIONS] += 1.0
+    for i in range(n):
+        rates[i] = rates[n + i]
+    before = 0.0
+    health = s[HEALTH]
+    for _look in range(LOOKS):
+        t = before + 0.5 * (ahead - before)
+        for i in range(size):
+            z[i] = y[i]
+        for i in range(n):
+            z[i] = y[i] + t * (y[n + i] + 0.5 * t * rates[i])
+            z[n + i] = y[n + i] + t * rates[i]
+        velocity_step(s[T] + t, z, p, out)
+        if not out[n + 1] < FALLS * health:
+            return 0.0
+        ahead = t + out[n + 1] / (health - out[n + 1]) * (t - before)
+        before = t
+        health = out[n + 1]
+    return ahead
+
+
+def leave_loss(s: Floats, p: Floats, h: float) -> float:
+    """Give a first step that leaves the neighbourhood of a loss of rank: h, or more.
+
+    Or the one that is to pass it, where only the equations are solved otherwise now.
+    """
+    if s[PASSES] > 0.0 and s[T] <= s[PLANNED_AT]:
+        s[PASSES] = 0.0
+        return float(s[PLANNED])
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    z = at(s, HEADER + 4 * size + 2)
+    out = at(z, size)
+    for i in range(size):
+        z[i] = y[i]
+    velocity_step(s[T], z, p, out)
+    s[HEALTH] = out[n + 1]
+    s[PREVIOUS_HEALTH] = s[HEALTH]
+    expect_loss(s, p, h)
+    while out[n + 1] < s[CLOSE_BELOW] and s[T] + 2.0 * h < s[END]:
+        h = 2.0 * h
+        for i in range(n):
+            z[i] = y[i] + h * y[n + i]
+        velocity_step(s[T] + h, z, p, out)
+    return h
+
+
+def expect_loss(s: Floats, p: Floats, h: float) -> None:
+    """Note how fast the independence falls at the start of an arc."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    y = at(s, HEADER)
+    z = at(s, HEADER + 4 * size + 2)
+    out = at(z, size)
+    for i in range(n):
+        z[i] = y[i] + GLANCE * h * y[n + i]
+    velocity_step(s[T] + GLANCE * h, z, p, out)
+    s[FALLING] = (s[HEALTH] - out[n + 1]) / (GLANCE * h)
+    out[n + 1] = s[HEALTH]
+
+
+def watch(s: Floats, p: Floats) -> int:
+    """Look for a loss of rank within the last step; give 1 where there is one.
+
+    The state where it is found is left in the working memory.
+    """
+    if s[WATCHED] > 0.0:
+        # The least lies inside where it falls at the start and rises at the end.
+        low = 0.0
+        high = 1.0
+        falls = health_at(s, p, NUDGE) < s[PREVIOUS_HEALTH]
+        if falls and health_at(s, p, 1.0 - NUDGE) < s[HEALTH]:
+            while high - low > NARROW:
+                left = low + (high - low) / 3.0
+                right = high - (high - low) / 3.0
+                if health_at(s, p, left) < health_at(s, p, right):
+                    high = right
+                else:
+                    low = left
+            if health_at(s, p, low) < s[LOST_BELOW]:
+                s[LOST_AT] = s[STEP_T] + low * s[STEP_H]
+                return 1
+    return 0
+
+
+def health_at(s: Floats, p: Floats, x: float) -> float:
+    """Give how independent the rows are at the fraction x of the last step."""
+    size = int(s[SIZE])
+    z = at(s, HEADER + 4 * size + 2)
+    out = at(z, size)
+    interpolate(s, x, z)
+    velocity_step(s[STEP_T] + x * s[STEP_H], z, p, out)
+    return float(out[int(s[N]) + 1])
+
+
+def passable(s: Floats, error: float) -> float:
+    """Give the error of a step, in tolerances; below 1 where it passes well enough.
+
+    The method errs less in shorter steps and rounding more: past the least of both a
+    shorter step loses everything.
+    """
+    if s[PASSES] == 0.0 or error < 1.0:
+        return error
+    least = s[TRIED] > 0.0 and error > s[TRIED]
+    s[TRIED] = error
+    bound = WORST if least else PASSABLE
+    return ACCEPTED if error * s[RTOL] < bound else error
+
+
+def hides_error(s: Floats, p: Floats) -> bool:
+    """Tell whether what projection will remove hides the error of a step.
+
+    Close to a singular configuration, what a stage is off the constraints is divided by
+    the independence of the rows. The error there says nothing of the motion, which the
+    constraints determine, but would shrink the steps without end.
+    """
+    passes = float(s[PASSES]) > 0.0
+    close = float(p[LEAST_HEALTH]) < float(s[CLOSE_BELOW])
+    return float(p[DIRECTIONS]) > 0.0 and (passes or close)
+
+
+def note_directions(s: Floats, p: Floats, t: float, new: Floats) -> None:
+    """Leave the directions in which projection will move the state after a step."""
+    p[LEAST_HEALTH] = NOTE
+    velocity_step(t, new, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+
+
+def forget_removed(n: int, p: Floats, h: float, error: Floats) -> float:
+    """Take out of the errors of q and q' (2 n,) what projection will remove.
+
+    Gives twice the kinetic energy of what that is, as velocities: q in the time h.
+    """
+    noted = at(p, int(p[DIRECTIONS]))
+    removed = 0.0
+    for k in range(int(noted[0])):
+        z = at(noted, 1 + n + 2 * n * k)
+        mass = at(z, n)
+        for level in range(2):
+            part = at(error, level * n)
+            share = 0.0
+            for i in range(n):
+                share += mass[i] * part[i]
+            for i in range(n):
+                part[i] -= share * z[i]
+            removed += share * share / (1.0 if level == 1 else h * h)
+    return removed
+
+
+def bent(s: Floats, removed: float, left: float) -> float:
+    """Give the error of a step, of which `left` is left by projection.
+
+    The constraints are bent: of what is removed its square is left, against the speed.
+    """
+    whole = 2.0 * LOCAL * s[RTOL] * s[ENERGY]
+    if whole > 0.0:
+        return float(max(left, removed / whole))
+    return left

@@ -1,0 +1,60 @@
+"""Whether an explicit method's step is held by stability, seen at no cost.
+
+Two states at the same time, close together, and y' at both: the quotient of the
+differences tells how fast the fastest motion is, which is what they differ in when the
+step is at the bound. In the metric of the energy, sqrt(|da| / |dq|) is the frequency
+of an undamped oscillation in any phase and the rate of one that is damped, |da| / |dv|
+is at most that, and serves where dq is below rounding.
+
+Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
+section IV.2 (automatic stiffness detection), for systems of first order.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts.state import AT_BOUND, HEADER, OFF_BOUND, SIZE, SPEED, N
+from lagsim.native.kernels.words import at
+
+if TYPE_CHECKING:
+    from lagsim.native.kernels.words import Floats
+
+# A step past this part of the limit is at the bound: step control holds it between
+# this and a little more than 1, and accuracy asks for less than a tenth of it.
+PART = 0.5
+# So many steps in a row below it, and there is no bound.
+CLEAR = 6.0
+
+
+def record_speed(
+    s: Floats, h: float, limit: float, y: Floats, k: Floats, z: Floats, slope: Floats
+) -> None:
+    """Note the fastest motion, from states y and z with slopes k and `slope`."""
+    size = int(s[SIZE])
+    n = int(s[N])
+    masses = at(s, HEADER + 3 * size + 2)
+    positions = 0.0
+    velocities = 0.0
+    accelerations = 0.0
+    for i in range(n):
+        dq = y[i] - z[i]
+        dv = y[n + i] - z[n + i]
+        da = k[n + i] - slope[n + i]
+        positions += masses[i] * dq * dq
+        velocities += masses[i] * dv * dv
+        accelerations += masses[i] * da * da
+    s[SPEED] = 0.0
+    if positions > 0.0:
+        s[SPEED] = sqrt(sqrt(accelerations / positions))
+    moved = velocities + sqrt(accelerations) * sqrt(positions)
+    if moved > 0.0:
+        s[SPEED] = max(float(s[SPEED]), sqrt(accelerations / moved))
+    if h * s[SPEED] > PART * limit:
+        s[AT_BOUND] += 1.0
+        s[OFF_BOUND] = 0.0
+    else:
+        s[OFF_BOUND] += 1.0
+        if s[OFF_BOUND] >= CLEAR:
+            s[AT_BOUND] = 0.0

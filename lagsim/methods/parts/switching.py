@@ -1,0 +1,377 @@
+"""What ends a step early: where within it the first switch, or `until`, is met.
+
+Each surface has a margin: how far the state is from leaving the mode it is in; so has
+`until`, while it is false. A step is looked at several times, and once more between two
+looks: where that is not what the values and slopes at both ends tell, looks come closer
+until it is. A margin that has become negative, and by the slopes one that has
+been so in between (a touch, a narrow pulse), ends the step. The first moment is located
+by bisection on the dense output, to the last bit. A step that wants more looks than
+there may be ends where they do, and the next one begins there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts.interface import (
+    BAND,
+    SLACK,
+    SURFACES,
+    SWITCHING,
+    interpolate,
+    margins,
+    until,
+)
+from lagsim.methods.parts.looks import BETWEEN, look_at_signals, stirs
+from lagsim.methods.parts.state import (
+    CUT,
+    EQUATION,
+    EVENT,
+    HEADER,
+    LOOKS_AT,
+    ORIENTATION,
+    ROW_LIMIT,
+    SEARCH_AT,
+    SIGNALS,
+    SIZE,
+    STEP_H,
+    STEP_T,
+    SWITCHED,
+    T,
+)
+from lagsim.native.kernels.words import at
+
+if TYPE_CHECKING:
+    from lagsim.native.kernels.words import Floats
+
+SWITCHES = True
+UNTIL = True
+SLEEPERS = True
+
+# A step is looked at at least this often.
+LOOKS = 8
+# Slopes are differences over this part of the way between looks: closer than anything
+# that a method resolves.
+BESIDE = 2.0**-10
+# A margin is known between two looks where that in the middle is what the ends tell up
+# to the first part of how it varies, or the last of the least of it; the slope there
+# counts as the second says. Of looks that are too far apart one of both may agree by
+# chance, hardly both.
+KNOWN = 0.1
+TURNED = 0.25
+CLEAR = 0.25
+# Looks come no closer than this, and there are so many in a step.
+FINEST = 2.0**-14
+# Or than this about where a function wakes.
+NARROWEST = 2.0**-40
+MOST_LOOKS = 2000
+# A least margin is located to this part of the stretch it lies in: its own error is of
+# the square of that.
+NARROW = 1e-8
+GOLDEN = 0.6180339887498949
+
+
+def search_size(surfaces: int) -> int:
+    """Give how much memory the search needs: seven numbers for each margin."""
+    return 7 * (surfaces + 1)
+
+
+# The memory at SEARCH_AT: the margins of a look, then margins and slopes (2 C) at the
+# start of a stretch, in its middle, at its end. That of `until` is the last one.
+def watched(p: Floats) -> int:
+    """Give how many margins there are (C)."""
+    count = 0
+    if SWITCHES:
+        count = int(p[SURFACES])
+    if UNTIL:
+        count += 1
+    return count
+
+
+def find_end(s: Floats, p: Floats) -> None:
+    """Look for what ends the last step, the first of all, and let it end there.
+
+    s[SWITCHED] becomes the number of the surface, or s[EVENT] 1 for `until`.
+    """
+    low = 0.0
+    if UNTIL and s[ORIENTATION] == 0.0:
+        low = armed(s, p)
+        if low < 0.0:
+            low = 0.0
+            if not SWITCHES:
+                return
+    search(s, p, low)
+
+
+def armed(s: Floats, p: Floats) -> float:
+    """Give where in the last step `until` becomes false, which it was not; -1: nowhere.
+
+    From then on it counts.
+    """
+    if s[EQUATION] > 0.0:
+        value = until_at(s, p, BESIDE / LOOKS)
+        s[ORIENTATION] = 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
+        return 0.0 if s[ORIENTATION] != 0.0 else -1.0
+    for look in range(LOOKS + 1):
+        x = look / LOOKS
+        if until_at(s, p, x) < 0.0:
+            s[ORIENTATION] = -1.0
+            return x
+    return -1.0
+
+
+def until_at(s: Floats, p: Floats, x: float) -> float:
+    """Give the residual or gap of `until` at the fraction x of the last step."""
+    z = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    interpolate(s, x, z)
+    value = at(z, int(s[SIZE]))
+    until(s[STEP_T] + x * s[STEP_H], z, p, value)
+    return float(value[0])
+
+
+def search(s: Floats, p: Floats, low: float) -> None:
+    """Go through the last step from its fraction `low` on."""
+    count = watched(p)
+    first = at(s, int(s[SEARCH_AT]) + count)
+    middle = at(first, 2 * count)
+    last = at(middle, 2 * count)
+    widest = 2.0 / LOOKS
+    width = widest
+    looks = 0
+    high = 0.0
+    sample(s, p, low, BESIDE * width, first)
+    while low < 1.0 and high == 0.0:
+        x = min(low + width, 1.0)
+        half = low + BETWEEN * (x - low)
+        sample(s, p, half, -BESIDE * width, middle)
+        sample(s, p, x, -BESIDE * width, last)
+        looks += 2
+        clear = x - low < FINEST or known(s, p, x - low)
+        if SLEEPERS and clear and x - low > NARROWEST:
+            clear = nothing_stirs(s, p, low, x)
+        if clear:
+            high = first_end(s, p, low, half, first, middle)
+            if high > 0.0:
+                x = half
+            else:
+                high = first_end(s, p, half, x, middle, last)
+                if high > 0.0:
+                    low = half
+            if high > 0.0:
+                cut(s, p, low, high)
+            for i in range(2 * count):
+                first[i] = last[i]
+            low = x
+            width = min(2.0 * width, widest)
+        elif looks >= MOST_LOOKS and low > 0.0:
+            s[CUT] = low
+            s[T] = s[STEP_T] + low * s[STEP_H]
+            return
+        else:
+            width = 0.5 * (x - low)
+            sample(s, p, low, BESIDE * width, first)
+
+
+def nothing_stirs(s: Floats, p: Floats, low: float, x: float) -> bool:
+    """Tell whether nothing comes closer to waking inside a stretch than at its ends.
+
+    A margin that is made of one would be flat at every look.
+    """
+    count = int(s[SIGNALS])
+    own = at(s, int(s[LOOKS_AT]))
+    look_at_signals(s, p, low, at(own, 3 * count))
+    look_at_signals(s, p, low + BETWEEN * (x - low), at(own, 5 * count))
+    look_at_signals(s, p, x, at(own, 7 * count))
+    still = True
+    for k in range(count):
+        still = still and not stirs(k, count, (x - low) * s[STEP_H], own)
+    return still
+
+
+def look(s: Floats, p: Floats, x: float) -> None:
+    """Leave the margins at the fraction x of the last step."""
+    z = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    now = at(s, int(s[SEARCH_AT]))
+    t = s[STEP_T] + x * s[STEP_H]
+    interpolate(s, x, z)
+    if SWITCHES:
+        margins(t, z, p, now)
+    if UNTIL:
+        last = watched(p) - 1
+        until(t, z, p, at(now, last))
+        now[last] *= s[ORIENTATION]
+        if s[ORIENTATION] == 0.0:
+            now[last] = 1.0
+
+
+def sample(s: Floats, p: Floats, x: float, beside: float, out: Floats) -> None:
+    """Give margins and slopes (2 C,) at the fraction x of the last step."""
+    count = watched(p)
+    now = at(s, int(s[SEARCH_AT]))
+    look(s, p, x + beside)
+    for k in range(count):
+        out[count + k] = now[k]
+    look(s, p, x)
+    for k in range(count):
+        out[k] = now[k]
+        out[count + k] = (out[count + k] - now[k]) / beside
+
+
+def known(s: Floats, p: Floats, width: float) -> bool:
+    """Tell whether what all margins do on a stretch follows from its ends."""
+    count = watched(p)
+    first = at(s, int(s[SEARCH_AT]) + count)
+    middle = at(first, 2 * count)
+    last = at(middle, 2 * count)
+    for k in range(count):
+        a = first[k]
+        m = middle[k]
+        b = last[k]
+        A = width * first[count + k]
+        B = width * last[count + k]
+        P = 3.0 * (b - a) - 2.0 * A - B
+        Q = A + B - 2.0 * (b - a)
+        off = abs(a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q)) - m)
+        turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
+        off = max(off, TURNED * abs(turned - width * middle[count + k]))
+        reach = max(abs(m - a), abs(m - b))
+        # What is off by no more than counts as none cannot be known better.
+        enough = max(KNOWN * reach, CLEAR * min(a, m, b), -least_allowed(p, k))
+        if off > enough:
+            return False
+    return True
+
+
+def least_allowed(p: Floats, k: int) -> float:
+    """Give the margin below which a mode is over beyond doubt; of `until` 0."""
+    if SWITCHES:
+        count = int(p[SURFACES])
+        if k < count:
+            kept = at(p, int(p[SWITCHING]) + 1)
+            return -max(float(kept[SLACK * count + k]), float(kept[BAND * count + k]))
+    return 0.0
+
+
+def over(p: Floats, k: int, margin: float) -> bool:
+    """Tell whether margin k says that the mode is over."""
+    if UNTIL and k == watched(p) - 1:
+        return not margin > 0.0
+    return not margin >= least_allowed(p, k)
+
+
+def first_end(
+    s: Floats, p: Floats, low: float, x: float, before: Floats, after: Floats
+) -> float:
+    """Give a point in (low, x] where something ends, or 0.
+
+    before, after : (2 C,), margins and slopes there.
+    """
+    count = watched(p)
+    high = 0.0
+    for k in range(count):
+        if over(p, k, after[k]):
+            return x
+    for k in range(count):
+        fall = before[count + k]
+        rise = after[count + k]
+        if touches(x - low, before[k], fall, after[k], rise):
+            least = least_margin(s, p, k, low, x)
+            if over(p, k, margin_at(s, p, k, least)):
+                high = least if high == 0.0 else min(high, least)
+    if SWITCHES:
+        surfaces = int(p[SURFACES])
+        slack = at(p, int(p[SWITCHING]) + 1 + SLACK * surfaces)
+        for k in range(surfaces):
+            if after[k] > slack[k]:
+                slack[k] = 0.0
+    return high
+
+
+def margin_at(s: Floats, p: Floats, k: int, x: float) -> float:
+    """Give one margin at the fraction x of the last step."""
+    look(s, p, x)
+    return float(s[int(s[SEARCH_AT]) + k])
+
+
+def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
+    """Tell whether a margin could be negative between a and b.
+
+    It falls at the start and rises at the end; a convex one stays above its tangents.
+    """
+    if fall >= 0.0 or rise <= 0.0:
+        return False
+    meets = (b - a - rise * width) / (fall - rise)
+    return a + fall * meets < 0.0
+
+
+def least_margin(s: Floats, p: Floats, k: int, low: float, high: float) -> float:
+    """Give where a margin is least, by golden section."""
+    left = high - GOLDEN * (high - low)
+    right = low + GOLDEN * (high - low)
+    at_left = margin_at(s, p, k, left)
+    at_right = margin_at(s, p, k, right)
+    narrow = NARROW * (high - low)
+    while high - low > narrow:
+        if at_left < at_right:
+            high = right
+            right = left
+            at_right = at_left
+            left = high - GOLDEN * (high - low)
+            at_left = margin_at(s, p, k, left)
+        else:
+            low = left
+            left = right
+            at_left = at_right
+            right = low + GOLDEN * (high - low)
+            at_right = margin_at(s, p, k, right)
+    return 0.5 * (low + high)
+
+
+def cut(s: Floats, p: Floats, low: float, high: float) -> None:
+    """End the step at the first moment in (low, high] at which something ends.
+
+    That is where its margin vanishes, also where only one well below 0 tells it.
+    """
+    count = watched(p)
+    first = count
+    for k in range(count):
+        if over(p, k, margin_at(s, p, k, high)):
+            first = k
+            least = least_allowed(p, k)
+            if margin_at(s, p, k, low) >= 0.0:
+                least = 0.0
+            high = end_of(s, p, k, least, low, high)
+    if UNTIL and first == count - 1:
+        s[EVENT] = 1.0
+    else:
+        s[SWITCHED] = first + 1.0
+    shorten(s, high)
+
+
+def end_of(
+    s: Floats, p: Floats, k: int, least: float, low: float, high: float
+) -> float:
+    """Give the first point in (low, high] at which margin k is below `least`."""
+    middle = 0.5 * (low + high)
+    while low < middle and middle < high:
+        margin = margin_at(s, p, k, middle)
+        ended = not margin >= least
+        if UNTIL and k == watched(p) - 1:
+            ended = not margin > 0.0
+        if ended:
+            high = middle
+        else:
+            low = middle
+        middle = 0.5 * (low + high)
+    return high
+
+
+def shorten(s: Floats, x: float) -> None:
+    """Let the last step end at its fraction x.
+
+    Its state stays until the rows before that moment are written: methods may
+    interpolate from it.
+    """
+    s[CUT] = x
+    s[T] = s[STEP_T] + x * s[STEP_H]
+    s[ROW_LIMIT] = min(s[ROW_LIMIT], s[T])

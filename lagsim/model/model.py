@@ -1,0 +1,216 @@
+"""A model as read: frozen, complete, nothing half-built.
+
+Expressions are node numbers of `Model.graph`. Its variables are named as in the
+model file: `t`, a parameter, a coordinate `q`, a velocity `q_dot`, and for
+definitions of output also `q_ddot`, `lambda_<c>`, `Qc_<q>` and `energy`.
+Definitions are already written into the expressions that use them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lagsim.errors import Place
+    from lagsim.language.graph import Graph
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number of the model; an input of every compiled function."""
+
+    name: str
+    value: float
+    unit: str = ""
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """A generalized coordinate."""
+
+    name: str
+    unit: str = ""
+    description: str = ""
+
+
+class Level(Enum):
+    """What a definition depends on, and therefore where it may stand."""
+
+    POSITION = "positions and time"
+    VELOCITY = "velocities"
+    OUTPUT = "accelerations, multipliers or energies"
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """A named scalar expression."""
+
+    name: str
+    node: int
+    level: Level
+    unit: str = ""
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Force:
+    """A force `node` that works on a coordinate, or on a definition.
+
+    Q_j = node * d direction/d q_j for a direction of positions (and time), and
+    node * d direction/d q_j_dot for one that is affine in the velocities.
+    """
+
+    on: str
+    node: int
+    direction: int
+    level: Level
+    place: Place
+
+
+class Sense(Enum):
+    """Whether a relation must be met or only not be passed."""
+
+    EQUAL = "="
+    AT_LEAST = ">="
+
+
+@dataclass(frozen=True, slots=True)
+class Relation:
+    """`node` = 0, or the gap `node` >= 0; `text` is what the file says.
+
+    `multiple`: what the file says vanishes as a power of `node`, or as its size.
+    """
+
+    node: int
+    sense: Sense
+    text: str
+    place: Place
+    multiple: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class OneSided:
+    """The law of a contact: Newton's restitution and Coulomb's friction."""
+
+    restitution: float
+    friction: int | None = None
+    slips: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Constraint:
+    """A relation and its law; `law` is None for an equality."""
+
+    name: str
+    relation: Relation
+    law: OneSided | None = None
+    description: str = ""
+
+
+class Target(Enum):
+    """What an entry of `initial` gives the start value of."""
+
+    COORDINATE = "coordinate"
+    VELOCITY = "velocity"
+    DEFINITION = "definition"
+    RATE = "rate of a definition"
+
+
+@dataclass(frozen=True, slots=True)
+class InitialValue:
+    """A start value; `error` bounds the rounding of the expression that gave it.
+
+    `node` is the definition's expression (its total rate for a RATE) and None for
+    coordinates and velocities.
+    """
+
+    name: str
+    target: Target
+    value: float
+    error: float
+    guess: bool
+    text: str
+    place: Place
+    node: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Simulation:
+    """When, how finely and how to integrate; None where the file is silent."""
+
+    start: float
+    end: float
+    output_step: float
+    until: Relation | None = None
+    method: str = "auto"
+    rtol: float | None = None
+    atol: float | None = None
+    step: float | None = None
+    method_place: Place | None = None
+    formulation: str = "auto"
+    gain: float | None = None
+    spectral_radius: float | None = None
+    formulation_place: Place | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """Points (2 or 3 expressions each) and the links between them."""
+
+    points: dict[str, tuple[int, ...]]
+    links: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """An entry of `output.plots`: two expressions and what the file calls them."""
+
+    x: int
+    y: int
+    x_text: str
+    y_text: str
+    title: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """Which definitions become columns, the extra plots, and the optional columns."""
+
+    columns: tuple[str, ...]
+    plots: tuple[Plot, ...] = ()
+    gauss: bool = False
+    action: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Everything the file says.
+
+    `kinetic` and `potential` are None where the file gives `lagrangian`, which is
+    `kinetic - potential` otherwise. `initial` has one entry for every coordinate and
+    every velocity, in the order of the coordinates, positions first, then the start
+    values of definitions. `simulation` is None where the file gives no duration.
+    """
+
+    name: str
+    file: str
+    sha256: str
+    graph: Graph
+    parameters: tuple[Parameter, ...]
+    coordinates: tuple[Coordinate, ...]
+    definitions: tuple[Definition, ...]
+    lagrangian: int
+    kinetic: int | None
+    potential: int | None
+    dissipation: int | None
+    forces: tuple[Force, ...]
+    constraints: tuple[Constraint, ...]
+    initial: tuple[InitialValue, ...]
+    simulation: Simulation | None
+    scene: Scene
+    output: Output
+    description: str = ""
+    source: str = ""

@@ -1,0 +1,264 @@
+"""YAML values with their line and column; the only user of yaml.
+
+`load` builds the nodes from the parser's events, without recursion. What YAML would
+guess (types, anchors, merge keys, tags) is not guessed: a scalar is a text, and the
+rest are faults. Common accidents with expressions are told as such; where the line
+can be set aside the rest of the file is still read, so that all faults come at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import yaml
+
+from lagsim.errors import Problem
+from lagsim.model.nodes.accidents import (
+    Diagnosis,
+    bad_character,
+    diagnose,
+    joined_pieces,
+    unspaced,
+)
+from lagsim.model.nodes.tree import (
+    Broken,
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    Source,
+    Span,
+    argument,
+)
+
+__all__ = [
+    "Broken",
+    "Document",
+    "Mapping",
+    "Node",
+    "Scalar",
+    "Sequence",
+    "argument",
+    "load",
+]
+
+MAX_DEPTH = 100
+# Each repair reads the text again, so a long text gets fewer of them.
+MAX_REPAIRS = 20
+REPAIRED_CHARACTERS = 2_000_000
+
+_LOADER = getattr(yaml, "CLoader", yaml.Loader)
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """The nodes of a text (None: empty, or not YAML) and the faults found."""
+
+    root: Node | None
+    problems: tuple[Problem, ...]
+
+
+def load(text: str, file: str) -> Document:
+    """Read a YAML text.
+
+    Parameters
+    ----------
+    text
+        The text.
+    file
+        What places call it.
+    """
+    original = Source(file, text.removeprefix("\ufeff"))
+    bad = bad_character(original)
+    if bad is not None:
+        return Document(None, (bad,))
+    source, spoilt, found = original, set[tuple[int, int]](), list[Problem]()
+    repairs = max(1, min(MAX_REPAIRS, REPAIRED_CHARACTERS // (len(text) + 1)))
+    reached = -1
+    while True:
+        builder = _Builder(source, spoilt)
+        try:
+            root = builder.run()
+        except (yaml.YAMLError, ValueError, OverflowError) as error:
+            root, diagnosis = None, _diagnosis(error, source)
+        else:
+            return _document(root, found + builder.problems)
+        if diagnosis.line <= reached:
+            return _document(None, found + builder.problems)
+        found.append(diagnosis.problem)
+        if diagnosis.repair is None or len(found) > repairs:
+            return _document(None, found + builder.problems)
+        reached = diagnosis.line
+        spoilt.add(diagnosis.repair.spoilt)
+        source = Source(file, diagnosis.repair.text, original)
+
+
+def _document(root: Node | None, problems: list[Problem]) -> Document:
+    return Document(root, tuple(problems))
+
+
+def _diagnosis(error: Exception, source: Source) -> Diagnosis:
+    marks: list[tuple[int, int] | None] = []
+    for name in ("problem_mark", "context_mark"):
+        mark = getattr(error, name, None)
+        marks.append((mark.line, mark.column) if mark else None)
+    problem = getattr(error, "problem", None) or str(error)
+    context = getattr(error, "context", None) or ""
+    return diagnose(source, problem, marks[0] or (0, 0), context, marks[1])
+
+
+def _span(event: yaml.Event) -> tuple[int, int]:
+    start, end = event.start_mark, event.end_mark
+    assert start is not None
+    assert end is not None
+    return start.index, end.index
+
+
+def _together(first: Node, second: Node) -> Node:
+    """Give two sections of one name as one, so that no name in them is missed."""
+    if isinstance(first, Mapping) and isinstance(second, Mapping):
+        return Mapping(first.entries + second.entries, first.place, first.flow)
+    return first
+
+
+@dataclass(slots=True)
+class _Open:
+    """A collection whose end has not been seen."""
+
+    mapping: bool
+    flow: bool
+    start: int
+    parts: list[Node]
+
+
+class _Builder:
+    """Nodes from events, with a stack of its own."""
+
+    def __init__(self, source: Source, spoilt: set[tuple[int, int]]) -> None:
+        self.source = source
+        self.spoilt = spoilt
+        self.problems: list[Problem] = []
+        self.open: list[_Open] = []
+        self.root: Node | None = None
+        self.documents = 0
+
+    def run(self) -> Node | None:
+        """Give the root, or None; faults that do not stop it go to `problems`."""
+        for event in yaml.parse(self.source.text, Loader=_LOADER):
+            if isinstance(event, yaml.DocumentStartEvent):
+                self.documents += 1
+                if self.documents > 1:
+                    self._fault("several-documents", "a second document begins here",
+                                event, "a model file holds one document")  # fmt: skip
+                    break
+            elif isinstance(event, yaml.CollectionEndEvent):
+                self._close(event)
+            elif isinstance(event, yaml.NodeEvent) and not self._take(event):
+                return None
+        return self.root
+
+    def _fault(self, code: str, text: str, event: yaml.Event, hint: str = "") -> None:
+        start, end = _span(event)
+        place = self.source.place(start, max(1, end - start))
+        self.problems.append(Problem(code, text, place, hint))
+
+    def _take(self, event: yaml.NodeEvent) -> bool:
+        """Take the beginning of a node; give False where it goes too deep."""
+        if isinstance(event, yaml.AliasEvent):
+            name = event.anchor
+            text = f"`*{name}` is an alias of YAML, which models do not use"
+            self._fault("alias", text, event, "quote the value if it is an expression")
+            self._attach(Broken(self.source.place(_span(event)[0])))
+            return True
+        sound = self._no_anchor_or_tag(event)
+        if isinstance(event, yaml.ScalarEvent):
+            self._attach(self._scalar(event, sound=sound))
+            return True
+        if len(self.open) >= MAX_DEPTH:
+            self._fault("too-deep", f"nested deeper than {MAX_DEPTH} levels", event)
+            return False
+        mapping = isinstance(event, yaml.MappingStartEvent)
+        flow = bool(getattr(event, "flow_style", False))
+        self.open.append(_Open(mapping, flow, _span(event)[0], []))
+        return True
+
+    def _no_anchor_or_tag(self, event: yaml.NodeEvent) -> bool:
+        before = len(self.problems)
+        hint = "quote the value if it is an expression"
+        if event.anchor is not None:
+            text = f"`&{event.anchor}` is an anchor of YAML, which models do not use"
+            self._fault("anchor", text, event, hint)
+        if getattr(event, "tag", None) is not None:
+            start = _span(event)[0]
+            written = self.source.text[start : start + 40].split(maxsplit=1)[0]
+            hint = "write `not` for a negation; " + hint
+            text = f"`{written}` is a tag of YAML, which models do not use"
+            self._fault("tag", text, event, hint)
+        return len(self.problems) == before
+
+    def _scalar(self, event: yaml.ScalarEvent, *, sound: bool) -> Node:
+        start, end = _span(event)
+        span = Span(self.source, start, end, event.style or "")
+        place = self.source.place(start, end - start)
+        if self.source.position(start) in self.spoilt or not sound:
+            return Broken(place)
+        scalar = Scalar(event.value, bool(event.style), place, span)
+        if span.style in ("|", ">"):  # the text begins below its header
+            place = scalar.place_of(0, len(scalar.text))
+            return Scalar(event.value, quoted=True, place=place, span=span)
+        return scalar
+
+    def _attach(self, node: Node) -> None:
+        if self.open:
+            self.open[-1].parts.append(node)
+        elif self.root is None:
+            self.root = node
+
+    def _close(self, event: yaml.Event) -> None:
+        top = self.open.pop()
+        place = self.source.place(top.start, _span(event)[1] - top.start)
+        if top.flow:
+            top.parts, problems = joined_pieces(
+                self.source, top.parts, mapping=top.mapping
+            )
+            self.problems += problems
+        if top.mapping:
+            self._attach(Mapping(self._entries(top.parts), place, top.flow))
+        else:
+            self._attach(Sequence(tuple(top.parts), place, top.flow))
+
+    def _entries(self, parts: list[Node]) -> tuple[tuple[Scalar, Node], ...]:
+        found: dict[str, tuple[Scalar, Node]] = {}
+        for given, below in zip(parts[::2], parts[1::2], strict=True):
+            key, value, problem = unspaced(given, below)
+            if problem is not None:
+                self.problems.append(problem)
+            problem = self._bad_key(key, found)
+            if problem is not None:
+                self.problems.append(problem)
+            if isinstance(key, Scalar) and problem is None:
+                found[key.text] = key, value
+            elif isinstance(key, Scalar) and key.text in found:
+                first, above = found[key.text]
+                found[key.text] = first, _together(above, value)
+        return tuple(found.values())
+
+    def _bad_key(
+        self, key: Node, found: dict[str, tuple[Scalar, Node]]
+    ) -> Problem | None:
+        if isinstance(key, Broken):
+            return None
+        if not isinstance(key, Scalar):
+            return Problem("complex-key", "a key must be a plain text", key.place)
+        if key.text == "<<" and not key.quoted:
+            text = "`<<` is a merge key of YAML, which models do not use"
+            return Problem("merge-key", text, key.place, "write the entries out")
+        if key.text in found:
+            first = found[key.text][0].place
+            return Problem(
+                "duplicate-key",
+                f"the key `{key.text}` stands twice",
+                key.place,
+                f"the first is in line {first.line}",
+            )
+        return None

@@ -1,0 +1,270 @@
+"""The model file -> Model; the only place that knows the file format.
+
+`read` goes through the sections in the order in which they need each other. Each
+reports its faults and gives what is sound; at the end all faults are raised at once.
+What rests on something faulty is passed over in silence, so that one fault is told
+once.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import sys
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING
+
+from lagsim.errors import InputError, Place, Problem
+from lagsim.language.graph import Graph
+from lagsim.model.model import Level, Model
+from lagsim.model.nodes import Broken, Scalar, load
+from lagsim.model.reader.definitions import Definitions
+from lagsim.model.reader.drawing import read_output, read_scene
+from lagsim.model.reader.dynamics import energy_fields, read_energies, read_forces
+from lagsim.model.reader.expressions import Expressions
+from lagsim.model.reader.faults import Faults
+from lagsim.model.reader.fields import fields, shortened
+from lagsim.model.reader.initial import Initial
+from lagsim.model.reader.names import Kind, Names, check_columns
+from lagsim.model.reader.parameters import Parameters, declared, read_coordinates
+from lagsim.model.reader.relations import declared_constraints, read_constraints
+from lagsim.model.reader.simulation import read_simulation
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.model.nodes import Node
+    from lagsim.model.reader.fields import Entry
+
+__all__ = ["FORMAT_VERSION", "SECTIONS", "read", "read_file", "text_of"]
+
+FORMAT_VERSION = "1"
+SECTIONS = (
+    "lagsim", "name", "description", "source", "parameters", "coordinates",
+    "definitions", "energy", "forces", "constraints", "initial", "simulation", "scene",
+    "output",
+)  # fmt: skip
+STANDARD_INPUT = "-"
+
+_STDIN = "<stdin>"
+_NO_FILE_NAMES = ("", ".", "..")
+_NAMING = {
+    "parameters": Kind.PARAMETER,
+    "coordinates": Kind.COORDINATE,
+    "definitions": Kind.DEFINITION,
+}
+
+
+def read_file(
+    path: str,
+    overrides: Mapping[str, str] | None = None,
+    options: Mapping[str, str] | None = None,
+) -> Model:
+    """Read a model file, or standard input for the path `-`.
+
+    Parameters
+    ----------
+    path, overrides, options
+        See `read`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or with every fault in it.
+    """
+    text, file = text_of(path)
+    return read(text, file, overrides, options)
+
+
+def text_of(path: str) -> tuple[str, str]:
+    """Give the text of a model file, or of standard input, and what to call it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    file = _STDIN if path == STANDARD_INPUT else path
+    try:
+        if path == STANDARD_INPUT:
+            data = sys.stdin.buffer.read()
+        else:
+            data = Path(path).read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a null byte in the path
+        reason = getattr(error, "strerror", None) or str(error)
+        raise _unusable("unreadable", f"cannot be read: {reason}", file) from None
+    try:
+        text = data.decode()
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        column = error.start - (data.rfind(b"\n", 0, error.start) + 1)
+        place = Place(file, line, column + 1)
+        message = f"not UTF-8: byte 0x{data[error.start]:02x} in line {line}"
+        raise _unusable("not-utf8", message, file, place) from None
+    return text, file
+
+
+def read(
+    text: str,
+    file: str,
+    overrides: Mapping[str, str] | None = None,
+    options: Mapping[str, str] | None = None,
+) -> Model:
+    """Read the text of a model file.
+
+    Parameters
+    ----------
+    text
+        The text.
+    file
+        What messages call it; its stem is the model's name if the file gives none.
+    overrides
+        Expressions that stand for those of parameters (`--set name=expression`).
+    options
+        Expressions that stand for those of keys of `simulation`, such as
+        `{"output_step": "0.1"}` (`--output-step 0.1`). `duration` replaces `end` too.
+
+    Raises
+    ------
+    InputError
+        With every fault, in the order of the file.
+    """
+    data = text.encode(errors="surrogatepass")
+    return _read(text, file, overrides or {}, options or {}, data)
+
+
+def _unusable(
+    code: str, text: str, file: str, place: Place | None = None
+) -> InputError:
+    return InputError([Problem(code, f"{file}: {text}" if not place else text, place)])
+
+
+def _read(
+    text: str,
+    file: str,
+    overrides: Mapping[str, str],
+    options: Mapping[str, str],
+    data: bytes,
+) -> Model:
+    document = load(text, file)
+    faults = Faults(file, document.problems)
+    if document.root is None:
+        if not document.problems:
+            raise _unusable("empty-file", "the file is empty", file)
+        faults.raise_if_any()
+    assert document.root is not None
+    return _File(document.root, file, faults).read(overrides, options, data)
+
+
+class _File:
+    """The sections of one file."""
+
+    def __init__(self, root: Node, file: str, faults: Faults) -> None:
+        self.file = file
+        self.faults = faults
+        self.root = root.place
+        self.top = fields(root, "the file", SECTIONS, faults, self.root)
+        self.names = Names()
+        self.x = Expressions(Graph(), self.names, faults)
+
+    def read(
+        self, overrides: Mapping[str, str], options: Mapping[str, str], data: bytes
+    ) -> Model:
+        """Give the model.
+
+        Raises
+        ------
+        InputError
+            With every fault.
+        """
+        top, x, faults = self.top, self.x, self.faults
+        if not top.sound:
+            faults.raise_if_any()
+        self._check_version()
+        name = self._name()
+        given = {key: self._declared(key, kind) for key, kind in _NAMING.items()}
+        constraint_entries = declared_constraints(top.value("constraints"), x)
+        energy = energy_fields(top.found.get("energy"), x, self.root)
+        self.names.has_lagrangian = "lagrangian" in energy
+        self._check_names()
+
+        parameters = Parameters(x, overrides)
+        resolved = parameters.read(given["parameters"])
+        coordinates = read_coordinates(given["coordinates"], x)
+        definitions = Definitions(given["definitions"], x)
+        definitions.build(Level.POSITION, Level.VELOCITY)
+        energies = read_energies(energy, x)
+        definitions.build(Level.OUTPUT)
+        forces = read_forces(top.value("forces"), x)
+        constraints = read_constraints(constraint_entries, x)
+        starts = Initial(x, parameters.values)
+        initial = starts.read(top.found.get("initial"), self.root)
+        section = top.found.get("simulation")
+        simulation = read_simulation(section, options, x, self.root)
+        scene = read_scene(top.found.get("scene"), x)
+        output = read_output(top.found.get("output"), x)
+        description, source = (top.text(k, faults) for k in ("description", "source"))
+
+        faults.raise_if_any()
+        assert energies.lagrangian is not None
+        return Model(
+            name=name,
+            file=self.file,
+            sha256=hashlib.sha256(data).hexdigest(),
+            graph=x.graph,
+            parameters=resolved,
+            coordinates=coordinates,
+            definitions=definitions.read(),
+            lagrangian=energies.lagrangian,
+            kinetic=energies.kinetic,
+            potential=energies.potential,
+            dissipation=energies.dissipation,
+            forces=forces,
+            constraints=constraints,
+            initial=initial,
+            simulation=simulation,
+            scene=scene,
+            output=output,
+            description=description,
+            source=source,
+        )
+
+    def _declared(self, section: str, kind: Kind) -> list[Entry]:
+        return declared(self.top.value(section), f"`{section}`", kind, self.x)
+
+    def _check_names(self) -> None:
+        check_columns(self.names, self.faults)
+        if self.names.of(Kind.COORDINATE) or not self.names.complete:
+            return
+        self.names.complete = False  # or each use of a coordinate would be a fault
+        if "coordinates" in self.top and self.names.faulty:
+            return
+        text = "the file has no coordinates"
+        place = self.top.place_of("coordinates")
+        hint = "such as coordinates: {theta: {unit: rad}}"
+        self.faults.add("missing-key", text, place, hint)
+
+    def _check_version(self) -> None:
+        node = self.top.value("lagsim")
+        if node is None or isinstance(node, Broken):
+            return
+        version = self.top.text("lagsim", self.faults)
+        if version != FORMAT_VERSION:
+            text = f"the format version must be {FORMAT_VERSION}, found `{version}`"
+            self.faults.add("format-version", text, node.place)
+
+    def _name(self) -> str:
+        node = self.top.value("name")
+        if node is None:
+            if self.file == _STDIN:
+                return "stdin"
+            stem = PurePath(self.file).stem
+            return stem if stem not in _NO_FILE_NAMES else "model"
+        name = self.top.text("name", self.faults)
+        if isinstance(node, Scalar) and (
+            name in _NO_FILE_NAMES or re.search(r"[/\\\n\t]", name)
+        ):
+            text = f"`{shortened(name)}` cannot be a name: it is used for files"
+            hint = "a name has no path separators, such as elastic-pendulum"
+            self.faults.add("bad-model-name", text, node.place, hint)
+        return name

@@ -1,0 +1,157 @@
+"""What to draw and to write: the sections `scene` and `output`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.model.model import Output, Plot, Scene
+from lagsim.model.nodes import Broken, Node, Scalar, Sequence
+from lagsim.model.reader.expressions import OUTPUT, STATE
+from lagsim.model.reader.fields import entries, fields, items, kind_of
+from lagsim.model.reader.names import Kind, check_name
+
+if TYPE_CHECKING:
+    from lagsim.model.reader.expressions import Expressions
+    from lagsim.model.reader.fields import Entry
+
+
+def read_scene(entry: Entry | None, x: Expressions) -> Scene:
+    """Give the points and the links between them."""
+    if entry is None:
+        return Scene({})
+    found = fields(entry[1], "`scene`", ("points", "links"), x.faults, entry[0].place)
+    points: dict[str, tuple[int, ...]] = {}
+    named: list[str] = []
+    section = found.value("points")
+    for key, node in entries(section, "`points`", x.faults) if section else ():
+        named.append(key.text)
+        if check_name(key, "a point", x.faults):
+            points[key.text] = _point(key.text, node, x)
+    section = found.value("links")
+    whole = not isinstance(found.value("points"), Broken)
+    links = [
+        _link(node, named, x, whole=whole)
+        for node in (items(section, "`links`", x.faults) if section else ())
+    ]
+    return Scene(points, tuple(link for link in links if link))
+
+
+def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
+    what = f"the point `{name}`"
+    if isinstance(node, Broken):
+        return ()
+    if not isinstance(node, Sequence):
+        text = f"{what} must be a list of 2 or 3 expressions, found {kind_of(node)}"
+        x.faults.add("not-a-list", text, node.place, "a list is written [a, b]")
+        return ()
+    compiled = [x.compile(part, what, STATE) for part in node.items]
+    broken = any(isinstance(part, Broken) for part in node.items)
+    if len(node.items) not in (2, 3) and not broken:
+        text = f"{what} must have 2 or 3 components, found {len(node.items)}"
+        x.faults.add("wrong-count", text, node.place)
+    return tuple(c[0] for c in compiled if c is not None)
+
+
+def _link(
+    node: Node, named: list[str], x: Expressions, *, whole: bool
+) -> tuple[str, str] | None:
+    ends = items(node, "a link", x.faults)
+    if isinstance(node, Sequence) and len(ends) != 2:
+        text = f"a link joins 2 points, found {len(ends)}"
+        x.faults.add("wrong-count", text, node.place, "such as [pivot, bob]")
+        return None
+    names = []
+    for end in ends:
+        if isinstance(end, Broken):
+            continue
+        if not isinstance(end, Scalar):
+            text = f"a link names points, found {kind_of(end)}"
+            x.faults.add("not-a-text", text, end.place)
+        elif end.text in named:
+            names.append(end.text)
+        elif whole:
+            hint = x.faults.did_you_mean(end.text, named)
+            text = f"there is no point `{end.text}`"
+            x.faults.add("unknown-name", text, end.place, hint)
+    return (names[0], names[1]) if len(names) == 2 else None
+
+
+def read_output(entry: Entry | None, x: Expressions) -> Output:
+    """Give the columns and the plots asked for."""
+    everything = tuple(x.names.of(Kind.DEFINITION))
+    if entry is None:
+        return Output(everything)
+    known = ("columns", "plots", "gauss", "action")
+    found = fields(entry[1], "`output`", known, x.faults, entry[0].place)
+    columns: tuple[str, ...] = everything
+    node = found.value("columns")
+    if isinstance(node, Sequence):
+        columns = _columns(node, x)
+    elif node is not None:
+        items(node, "`columns`", x.faults)
+        if isinstance(node, Scalar) and node.empty:
+            text = "`columns` must be a list, found nothing"
+            hint = "[] means none; without the key there are all"
+            x.faults.add("not-a-list", text, node.place, hint)
+    section = found.value("plots")
+    plots = [
+        _plot(plot, x)
+        for plot in (items(section, "`plots`", x.faults) if section else ())
+    ]
+    return Output(
+        columns,
+        tuple(plot for plot in plots if plot),
+        gauss=found.truth("gauss", x.faults),
+        action=found.truth("action", x.faults),
+    )
+
+
+def _columns(node: Sequence, x: Expressions) -> tuple[str, ...]:
+    names, faults = x.names, x.faults
+    found: list[str] = []
+    for item in node.items:
+        if isinstance(item, Broken):
+            continue
+        if not isinstance(item, Scalar):
+            text = f"a column is the name of a definition, found {kind_of(item)}"
+            faults.add("not-a-text", text, item.place)
+            continue
+        name = item.text
+        kind = names.variables.get(name)
+        if name in found:
+            faults.add("duplicate-column", f"the column `{name}` stands twice",
+                       item.place)  # fmt: skip
+        elif kind is Kind.DEFINITION:
+            found.append(name)
+        elif kind is not None:
+            text = f"`{name}` is {kind.value}; columns are definitions"
+            hint = "coordinates are columns in any case"
+            hint = hint if kind is Kind.COORDINATE else ""
+            faults.add("not-a-definition", text, item.place, hint)
+        elif name not in names.faulty and names.complete:
+            text = f"there is no definition `{name}`"
+            hint = faults.did_you_mean(name, names.of(Kind.DEFINITION))
+            faults.add("unknown-name", text, item.place, hint)
+    return tuple(found)
+
+
+def _plot(node: Node, x: Expressions) -> Plot | None:
+    if isinstance(node, Broken):
+        return None
+    found = fields(node, "a plot", ("x", "y", "title"), x.faults, node.place)
+    axes: list[tuple[int, str]] = []
+    for axis in ("x", "y"):
+        value = found.value(axis)
+        if value is None:
+            if found.sound:
+                text = f"the plot has no `{axis}`"
+                hint = "such as {x: t, y: theta}"
+                x.faults.add("missing-key", text, node.place, hint)
+            continue
+        compiled = x.compile(value, f"`{axis}` of the plot", OUTPUT)
+        if compiled is not None and isinstance(value, Scalar):
+            axes.append((compiled[0], " ".join(value.text.split())))
+    title = found.text("title", x.faults)
+    if len(axes) < 2:
+        return None
+    return Plot(axes[0][0], axes[1][0], axes[0][1], axes[1][1], title)

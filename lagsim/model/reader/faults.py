@@ -1,0 +1,85 @@
+"""Collecting the faults of a file, and guessing what was meant."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from lagsim.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from lagsim.errors import Place
+    from lagsim.language.tokens import ExpressionError
+    from lagsim.model.nodes import Scalar
+
+# Comparing a name with all others is slow where both are many; past these bounds a
+# file is no longer one that a person mistyped.
+MAX_GUESSES = 200
+MAX_CANDIDATES = 2000
+MAX_GUESSED_LENGTH = 80
+
+# Nobody reads more, and each carries its source line.
+MAX_FAULTS = 1000
+
+
+class Faults:
+    """The faults found so far."""
+
+    def __init__(self, file: str, found: Iterable[Problem] = ()) -> None:
+        self._file = file
+        self._problems = list(found)
+        self._guesses = 0
+
+    def add(self, code: str, text: str, place: Place | None, hint: str = "") -> None:
+        """Add a fault."""
+        self._problems.append(Problem(code, text, place, hint))
+
+    def add_expression(self, fault: ExpressionError, scalar: Scalar) -> None:
+        """Add a fault of the expression in `scalar`."""
+        place = scalar.place_of(fault.offset, fault.length)
+        self.add(f"expression-{fault.code}", fault.text, place, fault.hint)
+
+    def guess(self, word: str, candidates: Iterable[str]) -> str:
+        """Give the candidate most like `word`, or an empty text."""
+        candidates = list(candidates)
+        self._guesses += 1
+        if (
+            self._guesses > MAX_GUESSES
+            or len(candidates) > MAX_CANDIDATES
+            or len(word) > MAX_GUESSED_LENGTH
+        ):
+            return ""
+        for candidate in candidates:
+            if candidate.casefold() == word.casefold():
+                return candidate
+        return (get_close_matches(word, candidates, 1) or [""])[0]
+
+    def did_you_mean(self, word: str, candidates: Iterable[str]) -> str:
+        """Give a hint that names the candidate most like `word`, or no hint."""
+        near = self.guess(word, candidates)
+        return f"did you mean `{near}`?" if near else ""
+
+    def raise_if_any(self) -> None:
+        """Raise them all, in the order of the file; those of the command line first.
+
+        Raises
+        ------
+        InputError
+            If any fault was added.
+        """
+        if not self._problems:
+            return
+        problems = sorted(self._problems, key=self._order)
+        more = len(problems) - MAX_FAULTS
+        if more > 0:
+            last = Problem("more-faults", f"{more} more faults are not shown")
+            problems = [*problems[:MAX_FAULTS], last]
+        raise InputError(problems)
+
+    def _order(self, problem: Problem) -> tuple[bool, int, int]:
+        place = problem.place
+        if place is None:
+            return False, 0, 0
+        return place.file == self._file, place.line, place.column

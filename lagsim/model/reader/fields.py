@@ -1,0 +1,167 @@
+"""Sections: mappings with known keys, mappings with names of the user's, texts."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from lagsim.errors import Place
+    from lagsim.model.reader.faults import Faults
+
+Entry = tuple[Scalar, Node]
+
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+_NO_SPACE = re.compile(r"([^\s:]+):([^\s:]\S*)")
+
+
+def kind_of(node: Node) -> str:
+    """Say what a node is, for messages."""
+    if isinstance(node, Mapping):
+        return "a mapping"
+    if isinstance(node, Sequence):
+        return "a list"
+    if isinstance(node, Scalar) and not node.empty:
+        return f"`{shortened(node.text)}`"
+    return "nothing"
+
+
+def shortened(text: str) -> str:
+    """Give a text in one short line."""
+    words = " ".join(text.split())
+    return words if len(words) <= 40 else words[:39] + "…"
+
+
+def entries(node: Node, what: str, faults: Faults) -> list[Entry]:
+    """Give the entries of a mapping without the `x-` ones; nothing counts as `{}`."""
+    if isinstance(node, Mapping):
+        return [e for e in node.entries if not e[0].text.startswith("x-")]
+    if isinstance(node, Broken) or (isinstance(node, Scalar) and node.empty):
+        return []
+    hint = ""
+    if isinstance(node, Sequence):
+        hint = "write lines `name: value`, without the `-` or brackets of a list"
+    elif match := _NO_SPACE.match(node.text):
+        hint = f"a space is missing after the colon: `{match[1]}: {match[2]}`"
+    faults.add(
+        "not-a-mapping",
+        f"{what} must be a mapping (lines `key: value`), found {kind_of(node)}",
+        node.place,
+        hint,
+    )
+    return []
+
+
+def items(node: Node, what: str, faults: Faults) -> list[Node]:
+    """Give the items of a list; nothing counts as an empty one."""
+    if isinstance(node, Sequence):
+        return list(node.items)
+    if isinstance(node, Broken) or (isinstance(node, Scalar) and node.empty):
+        return []
+    hint = "a list is written [a, b]"
+    text = f"{what} must be a list, found {kind_of(node)}"
+    faults.add("not-a-list", text, node.place, hint)
+    return []
+
+
+def text_of(node: Node, what: str, faults: Faults) -> str:
+    """Give a plain text; an empty one where there is none."""
+    if isinstance(node, Broken) or (isinstance(node, Scalar) and node.empty):
+        return ""
+    if not isinstance(node, Scalar):
+        text = f"{what} must be a text, found {kind_of(node)}"
+        faults.add("not-a-text", text, node.place)
+        return ""
+    control = _CONTROL.search(node.text)
+    if control is not None:
+        code = f"U+{ord(control.group()):04X}"
+        text = f"{what} contains the control character {code}"
+        faults.add("not-a-text", text, node.place_of(control.start()))
+        return ""
+    return node.text.strip()
+
+
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """A mapping whose keys are known; `sound` is False where it could not be read."""
+
+    found: dict[str, Entry]
+    place: Place
+    sound: bool
+
+    def __contains__(self, key: str) -> bool:
+        """Tell whether the key is there."""
+        return key in self.found
+
+    def value(self, key: str) -> Node | None:
+        """Give the value of `key`, or None."""
+        entry = self.found.get(key)
+        return entry[1] if entry else None
+
+    def place_of(self, key: str) -> Place:
+        """Give the place of `key`, or that of the mapping."""
+        entry = self.found.get(key)
+        return entry[0].place if entry else self.place
+
+    def text(self, key: str, faults: Faults) -> str:
+        """Give the plain text of `key`."""
+        node = self.value(key)
+        return "" if node is None else text_of(node, f"`{key}`", faults)
+
+    def truth(self, key: str, faults: Faults) -> bool:
+        """Give whether the value of `key` is `true`; it is not where there is none."""
+        node = self.value(key)
+        if node is None or isinstance(node, Broken):
+            return False
+        if isinstance(node, Scalar) and node.text in ("true", "false"):
+            return node.text == "true"
+        text = f"`{key}` must be `true` or `false`, found {kind_of(node)}"
+        faults.add("not-a-truth", text, node.place)
+        return False
+
+
+def fields(
+    node: Node, what: str, known: Iterable[str], faults: Faults, place: Place
+) -> Fields:
+    """Read a mapping whose keys are known; an unknown one is a fault.
+
+    An unknown key that looks like a known one is read as that, so that what it says
+    is not also reported as missing.
+
+    Parameters
+    ----------
+    node, what
+        The mapping, and how messages call it.
+    known
+        The keys it may have.
+    faults
+        Where faults go.
+    place
+        Where faults of the mapping as a whole are reported: its key.
+    """
+    known = tuple(known)
+    given = entries(node, what, faults)
+    found = {key.text: (key, value) for key, value in given if key.text in known}
+    for key, value in given:
+        if key.text in known:
+            continue
+        near = faults.guess(key.text, known)
+        hint = f"did you mean `{near}`?" if near else f"known are {listed(known)}"
+        text = f"unknown key `{shortened(key.text)}` in {what}"
+        faults.add("unknown-key", text, key.place, hint)
+        if near:
+            found.setdefault(near, (key, value))
+    sound = isinstance(node, Mapping) or (isinstance(node, Scalar) and node.empty)
+    return Fields(found, place, sound)
+
+
+def listed(names: Iterable[str], most: int = 12) -> str:
+    """Give names as a text: `a`, `b`, `c`."""
+    names = list(names)
+    text = ", ".join(f"`{n}`" for n in names[:most])
+    return text + (f" and {len(names) - most} more" if len(names) > most else "")

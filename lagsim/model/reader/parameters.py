@@ -1,0 +1,192 @@
+"""Parameters: numbers from numbers, in order, and `--set`."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate_with_error
+from lagsim.language.graph import Graph
+from lagsim.model.model import Coordinate, Parameter
+from lagsim.model.nodes import Broken, Mapping, Node, Scalar, argument
+from lagsim.model.reader.expressions import NUMBERS
+from lagsim.model.reader.fields import entries, fields
+from lagsim.model.reader.names import Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping as MappingType
+
+    from lagsim.language.parser import Parsed
+    from lagsim.model.reader.expressions import Expressions
+    from lagsim.model.reader.fields import Entry
+
+Value = tuple[float, float]
+
+
+class Unfolded(Graph):
+    """A graph whose numbers are variables, so that nothing is folded.
+
+    Folding would lose the rounding error of what it folds: `cos(pi/2)` is not zero,
+    but zero within its error.
+    """
+
+    def __init__(self) -> None:
+        self.numbers: dict[str, Value] = {}
+        super().__init__()
+
+    def constant(self, x: float) -> int:
+        """Give the node of the number `x`: a variable that is called as it is."""
+        exact = float(x).is_integer()
+        self.numbers[repr(x)] = x, 0.0 if exact else UNIT_ROUNDOFF * abs(x)
+        return self.variable(repr(x))
+
+
+def value_with_error(parsed: Parsed, known: MappingType[str, Value]) -> Value:
+    """Give value and rounding error of an expression of numbers.
+
+    A number alone is exact: it is what the file states.
+
+    Parameters
+    ----------
+    parsed
+        The expression.
+    known
+        Value and error of each name in it but `pi`.
+    """
+    g = Unfolded()
+    node = parsed.build(
+        g, lambda name: g.constant(math.pi) if name == "pi" else g.variable(name)
+    )
+    value, error = evaluate_with_error(g, [node], {**known, **g.numbers})[0]
+    alone = all(kind in ("number", "neg") for kind, _ in parsed.postfix)
+    return value, 0.0 if alone else error
+
+
+def value_entry(
+    key: Scalar, node: Node, what: str, x: Expressions
+) -> tuple[Node, str, str]:
+    """Give expression, unit and description of `name: expression` or a mapping."""
+    if not isinstance(node, Mapping):
+        return node, "", ""
+    known = ("value", "unit", "description")
+    found = fields(node, what, known, x.faults, key.place)
+    value = found.value("value")
+    if value is None:
+        text = f"{what} has no `value`"
+        x.faults.add("missing-key", text, key.place, "write {value: ..., unit: ...}")
+        value = Broken(key.place)
+    return value, found.text("unit", x.faults), found.text("description", x.faults)
+
+
+class Parameters:
+    """Reads the parameters.
+
+    Attributes
+    ----------
+    values
+        Value and rounding error of each parameter that is sound.
+    """
+
+    def __init__(self, x: Expressions, overrides: MappingType[str, str]) -> None:
+        self.x = x
+        self.values: dict[str, Value] = {}
+        self._below: set[str] = set()  # the parameter being read and those after it
+        self._overrides = {
+            name: argument(f"--set {name}=", text) for name, text in overrides.items()
+        }
+
+    def read(self, given: list[Entry]) -> tuple[Parameter, ...]:
+        """Give the parameters, with what `--set` says; faults are reported."""
+        self._check_overrides()
+        self._below = {key.text for key, _ in given}
+        found = []
+        for key, node in given:
+            what = f"the parameter `{key.text}`"
+            expression, unit, description = value_entry(key, node, what, self.x)
+            expression = self._overrides.get(key.text, expression)
+            value = self._value(key.text, expression, what)
+            self._below.discard(key.text)
+            if value is not None:
+                self.values[key.text] = value
+                self.x.values[key.text] = value[0]
+                found.append(Parameter(key.text, value[0], unit, description))
+        return tuple(found)
+
+    def _check_overrides(self) -> None:
+        names, faults = self.x.names, self.x.faults
+        for name, value in self._overrides.items():
+            kind = names.variables.get(name)
+            if kind is Kind.PARAMETER or name in names.faulty:
+                continue
+            hint = faults.did_you_mean(name, names.of(Kind.PARAMETER))
+            if "." in name:
+                text, hint = f"`{name}`: names with a dot are reserved", ""
+            elif kind is not None:
+                text = f"`{name}` is {kind.value}; --set takes parameters"
+            elif not names.complete:
+                continue
+            else:
+                text = f"there is no parameter `{name}`"
+            option = argument("--set ", f"{name}={value.text}")
+            faults.add("unknown-parameter", text, option.place_of(0, len(name)), hint)
+
+    def _value(self, name: str, node: Node, what: str) -> Value | None:
+        x = self.x
+        scalar = x.scalar(node, what)
+        parsed = x.parse(scalar) if scalar else None
+        if scalar is None or parsed is None:
+            return None
+        later = {n.text for n in parsed.names} & self._below
+        for used in {n.text: n for n in reversed(parsed.names)}.values():
+            if used.text in later:
+                own = used.text == name
+                x.faults.add(
+                    "later-parameter",
+                    f"`{name}` uses itself"
+                    if own
+                    else f"`{name}` uses `{used.text}`, which stands below it",
+                    scalar.place_of(used.offset, len(used.text)),
+                    "a parameter may use those above it",
+                )
+        others = [n for n in parsed.names if n.text not in later]
+        if x.check(others, scalar, what, NUMBERS) is None or later:
+            return None
+        value = value_with_error(parsed, self.values)
+        if not math.isfinite(value[0]):
+            text = f"{what} is {value[0]}, which is not a finite number"
+            x.faults.add("not-finite", text, scalar.place)
+            return None
+        return value
+
+
+def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
+    """Give the coordinates."""
+    found = []
+    for key, node in given:
+        what = f"the coordinate `{key.text}`"
+        if isinstance(node, Scalar) and not node.empty:
+            x.faults.add(
+                "not-a-mapping",
+                f"{what} has no value here, found `{node.text}`",
+                node.place,
+                f"write {{unit: {node.text}}}; start values stand in `initial`",
+            )
+            found.append(Coordinate(key.text))
+            continue
+        below = fields(node, what, ("unit", "description"), x.faults, key.place)
+        unit, about = (below.text(k, x.faults) for k in ("unit", "description"))
+        found.append(Coordinate(key.text, unit, about))
+    return tuple(found)
+
+
+def declared(
+    section: Node | None, what: str, kind: Kind, x: Expressions
+) -> list[Entry]:
+    """Give the entries of a section that gives names, and declare these."""
+    if section is None:
+        return []
+    given = entries(section, what, x.faults)
+    empty = isinstance(section, Scalar) and section.empty
+    if not given and not empty and not isinstance(section, Mapping):
+        x.names.complete = False
+    return [entry for entry in given if x.names.declare(entry[0], kind, x.faults)]

@@ -1,0 +1,1 @@
+"""Kernels in a small subset of Python -> LLVM IR."""

@@ -1,0 +1,1 @@
+"""LLVM IR -> object code, kept by content, linked into callables."""

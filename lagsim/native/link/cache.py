@@ -1,0 +1,190 @@
+"""Object code, kept by content in the user's cache.
+
+A kept object is found by a digest of what it was made from: the IR, or the text and
+the tables of kernels, with the versions, the CPU and its features. Nothing is ever
+out of date, only unused, and the oldest goes when the folder grows too large.
+
+The folder holds code that will be run, so it must belong to this user and be writable
+by nobody else. Where there is none like that, all works without, only slower.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import stat
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lagsim.native.kernels import code
+from lagsim.native.link import engine
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+CACHE_VARIABLE = "LAGSIM_CACHE"
+"""Environment variable naming the folder to use in place of the platform's."""
+
+LIMIT_BYTES = 256 * 2**20
+"""Size at which the objects that were not used for longest are removed."""
+
+_FORMAT = "1"  # of files and keys; a change leaves all that is kept unused
+_MAGIC = b"lagsim object " + _FORMAT.encode() + b"\n"
+_SUFFIX = ".object"
+_USED_AGAIN_SECONDS = 86400.0  # how fine the age of a file is kept, to spare writes
+_ABANDONED_SECONDS = 3600.0  # after which a file half written has no writer
+
+
+def object_code(ir: str) -> bytes:
+    """Give the object code of a graph's LLVM IR, from the cache where it is there.
+
+    Raises
+    ------
+    NativeError
+        If LLVM refuses the IR.
+    """
+    return _object(["ir", ir], lambda: ir, optimise=False)
+
+
+def kernel_object(
+    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
+) -> bytes:
+    """Give the object code of kernels; translates only what is not in the cache.
+
+    Parameters
+    ----------
+    functions, statics : sequence of functions, mapping
+        As for `code.translate`.
+
+    Raises
+    ------
+    KernelError
+        If a kernel leaves the subset.
+    """
+    made_from = ["kernel", code.fingerprint(functions, statics)]
+
+    def translated() -> str:
+        return code.translate(functions, statics)
+
+    return _object(made_from, translated, optimise=True)
+
+
+def folder() -> Path | None:
+    """Give the folder of the objects, made if need be; None if there is none to trust.
+
+    That is `objects` in $LAGSIM_CACHE, or in the platform's folder for caches.
+    """
+    try:
+        base = _base()
+        if base is None:
+            return None
+        path = base / "objects"
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = path.lstat()
+    except (OSError, RuntimeError):  # RuntimeError: there is no home
+        return None
+    return path if _is_own(found) else None
+
+
+def _is_own(found: os.stat_result) -> bool:
+    if not stat.S_ISDIR(found.st_mode):
+        return False
+    if sys.platform == "win32":  # access lists, inherited from the user's profile
+        return True
+    return found.st_uid == os.getuid() and not found.st_mode & 0o022
+
+
+def _base() -> Path | None:
+    chosen = os.environ.get(CACHE_VARIABLE)
+    if chosen:
+        return Path(chosen).expanduser().absolute()
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "lagsim"
+    if sys.platform == "win32":
+        local = os.environ.get("LOCALAPPDATA")
+        return Path(local) / "lagsim" / "cache" if local else None
+    given = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    # The XDG base directory specification has relative paths ignored.
+    return (given if given.is_absolute() else Path.home() / ".cache") / "lagsim"
+
+
+def _object(
+    made_from: Sequence[str], ir: Callable[[], str], *, optimise: bool
+) -> bytes:
+    where = folder()
+    key = _digest([_FORMAT, *made_from, *engine.target()])
+    path = None if where is None else where / f"{key}{_SUFFIX}"
+    code = None if path is None else _read(path)
+    if code is None:
+        code = engine.compile_object(ir(), optimise=optimise)
+        if path is not None:
+            _write(path, code)
+    return code
+
+
+def _digest(parts: Iterable[str]) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        text = part.encode()
+        digest.update(b"%d:" % len(text))
+        digest.update(text)
+    return digest.hexdigest()
+
+
+def _read(path: Path) -> bytes | None:
+    """Read an object; None if there is none, or not the whole of one."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    start = len(_MAGIC) + hashlib.sha256().digest_size
+    code = content[start:]
+    if content[:start] != _MAGIC + hashlib.sha256(code).digest():
+        return None
+    with contextlib.suppress(OSError):
+        if time.time() - path.stat().st_mtime > _USED_AGAIN_SECONDS:
+            os.utime(path)
+    return code
+
+
+def _write(path: Path, code: bytes) -> None:
+    """Keep an object: written beside and renamed, so that readers find all or none."""
+    import tempfile  # slow to load, and only first runs come here
+
+    try:
+        handle, beside = tempfile.mkstemp(dir=path.parent, prefix=path.stem[:16])
+    except OSError:
+        return
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(_MAGIC + hashlib.sha256(code).digest() + code)
+        Path(beside).replace(path)
+    except OSError:  # no room, or on Windows another process is reading the file
+        with contextlib.suppress(OSError):
+            Path(beside).unlink()
+    # Keys are evenly spread: one new object in sixteen has the folder looked through.
+    if path.name.startswith("0"):
+        prune(path.parent)
+
+
+def prune(where: Path, limit: int = LIMIT_BYTES) -> None:
+    """Remove the files not used for longest, down to half the limit if over it."""
+    files = []
+    with contextlib.suppress(OSError):
+        for path in where.iterdir():
+            found = path.stat()
+            age = time.time() - found.st_mtime
+            if path.suffix == _SUFFIX or age > _ABANDONED_SECONDS:
+                files.append((found.st_mtime, found.st_size, path))
+    size = sum(s for _, s, _ in files)
+    if size <= limit:
+        return
+    for _, removed, path in sorted(files):
+        with contextlib.suppress(OSError):
+            path.unlink()
+        size -= removed
+        if size <= limit // 2:
+            return

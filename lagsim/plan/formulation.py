@@ -1,0 +1,382 @@
+"""How constraints are met, and how much of the equations needs to be integrated.
+
+- `none`: no constraints; the equations as they are.
+- `projection`: q'' and lambda from the equations as they are; states are projected.
+- `velocity projection`: the same where all constraints hold velocities.
+- `elimination`: constraints that give a coordinate are solved; others are projected.
+- `baumgarte`: b - 2 a (A q' + g_t) - a^2 g stands for b, and b - a phi for relations
+  between velocities: what is off the constraints decays at the rate a. Nothing is
+  projected. The rows show q'' and lambda without this pull.
+- `drift`: nothing is done about what is off the constraints.
+- `apart`: subsystems that do not touch are integrated apart, see `subsystems`.
+- `ignorable`: coordinates that keep their momentum are integrated by quadrature.
+
+`auto` takes what costs the least operations; any name keeps all else as it is, and
+`full` everything: it stands for one of the first three.
+
+Source: J. Baumgarte, Comput. Methods Appl. Mech. Eng. 1 (1972), of his method; of the
+others see `reduction` and `methods._projection`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from lagsim.admissibility.inertia import needs_constraints
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import analyse
+from lagsim.errors import InputError, Problem
+from lagsim.language.functions import OPERATIONS
+from lagsim.mechanics.ldl import Elimination, TooLongError, affordable, dense_operations
+from lagsim.mechanics.reduction import Reduction
+from lagsim.mechanics.reduction.elimination import pairs
+from lagsim.mechanics.reduction.ignorable import ignorable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from lagsim.admissibility import Start
+    from lagsim.errors import Place
+    from lagsim.mechanics.equations import Equations
+
+GAIN = "baumgarte.gain"
+# By default, what is off the constraints falls by e over this many rows. A fast decay
+# is resolved like a fast motion (the elastic pendulum on its curve at 1e-11: 7,400
+# evaluations at a gain of 1, 9,600 at 5, 19,000 at 10 and 110,000 at 50).
+ROWS_TO_DECAY = 10
+# Of what is eliminated a choice names this many.
+SHOWN = 4
+# With more coordinates than this nobody looks for what can be eliminated unasked: M
+# fills, and little is saved (10 rods in Cartesian coordinates: 0.85 of the time).
+LARGEST = 24
+# Evaluations in a step of order 8, and solves for its projection.
+STAGES = 12
+SOLVES = 4
+# Operations of a step on each component of the state, per evaluation.
+PER_COMPONENT = 16
+# What operations cost, in additions (measured: sin 18, exp 15, a division 4).
+WEIGHTS = {"div": 4, "sqrt": 4, "pow": 3}
+TRANSCENDENTAL = 16
+# A reduction is taken where the cost of a step falls below this part of the whole's.
+# Without constraints less is saved than operations tell (the heavy top, two of three
+# coordinates ignorable: 0.7 of the operations, 0.95 of the time).
+PAYS = 0.8
+PAYS_IGNORING = 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One thing chosen, and why."""
+
+    choice: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Formulation:
+    """What is integrated, and how constraints are met.
+
+    Attributes
+    ----------
+    name : str
+    reduction : Reduction
+        The equations that are integrated.
+    start : Start
+        Of those equations.
+    projected : bool
+        States are projected onto the constraints left.
+    gain : float
+        Of `baumgarte`; 0 for others.
+    choices : tuple of Choice
+    """
+
+    name: str
+    reduction: Reduction
+    start: Start
+    projected: bool
+    gain: float
+    choices: tuple[Choice, ...]
+
+
+def formulate(
+    equations: Equations,
+    start: Start,
+    asked: str,
+    suits: Callable[[Equations], bool],
+) -> Formulation:
+    """Choose how to meet the constraints, or do as is asked.
+
+    Parameters
+    ----------
+    asked
+        The name of a formulation, or `auto`.
+    suits
+        Whether the method, if one is asked for, can handle equations.
+
+    Raises
+    ------
+    InputError
+        Where the formulation asked for is not known or cannot be had.
+    """
+    if asked == "auto":
+        return _chosen(equations, start, suits)
+    simulation = equations.model.simulation
+    place = simulation.formulation_place if simulation else None
+    problems = formulation_problems(asked, place)
+    if problems:
+        raise InputError(problems)
+    try:
+        return _ASKED[asked](equations, start)
+    except _CannotError as error:
+        text = f"formulation `{asked}` cannot be had: {error}"
+        hint = "`auto` chooses one that can be had"
+        raise InputError([Problem("formulation-refused", text, place, hint)]) from None
+
+
+def formulation_problems(asked: str, place: Place | None = None) -> list[Problem]:
+    """Give the fault of a formulation that does not exist."""
+    known = ["auto", *_ASKED]
+    if asked in known:
+        return []
+    hint = f"one of {', '.join(known)}; docs/model-file.md describes them"
+    text = f"there is no formulation `{asked}`"
+    return [Problem("unknown-formulation", text, place, hint)]
+
+
+class _CannotError(Exception):
+    """A formulation cannot be had for these equations: why."""
+
+
+def _whole(
+    equations: Equations,
+    start: Start,
+    name: str,
+    reason: str,
+    *,
+    projected: bool = False,
+    gain: float = 0.0,
+) -> Formulation:
+    """Give a formulation with the equations as they are."""
+    choices = (Choice(f"formulation: {name}", reason),)
+    return Formulation(name, Reduction(equations), start, projected, gain, choices)
+
+
+def _constrained(equations: Equations) -> None:
+    if not equations.rows:
+        raise _CannotError("the model has no constraints")
+
+
+def _none(equations: Equations, start: Start) -> Formulation:
+    if equations.rows:
+        why = "the model has constraints; `drift` does nothing about them"
+        raise _CannotError(why)
+    return _whole(equations, start, "none", "no constraints")
+
+
+def _projection(equations: Equations, start: Start) -> Formulation:
+    rows = equations.rows
+    _constrained(equations)
+    held = sum(row.holonomic for row in rows)
+    if held:
+        reason = f"{held} of {len(rows)} constraints hold positions"
+        return _whole(equations, start, "projection", reason, projected=True)
+    reason = "the constraints hold velocities"
+    return _whole(equations, start, "velocity projection", reason, projected=True)
+
+
+def _velocity_projection(equations: Equations, start: Start) -> Formulation:
+    found = _projection(equations, start)
+    if found.name == "projection":
+        raise _CannotError(found.choices[0].reason)
+    return found
+
+
+def _drift(equations: Equations, start: Start) -> Formulation:
+    _constrained(equations)
+    return _whole(
+        equations, start, "drift", "asked for; the motion leaves the constraints"
+    )
+
+
+def _baumgarte(equations: Equations, start: Start) -> Formulation:
+    _constrained(equations)
+    simulation = equations.model.simulation
+    assert simulation is not None
+    gain = simulation.gain or 1.0 / (ROWS_TO_DECAY * simulation.output_step)
+    reason = f"asked for; gain {gain:g} per unit of time"
+    found = _whole(equations, start, "baumgarte", reason, gain=gain)
+    return replace(found, reduction=Reduction(_stabilised(equations)))
+
+
+def _stabilised(equations: Equations) -> Equations:
+    """Let b drive the state back to the constraints."""
+    g = equations.graph
+    a = g.variable(GAIN)
+    rows = []
+    for row in equations.rows:
+        pull = g.call("mul", a, row.rate)
+        if row.holonomic:
+            square = g.call("mul", g.call("mul", a, a), row.residual)
+            pull = g.call("add", g.call("mul", g.constant(2.0), pull), square)
+        rows.append(replace(row, b=g.call("sub", row.b, pull)))
+    return replace(equations, rows=tuple(rows))
+
+
+def _elimination(equations: Equations, start: Start) -> Formulation:
+    _constrained(equations)
+    reduction, why = _eliminated(equations, start)
+    if not reduction.eliminated:
+        raise _CannotError(why)
+    return _reduced(reduction, start, "asked for")
+
+
+def _ignorable(equations: Equations, start: Start) -> Formulation:
+    found = ignorable(equations)
+    if not found:
+        why = "no coordinate keeps its momentum and is absent from the equations"
+        raise _CannotError(why)
+    return _reduced(Reduction(equations).ignore(found, start), start, "asked for")
+
+
+def _full(equations: Equations, start: Start) -> Formulation:
+    return (_projection if equations.rows else _none)(equations, start)
+
+
+_ASKED: dict[str, Callable[[Equations, Start], Formulation]] = {
+    "full": _full,
+    "apart": _full,
+    "none": _none,
+    "projection": _projection,
+    "velocity projection": _velocity_projection,
+    "elimination": _elimination,
+    "baumgarte": _baumgarte,
+    "drift": _drift,
+    "ignorable": _ignorable,
+}
+
+
+def _chosen(
+    equations: Equations, start: Start, suits: Callable[[Equations], bool]
+) -> Formulation:
+    """Give the least costly of the formulations that the method can handle."""
+    whole = _full(equations, start)
+    candidates = _candidates(equations, start)
+    if not candidates:
+        return whole
+    full = step_cost(equations)
+    best, least, fits = whole, full, suits(equations)
+    for reduction, part in candidates:
+        cost = step_cost(reduction.equations)
+        pays = cost < least and cost < part * full
+        if suits(reduction.equations) and (pays or not fits):
+            reason = f"{cost:.0f} operations a step instead of {full:.0f}"
+            best, least, fits = _reduced(reduction, start, reason), cost, True
+    return best
+
+
+def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, float]]:
+    """Give what can be left out, and the part of the cost at which that pays."""
+    found = []
+    cyclic = ignorable(equations)
+    if cyclic:
+        ignoring = Reduction(equations).ignore(cyclic, start)
+        found.append((ignoring, PAYS_IGNORING))
+    if equations.rows and len(equations.q) <= LARGEST:
+        eliminated, _ = _eliminated(equations, start)
+        if eliminated.eliminated:
+            found.append((eliminated, PAYS))
+            if cyclic:
+                both, _ = _eliminated(ignoring.equations, start, ignoring)
+                found.append((both, PAYS_IGNORING))
+    return found
+
+
+def step_cost(equations: Equations) -> float:
+    """Give about how many operations a step takes, projection included."""
+    g, n, m = equations.graph, len(equations.q), len(equations.rows)
+    try:
+        q, lam = Elimination(equations, affordable(n, m)).motion()
+        nodes = [*q, *lam]
+        solve = 0
+    except TooLongError:
+        nodes = [*equations.mass_entries.values(), *equations.f]
+        nodes += [a for row in equations.rows for a in row.A.entries.values()]
+        solve = dense_operations(n, m)
+    nodes += [x.rate for x in equations.quadratures]
+    evaluation = sum(map(_weight, (g.ops[x] for x in _varying(equations, nodes))))
+    evaluation += solve
+    size = 2 * n + len(equations.quadratures)
+    solves = SOLVES if m else 0
+    return STAGES * (evaluation + PER_COMPONENT * size) + solves * evaluation
+
+
+def _varying(equations: Equations, nodes: list[int]) -> set[int]:
+    state = (*equations.q, *equations.velocities, "t")
+    return equations.graph.dependent(nodes, frozenset(state))
+
+
+def _weight(op: str) -> int:
+    row = OPERATIONS.get(op)
+    if row is None:
+        return 0  # a number or a variable
+    simple = row.condition or row.switch or op in ("add", "sub", "mul", "neg")
+    return WEIGHTS.get(op, 1 if simple else TRANSCENDENTAL)
+
+
+def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
+    """Give the formulation of a reduction, with its start and its choices."""
+    rows = reduction.equations.rows
+    choices, name = [], "none"
+    if reduction.eliminated:
+        name = "elimination"
+        given = [f"{q} from {row}" for q, row in reduction.eliminated]
+        more = [f"{len(given) - SHOWN} more"] if len(given) > SHOWN else []
+        pairs = ", ".join([*given[:SHOWN], *more])
+        left = ""
+        if rows:
+            many = "constraint is" if len(rows) == 1 else "constraints are"
+            left = f"; {len(rows)} {many} left and projected"
+        choices.append(Choice(f"formulation: {name}", f"{pairs}: {reason}{left}"))
+    elif rows:
+        held = any(row.holonomic for row in rows)
+        name = "projection" if held else "velocity projection"
+        choices.append(Choice(f"formulation: {name}", "for the constraints"))
+    else:
+        choices.append(Choice("formulation: none", "no constraints"))
+    if reduction.ignored:
+        what = f"ignorable: {', '.join(reduction.ignored)}"
+        choices.append(Choice(what, f"momentum is kept: a quadrature; {reason}"))
+    return Formulation(
+        name, reduction, reduced_start(reduction, start), bool(rows), 0.0,
+        tuple(choices),
+    )  # fmt: skip
+
+
+def reduced_start(reduction: Reduction, start: Start) -> Start:
+    """Give the start of the equations that are left."""
+    q, v = reduction.kept(start.q), reduction.kept(start.v)
+    point = Point(reduction.equations)
+    errors = point.solved_errors(q, v)
+    return replace(
+        start, q=q, v=v, ranks=analyse(point, q, v, errors),
+        augmented=needs_constraints(point, q, v, errors),
+    )  # fmt: skip
+
+
+def _eliminated(
+    equations: Equations, start: Start, base: Reduction | None = None
+) -> tuple[Reduction, str]:
+    """Eliminate what can be; say why if nothing can be."""
+    reduction = base or Reduction(equations)
+    if start.ranks.rank < len(equations.rows):
+        return reduction, f"the constraints have rank {start.ranks.rank}"
+    e = reduction.equations
+    q, v = reduction.kept(start.q), reduction.kept(start.v)
+    point = Point(e)
+    found = pairs(e, point.values(q, v), point.sizes(q, v))
+    if found:
+        return reduction.eliminate(found), ""
+    names = ", ".join(f"`{row.name}`" for row in equations.rows)
+    why = f"no coordinate stands in {names} with a factor that is constant and not 0"
+    return reduction, why

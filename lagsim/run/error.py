@@ -1,0 +1,114 @@
+"""What a repeat says of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.native.kernels.words import Floats
+
+# Past the horizon the estimate exceeds this part of a coordinate's range.
+LOST = 0.1
+# How many times the growth is told at.
+TIMES = 20
+
+
+@dataclass(frozen=True, slots=True)
+class CoordinateError:
+    """The estimated error of one coordinate, in its unit and as a part of its range."""
+
+    largest: float
+    relative: float
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorBar:
+    """What a repeat says of a run.
+
+    Attributes
+    ----------
+    method, rtol
+        Of the repeat.
+    names
+        Of the coordinates.
+    times : ndarray, shape (k,)
+        Of the rows that were compared.
+    errors : ndarray, shape (k, n)
+        The estimates, in the units of the coordinates.
+    scales : ndarray, shape (n,)
+        The range of each coordinate, or what counts as one.
+    still : ndarray, shape (n,)
+        What moves less than this has no horizon; by default nothing.
+    rates : ndarray or None
+        The estimates for the velocities (k, n).
+    repeated : dict
+        Times, coordinates and velocities (1 + 2 n,) of the repeat, by the number of
+        what was compared.
+    parted : str
+        How the two runs ended differently, if they did.
+    """
+
+    method: str
+    rtol: float | None
+    names: tuple[str, ...]
+    times: Floats
+    errors: Floats
+    scales: Floats
+    still: Floats | None = None
+    rates: Floats | None = None
+    repeated: Mapping[int, Floats] = field(default_factory=dict)
+    parted: str = ""
+
+    @property
+    def parts(self) -> Floats:
+        """The estimates as parts of the ranges (k, n)."""
+        return _parts(self.errors, self.scales)
+
+    @property
+    def coordinates(self) -> dict[str, CoordinateError]:
+        """The largest error of each coordinate, and when."""
+        worst = np.argmax(self.errors, axis=0)
+        largest, parts = self.errors, self.parts
+        return {
+            name: CoordinateError(
+                float(largest[k, i]), float(parts[k, i]), float(self.times[k])
+            )
+            for i, (name, k) in enumerate(zip(self.names, worst, strict=True))
+        }
+
+    @property
+    def relative(self) -> float:
+        """The largest part of a range that any error reaches."""
+        return float(np.max(self.parts, initial=0.0))
+
+    @property
+    def growth(self) -> list[tuple[float, float]]:
+        """Times, and the largest part of a range that any error has reached by then."""
+        reached = np.maximum.accumulate(np.max(self.parts, axis=1))
+        last = len(self.times) - 1
+        told = sorted({-(-last * k // TIMES) for k in range(1, TIMES + 1)})
+        return [(float(self.times[k]), float(reached[k])) for k in told]
+
+    @property
+    def lost(self) -> Floats:
+        """The largest error in each row (k,), as parts of what can be lost."""
+        still = 0.0 if self.still is None else self.still
+        return np.asarray(
+            np.max(_parts(self.errors, np.fmax(self.scales, still)), axis=1)
+        )
+
+    @property
+    def horizon(self) -> float | None:
+        """The first time at which an error exceeds the part LOST of its range."""
+        lost = np.flatnonzero(self.lost > LOST)
+        return float(self.times[lost[0]]) if len(lost) else None
+
+
+def _parts(errors: Floats, scales: Floats) -> Floats:
+    return np.divide(errors, scales, out=np.zeros_like(errors), where=scales > 0.0)

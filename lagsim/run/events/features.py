@@ -1,0 +1,245 @@
+"""What happens at its own time, and how short it is: pulses, ramps, gates of t alone.
+
+A smooth pulse is flat to rounding before it begins; no step sees it coming. Where a
+function of t may wake is where its argument (see `system.sleepers`) is largest, passes
+zero or is least: `breaks` finds every such moment, however long the rest before it. How
+far the argument has to go from there for the function to fade tells how wide it is.
+Steps end where that begins and shrink towards the moment itself, see
+`methods._adaptive`.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.language.derivatives import tangent
+from lagsim.language.enclosures import Enclosures
+from lagsim.mechanics.switches import expression_text
+from lagsim.methods.parts import state as at
+from lagsim.methods.parts.looks import LARGE, LARGEST, NEAR_ZERO
+from lagsim.run.events.breaks import break_times
+from lagsim.run.events.crossings import Values
+from lagsim.run.system.sleepers import motion_nodes, timed_sleepers
+from lagsim.run.trajectory import Caution
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from lagsim.run.arcs import Run
+    from lagsim.run.system.sleepers import Sleeper
+
+# Distances are in powers of e, as in `methods._looks`. The width of what happens is the
+# way on which it fades by the first, and it is over where it has faded by the second;
+# or, where it fades as a power does, after so many widths.
+FADED = 0.5
+GONE = 80.0
+FAR = 64.0
+# The part of what it does to a motion that counts as its size already before it begins:
+# until then the motion may change.
+FORESEEN = 1e-2
+# What varies by no more than this hides nothing: a method's own steps see it.
+SHALLOW = 3.0
+# Halvings of the way on which the distance has grown past what counts.
+REFINED = 6
+# So many turns of an argument without anything short: some seconds.
+PATIENCE = 20_000
+
+
+class Feature(NamedTuple):
+    """Something at `time`, of this width, that is over at this distance."""
+
+    time: float
+    width: float
+    reach: float
+
+
+class Features:
+    """What is still to come in a run, in order.
+
+    Attributes
+    ----------
+    any : bool
+        There may be something.
+    """
+
+    def __init__(self, run: Run) -> None:
+        equations = run.system.equations
+        g = equations.graph
+        start, end = run.simulation.start, run.simulation.end
+        nodes = motion_nodes(equations)
+        values = {p.name: p.value for p in equations.model.parameters}
+        found = [
+            sleeper
+            for sleeper in timed_sleepers(equations, nodes)
+            if g.depends([sleeper.node]) <= {"t", *values}
+        ]
+        self._lines = []
+        for sleeper in found:
+            line = _Line(run, sleeper, values, start, end)
+            if not line.shallow:
+                self._lines.append(line.features())
+        self.any = bool(self._lines)
+        self._coming = heapq.merge(*self._lines)
+        self._next = next(self._coming, None) if self.any else None
+        self._now: Feature | None = None
+
+    def advance(self, run: Run) -> None:
+        """Tell the kernel what comes first after the time reached."""
+        state = run.state
+        t = float(state[at.T])
+        while self._now is None or self._ends(self._now) <= t:
+            if self._next is None:
+                self._now = None
+                break
+            self._now, self._next = self._next, next(self._coming, None)
+        if self._now is None:
+            state[at.FEATURE_WIDTH] = 0.0
+            return
+        state[at.FEATURE] = self._now.time
+        state[at.FEATURE_WIDTH] = self._now.width
+        state[at.FEATURE_REACH] = self._now.reach
+        begins = self._now.time - self._now.reach
+        if t < begins - self._now.width:
+            state[at.FEATURE_END] = begins - self._now.width
+            self._expect(run, self._now, FORESEEN)
+            return
+        state[at.FEATURE_END] = self._ends(self._now)
+        self._expect(run, self._now, 1.0)
+
+    def _expect(self, run: Run, now: Feature, part: float) -> None:
+        """Take what is about to happen as a size of the motion.
+
+        Or the first traces of a pulse would be controlled against a body at rest, as
+        finely as rounding lets them be.
+        """
+        n = run.system.n
+        rates = run.runner.function("derivative", run.system.size)
+        sizes = run.sizes
+        for time in (now.time - now.width, now.time, now.time + now.width):
+            push = part * now.width * np.abs(rates(time, run.y)[n : 2 * n])
+            moved = run.y.copy()
+            moved[n : 2 * n] += push  # a body at rest takes no work
+            work = part * now.width * np.abs(rates(time, moved)[2 * n :])
+            change = np.concatenate([now.width * push, push, work])
+            if np.all(np.isfinite(change)):
+                sizes[:] = np.maximum(sizes, change)
+
+    def _ends(self, now: Feature) -> float:
+        """Give when it is over, or when the next begins."""
+        over = now.time + now.reach
+        if self._next is not None:
+            over = min(over, max(now.time, self._next.time - self._next.reach))
+        return over
+
+
+class _Line:
+    """The moments at which one argument may wake something."""
+
+    def __init__(
+        self,
+        run: Run,
+        sleeper: Sleeper,
+        values: dict[str, float],
+        start: float,
+        end: float,
+    ) -> None:
+        g = self.g = run.equations.graph
+        self.run, self.text = run, expression_text(g, sleeper.node)
+        self.sleeper, self.values, self.start, self.end = sleeper, values, start, end
+        self.argument = Values(g, [sleeper.node], values)
+        # Below the least step of a run nothing happens.
+        self.finest = 2.0**-40 * (end - start)
+        enclose = Enclosures(g, [sleeper.node], values)
+        (whole,) = enclose(np.array([start]), np.array([end]))
+        lo, hi = float(whole.lo[0]), float(whole.hi[0])
+        self.shallow = self._shallow(lo, hi)
+
+    def _shallow(self, lo: float, hi: float) -> bool:
+        """Tell whether an argument between these bounds hides nothing."""
+        kind, power = self.sleeper.kind, self.sleeper.power
+        if kind == LARGEST:
+            return power * (hi - lo) < SHALLOW
+        if kind == NEAR_ZERO:
+            return not lo <= 0.0 <= hi or power * max(-lo, hi) < SHALLOW
+        if lo <= 0.0 <= hi:
+            return False
+        small, large = sorted((abs(lo), abs(hi)))
+        return power * (math.log(large) - math.log(small)) < SHALLOW
+
+    def features(self) -> Iterator[Feature]:
+        """Give them in order."""
+        g, node = self.g, self.sleeper.node
+        discrete = g.call("sign", node)
+        if self.sleeper.kind != NEAR_ZERO:
+            (rate,) = tangent(g, [node], {g.variable("t"): g.one})
+            discrete = g.call("sign", rate)
+        if "t" not in g.depends([discrete]):
+            return
+        vain = 0
+        for time in break_times(g, [discrete], self.values, self.start, self.end):
+            found = self._at(time)
+            vain += 1
+            if found is not None:
+                vain = 0
+                yield found
+            if vain == PATIENCE:
+                self.run.warnings.append(self._given_up(time))
+                return
+
+    def _given_up(self, time: float) -> Caution:
+        text = (
+            f"after t = {time:.9g} steps are not ended before what `{self.text}` may "
+            f"do: it turns too often, {PATIENCE} times without a pulse; a short one "
+            "could be stepped over there"
+        )
+        return Caution("short-times", text)
+
+    def _distance(self, t: float) -> float:
+        """Give how far from waking it is, as in `methods._looks`."""
+        (u,) = self.argument(t)
+        kind, power = self.sleeper.kind, self.sleeper.power
+        if math.isnan(u):
+            return math.inf
+        if kind == LARGEST:
+            return -power * u
+        if kind == NEAR_ZERO:
+            return 2.0 * power * abs(u)
+        size = math.log(max(abs(u), 1e-300))
+        return -power * size if kind == LARGE else power * size
+
+    def _at(self, time: float) -> Feature | None:
+        """Give what happens at a time, or None if nothing short does."""
+        least = self._distance(time)
+        beside = max(8.0 * math.ulp(time), self.finest)
+        width = None
+        fade = 0.0
+        while beside <= self.end - self.start:
+            sides = [self._distance(time - beside), self._distance(time + beside)]
+            if width is None and min(sides) - least < -FADED:
+                return None  # it is closer to waking beside that moment
+            faded = max(sides) - least
+            if width is None and faded >= FADED:
+                width = beside
+            fade = max(fade, min(sides) - least)
+            if fade >= GONE or (width is not None and beside >= FAR * width):
+                break
+            beside *= 2.0
+        if width is None or fade < SHALLOW:
+            return None
+        return Feature(time, width, self._reach(time, least + GONE, beside))
+
+    def _reach(self, time: float, gone: float, far: float) -> float:
+        """Give how far from `time`, at most `far`, it has faded on both sides."""
+        near = 0.5 * far
+        for _ in range(REFINED):
+            middle = 0.5 * (near + far)
+            sides = [self._distance(time - middle), self._distance(time + middle)]
+            if min(sides) >= gone:
+                far = middle
+            else:
+                near = middle
+        return far

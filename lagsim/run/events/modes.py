@@ -1,0 +1,236 @@
+"""The mode of an arc: the side of each surface, as the compiled functions know it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.methods.parts import interface as kept
+from lagsim.run.events.shares import ABOVE, ALONG, LEVEL
+from lagsim.run.system.switching import on_velocities
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
+    from lagsim.mechanics.switches import Side
+    from lagsim.native.kernels.words import Floats
+    from lagsim.run.arcs import Run
+
+# A state this close to a surface, against the size of its terms, is on it.
+ON = 2.0**-47
+# Directions in which a state is moved to see what its rounding does to a surface.
+DIRECTIONS = 3
+# A state this far aside, against how far it has moved, is another one.
+ASIDE = 1e-3
+
+
+class Rows(NamedTuple):
+    """What surfaces do at a state, as `kkt.sliding.surface_rows` gives it."""
+
+    residuals: Floats
+    rates: Floats
+    b: Floats
+    scales: Floats
+    J: Floats
+
+
+class Modes:
+    """The surfaces of a run: which side each is on.
+
+    Attributes
+    ----------
+    value : ndarray, shape (K,)
+        -1 or 1, or the whole number below; while sliding, of the lower side. Between
+        them where the expression keeps its level on a whole stretch.
+    slides : ndarray of bool, shape (K,)
+        The motion follows it.
+    depends : list of set of int
+        The surfaces whose sides each one's expression depends on.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        system = run.system
+        self.sides: tuple[Side, ...] = system.switches.sides
+        self.count = len(self.sides)
+        self.whole = np.array([s.whole for s in self.sides])
+        self.of_velocities = [on_velocities(run.equations, s) for s in self.sides]
+        numbers = {s.variable: k for k, s in enumerate(self.sides)}
+        nodes = system.switches.freeze([s.node for s in self.sides])
+        depends = run.equations.graph.depends
+        self.depends = [
+            {numbers[name] for name in depends([node]) & numbers.keys()}
+            for node in nodes
+        ]
+        self.order = self._ordered()
+        self.nested = any(self.depends)
+        self.value = np.ones(self.count)
+        self.kind = np.zeros(self.count)
+        self.levels = np.zeros(self.count)
+        self.carried: dict[int, tuple[int, float]] = {}  # leader, and the upper value
+
+    def _ordered(self) -> list[int]:
+        """Give the surfaces, those that others depend on first."""
+        found: list[int] = []
+        left = list(range(self.count))
+        while left:
+            ready = [k for k in left if self.depends[k] <= {*found, k}] or left[:1]
+            found += ready
+            left = [k for k in left if k not in ready]
+        return found
+
+    @property
+    def slides(self) -> Floats:
+        """Which surfaces the motion follows."""
+        return np.asarray(self.kind == kept.FOLLOWED)
+
+    @property
+    def bound(self) -> Floats:
+        """Which surfaces the expression does not tell the mode of (K,)."""
+        return np.asarray((self.kind != 0.0) & (self.kind != kept.CHOSEN))
+
+    def choose(self, several: Collection[int]) -> None:
+        """Take note of sides that nothing decides: rows show what was chosen."""
+        for k in several:
+            if self.kind[k] == 0.0:
+                self.kind[k] = kept.CHOSEN
+
+    def kept(self, what: int) -> Floats:
+        """Give the K numbers of one kind: a view."""
+        p, first = self.run.system.p, self.run.system.switching + 1
+        return p[first + what * self.count :][: self.count]
+
+    def forget(self) -> None:
+        """Slide along nothing."""
+        self.kind[:] = 0.0
+        self.carried = {}
+
+    def put(self, k: int, level: float, way: int) -> None:
+        """Put surface k below or above its level, along it, or at rest on it."""
+        whole = self.sides[k].whole
+        self.levels[k] = level
+        self.kind[k] = {ALONG: kept.FOLLOWED, LEVEL: kept.LEVEL}.get(way, 0.0)
+        if way == LEVEL:
+            self.value[k] = level - 0.5 if whole else 0.0
+        elif whole:
+            self.value[k] = level if way == ABOVE else level - 1.0
+        else:
+            self.value[k] = 1.0 if way == ABOVE else -1.0
+
+    def put_clear(self, k: int, value: float) -> None:
+        """Put surface k on the side on which its expression has this value."""
+        self.kind[k] = 0.0
+        if self.sides[k].whole:
+            self.value[k] = math.floor(value)
+        else:
+            self.value[k] = 1.0 if value > 0.0 else -1.0
+
+    def carry(self, k: int, leader: int, high: float) -> None:
+        """Let surface k step together with one that the motion follows."""
+        self.kind[k] = kept.CARRIED
+        self.carried[k] = leader, high
+
+    def level(self, k: int, value: float) -> float:
+        """Give the level of surface k that is closest to a value."""
+        return float(np.round(value)) if self.sides[k].whole else 0.0
+
+    def write(self) -> None:
+        """Tell the compiled functions the mode."""
+        system = self.run.system
+        slides = self.slides
+        system.p[system.switching] = np.count_nonzero(slides)
+        self.kept(kept.SIDE)[:] = self.value
+        self.kept(kept.SLIDES)[:] = self.kind
+        value, whole = self.value, self.whole
+        up = value > 0.0
+        self.kept(kept.LOW)[:] = np.where(whole | self.bound, value, -1.0)
+        self.kept(kept.HIGH)[:] = np.where(whole, value + 1.0, 1.0)
+        self.kept(kept.LEADER)[:] = 0.0
+        for k, (leader, high) in self.carried.items():
+            self.kept(kept.LEADER)[k] = leader + 1
+            self.kept(kept.HIGH)[k] = high
+        least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
+        least = np.where(whole, value, least)
+        most = np.where(whole, value + 1.0, most)
+        least[self.bound], most[self.bound] = -math.inf, math.inf
+        moving = np.array(self.of_velocities, dtype=bool)
+        least[slides] = np.where(moving, 0.0, self.levels)[slides]
+        most[slides] = np.where(moving, self.levels, 0.0)[slides]
+        self.kept(kept.LEAST)[:] = least
+        self.kept(kept.MOST)[:] = most
+
+    def rows(self, y: Floats | None = None) -> Rows:
+        """Give what the surfaces do at the state reached, or at y."""
+        run, K = self.run, self.count
+        y = run.y if y is None else y
+        starts, columns = run.system.pattern
+        rows = run.runner.function("surface_rows", 4 * K + len(columns))(run.t, y)
+        J = np.zeros((K, run.system.n))
+        J[np.repeat(np.arange(K), np.diff(starts)), list(columns)] = rows[4 * K :]
+        residuals, rates, b, scales = rows[: 4 * K].reshape(4, K)
+        return Rows(residuals, rates, b, scales, J)
+
+    def keeps(self, k: int) -> bool:
+        """Tell whether an expression is constant hereabouts, not only level here."""
+        seen, reach = self.seen(), self.run.ranges
+        reach = np.where(reach > 0.0, np.maximum(reach, ON**0.5 * seen), seen)
+        parts = ASIDE + ASIDE**2 * np.arange(len(seen))
+        aside = parts * np.where(reach > 0.0, reach, 1.0)
+        here, there = self.rows(), self.rows(self.run.y + aside)
+        if self.of_velocities[k]:
+            still = abs(here.rates[k] - there.rates[k]) <= ON * abs(here.rates[k])
+        else:
+            still = here.rates[k] == there.rates[k] == 0.0
+        return bool(
+            still
+            and here.b[k] == there.b[k] == 0.0
+            and not np.any(here.J[k])
+            and not np.any(there.J[k])
+        )
+
+    def values(self, t: float, y: Floats) -> Floats:
+        """Give the expressions of the surfaces (K,)."""
+        return self.run.runner.function("surfaces", self.count)(t, y)
+
+    def rates(self, t: float, y: Floats) -> Floats:
+        """Give y' with the sides as written."""
+        system = self.run.system
+        length = system.size + system.m
+        return self.run.runner.function("field", length)(t, y)[: system.size]
+
+    def field(self) -> Floats:
+        """Give q'' with the sides as written."""
+        n = self.run.system.n
+        return self.rates(self.run.t, self.run.y)[n : 2 * n]
+
+    def seen(self) -> Floats:
+        """Give the largest sizes of the components so far."""
+        return np.maximum(np.abs(self.run.y), self.run.sizes)
+
+    def sizes(self, rows: Rows) -> Floats:
+        """Give the size of the terms of each surface, with sizes seen so far.
+
+        And by what the rounding of such a state does: slopes may vanish there.
+        """
+        run, n = self.run, self.run.system.n
+        seen = self.seen()
+        slopes = np.abs(rows.J)
+        velocities = slopes @ seen[n : 2 * n]
+        terms = np.where(self.of_velocities, velocities, slopes @ seen[:n])
+        found = np.maximum(rows.scales, terms)
+        here = self.values(run.t, run.y)
+        for aside in self.asides():
+            found = np.fmax(found, np.abs(self.values(run.t, aside) - here) / ON)
+        return np.asarray(found)
+
+    def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
+        """Give states that rounding does not tell from the one reached.
+
+        And that are no farther than `reach` (size,) besides.
+        """
+        step = ON * self.seen() + reach
+        i = np.arange(len(step))
+        for k in range(DIRECTIONS):
+            yield self.run.y + np.where(i >> k & 1, -step, step)

@@ -1,0 +1,318 @@
+"""Rows thinned for pictures: what a plot can show of 10^8 rows, in bounded memory.
+
+Two views of the rows are kept while they pass, both exact as long as the rows are
+few, both a function of the rows alone (not of how they were cut into blocks):
+
+- the *envelope* of a column against time: each of at most 4096 buckets keeps its
+  least and its greatest value with their times, so that a spike of one row survives
+  and an oscillation too fast to see becomes the band that it fills;
+- *true rows* for curves of one column against another, at most 16384 of them.
+
+When the buckets are full, neighbours are merged and each holds twice as many rows.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping, Sequence
+
+    from lagsim.model.model import Model
+
+Array: TypeAlias = NDArray[np.float64]
+
+# The series whose drift the energy picture shows, where there is a column `work`.
+DRIFT = "energy - work"
+
+BUCKETS = 4096
+POINTS = 16384
+
+# Multiples of the golden section fill the unit interval evenly and resonate with
+# nothing: rows at a fixed stride would turn a periodic orbit into a few dots.
+_GOLDEN = (5**0.5 - 1) / 2
+
+
+class _Envelope:
+    """Least and greatest finite value of `width` columns in buckets of rows.
+
+    An empty bucket has low = inf and high = -inf.
+    """
+
+    def __init__(self, width: int) -> None:
+        shape = (BUCKETS, width)
+        self._low, self._high = np.empty(shape), np.empty(shape)
+        self._low_t, self._high_t = np.empty(shape), np.empty(shape)
+        self._rows = 0
+        self.size = 1
+
+    def add(self, t: Array, values: Array) -> None:
+        """Take the rows t : (k,) and values : (k, width)."""
+        start = 0
+        while start < len(t):
+            room = BUCKETS * self.size - self._rows
+            if room == 0:
+                self._halve()
+                continue
+            stop = min(len(t), start + room)
+            self._fill(t[start:stop], values[start:stop])
+            start = stop
+
+    def _fill(self, t: Array, values: Array) -> None:
+        open_rows = self._rows % self.size
+        head = min(-open_rows % self.size, len(t))
+        body = head + (len(t) - head) // self.size * self.size
+        for start, stop, size in (
+            (0, head, head),
+            (head, body, self.size),
+            (body, len(t), len(t) - body),
+        ):
+            if start == stop:
+                continue
+            bucket, inside = divmod(self._rows, self.size)
+            found = _extremes(t[start:stop], values[start:stop], size)
+            if inside:
+                self._widen(bucket, *found)
+            else:
+                self._store(bucket, *found)
+            self._rows += stop - start
+
+    def _store(
+        self, bucket: int, low: Array, low_t: Array, high: Array, high_t: Array
+    ) -> None:
+        there = slice(bucket, bucket + len(low))
+        self._low[there], self._low_t[there] = low, low_t
+        self._high[there], self._high_t[there] = high, high_t
+
+    def _widen(
+        self, bucket: int, low: Array, low_t: Array, high: Array, high_t: Array
+    ) -> None:
+        lower = low[0] < self._low[bucket]
+        self._low[bucket, lower] = low[0, lower]
+        self._low_t[bucket, lower] = low_t[0, lower]
+        higher = high[0] > self._high[bucket]
+        self._high[bucket, higher] = high[0, higher]
+        self._high_t[bucket, higher] = high_t[0, higher]
+
+    def _halve(self) -> None:
+        half = BUCKETS // 2
+        second = self._low[1::2] < self._low[::2]
+        self._low_t[:half] = np.where(second, self._low_t[1::2], self._low_t[::2])
+        self._low[:half] = np.where(second, self._low[1::2], self._low[::2])
+        second = self._high[1::2] > self._high[::2]
+        self._high_t[:half] = np.where(second, self._high_t[1::2], self._high_t[::2])
+        self._high[:half] = np.where(second, self._high[1::2], self._high[::2])
+        self.size *= 2
+
+    def points(self, column: int) -> tuple[Array, Array]:
+        """Return times and values, two a bucket in time order; NaN for an empty one."""
+        used = -(-self._rows // self.size)
+        low, low_t = self._low[:used, column], self._low_t[:used, column]
+        high, high_t = self._high[:used, column], self._high_t[:used, column]
+        empty = low > high
+        if self.size == 1:
+            return low_t.copy(), np.where(empty, np.nan, low)
+        rising = low_t <= high_t
+        t = np.stack((np.minimum(low_t, high_t), np.maximum(low_t, high_t)), axis=1)
+        values = np.stack(
+            (np.where(rising, low, high), np.where(rising, high, low)), axis=1
+        )
+        values[empty] = np.nan
+        return t.ravel(), values.ravel()
+
+
+def _extremes(t: Array, values: Array, size: int) -> tuple[Array, Array, Array, Array]:
+    """Return low, its time, high, its time of whole buckets, each (n, width)."""
+    # Contiguous along the rows, where argmin and argmax are vectorised.
+    v = np.ascontiguousarray(
+        values.reshape(-1, size, values.shape[1]).transpose(0, 2, 1)
+    )
+    times = t.reshape(-1, size)
+    low_at, high_at = v.argmin(axis=2), v.argmax(axis=2)
+    low, high = _pick(v, low_at), _pick(v, high_at)
+    # argmin and argmax stop at a NaN, so one that is anywhere shows up here.
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
+        finite = np.isfinite(v)
+        lows, highs = np.where(finite, v, np.inf), np.where(finite, v, -np.inf)
+        low_at, high_at = lows.argmin(axis=2), highs.argmax(axis=2)
+        low, high = _pick(lows, low_at), _pick(highs, high_at)
+    low_t = np.take_along_axis(times, low_at, axis=1)
+    high_t = np.take_along_axis(times, high_at, axis=1)
+    return low, low_t, high, high_t
+
+
+def _pick(v: Array, at: NDArray[np.intp]) -> Array:
+    return np.take_along_axis(v, at[:, :, np.newaxis], axis=2)[:, :, 0]
+
+
+class _Sample:
+    """One true row of `width` columns from each stretch of `stride` rows."""
+
+    def __init__(self, width: int) -> None:
+        self._points = np.empty((POINTS, width))
+        self._kept = 0
+        self._seen = 0
+        self.stride = 1
+
+    def add(self, rows: Array, chosen: NDArray[np.intp]) -> None:
+        """Take rows : (k, c), of which the columns `chosen` : (width,) are kept."""
+        total = self._seen + len(rows)
+        while True:
+            begun = min(POINTS, -(-total // self.stride))
+            stretch = np.arange(self._kept, begun)
+            shift = (stretch * _GOLDEN % 1.0 * self.stride).astype(np.int64)
+            index = stretch * self.stride + shift
+            index = index[index < total]
+            kept = self._kept + len(index)
+            self._points[self._kept : kept] = rows[index - self._seen][:, chosen]
+            self._kept = kept
+            if kept < POINTS:
+                break
+            self._halve()
+        self._seen = total
+
+    def _halve(self) -> None:
+        pair = np.arange(POINTS // 2)
+        second = pair * _GOLDEN % 1.0 >= 0.5
+        self._points[: len(pair)] = self._points[2 * pair + second]
+        self._kept = len(pair)
+        self.stride *= 2
+
+    def column(self, column: int) -> Array:
+        return self._points[: self._kept, column]
+
+
+class Thinning:
+    """The rows of a run as pictures need them.
+
+    Parameters
+    ----------
+    columns : names of the columns of the blocks; the first is the time.
+    series, paths : the columns that `series` and `path` will be asked for; all when
+        left out. What is not named costs neither time nor memory.
+    differences : name of an extra series -> the two columns it is the difference of,
+        taken row by row, which the envelopes of the two could not give.
+    """
+
+    def __init__(
+        self,
+        columns: Sequence[str],
+        *,
+        series: Collection[str] | None = None,
+        paths: Collection[str] | None = None,
+        differences: Mapping[str, tuple[str, str]] | None = None,
+    ) -> None:
+        self.columns = tuple(columns)
+        self.row_count = 0
+        self._place = {name: k for k, name in enumerate(self.columns)}
+        drawn = [c for c in self.columns if series is None or c in series]
+        self._series_from = np.array([self._place[c] for c in drawn], dtype=np.intp)
+        pairs = differences or {}
+        self._minuend = np.array([self._place[a] for a, _ in pairs.values()], np.intp)
+        self._subtrahend = np.array(
+            [self._place[b] for _, b in pairs.values()], np.intp
+        )
+        self._series_at = {name: k for k, name in enumerate([*drawn, *pairs])}
+        self._envelope = _Envelope(len(self._series_at))
+        followed = [c for c in self.columns if paths is None or c in paths]
+        self._paths_from = np.array([self._place[c] for c in followed], dtype=np.intp)
+        self._paths_at = {name: k for k, name in enumerate(followed)}
+        self._sample = _Sample(len(followed))
+        self._first = self._last = np.full(len(self.columns), np.nan)
+
+    @property
+    def stride(self) -> int:
+        """Of how many rows `path` shows one."""
+        return self._sample.stride
+
+    def __contains__(self, name: str) -> bool:
+        """Whether `name` is a column, or a difference of columns."""
+        return name in self._place or name in self._series_at
+
+    def add(self, block: Array) -> None:
+        """Take the next rows.
+
+        Parameters
+        ----------
+        block : (k, c), c the number of columns, rows in order of time. It is not
+            kept, so the caller may use its memory again.
+        """
+        if not len(block):
+            return
+        if self.row_count == 0:
+            self._first = block[0].copy()
+        self._last = block[-1].copy()
+        self.row_count += len(block)
+        with np.errstate(invalid="ignore", over="ignore"):
+            self._envelope.add(block[:, 0], self._series_of(block))
+        self._sample.add(block, self._paths_from)
+
+    def _series_of(self, rows: Array) -> Array:
+        columns = rows[:, self._series_from]
+        if not len(self._minuend):
+            return columns
+        differences = rows[:, self._minuend] - rows[:, self._subtrahend]
+        return np.concatenate((columns, differences), axis=1)
+
+    def first(self, name: str) -> float:
+        """Return the value of a column in the first row; NaN without rows."""
+        return float(self._first[self._place[name]])
+
+    def last(self, name: str) -> float:
+        """Return the value of a column in the last row; NaN without rows."""
+        return float(self._last[self._place[name]])
+
+    def series(self, name: str) -> tuple[Array, Array]:
+        """Return times and values of a column, or of a difference.
+
+        Every row while there are at most 4096; beyond, the first row, the least and
+        the greatest value of each bucket in time order, the last row. NaN is a gap:
+        a bucket without a finite value.
+        """
+        column = self._series_at[name]
+        t, values = self._envelope.points(column)
+        if self._envelope.size == 1:
+            return t, values
+        ends = np.stack((self._first, self._last))
+        with np.errstate(invalid="ignore", over="ignore"):
+            first, last = _gaps(self._series_of(ends)[:, column])
+        return (
+            np.concatenate((ends[:1, 0], t, ends[1:, 0])),
+            np.concatenate(([first], values, [last])),
+        )
+
+    def path(self, x: str, y: str) -> tuple[Array, Array]:
+        """Return two columns in the same rows, in order, the first and last included.
+
+        Every row while there are fewer than 16384; beyond, one of each `stride`. NaN
+        where a value is not finite.
+        """
+        return self.sampled(x), self.sampled(y)
+
+    def sampled(self, name: str) -> Array:
+        """Return a column in the rows that `path` shows."""
+        kept = self._sample.column(self._paths_at[name])
+        if self.stride > 1:
+            kept = np.append(kept, self.last(name))
+        return _gaps(kept)
+
+
+def _gaps(values: Array) -> Array:
+    """Return a copy in which everything that is not finite is NaN."""
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
+    """Return the thinning of these columns that the pictures of a model need."""
+    coordinates = [coordinate.name for coordinate in model.coordinates]
+    series = {"kinetic", "potential", "lagrangian", "energy", *coordinates}
+    series |= {f"Qc_{name}" for name in coordinates}
+    series |= {f"lambda_{constraint.name}" for constraint in model.constraints}
+    series |= {name for name in columns if name.startswith("plot.")}
+    paths = {name for name in columns if name.startswith(("point.", "plot."))}
+    paths |= {"t"} if paths else set()
+    ledger = {DRIFT: ("energy", "work")} if "work" in columns else {}
+    return Thinning(columns, series=series, paths=paths, differences=ledger)

@@ -1,0 +1,282 @@
+"""Equations -> compiled functions, linked with a method into something that runs.
+
+The state is y = (q, q', work where the model has it). Compiled functions take
+(t, y, p, out); p holds the parameters, the modes of the arc and working memory, so that
+new values of parameters compile nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagsim.methods import method
+from lagsim.methods.parts.interface import PER_SURFACE, SIDE, SLIDES
+from lagsim.native.graph import straight_line
+from lagsim.native.graph.straight_line import Layout
+from lagsim.native.link.cache import kernel_object, object_code
+from lagsim.plan.formulation import GAIN
+from lagsim.run.system.columns import Columns
+from lagsim.run.system.functions import AFTER_FREEZING, functions, varying_inertias
+from lagsim.run.system.runner import Runner
+from lagsim.run.system.sleepers import (
+    Sleeper,
+    all_sleepers,
+    motion_nodes,
+    signal_nodes,
+    slope,
+)
+from lagsim.run.system.switching import surface_functions
+from lagsim.solve import _layout
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from lagsim.admissibility import Start
+    from lagsim.mechanics.equations import Equations
+    from lagsim.native.kernels.words import Floats
+    from lagsim.plan import Plan
+
+# Taken for several rows at once.
+WIDE = ("observe", "position_steps", "velocity_steps")
+
+
+class System:
+    """The compiled functions of a model, for one formulation.
+
+    Parameters
+    ----------
+    equations : Equations
+        The full ones: rows show all of their columns.
+    plan : Plan
+        Decides between straight-line code, tapes, and loops.
+
+    Attributes
+    ----------
+    model : Model
+        As it was read.
+    equations : Equations
+        Those that are integrated.
+    size : int
+        Components of y.
+    state : tuple of str
+        Their names.
+    p : ndarray
+        Parameters, modes, and working memory.
+    inertias : tuple of str
+        The coordinates whose inertia varies with positions.
+    parts : list of System
+        Of the subsystems, where they are integrated apart.
+    sleepers : list of Sleeper
+        What may wake within a step, see `system.sleepers`.
+    objects : list of bytes
+        Object code of the model's functions.
+    operations : int
+        About how many one evaluation takes, of y' or of its series.
+    """
+
+    def __init__(self, equations: Equations, plan: Plan) -> None:
+        self.plan = plan
+        self.model = equations.model
+        self.columns = Columns(equations, plan.reduction.recovered)
+        self.rows_observed = len(self.columns.nodes)
+        equations = self.equations = plan.reduction.equations
+        self.n, self.m = len(equations.q), len(equations.rows)
+        self.has_work = equations.power is not None
+        self.inertias = tuple(varying_inertias(equations, plan))
+        needs = method(plan.method).NEEDS
+        self.has_jacobian = "jacobian" in needs
+        work = ("work",) if self.has_work else ()
+        self.state = (
+            *equations.q, *equations.velocities, *work,
+            *(x.name for x in equations.quadratures),
+        )  # fmt: skip
+        self.size = len(self.state)
+        self.switches = plan.switches
+        self.surfaces = len(self.switches.sides)
+        nodes_of = functions(
+            equations, plan, self.columns, needs, switching=self.surfaces > 0
+        )
+        # Rows show the expressions as written; the method sees the arc's branches.
+        shown = ("observe", "columns", "until")
+        nodes_of = {
+            name: self.switches.shown(nodes)
+            if name in shown
+            else self.switches.freeze(nodes)
+            for name, nodes in nodes_of.items()
+        }
+        self.sleepers = self._sleepers(nodes_of)
+        found = surface_functions(equations, self.switches)
+        nodes_of |= found.functions
+        self.pattern = found.starts, found.columns
+        if AFTER_FREEZING in needs:
+            from lagsim.solve.series import motion_series
+
+            rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
+            nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
+        self.operations = self._operations(nodes_of)
+        # Straight-line code takes several rows at once.
+        self.wide = "observe" in nodes_of and not plan.tape
+        if self.wide and self.m:
+            nodes_of["position_steps"] = nodes_of["position_step"]
+            nodes_of["velocity_steps"] = nodes_of["velocity_step"]
+        layout = self._layout()
+        if plan.tape:
+            from lagsim.native.graph import tapes
+
+            code = tapes.generate(equations.graph, nodes_of, layout)
+        else:
+            code = straight_line.generate(
+                equations.graph, nodes_of, layout,
+                contracted=("series",), sparse=("slopes",), wide=WIDE,
+            )  # fmt: skip
+        self.p = np.zeros(code.p_size)
+        self.p[: _layout.HEADER] = [
+            self.n, self.m, self.motion, self.size - 2 * self.n, plan.augmented,
+            plan.rank, plan.independence, 1.0, 1.0, self._weak(), self.switching,
+            self.surfaces, plan.gain, plan.constant, 0.0, 0.0,
+        ]  # fmt: skip
+        for row, length in zip(equations.rows, plan.lengths, strict=True):
+            self.p[layout.p[f"length.{row.name}"]] = length
+        for parameter in equations.model.parameters:
+            self.p[layout.p[parameter.name]] = parameter.value
+        self._layout_of = layout.p
+        if self.surfaces:
+            where = self.switching + 1 + PER_SURFACE * self.surfaces
+            pattern = [*self.pattern[0], *self.pattern[1]]
+            self.p[where : where + len(pattern)] = pattern
+        self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
+        self._runners: dict[str, Runner] = {}
+        self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
+        self.objects = [object_code(code.ir)]
+        if plan.elimination is None:
+            self.objects.append(_loops(self.m > 0, self.surfaces > 0))
+        if self.has_jacobian:
+            from lagsim.solve.jacobian import jacobian
+
+            self.objects.append(kernel_object([jacobian]))
+        if self.surfaces:
+            from lagsim.solve import sliding
+
+            self.objects.append(
+                kernel_object(
+                    [sliding.derivative, sliding.observe, sliding.margins, sliding.pull]
+                )
+            )
+
+    @property
+    def has_loops(self) -> bool:
+        """Something is solved by the loops of `kkt`, so they need their workspace."""
+        return self.plan.elimination is None or self.has_jacobian
+
+    def _weak(self) -> int:
+        """Give where loops note the weakest direction; 0 where none do."""
+        if not self.has_loops:
+            return 0
+        return self.motion + _layout.directions(self.n, self.m)
+
+    def _sleepers(self, nodes_of: dict[str, list[int]]) -> list[Sleeper]:
+        """Find what may sleep in the motion, and add the function that watches it."""
+        e = self.equations
+        nodes = self.switches.freeze(motion_nodes(e))
+        ends = self.switches.freeze([side.node for side in self.switches.sides])
+        ends += nodes_of.get("until", [])
+        found = all_sleepers(e, nodes, ends)
+        if found:
+            nodes_of["signals"] = signal_nodes(e, found)
+        return found
+
+    def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+        if "series" in nodes_of:
+            return len(self.equations.graph.cone(nodes_of["series"]))
+        if self.plan.elimination is not None:
+            solved = nodes_of["field" if self.surfaces else "derivative"]
+            return len(self.equations.graph.cone(solved))
+        # Cholesky's decomposition of M, L^-1 A^T and its QR decomposition.
+        n, m = self.n, self.m
+        loops = n * n * n // 6 + n * n * m // 2 + n * m * m
+        return len(self.equations.graph.cone(nodes_of["dynamics"])) + loops
+
+    def _layout(self) -> Layout:
+        e = self.equations
+        fixed = [p.name for p in e.model.parameters]
+        fixed += [mode.variable for mode in self.switches.modes]
+        fixed += [f"length.{row.name}" for row in e.rows]
+        p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
+        p[GAIN] = _layout.GAIN
+        # y' stands behind y where the arguments of sleepers are watched.
+        slopes = [f"{name}'" for name in e.q]
+        slopes += [slope(name) for name in e.velocities]
+        self.switching = _layout.HEADER + len(fixed)
+        elements = len(self.pattern[1])
+        kept = _layout.switching(self.m, self.size, self.surfaces, elements)
+        for k, side in enumerate(self.switches.sides):
+            first = self.switching + 1 + k
+            p[side.variable] = first + SIDE * self.surfaces
+            p[side.sliding] = first + SLIDES * self.surfaces
+        self.motion = self.switching + kept
+        motion = (*e.accelerations, *e.multipliers)
+        p |= {name: self.motion + k for k, name in enumerate(motion)}
+        loops = 0
+        if self.has_jacobian:
+            loops = _layout.jacobian_workspace(self.n, self.m)
+        elif self.has_loops:
+            loops = _layout.workspace(self.n, self.m)
+        return Layout(
+            y={name: k for k, name in enumerate((*self.state, *slopes))},
+            p=p,
+            fixed=frozenset(fixed),
+            size=self.motion + max(loops, len(motion)),
+        )
+
+    def link(self, name: str) -> Runner:
+        """Link with the method `name`, once."""
+        if name not in self._runners:
+            self._runners[name] = Runner(self, name)
+        return self._runners[name]
+
+    def begin(self, start: Start) -> Floats:
+        """Give y at a start; sets what it determines for the whole run."""
+        for name, value in self.plan.reduction.constants(start).items():
+            self.p[self._layout_of[name]] = value
+        return self.plan.reduction.state(start)
+
+    def set_modes(self, values: Sequence[float]) -> None:
+        """Set the branch of each switch in time for the arc to come."""
+        self.p[self.modes_at] = values
+
+    def take_modes(self, other: System) -> None:
+        """Take the branches of all switches from another system of the same model."""
+        self.set_modes(list(other.p[other.modes_at]))
+        length = 1 + PER_SURFACE * self.surfaces if self.surfaces else 0
+        mine, theirs = self.switching, other.switching
+        self.p[mine : mine + length] = other.p[theirs : theirs + length]
+
+    def units(self) -> dict[str, str]:
+        """Give the unit of each column of the table, where it is known."""
+        model = self.model
+        units = dict.fromkeys(self.columns.names[: self.columns.table], "")
+        for c in model.coordinates:
+            if c.unit:
+                units[c.name] = c.unit
+                units[f"{c.name}_dot"] = f"{c.unit}/s"
+                units[f"{c.name}_ddot"] = f"{c.unit}/s^2"
+                if model.output.gauss:
+                    units[f"gauss.a_{c.name}"] = f"{c.unit}/s^2"
+        units["t"] = "s"
+        known = {d.name: d.unit for d in model.definitions}
+        return {name: known.get(name, unit) for name, unit in units.items()}
+
+
+def _loops(constrained: bool, switching: bool) -> bytes:
+    """Give the object code of the solve by loops."""
+    from lagsim.solve import dense
+
+    kernels: list[Callable[..., Any]] = [dense.derivative, dense.observe]
+    if switching:
+        kernels = [dense.field]
+    kernels.append(dense.rounding)
+    if constrained:
+        kernels += [dense.position_step, dense.velocity_step]
+    return kernel_object(kernels)

@@ -1,0 +1,90 @@
+"""What is computed for each row of the results."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.mechanics.equations import ACTION
+from lagsim.mechanics.ldl import unconstrained
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.mechanics.equations import Equations
+
+
+class Columns:
+    """What is computed for each row: the columns of the table, then what plots need.
+
+    Attributes
+    ----------
+    nodes : dict of str to int
+        In the order of the table; expressions of the state, q'' and lambda, those that
+        are integrated: what a reduction leaves out is `recovered`.
+    table : int
+        How many of them the table shows.
+    """
+
+    def __init__(self, equations: Equations, recovered: Mapping[int, int]) -> None:
+        model, g = equations.model, equations.graph
+        nodes = {"t": g.variable("t")}
+        for group in (equations.q, equations.velocities, equations.accelerations):
+            nodes.update((name, g.variable(name)) for name in group)
+        defined = {d.name: d.node for d in model.definitions}
+        nodes.update((name, defined[name]) for name in model.output.columns)
+        if model.kinetic is not None and model.potential is not None:
+            nodes |= {"kinetic": model.kinetic, "potential": model.potential}
+        else:
+            nodes["lagrangian"] = model.lagrangian
+        nodes["energy"] = equations.energy
+        if equations.power is not None:
+            nodes["work"] = g.variable("work")
+        nodes.update((name, g.variable(name)) for name in equations.multipliers)
+        forces = equations.constraint_forces() if equations.rows else []
+        names = [f"Qc_{q}" for q in equations.q]
+        nodes.update(zip(names, forces, strict=False))
+        nodes.update((f"residual_{row.name}", row.residual) for row in equations.rows)
+        nodes |= _optional(equations)
+        self.table = len(nodes)
+        nodes.update(
+            (f"scale.{row.name}", row.residual_scale) for row in equations.rows
+        )
+        for name, components in model.scene.points.items():
+            for k, node in enumerate(components, 1):
+                nodes[f"point.{name}.{k}"] = node
+        for k, plot in enumerate(model.output.plots):
+            nodes |= {f"plot.{k}.x": plot.x, f"plot.{k}.y": plot.y}
+        new = {g.variable("energy"): equations.energy}
+        new |= {
+            g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)
+        }
+        written = g.substitute(nodes.values(), new)
+        self.nodes = dict(zip(nodes, g.substitute(written, recovered), strict=True))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names, in order."""
+        return tuple(self.nodes)
+
+
+def _optional(equations: Equations) -> dict[str, int]:
+    """Give the columns that `output.gauss` and `output.action` ask for."""
+    e, g = equations, equations.graph
+    nodes: dict[str, int] = {}
+    if e.model.output.gauss:
+        free = unconstrained(e)
+        nodes.update((f"gauss.a_{q}", a) for q, a in zip(e.q, free, strict=True))
+        # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least.
+        apart = [
+            g.call("sub", g.variable(name), a)
+            for name, a in zip(e.accelerations, free, strict=True)
+        ]
+        square = g.zero
+        for x, row in zip(apart, e.M, strict=True):
+            for j, m in row.entries.items():
+                term = g.call("mul", g.call("mul", m, x), apart[j])
+                square = g.call("add", square, term)
+        nodes["gauss.G"] = g.call("mul", g.constant(0.5), square)
+    if e.model.output.action:
+        nodes[ACTION] = g.variable(ACTION)
+    return nodes

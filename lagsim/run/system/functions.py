@@ -1,0 +1,322 @@
+"""What is compiled from the graph: the name of a function -> what it writes to out.
+
+What a method needs beyond y' it names in NEEDS; a row of NEEDED makes it, so that
+nothing is differentiated or compiled that nobody asked for.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.language.derivatives import gradient, tangent
+from lagsim.language.rounding import addends, roundings
+from lagsim.mechanics.constraints import Flow
+from lagsim.mechanics.equations import generalized_forces
+from lagsim.mechanics.linearisation import motion_residuals
+from lagsim.plan.formulation import GAIN
+from lagsim.solve.linear import linear_form
+from lagsim.solve.series import motion_rates
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from lagsim.language.sparse import SparseVector
+    from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.ldl import Elimination
+    from lagsim.plan import Plan
+    from lagsim.run.system.columns import Columns
+
+# Nodes of pivots that are followed: the 845 of a chain of ten links added a third to
+# the time that it takes to compile.
+SHORT_PIVOTS = 300
+# Multiples of it, less their whole parts, are spread evenly.
+GOLDEN = 0.618033988749895
+
+
+def functions(
+    equations: Equations,
+    plan: Plan,
+    columns: Columns,
+    needs: Sequence[str] = (),
+    *,
+    switching: bool = False,
+) -> dict[str, list[int]]:
+    """Give all functions of a system for a method that `needs` more than y'.
+
+    With `switching`, y' and the rows come from what `kkt.sliding` makes of `field`.
+    """
+    g = equations.graph
+    diagonal = [equations.M[i][i] for i in range(len(equations.q))]
+    rest = g.call("sub", equations.energy, equations.kinetic_form)
+    found = {
+        "measure": [
+            equations.kinetic_form, rest, *diagonal, g.zero,
+            *([] if equations.power is None else [g.constant(-1.0)]),
+        ],
+        "terms": _terms_of_rates(equations),
+    }  # fmt: skip
+    found["inertias"] = list(varying_inertias(equations, plan).values())
+    simulation = equations.model.simulation
+    if simulation and simulation.until:
+        found["until"] = [simulation.until.node]
+    if plan.elimination is None:
+        found |= _terms(equations, columns)
+        found["loads"] = _loads(equations)
+    else:
+        found |= _solved(equations, plan, columns, switching=switching)
+    for need in needs:
+        if need != AFTER_FREEZING:
+            found |= NEEDED[need](equations, plan)
+    return found
+
+
+def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
+    """Give the inertias that vary with positions, as coordinate -> node.
+
+    They are the pivots of M where those are few operations, which see that a
+    coordinate can be replaced by others (Euler angles at theta = 0); else its diagonal.
+    Of what is integrated by itself, its entry there.
+    """
+    g, positions = equations.graph, frozenset(equations.q)
+    found = {q: equations.M[i][i] for i, q in enumerate(equations.q)}
+    if plan.elimination is not None:
+        pivots = plan.elimination.mass.pivots
+        nodes = [pivots[i][0] for i in range(len(equations.q))]
+        if len(g.cone(nodes)) <= SHORT_PIVOTS:
+            found = dict(zip(equations.q, nodes, strict=True))
+    found |= {x.name: x.mass for x in equations.quadratures}
+    return {q: node for q, node in found.items() if g.depends([node]) & positions}
+
+
+def _solved(
+    equations: Equations, plan: Plan, columns: Columns, *, switching: bool
+) -> dict[str, list[int]]:
+    """Give the equations solved on the graph."""
+    e, g, elimination = equations, equations.graph, plan.elimination
+    assert elimination is not None
+    accelerations, multipliers = elimination.motion()
+    new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
+    rates = motion_rates(e, elimination)
+    if switching:
+        found = {
+            "field": [*rates, *multipliers],
+            "columns": list(columns.nodes.values()),
+        }
+    else:
+        new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
+        observed = g.substitute(columns.nodes.values(), new)
+        found = {
+            "derivative": rates,
+            # Rows show the motion without what pulls the state to the constraints.
+            "observe": g.substitute(observed, {g.variable(GAIN): g.zero}),
+        }
+    found["rounding"] = _rounding(e, elimination)
+    if e.rows:
+        held, moving, worst_held, worst_moving = _residuals(e)
+        step = elimination.correction(held)
+        left, left_moving = bends(e)
+        velocities = map(g.variable, e.velocities)
+        [left] = g.substitute([left], dict(zip(velocities, step, strict=True)))
+        found["position_step"] = [*step, worst_held, g.zero, left]
+        found["velocity_step"] = [
+            *elimination.correction(moving), worst_moving, elimination.health(),
+            left_moving,
+        ]  # fmt: skip
+    return found
+
+
+def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
+    """Give what the loops of `kkt.dense` begin with."""
+    e = equations
+    found = {
+        "dynamics": _dynamics(e),
+        "quadratures": e.quadrature_rates,
+        "columns": list(columns.nodes.values()),
+    }
+    if e.rows:
+        M = [node for row in e.M for node in row]
+        A = [node for row in e.rows for node in row.A]
+        held, moving, worst_held, worst_moving = _residuals(e)
+        found["geometry"] = [*M, *A, *held, *moving, worst_held, worst_moving]
+        found["bends"] = list(bends(e))
+    return found
+
+
+def _dynamics(e: Equations) -> list[int]:
+    """Give M, A, f, b."""
+    return [
+        *(node for row in e.M for node in row),
+        *(node for row in e.rows for node in row.A),
+        *e.f, *(row.b for row in e.rows),
+    ]  # fmt: skip
+
+
+def _terms_of_rates(e: Equations) -> list[int]:
+    """Give how large the terms are that each force, and each other rate, sums."""
+    g = e.graph
+    unsolved = frozenset((*e.multipliers, *e.accelerations))
+
+    def size(node: int) -> int:
+        parts = [n for n in addends(g, node) if not g.depends([n]) & unsolved]
+        return g.sum(g.call("abs", n) for n in parts)
+
+    return [size(node) for node in (*e.f, *e.quadrature_rates)]
+
+
+def _loads(e: Equations) -> list[int]:
+    """Give the rounding of the forces, each with a sign and by a part of its own.
+
+    All together they do something to every acceleration that any of them reaches: what
+    would cancel if they were alike does not.
+    """
+    g = e.graph
+    moving = (*e.q, *e.velocities, "t")
+    found = roundings(g, (*e.f, *e.quadrature_rates), moving)
+    loads = []
+    for k, (force, error) in enumerate(zip(e.f, found, strict=False)):
+        part = (1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2))
+        whole = g.call("add", g.call("abs", force), error)
+        loads.append(g.call("mul", g.constant(part), whole))
+    return [*loads, *found[len(loads) :]]
+
+
+def _rounding(e: Equations, elimination: Elimination) -> list[int]:
+    """Give what rounding does to the accelerations, as `kkt.dense.rounding` does."""
+    g, n = e.graph, len(e.q)
+    loads = _loads(e)
+    found = [g.call("abs", x) for x in elimination.response(loads[:n])]
+    label = joined(n, [*(row.A for row in e.rows), *e.M])
+    shares: dict[int, int] = {}
+    squares = elimination.reactions()
+    for row, square in zip(e.rows, squares, strict=True):
+        first = label[min(row.A.entries)] if row.A.entries else 0
+        shares[first] = g.call("add", shares.get(first, g.zero), square)
+    for i, x in enumerate(found):
+        inertia = e.M[i][i]
+        if label[i] in shares and inertia != g.zero:
+            share = g.call("div", shares[label[i]], inertia)
+            root = g.call("sqrt", g.call("max", share, g.zero))
+            found[i] = g.call("add", x, root)
+    return [*found, *loads[n:]]
+
+
+def joined(n: int, rows: Iterable[SparseVector]) -> list[int]:
+    """Give for each of n coordinates the first one that `rows` join it with."""
+    first = list(range(n))
+
+    def root(i: int) -> int:
+        while first[i] != i:
+            i = first[i]
+        return i
+
+    for row in rows:
+        roots = sorted({root(i) for i in row.entries})
+        for i in roots:
+            first[i] = roots[0]
+    return [root(i) for i in range(n)]
+
+
+def bends(equations: Equations) -> tuple[int, int]:
+    """Give what a Newton step leaves, largest against the scales, of both levels.
+
+    The step stands in the place of the velocities. On the level of positions that is
+    the residual and its first two derivatives, of which the first cancels it where the
+    rows are independent; on that of velocities nothing, or 1: not known.
+    """
+    e, g = equations, equations.graph
+    step = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
+    held = [row for row in e.rows if row.holonomic]
+    moved = tangent(g, [row.residual for row in held], step)
+    bent = tangent(g, moved, step)
+    left = g.zero
+    for row, first, second in zip(held, moved, bent, strict=True):
+        half = g.call("mul", g.constant(0.5), second)
+        whole = g.call("add", g.call("add", row.residual, first), half)
+        part = g.call("div", g.call("abs", whole), row.residual_scale)
+        some = g.call("gt", row.residual_scale, g.zero)
+        left = g.call("max", g.call("if", some, part, g.zero), left)
+    linear = all(row.holonomic or row.pfaffian for row in e.rows)
+    return left, g.zero if linear else g.one
+
+
+def _residuals(equations: Equations) -> tuple[list[int], list[int], int, int]:
+    """Give residuals (m,), rates (m,), and the largest of each against its scale.
+
+    Relations between velocities have no residual on the level of positions.
+    """
+    g, rows = equations.graph, equations.rows
+    held = [r.residual if r.holonomic else g.zero for r in rows]
+    rates = [r.rate for r in rows]
+
+    def worst(pairs: list[tuple[int, int]]) -> int:
+        largest = g.zero
+        for residual, scale in pairs:
+            part = g.call("div", g.call("abs", residual), scale)
+            some = g.call("gt", scale, g.zero)
+            largest = g.call("max", g.call("if", some, part, g.zero), largest)
+        return largest
+
+    return (
+        held,
+        rates,
+        worst([(r, row.residual_scale) for r, row in zip(held, rows, strict=True)]),
+        worst([(r, row.rate_scale) for r, row in zip(rates, rows, strict=True)]),
+    )
+
+
+def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give the rate of `work` by itself, for scenes without constraints."""
+    power = equations.power
+    return {"power": [equations.graph.zero if power is None else power]}
+
+
+def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give what `kkt.jacobian` begins with."""
+    e, g = equations, equations.graph
+    residuals = motion_residuals(e)
+    state = [g.variable(name) for name in (*e.q, *e.velocities)]
+    motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]
+    work = [] if e.power is None else [e.power]
+    slopes = [s for r in (*residuals, *work) for s in gradient(g, r, state)]
+    slopes += [s for power in work for s in gradient(g, power, motion)]
+    return {"dynamics": _dynamics(e), "slopes": slopes}
+
+
+def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
+    """Give momenta, dL/dq + Q and power; their slopes; and the slopes M alone."""
+    e, g, L = equations, equations.graph, equations.model.lagrangian
+    positions = [g.variable(name) for name in e.q]
+    rates = [g.variable(name) for name in e.velocities]
+    Q = generalized_forces(g, e.model, Flow(g, e.q, e.velocities))
+    dL_dq = gradient(g, L, positions)
+    forces = [g.call("add", a, b) for a, b in zip(dL_dq, Q, strict=True)]
+    M = [node for row in e.M for node in row]
+    by_position = [s for p in e.momenta for s in gradient(g, p, positions)]
+    bends = [
+        slope
+        for variables in (positions, rates)
+        for force in forces
+        for slope in gradient(g, force, variables)
+    ]
+    power = g.zero if e.power is None else e.power
+    return {
+        "lagrangian": [*e.momenta, *forces, power],
+        "lagrangian_slopes": [*by_position, *M, *bends],
+        "inertia": M,
+    }
+
+
+def _linear(equations: Equations, plan: Plan) -> dict[str, list[int]]:
+    """Give the matrices of a linear scene."""
+    assert plan.elimination is not None
+    return {"linear": linear_form(equations, plan.elimination)}
+
+
+NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
+    "jacobian": _jacobian,
+    "lagrangian": _lagrangian,
+    "linear": _linear,
+    "power": _power,
+}
+# Made by the system from y' with its branches frozen.
+AFTER_FREEZING = "series"

@@ -1,0 +1,151 @@
+"""A system linked with a method: what a run calls."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagsim.methods import method
+from lagsim.methods.parts import driver
+from lagsim.methods.parts.interface import LEAST_HEALTH
+from lagsim.native.graph.sincos import LANES
+from lagsim.native.link.cache import kernel_object
+from lagsim.native.link.engine import Engine
+from lagsim.solve import _layout
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from lagsim.native.kernels.words import Floats
+    from lagsim.run.system import System
+
+_POINTER = ctypes.c_void_p
+# Of the functions of a model: t, y, p, out.
+FUNCTION = (None, (ctypes.c_double, _POINTER, _POINTER, _POINTER))
+_PULL = (None, (ctypes.c_double, _POINTER, _POINTER))
+_ADVANCE = (
+    ctypes.c_int64,
+    (_POINTER, _POINTER, _POINTER, ctypes.c_int64, ctypes.c_int64),
+)
+_TABULATE = (
+    None,
+    (
+        _POINTER, ctypes.c_int64, ctypes.c_int64, _POINTER, _POINTER, ctypes.c_int64,
+        _POINTER,
+    ),
+)  # fmt: skip
+
+
+class Runner:
+    """A system linked with a method.
+
+    Attributes
+    ----------
+    method : module
+    """
+
+    def __init__(self, system: System, name: str) -> None:
+        self.system = system
+        self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
+        self.method = method(name)
+        simulation = system.equations.model.simulation
+        until = bool(simulation and simulation.until)
+        switches = system.surfaces > 0
+        held = system.m > 0 and system.plan.projected
+        statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
+        statics["WIDE"] = system.wide
+        statics["SLEEPERS"] = bool(system.sleepers)
+        # What a method must make ready for `until` it must for switches.
+        watched = {"CONSTRAINED": held, "UNTIL": until or switches}
+        watched["SLEEPERS"] = bool(system.sleepers)
+        kernels = [self.method.start, self.method.step, self.method.interpolate]
+        self.engine = Engine(
+            [
+                *system.objects,
+                kernel_object(kernels, _used(watched, self.method)),
+                kernel_object([driver.advance, driver.tabulate], statics),
+            ]
+        )
+        self._advance = self.engine.function("advance", *_ADVANCE)
+        if switches:
+            self._pull = self.engine.function("pull", *_PULL)
+        self._tabulate = self.engine.function("tabulate", *_TABULATE)
+        self._work = np.empty(LANES * (1 + system.size + system.rows_observed))
+
+    def function(
+        self, name: str, length: int | None = None
+    ) -> Callable[[float, Floats], Floats]:
+        """Give one of the model's functions as (t, y) -> out (length,)."""
+        if name == "observe":
+            return lambda t, y: self.tabulate(np.array([[t, *y]]))[0]
+        if (name, length) not in self._functions:
+            self._functions[name, length] = self._function(name, length)
+        return self._functions[name, length]
+
+    def _function(
+        self, name: str, length: int | None
+    ) -> Callable[[float, Floats], Floats]:
+        call = self.engine.function(name, *FUNCTION)
+        p, system = self.system.p, self.system
+        if length is None:
+            length = max(system.rows_observed, system.size + 2, 2 + system.n)
+
+        def evaluate(t: float, y: Floats) -> Floats:
+            out = np.zeros(length)
+            y = np.ascontiguousarray(y, dtype=float)
+            call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+            return out
+
+        return evaluate
+
+    def margins(self, t: float, y: Floats) -> Floats:
+        """Give how far the state is from leaving the mode of each surface."""
+        return self.function("margins", self.system.surfaces)(t, y)
+
+    def pull(self, t: float, y: Floats) -> None:
+        """Take y back, in place, onto the surfaces that the motion slides along."""
+        self._pull(t, y.ctypes.data, self.system.p.ctypes.data)
+
+    def prepare(self) -> None:
+        """Compute what depends on parameters and modes alone, before each arc.
+
+        No arc sees what another one left in the working memory.
+        """
+        call = self.engine.function("prepare", *FUNCTION)
+        p = self.system.p
+        p[_layout.REFERENCE] = self.system.plan.independence
+        p[_layout.FACTORED] = 0.0
+        p[_layout.HEALTH] = p[LEAST_HEALTH] = 1.0
+        p[self.system.motion :] = 0.0
+        if self.system.has_loops:
+            lengths = self.system.motion + self.system.n + self.system.m
+            p[lengths : lengths + self.system.m] = self.system.plan.lengths
+            aside = lengths + self.system.m
+            p[aside : aside + self.system.m] = self.system.plan.set_aside
+        call(0.0, None, p.ctypes.data, None)
+
+    def advance(self, state: Floats, out: Floats, budget: int) -> int:
+        """Run the method on; see `driver.advance`. out : (rows, 1 + size)."""
+        p = self.system.p
+        return int(
+            self._advance(
+                state.ctypes.data, p.ctypes.data, out.ctypes.data, len(out), budget
+            )
+        )
+
+    def tabulate(self, states: Floats) -> Floats:
+        """Give the columns (rows, columns) of `states` (rows, 1 + size)."""
+        out = np.empty((len(states), self.system.rows_observed))
+        states = np.ascontiguousarray(states)
+        self._tabulate(
+            states.ctypes.data, len(states), states.shape[1] - 1,
+            self.system.p.ctypes.data, out.ctypes.data, out.shape[1],
+            self._work.ctypes.data,
+        )  # fmt: skip
+        return out
+
+
+def _used(statics: Mapping[str, object], module: Any) -> dict[str, object]:
+    return {name: value for name, value in statics.items() if hasattr(module, name)}

@@ -1,0 +1,329 @@
+"""The constraint rows: scaled, triangularised with pivoting, and solved with.
+
+Source: G. H. Golub and C. F. Van Loan, Matrix Computations, 4th ed., sections 5.2, 5.4
+and 5.5.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts.interface import DIRECTIONS, LEAST_HEALTH, NOTE
+from lagsim.native.kernels.words import at
+from lagsim.solve._cholesky import backward, cholesky, forward
+from lagsim.solve._layout import EXPECTED, HEALTH, MOTION, REFERENCE
+
+if TYPE_CHECKING:
+    from lagsim.native.kernels.words import Floats
+
+# A pivoted column counts as zero past the rank that the rows have in general (away from
+# the constraints, at the stages of a step, dependent rows are not quite so), and below
+# PASSING of REFERENCE: where rank is lost on the way, what would be divided by it is
+# rounding.
+RANK = 1e-10
+PASSING = 1e-8
+
+
+# per_row holds, m each: scales, right side (w after `impress`), diagonal of R, factors
+# of the reflections, original index, spare; then m*m for `multipliers`.
+def spread(
+    n: int,
+    m: int,
+    A: Floats,
+    L: Floats,
+    lengths: Floats,
+    Y: Floats,
+    per_row: Floats,
+) -> None:
+    """Make the rows of Y: L^-1 A_i, scaled, and the scales.
+
+    The scale of a row is the largest length (m,) that it has had on the way, so that
+    one that vanishes is seen to; see `keep_lengths`.
+    """
+    for i in range(m):
+        row = at(Y, i * n)
+        for j in range(n):
+            row[j] = A[i * n + j]
+        forward(n, L, row)
+        length = 0.0
+        for j in range(n):
+            length += row[j] * row[j]
+        length = max(lengths[i], sqrt(length))
+        per_row[i] = 0.0
+        if length > 0.0:
+            per_row[i] = 1.0 / length
+        for j in range(n):
+            row[j] *= per_row[i]
+
+
+def keep_lengths(m: int, per_row: Floats, lengths: Floats) -> None:
+    """Note the lengths that `spread` has scaled by, of a state on the way.
+
+    Not of every state: what a step is tried with may lie anywhere.
+    """
+    order = at(per_row, 4 * m)
+    for k in range(m):
+        i = int(order[k])
+        if per_row[k] > 0.0:
+            lengths[i] = max(lengths[i], 1.0 / per_row[k])
+
+
+def reflect(n: int, m: int, p: Floats, L: Floats, Y: Floats, per_row: Floats) -> int:
+    """Triangularise Y^T by reflections with pivoting; give the rank.
+
+    Leaves the size of the last column that is independent in general as HEALTH. Row k
+    of Y then holds R[0:k, k] and the k-th reflection's vector after its first
+    component, which is 1. Past the rank that is so, too, as far as anything is left.
+    A row is reflected onto the largest of its own entries, which is exchanged into
+    place k and noted after Y: rounding stays among the coordinates that rows join.
+    """
+    diagonal = at(per_row, 2 * m)
+    factors = at(per_row, 3 * m)
+    aside = at(p, int(p[MOTION]) + n + 2 * m)
+    places = at(Y, n * m)
+    kept = set_aside(n, m, aside, Y, per_row)
+    for k in range(n):
+        places[k] = k
+    cutoff = max(RANK, PASSING * p[REFERENCE])
+    expected = min(n, kept, int(p[EXPECTED]))
+    p[HEALTH] = 1.0
+    rank = expected
+    reflected = 0
+    for k in range(expected):
+        best = longest_row(n, k, kept, Y)
+        longest = sqrt(rest_of_row(n, k, at(Y, best * n)))
+        p[HEALTH] = longest
+        if longest < cutoff:
+            rank = min(rank, k)
+        if longest == 0.0:
+            break
+        swap(n, m, k, best, Y, per_row)
+        row = at(Y, k * n)
+        places[k] = largest_entry(n, k, row)
+        exchange(n, m, k, int(places[k]), Y)
+        diagonal[k] = -longest
+        if row[k] < 0.0:
+            diagonal[k] = longest
+        head = row[k] - diagonal[k]
+        factors[k] = -head / diagonal[k]
+        for j in range(k + 1, n):
+            row[j] /= head
+        for i in range(k + 1, m):
+            mirror(n, k, row, factors[k], at(Y, i * n))
+        reflected = k + 1
+    if p[LEAST_HEALTH] >= NOTE:
+        note_directions(n, m, reflected, p, L, Y, per_row)
+    p[LEAST_HEALTH] = min(p[LEAST_HEALTH], p[HEALTH])
+    return rank
+
+
+def note_directions(
+    n: int, m: int, end: int, p: Floats, L: Floats, Y: Floats, per_row: Floats
+) -> None:
+    """Note the directions of the constraints: one for each of the first reflections."""
+    factors = at(per_row, 3 * m)
+    noted = at(p, int(p[DIRECTIONS]))
+    noted[0] = end
+    u = at(noted, 1)
+    for k in range(end):
+        z = at(noted, 1 + n + 2 * n * k)
+        mass = at(z, n)
+        for j in range(n):
+            u[j] = 0.0
+        u[k] = 1.0
+        for before in range(k + 1):
+            j = k - before
+            mirror(n, j, at(Y, j * n), factors[j], u)
+        from_places(n, at(Y, n * m), u)
+        for a in range(n):
+            mass[a] = 0.0
+            for j in range(a + 1):
+                mass[a] += L[a * n + j] * u[j]
+        backward(n, L, u, z)
+
+
+def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
+    """Give the row among k, ..., end - 1 that is longest from column k on."""
+    best = k
+    longest = -1.0
+    for i in range(k, end):
+        length = rest_of_row(n, k, at(Y, i * n))
+        if length > longest:
+            longest = length
+            best = i
+    return best
+
+
+def set_aside(n: int, m: int, aside: Floats, Y: Floats, per_row: Floats) -> int:
+    """Put the rows that are marked in `aside` (m,) last; give how many are not."""
+    order = at(per_row, 4 * m)
+    kept = m
+    for back in range(m):
+        i = m - 1 - back
+        order[i] = i
+        if aside[i] > 0.0:
+            kept -= 1
+    end = m
+    for back in range(m):
+        i = m - 1 - back
+        if aside[i] > 0.0:
+            end -= 1
+            swap(n, m, i, end, Y, per_row)
+    return kept
+
+
+def rest_of_row(n: int, k: int, row: Floats) -> float:
+    """Give the square of the length of a row from column k on."""
+    length = 0.0
+    for j in range(k, n):
+        length += row[j] * row[j]
+    return length
+
+
+def swap(n: int, m: int, k: int, i: int, Y: Floats, per_row: Floats) -> None:
+    """Exchange rows k and i of Y, with their scale, right side and index."""
+    for j in range(n):
+        Y[k * n + j], Y[i * n + j] = Y[i * n + j], Y[k * n + j]
+    per_row[k], per_row[i] = per_row[i], per_row[k]
+    right = at(per_row, m)
+    right[k], right[i] = right[i], right[k]
+    order = at(per_row, 4 * m)
+    order[k], order[i] = order[i], order[k]
+
+
+def largest_entry(n: int, k: int, row: Floats) -> int:
+    """Give where a row is largest, from column k on."""
+    best = k
+    for j in range(k + 1, n):
+        if abs(row[j]) > abs(row[best]):
+            best = j
+    return best
+
+
+def exchange(n: int, m: int, k: int, c: int, Y: Floats) -> None:
+    """Exchange columns k and c of Y; of the reflections made, too."""
+    if c != k:
+        for i in range(m):
+            Y[i * n + k], Y[i * n + c] = Y[i * n + c], Y[i * n + k]
+
+
+def to_places(n: int, places: Floats, x: Floats) -> None:
+    """Exchange the components of x (n,) as the columns were."""
+    for k in range(n):
+        c = int(places[k])
+        x[k], x[c] = x[c], x[k]
+
+
+def from_places(n: int, places: Floats, x: Floats) -> None:
+    """Exchange them back."""
+    for back in range(n):
+        k = n - 1 - back
+        c = int(places[k])
+        x[k], x[c] = x[c], x[k]
+
+
+def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
+    """Apply the k-th reflection to x (n,)."""
+    product = x[k]
+    for j in range(k + 1, n):
+        product += row[j] * x[j]
+    product *= factor_k
+    x[k] -= product
+    for j in range(k + 1, n):
+        x[j] -= product * row[j]
+
+
+def impress(n: int, m: int, rank: int, Y: Floats, per_row: Floats, u: Floats) -> None:
+    """Give u = Q w (n,) with R^T w = right side: the constraint forces times L^-1."""
+    w = at(per_row, m)
+    diagonal = at(per_row, 2 * m)
+    factors = at(per_row, 3 * m)
+    for k in range(rank):
+        for j in range(k):
+            w[k] -= Y[k * n + j] * w[j]
+        w[k] /= diagonal[k]
+    for j in range(n):
+        u[j] = 0.0
+    for k in range(rank):
+        u[k] = w[k]
+    for i in range(rank):
+        k = rank - 1 - i
+        mirror(n, k, at(Y, k * n), factors[k], u)
+    from_places(n, at(Y, n * m), u)
+
+
+def multipliers(
+    n: int, m: int, rank: int, Y: Floats, per_row: Floats, out: Floats
+) -> None:
+    """Give lambda (m,) of R lambda = w in the original scale and order, of least norm.
+
+    With B = R1^-1 R2 and x = R1^-1 w: lambda = (x - B z, z), (I + B^T B) z = B^T x.
+    """
+    w = at(per_row, m)
+    order = at(per_row, 4 * m)
+    x = at(per_row, 5 * m)
+    B = at(per_row, 6 * m)
+    for k in range(rank):
+        x[k] = w[k]
+    unscaled_backward(n, m, rank, Y, per_row, x)
+    if rank < m:
+        shorten(n, m, rank, Y, per_row, x, B, w)
+    for c in range(rank, m):
+        out[int(order[c])] = w[c - rank]
+    for k in range(rank):
+        out[int(order[k])] = x[k]
+
+
+def shorten(
+    n: int,
+    m: int,
+    rank: int,
+    Y: Floats,
+    per_row: Floats,
+    x: Floats,
+    B: Floats,
+    free: Floats,
+) -> None:
+    """Give the `free` multipliers z (m - rank,), and x - B z for x, of least norm."""
+    spare = m - rank
+    normal = at(B, rank * spare)
+    for c in range(spare):
+        column = at(B, c * rank)
+        for k in range(rank):
+            column[k] = 0.0
+            if per_row[rank + c] > 0.0:
+                column[k] = Y[(rank + c) * n + k] / per_row[rank + c]
+        unscaled_backward(n, m, rank, Y, per_row, column)
+    z = at(x, rank)
+    for c in range(spare):
+        z[c] = inner(rank, at(B, c * rank), x)
+        for d in range(c + 1):
+            normal[c * spare + d] = inner(rank, at(B, c * rank), at(B, d * rank))
+        normal[c * spare + c] += 1.0
+    cholesky(spare, normal)
+    forward(spare, normal, z)
+    backward(spare, normal, z, free)
+    for c in range(spare):
+        for k in range(rank):
+            x[k] -= B[c * rank + k] * free[c]
+
+
+def unscaled_backward(
+    n: int, m: int, rank: int, Y: Floats, per_row: Floats, x: Floats
+) -> None:
+    """Replace x (rank,) by the solution of R1 D^-1 x, D the scales."""
+    diagonal = at(per_row, 2 * m)
+    for i in range(rank):
+        k = rank - 1 - i
+        for j in range(k + 1, rank):
+            x[k] -= Y[j * n + k] * x[j] / per_row[j]
+        x[k] *= per_row[k] / diagonal[k]
+
+
+def inner(length: int, a: Floats, b: Floats) -> float:
+    """Give the inner product."""
+    value = 0.0
+    for i in range(length):
+        value += a[i] * b[i]
+    return value

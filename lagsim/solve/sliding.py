@@ -1,0 +1,406 @@
+"""The motion where forces step: on one side of each surface, or along it.
+
+Inside an arc each surface has a side, and what steps there is constant. Where the
+fields of both sides point back onto a surface the motion follows it: y' is the
+combination f0 + sum_k w_k (f_k - f0) that stays on all surfaces it slides along, with
+f0 on the lower sides and f_k on the upper side of surface k. A surface gives a row as
+a constraint does, J q'' = b, on the level of velocities or, for one in positions, of
+accelerations; the shares w are its multipliers. What steps together with a surface is
+carried along: it is on its own lower and upper side where that one is.
+
+Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Sides,
+1988, sections 4 and 8.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts.interface import (
+    CARRIED,
+    FOLLOWED,
+    HIGH,
+    LEADER,
+    LEAST,
+    LOW,
+    MOST,
+    NOISE,
+    PER_SURFACE,
+    SHARE,
+    SIDE,
+    SLIDES,
+    SURFACES,
+    SWITCHING,
+)
+from lagsim.native.kernels.words import at, external
+from lagsim.solve._layout import COUNT, GAIN, MOTION, QUADRATURES, ROWS
+
+if TYPE_CHECKING:
+    from lagsim.native.kernels.words import Floats
+
+# A pivot this small against its column is none: forces that slide together and that
+# only their sum matters of.
+DEPENDENT = 1e-12
+# Shares that leave this part of a rate's terms do not keep the motion on the surface.
+MISSED = 1e-9
+
+
+@external
+def field(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give y' (size,) and lambda (m,) with each surface on its side."""
+
+
+@external
+def surfaces(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the expressions (K,) of the surfaces."""
+
+
+@external
+def surface_rows(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give residuals (K,), rates (K,), b (K,), scales (K,), and what J has.
+
+    A surface in velocities has no residual on the level of positions. J (K, n) is given
+    row by row, without what vanishes; where its elements belong is kept before them.
+    """
+
+
+@external
+def columns(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the columns of a row, from q'' and lambda in p."""
+
+
+def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give y' (size,)."""
+    size = components(p)
+    found = at(p, int(p[SWITCHING]) + fields_at(p))
+    combine(t, y, p)
+    for i in range(size):
+        out[i] = found[i]
+
+
+def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give the columns of a row, without what pulls the state to the constraints."""
+    n = int(p[COUNT])
+    m = int(p[ROWS])
+    size = components(p)
+    count = int(p[SURFACES])
+    motion = at(p, int(p[MOTION]))
+    kept = at(p, int(p[SWITCHING]) + 1)
+    found = at(p, int(p[SWITCHING]) + fields_at(p))
+    gain = p[GAIN]
+    p[GAIN] = 0.0
+    combine(t, y, p)
+    p[GAIN] = gain
+    for i in range(n):
+        motion[i] = found[n + i]
+    for i in range(m):
+        motion[n + i] = found[size + i]
+    for k in range(count):
+        if kept[SLIDES * count + k] > 0.0:
+            leader = k
+            if kept[SLIDES * count + k] == CARRIED:
+                leader = int(kept[LEADER * count + k]) - 1
+            width = kept[HIGH * count + k] - kept[LOW * count + k]
+            between = kept[LOW * count + k] + kept[SHARE * count + leader] * width
+            kept[SIDE * count + k] = between
+    columns(t, y, p, out)
+    for k in range(count):
+        if kept[SLIDES * count + k] > 0.0:
+            kept[SIDE * count + k] = kept[LOW * count + k]
+
+
+def margins(t: float, y: Floats, p: Floats, out: Floats) -> None:
+    """Give how far the state is from the end of each mode (K,): below 0 it is over."""
+    count = int(p[SURFACES])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    if p[int(p[SWITCHING])] > 0.0:
+        combine(t, y, p)
+    surfaces(t, y, p, out)
+    for k in range(count):
+        low = out[k] - kept[LEAST * count + k]
+        high = kept[MOST * count + k] - out[k]
+        if kept[SLIDES * count + k] == FOLLOWED:
+            low = kept[SHARE * count + k]
+            high = 1.0 - kept[SHARE * count + k]
+        out[k] = min(low, high)
+
+
+def pull(t: float, y: Floats, p: Floats) -> None:
+    """Take a state back onto the surfaces that the motion slides along.
+
+    Along the change of the force there, as the force itself would. A step that does not
+    bring it closer is not made: where the surface's slope vanishes there is no way.
+    """
+    n = int(p[COUNT])
+    count = int(p[SURFACES])
+    sliding = int(p[int(p[SWITCHING])])
+    if sliding == 0:
+        return
+    width = components(p) + int(p[ROWS])
+    found = at(p, int(p[SWITCHING]) + fields_at(p))
+    rows = at(p, int(p[SWITCHING]) + rows_at(p))
+    combine(t, y, p)
+    right = at(found, (count + 1) * width + count * count)
+    former = at(right, 3 * count)
+    weigh(p)
+    far = distance(p)
+    for i in range(2 * n):
+        former[i] = y[i]
+    for j in range(sliding):
+        change = at(found, (j + 1) * width + n)
+        for i in range(n):
+            y[i] += change[i] * right[3 * j + 1]
+            y[n + i] += change[i] * right[3 * j + 2]
+    surface_rows(t, y, p, rows)
+    if not distance(p) <= far:
+        for i in range(2 * n):
+            y[i] = former[i]
+
+
+def weigh(p: Floats) -> None:
+    """Leave the slope of each surface that the motion follows where B was."""
+    count = int(p[SURFACES])
+    width = components(p) + int(p[ROWS])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    starts = at(p, int(p[SWITCHING]) + 1 + count * PER_SURFACE)
+    elements = at(p, int(p[SWITCHING]) + rows_at(p) + 4 * count)
+    slopes = at(p, int(p[SWITCHING]) + fields_at(p) + (count + 1) * width)
+    for k in range(count):
+        slopes[k] = 0.0
+        if kept[SLIDES * count + k] == FOLLOWED:
+            for e in range(int(starts[k]), int(starts[k + 1])):
+                slopes[k] += abs(elements[e])
+
+
+def distance(p: Floats) -> float:
+    """Give how far the state is from the surfaces that it slides along."""
+    count = int(p[SURFACES])
+    width = components(p) + int(p[ROWS])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    rows = at(p, int(p[SWITCHING]) + rows_at(p))
+    slopes = at(p, int(p[SWITCHING]) + fields_at(p) + (count + 1) * width)
+    far = 0.0
+    for k in range(count):
+        if slopes[k] > 0.0:
+            off = abs(rows[k] - kept[LEAST * count + k])
+            off += abs(rows[count + k] - kept[MOST * count + k])
+            far += off / slopes[k]
+    return far
+
+
+def components(p: Floats) -> int:
+    """Give the size of y."""
+    return 2 * int(p[COUNT]) + int(p[QUADRATURES])
+
+
+def rows_at(p: Floats) -> int:
+    """Give where the rows of the surfaces lie, from SWITCHING on."""
+    count = int(p[SURFACES])
+    pattern = 1 + count * PER_SURFACE
+    return pattern + count + 1 + int(p[int(p[SWITCHING]) + pattern + count])
+
+
+def fields_at(p: Floats) -> int:
+    """Give where the fields lie, from SWITCHING on."""
+    count = int(p[SURFACES])
+    elements = int(p[int(p[SWITCHING]) + 1 + count * PER_SURFACE + count])
+    return rows_at(p) + 4 * count + elements
+
+
+def combine(t: float, y: Floats, p: Floats) -> None:
+    """Leave y' (size,) and lambda (m,), then f_k - f0 for each sliding surface.
+
+    And the shares.
+    """
+    count = int(p[SURFACES])
+    width = components(p) + int(p[ROWS])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    rows = at(p, int(p[SWITCHING]) + rows_at(p))
+    fields = at(p, int(p[SWITCHING]) + fields_at(p))
+    field(t, y, p, fields)
+    sliding = int(p[int(p[SWITCHING])])
+    if sliding > 0:
+        surface_rows(t, y, p, rows)
+        j = 0
+        for k in range(count):
+            if kept[SLIDES * count + k] == FOLLOWED:
+                j += 1
+                take_side(k, HIGH, p)
+                other = at(fields, j * width)
+                field(t, y, p, other)
+                take_side(k, LOW, p)
+                for i in range(width):
+                    other[i] -= fields[i]
+        share_out(sliding, p)
+
+
+def take_side(k: int, which: int, p: Floats) -> None:
+    """Put a surface, and what it carries along, on the side LOW or HIGH."""
+    count = int(p[SURFACES])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    for i in range(count):
+        if i == k or int(kept[LEADER * count + i]) == k + 1:
+            kept[SIDE * count + i] = kept[which * count + i]
+
+
+def share_out(sliding: int, p: Floats) -> None:
+    """Find the shares, and what takes the state back onto the surfaces."""
+    n = int(p[COUNT])
+    count = int(p[SURFACES])
+    width = components(p) + int(p[ROWS])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    rows = at(p, int(p[SWITCHING]) + rows_at(p))
+    fields = at(p, int(p[SWITCHING]) + fields_at(p))
+    B = at(fields, (count + 1) * width)
+    right = at(B, count * count)
+    i = 0
+    for k in range(count):
+        if kept[SLIDES * count + k] == FOLLOWED:
+            noise = kept[NOISE * count + k]
+            right[3 * i] = above(
+                rows[2 * count + k] - product(k, p, at(fields, n)), noise
+            )
+            right[3 * i + 1] = kept[LEAST * count + k] - rows[k]
+            right[3 * i + 2] = kept[MOST * count + k] - rows[count + k]
+            for j in range(sliding):
+                change = at(fields, (j + 1) * width + n)
+                B[i * sliding + j] = above(product(k, p, change), noise)
+            even_out(at(B, i * sliding), sliding, at(right, 3 * i))
+            i += 1
+    solve(sliding, B, right)
+    take_shares(sliding, p)
+
+
+def even_out(row: Floats, count: int, right: Floats) -> None:
+    """Give a row the size of the others: surfaces need not have the same units."""
+    size = 0.0
+    for j in range(count):
+        size = max(size, abs(row[j]))
+    if size > 0.0:
+        for j in range(count):
+            row[j] /= size
+        for c in range(3):
+            right[c] /= size
+
+
+def above(x: float, noise: float) -> float:
+    """Give x, or 0 where it is noise."""
+    return 0.0 if abs(x) <= noise else x
+
+
+def take_shares(sliding: int, p: Floats) -> None:
+    """Combine the fields; a share that does not keep to its surface becomes -1."""
+    n = int(p[COUNT])
+    count = int(p[SURFACES])
+    width = components(p) + int(p[ROWS])
+    kept = at(p, int(p[SWITCHING]) + 1)
+    rows = at(p, int(p[SWITCHING]) + rows_at(p))
+    fields = at(p, int(p[SWITCHING]) + fields_at(p))
+    B = at(fields, (count + 1) * width)
+    right = at(B, count * count)
+    i = 0
+    for k in range(count):
+        if kept[SLIDES * count + k] == FOLLOWED:
+            kept[SHARE * count + k] = right[3 * i]
+            B[i] = abs(rows[2 * count + k]) + extent(k, p, at(fields, n))
+            i += 1
+    for i in range(sliding):
+        change = at(fields, (i + 1) * width)
+        for c in range(width):
+            fields[c] += right[3 * i] * change[c]
+    i = 0
+    for k in range(count):
+        if kept[SLIDES * count + k] == FOLLOWED:
+            size = B[i] + extent(k, p, at(fields, n))
+            left = product(k, p, at(fields, n)) - rows[2 * count + k]
+            if not abs(left) <= MISSED * size + kept[NOISE * count + k]:
+                kept[SHARE * count + k] = -1.0
+            i += 1
+
+
+def extent(k: int, p: Floats, a: Floats) -> float:
+    """Give the size of the terms of row k of J times a (n,)."""
+    count = int(p[SURFACES])
+    starts = at(p, int(p[SWITCHING]) + 1 + count * PER_SURFACE)
+    places = at(starts, count + 1)
+    elements = at(p, int(p[SWITCHING]) + rows_at(p) + 4 * count)
+    found = 0.0
+    for e in range(int(starts[k]), int(starts[k + 1])):
+        found += abs(elements[e] * a[int(places[e])])
+    return found
+
+
+def product(k: int, p: Floats, a: Floats) -> float:
+    """Give row k of J times a (n,)."""
+    count = int(p[SURFACES])
+    starts = at(p, int(p[SWITCHING]) + 1 + count * PER_SURFACE)
+    places = at(starts, count + 1)
+    elements = at(p, int(p[SWITCHING]) + rows_at(p) + 4 * count)
+    found = 0.0
+    for e in range(int(starts[k]), int(starts[k + 1])):
+        found += elements[e] * a[int(places[e])]
+    return found
+
+
+def solve(size: int, B: Floats, right: Floats) -> None:
+    """Solve B X = right (size, 3) in place, with row pivoting.
+
+    What B does not determine is left at 0.5 in the first column, else at 0.
+    """
+    rank = 0
+    for k in range(size):
+        found = take_pivot(size, rank, k, B, right)
+        for i in range(rank + found, size):
+            if found > 0:
+                factor = B[i * size + k] / B[rank * size + k]
+                for j in range(k + 1, size):
+                    B[i * size + j] -= factor * B[rank * size + j]
+                for c in range(3):
+                    right[3 * i + c] -= factor * right[3 * rank + c]
+            B[i * size + k] = 0.0
+        rank += found
+    row = rank - 1
+    for back in range(size):
+        k = size - 1 - back
+        if row >= 0 and begins(size, row, B) == k:
+            for c in range(3):
+                value = right[3 * row + c]
+                for j in range(k + 1, size):
+                    value -= B[row * size + j] * right[3 * j + c]
+                right[3 * k + c] = value / B[row * size + k]
+            row -= 1
+        else:
+            right[3 * k] = 0.5
+            right[3 * k + 1] = 0.0
+            right[3 * k + 2] = 0.0
+
+
+def begins(size: int, row: int, B: Floats) -> int:
+    """Give the first column of a row that is not 0."""
+    k = 0
+    while k < size - 1 and B[row * size + k] == 0.0:
+        k += 1
+    return k
+
+
+def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
+    """Bring the largest element of column k below to `row`; give 0 if it is none."""
+    if row >= size:
+        return 0
+    largest = row
+    whole = 0.0
+    for i in range(size):
+        whole = max(whole, abs(B[i * size + k]))
+        if i > row and abs(B[i * size + k]) > abs(B[largest * size + k]):
+            largest = i
+    if largest > row:
+        for j in range(size):
+            exchange(B, row * size + j, largest * size + j)
+        for c in range(3):
+            exchange(right, 3 * row + c, 3 * largest + c)
+    return 1 if abs(B[row * size + k]) > DEPENDENT * whole else 0
+
+
+def exchange(a: Floats, i: int, j: int) -> None:
+    """Exchange two elements."""
+    a[i], a[j] = a[j], a[i]

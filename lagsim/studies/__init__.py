@@ -1,0 +1,1 @@
+"""What runs a model several times, or judges what a run gave."""

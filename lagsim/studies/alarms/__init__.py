@@ -1,0 +1,113 @@
+"""What a person should know about a run besides its result.
+
+An alarm is a `Caution`: a stable code, and a text that names the part of the scene and
+what to do. `simulate` raises those that only the loop over arcs can see (`rank`,
+`unresolved-switch`, `coordinate-singularity`, and `step-at-stability-bound` of methods
+that choose their steps); the others are raised here, from what the rows have shown:
+
+- `inputs`: what was asked for and is done otherwise;
+- `rows`: constraints not met, energy that nothing explains, the horizon of a forecast;
+- `steps`: a step past the stability bound, or one that damps what should go on.
+
+`MEANINGS` says of each code what it means.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from lagsim.methods import method
+from lagsim.run.observers.witness import Witness
+from lagsim.studies.alarms.inputs import about_inputs
+from lagsim.studies.alarms.rows import about_constraints, about_energy, about_error
+from lagsim.studies.alarms.verdict import Doubt, doubt_about
+
+if TYPE_CHECKING:
+    from lagsim.admissibility import Start
+    from lagsim.mechanics.equations import Equations
+    from lagsim.plan import Plan
+    from lagsim.run.observers.ledger import Ledger
+    from lagsim.run.system import System
+    from lagsim.run.trajectory import Caution, Trajectory
+    from lagsim.studies.error_bar import ErrorBar
+
+# Methods with nothing to look for: they notice on the way, or are exact.
+SEE_FOR_THEMSELVES = ("dop853", "exponential")
+# Steps that follow the motion are not shorter than this, in parts of 1/rate of the
+# fastest that is to be seen (a series takes 0.5 to 1.5).
+FOLLOWS = 0.05
+
+__all__ = ["MEANINGS", "Doubt", "Witness", "alarms", "doubt_about"]
+
+MEANINGS = {
+    "constraint-not-held": "rows are off the constraints by more than 1e-6 of their "
+    "scale",
+    "coordinate-singularity": "an inertia of a coordinate all but vanished on the way",
+    "double-root": "a guess is at a double root of the constraints",
+    "end-in-doubt": "a repeat of the run comes to another end",
+    "energy-gained": "energy - work grew by more than 0.1 % of the energy in play",
+    "energy-lost": "energy - work fell by more than 0.1 % of the energy in play",
+    "fast-mode-damped": "the method takes energy out of an oscillation that has some",
+    "gain-unused": "`gain` is for the formulation baumgarte alone",
+    "horizon": "past this time the estimated error exceeds 0.1 of a coordinate's range",
+    "multiple-root": "a relation is a power of what it sets to zero, and is met as a "
+    "simple root",
+    "nearly-dependent": "constraints came close to dependent; a QR decomposition goes "
+    "on",
+    "multipliers-not-unique": "constraints are redundant: the least multipliers are "
+    "given",
+    "other-roots": "the guesses have other solutions than the one taken",
+    "rank": "constraints lost their independence: a singular configuration",
+    "redundant": "a constraint follows from others",
+    "rough-start": "the start was rounded, and meets the constraints only roughly",
+    "short-times": "a short pulse could be stepped over",
+    "spectral-radius-unused": "`spectral_radius` is for generalized-alpha alone",
+    "start-changed": "the run starts from the nearest exact state",
+    "step-at-stability-bound": "stability, not accuracy, decides how long a step may "
+    "be, and the step is near that bound or past it",
+    "step-unused": "`step` is for methods with a fixed step alone",
+    "tolerance-unused": "tolerances are for methods that choose their steps alone",
+    "undetermined-guess": "nothing determines a guess: it stays as given",
+    "unresolved-switch": "forces leave more than one way to go on from a switch",
+    "vanishing-gradient": "the gradient of a constraint vanishes at the start",
+}
+
+
+def alarms(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    system: System,
+    trajectory: Trajectory,
+    ledger: Ledger,
+    witness: Witness,
+    bar: ErrorBar | str,
+) -> list[Caution]:
+    """Give all that there is to know about a run, in the order of its stages."""
+    return [
+        *start.warnings,
+        *about_inputs(start, plan, system),
+        *trajectory.warnings,
+        *_about_steps(equations, plan, trajectory, witness),
+        *about_energy(equations, plan, trajectory, ledger, witness),
+        *about_constraints(equations, start, plan, ledger, witness),
+        *about_error(bar, plan),
+    ]
+
+
+def _about_steps(
+    equations: Equations, plan: Plan, trajectory: Trajectory, witness: Witness
+) -> list[Caution]:
+    """Ask for the eigenvalues of the scene, where there may be something to tell."""
+    steps = trajectory.statistics.steps
+    chosen = plan.step is None and plan.formulation != "baumgarte"
+    if not steps or (chosen and plan.method in SEE_FOR_THEMSELVES):
+        return []
+    if chosen and math.isfinite(method(plan.method).IMAGINARY_LIMIT):
+        h = (trajectory.end - trajectory.start) / steps
+        if h * witness.fastest_rate > FOLLOWS:
+            return []
+    from lagsim.studies.alarms.steps import about_steps
+
+    return about_steps(equations, plan, trajectory, witness)

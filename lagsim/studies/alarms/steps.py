@@ -1,0 +1,279 @@
+"""A step at the stability bound, and an oscillation that the method damps away.
+
+From the eigenvalues of the scene, linearised at its start and along the motion: a step
+h multiplies what a mode with eigenvalue L does by R(h L), R the method's stability
+function, and the motion itself by exp(h L). Explicit methods that choose their steps
+see for themselves where stability holds them (`methods._stability`).
+
+Source: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996), IV.2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.mechanics.linearisation import Linearisation
+from lagsim.methods import method
+from lagsim.run.trajectory import Caution
+from lagsim.studies.bench.borders import exceeds, predicted
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.linearisation import Linear
+    from lagsim.native.kernels.words import Floats
+    from lagsim.plan import Plan
+    from lagsim.run.observers.witness import Witness
+    from lagsim.run.trajectory import Trajectory
+
+# States that are looked at, and the most nodes evaluated for them: about 0.3 s.
+STATES = 12
+MOST_NODES = 300_000
+# Coordinates of larger scenes take longer than the answer is worth.
+MOST_COORDINATES = 100
+# Past this part of the bound a step is close to it: Verlet's resonance of order three,
+# which spoils motion that is not linear, lies at sqrt(3)/2 of its bound.
+NEAR = 0.8
+# What oscillates has a damping ratio below this.
+OSCILLATING = 0.3
+# A mode is excited with this part of the energy in play (what follows slow motion has
+# the fourth power of the ratio of the frequencies), and is damped when the method would
+# take this part of its energy within the run.
+EXCITED = 1e-4
+DAMPED = 0.1
+# A gain of baumgarte that many times faster than the scene is what steps follow.
+FASTER = 30.0
+# With a step longer than this, in parts of 1/|eigenvalue|, no method resolves a motion
+# to its tolerance: DOP853 takes 1.5 at 1e-8, a series 1 at 1e-11 and 1.7 at 1e-14.
+RESOLVED = 2.5
+# What a mode does in steps shorter than this part of its period needs no question.
+SLOW = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """The scene linearised at one state of the motion.
+
+    Attributes
+    ----------
+    eigenvalues : ndarray, shape (k,)
+    shapes : ndarray, shape (n, k)
+        Of the modes in the coordinates, each at most 1, in the metric of M.
+    energies : ndarray, shape (k,)
+        Of the modes at this state, with their conjugates; 0 where they do not swing.
+    """
+
+    t: float
+    eigenvalues: Floats
+    shapes: Floats
+    energies: Floats
+
+
+def about_steps(
+    equations: Equations, plan: Plan, trajectory: Trajectory, witness: Witness
+) -> list[Caution]:
+    """Hold the step of a run against the eigenvalues of its scene."""
+    if trajectory.choices:
+        return []  # another method went on
+    module = method(plan.method)
+    steps = trajectory.statistics.steps
+    if len(equations.q) > MOST_COORDINATES:
+        return []
+    span = trajectory.end - trajectory.start
+    h = span / steps if plan.step is None else plan.step
+    if plan.formulation == "baumgarte":
+        return _penalty(module, h, plan, _seen(equations, witness, 1.0 / plan.gain))
+    seen = _seen(equations, witness, h)
+    if plan.step is None and math.isfinite(module.IMAGINARY_LIMIT):
+        return _held(module, h, seen, equations)
+    found = [] if plan.step is None else _unstable(module, h, span, seen, equations)
+    return found or _damping(module, h, span, seen, equations, witness.energy_in_play)
+
+
+def _seen(equations: Equations, witness: Witness, h: float) -> list[Seen]:
+    linearisation = Linearisation(equations)
+    most = min(STATES, MOST_NODES // max(1, linearisation.nodes))
+    found = []
+    for t, q, v, a in witness.states(max(1, most)):
+        try:
+            linear = linearisation.at(t, q, v)
+            found.append(_analysed(t, linear, v, a, h))
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+    return found
+
+
+def _analysed(t: float, linear: Linear, v: Floats, a: Floats, h: float) -> Seen:
+    """Give the modes, and what of y' = (v, a) is in each."""
+    values, right = np.linalg.eig(linear.R)
+    others, left = np.linalg.eig(linear.R.T)
+    kept = np.abs(values) * h > SLOW
+    values, right = values[kept], right[:, kept]
+    left = left[:, np.abs(others) * h > SLOW]
+    G = linear.lengths.T @ linear.lengths
+    rates = np.concatenate([linear.Zh.T @ G @ v, linear.Z.T @ G @ a])
+    # Left and right vectors of equal eigenvalues need not come in pairs.
+    amplitudes = np.linalg.lstsq(left.T @ right, left.T @ rates, rcond=None)[0]
+    moved = right[: linear.Zh.shape[1]]
+    swings = -values.real < OSCILLATING * np.abs(values)
+    # v = 2 Re(c x e^(L t)) of a pair, whose kinetic energy is |2 c x|^2/2 at most.
+    energies = 2.0 * np.abs(amplitudes) ** 2 * np.sum(np.abs(moved) ** 2, axis=0)
+    shapes = np.abs(linear.Zh @ moved) * np.sqrt(np.diag(G))[:, None]
+    shapes /= np.maximum(np.max(shapes, axis=0, initial=0.0), 1e-300)
+    return Seen(t, values, shapes, energies * swings * (values.imag > 0.0))
+
+
+def _penalty(
+    module: ModuleType, h: float, plan: Plan, seen: list[Seen]
+) -> list[Caution]:
+    """Say so where the gain of Baumgarte's formulation makes the scene stiff.
+
+    It adds a double eigenvalue -gain for each constraint.
+    """
+    if plan.step is not None and exceeds(module.amplification, complex(-h * plan.gain)):
+        text = (
+            f"the step ({h:.3g}) is past the stability bound of {module.NAME}: the "
+            f"gain {plan.gain:.3g} of baumgarte makes it unstable; a gain below "
+            f"{1.0 / h:.2g} holds, and projection needs none"
+        )
+        return [Caution("step-at-stability-bound", text)]
+    sizes = [float(np.max(np.abs(there.eigenvalues), initial=0.0)) for there in seen]
+    fastest = max(sizes, default=0.0)
+    if not plan.gain > FASTER * fastest:
+        return []
+    text = (
+        f"the gain {plan.gain:.3g} of baumgarte makes the scene stiff, in which "
+        f"nothing is faster than {max(fastest, SLOW * plan.gain):.3g} per unit of "
+        "time: steps are as short as the gain asks; projection costs less and holds "
+        "the constraints to rounding"
+    )
+    return [Caution("step-at-stability-bound", text)]
+
+
+def _held(
+    module: ModuleType, h: float, seen: list[Seen], equations: Equations
+) -> list[Caution]:
+    """Say so where steps that a method chose are longer than accuracy would allow.
+
+    What the fastest motion does then decides on them, though nothing is seen of it.
+    """
+    sizes = [np.abs(there.eigenvalues) for there in seen]
+    reaches = [h * float(np.max(x, initial=0.0)) for x in sizes]
+    if not reaches or not np.median(reaches) > RESOLVED:
+        return []
+    there = seen[int(np.argmax(reaches))]
+    k = int(np.argmax(np.abs(there.eigenvalues)))
+    text = (
+        f"the steps (about {h:.3g}) are held at the stability bound of {module.NAME}, "
+        f"not by accuracy: fast motion of {_named(equations, there.shapes[:, k])} at "
+        f"about {abs(there.eigenvalues[k]):.3g} per unit of time; `--method radau` "
+        "passes over fast motion that has died out"
+    )
+    return [Caution("step-at-stability-bound", text)]
+
+
+def _unstable(
+    module: ModuleType, h: float, span: float, seen: list[Seen], equations: Equations
+) -> list[Caution]:
+    """Say so where a fixed step is past the bound of a mode, or close to it."""
+    best: tuple[float, Seen] | None = None
+    for there in seen:
+        bound = predicted(module.amplification, there.eigenvalues, span)
+        if bound is not None and (best is None or bound < best[0]):
+            best = bound, there
+    if best is None or not h > NEAR * best[0]:
+        return []
+    bound, there = best
+    k = _first(module, there.eigenvalues, span)
+    eigenvalue = complex(there.eigenvalues[k])
+    if bound == 0.0 and not _shows(module, h, span, eigenvalue):
+        return []
+    past = exceeds(module.amplification, h * eigenvalue)
+    what = "past" if past else "close to"
+    which = _named(equations, there.shapes[:, k])
+    text = (
+        f"at t = {there.t:.6g} the step ({h:.3g}) is {what} the stability bound of "
+        f"{module.NAME}: fast motion of {which} at about {abs(eigenvalue):.3g} per "
+        "unit of time"
+    )
+    if past:
+        text += " grows from step to step"
+    if bound == 0.0:
+        text += "; no step holds an undamped oscillation, another method does"
+    else:
+        text += f"; a step below {NEAR * bound:.2g} holds, or `--method auto`"
+    return [Caution("step-at-stability-bound", text)]
+
+
+def _first(module: ModuleType, eigenvalues: Floats, span: float) -> int:
+    """Give the eigenvalue whose bound is the smallest."""
+    bounds = [predicted(module.amplification, [x], span) for x in eigenvalues]
+    return int(np.argmin([math.inf if b is None else b for b in bounds]))
+
+
+def _shows(module: ModuleType, h: float, span: float, eigenvalue: complex) -> bool:
+    """Tell whether an instability at every step is seen within the run."""
+    grown = math.log(module.amplification(h * eigenvalue)) - h * eigenvalue.real
+    return 2.0 * grown * span / h > DAMPED
+
+
+def _damping(
+    module: ModuleType,
+    h: float,
+    span: float,
+    seen: list[Seen],
+    equations: Equations,
+    in_play: float,
+) -> list[Caution]:
+    """Say so where the method takes the energy of a mode that has some."""
+    start = seen[0].t if seen else 0.0
+    worst, told = EXCITED * in_play, None
+    for there in seen:
+        left = span - (there.t - start)
+        for k in np.flatnonzero(there.energies > worst):
+            eigenvalue = complex(there.eigenvalues[k])
+            lost = _lost(module, h, left, eigenvalue)
+            if lost > DAMPED:
+                worst, told = there.energies[k], (there, k, lost)
+    if told is None:
+        return []
+    there, k, lost = told
+    size = abs(there.eigenvalues[k])
+    which = _named(equations, there.shapes[:, k])
+    how = "a tighter rtol, for " if module.ADAPTIVE else ""
+    text = (
+        f"{module.NAME} damps the oscillation of {which} at about {size:.3g} per unit "
+        f"of time: with steps of {h:.2g} it takes {100 * lost:.0f} % of that motion's "
+        f"energy within the run, and no force of the scene does; {how}steps below "
+        f"{_gentle(module, h, span, size):.1g}, or `--method auto`, keep it"
+    )
+    return [Caution("fast-mode-damped", text)]
+
+
+def _lost(module: ModuleType, h: float, span: float, eigenvalue: complex) -> float:
+    """Give the part of a mode's energy that the method takes beside the motion."""
+    size = module.amplification(h * eigenvalue)
+    if size <= 0.0:
+        return 1.0
+    rate = math.log(size) / h - eigenvalue.real
+    return -math.expm1(min(0.0, 2.0 * rate * span))
+
+
+def _gentle(module: ModuleType, h: float, span: float, size: float) -> float:
+    """Give a step, h halved so often, that keeps an oscillation for the run."""
+    for _ in range(40):
+        h *= 0.5
+        if _lost(module, h, span, complex(0.0, size)) < DAMPED:
+            break
+    return h
+
+
+def _named(equations: Equations, shape: Floats) -> str:
+    names = [f"`{q}`" for q, x in zip(equations.q, shape, strict=True) if x > 0.5]
+    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    return ", ".join(names[:4]) + more

@@ -1,0 +1,169 @@
+"""Whether the rows of a run are an answer: its ledger against its error estimate.
+
+What energy - work and the constraints are off by is an error that the run itself shows.
+An adaptive method is to be off by no more than its error estimate explains. Where it is
+by far, or where a repeat by other means comes to another motion, the run is in doubt:
+it is made anew by other means, and where these fail, too, the rows are no answer.
+(Chaotic motions part from any repeat and keep their energy: the horizon is told, and
+that is all.)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.language.evaluate import evaluate_with_error
+from lagsim.methods import method
+from lagsim.plan.integration import DEFAULT_RTOL
+from lagsim.studies.alarms.rows import HELD, UNEXPLAINED, not_held
+
+if TYPE_CHECKING:
+    from lagsim.admissibility import Start
+    from lagsim.mechanics.equations import Equations
+    from lagsim.native.kernels.words import Floats
+    from lagsim.plan import Plan
+    from lagsim.run.observers.ledger import Ledger
+    from lagsim.run.observers.witness import Witness
+    from lagsim.run.trajectory import Trajectory
+    from lagsim.studies.error_bar import ErrorBar
+
+# By far: so many times what the errors of the state explain, to first order and with
+# all of them in the worst direction.
+FAR = 100.0
+# And by more than this part of the energy in play; the default tolerance leaves 1e-9.
+LEAST = 1e-6
+# Whatever explains it: energy off by so many tolerances, and by what raises an alarm,
+# is not that of the motion.
+ACCURATE = 1e6
+# Values are rounded by this part.
+ROUNDED = 2.0**-53
+# What an exact method counts as.
+EXACT_RTOL = 1e-12
+# A repeat has come to another motion where it is off by that part of a range, and by so
+# many tolerances.
+PARTED = 1e-3
+TOLERANCES = 1e4
+# Formulations that let constraints, and with them the energy, go.
+LOOSE = ("baumgarte", "drift")
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """Why the rows of a run may be no answer, and from which time on.
+
+    `refutes` where they cannot be one; else another run has to tell.
+    """
+
+    text: str
+    time: float
+    refutes: bool
+
+
+def doubt_about(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    trajectory: Trajectory,
+    ledger: Ledger,
+    witness: Witness,
+    bar: ErrorBar | str,
+) -> Doubt | None:
+    """Give why a run that came to its end is in doubt, if it is."""
+    judged = plan.rtol is not None or math.isinf(method(plan.method).ORDER)
+    if not judged or not trajectory.outcome.complete or plan.formulation in LOOSE:
+        return None
+    return (
+        _about_constraints(equations, start, ledger, witness)
+        or _about_energy(equations, plan, ledger, witness, bar)
+        or _about_repeat(plan, bar)
+    )
+
+
+def _about_constraints(
+    equations: Equations, start: Start, ledger: Ledger, witness: Witness
+) -> Doubt | None:
+    found = not_held(equations, start, ledger, witness)
+    if found is None:
+        return None
+    name, worst = found
+    text = f"constraint `{name}` is off by {worst:.2g} of its scale"
+    since = ledger.constraint_since(name, HELD)
+    return None if since is None else Doubt(text, since, refutes=True)
+
+
+def _about_energy(
+    equations: Equations,
+    plan: Plan,
+    ledger: Ledger,
+    witness: Witness,
+    bar: ErrorBar | str,
+) -> Doubt | None:
+    """Hold the drift against what the errors of the state are worth in energy."""
+    drift, in_play = ledger.energy_drift, witness.energy_in_play
+    if not LEAST * in_play < drift < math.inf or ledger.worst_row is None:
+        return None
+    from lagsim.studies.alarms.jumps import jumps
+
+    row = ledger.worst_row
+    text = f"energy - work is off by {drift / in_play:.2g} of the energy in play"
+    explained = _explained(equations, plan, row, witness, bar)
+    rounded = _worth(equations, row, ROUNDED * np.abs(_state(equations, row)))
+    wrong = max(UNEXPLAINED, ACCURATE * (plan.rtol or EXACT_RTOL)) * in_play
+    bound = max(min(FAR * explained, wrong), FAR * rounded, LEAST * in_play)
+    since = ledger.drift_since(bound)
+    if not drift > bound or since is None or jumps(equations, witness, row):
+        return None
+    if drift > FAR * explained:
+        text += f", and the estimated error explains {explained / in_play:.1g}"
+    return Doubt(text, since, refutes=True)
+
+
+def _explained(
+    equations: Equations,
+    plan: Plan,
+    row: Floats,
+    witness: Witness,
+    bar: ErrorBar | str,
+) -> float:
+    """Give what the errors of a row make of its energy - work; inf: not known."""
+    if isinstance(bar, str) or bar.rates is None:
+        return math.inf
+    # Up to the row that was compared next.
+    until = min(int(np.searchsorted(bar.times, row[0])) + 1, len(bar.times))
+    errors = np.max(np.hstack([bar.errors[:until], bar.rates[:until]]), axis=0)
+    part = float(np.max(bar.parts[:until], initial=0.0))
+    part += FAR * (plan.rtol or EXACT_RTOL)
+    return _worth(equations, row, errors) + part * witness.work_range
+
+
+def _state(equations: Equations, row: Floats) -> Floats:
+    return row[1 : 1 + 2 * len(equations.q)]
+
+
+def _worth(equations: Equations, row: Floats, errors: Floats) -> float:
+    """Give what errors of the state (2 n,) are worth in energy at a row."""
+    values = {p.name: (p.value, 0.0) for p in equations.model.parameters}
+    names = (*equations.q, *equations.velocities)
+    state = zip(_state(equations, row).tolist(), errors.tolist(), strict=True)
+    values |= {"t": (float(row[0]), 0.0)} | dict(zip(names, state, strict=True))
+    ((_, error),) = evaluate_with_error(equations.graph, [equations.energy], values)
+    return float(error)
+
+
+def _about_repeat(plan: Plan, bar: ErrorBar | str) -> Doubt | None:
+    """Look for a time from which a repeat shows another motion."""
+    if isinstance(bar, str):
+        return None
+    if bar.parted:
+        return Doubt(bar.parted, float(bar.times[-1]), refutes=False)
+    rtol = DEFAULT_RTOL if plan.rtol is None else plan.rtol
+    lost = bar.lost
+    if not np.max(lost) > max(PARTED, TOLERANCES * rtol):
+        return None
+    off = int(np.argmax(lost > TOLERANCES * rtol))
+    text = f"a repeat by {bar.method} comes to another motion"
+    return Doubt(text, float(bar.times[off]), refutes=False)

@@ -1,0 +1,111 @@
+"""work_precision.csv and work_precision.json."""
+
+from __future__ import annotations
+
+import csv
+import io
+import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagsim import __version__
+from lagsim.outputs.manifest import versions
+from lagsim.studies.bench.machine import machine
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.model.model import Model
+    from lagsim.studies.bench.reference import Reference
+    from lagsim.studies.bench.work_precision import Entry, WorkPrecision
+
+TABLE = "work_precision.csv"
+CHART = "work_precision.png"
+MANIFEST = "work_precision.json"
+
+COLUMNS = (
+    "method", "formulation", "setting", "value", "seconds", "evaluations", "error",
+    "error_lambda", "energy_drift", "constraint_residual", "outcome", "chosen",
+)  # fmt: skip
+
+
+def table(entries: Sequence[Entry]) -> bytes:
+    """Give the table as RFC 4180 has it; what is not known is empty."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(COLUMNS)
+    for entry in entries:
+        writer.writerow([_cell(getattr(entry, name)) for name in COLUMNS])
+    return text.getvalue().encode()
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def document(
+    model: Model, found: WorkPrecision, files: Sequence[str]
+) -> dict[str, Any]:
+    """Give the content of work_precision.json; keys are only ever added."""
+    fronts = {of: set(found.front(of)) for of in ("seconds", "evaluations")}
+    rows = []
+    for k, entry in enumerate(found.entries):
+        row = {name: getattr(entry, name) for name in COLUMNS}
+        row["reason"] = entry.reason
+        row |= {f"front_{of}": k in front for of, front in fronts.items()}
+        rows.append(row)
+    simulation = model.simulation
+    assert simulation is not None
+    curves = [
+        {"method": method, "formulation": formulation, "compile_seconds": seconds}
+        for (method, formulation), seconds in found.compile_seconds.items()
+    ]
+    return {
+        "lagsim": __version__,
+        "versions": versions() | {"scipy": _scipy_version()},
+        "machine": machine(),
+        "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
+        "parameters": {p.name: p.value for p in model.parameters},
+        "start": simulation.start,
+        "end": simulation.end,
+        "output_step": simulation.output_step,
+        "complete": not found.interrupted,
+        "reference": _reference(found.reference),
+        "curves": curves,
+        "refused": [refused._asdict() for refused in found.refused],
+        "rows": rows,
+        "files": list(files),
+    }
+
+
+def _reference(reference: Reference) -> dict[str, Any]:
+    named = [*reference.state, *reference.multipliers]
+    return {
+        "made": reference.made,
+        "verified": reference.verified,
+        "floor": reference.floor,
+        "horizon": reference.horizon,
+        "rows": len(reference.rows),
+        "known_rows": reference.known,
+        "agreement": {
+            reference.columns[c]: float(reference.agreement[c]) for c in named
+        },
+        "scales": {
+            reference.columns[c]: float(reference.scales[c])
+            for c in named
+            if np.isfinite(reference.scales[c])
+        },
+    }
+
+
+def _scipy_version() -> str:
+    if "scipy" in sys.modules:
+        return str(sys.modules["scipy"].__version__)
+    from importlib.metadata import version
+
+    return version("scipy")

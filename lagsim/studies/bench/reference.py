@@ -1,0 +1,280 @@
+"""What errors are measured against, and how far it is to be trusted.
+
+Two solutions by different means, as tight as double precision allows. What they agree
+to is what is known; where motions part exponentially that is soon nothing, and errors
+are those of the rows before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.errors import InputError, LagsimError
+from lagsim.studies.bench.scipy_solvers import PREFIX, Scipy
+from lagsim.studies.bench.scipy_solvers import refusal as scipy_refusal
+from lagsim.studies.bench.solving import GivenUpError, Own, Patience, Solver
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from lagsim.mechanics.equations import Equations
+    from lagsim.native.kernels.words import Floats
+    from lagsim.run.interrupt import Interrupt
+    from lagsim.studies.bench.solving import Scene
+
+# The first of these that a scene lets through makes the reference ...
+FIRST = ("exponential", "taylor", "dop853")
+# ... and the one of these that comes closest to it verifies it.
+SECOND = ("taylor", "dop853", "kahan-li8", "gauss4", "radau", "rk4")
+TOLERANCES = (1e-14, 1e-13, 1e-12)
+SCIPY_TOLERANCE = 3e-14
+# Fixed steps are halved this often, from a quarter of a row's spacing on, ...
+HALVINGS = 10
+# ... until an agreement this good ends the search.
+GOOD = 1e-12
+SECONDS = 5.0
+
+# Rows count as known while both agree to this part of each coordinate's range.
+TRUSTED = 1e-10
+# A range that is this small beside others of its unit is that of rounding errors.
+NOISE = 1e-11
+
+
+class NoReferenceError(LagsimError):
+    """Nothing can be measured, for there is nothing to measure against (exit 3)."""
+
+    exit_code = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Rows, what their columns are, and how they were made."""
+
+    how: str
+    method: str
+    columns: tuple[str, ...]
+    rows: Floats
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Rows that are known, and how well.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        What the rows are made of.
+    made, verified : str
+        How the rows, and those they are compared with, were made.
+    state, multipliers : list of int
+        Their columns: q and q'; lambda.
+    scales : (columns,)
+        The range of each column.
+    known : int
+        So many rows are to be trusted.
+    agreement : (columns,)
+        Greatest difference of both over these rows, against the range.
+    """
+
+    columns: tuple[str, ...]
+    made: str
+    verified: str
+    rows: Floats
+    state: list[int]
+    multipliers: list[int]
+    scales: Floats
+    known: int
+    agreement: Floats
+
+    @property
+    def horizon(self) -> float | None:
+        """Past this time nothing is known; None if all is."""
+        last = self.known - 1
+        return float(self.rows[last, 0]) if self.known < len(self.rows) else None
+
+    @property
+    def floor(self) -> float:
+        """Errors below this cannot be told."""
+        return float(np.max(self.agreement[self.state]))
+
+    def errors(self, rows: Floats) -> tuple[float, float | None]:
+        """Give the error of the state, and that of lambda, of rows that are known.
+
+        nan where the times of the rows are others.
+        """
+        count = min(self.known, len(rows))
+        spacing = float(self.rows[min(1, len(self.rows) - 1), 0] - self.rows[0, 0])
+        apart = np.abs(rows[:count, 0] - self.rows[:count, 0])
+        same = apart <= 1e-9 * abs(spacing)
+        if count < self.known - 1 or not np.all(same[:-1]):
+            return float("nan"), None
+        found = difference(rows[:count][same], self.rows[:count][same], self.scales)
+        worst = float(np.max(found[self.state]))
+        lam = found[self.multipliers]
+        return worst, float(np.max(lam)) if len(lam) else None
+
+
+def make_reference(scene: Scene, interrupt: Interrupt | None = None) -> Reference:
+    """Solve as tightly as can be, by different means, and compare.
+
+    Raises
+    ------
+    NoReferenceError
+        Where not two solutions can be had, or they have nothing in common.
+    """
+    patience = Patience(SECONDS, interrupt)
+    first = next(_first(scene, patience), None)
+    if first is None:
+        text = "nothing to measure errors against: the motion cannot be solved to its "
+        text += "end as tightly as double precision allows"
+        raise NoReferenceError(text)
+    best: Reference | None = None
+    for second in _verifiers(scene, first, patience):
+        found = _compared(scene.equations, first, second)
+        if best is None or (found.known, -found.floor) > (best.known, -best.floor):
+            best = found
+        if best.horizon is None and best.floor <= GOOD:
+            break
+    if best is None or best.known < 2:
+        text = f"nothing to measure errors against: {first.how} is not confirmed"
+        raise NoReferenceError(text)
+    return best
+
+
+def _compared(e: Equations, first: Solution, second: Solution) -> Reference:
+    columns = first.columns
+    state = [columns.index(name) for name in (*e.q, *e.velocities)]
+    multipliers = [columns.index(name) for name in e.multipliers]
+    count = min(len(first.rows), len(second.rows))
+    a, b = first.rows[:count], second.rows[:count]
+    scales = _scales(e, first.rows, state, multipliers)
+    apart = np.max(np.abs(a[:, state] - b[:, state]) / scales[state], axis=1)
+    lost = np.flatnonzero(apart > TRUSTED)
+    known = int(lost[0]) if len(lost) else count
+    agreement = difference(a[: max(known, 1)], b[: max(known, 1)], scales)
+    return Reference(
+        columns=columns,
+        made=first.how,
+        verified=second.how,
+        rows=first.rows,
+        state=state,
+        multipliers=multipliers,
+        scales=scales,
+        known=known,
+        agreement=agreement,
+    )
+
+
+def difference(rows: Floats, others: Floats, scales: Floats) -> Floats:
+    """Give the greatest difference of each column, against its scale."""
+    return np.asarray(np.max(np.abs(rows - others), axis=0) / scales)
+
+
+def _first(scene: Scene, patience: Patience) -> Iterator[Solution]:
+    for name in FIRST:
+        if own := _able(scene, name):
+            yield from _solved(own, TOLERANCES, patience)
+
+
+def _able(scene: Scene, name: str) -> Own | None:
+    """Give a method that is there and can handle the scene."""
+    try:
+        return Own(scene, name)
+    except InputError:
+        return None
+
+
+def _verifiers(scene: Scene, first: Solution, patience: Patience) -> Iterator[Solution]:
+    for name in SECOND:
+        if name != first.method and (own := _able(scene, name)):
+            values = _steps(own) if own.setting == "step" else TOLERANCES
+            yield from _solved(own, values, patience)
+    yield from _by_scipy(scene, first, patience)
+
+
+def _by_scipy(scene: Scene, first: Solution, patience: Patience) -> Iterator[Solution]:
+    own = index_one(scene)
+    if not scipy_refusal(own):
+        sizes = state_sizes(own, first.rows)
+        solver = Scipy(own, f"{PREFIX}DOP853", first.rows[:, 0], sizes)
+        yield from _solved(solver, (SCIPY_TOLERANCE,), patience)
+
+
+def index_one(scene: Scene) -> Own:
+    """Give what has the right-hand side with lambda solved away, and nothing else."""
+    return Own(scene, "dop853", "drift" if scene.equations.rows else "full")
+
+
+def state_sizes(own: Own, rows: Floats) -> Floats:
+    """Give the largest size of each component of y, none of them 0."""
+    wanted = [*own.equations.q, *own.equations.velocities]
+    wanted += ["work"] if own.system.has_work else []
+    sizes = [float(np.max(np.abs(rows[:, own.names.index(name)]))) for name in wanted]
+    whole = max(sizes) or 1.0
+    return np.array([size or whole for size in sizes])
+
+
+def _solved(
+    solver: Solver, values: Sequence[float], patience: Patience
+) -> Iterator[Solution]:
+    """Give the solution at the tightest tolerance that can be met, or for each step."""
+    for value in values:
+        try:
+            solved = solver.solve(value, patience)
+        except GivenUpError:
+            if patience.pressed:
+                raise
+            if solver.setting == "step":
+                return
+            continue
+        if solved.rows is not None:
+            how = f"{solver.method} at {solver.setting} {value:.3g}"
+            yield Solution(how, solver.method, solver.names, solved.rows)
+            if solver.setting == "rtol":
+                return
+
+
+def _steps(own: Own) -> list[float]:
+    """Give steps for a method that has no tolerance, each half the one before."""
+    simulation = own.equations.model.simulation
+    assert simulation is not None
+    return [simulation.output_step / 4 / 2**k for k in range(HALVINGS)]
+
+
+def _scales(
+    e: Equations, rows: Floats, state: list[int], multipliers: list[int]
+) -> Floats:
+    """Give the range of each column; inf for what is not compared.
+
+    One that stays where it is, or only trembles, is measured by the largest of its
+    unit, by its own size, or by that of its velocity or position.
+    """
+    n = len(e.q)
+    ranges = np.ptp(rows, axis=0)
+    scales = np.full(rows.shape[1], np.inf)
+    units = [c.unit for c in e.model.coordinates]
+    duration = float(rows[-1, 0] - rows[0, 0]) or 1.0
+    for columns in (state[:n], state[n:]):
+        for unit in set(units):
+            alike = [c for c, u in zip(columns, units, strict=True) if u == unit]
+            _fill(scales, ranges, rows, alike)
+    for q, v in zip(state[:n], state[n:], strict=True):
+        if not np.isfinite(scales[q]) and np.isfinite(scales[v]):
+            scales[q] = scales[v] * duration
+        elif not np.isfinite(scales[v]) and np.isfinite(scales[q]):
+            scales[v] = scales[q] / duration
+    for column in multipliers:
+        _fill(scales, ranges, rows, [column])
+    return scales
+
+
+def _fill(scales: Floats, ranges: Floats, rows: Floats, alike: list[int]) -> None:
+    largest = float(max(np.max(np.abs(rows[:, alike])), np.max(ranges[alike])))
+    for column in alike:
+        wide = ranges[column] > NOISE * largest
+        scale = ranges[column] if wide else largest
+        if scale > 0.0:
+            scales[column] = scale

@@ -1,0 +1,259 @@
+"""One solve of a scene, timed as users get it: rows and all, warm, least of several."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from lagsim.errors import InputError
+from lagsim.methods import method as method_named
+from lagsim.plan import make_plan
+from lagsim.run import simulate
+from lagsim.run.system import System
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from lagsim.admissibility import Start
+    from lagsim.mechanics.equations import Equations
+    from lagsim.native.kernels.words import Floats
+    from lagsim.plan import Plan
+    from lagsim.run.interrupt import Interrupt
+
+# Solves are repeated while they last together less than this, but not more often than
+# that: a millisecond is measured well by the least of twenty, a second by itself.
+REPEATING_SECONDS = 0.2
+MOST_REPEATS = 20
+
+FORMULATIONS = ("auto", "full", "ignorable")
+OF_CONSTRAINTS = ("projection", "elimination", "baumgarte", "drift")
+
+
+class GivenUpError(Exception):
+    """A solve takes longer than it may, or the user has had enough."""
+
+
+class Patience:
+    """How long a solve may last.
+
+    Parameters
+    ----------
+    seconds
+        For one solve.
+    interrupt
+        Ends it at once.
+    """
+
+    def __init__(self, seconds: float, interrupt: Interrupt | None = None) -> None:
+        self.seconds = seconds
+        self.interrupt = interrupt
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin a solve."""
+        self._end = time.perf_counter() + self.seconds
+
+    @property
+    def pressed(self) -> bool:
+        """Whether the user wants an end."""
+        return self.interrupt is not None and self.interrupt.signal is not None
+
+    def check(self, _fraction: float = 0.0) -> None:
+        """Raise GivenUpError where patience has run out."""
+        if self.pressed or time.perf_counter() > self._end:
+            raise GivenUpError
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """What one solve gave; `rows` (k, columns) is None where there is no answer.
+
+    `outcome` is that of a run, or `too slow`; `reason` says more.
+    """
+
+    rows: Floats | None
+    seconds: float
+    evaluations: int
+    outcome: str
+    reason: str = ""
+
+
+class Solver(Protocol):
+    """A method in a formulation, ready to solve a scene at any setting.
+
+    Attributes
+    ----------
+    setting : str
+        `rtol` or `step`.
+    compile_seconds : float
+        What making it ready took.
+    """
+
+    method: str
+    formulation: str
+    setting: str
+    compile_seconds: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns of the rows."""
+
+    def solve(self, value: float, patience: Patience) -> Solved:
+        """Solve once.
+
+        Raises
+        ------
+        GivenUpError
+        """
+
+
+class Scene:
+    """A model with an admissible start, and what can be asked of the plan for it."""
+
+    def __init__(self, equations: Equations, start: Start) -> None:
+        self.equations, self.start = equations, start
+
+    def asking(
+        self,
+        method: str = "auto",
+        formulation: str = "auto",
+        rtol: float | None = None,
+    ) -> tuple[Equations, Plan]:
+        """Plan as if the file said so.
+
+        Raises
+        ------
+        InputError
+            Where the method or the formulation cannot handle the scene.
+        """
+        model = self.equations.model
+        assert model.simulation is not None
+        simulation = replace(
+            model.simulation,
+            method=method,
+            formulation=formulation,
+            rtol=rtol,
+            atol=None,
+            step=None,
+        )
+        model = replace(model, simulation=simulation)
+        equations = replace(self.equations, model=model)
+        return equations, make_plan(equations, self.start)
+
+
+class Own:
+    """One of lagsim's methods, through lagsim's own run.
+
+    Raises
+    ------
+    InputError
+        Where the method or the formulation cannot handle the scene.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        method: str,
+        formulation: str = "auto",
+        rtol: float | None = None,
+    ) -> None:
+        began = time.perf_counter()
+        self.scene = scene
+        self.equations, self.plan = scene.asking(method, formulation, rtol)
+        self.system = System(self.equations, self.plan)
+        self.system.link(self.plan.method)
+        self.compile_seconds = time.perf_counter() - began
+        self.method, self.formulation = self.plan.method, self.plan.formulation
+        adaptive = bool(method_named(self.method).ADAPTIVE)
+        self.setting = "rtol" if adaptive else "step"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns of the rows."""
+        return self.system.columns.names
+
+    def solve(self, value: float, patience: Patience) -> Solved:
+        """Solve once with the tolerance, or the step, `value`."""
+        fixed = self.setting == "step"
+        plan = replace(
+            self.plan,
+            rtol=None if fixed else value,
+            atol=None,
+            step=value if fixed else None,
+        )
+        kept = Keep()
+        patience.begin()
+        began = time.perf_counter()
+        trajectory = simulate(
+            self.equations,
+            self.scene.start,
+            plan,
+            self.system,
+            [kept],
+            progress=patience.check,
+        )
+        seconds = time.perf_counter() - began
+        rows = kept.rows() if trajectory.outcome.complete else None
+        if rows is not None and not np.all(np.isfinite(rows)):
+            rows = None
+        return Solved(
+            rows,
+            seconds,
+            trajectory.statistics.evaluations,
+            trajectory.outcome.word,
+            "" if rows is not None else trajectory.reason,
+        )
+
+
+class Keep:
+    """A consumer that keeps every row."""
+
+    def __init__(self) -> None:
+        self._blocks: list[Floats] = []
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+        self._blocks.append(rows)
+
+    def rows(self) -> Floats:
+        """Give all of them."""
+        return np.concatenate(self._blocks)
+
+
+def formulations(scene: Scene, method: str) -> tuple[list[Own], dict[str, str]]:
+    """Give a solver for each formulation that a method can take.
+
+    And by formulation why another cannot be had.
+    """
+    found: dict[str, Own] = {}
+    refused: dict[str, str] = {}
+    constrained = bool(scene.equations.rows)
+    for formulation in (*FORMULATIONS, *(OF_CONSTRAINTS if constrained else ())):
+        try:
+            plan = scene.asking(method, formulation)[1]
+            if plan.formulation not in found:
+                found[plan.formulation] = Own(scene, method, formulation)
+        except InputError as fault:
+            said = f"`{method}` cannot handle this model: "
+            refused[formulation] = fault.problems[0].text.removeprefix(said)
+    return list(found.values()), refused
+
+
+def least(solve: Callable[[], Solved]) -> Solved:
+    """Solve again and again; give the solve that took the least time."""
+    best = solve()
+    spent, repeats = best.seconds, 1
+    while (
+        best.rows is not None
+        and repeats < MOST_REPEATS
+        and spent + best.seconds < REPEATING_SECONDS
+    ):
+        again = solve()
+        spent += again.seconds
+        repeats += 1
+        if again.seconds < best.seconds:
+            best = again
+    return best

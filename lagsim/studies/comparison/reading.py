@@ -1,0 +1,313 @@
+"""Reading a table of results, fast where it is what lagsim writes.
+
+A block of text that holds nothing but plain numbers is read by SciPy's reader of Matrix
+Market files, which takes a sixth of the time of `float`. It is lenient, so that a block
+must look like rows of numbers first: by what may stand beside what. Any other block is
+read cell by cell, and the first cell that is no number is named.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import orjson
+
+from lagsim.errors import InputError, Problem
+from lagsim.outputs.results import MANIFEST
+from lagsim.outputs.table import NAME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+    from typing import BinaryIO
+
+    from numpy.typing import NDArray
+
+    from lagsim.native.kernels.words import Floats
+
+# Bytes read at once, and of a file for which SciPy's reader is worth its import.
+BLOCK = 1 << 21
+LARGE = 1 << 21
+# Bytes of a header at most: beyond, the file is something else.
+LONGEST_HEADER = 1 << 24
+
+_DIGITS = b"0123456789"
+_TO_LINES = bytes.maketrans(b",", b"\n")
+_COMMA, _LINE, _MINUS, _PLUS, _POINT, _E = b",\n-+.e"
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of numbers, one column of which is the time `t`.
+
+    Attributes
+    ----------
+    name : str
+        What messages call it.
+    columns : tuple of str
+    data : ndarray, shape (columns, rows)
+    units : mapping of str to str
+        Of the columns, where they are known.
+    remarks : tuple of str
+        What the user should know of the run that made it.
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    data: Floats
+    units: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def t(self) -> Floats:
+        """The times (rows,)."""
+        return self["t"]
+
+    def __getitem__(self, column: str) -> Floats:
+        return np.asarray(self.data[self.columns.index(column)])
+
+
+def read_results(path: Path) -> Table:
+    """Read the table of a folder of results, with what its run.json says, or a file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not a table of numbers.
+    """
+    if not path.is_dir():
+        return read_table(path)
+    table = read_table(path / NAME)
+    units: Mapping[str, str] = {}
+    remarks: tuple[str, ...] = ()
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+        manifest: Any = orjson.loads((path / MANIFEST).read_bytes())
+        units = {k: str(unit) for k, unit in manifest["columns"].items()}
+        if not manifest["complete"]:
+            remarks = (f"{path} is incomplete: {manifest['reason']}",)
+    return Table(table.name, table.columns, table.data, units, remarks)
+
+
+def read_table(path: Path) -> Table:
+    """Read a CSV file with a header and rows of numbers.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not a table of numbers.
+    """
+    try:
+        with path.open("rb") as file:
+            return _read(file, str(path))
+    except OSError as error:
+        raise unusable(str(path), f"cannot be read: {error.strerror}") from None
+
+
+def unusable(name: str, why: str) -> InputError:
+    """Give what tells that a file cannot be compared."""
+    return InputError([Problem("bad-table", f"{name}: {why}")])
+
+
+def _read(file: BinaryIO, name: str) -> Table:
+    head = file.readline(LONGEST_HEADER)
+    columns = _header(head, name)
+    size = file.seek(0, io.SEEK_END)
+    # Every row ends with a line break, but for the last one of a foreign table.
+    most = _line_breaks(file, len(head)) + 1
+    # No row is shorter than its commas: nothing else is made room for.
+    most = min(most, size // max(1, 2 * len(columns) - 1) + 1)
+    data = np.empty((len(columns), most))
+    rows, line = 0, 2
+    file.seek(len(head))
+    for block in _blocks(file):
+        part = _plain(block, len(columns)) if size > LARGE else None
+        if part is None:
+            part = _cells(block, columns, name, line)
+            line += block.count(b"\n")
+        else:
+            line += part.shape[1]  # plain rows have a line each
+        data[:, rows : rows + part.shape[1]] = part
+        rows += part.shape[1]
+    if not rows:
+        raise unusable(name, "there are no rows after the header")
+    data = data[:, :rows]
+    return Table(name, columns, data)
+
+
+def _header(head: bytes, name: str) -> tuple[str, ...]:
+    if not head.strip():
+        raise unusable(name, "the file is empty" if not head else "line 1 is blank")
+    try:
+        text = head.decode("utf-8-sig").rstrip("\r\n")
+        columns = next(csv.reader([text], strict=True))
+    except (UnicodeDecodeError, csv.Error, StopIteration):
+        raise unusable(name, "line 1 is no header of a CSV file") from None
+    columns = [column.strip() for column in columns]
+    with contextlib.suppress(ValueError):
+        float(columns[0])
+        raise unusable(name, "line 1 is no header: it begins with a number")
+    if "t" not in columns:
+        raise unusable(name, "line 1: there is no column `t`, the time")
+    if not all(columns):
+        raise unusable(name, "line 1: a column has no name")
+    twice = [column for column, number in Counter(columns).items() if number > 1]
+    if twice:
+        raise unusable(name, f"line 1: the column `{twice[0]}` stands twice")
+    return tuple(columns)
+
+
+def _line_breaks(file: BinaryIO, start: int) -> int:
+    file.seek(start)
+    return sum(block.count(b"\n") for block in iter(lambda: file.read(BLOCK), b""))
+
+
+def _blocks(file: BinaryIO) -> Iterator[bytes]:
+    """Give the rest of a file in blocks of whole lines."""
+    rest = b""
+    while read := file.read(BLOCK):
+        read = rest + read
+        end = read.rfind(b"\n") + 1
+        rest = read[end:]
+        if end:
+            yield read[:end]
+    if rest:
+        yield rest
+
+
+def _plain(block: bytes, count: int) -> Floats | None:
+    """Read rows of plain numbers (count, rows); None if there is anything else."""
+    marks = block.translate(None, _DIGITS)
+    rows = block.count(b"\n")
+    breaks = (b"," * (count - 1) + b"\n") * rows
+    if marks.translate(None, b"+-.e\r") != breaks or not block.endswith(b"\n"):
+        return None
+    if b"e-." in marks or b"e-e" in marks or not _adjacent(marks):
+        return None
+    characters = np.frombuffer(block, np.uint8)
+    minus = np.flatnonzero(characters == _MINUS)
+    if not np.all(_BEFORE_MINUS[characters[minus - 1]]):  # the last one is a line break
+        return None
+    if b"e" in marks and not _exponents(characters):
+        return None
+    from scipy.io import mmread
+
+    head = b"%%%%MatrixMarket matrix array real general\n%d %d\n" % (count, rows)
+    text = io.BytesIO(head + block.translate(_TO_LINES, b"\r"))
+    try:
+        found = np.asarray(mmread(text), dtype=np.float64)
+    except ValueError:
+        return None
+    _restore_signs(found, block)
+    return found
+
+
+def _restore_signs(found: Floats, block: bytes) -> None:
+    """Make those zeros negative that are so in the text: SciPy adds them to 0."""
+    columns, rows = np.nonzero(found == 0.0)
+    if not len(rows):
+        return
+    characters = np.frombuffer(block, np.uint8)
+    ends = np.flatnonzero((characters == _COMMA) | (characters == _LINE))
+    cells = rows * len(found) + columns
+    starts = np.where(cells > 0, ends[cells - 1] + 1, 0)
+    negative = characters[starts] == _MINUS
+    found[columns[negative], rows[negative]] = -0.0
+
+
+def _adjacent(marks: bytes) -> bool:
+    """Tell whether each two bytes that follow each other may do so."""
+    for start in (0, 1):
+        pairs = np.frombuffer(marks, np.uint16, (len(marks) - start) // 2, start)
+        if not np.all(_MARKS[pairs]):
+            return False
+    return True
+
+
+def _exponents(characters: NDArray[np.uint8]) -> bool:
+    """Tell whether each e stands between a digit, or a point, and an exponent."""
+    e = np.flatnonzero(characters == _E)
+    after = characters[e + 1]  # the last character is a line break
+    digits = characters[e + 1 + ((after == _MINUS) | (after == _PLUS))]
+    before = characters[e - 1]
+    return bool(np.all(_DIGIT[digits]) and np.all(_DIGIT[before] | (before == _POINT)))
+
+
+def _set(characters: bytes) -> NDArray[np.bool_]:
+    """Give for each byte whether it is one of these."""
+    found = np.zeros(256, dtype=bool)
+    found[np.frombuffer(characters, np.uint8)] = True
+    return found
+
+
+def _table(pairs: str) -> NDArray[np.bool_]:
+    """Give for each two bytes, as one number in memory, whether they may be adjacent.
+
+    Of `pairs` each word is a character, then all that may follow it; `n` and `r` end a
+    line.
+    """
+    allowed = np.zeros(1 << 16, dtype=bool)
+    for word in pairs.replace("n", "\n").replace("r", "\r").split(" "):
+        first, others = word[0], word[1:]
+        for other in others:
+            allowed[np.frombuffer((first + other).encode(), np.uint16)] = True
+    return allowed
+
+
+_DIGIT = _set(_DIGITS)
+_BEFORE_MINUS = _set(b",\ne")
+# Of rows whose digits are left out: of -1.5e-7 there is -.e-
+_MARKS = _table("-.e,nr +,nr .e,nr e+-,nr ,-.e,nr n-.e,nr rn")
+
+
+def _cells(block: bytes, columns: tuple[str, ...], name: str, line: int) -> Floats:
+    """Read rows cell by cell (columns, rows).
+
+    Raises
+    ------
+    InputError
+        That names the line of the first cell that is no number.
+    """
+    try:
+        text = block.decode()
+    except UnicodeDecodeError as error:
+        line += block.count(b"\n", 0, error.start)
+        raise unusable(name, f"line {line} is not UTF-8") from None
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    rows: list[list[float]] = []
+    blank = 0
+    while True:
+        here = line + reader.line_num
+        try:
+            cells = next(reader, None)
+        except csv.Error as error:
+            raise unusable(name, f"line {here}: {error}") from None
+        if cells is None:
+            return np.array(rows, dtype=np.float64).reshape(-1, len(columns)).T
+        if blank and cells:
+            raise unusable(name, f"line {blank} is blank")
+        if not cells:
+            blank = blank or here
+            continue
+        if len(cells) != len(columns):
+            found = f"{len(cells)} cell{'s' * (len(cells) != 1)}"
+            why = f"line {here} has {found}, and the header {len(columns)} columns"
+            raise unusable(name, why)
+        pairs = zip(cells, columns, strict=True)
+        rows.append([_number(cell, column, name, here) for cell, column in pairs])
+
+
+def _number(cell: str, column: str, name: str, line: int) -> float:
+    try:
+        if "_" not in cell:
+            return float(cell)
+    except ValueError:
+        pass
+    shown = f"`{cell[:40]}`" if cell.strip() else "empty"
+    what = f"line {line}: {column} is {shown}, and not a number"
+    raise unusable(name, what)

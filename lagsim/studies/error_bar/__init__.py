@@ -1,0 +1,403 @@
+"""The error of a run, estimated: what a repeat by other means gives instead.
+
+A local error says little of the motion: the estimate is the difference of two whole
+runs, so that it knows how errors grow on the way. A repeat with the same steps would
+have the same blind spots: what one step passes over, and what a step at the bound of
+stability is off by, is then no difference. So it is made at a hundredth of the
+tolerance, and in steps that are forced to be others: none is longer than a part of the
+output step, nor, where the method is the same, than a part of the run's own; and by
+another method where something might hide from this one's steps.
+
+The repeat costs a few times the run. It is made while that stays within a number of
+operations, never of seconds, so that a rerun gives the same result.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from lagsim.plan import make_plan
+from lagsim.plan.integration import ANY
+from lagsim.run import simulate
+from lagsim.run.error import LOST, TIMES, CoordinateError, ErrorBar
+from lagsim.run.observers.checkpoints import MOST_ROWS, Checkpoints
+from lagsim.run.states import MOST_STEPS, SERIES
+from lagsim.run.system import System
+from lagsim.run.system.sleepers import timed
+from lagsim.run.trajectory import Outcome
+from lagsim.studies.error_bar.scales import STILL, beside, ranges, scales_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from lagsim.admissibility import Start
+    from lagsim.mechanics.equations import Equations
+    from lagsim.native.kernels.words import Floats
+    from lagsim.plan import Plan
+    from lagsim.run.interrupt import Interrupt
+    from lagsim.run.trajectory import Trajectory
+
+__all__ = [
+    "BUDGET",
+    "LOST",
+    "MOST_ROWS",
+    "STILL",
+    "TIMES",
+    "Checkpoints",
+    "CoordinateError",
+    "ErrorBar",
+    "Repeat",
+    "beside",
+    "by_other_means",
+    "is_outlier",
+    "repeat",
+]
+
+# How much tighter the repeat's tolerance is, how much where that does not come to its
+# end, the least that means anything, and the
+# loosest that a repeat is made at: loose steps may both be far off, and alike.
+TIGHTER = 100.0
+LOOSER = 3.0
+TIGHTEST = 1e-14
+LOOSEST = 1e-6
+# That of the repeat of a method without error control.
+FREE_RTOL = 1e-13
+# A method whose steps are exact, whatever their length.
+EXACT = "exponential"
+# The longest step of a repeat, as a part of the output step (not a ratio of small whole
+# numbers: looks fall elsewhere in each row), and of the steps of the same method.
+WITHIN = 0.75**0.5
+GOLDEN = (5.0**0.5 - 1.0) / 2.0
+# Operations that a repeat may take without being asked for: about 2 s; and so many that
+# it may always take to keep its steps short.
+BUDGET = 2e9
+SHORT = 2e7
+# No repeat takes more than so many times the run, or so many operations: one that does
+# has met with something that the run has not.
+MOST_TIMES = 20.0
+ALWAYS = 2e8
+# Evaluations and columns of a row cost about this much besides their operations.
+OVERHEAD = 20
+# Evaluations in a step with rows in it, of what repeats most runs.
+PER_STEP = 15.0
+# A series takes about so many times the operations of the rates that it is made of.
+SERIES_LENGTH = 50
+# Rows of the repeat, at least: ranges are taken from them, too.
+LEAST_ROWS = 64
+# Two repeats agree by far where they are apart by this part of what the run is off.
+ALIKE = 1e-4
+# Values are rounded by this part, in either run.
+ROUNDED = 2.0**-53
+
+
+class Account(Protocol):
+    """What the rows of a repeat are judged by before it may accuse a run."""
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+
+    def fault(self, plan: Plan, trajectory: Trajectory) -> str:
+        """Say why they are no answer; "" where they may be one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repeat:
+    """Other means of making a run: its plan, its system, and its longest step."""
+
+    plan: Plan
+    system: System
+    longest_step: float
+    per_step: float = PER_STEP
+
+
+def repeat(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    system: System,
+    trajectory: Trajectory,
+    checkpoints: Checkpoints,
+    *,
+    always: bool = False,
+    account: Callable[[System], Account] | None = None,
+    interrupt: Interrupt | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> ErrorBar | str:
+    """Give the error bar of a run, or why there is none.
+
+    Parameters
+    ----------
+    plan, system, trajectory, checkpoints
+        Of the run.
+    always
+        Whatever it costs.
+    account
+        Gives what judges a repeat; one that fails says nothing, and another is made.
+    progress
+        Called with the fraction of the repeat that is done.
+    """
+    if len(checkpoints.rows) < 2:
+        return "there are too few rows to compare"
+    expected = 2.0 * trajectory.statistics.evaluations * _cost(system, plan.method)
+    if expected > BUDGET and not always:
+        return (
+            f"a repeat would take about {expected:.1e} operations "
+            "(--error-bar always makes it)"
+        )
+    n = len(equations.model.coordinates)
+    found: ErrorBar | str = "nothing else can repeat it"
+    for other in by_other_means(equations, start, plan, system, trajectory):
+        fine, stride = _spaced(equations, checkpoints)
+        again = Checkpoints(n, fine.model.simulation, stride)
+        most = _most_steps(other, system, trajectory)
+        own = None if account is None else account(other.system)
+        repeated = simulate(
+            fine, start, other.plan, other.system, [again, *([own] if own else [])],
+            interrupt=interrupt, progress=progress,
+            most_steps=MOST_STEPS if always else most,
+            longest_step=other.longest_step,
+        )  # fmt: skip
+        if repeated.outcome is Outcome.INTERRUPTED:
+            return "the repeat was interrupted"
+        fault = own.fault(other.plan, repeated) if own else ""
+        if fault:
+            found = f"a repeat by {other.plan.method} is no answer itself: {fault}"
+            continue
+        if _is_comparable(trajectory, repeated):
+            runs = trajectory, repeated
+            return _compared(equations, start, runs, other.plan, checkpoints, again)
+        where = f"{other.plan.method} ended at t = {repeated.end:.6g}"
+        found = f"a repeat did not finish: {where}"
+    return found
+
+
+def is_outlier(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    system: System,
+    trajectory: Trajectory,
+    checkpoints: Checkpoints,
+    bar: ErrorBar,
+    *,
+    account: Callable[[System], Account] | None = None,
+    interrupt: Interrupt | None = None,
+) -> bool:
+    """Tell whether it is the run, and not its repeat, that is off: by a third one.
+
+    Two that are tighter agree better by far where the run has passed over something; by
+    as much as their tolerances differ where motions part exponentially.
+    """
+    other = next(by_other_means(equations, start, plan, system, trajectory), None)
+    if other is None:
+        return False
+    longest = GOLDEN * GOLDEN * other.longest_step
+    plan = _tighter(other.plan, TIGHTER)
+    if plan.rtol == other.plan.rtol:  # equal ones may take the same steps
+        plan = replace(plan, rtol=LOOSER * (plan.rtol or 0.0))
+    fine, stride = _spaced(equations, checkpoints)
+    third = Checkpoints(len(equations.q), fine.model.simulation, stride)
+    own = None if account is None else account(other.system)
+    made = simulate(
+        fine, start, plan, other.system, [third, *([own] if own else [])],
+        interrupt=interrupt, most_steps=_most_steps(other, system, trajectory),
+        longest_step=longest,
+    )  # fmt: skip
+    if own and own.fault(plan, made):
+        return False
+    found = third.numbered
+    alike = [np.abs(found[k] - row) for k, row in bar.repeated.items() if k in found]
+    if len(alike) < len(bar.repeated):
+        return False
+    n = len(equations.q)
+    scales = bar.scales if bar.still is None else np.fmax(bar.scales, bar.still)
+    apart = np.max(np.array(alike)[:, 1 : 1 + n], axis=0)
+    parts = np.divide(apart, scales, out=np.zeros(n), where=scales > 0.0)
+    return bool(np.max(parts) < ALIKE * np.max(bar.lost))
+
+
+def by_other_means(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    system: System,
+    trajectory: Trajectory,
+) -> Iterator[Repeat]:
+    """Give the ways to make a run again, the best first."""
+    simulation = equations.model.simulation
+    assert simulation is not None
+    steps = max(trajectory.statistics.steps, 1)
+    mean = (trajectory.end - trajectory.start) / steps
+    within = WITHIN * simulation.output_step
+    if plan.rtol is None and plan.method == EXACT:
+        tight = replace(plan, method=ANY, rtol=TIGHTEST, step=None)
+        yield Repeat(tight, system, _affordable(within, system, ANY, trajectory))
+        assert plan.step is not None
+        others = replace(plan, step=GOLDEN * plan.step)
+        yield Repeat(others, system, within, 1.0)
+        return
+    if plan.rtol is None:
+        free = _free(equations, start)
+        system = System(equations, free)
+        within = _affordable(within, system, free.method, trajectory)
+        yield Repeat(free, system, within)
+        return
+    same = GOLDEN * min(mean, simulation.output_step)
+    for tighter in (_tighter(plan, TIGHTER), _tighter(plan, LOOSER)):
+        alike = plan.method == SERIES and (
+            _sees_all(system) or not _has_room(plan, tighter)
+        )
+        if plan.method != ANY and not alike:
+            longest = _affordable(within, system, ANY, trajectory)
+            yield Repeat(replace(tighter, method=ANY), system, longest)
+        if plan.method == ANY or alike or plan.method != SERIES:
+            longest = _affordable(same, system, plan.method, trajectory)
+            yield Repeat(tighter, system, longest)
+
+
+def _sees_all(system: System) -> bool:
+    """Tell whether nothing in a scene can hide from a series, whatever its steps.
+
+    Then other steps are other means enough, and no second method has to be linked.
+    """
+    return not system.sleepers and not timed(system.equations)
+
+
+def _has_room(plan: Plan, tighter: Plan) -> bool:
+    """Tell whether the repeat's tolerance leaves another method room to be better."""
+    if not plan.rtol or not tighter.rtol:
+        return True
+    return tighter.rtol > TIGHTEST
+
+
+def _tighter(plan: Plan, times: float) -> Plan:
+    rtol = plan.rtol or 0.0
+    if rtol:
+        rtol = min(max(rtol / times, TIGHTEST), LOOSEST)
+    factor = rtol / plan.rtol if plan.rtol else 1.0 / times
+    atol = None if plan.atol is None else plan.atol * min(factor, 1.0)
+    return replace(plan, rtol=rtol, atol=atol)
+
+
+def _free(equations: Equations, start: Start) -> Plan:
+    """Give the plan that repeats a method without error control."""
+    simulation = equations.model.simulation
+    assert simulation is not None
+    free = replace(
+        simulation, method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None
+    )
+    model = replace(equations.model, simulation=free)
+    return make_plan(replace(equations, model=model), start)
+
+
+def _cost(system: System, method: str) -> float:
+    """Give about how many operations an evaluation takes, whatever goes with it."""
+    operations = float(system.operations)
+    if system.plan.method == SERIES and method != SERIES:
+        operations /= SERIES_LENGTH
+    return operations + OVERHEAD
+
+
+def _most_steps(other: Repeat, system: System, trajectory: Trajectory) -> int:
+    """Give how many steps a repeat may make: it costs a few times the run."""
+    own = trajectory.statistics.evaluations * _cost(system, system.plan.method)
+    most = min(BUDGET, max(MOST_TIMES * own, ALWAYS))
+    return int(most / (other.per_step * _cost(other.system, other.plan.method)))
+
+
+def _affordable(
+    longest: float, system: System, method: str, trajectory: Trajectory
+) -> float:
+    """Give a longest step with which steps alone cost no more than they may."""
+    span = trajectory.end - trajectory.start
+    own = trajectory.statistics.evaluations * _cost(system, system.plan.method)
+    most = min(max(2.0 * own, SHORT), BUDGET / 2.0)
+    per_step = PER_STEP * _cost(system, method)
+    return max(longest, span * per_step / most)
+
+
+def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
+    """Tell whether a repeat came as far, or to an end of its own."""
+    if repeated.outcome.complete:
+        return True
+    span = trajectory.end - trajectory.start
+    return repeated.end >= trajectory.end - 1e-6 * span
+
+
+def _spaced(equations: Equations, checkpoints: Checkpoints) -> tuple[Equations, int]:
+    """Give the equations with the rows of a repeat, of which one in k is compared."""
+    simulation = equations.model.simulation
+    assert simulation is not None
+    count = len(checkpoints.rows)
+    finer = -(-LEAST_ROWS // count) if checkpoints.stride == 1 else 1
+    spacing = checkpoints.stride * simulation.output_step / finer
+    fine = replace(simulation, output_step=spacing)
+    return replace(equations, model=replace(equations.model, simulation=fine)), finer
+
+
+def _compared(
+    equations: Equations,
+    start: Start,
+    runs: tuple[Trajectory, Trajectory],
+    plan: Plan,
+    checkpoints: Checkpoints,
+    again: Checkpoints,
+) -> ErrorBar:
+    """Compare rows of the same numbers, as far as both go, and ends alike."""
+    n = len(equations.q)
+    rows, others = [], []
+    repeats = again.numbered
+    for k, row in checkpoints.numbered.items():
+        other = repeats.get(k)
+        if other is not None:
+            rows.append(row)
+            others.append(other)
+    simulation = equations.model.simulation
+    assert simulation is not None
+    assert checkpoints.last is not None
+    assert again.last is not None
+    run, repeated = runs
+    apart = abs(run.end - repeated.end)
+    alike = run.outcome is repeated.outcome and apart < simulation.output_step
+    if alike and checkpoints.last[0] > rows[-1][0]:
+        rows.append(checkpoints.last)
+        others.append(again.last)
+    mine, theirs = np.array(rows), np.array(others)
+    errors = np.abs(theirs[:, 1:] - mine[:, 1:])
+    rounded = ROUNDED * np.maximum.accumulate(np.abs(mine[:, 1:]), axis=0)
+    errors = np.fmax(errors, rounded)
+    own = checkpoints.high - checkpoints.low
+    sizes = ranges(equations.q, checkpoints, again, repeated.extents)
+    # Where the two are apart, the repeat's motion is another one; it counts only where
+    # the run has hardly moved.
+    parted_ways = np.max(errors[:, :n], axis=0) > LOST * sizes
+    parted_ways &= own > LOST * sizes
+    sizes = np.where(parted_ways, own, sizes)
+    moving = beside(equations, start, sizes)
+    largest = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0)
+    scales, still = scales_of(sizes, moving, largest)
+    return ErrorBar(
+        method=plan.method,
+        rtol=plan.rtol,
+        names=equations.q,
+        times=mine[:, 0],
+        errors=errors[:, :n],
+        scales=scales,
+        still=still,
+        rates=errors[:, n:],
+        repeated=repeats,
+        parted="" if alike else _parted(run, repeated, plan),
+    )
+
+
+def _parted(run: Trajectory, repeated: Trajectory, plan: Plan) -> str:
+    """Say how two runs that came to their ends ended differently."""
+    if not (run.outcome.complete and repeated.outcome.complete):
+        return ""
+    return (
+        f"it ended with `{run.outcome.word}` at t = {run.end:.9g}, and a repeat by "
+        f"{plan.method} with `{repeated.outcome.word}` at t = {repeated.end:.9g}"
+    )

@@ -1,0 +1,83 @@
+"""What an error is measured by: the range of the coordinate's own motion."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.language.evaluate import evaluate
+from lagsim.run.error import LOST
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.admissibility import Start
+    from lagsim.mechanics.equations import Equations
+    from lagsim.native.kernels.words import Floats
+    from lagsim.run.observers.checkpoints import Checkpoints
+
+# A coordinate that should stay at rest is moved by the rounding of what moves beside
+# it: its range counts as no less than this part of theirs.
+SEED = 1e-9
+# What moves by less than so many units in the last place of its own values is at rest
+# but for rounding: its error is told as a part of those values, and is no horizon.
+RESOLVED = 64.0 * 2.0**-52
+# For a horizon, what moves less than this part of the others has no motion to lose.
+STILL = 1e-6
+
+
+def ranges(
+    names: tuple[str, ...],
+    checkpoints: Checkpoints,
+    again: Checkpoints,
+    extents: Mapping[str, tuple[float, float]],
+) -> Floats:
+    """Give the ranges (n,): over all rows of both runs, and over the repeat's steps.
+
+    Rows may be few, or show an oscillation always in the same phase.
+    """
+    low = np.fmin(checkpoints.low, again.low)
+    high = np.fmax(checkpoints.high, again.high)
+    for k, name in enumerate(names):
+        if name in extents:
+            low[k] = np.fmin(low[k], extents[name][0])
+            high[k] = np.fmax(high[k], extents[name][1])
+    return np.asarray(high - low)
+
+
+def beside(equations: Equations, start: Start, found: Floats) -> Floats:
+    """Give the largest motion beside that of each coordinate, in its own unit (n,).
+
+    As far as its inertia may be moved by it: of a heavier body no more than that body's
+    own range, so that what is light does not hide behind it; of a lighter one less, as
+    the roots of the masses. Where units differ, whichever is less.
+    """
+    values = {p.name: p.value for p in equations.model.parameters} | {"t": start.t}
+    values |= dict(zip(equations.q, start.q, strict=True))
+    values |= dict(zip(equations.velocities, start.v, strict=True))
+    diagonal = [equations.M[i][i] for i in range(len(found))]
+    roots = np.sqrt(np.fmax(evaluate(equations.graph, diagonal, values), 0.0))
+    finite = np.where(np.isfinite(found) & np.isfinite(roots), found, 0.0)
+    # The largest of range_j min(1, root_j/root_i): by size, without n^2 numbers.
+    lightest = np.argsort(roots)
+    whole = np.zeros(len(found))
+    below = np.maximum.accumulate((finite * roots)[lightest])
+    above = np.maximum.accumulate(finite[lightest][::-1])[::-1]
+    own = roots[lightest]
+    lighter = np.divide(below, own, out=np.zeros_like(below), where=own > 0.0)
+    whole[lightest] = np.fmax(lighter, above)
+    return whole
+
+
+def scales_of(found: Floats, moving: Floats, largest: Floats) -> tuple[Floats, Floats]:
+    """Give what errors are told as parts of, and below which there is no horizon (n,).
+
+    Parameters
+    ----------
+    found, moving, largest
+        Of each coordinate the range, the motion beside it, and the largest value.
+    """
+    scales = np.fmax(found, SEED * moving)
+    scales = np.where(scales > RESOLVED * largest, scales, largest)
+    return scales, np.fmax(STILL * moving, RESOLVED * largest / LOST)

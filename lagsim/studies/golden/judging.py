@@ -1,0 +1,143 @@
+"""A model's motion held against its golden."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim import __version__
+from lagsim.methods import method as method_named
+from lagsim.outputs.manifest import versions
+from lagsim.plan import make_plan
+from lagsim.studies.comparison.judging import Deviation, deviations, ordered
+from lagsim.studies.golden.invariants import invariants
+from lagsim.studies.golden.measuring import SAME_TIME
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from typing import Any
+
+    from lagsim.studies.golden.measuring import Golden
+    from lagsim.studies.golden.motion import Motion, Scene
+    from lagsim.studies.golden.storing import Stored
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What was found.
+
+    Attributes
+    ----------
+    worst : tuple of Deviation
+        One for each column and invariant, the worst first.
+    missing, extra : tuple of str
+        Columns that are no longer there, or are new.
+    faults, notes : tuple of str
+        What else fails the run, and what is no failure.
+    """
+
+    worst: tuple[Deviation, ...]
+    missing: tuple[str, ...]
+    extra: tuple[str, ...]
+    faults: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether the motion is still the same."""
+        return not (self.missing or self.faults) and all(d.passed for d in self.worst)
+
+
+def run(scene: Scene, stored: Stored) -> Motion:
+    """Run a model so that its rows lie at the golden's times."""
+    simulation = scene.equations.model.simulation
+    assert simulation is not None
+    spacing = float(stored.about["output_step"])
+    plan = make_plan(scene.equations, scene.start)
+    step = None if method_named(plan.method).ADAPTIVE else plan.step
+    other = scene.asking(output_step=spacing, step=step)
+    return other.motion(stored.golden.stride)
+
+
+def judge(scene: Scene, motion: Motion, stored: Stored) -> Judgement:
+    """Hold a motion against the golden of its model."""
+    golden, about = stored.golden, stored.about
+    found = _columns(motion, golden, float(about["output_step"]))
+    found += _invariants(scene, motion, golden)
+    missing = tuple(c for c in golden.columns if c not in motion.columns)
+    known = about.get("columns", golden.columns)
+    notes = _notes(scene, motion, about)
+    return Judgement(
+        worst=ordered(found),
+        missing=missing,
+        extra=tuple(c for c in motion.columns if c not in known),
+        faults=tuple(_faults(motion, about)),
+        notes=tuple(notes),
+    )
+
+
+def _columns(motion: Motion, golden: Golden, spacing: float) -> list[Deviation]:
+    t = golden.rows[:, 0]
+    near = SAME_TIME * spacing
+    rows = motion.at(t, near, ends=golden.horizon is None)
+    found = []
+    for k, name in enumerate(golden.columns):
+        if name in motion.columns:
+            new = rows[:, motion.columns.index(name)]
+            bounds = golden.bounds(name)
+            if name == "t":  # the same times as far as they were looked for
+                bounds = bounds + near
+            found.append(deviations(name, t, golden.rows[:, k], new, bounds))
+    return found
+
+
+def _invariants(scene: Scene, motion: Motion, golden: Golden) -> list[Deviation]:
+    now = invariants(scene.equations, motion)
+    found = []
+    for name, kept in golden.invariants.items():
+        values = now.get(name)
+        if values is not None:
+            value, bound = (np.full(len(values), x) for x in (kept.value, kept.bound))
+            label = f"{name} (constant)"
+            found.append(deviations(label, motion.rows[:, 0], value, values, bound))
+    return found
+
+
+def _faults(motion: Motion, about: Mapping[str, Any]) -> list[str]:
+    outcome = motion.trajectory.outcome
+    if not outcome.complete:
+        return [f"the run does not finish: {motion.trajectory.reason}"]
+    if outcome.word != about.get("outcome", outcome.word):
+        was = about["outcome"]
+        return [f"the run ends otherwise: `{outcome.word}`, and the golden `{was}`"]
+    return []
+
+
+def _notes(scene: Scene, motion: Motion, about: Mapping[str, Any]) -> list[str]:
+    """Tell what has changed besides the motion."""
+    notes = []
+    model = scene.equations.model
+    if model.sha256 != about.get("model_sha256"):
+        notes.append("the model file has changed since its golden was stored")
+    for what in ("method", "formulation"):
+        now, was = getattr(motion.plan, what), about.get(what)
+        if now != was:
+            notes.append(f"{what} {now}, the golden's is {was}")
+    was, now = about.get("versions", {}), versions()
+    changed = [f"lagsim {about.get('lagsim')}"] * (about.get("lagsim") != __version__)
+    changed += [f"{k} {was[k]}" for k in now if k in was and was[k] != now[k]]
+    if changed:
+        notes.append(f"the golden is from {', '.join(changed)}")
+    simulation = model.simulation
+    assert simulation is not None
+    if simulation.output_step != float(about["output_step"]):
+        notes.append(f"rows every {about['output_step']!r}, as in the golden")
+    end = float(about["end"])
+    apart = abs(motion.trajectory.end - end)
+    if apart > SAME_TIME * float(about["output_step"]):
+        notes.append(
+            f"the run ends at t = {motion.trajectory.end!r}, the golden's at {end!r}"
+        )
+    return notes

@@ -1,0 +1,280 @@
+"""How well a motion is known: bounds by column and time, the horizon, its invariants.
+
+All that may make a run differ from the golden one does so here, once: a hundred times
+the tolerance, a tenth of it, start and parameters moved by rounding errors, other
+methods. What these runs differ by is what a run elsewhere may differ by.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.language.evaluate import evaluate_with_error
+from lagsim.plan.integration import DEFAULT_RTOL
+from lagsim.studies.comparison.scales import kind, scales
+from lagsim.studies.golden.invariants import MOMENTUM, invariants
+from lagsim.studies.golden.motion import (
+    LEAST_ROWS,
+    MOST_CELLS,
+    MOST_ROWS,
+    Motion,
+    Scene,
+    variants,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.native.kernels.words import Floats
+    from lagsim.run.trajectory import Trajectory
+
+# The looser run is farther away than any that should pass, and counts once: at ten
+# times the tolerance errors are about a tenth of its own (a quarter at worst, where
+# motions part exponentially). All others are samples of what should pass: a few draws
+# of rounding errors, one path through the steps. Another processor rounds differently
+# in every step and not only in the first, so that the largest of the samples may be
+# exceeded several times over, but not tenfold.
+SAFETY = 10.0
+# Values are rounded to a tenth of their bound, or better: a twentieth, added to it.
+DIGITS = 0.1
+# Past the horizon a coordinate or a velocity may be off by this part of its scale: what
+# is left says little more than where the motion can be at all.
+LOST = 1 / 3
+# Rounding errors of a value that was computed from others of its size.
+ULPS = 16 * np.finfo(float).eps
+# Bounds only rise. Each rise makes room for so much more, so that there are few.
+ROOM = 1.5
+# Rows this close to an event, as a part of the spacing, may lie on either side of it.
+NEAR_EVENT = 1e-3
+# Times are the same within this part of the spacing.
+SAME_TIME = 1e-6
+# Columns that are kept of long tables.
+MOST_COLUMNS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Invariant:
+    """What a motion keeps: its value, and how far from it any row may be."""
+
+    value: float
+    bound: float
+
+
+@dataclass(frozen=True)
+class Golden:
+    """A motion as far as it is known.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Those that are kept; the first is the time.
+    rows : ndarray, shape (k, columns)
+    steps : dict of str to list
+        By column (time, bound) pairs: the bound holds from that time on, to the next.
+    horizon : float or None
+        Past this time only invariants are compared.
+    invariants : dict of str to Invariant
+    stride : int
+        Of so many rows of the run one is kept.
+    """
+
+    columns: tuple[str, ...]
+    rows: Floats
+    steps: dict[str, list[tuple[float, float]]]
+    horizon: float | None
+    invariants: dict[str, Invariant]
+    stride: int
+
+    def bounds(self, column: str) -> Floats:
+        """Give the bound of a column in each row (k,)."""
+        times, bounds = np.array(self.steps[column]).T
+        place = np.searchsorted(times, self.rows[:, 0], side="right") - 1
+        return np.asarray(bounds[np.maximum(place, 0)])
+
+
+def measure(scene: Scene) -> tuple[Golden, Motion]:
+    """Run a model and its variants; give its golden, and the run it was made from."""
+    simulation = scene.equations.model.simulation
+    assert simulation is not None
+    span = (simulation.end - simulation.start) / simulation.output_step
+    stride = _stride(int(span) + 2, _columns(scene))
+    base = scene.motion(stride)
+    if stride > 1 and len(base.rows) < LEAST_ROWS:  # it ended early
+        stride = _stride(base.trajectory.rows, len(base.columns))
+        base = scene.motion(stride)
+    others = list(variants(scene, base, stride))
+    rows = base.rows[_clear(base.rows[:, 0], base.trajectory, simulation.output_step)]
+    near = SAME_TIME * simulation.output_step
+    envelope = _envelope(rows, base, others, near, _floors(scene, base, rows))
+    sizes = scales(base.columns, rows.T, units(scene))
+    moving = [
+        base.columns.index(name)
+        for name in (*scene.equations.q, *scene.equations.velocities)
+    ]
+    lost = np.flatnonzero((envelope > LOST * sizes)[:, moving].any(axis=1))
+    horizon = float(rows[lost[0], 0]) if len(lost) else None
+    if horizon is not None:
+        rows, envelope = rows[: lost[0]], envelope[: lost[0]]
+    names = _kept(base.columns, scene)
+    chosen = [base.columns.index(name) for name in names]
+    steps = {
+        n: _steps(rows[:, 0], envelope[:, k])
+        for n, k in zip(names, chosen, strict=True)
+    }
+    kept = _invariants(scene, base, others)
+    return Golden(names, rows[:, chosen], steps, horizon, kept, stride), base
+
+
+def units(scene: Scene) -> dict[str, str]:
+    """Give the units of coordinates and definitions, and of their rates."""
+    model = scene.equations.model
+    found = {d.name: d.unit for d in model.definitions}
+    for c in model.coordinates:
+        rates = {f"{c.name}_dot": f"{c.unit}/s", f"{c.name}_ddot": f"{c.unit}/s^2"}
+        found |= {c.name: c.unit} | (rates if c.unit else {})
+    return found
+
+
+def _columns(scene: Scene) -> int:
+    """Give about how many columns the table has."""
+    e = scene.equations
+    n, m = len(e.q), len(e.rows)
+    return 4 + 3 * n + len(e.model.output.columns) + (2 * m + n if m else 0)
+
+
+def _stride(rows: int, columns: int) -> int:
+    wanted = min(MOST_ROWS, max(LEAST_ROWS, MOST_CELLS // min(columns, MOST_COLUMNS)))
+    return max(1, -(-rows // wanted))
+
+
+def _kept(columns: Sequence[str], scene: Scene) -> tuple[str, ...]:
+    """Give the columns to keep: of a long table what the others follow from first."""
+    if len(columns) <= MOST_COLUMNS:
+        return tuple(columns)
+    e = scene.equations
+    derived = {
+        *e.accelerations,
+        *(n for n in columns if n.startswith(("Qc_", "resid"))),
+    }
+    first = [name for name in columns if name not in derived]
+    rest = [name for name in columns if name in derived]
+    if len(first) >= MOST_COLUMNS:
+        every = -(-len(first) // MOST_COLUMNS)
+        wanted = {"t", *first[1::every]}
+    else:
+        every = -(-len(rest) // (MOST_COLUMNS - len(first)))
+        wanted = {*first, *rest[::every]}
+    return tuple(name for name in columns if name in wanted)
+
+
+def _clear(t: Floats, trajectory: Trajectory, spacing: float) -> list[int]:
+    """Give the rows that are clear of events, with the first and the last."""
+    events = np.array([e.time for e in trajectory.events if e.kind != "until"])
+    near = NEAR_EVENT * spacing
+    return [
+        k
+        for k, time in enumerate(t)
+        if k in (0, len(t) - 1) or not np.any(np.abs(events - time) <= near)
+    ]
+
+
+def _floors(scene: Scene, base: Motion, rows: Floats) -> Floats:
+    """Give what no bound is below, (k, columns): the tolerance, and rounding errors."""
+    rtol = base.plan.rtol or DEFAULT_RTOL
+    of = units(scene)
+    sizes = scales(base.columns, rows.T, of)
+    alone = sizes.copy()
+    for k, name in enumerate(base.columns):
+        sizes[k] = base.scales.get(name, sizes[k])
+        # A definition may be the difference of two others, and nothing but errors.
+        alike = [i for i, c in enumerate(base.columns) if of.get(c) == of.get(name)]
+        if of.get(name) and kind(name, base.columns) == "definition":
+            sizes[k] = np.max(alone[alike])
+    floors = rtol * sizes + ULPS * np.max(np.abs(rows), axis=0)
+    floors[base.columns.index("t")] = 0.0
+    return np.asarray(floors + _roundings(scene, base, rows))
+
+
+def _roundings(scene: Scene, base: Motion, rows: Floats) -> Floats:
+    """Give what rounding may change of the definitions in each row (k, columns)."""
+    model = scene.equations.model
+    shown = [d for d in model.definitions if d.name in base.columns]
+    found = np.zeros_like(rows)
+    if not shown:
+        return found
+    places = [base.columns.index(d.name) for d in shown]
+    eps = float(np.finfo(float).eps)
+    parameters = {p.name: (p.value, eps * abs(p.value)) for p in model.parameters}
+    nodes = [d.node for d in shown]
+    for k, row in enumerate(rows.tolist()):
+        values = {c: (x, eps * abs(x)) for c, x in zip(base.columns, row, strict=True)}
+        errors = evaluate_with_error(model.graph, nodes, parameters | values)
+        found[k, places] = [error for _, error in errors]
+    return np.nan_to_num(found, nan=0.0, posinf=0.0)
+
+
+def _envelope(
+    rows: Floats,
+    base: Motion,
+    others: Sequence[tuple[str, Motion]],
+    near: float,
+    floors: Floats,
+) -> Floats:
+    """Give the bounds (k, columns); they never fall."""
+    spread = {"looser": np.zeros_like(rows)}
+    largest = np.zeros_like(rows)
+    for sort, other in others:
+        if other.columns != base.columns:
+            continue
+        apart = np.abs(other.at(rows[:, 0], near, ends=True) - rows)
+        target = spread.get(sort, largest)
+        np.fmax(target, apart, out=target)
+    found = spread["looser"] + SAFETY * largest
+    found = np.maximum.accumulate(found + floors, axis=0)
+    return np.asarray(found * (1.0 + DIGITS / 2))
+
+
+def _steps(t: Floats, bounds: Floats) -> list[tuple[float, float]]:
+    """Give bounds that never fall as few steps."""
+    found: list[tuple[float, float]] = []
+    for time, bound in zip(t.tolist(), bounds.tolist(), strict=True):
+        if not found or bound > found[-1][1]:
+            found.append((time, rounded_up(bound if not found else ROOM * bound)))
+    return found
+
+
+def rounded_up(x: float) -> float:
+    """Give a number of two digits that is no smaller."""
+    if not 0.0 < x < np.inf:
+        return x
+    unit = 10.0 ** (np.floor(np.log10(x)) - 1)
+    return float(f"{np.ceil(x / unit) * unit:.1e}")
+
+
+def _invariants(
+    scene: Scene, base: Motion, others: Sequence[tuple[str, Motion]]
+) -> dict[str, Invariant]:
+    """Give what is kept, and how well the runs kept it."""
+    found = {}
+    rtol = base.plan.rtol or DEFAULT_RTOL
+    kept = invariants(scene.equations, base)
+    runs = [(1.0 if kind == "looser" else SAFETY, motion) for kind, motion in others]
+    apart = [
+        (weight, invariants(scene.equations, m))
+        for weight, m in [(SAFETY, base), *runs]
+        if m.columns == base.columns
+    ]
+    momenta = [np.max(np.abs(v)) for n, v in kept.items() if n.startswith(MOMENTUM)]
+    moving = scales(base.columns, base.rows.T)[base.columns.index("energy")]
+    for name, values in kept.items():
+        value = 0.0 if name in base.scales else float(values[0])
+        size = base.scales.get(name, moving)
+        if name.startswith(MOMENTUM):
+            size = float(max(momenta))
+        reached = [w * float(np.max(np.abs(v[name] - value))) for w, v in apart]
+        bound = max(reached) + rtol * size + ULPS * abs(value)
+        found[name] = Invariant(value, rounded_up(bound))
+    return found

@@ -1,0 +1,241 @@
+"""Gradients, tangents and total rates, against each other, sympy and differences."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mpmath as mp
+import pytest
+import sympy as sp
+from hypothesis import assume, given, settings
+
+from lagsim.language.derivatives import gradient, tangent
+from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.language.graph import Graph
+from lagsim.language.parser import parse
+from lagsim.language.symbolic import symbol, to_sympy
+from tests.language._cases import DIGITS
+from tests.language._programs import (
+    SMOOTH,
+    VARIABLES,
+    OutsideError,
+    Program,
+    exactly,
+    on_graph,
+    programs,
+    states,
+)
+
+
+def slope(text: str, x: float, order: int = 1, **values: float) -> float:
+    """Give the derivative of `text` in x, by both ways, which must agree."""
+    g = Graph()
+    node = parse(text).build(g, g.variable)
+    v = g.variable("x")
+    for _ in range(order - 1):
+        node = gradient(g, node, [v])[0]
+    both = [gradient(g, node, [v])[0], tangent(g, [node], {v: g.one})[0]]
+    reverse, forward = evaluate(g, both, {"x": x, **values})
+    assert reverse == pytest.approx(forward, rel=1e-14, nan_ok=True)
+    return reverse
+
+
+@pytest.mark.parametrize(
+    ("text", "x", "expected"),
+    [
+        ("if(x > 0, sqrt(x), 0)", 0.0, 0.0),
+        ("if(x > 0, sqrt(x), 0)", 4.0, 0.25),
+        ("if(x > 0, sqrt(x), 0)", -4.0, 0.0),
+        ("5*if(x > 0, sqrt(x), 0) + x", 0.0, 1.0),
+        ("if(x > 0, log(x), x^2)", 0.0, 0.0),
+        ("if(x > 0, sqrt(x), 0)*x", 0.0, 0.0),
+        ("if(x >= 0, x, 1/x)", 0.0, 1.0),
+        ("max(0, x)^2.5", 0.0, 0.0),
+        ("max(0, x)^2.5", 4.0, 20.0),
+        ("max(0, x)^2.5", -1.0, 0.0),
+        ("max(x, 0)^1.5", 0.0, 0.0),
+        ("max(1, sqrt(x))", 0.0, 0.0),
+        ("max(1, sqrt(x))", 4.0, 0.25),
+        ("max(sqrt(x), 1)", 0.0, 0.0),
+        ("min(-1, -sqrt(x))", 0.0, 0.0),
+        ("min(x, x^2)", 0.5, 1.0),
+        ("min(x, x^2)", 2.0, 1.0),
+        ("max(x, 0)", 0.0, 1.0),  # the first where they are equal
+        ("max(0, x)", 0.0, 0.0),
+        ("sign(x)", 0.0, 0.0),
+        ("heaviside(x)", 0.0, 0.0),
+        ("x*sign(x)", -3.0, -1.0),
+        ("x*heaviside(x)", 0.0, 1.0),
+        ("abs(x)", 0.0, 0.0),
+        ("abs(x)", -2.0, -1.0),
+        ("abs(x)^3", -2.0, -12.0),
+        ("x*floor(x)", 2.5, 2.0),
+        ("x*ceil(x)", 2.5, 3.0),
+        ("if(x > 0, if(x > 1, sqrt(x - 1), 2*x), 3*x)", 1.0, 2.0),
+        ("if(x > 0, if(x > 1, sqrt(x - 1), 2*x), 3*x)", 5.0, 0.25),
+        ("if(x > 0, if(x > 1, sqrt(x - 1), 2*x), 3*x)", 0.0, 3.0),
+        ("if(x > 0, max(1, sqrt(x)), sqrt(-x))", 0.25, 0.0),
+        ("sin(if(x > 0, sqrt(x), 2*x))", 0.0, 2.0),
+        ("if(x > 0 and x < 1 or not x < 5, x^2, x^3)", 2.0, 12.0),
+        ("if(x > 0 and x < 1 or not x < 5, x^2, x^3)", 0.5, 1.0),
+        ("if(x > 0 and x < 1 or not x < 5, x^2, x^3)", 6.0, 12.0),
+        ("x^0.5", 0.0, math.inf),
+        ("sqrt(x)", 0.0, math.inf),
+        ("x^x", 2.0, 4 * (math.log(2) + 1)),
+        ("(x^2)^1.5", 2.0, 12.0),
+        ("0^x", 2.0, 0.0),
+    ],
+)
+def test_slopes(text: str, x: float, expected: float) -> None:
+    assert slope(text, x) == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "x", "expected"),
+    [
+        ("if(x > 0, sqrt(x), 0)", 0.0, 0.0),
+        ("max(0, x)^2.5", 0.0, 0.0),
+        ("max(0, x)^2.5", 4.0, 7.5),
+        ("max(1, sqrt(x))", 0.0, 0.0),
+        ("if(x > 0, x^2, x^3)", 0.0, 0.0),
+        ("abs(x)*x", -1.0, -2.0),
+    ],
+)
+def test_second_slopes(text: str, x: float, expected: float) -> None:
+    assert slope(text, x, order=2) == pytest.approx(expected, rel=1e-14)
+
+
+def test_exponents_that_are_parameters() -> None:
+    # Hertz's contact: k*d^n, n an input, at the first touch.
+    assert slope("k*max(0, x)^n", 0.0, k=3.0, n=1.5) == 0.0
+    assert slope("k*x^n", 4.0, k=3.0, n=2.0) == 24.0
+    assert slope("k*x^n", -4.0, k=3.0, n=2.0) == -24.0
+
+
+def test_gradient_keeps_order_and_absent_variables() -> None:
+    g = Graph()
+    x, y, z = map(g.variable, VARIABLES)
+    node = parse("x*y").build(g, g.variable)
+    assert gradient(g, node, [z, y, x]) == [g.zero, x, y]
+    assert gradient(g, x, [x, y]) == [g.one, g.zero]
+    assert gradient(g, g.one, [x]) == [g.zero]
+    assert tangent(g, [node, x, g.one], {x: z}) == [g.call("mul", y, z), z, g.zero]
+
+
+def total_rate(g: Graph, node: int, coordinates: list[str]) -> int:
+    """Give d node/dt, by the tangent along the motion."""
+    seed = {g.variable(q): g.variable(f"{q}_dot") for q in coordinates}
+    seed[g.variable("t")] = g.one
+    return tangent(g, [node], seed)[0]
+
+
+def test_total_rate() -> None:
+    g = Graph()
+    node = parse("l*sin(theta)*cos(w*t) + u^2").build(g, g.variable)
+    rate = total_rate(g, node, ["theta", "u"])
+    values = {"l": 2.0, "w": 3.0, "theta": 0.4, "u": 0.7, "t": 0.1}
+    values |= {"theta_dot": -1.5, "u_dot": 0.2}
+    expected = (
+        2 * math.cos(0.4) * math.cos(0.3) * -1.5
+        - 2 * math.sin(0.4) * 3 * math.sin(0.3)
+        + 2 * 0.7 * 0.2
+    )
+    assert evaluate(g, [rate], values) == pytest.approx([expected], rel=1e-15)
+    assert total_rate(g, g.variable("l"), ["theta"]) == g.zero
+
+
+def differences(program: Program, state: dict[str, float]) -> list[Any]:
+    """Give the gradient by central differences with many digits.
+
+    Raises
+    ------
+    OutsideError
+        Also where two steps disagree: at a corner or a jump.
+    """
+    found = []
+    with mp.workdps(DIGITS):
+        for name in VARIABLES:
+            tries = []
+            for h in (mp.mpf(10) ** -12, mp.mpf(10) ** -13):
+                ahead = exactly(program, {**state, name: mp.mpf(state[name]) + h})
+                behind = exactly(program, {**state, name: mp.mpf(state[name]) - h})
+                tries.append((ahead - behind) / (2 * h))
+            if abs(tries[1] - tries[0]) > 1e-16 * (1 + abs(tries[0])):
+                raise OutsideError
+            found.append(tries[1])
+    return found
+
+
+@given(programs(), states)
+@settings(max_examples=300, deadline=None, derandomize=True)
+def test_gradient_tangent_and_differences_agree(
+    program: Program, state: dict[str, float]
+) -> None:
+    try:
+        exact = differences(program, state)
+    except OutsideError:
+        assume(False)
+    g = Graph()
+    node = on_graph(g, program)
+    variables = [g.variable(name) for name in VARIABLES]
+    reverse = gradient(g, node, variables)
+    forward = [tangent(g, [node], {v: g.one})[0] for v in variables]
+    errors = {name: (x, 0.0) for name, x in state.items()}
+    for nodes in (reverse, forward):
+        for (value, bound), expected in zip(
+            evaluate_with_error(g, nodes, errors), exact, strict=True
+        ):
+            # The differences are good to 1e-15 or so; where cancellation takes all
+            # digits, the bound says so.
+            assert abs(value - expected) <= 8 * bound + 1e-14 * (1 + abs(expected))
+
+
+@given(programs(SMOOTH, longest=5), states)
+@settings(max_examples=100, deadline=None, derandomize=True)
+def test_gradient_is_that_of_sympy(program: Program, state: dict[str, float]) -> None:
+    try:
+        exactly(program, state)
+    except OutsideError:
+        assume(False)
+    g = Graph()
+    node = on_graph(g, program)
+    nodes = gradient(g, node, [g.variable(name) for name in VARIABLES])
+    twin = to_sympy(g, [node])[0]
+    symbols = [symbol(name) for name in VARIABLES]
+    errors = {name: (x, 0.0) for name, x in state.items()}
+    found = evaluate_with_error(g, nodes, errors)
+    expected = sp.lambdify(symbols, [sp.diff(twin, s) for s in symbols], "mpmath")
+    with mp.workdps(DIGITS):
+        try:
+            exact = expected(*(mp.mpf(state[name]) for name in VARIABLES))
+        except ZeroDivisionError:
+            assume(False)
+    for (value, bound), wanted in zip(found, exact, strict=True):
+        assume(mp.isfinite(wanted))
+        assert abs(value - wanted) <= 8 * bound + 1e-14 * (1 + abs(wanted))
+
+
+@pytest.mark.slow
+def test_long_and_deep_expressions() -> None:
+    g = Graph()
+    text = " + ".join(f"x^2/{k}" for k in range(1, 20_001))
+    node = parse(text).build(g, g.variable)
+    x = g.variable("x")
+    found = evaluate(
+        g, [*gradient(g, node, [x]), *tangent(g, [node], {x: g.one})], {"x": 0.5}
+    )
+    harmonic = math.fsum(1 / k for k in range(1, 20_001))
+    assert found == pytest.approx([harmonic, harmonic], rel=1e-12)
+    deep = x
+    for _ in range(5000):
+        deep = g.call("if", g.call("gt", deep, g.zero), g.call("atan", deep), deep)
+    value, slope_ = evaluate(g, [deep, *gradient(g, deep, [x])], {"x": 1.0})
+    # x -> atan(x): 1/x^2 grows by 2/3 a turn, and the slope falls with its cube.
+    assert value == pytest.approx(math.sqrt(1.5 / 5000), rel=0.01)
+    expected = 1.0
+    at = 1.0
+    for _ in range(5000):
+        expected /= 1 + at * at
+        at = math.atan(at)
+    assert slope_ == pytest.approx(expected, rel=1e-11)

@@ -1,0 +1,93 @@
+"""Values in Python, and the running bound of their rounding errors."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import pytest
+from hypothesis import assume, given, settings
+
+from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.language.graph import Graph
+from lagsim.language.parser import parse
+from tests.language._programs import (
+    SMOOTH,
+    OutsideError,
+    Program,
+    exactly,
+    on_graph,
+    programs,
+    states,
+)
+
+# The bound is to first order; the start's judgement has the same margin.
+MARGIN = 4.0
+
+
+def with_error(text: str, **values: tuple[float, float]) -> tuple[float, float]:
+    g = Graph(simplify=False)
+    return evaluate_with_error(g, [parse(text).build(g, g.variable)], values)[0]
+
+
+def test_several_nodes_in_the_order_asked_for() -> None:
+    g = Graph()
+    x = g.variable("x")
+    nodes = [g.call("mul", x, x), x, g.one, g.truth(True), x]
+    assert evaluate(g, nodes, {"x": 3.0}) == [9.0, 3.0, 1.0, True, 3.0]
+
+
+def test_what_is_exact_has_no_error() -> None:
+    assert with_error("x", x=(0.3, 0.0)) == (0.3, 0.0)
+    assert with_error("-abs(x)", x=(0.3, 0.0)) == (-0.3, 0.0)
+    assert with_error("3") == (3.0, 0.0)
+    assert with_error("max(x, 2)", x=(0.3, 0.1)) == (2.0, 0.0)
+    assert with_error("if(x > 0, 2, 3)", x=(0.3, 0.1)) == (2.0, 0.0)
+
+
+def test_errors_of_inputs_are_passed_on() -> None:
+    value, bound = with_error("x^2", x=(3.0, 1e-6))
+    assert value == 9.0
+    assert bound == pytest.approx(6e-6, rel=1e-6)
+    value, bound = with_error("x - y", x=(1.0, 1e-9), y=(1.0, 2e-9))
+    assert value == 0.0
+    assert bound == pytest.approx(3e-9, rel=1e-6)
+    value, bound = with_error("sqrt(x)", x=(0.0, 1e-16))
+    assert (value, bound) == (0.0, pytest.approx(1e-8, rel=1e-12))
+
+
+def test_rounding_of_pi_halves() -> None:
+    value, bound = with_error("l*cos(p/2)", l=(1.0, 0.0), p=(math.pi, 2**-52))
+    assert 0 < value < MARGIN * bound < 4e-15
+
+
+def test_a_rounded_constant_has_an_error() -> None:
+    _, bound = with_error("0.1")
+    assert abs(mp.mpf(0.1) - mp.mpf(1) / 10) <= bound < 1.2e-17
+
+
+def test_never_raises() -> None:
+    for text in ("1/x", "log(x)", "x^-1.5", "sqrt(x - 1)", "asin(x + 2)", "exp(1/x)"):
+        value, bound = with_error(text, x=(0.0, 1e-10))
+        assert not math.isfinite(value)
+        assert bound >= 0 or math.isnan(bound)
+
+
+# atan2 jumps by a turn on its cut, where no first-order bound holds.
+OPERATIONS = ({*SMOOTH} - {"atan2"}) | {"abs", "min", "max"}
+
+
+@given(programs(sorted(OPERATIONS)), states)
+@settings(max_examples=500, deadline=None, derandomize=True)
+def test_the_bound_bounds(program: Program, state: dict[str, float]) -> None:
+    try:
+        exact = exactly(program, state)
+    except OutsideError:
+        assume(False)
+    g = Graph(simplify=False)
+    node = on_graph(g, program)
+    errors = {name: (x, 0.0) for name, x in state.items()}
+    value, bound = evaluate_with_error(g, [node], errors)[0]
+    assert value == evaluate(g, [node], state)[0]
+    assume(math.isfinite(value))
+    assert abs(value - exact) <= MARGIN * bound

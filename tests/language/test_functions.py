@@ -1,0 +1,254 @@
+"""Each row of the table: value, derivative, native code and sympy twin agree."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import math
+from typing import Any
+
+import mpmath as mp
+import numpy as np
+import pytest
+import sympy as sp
+
+from lagsim.language.derivatives import gradient
+from lagsim.language.evaluate import evaluate
+from lagsim.language.functions import FUNCTIONS, OPERATIONS
+from lagsim.language.graph import Graph
+from lagsim.language.symbolic import symbol, to_sympy
+from lagsim.native.graph.straight_line import Layout, generate
+from lagsim.native.link.engine import Engine, compile_object
+from tests.language._cases import CASES, DIGITS
+
+NAMES = ("x", "y", "z")
+EPS = 2.0**-52
+COMPARISONS = {"lt", "le", "gt", "ge"}
+CONDITIONS = COMPARISONS | {"and", "or", "not"}
+SPECIAL = (
+    0.0, -0.0, 1.0, -1.0, 0.5, 2.0, -2.0, 3.0, -3.0, 1 / 3, -0.5, 2.5, -2.5, -8.0,
+    1e17, 710.0, -1000.0, 1e300, -1e300, 1e-310, 5e-324, math.inf, -math.inf, math.nan,
+)  # fmt: skip
+
+
+def call(g: Graph, name: str) -> int:
+    """Give `name` of x, y; conditions as 1 or 0."""
+    x, y, z = map(g.variable, NAMES)
+    if name == "if":
+        return g.call("if", g.call("gt", x, g.zero), y, z)
+    if name not in CONDITIONS:
+        return g.call(name, *(x, y)[: OPERATIONS[name].arity])
+    args = (x, y)
+    if name not in COMPARISONS:
+        args = (g.call("gt", x, g.zero), g.call("gt", y, g.zero))
+    condition = g.call(name, *args[: OPERATIONS[name].arity])
+    return g.call("if", condition, g.one, g.zero)
+
+
+def points(name: str, count: int) -> list[tuple[float, ...]]:
+    random = np.random.default_rng(list(CASES).index(name))
+    domain = CASES[name].domain
+    return [tuple(random.uniform(a, b) for a, b in domain) for _ in range(count)]
+
+
+def at(args: tuple[float, ...]) -> dict[str, float]:
+    return dict(zip(NAMES, args, strict=False))
+
+
+def test_every_row_is_tried() -> None:
+    assert set(CASES) | CONDITIONS | {"if"} == set(OPERATIONS)
+    named = "sin cos tan asin acos atan atan2 sinh cosh tanh asinh acosh atanh exp log"
+    named += " log10 sqrt cbrt abs sign min max hypot floor ceil heaviside if"
+    assert set(FUNCTIONS) == set(named.split())
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_value(name: str) -> None:
+    g = Graph()
+    node = call(g, name)
+    for args in points(name, 50):
+        found = evaluate(g, [node], at(args))[0]
+        with mp.workdps(DIGITS):
+            expected = float(CASES[name].exact(*map(mp.mpf, args)))
+        # The C library's functions are good to an ulp or two.
+        assert found == pytest.approx(expected, rel=2 * EPS, abs=0)
+
+
+def slopes(name: str, args: tuple[float, ...]) -> list[float]:
+    """Give the partial derivatives by central differences with many digits."""
+    h = mp.mpf(10) ** -12  # truncation h^2, rounding 1e-40/h
+
+    def difference(i: int) -> float:
+        def value(step: Any) -> Any:
+            moved = [mp.mpf(a) + step * (k == i) for k, a in enumerate(args)]
+            return CASES[name].exact(*moved)
+
+        return float((value(h) - value(-h)) / (2 * h))
+
+    with mp.workdps(DIGITS):
+        return [difference(i) for i in range(len(args))]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_derivative(name: str) -> None:
+    g = Graph()
+    variables = [g.variable(n) for n in NAMES[: OPERATIONS[name].arity]]
+    nodes = gradient(g, call(g, name), variables)
+    for args in points(name, 30):
+        found = evaluate(g, nodes, at(args))
+        # 1 - tanh^2 and 1 - x^2 near 1 cancel two digits.
+        assert found == pytest.approx(slopes(name, args), rel=1e-12, abs=1e-13)
+
+
+@pytest.mark.parametrize("exponent", [-3, -2.5, -1, -0.5, 0.5, 1, 2, 2.5, 3, 7, 0.3])
+def test_derivative_of_a_power(exponent: float) -> None:
+    g = Graph()
+    x = g.variable("x")
+    node = g.call("pow", x, g.constant(exponent))
+    slope = gradient(g, node, [x])[0]
+    for point in (0.3, 1.0, 4.0, -0.7, -2.0):
+        whole = float(exponent).is_integer()
+        expected = exponent * point ** (exponent - 1) if point > 0 or whole else None
+        found = evaluate(g, [slope], {"x": point})[0]
+        if expected is None:
+            assert math.isnan(found)
+        else:
+            assert found == pytest.approx(expected, rel=1e-14)
+
+
+def test_derivative_of_a_power_in_its_exponent() -> None:
+    g = Graph()
+    x, y = g.variable("x"), g.variable("y")
+    slope = gradient(g, g.call("pow", x, y), [y])[0]
+    values = [(2.0, 3.0), (0.5, -1.5), (3.0, 0.0)]
+    for a, b in values:
+        found = evaluate(g, [slope], {"x": a, "y": b})
+        assert found == pytest.approx([a**b * math.log(a)], rel=1e-14)
+    assert evaluate(g, [slope], {"x": 0.0, "y": 2.0}) == [0.0]  # the limit
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_sympy_twin(name: str) -> None:
+    g = Graph()
+    twin = to_sympy(g, [call(g, name)])[0]
+    symbols = [symbol(n) for n in NAMES[: OPERATIONS[name].arity]]
+    assert twin.free_symbols == set(symbols)
+    for args in points(name, 5):
+        exact = {s: sp.Rational(a) for s, a in zip(symbols, args, strict=True)}
+        with mp.workdps(DIGITS):
+            expected = float(CASES[name].exact(*map(mp.mpf, args)))
+        assert float(twin.subs(exact).evalf(30)) == pytest.approx(expected, rel=EPS)
+
+
+@pytest.mark.parametrize("name", [n for n, case in CASES.items() if case.smooth])
+def test_derivative_against_sympy(name: str) -> None:
+    g = Graph()
+    used = NAMES[: OPERATIONS[name].arity]
+    nodes = gradient(g, call(g, name), [g.variable(n) for n in used])
+    twin = to_sympy(g, [call(g, name)])[0]
+    for args in points(name, 3):
+        exact = {symbol(n): sp.Rational(a) for n, a in zip(used, args, strict=True)}
+        expected = [float(sp.diff(twin, symbol(n)).subs(exact).evalf(30)) for n in used]
+        found = evaluate(g, nodes, at(args))
+        assert found == pytest.approx(expected, rel=1e-12, abs=1e-13)
+
+
+@pytest.fixture(scope="module")
+def compiled() -> Any:
+    """Give all rows compiled: (x, y) -> values by name."""
+    g = Graph(simplify=False)
+    nodes = {name: call(g, name) for name in OPERATIONS}
+    layout = Layout({n: k for k, n in enumerate(NAMES)}, {}, frozenset(), 0)
+    code = generate(g, {"f": list(nodes.values())}, layout)
+    pointer = ctypes.c_void_p
+    engine = Engine([compile_object(code.ir, optimise=False)])
+    function = engine.function("f", None, (ctypes.c_double, pointer, pointer, pointer))
+
+    def values(*args: float) -> tuple[dict[str, float], dict[str, float]]:
+        y, p, out = np.array(args), np.zeros(code.p_size + 1), np.empty(len(nodes))
+        function(0.0, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+        plain = evaluate(g, nodes.values(), at(args))
+        return dict(zip(nodes, out.tolist(), strict=True)), dict(
+            zip(nodes, plain, strict=True)
+        )
+
+    return values
+
+
+def test_native_code_at_special_points(compiled: Any) -> None:
+    for x, y in itertools.product(SPECIAL, SPECIAL):
+        native, plain = compiled(x, y, 7.0)
+        for name, value in native.items():
+            same = value == pytest.approx(plain[name], rel=2 * EPS, abs=0, nan_ok=True)
+            assert same, (name, x, y)
+            if value == 0.0:
+                signs = math.copysign(1.0, value), math.copysign(1.0, plain[name])
+                assert signs[0] == signs[1], (name, x, y)
+
+
+def test_native_code_at_random_points(compiled: Any) -> None:
+    for name in CASES:
+        for args in points(name, 20):
+            native, plain = compiled(*args, *(0.0,) * (3 - len(args)))
+            assert native[name] == pytest.approx(plain[name], rel=2 * EPS, abs=0)
+
+
+# What IEEE 754 and C's Annex F say; Python's own functions raise at most of these.
+@pytest.mark.parametrize(
+    ("name", "args", "expected"),
+    [
+        ("div", (1.0, 0.0), math.inf),
+        ("div", (1.0, -0.0), -math.inf),
+        ("div", (-math.inf, 0.0), -math.inf),
+        ("div", (0.0, 0.0), math.nan),
+        ("div", (math.nan, 0.0), math.nan),
+        ("pow", (0.0, -1.0), math.inf),
+        ("pow", (-0.0, -1.0), -math.inf),
+        ("pow", (-0.0, -2.0), math.inf),
+        ("pow", (0.0, -0.5), math.inf),
+        ("pow", (-8.0, 1 / 3), math.nan),
+        ("pow", (-8.0, 3.0), -512.0),
+        ("pow", (-10.0, 400.0), math.inf),
+        ("pow", (-10.0, 401.0), -math.inf),
+        ("pow", (10.0, 400.0), math.inf),
+        ("pow", (-2.0, math.inf), math.inf),
+        ("pow", (math.nan, 0.0), 1.0),
+        ("exp", (1000.0,), math.inf),
+        ("exp", (-1000.0,), 0.0),
+        ("sinh", (-1000.0,), -math.inf),
+        ("sinh", (1000.0,), math.inf),
+        ("cosh", (-1000.0,), math.inf),
+        ("log", (0.0,), -math.inf),
+        ("log", (-1.0,), math.nan),
+        ("log10", (0.0,), -math.inf),
+        ("sqrt", (-1.0,), math.nan),
+        ("asin", (1.5,), math.nan),
+        ("acosh", (0.5,), math.nan),
+        ("atanh", (1.0,), math.inf),
+        ("atanh", (-1.0,), -math.inf),
+        ("atanh", (1.5,), math.nan),
+        ("sin", (math.inf,), math.nan),
+        ("floor", (math.inf,), math.inf),
+        ("floor", (math.nan,), math.nan),
+        ("floor", (1e300,), 1e300),
+        ("ceil", (-0.5,), -0.0),
+        ("sign", (0.0,), 0.0),
+        ("sign", (-0.0,), 0.0),
+        ("sign", (math.nan,), math.nan),
+        ("heaviside", (0.0,), 1.0),
+        ("heaviside", (-5e-324,), 0.0),
+        ("heaviside", (math.nan,), math.nan),
+        ("hypot", (math.inf, math.nan), math.inf),
+        ("hypot", (1e200, 1e200), math.sqrt(2) * 1e200),
+    ],
+)
+def test_values_never_raise(
+    name: str, args: tuple[float, ...], expected: float, compiled: Any
+) -> None:
+    found = OPERATIONS[name](*args)
+    assert found == pytest.approx(expected, rel=EPS, nan_ok=True)
+    with np.errstate(all="ignore"):
+        found = OPERATIONS[name](*map(np.float64, args))
+    assert found == pytest.approx(expected, rel=EPS, nan_ok=True)
+    native, _ = compiled(*args, *(0.0,) * (3 - len(args)))
+    assert native[name] == pytest.approx(expected, rel=EPS, nan_ok=True)

@@ -1,0 +1,316 @@
+"""The graph: sharing, folding, simplification, substitution, degrees."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+import sympy as sp
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.language.graph import Graph
+from lagsim.language.parser import parse
+from lagsim.language.symbolic import symbol, to_sympy
+from tests.language._programs import (
+    OutsideError,
+    Program,
+    exactly,
+    on_graph,
+    programs,
+    states,
+)
+
+
+def build(g: Graph, text: str) -> int:
+    return parse(text).build(g, g.variable)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("x + y", "y + x"),
+        ("x*y", "y*x"),
+        ("2*x", "x*2"),
+        ("hypot(x, y)", "hypot(y, x)"),
+        ("x - (-y)", "x + y"),
+        ("x + (-y)", "x - y"),
+        ("-x + y", "y - x"),
+        ("-(x - y)", "y - x"),
+        ("(-x)*(-y)", "x*y"),
+        ("(-x)/y", "-(x/y)"),
+        ("x/(-y)", "-(x/y)"),
+        ("--x", "x"),
+        ("x + 0", "x"),
+        ("0 - x", "-x"),
+        ("x - x", "0"),
+        ("0*x", "0"),
+        ("0/x", "0"),
+        ("x/x", "1"),
+        ("1*x", "x"),
+        ("-1*x", "-x"),
+        ("x/1", "x"),
+        ("x/4", "0.25*x"),
+        ("2*(3*x)", "6*x"),
+        ("-(2*x)", "-2*x"),
+        ("2*(-x)", "-2*x"),
+        ("x^1", "x"),
+        ("x^0", "1"),
+        ("1^x", "1"),
+        ("x^0.5", "sqrt(x)"),
+        ("(-x)^2", "x^2"),
+        ("2 + 3", "5"),
+        ("sin(0)", "0"),
+        ("if(1 < 2, x, y)", "x"),
+        ("if(not 1 < 2, x, y)", "y"),
+        ("if(x > 0, y, y)", "y"),
+        ("max(x, x)", "x"),
+        ("min(2, 3)", "2"),
+        ("sin(x + y)*cos(y*x)", "cos(x*y)*sin(y + x)"),
+    ],
+)
+def test_equal_expressions_are_one_node(one: str, other: str) -> None:
+    g = Graph()
+    assert build(g, one) == build(g, other)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("x - y", "y - x"),
+        ("x/y", "y/x"),
+        ("x^y", "y^x"),
+        ("atan2(x, y)", "atan2(y, x)"),
+        ("(-x)^3", "x^3"),
+        ("x/3", "x*(1/3)"),  # would round twice
+        ("0/0", "1"),
+        ("0/0", "0"),
+        ("min(x, y)", "max(x, y)"),
+    ],
+)
+def test_different_expressions_are_not(one: str, other: str) -> None:
+    g = Graph()
+    assert build(g, one) != build(g, other)
+
+
+def test_leaves_are_interned() -> None:
+    g = Graph()
+    assert g.variable("x") == g.variable("x") != g.variable("y")
+    assert g.constant(2) == g.constant(2.0)
+    assert g.constant(-0.0) == g.zero
+    assert g.constant(1.0) == g.one
+    assert g.truth(True) != g.one
+    assert g.value(g.constant(2.5)) == 2.5
+    assert g.value(g.variable("x")) is None
+    # A name is not confused with an operation or a number.
+    assert (
+        len({g.variable("constant"), g.variable("1.0"), g.variable("add"), g.one}) == 4
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1e308*10", math.inf),
+        ("1e308 + 1e308", math.inf),
+        ("-1e308 - 1e308", -math.inf),
+        ("exp(1000)", math.inf),
+        ("sinh(-1000)", -math.inf),
+        ("1/0", math.inf),
+        ("-1/0", -math.inf),
+        ("0/0", math.nan),
+        ("0^-1", math.inf),
+        ("(-8)^(1/3)", math.nan),
+        ("10^400", math.inf),
+        ("(-10)^401", -math.inf),
+        ("log(0)", -math.inf),
+        ("sqrt(-1)", math.nan),
+        ("asin(2)", math.nan),
+        ("atanh(1)", math.inf),
+        ("1e308*10 - 1e308*20", math.nan),
+        ("sin(1e308*10)", math.nan),
+        ("floor(1e308*10)", math.inf),
+        ("if(1/0 > 1, 1, 2)", 1.0),
+        ("if(0/0 > 1, 1, 2)", 2.0),
+    ],
+)
+def test_folding_never_raises(text: str, expected: float) -> None:
+    g = Graph()
+    node = build(g, text)
+    unfolded = math.isnan(expected) or math.isinf(expected)
+    assert (g.value(node) is None) == (unfolded or "if" in text)
+    assert evaluate(g, [node], {}) == pytest.approx([expected], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("floor(1e300)", 1e300),
+        ("floor(-2.5)", -3.0),
+        ("ceil(1e17)", 1e17),
+        ("2^0.5", math.sqrt(2)),
+        ("(-8)^3", -512.0),
+        ("1e-200*1e-200", 0.0),
+        ("atan2(0, -1)", math.pi),
+        ("if(2 > 1, 3, 4)", 3.0),
+    ],
+)
+def test_folding(text: str, expected: float) -> None:
+    g = Graph()
+    assert g.value(build(g, text)) == expected
+
+
+def test_gathering_factors_neither_overflows_nor_underflows() -> None:
+    g = Graph()
+    small = build(g, "1e-200*(1e-200*x)")
+    large = build(g, "1e200*(1e200*x)")
+    assert evaluate(g, [small], {"x": 1e300}) == pytest.approx([1e-100], rel=1e-15)
+    assert evaluate(g, [large], {"x": 1e-300}) == pytest.approx([1e100], rel=1e-15)
+
+
+def test_order_of_numbers_is_an_order_of_evaluation() -> None:
+    g = Graph()
+    nodes = [build(g, "sin(x*y) + if(x > y, x, y^2)"), build(g, "x*y - 1")]
+    cone = g.cone(nodes)
+    assert all(a < b for a, b in pairwise(cone))
+    assert all(a in cone and a < n for n in cone for a in g.args[n])
+
+
+def test_what_expressions_depend_on() -> None:
+    g = Graph()
+    node, other = build(g, "sin(x) + 0*y"), build(g, "z^2 + 1")
+    assert g.depends([node]) == {"x"}
+    assert g.depends([node, other]) == {"x", "z"}
+    assert g.depends([g.one]) == frozenset()
+    assert g.dependent([node, other], {"z"}) == {
+        g.variable("z"), build(g, "z^2"), other,
+    }  # fmt: skip
+
+
+def test_deep_expressions_exhaust_nothing() -> None:
+    g = Graph()
+    x = node = g.variable("x")
+    for _ in range(20_000):
+        node = g.call("add", g.call("sin", node), x)
+    assert g.depends([node]) == {"x"}
+    assert g.degree(node, {"x"}) is None
+    assert g.degree(node, {"y"}) == {0}
+    moved = g.substitute([node], {x: g.variable("y")})[0]
+    assert evaluate(g, [moved], {"y": 0.5}) == evaluate(g, [node], {"x": 0.5})
+
+
+@given(programs(), states)
+@settings(max_examples=300, deadline=None, derandomize=True)
+def test_simplification_keeps_values(program: Program, state: dict[str, float]) -> None:
+    try:
+        exact = exactly(program, state)
+    except OutsideError:
+        assume(False)
+    g, plain = Graph(), Graph(simplify=False)
+    node, as_written = on_graph(g, program), on_graph(plain, program)
+    errors = {name: (x, 0.0) for name, x in state.items()}
+    value, bound = evaluate_with_error(plain, [as_written], errors)[0]
+    # Where rounding decides a branch, there is no bound.
+    assume(abs(value - exact) <= 4 * bound < 1e-6 * abs(value) + 1e-9)
+    assert abs(evaluate(g, [node], state)[0] - exact) <= 8 * bound
+
+
+@given(programs(longest=6), programs(longest=4), states)
+@settings(max_examples=200, deadline=None, derandomize=True)
+def test_substituting_is_evaluating_at_the_new_value(
+    program: Program, inner: Program, state: dict[str, float]
+) -> None:
+    g = Graph(simplify=False)
+    node, new = on_graph(g, program), on_graph(g, inner)
+    replaced = g.substitute([node], {g.variable("x"): new})[0]
+    value = evaluate(g, [new], state)[0]
+    expected = evaluate(g, [node], {**state, "x": value})[0]
+    # The same operations on the same numbers: the same bits.
+    assert evaluate(g, [replaced], state)[0] == pytest.approx(
+        expected, rel=0, abs=0, nan_ok=True
+    )
+
+
+def test_substituting_at_once_not_in_turn() -> None:
+    g = Graph()
+    x, y = g.variable("x"), g.variable("y")
+    node = build(g, "x - 2*y")
+    assert g.substitute([node], {x: y, y: x}) == [build(g, "y - 2*x")]
+    assert g.substitute([node, x], {build(g, "2*y"): x}) == [g.zero, x]
+
+
+@pytest.mark.parametrize(
+    ("text", "degrees"),
+    [
+        ("0", set()),
+        ("a", {0}),
+        ("a*v + w", {1}),
+        ("v*w/a - v^2", {2}),
+        ("v^2 + sin(a)*v + 1", {0, 1, 2}),
+        ("(v + 1)^3", {0, 1, 2, 3}),
+        ("a^v", None),
+        ("v/w", None),
+        ("sin(v)", None),
+        ("sqrt(v^2)", None),
+        ("v^-1", None),
+        ("if(a > 0, v, w^2)", {1, 2}),
+        ("if(v > 0, v, w)", None),
+        ("-v", {1}),
+        ("v^0.5", None),
+        ("sqrt(a)*v", {1}),
+        ("abs(a)", {0}),
+    ],
+)
+def test_degrees(text: str, degrees: set[int] | None) -> None:
+    g = Graph()
+    assert g.degree(build(g, text), {"v", "w"}) == degrees
+
+
+def test_degrees_of_chained_squares() -> None:
+    # 2^64 terms: what is found takes no longer than the chain.
+    g = Graph()
+    mixed, pure, cubes = (build(g, text) for text in ("v + w^2", "v", "v + 1"))
+    for _ in range(64):
+        mixed = g.call("add", g.call("mul", mixed, mixed), mixed)
+        pure = g.call("mul", pure, pure)
+        cubes = g.call("pow", cubes, g.constant(3.0))
+    for node in (mixed, pure, cubes):
+        degrees = g.degree(node, {"v", "w"})
+        assert degrees is not None
+        assert max(degrees) > 4  # neither affine nor quadratic
+        assert len(degrees) > 1  # nor seen to be homogeneous
+    assert g.degree(cubes, {"w"}) == {0}
+    assert g.degree(build(g, "v^5*v^5 + w^4*w^6"), {"v", "w"}) == {10}
+
+
+POLYNOMIAL = ("add", "sub", "mul", "neg", "square", "cube")
+
+
+@given(programs(POLYNOMIAL, longest=6))
+@settings(max_examples=100, deadline=None, derandomize=True)
+def test_degrees_contain_those_of_sympy(program: Program) -> None:
+    g = Graph()
+    node = on_graph(g, program)
+    x, y = symbol("x"), symbol("y")
+    assume(not _is_high(g, node))
+    found = g.degree(node, {"x", "y"})
+    exact = sp.Poly(to_sympy(g, [node])[0], x, y)
+    degrees = {sum(monomial) for monomial, c in exact.terms() if c != 0}
+    assert found is not None
+    assert degrees <= found
+    assert max(degrees, default=0) <= max(found, default=0)
+
+
+def _is_high(g: Graph, node: int) -> bool:
+    """Tell whether the polynomial has too many terms to be expanded quickly."""
+    degrees = g.degree(node, {"x", "y", "z"})
+    return degrees is None or max(degrees, default=0) > 12
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_constants_keep_their_bits(x: float) -> None:
+    g = Graph()
+    assert g.value(g.constant(x)) == x
+    assert g.value(g.call("neg", g.constant(x))) == -x

@@ -1,0 +1,166 @@
+"""Taylor coefficients on the graph against mpmath, for every row of the table."""
+
+from __future__ import annotations
+
+import mpmath as mp
+import pytest
+from hypothesis import given
+
+from lagsim.language.evaluate import evaluate
+from lagsim.language.functions import OPERATIONS
+from lagsim.language.graph import Graph
+from lagsim.language.normal_form import normal_form
+from lagsim.language.series import Series, series_operations, taylor_series
+from lagsim.mechanics.equations import derive
+from lagsim.mechanics.ldl import Elimination
+from lagsim.model.reader import read_file
+from lagsim.solve.series import motion_rates
+from tests.language._cases import CASES, DIGITS
+from tests.language._programs import OutsideError, on_graph, programs, states
+from tests.support import MODELS
+
+ORDER = 9
+START = 0.3
+# x and y as polynomials of t, inside the domain of every function at START.
+X = (0.35, 0.7, -0.4)
+Y = (1.3, -0.6, 0.8)
+MOVED = {"acosh": (1.6, 0.7, -0.4)}  # defined above 1
+
+
+def moving(g, coefficients):
+    a, b, c = map(g.constant, coefficients)
+    t = g.variable("t")
+    return g.sum([a, g.call("mul", b, t), g.call("mul", c, g.call("mul", t, t))])
+
+
+def value(coefficients, t):
+    a, b, c = map(mp.mpf, coefficients)
+    return a + b * t + c * t * t
+
+
+def coefficients(g, node, **values):
+    series = Series(g, {g.variable("t"): g.one})
+    series.extend([node], ORDER)
+    nodes = [series(node, k) for k in range(ORDER + 1)]
+    return evaluate(g, nodes, {"t": START, **values})
+
+
+def assert_taylor(found, exact):
+    with mp.workdps(DIGITS):
+        expected = mp.taylor(exact, mp.mpf(START), ORDER)
+    for k, (a, b) in enumerate(zip(found, expected, strict=True)):
+        # Some ten operations per order, on coefficients that do not shrink: rounding.
+        assert abs(a - b) < 1e-13 * max(1.0, *map(abs, expected)), k
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_function(name):
+    g = Graph()
+    laws = [MOVED.get(name, X), Y][: len(CASES[name].domain)]
+    node = g.call(name, *(moving(g, law) for law in laws))
+    exact = CASES[name].exact
+    assert_taylor(coefficients(g, node), lambda t: exact(*(value(c, t) for c in laws)))
+
+
+def test_no_function_is_forgotten():
+    conditions = {name for name, row in OPERATIONS.items() if row.condition}
+    assert set(CASES) == set(OPERATIONS) - conditions - {"if"}
+
+
+@pytest.mark.parametrize(
+    "p", [2, 3, 4, 7, -1, -2, -3, 0.5, 1.5, -0.5, -1.5, 2.3, -0.7, 65, 100.5]
+)
+def test_powers(p):
+    g = Graph()
+    fixed = g.call("pow", moving(g, Y), g.constant(p))
+    exact = lambda t: mp.power(value(Y, t), mp.mpf(p))  # noqa: E731
+    assert_taylor(coefficients(g, fixed), exact)
+    parameter = g.call("pow", moving(g, Y), g.variable("p"))
+    assert_taylor(coefficients(g, parameter, p=p), exact)
+
+
+def test_whole_powers_pass_zero():
+    # (t - 0.3)^4 at 0.3: a recurrence that divides by the base would give nan.
+    g = Graph()
+    base = g.call("sub", g.variable("t"), g.constant(START))
+    for p in (2, 3, 4, 5, 6, 12):
+        node = g.call("pow", base, g.constant(p))
+        expected = [float(k == p) for k in range(ORDER + 1)]
+        assert coefficients(g, node) == expected
+
+
+def test_a_selection_keeps_its_branch():
+    g = Graph()
+    x, y = moving(g, X), moving(g, Y)
+    for condition, law in (("lt", X), ("gt", Y)):
+        node = g.call("if", g.call(condition, x, y), x, y)
+        assert_taylor(coefficients(g, node), lambda t, law=law: value(law, t))
+
+
+def test_a_motion():
+    # y' = -2 t y^2, y(0) = 1: y = 1/(1 + t^2).
+    g = Graph()
+    y, t = g.variable("y"), g.variable("t")
+    ty = g.call("mul", t, g.call("mul", y, y))
+    rate = g.call("mul", g.constant(-2.0), ty)
+    rows = taylor_series(g, [y], [rate], 12)
+    found = evaluate(g, [row[0] for row in rows], {"t": 0.0, "y": 1.0})
+    assert found == [(-1.0) ** (k // 2) * (k % 2 == 0) for k in range(13)]
+
+
+@pytest.mark.parametrize(
+    "name", ["elastic-pendulum", "kepler", "double-pendulum", "pendulum-cartesian"]
+)
+def test_the_estimate_of_operations(name):
+    equations = derive(read_file(str(MODELS / f"{name}.yaml")))
+    g = equations.graph
+    rates = motion_rates(equations, Elimination(equations))
+    state = [g.variable(v) for v in (*equations.q, *equations.velocities)]
+    estimate = series_operations(g, state, rates, 12)
+    rows = taylor_series(g, state, rates, 12)
+    made = [n for n in g.cone(n for row in rows for n in row) if g.args[n]]
+    assert 0.6 < estimate / len(made) < 1.6  # good enough to choose by
+
+
+@given(programs(), states)
+def test_the_normal_form_is_equal(program, state):
+    g = Graph()
+    node = on_graph(g, program)
+    [new] = normal_form(g, [node], g.dependent([node], ("x", "y")))
+    with mp.workdps(DIGITS):
+        exact = {name: mp.mpf(x) for name, x in state.items()}
+        try:
+            expected = exactly_on(g, node, exact)
+            found = exactly_on(g, new, exact)
+        except OutsideError:
+            return
+        assert abs(found - expected) <= mp.mpf("1e-12") * max(1, abs(expected))
+
+
+def exactly_on(g, node, state):
+    """Give the value of a node by mpmath."""
+    values = {}
+    for n in g.cone([node]):
+        op, args = g.ops[n], g.args[n]
+        if op == "variable":
+            values[n] = state[g.payload(n)]
+        elif not args:
+            x = g.payload(n)
+            values[n] = x if isinstance(x, bool) else mp.mpf(x)
+        else:
+            values[n] = _value(op, [values[a] for a in args])
+    return values[node]
+
+
+def _value(op, args):
+    if op in ("lt", "le", "gt", "ge", "and", "or", "not"):
+        return OPERATIONS[op].value(*args)
+    if op == "if":
+        return args[1] if args[0] else args[2]
+    try:
+        x = CASES[op].exact(*args)
+    except (ZeroDivisionError, ValueError, OverflowError):
+        raise OutsideError from None
+    if isinstance(x, mp.mpc) or not (x == 0 or 1e-12 < abs(x) < 1e12):
+        raise OutsideError
+    return x

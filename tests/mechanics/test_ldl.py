@@ -1,0 +1,154 @@
+"""Straight-line elimination on the graph against numpy, and its count of operations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagsim.language.evaluate import evaluate
+from lagsim.language.graph import Graph
+from lagsim.mechanics.equations import derive
+from lagsim.mechanics.ldl import BUDGET, Elimination, Factorisation, Meter, TooLongError
+from lagsim.model.reader import read
+
+
+def symmetric(seed: int, n: int, density: float) -> np.ndarray:
+    """Give a positive definite matrix with zeros."""
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(n, n)) * (random.uniform(size=(n, n)) < density)
+    return root @ root.T + np.eye(n)
+
+
+def entries(g: Graph, S: np.ndarray) -> dict[tuple[int, int], int]:
+    """Give the lower triangle as variables, so that nothing folds."""
+    n = len(S)
+    return {
+        (i, j): g.variable(f"S{i}.{j}")
+        for i in range(n)
+        for j in range(i + 1)
+        if S[i, j] != 0.0
+    }
+
+
+def values(S: np.ndarray, right: np.ndarray) -> dict[str, float]:
+    n = len(S)
+    found = {f"S{i}.{j}": S[i, j] for i in range(n) for j in range(n)}
+    return found | {f"r{i}": x for i, x in enumerate(right)}
+
+
+@pytest.mark.parametrize("density", [0.1, 0.3, 1.0])
+@pytest.mark.parametrize("n", [1, 2, 5, 9])
+def test_solves_sparse_symmetric_systems(n: int, density: float) -> None:
+    for seed in range(3):
+        S = symmetric(seed, n, density)
+        right = np.random.default_rng(seed + 100).normal(size=n)
+        right[1::3] = 0.0
+        g = Graph()
+        factors = Factorisation(g, n, entries(g, S), Meter())
+        assert sorted(factors.order) == list(range(n))
+        nodes = {i: g.variable(f"r{i}") for i in range(n) if right[i] != 0.0}
+        x = factors.solve(nodes)
+        found = evaluate(g, [x.get(i, g.zero) for i in range(n)], values(S, right))
+        expected = np.linalg.solve(S, right)
+        lost = 1e-15 * np.linalg.cond(S)
+        assert found == pytest.approx(expected, rel=0, abs=10 * lost * max(abs(right)))
+
+
+def test_what_is_zero_costs_nothing() -> None:
+    g = Graph()
+    diagonal = {(i, i): g.variable(f"S{i}.{i}") for i in range(50)}
+    factors = Factorisation(g, 50, diagonal, meter := Meter())
+    assert meter.operations == 50
+    assert factors.solve({3: g.variable("r3")}).keys() == {3}
+
+
+def chain(g: Graph, n: int) -> dict[tuple[int, int], int]:
+    """Give a tridiagonal matrix whose given order is the worst: ends last."""
+    order = [*range(1, n, 2), *range(0, n, 2)]
+    place = {k: i for i, k in enumerate(order)}
+    found = {}
+    for k in range(n):
+        found[place[k], place[k]] = g.variable(f"d{k}")
+        if k:
+            i, j = sorted((place[k], place[k - 1]))
+            found[j, i] = g.variable(f"e{k}")
+    return found
+
+
+def test_a_chain_fills_nothing_in_whatever_order_it_is_given() -> None:
+    costs = []
+    for n in (50, 100, 200):
+        g, meter = Graph(), Meter()
+        factors = Factorisation(g, n, chain(g, n), meter)
+        assert sum(len(column) for column in factors.below.values()) == n - 1
+        costs.append(meter.operations)
+    assert costs[1] <= 2.05 * costs[0]
+    assert costs[2] <= 2.05 * costs[1]
+
+
+def test_gives_up_where_code_would_be_too_long() -> None:
+    g = Graph()
+    n = 30  # dense: more than n^3/6 operations
+    full = {(i, j): g.variable(f"S{i}.{j}") for i in range(n) for j in range(i + 1)}
+    assert n**3 / 6 > BUDGET
+    with pytest.raises(TooLongError):
+        Factorisation(g, n, full, Meter())
+
+
+def test_health_tells_singular_and_indefinite() -> None:
+    def health(S: list[list[float]]) -> float:
+        array = np.array(S)
+        g = Graph()
+        factors = Factorisation(g, 2, entries(g, array), Meter())
+        ratios = [g.call("div", *pair) for pair in factors.pivots.values()]
+        return min(evaluate(g, ratios, values(array, np.zeros(2))))
+
+    assert health([[2.0, 1.0], [1.0, 2.0]]) == 0.75
+    assert health([[1.0, 1.0], [1.0, 1.0 + 1e-9]]) == pytest.approx(1e-9, rel=1e-6)
+    assert health([[1.0, 2.0], [2.0, 1.0]]) == -3.0
+
+
+MODEL = """
+parameters: {m: 2, k: 0.3}
+coordinates: {x: {}, y: {}, z: {}}
+initial: {x: 1, y: 0, z: 0}
+energy:
+  kinetic: m*(x_dot^2 + y_dot^2 + z_dot^2)/2 + k*x*x_dot*y_dot
+  potential: m*z
+constraints:
+  sphere: x^2 + y^2 + z^2 = 1
+  plane: y - 2*z = 0
+"""
+
+
+def test_corrections_are_least_in_the_metric_of_the_mass() -> None:
+    e = derive(read(MODEL, "model.yaml"))
+    g = e.graph
+    state = {"m": 2.0, "k": 0.3, "x": 0.9, "y": 0.4, "z": 0.3}
+    nodes = Elimination(e).correction([row.residual for row in e.rows])
+    M = np.reshape(evaluate(g, [node for row in e.M for node in row], state), (3, 3))
+    rows = [node for row in e.rows for node in row.A]
+    A = np.reshape(evaluate(g, rows, state), (2, 3))
+    residuals = evaluate(g, [row.residual for row in e.rows], state)
+    # min dq^T M dq with A dq = -g.
+    kkt = np.block([[M, A.T], [A, np.zeros((2, 2))]])
+    expected = np.linalg.solve(kkt, [0, 0, 0, -residuals[0], -residuals[1]])[:3]
+    assert evaluate(g, nodes, state) == pytest.approx(expected, rel=1e-13)
+
+
+def test_motion_of_a_constrained_model() -> None:
+    e = derive(read(MODEL, "model.yaml"))
+    g = e.graph
+    state = {"m": 2.0, "k": 0.3, "x": 0.9, "y": 0.4, "z": 0.2}
+    state |= {"x_dot": 0.3, "y_dot": -1.0, "z_dot": 0.7}
+    accelerations, multipliers = Elimination(e).motion()
+    q_ddot = np.array(evaluate(g, accelerations, state))
+    lam = np.array(evaluate(g, multipliers, state))
+    # By hand: T = m v^2/2 + k x x' y'.
+    k, m, x, vx, vy, vz = 0.3, 2.0, 0.9, 0.3, -1.0, 0.7
+    M = np.array([[m, k * x, 0], [k * x, m, 0], [0, 0, m]])
+    f = np.array([0.0, -k * vx**2, -m])
+    A = np.array([[2 * 0.9, 2 * 0.4, 2 * 0.2], [0, 1, -2]])
+    b = np.array([-2 * (vx**2 + vy**2 + vz**2), 0.0])
+    assert M @ q_ddot - A.T @ lam == pytest.approx(f, abs=1e-13)
+    assert A @ q_ddot == pytest.approx(b, abs=1e-13)

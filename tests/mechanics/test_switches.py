@@ -1,0 +1,213 @@
+import itertools
+import math
+import random
+
+import pytest
+
+from lagsim.language.derivatives import gradient
+from lagsim.language.evaluate import evaluate
+from lagsim.language.graph import Graph
+from lagsim.language.parser import parse
+from lagsim.mechanics.switches import (
+    expression_text,
+    find_switches,
+    prevailing,
+    surfaces,
+)
+from lagsim.run.events.breaks import break_times
+
+MOVING = ("x", "x_dot")
+
+
+def switches_of(text):
+    g = Graph()
+    node = parse(text).build(g, g.variable)
+    return g, node, find_switches(g, [node], MOVING)
+
+
+def discrete_texts(text):
+    g, _, switches = switches_of(text)
+    return [expression_text(g, mode.discrete) for mode in switches.modes]
+
+
+@pytest.mark.parametrize(
+    ("text", "discrete"),
+    [
+        ("if(t < 1, x, 2)", ["t < 1"]),
+        ("x*abs(t - 1)", ["sign(t - 1)"]),
+        ("sign(t) + abs(t)", ["sign(t)"]),
+        ("heaviside(t - p) + floor(t) + ceil(t/p)",
+         ["heaviside(t - p)", "floor(t)", "ceil(t/p)"]),
+        ("min(t, p)", ["t <= p"]),
+        ("max(x, max(t, p))", ["t >= p"]),
+        # Conditions are taken apart where their parts differ in kind, only there.
+        ("if(t < 1 and t > p or t > 3, 1, 0)", ["t < 1 and t > p or t > 3"]),
+        ("if(t < 1 and x > 0, 1, 0)", ["t < 1"]),
+        ("if(x > 0 or not (t < 1 and t > p), 1, 0)", ["not (t < 1 and t > p)"]),
+        # A switch that only decides a time switch is not needed by the frozen form.
+        ("sign(sin(t) - if(t < 1, 0, 1))", ["sign(sin(t) - if(t < 1, 0, 1))"]),
+        ("if(t < 1, if(t < p, 1, 2), floor(t))", ["t < 1", "t < p", "floor(t)"]),
+        # In what decides a state switch it is.
+        ("sign(x - floor(t))", ["floor(t)"]),
+        ("if(p > 1, x, t) + abs(p) + max(p, 2)", []),
+        ("sin(t)*x", []),
+    ],
+)  # fmt: skip
+def test_finds_the_time_switches(text, discrete):
+    assert sorted(discrete_texts(text)) == sorted(discrete)
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("sign(x_dot)", ["sign(x_dot)"]),
+        ("abs(x - t)", ["abs(x - t)"]),
+        ("if(x > 0 and t < 1, 1, 0)", ["if(x > 0, ...)"]),
+        ("max(0, x)^2.5", ["max(0, x)"]),
+        ("floor(x*sign(t))", ["floor(x*sign(t))"]),
+        ("min(t, p)", []),
+        ("2^x", []),
+    ],
+)
+def test_finds_the_state_switches_of_an_expression_and_its_derivative(text, shown):
+    g = Graph()
+    node = parse(text).build(g, g.variable)
+    slopes = gradient(g, node, [g.variable(v) for v in (*MOVING, "t")])
+    found = find_switches(g, [node, *slopes], MOVING)
+    assert [str(s) for s in found.state] == shown
+
+
+def test_the_limit_in_the_derivative_of_a_power_is_no_switch():
+    g = Graph()
+    power = parse("t^x").build(g, g.variable)
+    slopes = gradient(g, power, [g.variable("x")])
+    found = find_switches(g, slopes, MOVING)
+    assert not found.modes
+    assert not found.state
+    assert found.freeze(slopes) == slopes
+
+
+def test_an_expression_without_switches_is_left_alone():
+    _, node, switches = switches_of("x^2*sin(t)/(1 + p)")
+    assert switches.modes == ()
+    assert switches.freeze([node]) == [node]
+
+
+def test_equal_discrete_functions_share_a_mode():
+    g = Graph()
+    node = parse("abs(t - 2)*x + max(t, p)").build(g, g.variable)
+    slope = gradient(g, node, [g.variable("t")])
+    found = find_switches(g, [node, *slope], MOVING)
+    assert [m.variable for m in found.modes] == ["mode.0", "mode.1"]
+
+
+TEXTS = [
+    "if(t < 1, x*t, x^2)",
+    "abs(t - 1)*x",
+    "sign(sin(3*t)) + heaviside(t - p)*x",
+    "floor(t/0.3)*ceil(p*t)",
+    "min(t, 2 - t)*x + max(sin(5*t), p/4)",
+    "if(t < 1, if(t < 0.5, abs(t - 0.2), 2), if(sin(9*t) > 0, x, max(t, 1.7)))",
+    "abs(sin(5*t) - if(t < 0.7, 0.5, min(t, 0.9)))",
+    "abs(abs(abs(t - 1) - 0.5) - 0.1)*x",
+    "if(t < 1 and x > 0 or not (t < 1.5), t, x)",
+    "if(t - floor(t/0.4)*0.4 < 0.1, 1, x)",
+    "sign(x - floor(3*t))*max(x, if(t > 1.2, t, 0))",
+    "floor(t + floor(t + floor(3*t)/7))",
+    "max(0, t - 1)^2.5 + x",
+]
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_frozen_expressions_and_slopes_equal_the_original_on_each_arc(text):
+    g = Graph()
+    node = parse(text).build(g, g.variable)
+    slopes = gradient(g, node, [g.variable("t"), g.variable("x")])
+    nodes = [node, *slopes]
+    switches = find_switches(g, nodes, MOVING)
+    frozen = switches.freeze(nodes)
+    # Nothing that is left switches in time.
+    assert not find_switches(g, frozen, MOVING).modes
+
+    draw = random.Random(text)
+    values = {"p": 0.8, "x": draw.uniform(-2, 2)}
+    discrete = [mode.discrete for mode in switches.modes]
+    ends = [-1.0, *break_times(g, discrete, values, -1.0, 3.0), 3.0]
+    assert len(ends) > 2
+    for start, end in itertools.pairwise(ends):
+        if end - start < 1e-12:
+            continue  # between two breaks that rounding holds apart
+        found = switches.mode_values(start, end, values)
+        modes = {m.variable: v for m, v in zip(switches.modes, found, strict=True)}
+        for _ in range(10):
+            t = start + (end - start) * draw.uniform(1e-6, 1 - 1e-6)
+            now = values | {"t": t}
+            assert evaluate(g, frozen, now | modes) == pytest.approx(
+                evaluate(g, nodes, now), rel=1e-13, abs=1e-13
+            )
+
+
+def test_the_frozen_form_goes_on_smoothly_past_the_end_of_its_arc():
+    g, node, switches = switches_of("abs(t - 1) + if(t < 1, 0, 100)")
+    frozen = switches.freeze([node])
+    found = switches.mode_values(0.0, 1.0, {})
+    modes = {m.variable: v for m, v in zip(switches.modes, found, strict=True)}
+    assert evaluate(g, frozen, modes | {"t": 1.25}) == [-0.25]
+    assert evaluate(g, frozen, modes | {"t": 1.0}) == [0.0]
+
+
+def test_a_value_held_at_one_instant_is_outvoted():
+    # (t - 1)^2 vanishes in the very middle of the arc.
+    g, node, switches = switches_of("abs((t - 1)^2)")
+    assert switches.mode_values(0.0, 2.0, {}) == [1.0]
+    del g, node
+
+
+def test_prevailing_takes_nan_for_a_value():
+    assert math.isnan(prevailing(lambda _: [math.nan], 0.0, 1.0)[0])
+    assert prevailing(lambda t: [t > 0.5], 0.0, 1.0) == [0.0]
+
+
+def test_surfaces_of_a_condition():
+    g = Graph()
+    node = parse("if(t < p or not (t^2 >= 4 and t < p), 1, 0)").build(g, g.variable)
+    found = surfaces(g, g.args[node][0])
+    shown = sorted((s.op, expression_text(g, s.node)) for s in found)
+    assert shown == [("ge", "t^2 - 4"), ("lt", "t - p")]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a - (b - c)", "a/(b*c)", "(a + b)*c", "(-a)^2.5", "-a^2.5", "sin(a)^b*max(a, 2)",
+     "a - b - c", "a/b*c", "(a/b)^c", "a^(b + c)", "(a^b)^c", "(a*b - c)*-a"],
+)  # fmt: skip
+def test_the_text_of_an_expression_reads_back(text):
+    g = Graph()
+    node = parse(text).build(g, g.variable)
+    again = parse(expression_text(g, node)).build(g, g.variable)
+    values = {"a": 1.3, "b": 0.7, "c": 2.1}
+    assert evaluate(g, [again], values) == pytest.approx(
+        evaluate(g, [node], values), nan_ok=True
+    )
+
+
+def test_a_deep_expression_is_shown_in_part():
+    g = Graph()
+    node = g.variable("x")
+    for _ in range(5000):
+        node = g.call("sin", node)
+    assert expression_text(g, node) == "sin(sin(sin(sin(sin(sin(...))))))"
+
+
+def test_many_nested_switches_take_no_recursion():
+    g = Graph()
+    node = g.variable("x")
+    for k in range(3000):
+        node = g.call(
+            "if", g.call("lt", g.variable("t"), g.constant(float(k))), g.zero, node
+        )
+    switches = find_switches(g, [node], MOVING)
+    assert len(switches.modes) == 3000
+    (frozen,) = switches.freeze([node])
+    modes = {m.variable: 0.0 for m in switches.modes}
+    assert evaluate(g, [frozen], modes | {"x": 5.0}) == [5.0]

@@ -1,0 +1,309 @@
+"""Observed orders of convergence: slopes of log(error) against log(step)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from lagsim.admissibility import examine
+from lagsim.mechanics.equations import derive
+from lagsim.methods import dop853, euler, method, names, rk4
+from lagsim.methods.parts import state as at
+from lagsim.model.reader import read
+from lagsim.plan import make_plan
+from lagsim.run import simulate
+from lagsim.run.system import System
+from tests.methods.plain import Plain, first_order, fresh_state, state_of
+from tests.methods.test_registry import refusal_of, swing
+from tests.support import Keep, run
+
+NO_PARAMETERS = np.zeros(1)
+
+
+def slope(steps, errors):
+    """Give the slope of the straight line through the points, and check it is one."""
+    x, y = np.log(steps), np.log(errors)
+    fit = np.polyfit(x, y, 1)
+    # Within a factor of 2 of a line: no point is at rounding level or pre-asymptotic.
+    assert np.max(np.abs(np.polyval(fit, x) - y)) < math.log(2.0)
+    return fit[0]
+
+
+def decay(t, y):
+    return -2.0 * t * y * y
+
+
+def decay_exact(t):
+    return 1.0 / (1.0 + t * t)
+
+
+def pendulum(_t, y):
+    return np.array([y[1], -math.sin(y[0])])
+
+
+def pendulum_exact(t):
+    return swing(t, 2.0)
+
+
+PROBLEMS = {
+    "y' = -2 t y^2": (decay, decay_exact, [1.0]),
+    "pendulum": (pendulum, pendulum_exact, [2.0, 0.0]),
+}
+# Steps per unit of time, fine enough for the leading term and above rounding.
+RATES = {
+    ("euler", "y' = -2 t y^2"): (100, 200, 400),
+    ("euler", "pendulum"): (200, 400, 800),
+    ("rk4", "y' = -2 t y^2"): (8, 16, 32, 64),
+    ("rk4", "pendulum"): (8, 16, 32, 64),
+    ("dop853", "y' = -2 t y^2"): (8, 10, 12, 16),
+    ("dop853", "pendulum"): (4, 5, 6, 8, 10),
+}
+
+
+PENDULUM = """
+coordinates: {a: {}}
+energy: {kinetic: a_dot^2/2, potential: -cos(a)}
+initial: {a: 2}
+"""
+HELD = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y}
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: sin(2), y: -cos(2)}
+"""
+
+
+class Fixed:
+    """Steps of length h in plain Python, whatever their error."""
+
+    def __init__(self, method, rate, y, t, h):
+        self.plain = Plain(method, first_order(rate, len(y)))
+        self.method, self.h = method, h
+        # A row in every step, so that the dense output is made.
+        self.s = fresh_state(
+            method, y, T=t, ARC_START=t, RTOL=1.0, FIXED_STEP=h,
+            ROW_START=t, ROW_LIMIT=1e9, ROW_STEP=1e-9, ROW=1.0,
+        )  # fmt: skip
+        self.plain.kernel("start")(self.s, NO_PARAMETERS)
+
+    def step(self):
+        """Make a step; give t and y."""
+        kernel = self.plain.kernel
+        if self.method.ADAPTIVE:
+            kernel("attempt")(self.s, NO_PARAMETERS, self.h)
+            kernel("accept")(self.s, NO_PARAMETERS, self.h)
+        else:
+            assert kernel("step")(self.s, NO_PARAMETERS) == at.DONE
+        return self.s[at.T], state_of(self.s)
+
+    def within(self, x):
+        """Give y at the fraction x of the last step."""
+        out = np.zeros(int(self.s[at.SIZE]))
+        self.plain.kernel("interpolate")(self.s, x, out)
+        return out
+
+
+@pytest.mark.parametrize("problem", PROBLEMS)
+@pytest.mark.parametrize("method", [euler, rk4, dop853])
+def test_global_order(method, problem):
+    rate, exact, y = PROBLEMS[problem]
+    counts = RATES[method.NAME, problem]
+    errors = []
+    for count in counts:
+        fixed = Fixed(method, rate, y, 0.0, 1.0 / count)
+        visited = [fixed.step() for _ in range(3 * count)]
+        assert visited[-1][0] == pytest.approx(3.0, rel=1e-14)
+        errors.append(max(abs(y[0] - exact(t)) for t, y in visited))
+    # The next term of the expansion shifts a slope at such steps by a few tenths.
+    found = slope([1.0 / n for n in counts], errors)
+    assert found == pytest.approx(method.ORDER, abs=0.5)
+
+
+@pytest.mark.parametrize("problem", PROBLEMS)
+@pytest.mark.parametrize(
+    ("method", "steps"),
+    [
+        (euler, (0.01, 0.02, 0.04)),
+        (rk4, (0.02, 0.04, 0.08)),
+        (dop853, (0.1, 0.15, 0.2, 0.3)),
+    ],
+)
+def test_order_of_the_dense_output(method, steps, problem):
+    # Over one step from exact values: a polynomial of order p is off by h^(p + 1).
+    rate, exact, y = PROBLEMS[problem]
+    t = 0.0
+    if problem != "pendulum":
+        t, y = 3.0, [exact(3.0)]
+    errors = []
+    for h in steps:
+        fixed = Fixed(method, rate, y, t, h)
+        fixed.step()
+        looks = np.linspace(0.05, 0.95, 19)
+        errors.append(max(abs(fixed.within(x)[0] - exact(t + x * h)) for x in looks))
+    assert slope(steps, errors) - 1 == pytest.approx(method.DENSE_ORDER, abs=0.5)
+
+
+@pytest.mark.parametrize("method", [euler, rk4, dop853])
+def test_the_dense_output_meets_both_ends(method):
+    rate, _, y = PROBLEMS["pendulum"]
+    fixed = Fixed(method, rate, y, 0.0, 0.1)
+    _, after = fixed.step()
+    assert list(fixed.within(0.0)) == y
+    assert np.allclose(fixed.within(1.0), after, rtol=0, atol=1e-15)
+
+
+# q'' = 8 t^2 q^3 - 2 q^2, which q = 1/(1 + t^2) solves: nonlinear, depends on time, and
+# `work` is what the energy gains.
+TIMED = """
+coordinates: {q: {}}
+energy: {kinetic: q_dot^2/2, potential: 2*q^3/3}
+forces: {q: 8*t^2*q^3}
+initial: {q: 1/(1 + t0^2), q_dot: -2*t0/(1 + t0^2)^2}
+"""
+
+
+def swinging(found, amplitude=2.0):
+    """Give the errors of angle and rate: a' = -2 k cn(K - t, k^2), see `swing`."""
+    from scipy.special import ellipj, ellipk
+
+    t = found["t"]
+    k = math.sin(amplitude / 2.0)
+    exact_rate = -2.0 * k * ellipj(ellipk(k * k) - t, k * k)[1]
+    if "a" in found.system.columns.names:
+        angle, rate = found["a"], found["a_dot"]
+    else:
+        angle = np.arctan2(found["x"], -found["y"])
+        rate = found["y_dot"] * found["x"] - found["x_dot"] * found["y"]
+    return [angle - swing(t, amplitude), rate - exact_rate]
+
+
+def timed(found):
+    t = found["t"]
+    q = 1.0 / (1.0 + t * t)
+    v = -2.0 * t * q * q
+    energy = v * v / 2.0 + 2.0 * q**3 / 3.0
+    return [found["q"] - q, found["q_dot"] - v, found["work"] - energy + energy[0]]
+
+
+SCENES = {"pendulum": (PENDULUM, swinging), "held": (HELD, swinging)}
+SCENES["timed"] = (TIMED, timed)
+# Steps per unit of time, by order: fine enough for the leading term, above rounding.
+COUNTS = {
+    1: (400, 800, 1600, 3200),
+    2: (20, 40, 80, 160),
+    4: (16, 32, 64),
+    6: (12, 16, 24, 32),
+    8: (6, 8, 10, 12),
+}
+# Steps from exact values, by order of the dense output; the pendulum's may be longer.
+STEPS = {
+    1: (0.01, 0.02, 0.04),
+    2: (0.01, 0.02, 0.04),
+    3: (0.02, 0.04, 0.08),
+    6: (0.03, 0.04, 0.05, 0.07),
+}
+PAIRS = [
+    (name, scene)
+    for name in names()
+    if not method(name).ADAPTIVE
+    for scene, (text, _) in SCENES.items()
+    if not refusal_of(name, text.replace("t0", "0"))
+]
+
+
+def run_scene(name, scene, start, simulation):
+    text = SCENES[scene][0].replace("t0", str(start))
+    return run(f"{text}simulation: {{start: {start}, method: {name}, {simulation}}}")
+
+
+@pytest.mark.parametrize(("name", "scene"), PAIRS)
+def test_order_of_whole_runs_with_a_fixed_step(name, scene):
+    counts = COUNTS[method(name).ORDER]
+    errors = []
+    for count in counts:
+        options = f"duration: 3, output_step: 1/2, step: 1/{count}"
+        found = run_scene(name, scene, 0, options)
+        errors.append(max(np.max(np.abs(e)) for e in SCENES[scene][1](found)))
+    # The next term of the expansion shifts a slope at such steps by a few tenths.
+    order = slope([1.0 / n for n in counts], errors)
+    assert order == pytest.approx(method(name).ORDER, abs=0.5)
+
+
+@pytest.mark.parametrize(("name", "scene"), PAIRS)
+def test_order_of_rows_within_a_step(name, scene):
+    """One step from exact values: a polynomial of order p is off by h^(p + 1)."""
+    steps = [h if scene == "timed" else 5 * h for h in STEPS[method(name).DENSE_ORDER]]
+    errors = []
+    for h in steps:
+        options = f"duration: {h}, output_step: {h}/20, step: {h}"
+        found = run_scene(name, scene, 0.3 if scene == "timed" else 0, options)
+        assert found.trajectory.statistics.steps == 1
+        errors.append(max(np.max(np.abs(e)) for e in SCENES[scene][1](found)))
+    # Not below; above where the scene's first terms are small, as they are from rest.
+    assert slope(steps, errors) - 1 > method(name).DENSE_ORDER - 0.5
+
+
+@pytest.mark.parametrize("text", [PENDULUM, HELD])
+def test_error_follows_the_tolerance(text):
+    """Order 8 under step control: an error per tolerance that stays the same."""
+    tolerances = [1e-6, 1e-8, 1e-10]
+    errors, evaluations = [], []
+    for rtol in tolerances:
+        options = f"method: dop853, rtol: {rtol}, atol: {rtol}"
+        options += ", duration: 4, output_step: 0.1"
+        found = run(f"{text}simulation: {{{options}}}")
+        angle = found["a"] if text is PENDULUM else np.arctan2(found["x"], -found["y"])
+        errors.append(np.max(np.abs(angle - swing(found["t"], 2.0))))
+        evaluations.append(found.trajectory.statistics.evaluations)
+    assert all(e < 10 * rtol for e, rtol in zip(errors, tolerances, strict=True))
+    # Error per step goes with h^8, so work with tolerance^(-1/8): 100^(1/8) = 1.8.
+    ratios = [b / a for a, b in pairwise(evaluations)]
+    assert all(1.3 < ratio < 2.4 for ratio in ratios)
+
+
+FREE = """
+parameters: {l: 1, g: 9.8, K: 25.6}
+coordinates: {theta: {}, u: {}}
+energy:
+  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
+  potential: g*(l - (l + u)*cos(theta)) + K*u^2/2
+initial: {theta: 1, u: 0}
+simulation: {duration: 5}
+"""
+CURVE = FREE.replace("initial:", 'constraints: {path: "u = l - l*theta^2"}\ninitial:')
+STEERED = FREE.replace(
+    "initial: {theta: 1, u: 0}",
+    "constraints: {blade: u_dot*cos(theta + 5*u) = l*theta_dot*sin(theta + 5*u)}\n"
+    "initial: {theta: 0.2, u: 0.5, theta_dot: 1, u_dot: {guess: 0}}",
+)
+
+
+@pytest.mark.parametrize("text", [FREE, CURVE, STEERED])
+@pytest.mark.parametrize(
+    ("options", "off"),
+    [
+        # Errors of the two halves add up, enlarged by the motion to less than 1000.
+        ({}, 1e-8),
+        # 1 ms, order 4: (0.001*5.06 rad/s)^4 = 7e-10 a radian, 25 radians, and back.
+        ({"method": "rk4", "step": "0.001"}, 1e-7),
+    ],
+)
+def test_time_reversal_brings_the_state_back(text, options, off):
+    equations = derive(read(text, "model.yaml", options=options))
+    start = examine(equations)
+    plan = make_plan(equations, start)
+    ends = []
+    turned = start
+    for _ in range(2):
+        keep = Keep()
+        simulate(equations, turned, plan, System(equations, plan), [keep])
+        last = keep.blocks[-1][-1]
+        n = len(equations.q)
+        ends.append(last[1 : 1 + 2 * n])
+        turned = replace(start, q=last[1 : 1 + n], v=-last[1 + n : 1 + 2 * n])
+    assert np.max(np.abs(ends[0] - [*start.q, *start.v])) > 0.1
+    assert np.max(np.abs(ends[1] - [*start.q, *-start.v])) < off

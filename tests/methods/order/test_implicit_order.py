@@ -1,0 +1,128 @@
+"""Orders of implicit methods, and what is left of them on stiff motion."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lagsim.methods import radau
+from lagsim.methods.parts import state as at
+from tests.methods.order.test_convergence import slope
+from tests.methods.plain import Plain, exact, fresh_state, state_of
+from tests.methods.test_registry import swing
+from tests.support import run
+
+NO_PARAMETERS = np.zeros(1)
+
+
+def accelerated(acceleration, slopes):
+    """Give what the kernels call for q'' = acceleration(t, q, v); slopes to q and v."""
+
+    def derivative(t, y, _p, out):
+        out[0], out[1] = y[1], acceleration(t, y[0], y[1])
+
+    def jacobian(t, y, _p, out):
+        out[:2] = slopes(t, y[0], y[1])
+
+    def measure(_t, _y, _p, out):
+        out[:4] = 0.0, 0.0, 1.0, 0.0
+
+    model = {"derivative": derivative, "jacobian": jacobian, "measure": measure}
+    return model | exact(1)
+
+
+class Fixed:
+    """Steps of Radau of length h, whatever their error, in plain Python."""
+
+    def __init__(self, model, y, t, h):
+        self.plain, self.h = Plain(radau, model), h
+        # Newton's method goes on to 0.03 of a tenth of the tolerance.
+        self.s = fresh_state(radau, y, N=1, T=t, ARC_START=t, RTOL=1e-12, ATOL=1e-12)
+        self.plain.kernel("start")(self.s, NO_PARAMETERS)
+
+    def step(self):
+        kernel = self.plain.kernel
+        assert kernel("attempt")(self.s, NO_PARAMETERS, self.h) >= 0.0
+        kernel("accept")(self.s, NO_PARAMETERS, self.h)
+        self.s[self.words + 5] = 0.0  # the Jacobian is due
+        return self.s[at.T], state_of(self.s)
+
+    @property
+    def words(self):
+        return at.HEADER + 6 * int(self.s[at.SIZE]) + 6
+
+    def within(self, x):
+        out = np.zeros(2)
+        self.plain.kernel("interpolate")(self.s, x, out)
+        return out
+
+
+PENDULUM = accelerated(
+    lambda _t, q, _v: -math.sin(q), lambda _t, q, _v: (-math.cos(q), 0.0)
+)
+
+
+def test_radau_has_order_5():
+    steps, errors = [0.4, 0.2, 0.1], []
+    for h in steps:
+        fixed = Fixed(PENDULUM, [2.0, 0.0], 0.0, h)
+        visited = [fixed.step() for _ in range(round(2.0 / h))]
+        errors.append(max(abs(y[0] - swing(t, 2.0)) for t, y in visited))
+    assert slope(steps, errors) == pytest.approx(5, abs=0.4)
+
+
+def test_order_of_radaus_dense_output():
+    # Over one step from exact values: a polynomial of order p is off by h^(p + 1).
+    steps, errors = [0.4, 0.2, 0.1], []
+    for h in steps:
+        fixed = Fixed(PENDULUM, [2.0, 0.0], 0.0, h)
+        _, after = fixed.step()
+        looks = np.linspace(0.05, 0.95, 19)
+        errors.append(max(abs(fixed.within(x)[0] - swing(x * h, 2.0)) for x in looks))
+        assert np.allclose(fixed.within(0.0), [2.0, 0.0], rtol=0, atol=0)
+        assert np.allclose(fixed.within(1.0), after, rtol=0, atol=1e-14)
+    # From rest the first error of the positions vanishes: one more.
+    assert slope(steps, errors) - 1 > radau.DENSE_ORDER - 0.3
+
+
+STIFF = 1e6
+
+
+def prothero_robinson(t, _q, v):
+    """v' = -L (v - sin t) + cos t: v = sin t (Prothero and Robinson, 1974)."""
+    return -STIFF * (v - math.sin(t)) + math.cos(t)
+
+
+def test_radaus_order_falls_to_3_on_a_stiff_problem():
+    model = accelerated(prothero_robinson, lambda _t, _q, _v: (0.0, -STIFF))
+    steps, errors = [0.4, 0.2, 0.1], []
+    for h in steps:
+        fixed = Fixed(model, [-1.0, 0.0], 0.0, h)
+        visited = [fixed.step() for _ in range(round(2.0 / h))]
+        errors.append(max(abs(y[1] - math.sin(t)) for t, y in visited))
+    # IV.15, table 15.1: h^s/L with s = 3 stages.
+    assert slope(steps, errors) == pytest.approx(3, abs=0.1)
+
+
+PROTHERO_ROBINSON = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: -1e6*(x_dot - sin(t)) + cos(t)}
+initial: {x: -1}
+simulation: {duration: 2, output_step: 0.5, method: METHOD, step: 0.1}
+"""
+SMOOTH = PROTHERO_ROBINSON.replace("1e6", "1")
+
+
+@pytest.mark.parametrize(
+    ("name", "soft", "stiff"), [("gauss4", 4, 2), ("midpoint", 2, 2)]
+)
+def test_the_order_of_gauss_methods_on_a_stiff_problem(name, soft, stiff):
+    for text, order in ((SMOOTH, soft), (PROTHERO_ROBINSON, stiff)):
+        steps, errors = [0.125, 0.0625, 0.03125], []
+        for h in steps:
+            found = run(text.replace("METHOD", name), step=h)
+            errors.append(np.max(np.abs(found["x_dot"] - np.sin(found["t"]))))
+        assert slope(steps, errors) == pytest.approx(order, abs=0.4)

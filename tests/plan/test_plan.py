@@ -1,0 +1,171 @@
+"""What is chosen for a scene, and that the reason is told."""
+
+from __future__ import annotations
+
+import pytest
+
+from lagsim.admissibility import examine
+from lagsim.errors import InputError
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read, read_file
+from lagsim.plan import make_plan
+from lagsim.plan.integration import DEFAULT_RTOL
+from tests.scenes.reference import model_text
+from tests.support import MODELS
+
+
+def plan_of(text, *, loops=False, **options):
+    if "\n" in text:
+        model = read(text, "model.yaml", options=options)
+    else:
+        model = read_file(str(MODELS / f"{text}.yaml"), options=options)
+    equations = derive(model)
+    return make_plan(equations, examine(equations), loops=loops)
+
+
+def reasons(plan):
+    return {choice.choice: choice.reason for choice in plan.choices}
+
+
+@pytest.mark.parametrize(
+    ("name", "formulation"),
+    [
+        ("elastic-pendulum", "none"),
+        ("elastic-pendulum-curve", "elimination"),
+        ("pendulum-cartesian", "projection"),
+        ("elastic-pendulum-steered", "velocity projection"),
+        ("rolling-disk", "velocity projection"),
+        ("andrews", "projection"),
+    ],
+)
+def test_the_formulation_follows_the_constraints(name, formulation):
+    plan = plan_of(name)
+    assert plan.formulation == formulation
+    assert f"formulation: {formulation}" in reasons(plan)
+    assert all(choice.reason for choice in plan.choices)
+
+
+def test_mixed_constraints_are_projected_on_both_levels():
+    plan = plan_of(
+        """
+coordinates: {x: {}, y: {}, z: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: z}
+constraints: {floor: z = 0, blade: x_dot*sin(z + 1) = y_dot*cos(z + 1)}
+initial: {x: 0, y: 0, z: 0}
+simulation: {duration: 1}
+""",
+        formulation="projection",
+    )
+    assert plan.formulation == "projection"
+    assert reasons(plan)["formulation: projection"].startswith("1 of 2")
+
+
+MASS = """
+parameters: {{m: 2}}
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: "{kinetic}", potential: 0}}
+initial: {{x: 0, y: 0, x_dot: 0.1}}
+simulation: {{duration: 1}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("kinetic", "mass"),
+    [
+        ("m*(x_dot^2 + y_dot^2)/2", "constant, diagonal"),
+        ("x_dot^2 + y_dot^2 + x_dot*y_dot", "constant"),
+        ("(2 + sin(x))*(x_dot^2 + y_dot^2)", "depends on positions, diagonal"),
+        ("x_dot^2 + y_dot^2 + sin(x)*x_dot*y_dot", "depends on positions"),
+        ("(2 + sin(t))*(x_dot^2 + y_dot^2)", "depends on time, diagonal"),
+        ("x_dot^2 + y_dot^2 + x_dot^4", "depends on velocities, diagonal"),
+    ],
+)
+def test_the_mass_matrix_is_described(kinetic, mass):
+    assert plan_of(MASS.format(kinetic=kinetic), formulation="none").mass_matrix == mass
+
+
+def test_blocks_of_the_mass_matrix_are_told():
+    plan = plan_of("heavy-top", formulation="full")
+    assert plan.mass_matrix == "depends on positions, 2 blocks"
+
+
+def test_tolerances():
+    plan = plan_of("elastic-pendulum")
+    assert (plan.method, plan.rtol, plan.atol, plan.step) == (
+        "taylor",
+        DEFAULT_RTOL,
+        None,
+        None,
+    )
+    plan = plan_of("elastic-pendulum", rtol="1e-7", atol="1e-9")
+    assert (plan.rtol, plan.atol) == (1e-7, 1e-9)
+    plan = plan_of("elastic-pendulum", rtol="0", atol="1e-9")
+    assert (plan.rtol, plan.atol) == (0.0, 1e-9)
+
+
+def test_a_fixed_step_has_no_tolerances():
+    plan = plan_of("elastic-pendulum", method="rk4")
+    assert (plan.method, plan.rtol, plan.atol, plan.step) == ("rk4", None, None, 0.02)
+    assert plan_of("elastic-pendulum", method="rk4", step="0.005").step == 0.005
+    assert reasons(plan)["method: rk4"] == "asked for"
+
+
+def test_an_unknown_method_is_refused_by_name():
+    with pytest.raises(InputError) as caught:
+        plan_of("elastic-pendulum", method="rk5")
+    [problem] = caught.value.problems
+    assert problem.code == "unknown-method"
+    assert "rk5" in problem.text
+    assert "rk4" in problem.hint
+
+
+def test_regular_equations_are_solved_straight():
+    plan = plan_of("andrews")
+    assert plan.elimination is not None
+    assert "solve: straight-line code" in reasons(plan)
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("pendulum_duplicate_constraints", "3 constraints have rank 1"),
+        ("bricard", "24 constraints have rank 23"),
+    ],
+)
+def test_dependent_rows_are_solved_by_loops(name, why):
+    plan = plan_of(model_text(name))
+    assert plan.elimination is None
+    assert why in reasons(plan).values()
+
+
+def test_a_singular_mass_matrix_is_solved_with_the_constraints():
+    plan = plan_of(model_text("huygens_cycloid"), formulation="full")
+    assert plan.augmented
+    assert plan.elimination is None
+    assert "mass matrix solved with the constraints" in reasons(plan)
+
+
+def test_too_long_a_system_is_solved_by_loops():
+    n = 30
+    names = [f"a{k}" for k in range(n)]
+    lines = ["coordinates:", *(f"  {a}: {{}}" for a in names), "definitions:"]
+    for k, a in enumerate(names):
+        x, y = (f" + {c}{k - 1}" if k else "" for c in "xy")
+        lines += [f"  x{k}: sin({a}){x}", f'  y{k}: "-cos({a}){y}"']
+    kinetic = " + ".join(f"x{k}_dot^2 + y{k}_dot^2" for k in range(n))
+    potential = " + ".join(f"y{k}" for k in range(n))
+    lines += ["energy:", f"  kinetic: ({kinetic})/2", f"  potential: {potential}"]
+    lines += ["initial:", *(f"  {a}: 1" for a in names), "simulation: {duration: 1}"]
+    plan = plan_of("\n".join(lines) + "\n")
+    assert plan.elimination is None
+    assert "solve: loops" in reasons(plan)
+
+
+def test_loops_can_be_insisted_on():
+    plan = plan_of("andrews", loops=True)
+    assert plan.elimination is None
+    assert "solve: loops with QR" in reasons(plan)
+
+
+def test_plans_are_repeatable():
+    assert plan_of("andrews").choices == plan_of("andrews").choices

@@ -1,0 +1,167 @@
+"""Subsystems that do not touch: found, and integrated apart with the same answer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagsim.errors import InputError
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read, read_file
+from lagsim.plan.subsystems import groups
+from lagsim.run import BLOCK
+from lagsim.run.interrupt import Interrupt
+from lagsim.run.trajectory import Outcome
+from tests.mechanics.reduction.test_runs import differences
+from tests.support import MODELS, run
+
+# A double pendulum of sorts, a fast spring, and a pendulum on a rod; `e` sees them all.
+THREE = """
+coordinates: {a: {}, x: {}, b: {}, y: {}, z: {}}
+definitions: {px: x + a, e: (a_dot^2 + x_dot^2)/2 + y}
+energy:
+  kinetic: (a_dot^2 + b_dot^2*(1 + 0.1*sin(a)^2) + x_dot^2 + y_dot^2 + z_dot^2)/2
+  potential: 9.8*(1 - cos(a)) + (a - b)^2 + 5000*x^2 + 100*x^4 + 9.8*y
+constraints: {rod: y^2 + z^2 = 1}
+initial: {a: 1, b: 0.2, x: 0.3, y: -0.6, z: 0.8}
+simulation: {duration: DURATION, output_step: 0.01}
+"""
+
+
+def three(duration=2):
+    return THREE.replace("DURATION", str(duration))
+
+
+def names_of(text):
+    e = derive(read(text, "model.yaml"))
+    return [[e.q[j] for j in group] for group in groups(e)]
+
+
+@pytest.mark.parametrize(
+    ("change", "to", "expected"),
+    [
+        ("", "", [["a", "b"], ["x"], ["y", "z"]]),
+        ("9.8*y", "9.8*y + x*z", [["a", "b"], ["x", "y", "z"]]),
+        ("y_dot^2 + z", "y_dot^2 + x_dot*a_dot/9 + z", [["a", "x", "b"], ["y", "z"]]),
+        ("z^2 = 1", "z^2 = 1 + 0*b + (x - 0.3)", [["a", "b"], ["x", "y", "z"]]),
+        ("(a - b)^2 + ", "", [["a", "b"], ["x"], ["y", "z"]]),  # by M and its slopes
+        ("0.1*sin(a)^2", "x^2", [["a", "x", "b"], ["y", "z"]]),
+    ],
+)
+def test_groups(change, to, expected):
+    assert change in THREE
+    assert names_of(three().replace(change, to)) == expected
+
+
+@pytest.mark.parametrize("name", ["andrews", "kepler", "chain-cartesian"])
+def test_mechanisms_are_in_one_piece(name):
+    e = derive(read_file(str(MODELS / f"{name}.yaml")))
+    assert len(groups(e)) == 1
+
+
+def test_all_columns_agree():
+    full = run(three(), formulation="full", rtol="1e-13")
+    apart = run(three(), formulation="apart", rtol="1e-13")
+    assert len(apart.plan.parts) == 3
+    assert apart.trajectory.outcome is Outcome.DONE
+    assert apart.trajectory.rows == full.trajectory.rows == 201
+    for name, off in differences(apart, full).items():
+        # 45 periods of the fast spring, 1e-13 a step: the phase is off by 1e-11.
+        assert off < 1e-10, name
+    one, whole = apart.trajectory.statistics, full.trajectory.statistics
+    # At the fast spring's steps nobody solves for the rod.
+    assert one.factorisations < 0.5 * whole.factorisations
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_scenes_agree(seed):
+    random = np.random.default_rng(seed)
+    k = [round(float(x), 3) for x in random.uniform(0.5, 3.0, 8)]
+    text = f"""
+coordinates: {{p: {{}}, q: {{}}, r: {{}}, s: {{}}}}
+energy:
+  kinetic: ({k[0]}*p_dot^2 + {k[1]}*r_dot^2*(1 + p^2))/2 + {k[2]}*(q_dot^2 + s_dot^2)
+  potential: {k[3]}*(p - r)^2 + sin(r) + {k[4]}*{k[4]}*40*q^2 + {k[5]}*s^4
+constraints: {{path: "s = {k[6]}*0.2*q^2 + 0.1"}}
+initial: {{p: 0.3, q: 0.5, r: -0.2, s: {{guess: 0}}, p_dot: {k[7]}}}
+simulation: {{duration: 3, output_step: 0.1}}
+"""
+    full = run(text, formulation="full", rtol="1e-13")
+    apart = run(text, formulation="apart", rtol="1e-13")
+    # Each part has a plan of its own: in one of them a coordinate is eliminated.
+    assert [x.plan.formulation for x in apart.plan.parts] == ["none", "elimination"]
+    for name, off in differences(apart, full).items():
+        assert off < 1e-10, name
+
+
+def test_rows_that_wait_are_bounded(monkeypatch):
+    from lagsim.run import apart
+
+    most = []
+    add = apart.Part.add
+
+    def noted(part, rows):
+        add(part, rows)
+        most.append(len(part.waiting))
+
+    monkeypatch.setattr(apart.Part, "add", noted)
+    text = three(60).replace("output_step: 0.01", "output_step: 0.005")
+    found = run(text, formulation="apart", rtol="1e-6")
+    assert found.trajectory.rows == 12001
+    assert list(found["t"]) == [*(0.005 * k for k in range(12000)), 60.0]
+    assert max(most) <= 2 * BLOCK
+
+
+def test_a_failure_names_its_subsystem_and_keeps_the_rows_before_it():
+    # r falls into the centre at t = pi/(2 sqrt 2) = 1.1107.
+    text = """
+coordinates: {r: {}, x: {}}
+energy: {kinetic: (r_dot^2 + x_dot^2)/2, potential: -1/r + x^2}
+initial: {r: 1, x: 1}
+simulation: {duration: 2, output_step: 0.01}
+"""
+    found = run(text, formulation="apart")
+    assert found.trajectory.outcome is Outcome.STEP_TOO_SMALL
+    assert found.trajectory.reason.startswith("subsystem (r): ")
+    assert found.trajectory.end == pytest.approx(1.1107207345, abs=1e-6)
+    assert found["t"][-1] == pytest.approx(1.11)
+    assert np.max(np.abs(found["x"] - np.cos(np.sqrt(2) * found["t"]))) < 1e-9
+
+
+def test_an_interrupt_keeps_the_rows_before_it():
+    interrupt = Interrupt()
+    interrupt.signal = 2
+    found = run(three(1e4), formulation="apart", interrupt=interrupt, rtol="1e-6")
+    assert found.trajectory.outcome is Outcome.INTERRUPTED
+    assert len(found.rows) == found.trajectory.rows > 0
+
+
+@pytest.mark.parametrize(
+    ("change", "to", "why"),
+    [
+        ("9.8*y", "9.8*y + x*z + a*x", "all coordinates are coupled"),
+        ("0.01}", '0.01, until: "x = 7"}', "`until`"),
+        ("initial", "forces: {x: -x_dot}\ninitial", "work and action"),
+        ("5000*x^2", "if(x > 0, 5000, 3000)*x^2", "switch"),
+    ],
+)
+def test_what_is_not_integrated_apart(change, to, why):
+    assert change in THREE
+    with pytest.raises(InputError, match=why):
+        run(three().replace(change, to), formulation="apart")
+    short = three(0.1).replace(change, to)
+    assert run(short).plan.parts == ()
+
+
+def test_it_must_pay_to_be_chosen():
+    # A short run costs less than compiling two systems more.
+    assert run(three(1)).plan.parts == ()
+    # 2000 s of a spring of 100 rad/s, with a pendulum solved for at each of its steps.
+    long = read(three(20000), "model.yaml", options={"output_step": "100"})
+    from lagsim.admissibility import examine
+    from lagsim.plan import make_plan
+
+    equations = derive(long)
+    plan = make_plan(equations, examine(equations))
+    assert len(plan.parts) == 3
+    assert "subsystems: 3 integrated apart" in [c.choice for c in plan.choices]

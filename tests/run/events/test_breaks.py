@@ -1,0 +1,381 @@
+import itertools
+import math
+import random
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from lagsim.language.enclosures import Enclosures
+from lagsim.language.evaluate import evaluate
+from lagsim.language.functions import OPERATIONS
+from lagsim.language.graph import Graph
+from lagsim.language.interval_rules import RULES
+from lagsim.language.intervals import interval
+from lagsim.language.parser import parse
+from lagsim.mechanics.switches import find_switches
+from lagsim.run.events.breaks import break_times
+
+
+def search(text, start, end, **values):
+    g = Graph()
+    node = parse(text).build(g, g.variable)
+    switches = find_switches(g, [node], ("x",))
+    discrete = [mode.discrete for mode in switches.modes]
+    return break_times(g, discrete, values, start, end)
+
+
+def breaks(text, start, end, **values):
+    return list(search(text, start, end, **values))
+
+
+def after(x):
+    return math.nextafter(x, math.inf)
+
+
+def test_a_step():
+    assert breaks("heaviside(t - 1)", 0.0, 1e6) == [1.0]
+    assert breaks("sign(t - 1)", 0.0, 1e6) == [1.0]
+    assert breaks("if(t < 1, 1, 0)", 0.0, 1e6) == [1.0]
+    assert breaks("if(t > 1, 1, 0)", 0.0, 1e6) == [after(1.0)]
+    assert breaks("x*abs(t - 1)", 0.0, 1e6) == [1.0]
+
+
+def test_breaks_lie_strictly_inside():
+    for text in ("heaviside(t - 1)", "if(t > 1, 1, 0)", "sign(t - 1)", "floor(t)"):
+        assert breaks(text, 1.0, 1.5) == []
+        assert breaks(text, 0.5, 1.0) == []
+    assert breaks("sign(sin(t))", 0.0, 3.0) == []
+    assert breaks("floor(t)", 1.5, 1.5) == []
+    assert breaks("floor(p)", 0.0, 9.0, p=0.5) == []
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-9, 1e-12])
+def test_a_narrow_pulse_in_a_long_run(width):
+    found = breaks("if(t >= 50 and t < 50 + w, 1, 0)", 0.0, 1000.0, w=width)
+    assert found == [50.0, 50.0 + width]
+
+
+def test_a_narrow_pulse_of_a_smooth_function():
+    half = 1e-9 * math.sqrt(math.log(2.0))
+    found = breaks("heaviside(exp(-((t - 50)/1e-9)^2) - 0.5)", 0.0, 1000.0)
+    assert found == pytest.approx([50 - half, 50 + half], abs=2 * math.ulp(50.0), rel=0)
+
+
+def test_a_narrow_gap_between_two_oscillations():
+    # |sin t| < 1e-7 about each multiple of pi: wide cells see nothing of it.
+    found = breaks("if(abs(sin(t)) < 1e-7, 1, 0)", 1.0, 20.0)
+    expected = [k * math.pi + s * 1e-7 for k in range(1, 7) for s in (-1, 1)]
+    assert found == pytest.approx(expected, abs=1e-14, rel=0)
+
+
+def test_zeros_of_the_sine_to_the_last_place():
+    found = breaks("sign(sin(t))", 0.0, 1000.0)
+    assert len(found) == 318
+    for k, t in enumerate(found, 1):
+        assert abs(t - k * math.pi) <= 2 * math.ulp(t)  # k * math.pi rounds too
+        assert math.sin(t) * math.sin(math.nextafter(t, 0.0)) < 0.0
+
+
+def test_floor_and_ceil():
+    for name in ("floor", "ceil"):
+        found = breaks(f"{name}(t/0.3)", 0.1, 10.0)
+        assert found == pytest.approx([0.3 * k for k in range(1, 34)], rel=1e-15)
+        step = getattr(math, name)
+        for t in found:
+            assert step(t / 0.3) == step(math.nextafter(t, 0.0) / 0.3) + 1
+    found = breaks("floor(-(t^2))", 0.5, 2.0)
+    roots = [math.sqrt(1), math.sqrt(2), math.sqrt(3)]
+    assert found == pytest.approx(roots, rel=4e-16)
+
+
+def test_a_joined_condition_breaks_only_where_the_whole_changes():
+    text = "if(t < 1 and t > 0.5 or t > 3, 1, 0)"
+    assert breaks(text, 0.0, 10.0) == [after(0.5), 1.0, after(3.0)]
+    assert breaks("if(t < 1 or t < 2, 1, 0)", 0.0, 10.0) == [2.0]
+    assert breaks("if(not (t < 1) and p > 0, 1, 0)", 0.0, 10.0, p=1.0) == [1.0]
+    assert breaks("if(not (t < 1) and p > 0, 1, 0)", 0.0, 10.0, p=-1.0) == []
+
+
+@pytest.mark.slow
+def test_a_part_that_no_longer_matters_costs_nothing():
+    begin = time.perf_counter()
+    found = breaks("if(t < 1 and sin(100*t) > 0, 1, 0)", 0.0, 1e9)
+    assert len(found) == 31  # the last zero is at 31 pi / 100
+    assert time.perf_counter() - begin < 2.0
+
+
+def test_smooth_surfaces():
+    root = math.sqrt(2.0)
+    assert breaks("sign(t^2 - 2)", -9.0, 9.0) == pytest.approx([-root, root], rel=3e-16)
+    assert breaks("min(t, 2 - t)", -9.0, 9.0) == [after(1.0)]
+    assert breaks("max(t, 2 - t)", -9.0, 9.0) == [1.0]
+    found = breaks("abs(sin(t) - 0.5)", 0.0, 13.0)
+    expected = [math.pi / 6, 5 * math.pi / 6, 13 * math.pi / 6, 17 * math.pi / 6]
+    assert found == pytest.approx(expected, rel=1e-15)
+    assert breaks("sign((t - 1)*(t - 2)*(t - 3))", 0.0, 1e6) == [1.0, 2.0, 3.0]
+    assert breaks("sign(sin(t) - cos(t))", 0.0, 4.0) == pytest.approx(
+        [math.pi / 4, 5 * math.pi / 4], rel=1e-15
+    )
+
+
+def test_nested_switches():
+    text = "if(t < 1, if(t < 0.5, 1, 2), if(t - 2 > 0, floor(t/4), 2))"
+    assert breaks(text, 0.0, 9.0) == [0.5, 1.0, after(2.0), 4.0, 8.0]
+    # A square wave: the surface itself jumps.
+    found = breaks("if(t - floor(t/0.7)*0.7 < 0.3, 1, 0)", 0.0, 70.0)
+    expected = sorted(
+        [0.7 * k + 0.3 for k in range(100)] + [0.7 * k for k in range(1, 100)]
+    )
+    assert found == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["sign((t - 1)^2)", "heaviside(-(t - 1)^2)", "if((t - 1)^2 > 0, 1, 0)",
+     "if(t <= 1 and t >= 1, 1, 0)", "floor(t*(2 - t))", "sign(sin(t) - 1)",
+     "sign(t^2 - 2*t + 1)", "abs(hypot(t - 1, 0))", "sign(abs(t - 1))"],
+)  # fmt: skip
+def test_a_touching_root_makes_no_arc(text):
+    assert breaks(text, 0.5, 10.0 if "floor" not in text else 1.9) == []
+
+
+def test_parameters_move_the_breaks():
+    assert breaks("heaviside(t - a*b)", 0.0, 9.0, a=2.0, b=1.5) == [3.0]
+    assert breaks("heaviside(t - a*b)", 0.0, 9.0, a=2.0, b=2.5) == [5.0]
+
+
+def test_two_functions_that_switch_together_break_once():
+    assert breaks("if(t > 1, 1, 0) + heaviside(t - 1)*x", 0.0, 9.0) == [1.0]
+
+
+@pytest.mark.slow
+def test_the_first_breaks_of_many_come_at_once():
+    begin = time.perf_counter()
+    found = list(itertools.islice(search("sign(sin(1000*t))", 0.0, 1e6), 50))
+    assert time.perf_counter() - begin < 1.0
+    expected = [k * math.pi / 1000 for k in range(1, 51)]
+    assert found == pytest.approx(expected, rel=4e-16)
+
+
+def test_phases_at_the_edge_of_rounding_are_still_told_apart():
+    # At 1e5 the double spacing of t is 0.015 rad of phase.
+    found = breaks("sign(sin(1e9*t))", 1e5, 1e5 + 1e-6)
+    assert 318 <= len(found) <= 319
+    first = list(itertools.islice(search("sign(sin(1e9*t))", 0.0, 1e7), 3))
+    assert first == pytest.approx([1e-9 * math.pi * k for k in (1, 2, 3)], rel=1e-15)
+
+
+def test_late_breaks_are_as_exact_as_early_ones():
+    found = breaks("sign(sin(t))", 1e9, 1e9 + 10.0)
+    first = math.floor(1e9 / math.pi) + 1
+    # 3.14159265358979323846 in two parts, since k * pi must be good to 1e-8.
+    pi, rest = 3.141592653589793, 1.2246467991473532e-16
+    expected = [(k * pi) + k * rest for k in range(first, first + 3)]
+    assert found == pytest.approx(expected, abs=2.4e-7, rel=0)
+    assert len(found) == 3
+
+
+def test_poles_and_ends_of_domains():
+    half = math.pi / 2
+    assert breaks("sign(tan(t))", 0.5, 6.0) == pytest.approx(
+        [half, 2 * half, 3 * half], rel=3e-16
+    )
+    assert breaks("sign(1/(t - 1))", 0.0, 9.0) == [1.0]
+    assert breaks("sign(1/(t - 1)^2)", 0.0, 9.0) == []
+    # A comparison with nan is false.
+    assert breaks("if(sqrt(t - 1) >= 0, 1, 0)", 0.0, 9.0) == [1.0]
+    assert breaks("if(log(t - 1) < 0, 1, 0)", 0.0, 9.0)[1:] == [2.0]
+    assert breaks("if(acos(t) > 1, 1, 0)", -3.0, 3.0) == pytest.approx(
+        [-1.0, math.cos(1.0)], rel=1e-15
+    )
+
+
+def test_zero_on_a_stretch():
+    assert breaks("sign(max(0, t - 1))", 0.0, 9.0) == [after(1.0)]
+    assert breaks("floor(min(2, max(1, t)))", 0.0, 9.0) == [2.0]
+    assert breaks("sign(if(t < 3, 0, t - 5))", 0.0, 9.0) == [3.0, 5.0]
+
+
+def test_a_surface_lost_in_rounding_ends():
+    assert len(breaks("sign((t + 1e9) - t - 1e9)", 0.0, 1.0)) <= 2
+    # A triple root, expanded: known to the cube root of the rounding error only.
+    (found,) = breaks("sign(t^3 - 3*t^2 + 3*t - 1)", 0.0, 20.0)
+    assert found == pytest.approx(1.0, abs=1e-4)
+    assert len(breaks("sign((t + 1) - t - 1)", 0.0, 20.0)) <= 20
+    assert len(breaks("sign(sin(1e20*t))", 1.0, 2.0)) <= 2
+
+
+def test_a_part_lost_in_rounding_leaves_the_other_parts_alone():
+    text = "if((t + 1e9) - t - 1e9 < -3e-7 or sin(5*t) > 0.5, 1, 0)"
+    found = breaks(text, 0.0, 2.0)
+    expected = [math.pi * x / 30 for x in (1, 5, 13, 17)]
+    assert found == pytest.approx(expected, rel=1e-15)
+
+
+def test_whole_numbers_are_exact():
+    assert breaks("floor(sqrt(floor(t)))", 1.0, 10.0) == [4.0, 9.0]
+    assert breaks("if(floor(t)*floor(t) >= 4, 1, 0)", 1.0, 10.0) == [2.0]
+    assert breaks("if(floor(t)^3 >= 27, 1, 0)", 1.0, 10.0) == [3.0]
+
+
+def test_breaks_that_accumulate():
+    found = breaks("sign(sin(1/t))", 0.01, 1.0)
+    expected = [1 / (k * math.pi) for k in range(31, 0, -1)]
+    assert found == pytest.approx(expected, rel=1e-14)
+    first = list(itertools.islice(search("sign(sin(1/t))", 0.0, 1.0), 3))
+    assert len(first) == 3
+    assert 0.0 < first[0] < first[1] < first[2] < 1e-9
+
+
+def test_a_wave_faster_than_the_doubles_is_given_up():
+    text = "if(floor(1e20*t) - 2*floor(5e19*t) > 0.5, 1, 0)"
+    assert len(breaks(text, 1.0, 10.0)) <= 2
+
+
+@pytest.mark.slow
+def test_a_search_without_end_pauses():
+    begin = time.perf_counter()
+    assert 0.0 < next(search("sign(sin(1e6*t)^2)", 0.0, 1e6)) < 1.0
+    assert time.perf_counter() - begin < 20.0
+
+
+def test_memory_is_bounded():
+    first = search("floor(1e6*t)", 0.0, 1e9)
+    tracemalloc.start()
+    try:
+        assert sum(1 for _ in itertools.islice(first, 5_000)) == 5_000
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+
+
+def random_expression(draw, depth):
+    if depth == 0:
+        return draw.choice(["t", "t", "0.5", "2", "p", "1.3"])
+    a, b = (random_expression(draw, depth - 1) for _ in range(2))
+    return draw.choice(
+        [f"({a} + {b})", f"({a} - {b})", f"{a}*{b}", f"sin({a})", f"cos(3*{a})",
+         f"abs({a})", f"max({a}, {b})", f"if({a} < {b}, {b}, {a})", f"exp(-{a}^2)",
+         f"floor({a})", f"{a}/(1.5 + {b}^2)", f"sqrt(abs({a}))", f"atan2({a}, {b})"]
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", [*range(40), 102, 166, 216, 350])
+def test_no_change_is_missed_and_none_invented(seed):
+    draw = random.Random(seed)
+    a, b = random_expression(draw, 3), random_expression(draw, 3)
+    g = Graph()
+    text = f"if({a} < {b} and {b} < 2 or sin(5*t) > {a}, 1, 0)"
+    node = parse(text).build(g, g.variable)
+    if not find_switches(g, [node], ()).modes:
+        return
+    discrete = g.args[node][0]
+    found = breaks(text, -3.0, 3.0, p=0.7)
+    assert len(found) < 500
+
+    def value(t):
+        return evaluate(g, [discrete], {"t": t, "p": 0.7})[0]
+
+    grid = [draw.uniform(-3, 3) for _ in range(1500)]
+    ends = [-3.0, *found, 3.0]
+    for start, end in itertools.pairwise(ends):
+        inside = [t for t in grid if start + 1e-7 < t < end - 1e-7]
+        assert len({value(t) for t in inside}) <= 1, text
+
+
+# ------------------------------------------------------------------ intervals
+
+
+def test_every_function_has_a_rule():
+    assert RULES.keys() == OPERATIONS.keys()
+
+
+def random_interval(rng, n):
+    centre = rng.choice([0.0, 1.0, -1.0, 2.0, 1.5707963267948966, 3.0, 700.0], n)
+    centre = np.where(rng.random(n) < 0.5, centre, rng.normal(0, 3, n))
+    spread = 10.0 ** rng.uniform(-17, 1.5, n) * (rng.random(n) < 0.9)
+    low, high = rng.integers(0, 2, n), rng.integers(0, 2, n)
+    low, high = centre - spread * low, centre + spread * high
+    return np.minimum(low, high), np.maximum(low, high)
+
+
+@pytest.mark.parametrize("name", sorted(OPERATIONS))
+def test_intervals_enclose_every_value(name):
+    row = OPERATIONS[name]
+    rng = np.random.default_rng(sum(map(ord, name)))
+    n = 800
+    args, samples = [], []
+    for k in range(row.arity):
+        lo, hi = random_interval(rng, n)
+        if name == "pow" and k == 1:
+            whole = rng.integers(-4, 6, n).astype(float)
+            pick = rng.random(n) < 0.6
+            lo, hi = np.where(pick, whole, lo), np.where(pick, whole, hi)
+        points = [
+            lo,
+            hi,
+            *(np.clip(lo + (hi - lo) * rng.random(n), lo, hi) for _ in range(6)),
+        ]
+        if name in ("and", "or", "not") or (name == "if" and k == 0):
+            lo = rng.integers(0, 2, n).astype(float)
+            hi = np.maximum(lo, rng.integers(0, 2, n))
+            points = [lo, hi] * 4
+        args.append(interval(lo, hi))
+        samples.append(points)
+    with np.errstate(all="ignore"):
+        found = RULES[name](*args)
+    conditions = name in ("and", "or", "not")
+    for picks in itertools.product(range(8), repeat=row.arity):
+        if row.arity == 3 and picks[0] > 1:
+            continue
+        for i in range(n) if row.arity == 1 else range(picks[0], n, 7):
+            point = [float(samples[k][j][i]) for k, j in enumerate(picks)]
+            if conditions or name == "if":
+                point[0] = bool(point[0])
+            if conditions:
+                point[-1] = bool(point[-1])
+            y = float(row(*point))
+            if math.isnan(y):
+                assert found.partial[i] or math.isnan(found.lo[i]), point
+            else:
+                assert found.lo[i] <= y <= found.hi[i], (point, found[i : i + 1])
+
+
+@pytest.mark.parametrize(
+    ("text", "width"),
+    [("sin(t)", 1e-15), ("t*t - 2*t", 4.1e-3), ("exp(t)/t", 6e-3),
+     ("atan2(t, 2)", 1e-3), ("(t - 1)^2", 2e-6), ("hypot(t, 1)", 1e-3),
+     ("t^2.5", 3e-3)],
+)  # fmt: skip
+def test_enclosures_are_narrow(text, width):
+    g = Graph()
+    node = parse(text).build(g, g.variable)
+    at = 1.5707963267948966 if text == "sin(t)" else 1.0
+    half = 1e-9 if text == "sin(t)" else 5e-4
+    (found,) = Enclosures(g, [node], {})(np.array([at - half]), np.array([at + half]))
+    assert found.width[0] <= width
+
+
+@pytest.mark.parametrize(
+    "text", ["floor(t)", "tan(t*1.5707963267948966)", "1/(t - 1)", "sign(t - 1)",
+             "if(t < 1, 0, 1)", "atan2(t - 1, -1)", "(t - 1)^-1", "log(t - 1)"]
+)  # fmt: skip
+def test_a_discontinuity_is_seen(text):
+    g = Graph()
+    node = parse(text).build(g, g.variable)
+    (found,) = Enclosures(g, [g.call("sin", node)], {})(
+        np.array([0.9]), np.array([1.1])
+    )
+    assert found.jumps[0] or found.partial[0]
+
+
+def test_the_part_that_is_not_taken_spoils_nothing():
+    g = Graph()
+    node = parse("if(t < 1, sqrt(t), 1/(t - 1))").build(g, g.variable)
+    (found,) = Enclosures(g, [node], {})(np.array([0.25]), np.array([0.81]))
+    assert found.lo[0] == pytest.approx(0.5)
+    assert found.hi[0] == pytest.approx(0.9)
+    assert not found.jumps[0]
+    assert not found.partial[0]

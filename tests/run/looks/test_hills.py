@@ -1,0 +1,155 @@
+"""What wakes where the motion leads to: hills, walls, gates and gratings.
+
+The motion is free but for a short way on which there is a force; no step that ends
+before and begins behind it has any sign of it.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from tests.run.looks.scenes import line, plane, stepped
+from tests.support import run
+
+METHODS = (
+    "taylor",
+    pytest.param("dop853", marks=pytest.mark.slow),
+    pytest.param("radau", marks=pytest.mark.slow),
+)
+# At rtol 1e-11 a reflection multiplies errors by the steepness of what reflects.
+SPEED = 1e-8
+
+# Potentials that a body of energy 0.5 cannot pass.
+HIGH = {
+    "hill": "10*exp(-(x/0.1)^2/2)",
+    "thin hill": "10*exp(-(x/0.001)^2/2)",
+    "step": "5*(1 + tanh(1000*(x - 1)))",
+    "arctangent": "5*(1/2 + atan(1e4*(x - 1))/pi)",
+    "short-range wall": "1e-20/x^12",
+    "sech": "7/cosh(20*(x - 0.3))^2",
+    "product of factors": "30*exp(-(x/0.02)^2)*exp(-((x - 0.01)/0.02)^2)",
+    "hills of a lattice": "0.7*exp(-500*(1 - cos(x)))",
+    "two hills": "0.3*exp(-((x + 3)/0.01)^2/2) + 10*exp(-((x - 3)/0.02)^2/2)",
+    "small denominator": "1e-4/(1e-5 + x^2)",
+}
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", HIGH)
+def test_what_is_too_high_turns_the_motion_back(name, method):
+    found = run(line(HIGH[name], x=-10, v=1, duration=30, method=method))
+    back = found["x_dot"][-1]
+    # Where the potential reaches far, what is left of it there counts.
+    left = found["potential"][-1] - found["potential"][0]
+    assert back == pytest.approx(-math.sqrt(1 - 2 * left), abs=SPEED)
+    assert np.max(found["x"]) < 5
+
+
+@pytest.mark.parametrize("step", [0.01, 0.7, 25])
+@pytest.mark.parametrize("method", METHODS)
+def test_rows_have_no_part_in_it(method, step):
+    text = line(HIGH["thin hill"], x=-10, v=1, duration=25, step=step, method=method)
+    assert run(text)["x_dot"][-1] == pytest.approx(-1, abs=SPEED)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("width", [0.3, 1e-2, 1e-4])
+def test_passing_a_low_hill_takes_its_time(width, method):
+    text = line(f"0.4*exp(-(x/{width})^2/2)", x=-10, v=1, method=method)
+    found = run(text)
+
+    def lag(z):
+        return 1 / math.sqrt(1 - 0.8 * math.exp(-z * z / 2)) - 1
+
+    late = 2 * width * quad(lag, 0, 12, epsabs=1e-13)[0]
+    assert found["x"][-1] == pytest.approx(10 - late, abs=1e-8)
+    assert found["x_dot"][-1] == pytest.approx(1, abs=SPEED)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_spring_leads_back_to_a_hill_again_and_again(method):
+    # Bouncing between the hill and the spring: half of a free oscillation each time,
+    # but for the hill's width.
+    text = line("10*exp(-(x/1e-3)^2/2) + x^2/2", x=-3, duration=20, method=method)
+    found = run(text)
+    assert np.max(found["x"]) < 0
+    assert found.drift < 1e-7
+
+
+def scattered(x, y, width, height):
+    return (
+        f"{height}*exp(-((x - {x})^2 + (y - {y})^2)/(2*{width}^2))",
+        lambda q: (
+            height
+            * (q - np.array([x, y]))
+            / width**2
+            * math.exp(-((q[0] - x) ** 2 + (q[1] - y) ** 2) / (2 * width**2))
+        ),
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_hill_beside_the_way_in_the_plane(seed, method):
+    """The closest approach lies anywhere within a step."""
+    dice = np.random.default_rng(seed)
+    width = 10 ** dice.uniform(-2, -0.5)
+    miss, height = dice.uniform(0, 2) * width, dice.uniform(0.1, 5)
+    angle, at = dice.uniform(0, 2 * math.pi), dice.uniform(3, 9)
+    along = np.array([math.cos(angle), math.sin(angle)])
+    place = at * along + miss * np.array([-along[1], along[0]])
+    potential, push = scattered(float(place[0]), float(place[1]), width, height)
+    start = (0, 0, float(along[0]), float(along[1]))
+    found = run(plane(potential, start, duration=12, method=method))
+
+    def field(_t, y):
+        return [y[2], y[3], *push(y[:2])]
+
+    end = stepped(field, start, 12, width / 3)
+    for name, expected in zip(("x", "y", "x_dot", "y_dot"), end, strict=True):
+        assert found[name][-1] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_patch_of_drag(method):
+    """A loss of speed of c times the length of the patch, whatever the speed."""
+    c, width = 3.0, 0.01
+    force = f"-{c}*exp(-((x - 4)/{width})^2/2)*x_dot"
+    found = run(line(force=force, v=1, duration=10, method=method))
+    lost = c * width * math.sqrt(2 * math.pi)
+    assert found["x_dot"][-1] == pytest.approx(1 - lost, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_wakes_at_a_speed(method):
+    """A fall that is damped about one speed only: the time that it takes to pass it."""
+    width, strength = 1e-3, 0.5
+    force = f"1 - {strength}*exp(-((x_dot - 5)/{width})^2/2)"
+    found = run(line(force=force, duration=10, method=method))
+
+    def lag(z):
+        return 1 / (1 - strength * math.exp(-z * z / 2)) - 1
+
+    late = 2 * width * quad(lag, 0, 12, epsabs=1e-13)[0]
+    assert found["x_dot"][-1] == pytest.approx(10 - late, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_gate_that_moves(method):
+    """In the frame of a hill that moves the body is turned back: v -> 2u - v."""
+    text = line("9*exp(-((x + t/2)/0.003)^2/2)", x=-20, v=1, duration=30, method=method)
+    assert run(text)["x_dot"][-1] == pytest.approx(-2, abs=SPEED)
+
+
+def test_scenes_without_such_functions_are_not_looked_into():
+    for name in ("elastic-pendulum", "bead-hoop"):
+        assert run(name, duration=0.1).system.sleepers == []
+
+
+def test_looks_cost_nothing_where_nothing_wakes():
+    """Counted before there were looks: 337 steps and a series for each, and two."""
+    found = run("kepler")
+    assert found.system.sleepers
+    assert found.trajectory.statistics.evaluations <= 345

@@ -1,0 +1,128 @@
+"""What happens at its own time, after a long rest or between others of its kind."""
+
+import math
+
+import pytest
+from scipy.special import ive
+
+from tests.run.looks.scenes import line
+from tests.support import run
+
+METHODS = (
+    pytest.param("auto", marks=pytest.mark.slow),
+    "taylor",
+    pytest.param("dop853", marks=pytest.mark.slow),
+    pytest.param("radau", marks=pytest.mark.slow),
+)
+ROOT = math.sqrt(2 * math.pi)
+
+# Forces on a body of mass 1 at rest, the time that they take, and their impulse.
+PULSES = {
+    "short": ("exp(-((t - 700)/1e-3)^2/2)", 1e3, 1e-3 * ROOT),
+    "ten rows wide": ("exp(-((t - 703)/30)^2/2)", 1e3, 30 * ROOT),
+    "gate": ("(tanh(1e3*(t - 500)) - tanh(1e3*(t - 500.01)))/2", 1e3, 0.01),
+    "far too large": ("1e9*exp(-((t - 7.7)/1e-4)^2/2)", 10, 1e5 * ROOT),
+    "both ways": (
+        "exp(-((t - 300)/1e-2)^2/2) - 3*exp(-((t - 600)/1e-3)^2/2)",
+        1e3,
+        7e-3 * ROOT,
+    ),
+    "product": (
+        "exp(-((t - 700)/1e-2)^2/2)*exp(-((t - 700.01)/1e-2)^2/2)",
+        1e3,
+        math.exp(-0.25) * 1e-2 * math.sqrt(math.pi),
+    ),
+    "slow tails": (
+        "1e-6/(1e-6 + (t - 333)^2)",
+        1e3,
+        1e-3 * (math.atan(667e3) + math.atan(333e3)),
+    ),
+    "quotient": ("2/(exp(50*(t - 9)) + exp(-50*(t - 9)))", 12, math.pi / 50),
+    "flat top": ("exp(-((t - 50)/0.01)^4)", 100, 0.02 * math.gamma(1.25)),
+    "steep front": ("4*exp(-abs(t - 50)/0.001)", 100, 0.008),
+}
+
+
+@pytest.mark.parametrize("method", METHODS[1:])
+@pytest.mark.parametrize("name", PULSES)
+def test_a_pulse_gives_its_impulse(name, method):
+    force, duration, impulse = PULSES[name]
+    if name == "quotient" and method == "taylor":
+        force = force.replace("50", "20")  # e^450 squared has no finite value
+        impulse *= 2.5
+    text = line(force=force, duration=duration, step=duration / 100, method=method)
+    found = run(text)
+    # Times of the size of the run's are known to 1e-16 of it, against the width.
+    assert found["x_dot"][-1] == pytest.approx(impulse, rel=1e-8)
+    assert found.trajectory.statistics.steps < 2e4
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_short_pulse_after_a_long_rest(method):
+    text = line(
+        force="exp(-((t - 7e4)/1e-3)^2/2)", duration=1e5, step=100, method=method
+    )
+    found = run(text)
+    # The argument itself is rounded to 1.5e-11/1e-3 of its unit.
+    assert found["x_dot"][-1] == pytest.approx(1e-3 * ROOT, rel=1e-7)
+
+
+@pytest.mark.parametrize("method", METHODS[:3])
+def test_each_pulse_of_a_train_counts(method):
+    text = line(
+        force="exp(-300*(1 - cos(2*pi*t - 3)))", duration=100, step=10, method=method
+    )
+    found = run(text)
+    # The integral over a period is exp(-300) I_0(300).
+    assert found["x_dot"][-1] == pytest.approx(100 * ive(0, 300), rel=1e-9)
+    assert found.trajectory.statistics.steps < 100 * 100
+
+
+@pytest.mark.parametrize("method", METHODS[:3])
+def test_a_kick_on_what_moves(method):
+    """An oscillator kicked at t0: a sine of the impulse on top of its own."""
+    width, t0 = 1e-4, 61.3
+    text = line(
+        "x^2/2", force=f"exp(-((t - {t0})/{width})^2/2)", x=1, duration=80, step=10,
+        method=method,
+    )  # fmt: skip
+    end = run(text)["x"][-1]
+    kick = width * ROOT * math.exp(-(width**2) / 2)
+    expected = math.cos(80) + kick * math.sin(80 - t0)
+    assert end == pytest.approx(expected, abs=2e-9)
+
+
+@pytest.mark.parametrize("method", METHODS[:3])
+def test_a_ramp_of_a_prescribed_motion(method):
+    """A mass hangs by a spring from a support that moves up by 1 within 0.01 s."""
+    text = line(
+        "50*(x - (1 + tanh(200*(t - 30)))/2)^2", duration=33, step=1, method=method
+    )
+    found = run(text)
+    # A step smoothed with sech^2 of that width drives w = 10 by the step's transform.
+    z = math.pi * 10 / 400
+    expected = 1 - z / math.sinh(z) * math.cos(10 * (33 - 30))
+    assert found["x"][-1] == pytest.approx(expected, abs=1e-8)
+
+
+def test_what_varies_gently_makes_no_stops():
+    plain = run(line("x^2/2", force="cos(2*t)", x=1, duration=50, method="dop853"))
+    text = line("x^2/2", force="exp(cos(2*t))", x=1, duration=50, method="dop853")
+    gentle = run(text)
+    steps = [r.trajectory.statistics.steps for r in (plain, gentle)]
+    assert steps[1] < 2 * steps[0]
+
+
+def test_a_pulse_in_the_first_and_the_last_instant():
+    text = line(force="exp(-(t/1e-4)^2/2) + exp(-((t - 20)/1e-4)^2/2)", method="taylor")
+    end = run(text)["x_dot"][-1]
+    assert end == pytest.approx(1e-4 * ROOT, rel=1e-7)
+
+
+def test_turns_without_end_are_given_up_and_told(monkeypatch):
+    """A slow swing of the argument with a fast ripple on it: nothing short in it."""
+    monkeypatch.setattr("lagsim.run.events.features.PATIENCE", 50)
+    force = "exp(5*sin(t/20) + 0.01*sin(50*t))"
+    found = run(line(force=force, duration=20, step=1, method="dop853"))
+    assert [w.code for w in found.trajectory.warnings] == ["short-times"]
+    assert "`5*sin(t/20)" in found.trajectory.warnings[0].text

@@ -1,0 +1,55 @@
+"""The accounts of a run: drift, residuals against their scales."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lagsim.run.observers.ledger import Ledger
+
+PLAIN = ["t", "energy"]
+FULL = ["t", "energy", "work", "residual_a", "residual_b", "scale.a", "scale.b"]
+
+
+def ledger_of(columns, *blocks):
+    ledger = Ledger(columns)
+    for block in blocks:
+        ledger.add(np.array(block, dtype=float))
+    return ledger
+
+
+def test_the_greatest_change_counts_on_either_side():
+    ledger = ledger_of(PLAIN, [[0, 5], [1, 5.5]], [[2, 3]], [[3, 5]])
+    assert ledger.energy_drift == 2.0
+    assert ledger.first_energy == 5.0
+    assert ledger.constraint_residual == 0.0
+
+
+def test_work_is_taken_off():
+    rows = [[0, 5, 1, 0, 0, 1, 1], [1, 7, 3, 0, 0, 1, 1], [2, 9, 4.5, 0, 0, 1, 1]]
+    assert ledger_of(FULL, rows).energy_drift == 0.5
+
+
+def test_residuals_are_relative_to_their_own_scale():
+    rows = [[0, 0, 0, 1e-3, 1e-9, 10, 1e-6], [1, 0, 0, -2e-3, 0, 100, 1e-7]]
+    expected = pytest.approx(1e-3)  # b: 1e-9 of 1e-6; a: 2e-3 of 100
+    assert ledger_of(FULL, rows).constraint_residual == expected
+    assert ledger_of(FULL, *[[row] for row in rows]).constraint_residual == expected
+
+
+def test_a_scale_that_is_zero_counts_for_nothing():
+    rows = [[0, 0, 0, 0, 1e-9, 0, 1]]
+    assert ledger_of(FULL, rows).constraint_residual == 1e-9
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_what_is_not_finite_is_not_passed_over(bad):
+    ledger = ledger_of(PLAIN, [[0, 1], [1, bad]], [[2, 1]])
+    assert not math.isfinite(ledger.energy_drift)
+    good = [0, 1, 0, 0, 0, 1, 1]
+    ledger = ledger_of(FULL, [good, [1, 1, 0, bad, 0, 1, 1]], [good])
+    assert not math.isfinite(ledger.constraint_residual)
+    ledger = ledger_of(FULL, [good], [[1, bad, bad, 0, 0, 1, 1]], [good])
+    assert not math.isfinite(ledger.energy_drift)

@@ -1,0 +1,209 @@
+"""Nested, scaled, turned and joined switches, against motions put together by hand.
+
+Between switches the accelerations are constant, so that the times of all switches
+follow from square roots.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.run.switching.test_located import events, scene
+from tests.support import run
+
+
+def crossing(x, v, a, level):
+    """Give the first time after now at which x + v t + a t^2/2 meets a level."""
+    if a == 0.0:
+        times = [(level - x) / v] if v else []
+    else:
+        square = v * v - 2.0 * a * (x - level)
+        root = math.sqrt(square) if square >= 0.0 else math.nan
+        times = [(-v - root) / a, (-v + root) / a]
+    return min((t for t in times if t > 1e-9), default=math.inf)
+
+
+def pieces(push, levels, speeds, x, v, end):
+    """Give (t, x, v, a) where each piece of a motion x'' = push(x, v) begins."""
+    t, found = 0.0, []
+    while t < end:
+        # On a level, what holds is what comes next.
+        ahead = 1e-6 * v if v else 5e-13 * push(x, v)
+        a = push(x + ahead, v)
+        if v in speeds:
+            a = push(x + ahead, v + 1e-6 * a)
+        found.append((t, x, v, a))
+        times = [crossing(x, v, a, level) for level in levels]
+        times += [(s - v) / a for s in speeds if a and (s - v) / a > 1e-9]
+        step = min([*times, end - t])
+        x, v, t = x + v * step + a * step**2 / 2.0, v + a * step, t + step
+        # Meet levels exactly.
+        x = next((y for y in levels if abs(y - x) < 1e-9), x)
+        v = next((s for s in speeds if abs(s - v) < 1e-9), v)
+    return found
+
+
+def motion(found, t):
+    """Give x at times t from pieces."""
+    starts = np.array([p[0] for p in found])
+    k = np.searchsorted(starts, t, side="right") - 1
+    begin, x, v, a = np.array(found).T[:, k]
+    s = t - begin
+    return x + v * s + a * s**2 / 2.0
+
+
+def sign(x):
+    return float(x > 0) - float(x < 0)
+
+
+# Text of a force or potential, what it pushes with, and where that changes: levels of x
+# and of x'.
+POTENTIALS = {
+    "abs(abs(x) - 1)": (lambda x: -sign(abs(x) - 1) * sign(x), (-1, 0, 1)),
+    "abs(1 - abs(x))": (lambda x: -sign(abs(x) - 1) * sign(x), (-1, 0, 1)),
+    "abs(abs(-x/2) - 1)*2": (lambda x: -sign(abs(x) - 2) * sign(x), (-2, 0, 2)),
+    "abs(abs(abs(x) - 2) - 1)": (
+        lambda x: -sign(abs(abs(x) - 2) - 1) * sign(abs(x) - 2) * sign(x),
+        (-3, -2, -1, 0, 1, 2, 3),
+    ),
+    "abs(x/3)": (lambda x: -sign(x) / 3, (0,)),
+    "abs(x/(-7))": (lambda x: -sign(x) / 7, (0,)),
+    "2*abs(-3*x + 1)": (lambda x: -6 * sign(x - 1 / 3), (1 / 3,)),
+    "max(x/(-7), x)": (lambda x: -1.0 if x > 0 else 1 / 7, (0,)),
+    "-min(x/7, -x)": (lambda x: -1.0 if x > 0 else 1 / 7, (0,)),
+    "max(0, -x) + max(0, x - 1)": (
+        lambda x: 1.0 if x < 0 else (-1.0 if x > 1 else 0.0),
+        (0, 1),
+    ),
+    "max(abs(x), 1)": (lambda x: -sign(x) if abs(x) > 1 else 0.0, (-1, 1)),
+    "if(x/(-7) < 0, x, -x/2)": (lambda x: -1.0 if x > 0 else 0.5, (0,)),
+    "if(not (x >= 1) and not (x/(-2) > 0), 0, if(x >= 1, 2*x - 2, -x))": (
+        lambda x: -2.0 if x >= 1 else (0.0 if x >= 0 else 1.0),
+        (0, 1),
+    ),
+}
+
+
+@pytest.mark.parametrize(("x", "v"), [(2.7, 0.0), (-2.7, 0.4), (0.6, 0.9), (-0.3, -2)])
+@pytest.mark.parametrize("potential", POTENTIALS)
+def test_kinked_potentials_from_all_sides(potential, x, v):
+    push, levels = POTENTIALS[potential]
+    found = run(scene(potential, x=x, v=v, duration=12))
+    exact = pieces(lambda x, _: push(x), levels, (), float(x), float(v), 12.0)
+    # Times of some ten switches to 1e-11 of the speed, each carried on.
+    assert np.max(np.abs(found["x"] - motion(exact, found["t"]))) < 1e-9
+    changes = [p[0] for p, q in zip(exact[1:], exact, strict=False) if p[3] != q[3]]
+    told = [t for t, _ in events(found)]
+    assert all(min(abs(t - s) for s in told) < 1e-9 for t in changes)
+    assert {kind for _, kind in events(found)} <= {"switch"}
+    assert found.drift < 1e-9
+
+
+FORCES = {
+    # Forces that step with the velocity but push through the surface.
+    "if(not (x_dot <= 1), -1, -2)": (lambda _, v: -1.0 if v > 1 else -2.0, (), (1,)),
+    "-1 - heaviside(x_dot/(-3))": (lambda _, v: -2.0 if v < 0 else -1.0, (), (0,)),
+    "-floor(x/2)/2 - 0.25": (
+        lambda x, _: -math.floor(x / 2) / 2 - 0.25,
+        tuple(range(-10, 12, 2)),
+        (),
+    ),
+    "-sign(x/(-7)) - 2": (lambda x, _: sign(x) - 2.0, (0,), ()),
+    "if(x/(-7) >= -0.25 or x_dot < -1, -1, -3)": (
+        lambda x, v: -1.0 if x <= 1.75 or v < -1 else -3.0,
+        (1.75,),
+        (-1,),
+    ),
+}
+
+
+@pytest.mark.parametrize(("x", "v"), [(0.0, 2.9), (1.2, 2.5), (-1.5, 4.0)])
+@pytest.mark.parametrize("force", FORCES)
+def test_forces_that_step(force, x, v):
+    push, levels, speeds = FORCES[force]
+    found = run(scene(force=force, x=x, v=v, duration=4))
+    exact = pieces(push, levels, speeds, float(x), float(v), 4.0)
+    assert np.max(np.abs(found["x"] - motion(exact, found["t"]))) < 1e-10
+    assert found.drift < 1e-9
+
+
+FRICTIONS = (
+    "if(not (x_dot <= 0), -1, 1)",
+    "if(x_dot > 0, -1, 1)",
+    "if(not (x_dot > 0), 1, -1)",
+    "-sign(x_dot/3)",
+    "sign(x_dot/(-7))",
+    "-sign(x_dot^3)",
+    "1 - 2*heaviside(x_dot)",
+    "-1 + 2*if(-x_dot >= 0, 1, 0)",
+    "if(x_dot/(-7) < 0 and not (x_dot < 0), -1, 1)",
+)
+
+# A step of a step: both surfaces are met at once, and the share of the inner one goes
+# through the outer one.
+STEPS_OF_STEPS = (
+    "-sign(sign(x_dot))",
+    "-abs(sign(x_dot))*sign(x_dot)",
+    "if(if(x_dot > 0, 1, -1) > 0, -1, 1)",
+    "-sign(floor(x_dot/8) + 0.5)",
+)
+
+
+@pytest.mark.parametrize("v", [2.0, -2.0])
+@pytest.mark.parametrize("force", [*FRICTIONS, *STEPS_OF_STEPS])
+def test_friction_however_it_is_written(force, v):
+    # Slows down by 1 and rests from t = 2 at the distance 2.
+    found = run(scene(force=force, v=v, duration=5))
+    s = np.minimum(found["t"], 2.0)
+    exact = math.copysign(1.0, v) * (2.0 * s - s**2 / 2.0)
+    assert np.max(np.abs(found["x"] - exact)) < 1e-12
+    assert [k for _, k in events(found)] == ["stick"]
+    assert events(found)[0][0] == pytest.approx(2.0, abs=1e-12)
+    later = found["t"] > 2.0 + 1e-9
+    assert np.max(np.abs(found["x_dot"][later])) < 1e-15
+    assert np.max(np.abs(found["x_ddot"][later])) < 1e-15
+    assert found.drift < 1e-12
+
+
+# A pad without mass, held to the block by a rod, rubs; one that rubs with the block's
+# own speed times two, by a lever.
+PAD = """
+coordinates: {{x: {{}}, s: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: 8*x^2/2}}
+forces: {{s: -0.3*sign(s_dot)}}
+constraints: {{rod: s = {lever}*x}}
+initial: {{x: 1, s: {lever}}}
+simulation: {{duration: 16, output_step: 0.02}}
+"""
+
+
+@pytest.mark.parametrize("lever", [1, 2, -3])
+def test_a_massless_coordinate_with_friction(lever):
+    # Half periods pi/sqrt(8) about +-d; rest where friction holds the spring.
+    found = run(PAD.format(lever=lever))
+    w, d = math.sqrt(8.0), 0.3 * abs(lever) / 8.0
+    halves = math.ceil((1.0 / d - 1.0) / 2.0)
+    t = found["t"]
+    half = np.minimum(np.floor(t * w / math.pi), halves)
+    amplitude = 1.0 - (2.0 * half + 1.0) * d
+    side = np.where(half % 2 == 0, 1.0, -1.0)
+    exact = side * (amplitude * np.cos(w * t - half * math.pi) + d)
+    rest = (-1.0) ** halves * (1.0 - 2.0 * halves * d)
+    exact = np.where(half < halves, exact, rest)
+    assert np.max(np.abs(found["x"] - exact)) < 1e-9
+    assert np.max(np.abs(found["s"] - lever * found["x"])) < 1e-13
+    stop = halves * math.pi / w
+    assert stop < 16.0
+    assert [k for _, k in events(found)] == ["switch"] * (halves - 1) + ["stick"]
+    assert events(found)[-1][0] == pytest.approx(stop, abs=1e-9)
+    # The rod carries the friction: 0.3 against the motion, then what the spring asks.
+    moving = (t > 1e-3) & (t < stop - 1e-3) & (np.abs(found["x_dot"]) > 1e-3)
+    drag = -0.3 * np.sign(found["s_dot"][moving])
+    assert found["lambda_rod"][moving] == pytest.approx(-drag, abs=1e-9)
+    resting = t > stop + 1e-3
+    held = -8.0 * rest / lever
+    assert found["lambda_rod"][resting] == pytest.approx(held, abs=1e-9)
+    assert found.drift < 1e-9

@@ -1,0 +1,251 @@
+"""Where switches lead to rest: switching curves, accumulations, levels, dead zones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lagsim.run.events.sequence import Sequence
+from tests.run.switching.scenes import one_quick
+from tests.run.switching.test_located import events, scene
+from tests.support import run
+
+
+def kinds(found):
+    return [e.kind for e in found.trajectory.events]
+
+
+def codes(found):
+    return [w.code for w in found.trajectory.warnings]
+
+
+def time_optimal(x, v, t):
+    """Give x of x'' = +-1 that is brought to rest at 0 soonest, and when.
+
+    For starts from which it is pushed back first: above the curve x = -v |v|/2.
+    """
+    first = v + math.sqrt(v * v / 2 + x)
+    end = 2 * first - v
+    pushed = x + v * t - t * t / 2
+    return np.where(t < first, pushed, np.maximum(end - t, 0) ** 2 / 2), end
+
+
+@pytest.mark.parametrize(
+    "law",
+    one_quick(
+        "-sign(x + x_dot*abs(x_dot)/2)",
+        "if(2*x + x_dot*abs(x_dot) > 0, -1, 1)",
+        "1 - 2*heaviside(x + 0.5*x_dot^2*sign(x_dot))",
+        "-sign(x + if(x_dot > 0, x_dot^2, -x_dot^2)/2)",
+    ),
+)
+def test_time_optimal_control_comes_to_rest_at_its_time(law):
+    for x, v, sign in [(1, 0, 1), (0.5, 1, 1), (2, -0.5, -1), (0.01, 3, -1)]:
+        found = run(scene(force=law, x=sign * x, v=sign * v, duration=8))
+        exact, end = time_optimal(x, v, found["t"])
+        # Parabolas: a method of order 8 has rounding alone, of a motion of size 5.
+        assert np.max(np.abs(sign * found["x"] - exact)) < 1e-13
+        assert events(found)[-1][0] == pytest.approx(end, abs=1e-7)
+        later = found["t"] > end + 1e-6
+        assert not np.any(np.abs(found["x_dot"][later]) > 1e-15)
+        assert np.max(np.abs(found["x_ddot"][later])) < 1e-12
+        assert codes(found) == []
+
+
+@pytest.mark.parametrize("c", one_quick(0.8, 0.6, 2.0))
+def test_a_switching_curve_that_is_followed_to_rest(c):
+    # On x = -c v |v| it is v' = sign(x)/(2 c): from (1, 0) it is met at x = 1 - t^2/2
+    # with 1 - t^2/2 = c t^2, and v falls to 0 in another 2 c t.
+    found = run(scene(force=f"-sign(x + {c}*x_dot*abs(x_dot))", x=1, duration=12))
+    met = 1 / math.sqrt(c + 0.5)
+    end = met + 2 * c * met
+    t = found["t"]
+    speed = np.maximum(end - t, 0) / (2 * c)
+    exact = np.where(t < met, 1 - t * t / 2, c * speed**2)
+    assert np.max(np.abs(found["x"] - exact)) < 1e-13
+    assert kinds(found)[0] == "stick"
+    assert not np.any(np.abs(found["x_dot"][t > end + 1e-6]) > 1e-15)
+
+
+@pytest.mark.parametrize("c", one_quick(0.444623563057, 0.1, 0.3))
+def test_switches_on_a_curve_accumulate_and_rest(c):
+    # The last is Fuller's problem. A swing from rest at x ends at -x k, k below.
+    found = run(scene(force=f"-sign(x + {c}*x_dot*abs(x_dot))", x=1, duration=20))
+    k = (0.5 - c) / (0.5 + c)
+    end = 2 / math.sqrt(0.5 + c) / (1 - math.sqrt(k))
+    zeno = [e.time for e in found.trajectory.events if e.kind == "zeno"]
+    assert zeno == pytest.approx([end] * len(zeno), abs=1e-8)
+    assert zeno
+    later = found["t"] > end + 1e-6
+    # What was left of the motion is the square of 4e-6 of it.
+    assert np.max(np.abs(found["x"][later])) < 1e-10
+    assert np.max(np.abs(found["x_dot"][later])) < 1e-15
+    assert found.drift < 1e-9
+
+
+def test_a_start_at_the_end_of_the_curve_rests():
+    found = run(scene(force="-sign(x + x_dot*abs(x_dot)/2)"))
+    assert not np.any(found["x"])
+    assert not np.any(found["x_ddot"])
+    assert found.trajectory.statistics.steps < 20
+
+
+@pytest.mark.parametrize(
+    ("force", "speed"),
+    one_quick(
+        ("1.5 - floor(x_dot)", 2.0),
+        ("2.5 - ceil(x_dot)", 2.0),
+        ("0.35 - 0.1*floor(10*x_dot)", 0.4),
+        ("-floor(x_dot + 3.5) + 0.5", -2.5),
+        ("1 - 2*heaviside(x_dot - 0.75)", 0.75),
+    ),
+)
+def test_friction_of_levels_holds_the_speed_of_its_level(force, speed):
+    for v in (0, 3.7, -1.2):
+        found = run(scene(force=force, v=v, duration=30))
+        assert kinds(found)[-1] == "stick"
+        stuck = found["t"] > events(found)[-1][0] + 1e-9
+        assert found["x_dot"][stuck] == pytest.approx(speed, abs=1e-14)
+        # The last stretch is uniform: x goes with the speed from row to row.
+        steps = np.diff(found["x"][stuck]) / np.diff(found["t"][stuck])
+        assert steps == pytest.approx(speed, abs=1e-11)
+        assert found.drift < 1e-11
+
+
+def in_a_dead_zone(t):
+    """Give x of x'' = -1 above 1, 1 below -1, 0 between, from 0 at speed 1."""
+    t = np.mod(t, 8)
+    half = np.mod(t, 4)
+    out = np.where(half < 1, half, 1 + (half - 1) * (3 - half) / 2)
+    x = np.where(half < 3, out, 4 - half)
+    return np.where(t < 4, x, -x)
+
+
+EDGES = [
+    "x - max(-1, min(1, x))",
+    "x - (abs(x + 1) - abs(x - 1))/2",
+    "if(x > 1, x - 1, if(x < -1, x + 1, 0))",
+    "max(0, x - 1) + min(0, x + 1)",
+]
+LAWS = [
+    "sign(u)",
+    "if(u > 0, 1, if(u < 0, -1, 0))",
+    "if(u >= 0, if(u <= 0, 0, 1), -1)",
+    "(floor(u) + ceil(u))",
+]
+
+
+@pytest.mark.parametrize(
+    ("edge", "law"), one_quick(*((edge, law) for law in LAWS for edge in EDGES))
+)
+def test_the_edge_of_a_dead_zone_is_crossed(edge, law):
+    force = "-" + law.replace("u", f"({edge})")
+    found = run(scene(force=force, v=1, duration=16))
+    assert np.max(np.abs(found["x"] - in_a_dead_zone(found["t"]))) < 1e-12
+    assert found.drift < 1e-12
+
+
+BACKLASH = """
+parameters: {{b: 0.1, k: 100, c: 2}}
+coordinates: {{a: {{}}, p: {{}}}}
+definitions: {{phi: a - p, stretch: "{stretch}", force: "{force}"}}
+energy: {{kinetic: (a_dot^2 + 3*p_dot^2)/2, potential: 0}}
+forces: {{a: -force, p: force}}
+initial: {{a: 0, p: 0, a_dot: 1}}
+simulation: {{duration: 10, output_step: 0.05}}
+"""
+PUSH = "k*stretch + c*phi_dot"
+PUSH = f"if(stretch > 0, max(0, {PUSH}), if(stretch < 0, min(0, {PUSH}), 0))"
+
+
+@pytest.mark.parametrize(
+    "stretch",
+    one_quick("phi - max(-b, min(b, phi))", "phi - (abs(phi + b) - abs(phi - b))/2"),
+)
+def test_gears_with_backlash_touch_and_part(stretch):
+    found = run(BACKLASH.format(stretch=stretch, force=PUSH))
+    # In phi one mass of 3/4. Free until phi = b, then a damped spring until its force
+    # would pull, then free to the other side, and so on, each time by the same factor.
+    m, k, c, b = 0.75, 100.0, 2.0, 0.1
+    s, w = c / (2 * m), math.sqrt(k / m - (c / (2 * m)) ** 2)
+    # stretch e^(-s t) sin(w t) v/w: the force vanishes first where k x + c x' = 0.
+    part = math.atan2(-c * w, k - c * s) % math.pi / w
+    depth = math.exp(-s * part) * math.sin(w * part) / w
+    left = math.exp(-s * part) * (math.cos(w * part) - s / w * math.sin(w * part))
+    t, v, times = b, 1.0, []
+    while t < 10:
+        times.append(t)
+        gap = 2 * b + depth * v
+        t, v = t + part + gap / (-left * v), -left * v
+    met = np.array([e.time for e in found.trajectory.events])
+    for time in times:
+        assert np.min(np.abs(met - time)) < 1e-8
+    momentum = found["a_dot"] + 3 * found["p_dot"]
+    assert np.max(np.abs(momentum - 1)) < 1e-11
+    assert found.drift < 1e-10
+    assert np.max(np.abs(np.diff(found["phi"]))) < 0.06  # a speed of 1 at most
+
+
+def test_a_long_stretch_before_does_not_make_an_end_of_what_follows():
+    # A thousand seconds towards it, then the bounces of the closed form, to their end.
+    found = run(
+        scene("abs(x)", "-0.3*sign(x_dot)*if(abs(x) < 1, 1, 0) - "
+              "if(abs(x) < 1, 0, sign(x)*(-1))", x=-1001, v=1, duration=1015,
+              output_step=0.25)
+    )  # fmt: skip
+    enters = 1000.0
+    # From -1 at speed 1: x'' = 1 - 0.3 up to 0, ...
+    v = math.sqrt(1 + 2 * 0.7)
+    arrives = enters + (v - 1) / 0.7
+    ratio = math.sqrt(0.7 / 1.3)
+    swings = (v / 1.3 + ratio * v / 0.7) / (1 - ratio)
+    zeno = [e.time for e in found.trajectory.events if e.kind == "zeno"]
+    assert np.max(np.abs(found["x"])) <= 1001
+    # Places are known to 1e-12 of 1001: swings of 1e-5 s are below that.
+    assert zeno == pytest.approx([arrives + swings] * len(zeno), abs=1e-4)
+    assert zeno
+
+
+def test_switches_accumulate_only_at_a_steady_ratio():
+    def limit_of(times):
+        sequence = Sequence(0.0, 100.0)
+        for t in times:
+            sequence.add(t, 0)
+        return sequence.limit()
+
+    halves = [1 - 0.5**k for k in range(45)]
+    assert limit_of(halves) == pytest.approx(1.0, abs=1e-12)
+    assert limit_of(halves[:12]) is None
+    # Many switches a second after a long rest come ever faster once, and no more.
+    assert limit_of([50.0, *(50 + 1e-6 * k for k in range(1, 9))]) is None
+    slow = [50.0 + 1e-7 * (1 - 0.9**k) for k in range(30)]
+    assert limit_of([40.0, *slow]) is None
+
+
+@pytest.mark.parametrize("scale", one_quick(1e6, 1e-6, 1.0))
+def test_units_of_time_make_no_difference_to_an_end(scale):
+    # In a unit of time `scale` times as long, all of the run is 1/scale as long.
+    force = f"-0.3*{scale}^2*sign(x_dot)"
+    found = run(
+        scene(f"{scale}^2*abs(x)", force, v=scale, duration=20 / scale,
+              output_step=0.1 / scale)
+    )  # fmt: skip
+    ratio = math.sqrt(0.7 / 1.3)
+    limit = (1 / 1.3 + ratio / 0.7) / (1 - ratio)
+    zeno = [e.time for e in found.trajectory.events if e.kind == "zeno"]
+    assert zeno
+    assert zeno == pytest.approx([limit / scale] * len(zeno), rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    "law", one_quick("sign(x_dot)", "if(x_dot > 0, 1, -1)", "sign(x)", "sign(x^3)")
+)
+def test_a_side_that_nothing_decides_is_told_and_shown(law):
+    text = scene(force="push", duration=2)
+    text = text.replace("energy:", f'definitions: {{push: "{law}"}}\nenergy:')
+    found = run(text)
+    assert codes(found) == ["unresolved-switch"]
+    assert np.array_equal(found["push"], found["x_ddot"])
+    assert np.abs(found["x"]) == pytest.approx(found["t"] ** 2 / 2, abs=1e-12)

@@ -1,0 +1,349 @@
+"""Where both sides push onto a surface the motion follows it: friction, and more."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from lagsim.methods import names, rk4
+from lagsim.run.system.functions import NEEDED
+from tests.run.switching.test_located import events, scene
+from tests.support import MODELS, run
+
+INCLINE = """
+parameters: {{mu: {mu}, a: 0.3, g: 9.81}}
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: g*x*sin(a)}}
+forces: {{x: -mu*g*cos(a)*sign(x_dot)}}
+initial: {{x: 0, x_dot: {v}}}
+simulation: {{duration: 3, output_step: 0.05}}
+"""
+
+
+def test_dry_friction_to_rest():
+    found = run("dry-friction")
+    d, w = 0.2 * 9.81 / 100, 10.0
+    times = [k * math.pi / w for k in range(1, 6)]
+    kinds = ["switch"] * 4 + ["stick"]
+    # Turning points are flat: a velocity off by 1e-11 is 1e-11/18 in time, and more as
+    # the acceleration falls to a tenth of that.
+    assert [t for t, _ in events(found)] == pytest.approx(times, abs=1e-10)
+    assert [kind for _, kind in events(found)] == kinds
+    assert np.max(np.abs(found["error"])) < 1e-11
+    at_rest = found["t"] > times[-1] + 1e-9
+    assert found["x"][-1] == pytest.approx(-(0.2 - 10 * d), abs=1e-11)
+    assert not np.any(found["x_dot"][at_rest])
+    assert np.max(np.abs(found["x_ddot"][at_rest])) < 1e-15
+    # Friction holds what the spring pulls.
+    assert found["friction"][at_rest] == pytest.approx(100 * found["x"][at_rest])
+    assert found.drift < 1e-11
+    # Five arcs of a swing each, and one at rest: no chatter.
+    assert found.trajectory.statistics.steps < 6 * 40
+
+
+def test_metres_and_millimetres_agree():
+    one = run("dry-friction")
+    text = (MODELS / "dry-friction.yaml").read_text(encoding="utf-8")
+    text = text.replace("value: 9.81", "value: 9810")
+    other = run(text.replace("value: 0.2, unit: m,", "value: 200, unit: m,"))
+    assert np.max(np.abs(other["x"] / 1000 - one["x"])) < 1e-12
+    assert len(events(other)) == len(events(one))
+    counts = one.trajectory.statistics.steps, other.trajectory.statistics.steps
+    assert counts[0] == pytest.approx(counts[1], abs=2)
+
+
+def slip_phase(K=100.0, F0=5.0, c=2.0, v0=0.2):
+    """Give how long the block of stick-slip slips, and where it sticks again."""
+    s = c / 2
+    w = math.sqrt(K - s * s)
+    middle = (F0 - c * v0) / K
+    a = F0 / K - middle
+    b = (v0 - s * a) / w
+
+    def x(t):
+        return middle + math.exp(s * t) * (a * math.cos(w * t) + b * math.sin(w * t))
+
+    def slip(t):
+        A, B = s * a + w * b, s * b - w * a
+        return math.exp(s * t) * (A * math.cos(w * t) + B * math.sin(w * t)) - v0
+
+    length = brentq(slip, 0.3, 0.6, xtol=1e-15)
+    return length, x(length)
+
+
+def test_stick_slip_has_its_period():
+    found = run("stick-slip")
+    length, x_back = slip_phase()
+    stuck = (0.05 - x_back) / 0.2
+    times, kinds = [0.0, 0.25], ["stick", "slip"]
+    while times[-1] + length + stuck < 5:
+        times += [times[-1] + length, times[-1] + length + stuck]
+        kinds += ["stick", "slip"]
+    got = [t for t, _ in events(found)]
+    # Errors of 1e-11 of the velocity over an acceleration of about 1.
+    assert got[: len(times)] == pytest.approx(times, abs=1e-9)
+    assert [k for _, k in events(found)][: len(times)] == kinds
+    t = found["t"]
+    for begin, end in zip(times[::2], times[1::2], strict=True):
+        rows = (t > begin + 1e-6) & (t < end - 1e-6)
+        assert np.max(np.abs(found["slip"][rows])) < 1e-15
+        assert np.max(np.abs(found["x_ddot"][rows])) < 1e-13
+        assert found["friction"][rows] == pytest.approx(100 * found["x"][rows])
+    assert found.drift < 1e-11
+
+
+@pytest.mark.parametrize(
+    "options", [{"method": "rk4", "step": 0.01}, {"loops": True}, {"rtol": 1e-6}]
+)
+def test_stick_slip_by_any_means(options):
+    found = run("stick-slip", duration=1, **options)
+    length, _ = slip_phase()
+    times = [0.0, 0.25, 0.25 + length]
+    # RK4 at a tenth of a radian: 1e-5 of the amplitude.
+    tight = 1e-9 if options == {"loops": True} else 1e-5
+    assert [t for t, _ in events(found)][:3] == pytest.approx(times, abs=tight)
+
+
+ADAPTIVE = ("dop853", "radau", "taylor")
+FIXED = ("euler", "gauss4", "generalized-alpha", "midpoint", "rk4")
+# Not for forces that depend on velocities, or that are not linear.
+OTHERS = {"exponential", "kahan-li6", "kahan-li8", "rattle", "verlet"}
+
+
+def test_each_method_is_tried():
+    assert {*ADAPTIVE, *FIXED, *OTHERS} == set(names())
+
+
+@pytest.mark.parametrize("name", [*ADAPTIVE, *FIXED])
+def test_stick_slip_by_every_method(name):
+    step = {} if name in ADAPTIVE else {"step": 0.004}
+    found = run("stick-slip", duration=2, method=name, **step)
+    assert [k for _, k in events(found)] == ["stick", "slip"] * 3
+    # Euler, of order 1, is off by 0.004 s with steps of 0.004 s; the others less.
+    length, _ = slip_phase()
+    assert events(found)[2][0] == pytest.approx(0.25 + length, abs=0.01)
+    stuck = (found["t"] > 0.25 + length + 0.01) & (found["t"] < 0.9)
+    assert np.max(np.abs(found["slip"][stuck])) < 1e-15
+
+
+def test_a_method_that_needs_more_than_rates_leaves_sliding_to_dop853(monkeypatch):
+    plain = run("stick-slip", duration=2, method="rk4", step=0.002)
+    monkeypatch.setattr(rk4, "NEEDS", ("nothing",))
+    monkeypatch.setitem(NEEDED, "nothing", lambda *_: {})
+    found = run("stick-slip", duration=2, method="rk4", step=0.002)
+    assert np.max(np.abs(found["x"] - plain["x"])) < 1e-12
+    # Sticking takes dop853 a few steps; RK4 takes 500 a second.
+    assert found.trajectory.statistics.steps < 0.8 * plain.trajectory.statistics.steps
+
+
+@pytest.mark.parametrize(("v", "slope"), [(3, 1.0), (-3, -1.0)])
+def test_a_block_on_an_incline_stops_and_stays(v, slope):
+    found = run(INCLINE.format(mu=0.5, v=v))
+    deceleration = 9.81 * (0.5 * math.cos(0.3) + slope * math.sin(0.3))
+    assert events(found) == [(pytest.approx(3 / deceleration, abs=1e-12), "stick")]
+    assert found["x"][-1] == pytest.approx(slope * 4.5 / deceleration, abs=1e-12)
+
+
+def test_a_block_at_rest_slides_where_friction_cannot_hold_it():
+    found = run(INCLINE.format(mu=0.2, v=0))
+    a = -9.81 * (math.sin(0.3) - 0.2 * math.cos(0.3))
+    assert events(found) == []
+    assert np.max(np.abs(found["x"] - a * found["t"] ** 2 / 2)) < 1e-12
+    assert found["x_ddot"][1:] == pytest.approx(a)
+
+
+@pytest.mark.parametrize("mu", ["0.5", "tan(a)"])
+def test_a_block_at_rest_stays_where_friction_holds_it(mu):
+    text = INCLINE.format(mu=0, v=0).replace("mu: 0, a: 0.3", f"a: 0.3, mu: {mu}")
+    found = run(text)
+    assert events(found) == [(0.0, "stick")]
+    assert not np.any(found["x"])
+    assert found.trajectory.statistics.steps < 20
+
+
+def test_friction_breaks_loose_when_the_force_grows():
+    # Force t against friction 2: x = (t - 2)^3/6 from t = 2.
+    found = run(scene(force="t - 2*sign(x_dot)", duration=5))
+    assert events(found) == [(0.0, "stick"), (pytest.approx(2.0, abs=1e-13), "slip")]
+    exact = np.maximum(found["t"] - 2, 0) ** 3 / 6
+    assert np.max(np.abs(found["x"] - exact)) < 1e-12
+
+
+TWO = """
+parameters: {f: 0.15, k: 1}
+coordinates: {x: {}, z: {}}
+definitions: {fx: -f*sign(x_dot), fz: -f*sign(z_dot)}
+energy: {kinetic: (x_dot^2 + z_dot^2)/2, potential: k*(x - z)^2/2}
+forces: {x: fx, z: fz}
+initial: {x: 1, z: -1}
+simulation: {duration: 20, output_step: 0.05}
+"""
+
+
+def test_two_blocks_that_turn_and_stick_together():
+    # Mirror images, each on a spring of 2 k to the middle: d = f/2k = 0.075, turning
+    # points 1 - 2 n d to +-0.05 after 7 swings, which is within d, so they stay there.
+    found = run(TWO)
+    swings = [k * math.pi / math.sqrt(2) for k in range(1, 8)]
+    # Each event belongs to both, or to one of them and a rounding later to the other.
+    times = np.array([t for t, _ in events(found)])
+    assert np.min(np.abs(times[:, None] - swings), axis=1) == pytest.approx(0, abs=1e-9)
+    assert found["x"][-1] == pytest.approx(0.05, abs=1e-10)
+    assert found["z"][-1] == pytest.approx(-0.05, abs=1e-10)
+    assert found["fx"][-1] == pytest.approx(0.1, abs=1e-9)
+    assert found["fz"][-1] == pytest.approx(-0.1, abs=1e-9)
+    assert np.max(np.abs(found["x"] + found["z"])) < 1e-10
+    assert found.trajectory.statistics.steps < 9 * 40
+
+
+STACK = """
+parameters: {M: 2, m: 1, mu: 0.3, g: 9.81}
+coordinates: {x: {}, z: {}}
+definitions: {s: z - x, hold: -mu*m*g*sign(s_dot)}
+energy: {kinetic: (M*x_dot^2 + m*z_dot^2)/2, potential: 0}
+forces: {s: hold, x: 2*t}
+initial: {x: 0, z: 0}
+simulation: {duration: 8, output_step: 0.05}
+"""
+
+
+def test_a_block_on_a_sledge_is_carried_until_friction_gives_way():
+    # Together x'' = 2 t/3, held by m x''; that is mu m g at t = 1.5 mu g = 4.4145.
+    found = run(STACK)
+    loose = 1.5 * 0.3 * 9.81
+    assert events(found) == [(0.0, "stick"), (pytest.approx(loose, abs=1e-12), "slip")]
+    t = found["t"]
+    carried = t < loose
+    assert found["hold"][carried] == pytest.approx(2 * t[carried] / 3, abs=1e-12)
+    assert np.max(np.abs(found["x"][carried] - t[carried] ** 3 / 9)) < 1e-12
+    later = t[~carried] - loose
+    exact = loose**3 / 9 + loose**2 / 3 * later + 0.3 * 9.81 * later**2 / 2
+    assert np.max(np.abs(found["z"][~carried] - exact)) < 1e-10
+    assert found.drift < 1e-9
+
+
+def test_many_blocks_that_start_at_rest_together():
+    # Each third block is pulled hard enough to slide, the others hold.
+    n = 9
+    names = [f"x{i}" for i in range(n)]
+    forces = [f"{q}: {i % 3} - 1.5*sign({q}_dot)" for i, q in enumerate(names)]
+    text = f"""
+coordinates: {{{", ".join(f"{q}: {{}}" for q in names)}}}
+energy: {{kinetic: {" + ".join(f"{q}_dot^2/2" for q in names)}, potential: 0}}
+forces: {{{", ".join(forces)}}}
+initial: {{{", ".join(f"{q}: 0" for q in names)}}}
+simulation: {{duration: 2, output_step: 0.1}}
+"""
+    found = run(text)
+    for i, q in enumerate(names):
+        assert found[q][-1] == pytest.approx(1.0 if i % 3 == 2 else 0.0, abs=1e-12)
+    assert len(events(found)) == 6
+
+
+BEAD = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+constraints: {wire: y = x^2/2}
+forces: {x: -2*sign(x_dot)}
+initial: {x: 1, y: 0.5}
+simulation: {duration: 10, output_step: 0.01}
+"""
+
+
+@pytest.mark.parametrize("loops", [False, True])
+def test_friction_with_a_constraint(loops):
+    # From a to b the work is -2 |a - b|: 9.81 (a^2 - b^2)/2 = 2 (a - b) for b < a gives
+    # a + b = 4/9.81; it stays where the slope 9.81 x is below 2.
+    found = run(BEAD, loops=loops)
+    first = 4 / 9.81 - 1
+    second = -4 / 9.81 - first
+    assert abs(second) * 9.81 < 2
+    assert [k for _, k in events(found)] == ["switch", "stick"]
+    assert np.min(found["x"]) == pytest.approx(first, abs=1e-4)  # the row beside it
+    assert found["x"][-1] == pytest.approx(second, abs=1e-10)
+    assert not np.any(found["x_dot"][-100:])
+    assert np.max(np.abs(found["residual_wire"])) < 1e-14
+    # At rest: weight and friction balance along the wire, lambda is the weight.
+    assert found["lambda_wire"][-1] == pytest.approx(9.81, abs=1e-12)
+    assert np.max(np.abs(found["x_ddot"][-100:])) < 1e-12
+
+
+def test_at_rest_in_a_kink():
+    found = run(scene("abs(x)"))
+    assert events(found) == [(0.0, "switch")]
+    assert not np.any(found["x"])
+    assert not np.any(found["x_ddot"])
+
+
+def test_starts_on_a_surface_go_where_the_motion_goes():
+    for v in (1.0, -1.0):
+        found = run(scene("if(x > 0, 4, 1)*x^2/2", v=v, duration=0.1))
+        stiffness = 4 if v > 0 else 1
+        w = math.sqrt(stiffness)
+        exact = v * np.sin(w * found["t"]) / w
+        assert np.max(np.abs(found["x"] - exact)) < 1e-12
+
+
+def test_a_motion_that_could_go_both_ways_says_so():
+    found = run(scene(force="sign(x_dot)", duration=2))
+    assert [w.code for w in found.trajectory.warnings] == ["unresolved-switch"]
+    assert abs(found["x"][-1]) == pytest.approx(2.0, abs=1e-12)
+
+
+def test_friction_of_levels_sticks_between_two_of_them():
+    # -ceil(x_dot) slows down by 4, 3, 2, 1 and holds at 0, between 0 and 1.
+    found = run(scene(force="-ceil(x_dot)", v=3.5, duration=5))
+    times = [0.125, 0.125 + 1 / 3, 0.625 + 1 / 3, 1.625 + 1 / 3]
+    assert [t for t, _ in events(found)] == pytest.approx(times, abs=1e-13)
+    assert [k for _, k in events(found)] == ["switch"] * 3 + ["stick"]
+    assert found["x_dot"][-1] == 0.0
+
+
+def test_accumulating_switches_end_at_their_limit():
+    # Up against 1.3, down with 0.7: each swing sqrt(7/13) of the one before.
+    found = run(scene("abs(x)", "-0.3*sign(x_dot)", v=1, duration=20))
+    ratio = math.sqrt(0.7 / 1.3)
+    limit = (1 / 1.3 + ratio / 0.7) / (1 - ratio)
+    zeno = [e.time for e in found.trajectory.events if e.kind == "zeno"]
+    assert zeno == pytest.approx([limit, limit], abs=1e-10)
+    later = found["t"] > limit + 1e-6
+    # What was left of the motion is the square of 2e-6, the part not gone through.
+    assert np.max(np.abs(found["x"][later])) < 1e-12
+    assert not np.any(found["x_dot"][later])
+    assert found.drift < 1e-11
+    assert found.trajectory.statistics.steps < 400
+
+
+def test_a_spiral_of_two_frictions_ends_at_its_limit():
+    # Velocities turn through the quadrants, each third of a side shorter: 1/3 + 1/9 ...
+    text = """
+coordinates: {x: {}, z: {}}
+energy: {kinetic: (x_dot^2 + z_dot^2)/2, potential: 0}
+forces: {x: -sign(x_dot) + 2*sign(z_dot), z: -sign(z_dot) - 2*sign(x_dot)}
+initial: {x: 0, z: 0, x_dot: 1}
+simulation: {duration: 10, output_step: 0.1}
+"""
+    found = run(text)
+    zeno = [e.time for e in found.trajectory.events if e.kind == "zeno"]
+    assert zeno == pytest.approx([0.5, 0.5], abs=1e-12)
+    for v in ("x_dot", "z_dot", "x_ddot", "z_ddot"):
+        assert np.max(np.abs(found[v][found["t"] > 0.55])) < 1e-15
+
+
+def test_switches_in_no_time_end_the_run():
+    # From rest velocities go round a square that never grows nor shrinks: of no size.
+    text = """
+coordinates: {x: {}, z: {}}
+energy: {kinetic: (x_dot^2 + z_dot^2)/2, potential: 0}
+forces: {x: -sign(z_dot), z: sign(x_dot)}
+initial: {x: 0, z: 0}
+simulation: {duration: 10, output_step: 0.1}
+"""
+    found = run(text)
+    assert found.trajectory.outcome.name == "SWITCHES_ACCUMULATE"
+    assert "`sign(z_dot)`, `sign(x_dot)` accumulate" in found.trajectory.reason
+    assert [w.code for w in found.trajectory.warnings] == ["unresolved-switch"]
+    assert found.trajectory.statistics.steps < 1000

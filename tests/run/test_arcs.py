@@ -1,0 +1,280 @@
+"""What begins and ends arcs: breaks in time, `until`, constraints that jump."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lagsim.run.trajectory import Outcome
+from tests.small_scenes import expected_times, fall, oscillator
+from tests.support import run
+
+# Breaks in time
+
+
+def test_a_pulse_of_a_millisecond_is_met():
+    # From rest: x = 0 until the pulse, then the exact response to it.
+    pulse = "if(t >= 50 and t < 50.001, 1000, 0)"
+    simulation = "duration: 60, output_step: 0.01"
+    found = run(oscillator(simulation, x=0, force=pulse))
+    t, x = found["t"], found["x"]
+    assert np.max(np.abs(x[t < 50.0])) == 0.0
+    after = t > 50.001
+    exact = 1000.0 * (np.cos(t - 50.001) - np.cos(t - 50.0))
+    assert np.max(np.abs(x[after] - exact[after])) < 1e-10
+    assert np.max(np.abs(x)) == pytest.approx(1.0, abs=1e-3)
+    assert [(e.time, e.kind) for e in found.trajectory.events] == [
+        (50.0, "switch"),
+        (50.001, "switch"),
+    ]
+    # Without breaks a step of at most a millisecond would have been needed throughout.
+    assert found.trajectory.statistics.evaluations < 3000
+    assert list(t) == expected_times(0.0, 60.0, 0.01)
+
+
+def driven_by_sign(t):
+    """Give x of x'' + x = sign(sin t) from rest: in resonance, half wave by half wave.
+
+    On [n pi, (n+1) pi]: x = s + A cos t + B sin t, s = (-1)^n; x and x' continue.
+    """
+    A, B = 0.0, 0.0
+    n = int(np.floor(t / np.pi))
+    s = 1.0
+    A = -1.0
+    for k in range(1, n + 1):
+        # cos(k pi) = (-1)^k: s_old + A c = s_new + A_new c; the slope keeps B.
+        c = (-1.0) ** k
+        new = -s
+        A += (s - new) * c
+        s = new
+    return s + A * math.cos(t) + B * math.sin(t)
+
+
+def test_a_forcing_that_changes_sign():
+    simulation = "duration: 40, output_step: 0.1"
+    found = run(oscillator(simulation, x=0, force="sign(sin(t))"))
+    exact = np.array([driven_by_sign(t) for t in found["t"]])
+    assert np.max(np.abs(exact)) > 20.0
+    # The amplitude reaches 25: errors of 1e-11 of that, over 12 arcs.
+    assert np.max(np.abs(found["x"] - exact)) < 1e-9
+    times = [e.time for e in found.trajectory.events]
+    assert times == pytest.approx([k * math.pi for k in range(1, 13)], rel=1e-15)
+    assert found.drift < 1e-9
+    # A restart costs a few short steps; stepping over the jumps cost 5 times as much as
+    # meeting them (numerics.md), and smooth driving costs about half.
+    smooth = run(oscillator(simulation, x=0, force="4/pi*sin(t)"))
+    evaluations = found.trajectory.statistics.evaluations
+    assert evaluations < 2.5 * smooth.trajectory.statistics.evaluations
+
+
+def test_a_row_at_a_break_belongs_to_the_later_branch():
+    simulation = "duration: 2, output_step: 0.5"
+    found = run(oscillator(simulation, x=0, force="if(t < 1, 0, 3)"))
+    assert list(found["t"]) == [0.0, 0.5, 1.0, 1.5, 2.0]
+    assert list(found["x_ddot"][:3]) == [0.0, 0.0, 3.0]
+    found = run(oscillator(simulation, x=0, force="3*heaviside(t - 1)"))
+    assert list(found["x_ddot"][:3]) == [0.0, 0.0, 3.0]
+
+
+def test_a_kink_is_a_break_too():
+    found = run(oscillator("duration: 2, output_step: 0.1", x=0, force="abs(t - 1)"))
+    # x'' + x = 1 - t, then t - 1.
+    t = found["t"]
+    before = 1.0 - t - np.cos(t) + np.sin(t)
+    after = before + 2.0 * ((t - 1.0) - np.sin(t - 1.0))
+    exact = np.where(t < 1.0, before, after)
+    assert np.max(np.abs(found["x"] - exact)) < 1e-11
+    assert [e.time for e in found.trajectory.events] == [1.0]
+
+
+@pytest.mark.parametrize("method", ["", ", method: rk4, step: 0.003"])
+def test_breaks_and_rows_do_not_disturb_each_other(method):
+    simulation = f"duration: 3, output_step: 0.1{method}"
+    found = run(oscillator(simulation, x=0, force="floor(4*t)"))
+    assert list(found["t"]) == expected_times(0.0, 3.0, 0.1)
+    steps = [k / 4 for k in range(1, 12)]
+    assert [e.time for e in found.trajectory.events] == steps
+    t = found["t"]
+    exact = sum(np.where(t > s, 1.0 - np.cos(t - s), 0.0) for s in steps)
+    assert np.max(np.abs(found["x"] - exact)) < 1e-10
+
+
+# Until
+
+
+@pytest.mark.parametrize("more", ["", ", method: rk4, step: 0.037"])
+@pytest.mark.parametrize("until", ["y <= 0", "y = 0", "0 >= y", "-y = 0"])
+def test_until_is_located(until, more):
+    # Both methods integrate a parabola exactly, so only rounding is left.
+    found = run(fall(until, more=more))
+    exact = math.sqrt(2.0 * 2.5 / 9.81)
+    assert found.trajectory.outcome is Outcome.UNTIL
+    assert found.trajectory.end == pytest.approx(exact, rel=0, abs=1e-12)
+    assert found["t"][-1] == found.trajectory.end
+    assert list(found["t"][:-1]) == [k * 0.1 for k in range(8)]
+    assert found["y"][-1] == pytest.approx(0.0, abs=1e-12)
+    assert found["y_dot"][-1] == pytest.approx(-9.81 * exact, rel=1e-12)
+    event = found.trajectory.events[-1]
+    assert (event.kind, event.time) == ("until", found.trajectory.end)
+    assert f"`{until}`" in found.trajectory.reason
+
+
+def test_until_is_located_in_a_motion_that_is_not_a_polynomial():
+    found = run(oscillator('duration: 9, until: "x <= -0.25"'))
+    # At rtol 1e-11 the dense output is right to a few times that.
+    assert found.trajectory.end == pytest.approx(math.acos(-0.25), rel=0, abs=1e-10)
+
+
+def test_until_never():
+    found = run(fall("y >= 10"))
+    assert found.trajectory.outcome is Outcome.DONE
+    assert found.trajectory.end == 5.0
+    assert not found.trajectory.events
+
+
+def test_until_true_at_the_start_counts_once_it_has_been_false():
+    # Thrown up from the ground: it holds at the start, then not, then again.
+    found = run(fall("y <= 0", y=0, v="g"))
+    assert found.trajectory.outcome is Outcome.UNTIL
+    assert found.trajectory.end == pytest.approx(2.0, rel=0, abs=1e-12)
+    found = run(fall("y = 0", y=0, v="g"))
+    assert found.trajectory.end == pytest.approx(2.0, rel=0, abs=1e-12)
+    # It holds from below the ground all the way: for ever true, never an event.
+    found = run(fall("y <= 0", y=-1))
+    assert found.trajectory.outcome is Outcome.DONE
+
+
+def test_until_an_inequality_that_holds_at_first_is_not_met_leaving_it():
+    # x >= 0 at the start; it comes to be false at pi/2 and true again at 3/2 pi.
+    found = run(oscillator('duration: 20, until: "x >= 0"'))
+    assert found.trajectory.end == pytest.approx(1.5 * math.pi, rel=0, abs=1e-10)
+    # An equation is met from either side.
+    found = run(oscillator('duration: 20, until: "x = 0"'))
+    assert found.trajectory.end == pytest.approx(0.5 * math.pi, rel=0, abs=1e-10)
+
+
+def test_until_within_one_step_there_and_back():
+    # A ball that rises 1e-3 above the level: both crossings lie within one step.
+    v = math.sqrt(2.0 * 9.81 * 1.001)
+    found = run(fall("y >= 1", y=0, v=v))
+    exact = (v - math.sqrt(v * v - 2.0 * 9.81)) / 9.81
+    # y_dot is 0.14 at the crossing: 1e-15 of y is 1e-14 of t.
+    assert found.trajectory.end == pytest.approx(exact, rel=0, abs=1e-12)
+
+
+def test_until_in_a_constrained_motion_ends_on_the_constraint():
+    text = (
+        "coordinates: {x: {}, y: {}}\n"
+        "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}\n"
+        "constraints: {rod: x^2 + y^2 = 1}\n"
+        "initial: {x: -1, y: 0}\n"
+        'simulation: {duration: 10, output_step: 0.07, until: "x = 0"}\n'
+    )
+    found = run(text)
+    # A quarter of the period 2.367842 s (IFToMM A01: 4 K(1/2) sqrt(L/g)).
+    from scipy.special import ellipk
+
+    quarter = float(ellipk(0.5)) / math.sqrt(9.81)
+    assert found.trajectory.end == pytest.approx(quarter, rel=0, abs=1e-11)
+    assert abs(found["residual_rod"][-1]) < 1e-15
+    assert found["x_dot"][-1] == pytest.approx(math.sqrt(2.0 * 9.81), rel=1e-11)
+
+
+def test_until_on_a_velocity_and_time():
+    found = run(oscillator('duration: 9, until: "x_dot >= t/10"'))
+    t = found.trajectory.end
+    assert -math.sin(t) == pytest.approx(t / 10.0, abs=1e-10)
+    assert 3.0 < t < 5.0
+
+
+# Moving constraints whose rate or position jumps
+
+
+SLIDE = """
+parameters: {{v: 3}}
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: 2*(x_dot^2 + y_dot^2)/2, potential: 0}}
+constraints: {{wall: "{wall}"}}
+initial: {{x: 0, y: 0, y_dot: 1, x_dot: {x_dot}}}
+simulation: {{duration: 2, output_step: 0.5}}
+"""
+
+
+@pytest.mark.parametrize(("at", "loops"), [(1.0, False), (0.8, False), (1.0, True)])
+def test_a_rate_that_jumps_is_an_inelastic_impact(at, loops):
+    # x = 0, then v (t - at): the wall begins to push at once.
+    wall = f"x = if(t < {at}, 0, v*(t - {at}))"
+    found = run(SLIDE.format(wall=wall, x_dot=0), loops=loops)
+    assert found.trajectory.outcome is Outcome.DONE
+    kinds = [(e.time, e.kind) for e in found.trajectory.events]
+    assert kinds == [(at, "switch"), (at, "impact")]
+    rows = np.flatnonzero(found["t"] == at)
+    assert len(rows) == 2
+    before, after = rows
+    assert (found["x_dot"][before], found["x_dot"][after]) == pytest.approx((0.0, 3.0))
+    assert found["y_dot"][after] == pytest.approx(1.0, abs=1e-14)
+    # M v^2/2 = 9 J, all of it work of the wall.
+    assert found["work"][before] == pytest.approx(0.0, abs=1e-12)
+    assert found["work"][after] == pytest.approx(9.0, abs=1e-12)
+    assert found.drift < 1e-11
+    assert found["x"][-1] == pytest.approx(3.0 * (2.0 - at), abs=1e-12)
+    times = expected_times(0.0, 2.0, 0.5)
+    assert sorted({*found["t"]}) == sorted({*times, at})
+    assert len(found.rows) == len({*times, at}) + 1
+
+
+def test_the_work_of_an_impact_that_takes_energy():
+    # The wall stops: 9 J go out.
+    found = run(SLIDE.format(wall="x = if(t < 1, v*t, v)", x_dot=3))
+    assert found["work"][-1] == pytest.approx(-9.0, abs=1e-11)
+    assert found["energy"][-1] == pytest.approx(1.0, abs=1e-11)
+    assert found.drift < 1e-11
+
+
+def test_a_coupled_impact_shares_the_momentum():
+    # Two masses, 1 and 3, their distance held from t = 1 on by a rod that starts to
+    # shrink at rate 2: least change in the metric of M, momentum kept.
+    text = """
+coordinates: {a: {}, b: {}}
+energy: {kinetic: a_dot^2/2 + 3*b_dot^2/2, potential: 0}
+constraints: {rod: "b - a = if(t < 1, 10, 10 - 2*(t - 1))"}
+initial: {a: 0, b: 10, a_dot: 1, b_dot: 1}
+simulation: {duration: 2, output_step: 0.5}
+"""
+    found = run(text)
+    # b' - a' = -2 and a' + 3 b' = 4: b' = 1/2, a' = 5/2.
+    assert found["a_dot"][-1] == pytest.approx(2.5, abs=1e-12)
+    assert found["b_dot"][-1] == pytest.approx(0.5, abs=1e-12)
+    # 25/8 + 3/8 - 2 = 1.5 J.
+    assert found["work"][-1] == pytest.approx(1.5, abs=1e-11)
+    assert found.drift < 1e-11
+
+
+def test_a_constraint_whose_rate_goes_on_makes_no_impact():
+    wall = "x = if(t < 1, t^2/2, t - 1/2)"
+    found = run(SLIDE.format(wall=wall, x_dot=0))
+    assert [e.kind for e in found.trajectory.events] == ["switch"]
+    assert len(found.rows) == 5
+
+
+def test_a_constraint_whose_position_jumps_ends_the_run():
+    found = run(SLIDE.format(wall="x = if(t < 1, 0, 1)", x_dot=0))
+    trajectory = found.trajectory
+    assert trajectory.outcome is Outcome.CONSTRAINT_JUMPS
+    assert trajectory.outcome.word == "failed"
+    assert trajectory.end == 1.0
+    assert "`wall`" in trajectory.reason
+    assert "jumps" in trajectory.reason
+    # What was computed is kept, and ends there.
+    assert found["t"][-1] == 1.0
+    assert list(found["t"]) == [0.0, 0.5, 1.0]
+
+
+def test_breaks_are_found_as_the_run_goes():
+    # Ten million of them: finding all before the run would take minutes.
+    text = oscillator("duration: 1000, output_step: 1", x=0, force="floor(1e4*t)")
+    found = run(text, most_steps=200)
+    assert found.trajectory.outcome is Outcome.TOO_MANY_STEPS
+    assert 0.0 < found.trajectory.end < 0.1

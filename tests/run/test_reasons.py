@@ -1,0 +1,160 @@
+"""What a run says when it ends: the right names, numbers and times."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from types import SimpleNamespace
+
+import pytest
+
+from lagsim.run.reasons import reason_of
+from lagsim.run.trajectory import Outcome
+from tests.support import run
+
+SCENE = """
+coordinates: {{{names}}}
+energy: {{kinetic: "{kinetic}", potential: "{potential}"}}
+forces: {{{forces}}}
+initial: {{{initial}}}
+simulation: {{duration: 5, output_step: 0.01}}
+"""
+
+
+def scene(names, potential, initial, forces=""):
+    start = {**dict.fromkeys(names, 1), **initial}
+    return SCENE.format(
+        names=", ".join(f"{n}: {{}}" for n in names),
+        kinetic=" + ".join(f"{n}_dot^2/2" for n in names),
+        potential=potential,
+        forces=forces,
+        initial=", ".join(f"{n}: {x}" for n, x in start.items()),
+    )
+
+
+def runaway(which, *, coupled=True, force=False):
+    """Give three coordinates of which `which` runs away: w'' = 2 w^3, or w'' = w'^3.
+
+    From 1 at speed 1 the first is 1/(1 - t).
+    """
+    potential = "(p - q)^2/2 + (q - r)^2/2" if coupled else "0"
+    forces = f"{which}: {which}_dot^3" if force else ""
+    potential += "" if force else f" - {which}^4/2"
+    return scene("pqr", potential, {f"{which}_dot": 1}, forces)
+
+
+def state_of(reason):
+    """Read time and state back from a reason."""
+    shown = re.search(r"at t = (\S+) \((.*?)\)", reason)
+    pairs = [part.split(" = ") for part in shown[2].split(", ")]
+    return float(shown[1]), {name: float(x) for name, x in pairs}
+
+
+@pytest.mark.parametrize("coupled", [True, False])
+@pytest.mark.parametrize("which", ["p", "q", "r"])
+def test_the_component_that_grows_is_named(which, coupled):
+    found = run(runaway(which, coupled=coupled))
+    reason = found.trajectory.reason
+    assert found.trajectory.outcome.word == "failed"
+    assert f"`{which}_dot` grows fastest" in reason
+    t, state = state_of(reason)
+    told = float(re.search(r"fastest, at (\S+) per unit", reason)[1])
+    assert told == pytest.approx(2 * state[which] ** 3, rel=1e-2)
+    assert t == found.trajectory.end == found["t"][-1]
+    if not coupled:
+        assert t == pytest.approx(1.0, abs=1e-4)
+    for name, x in state.items():
+        assert x == pytest.approx(found[name][-1], rel=1e-5), name
+    assert set(state) == {"p", "q", "r", "p_dot", "q_dot", "r_dot"}
+
+
+def test_a_coordinate_is_named_and_not_the_ledger():
+    reason = run(runaway("q", force=True)).trajectory.reason
+    assert "`q_dot` grows fastest" in reason
+
+
+def test_a_state_of_many_components_is_cut():
+    names = [f"x{k}" for k in range(9)]
+    springs = " + ".join(f"({a} - {b})^2/2" for a, b in itertools.pairwise(names))
+    reason = run(scene(names, f"{springs} - x4^4/2", {"x4_dot": 1})).trajectory.reason
+    assert "`x4_dot` grows fastest" in reason
+    shown = re.search(r"\((.*?)\)", reason)[1].split(", ")
+    first = [*names, "x0_dot", "x1_dot", "x2_dot"]
+    assert [part.split(" = ")[0] for part in shown[:12]] == first
+    assert shown[12:] == ["... 6 more"]
+
+
+def test_values_that_are_not_finite():
+    found = run(scene("xy", "y^2/2", {"x_dot": 1, "y": 0}, "y: sqrt(3 - x)"))
+    assert found.trajectory.outcome.word == "failed"
+    t, state = state_of(found.trajectory.reason)
+    assert t == found.trajectory.end
+    for name in ("x", "y", "x_dot", "y_dot"):
+        assert state[name] == pytest.approx(found[name][-1], rel=1e-5)
+
+
+def test_the_end_and_until_are_told_with_their_times():
+    text = scene("x", "x^2/2", {})
+    assert run(text).trajectory.reason == "the end was reached at t = 5.0"
+    until = text.replace("duration: 5,", 'duration: 5, until: "x <= 0",')
+    told = re.fullmatch(r"`x <= 0` at t = (\S+)", run(until).trajectory.reason)
+    assert float(told[1]) == pytest.approx(math.pi / 2, abs=1e-9)
+
+
+def test_too_many_steps_are_counted():
+    text = scene("x", "x^2/2", {})
+    found = run(text, method="rk4", step=0.01, most_steps=50).trajectory
+    assert found.outcome.name == "TOO_MANY_STEPS"
+    assert f"too many steps ({found.statistics.steps}) at t = " in found.reason
+    x = state_of(found.reason)[1]["x"]
+    assert x == pytest.approx(math.cos(found.end), rel=1e-5)
+
+
+TOLD = {
+    "DONE": "the end was reached at t = 2.5",
+    "UNTIL": "`x <= 0` at t = 2.5",
+    "INTERRUPTED": "interrupted at t = 2.5; the rows up to there were kept",
+    "TOO_MANY_STEPS": "too many steps (77) at t = 2.5 (x = 1, x_dot = -3): the motion ",
+    "NOT_FINITE": "values that are not finite at t = 2.5 (x = 1, x_dot = -3): an",
+    "CONSTRAINT_JUMPS": "the position that constraint `rod` asks for jumps at t = 2.5 "
+    "(x = 1, x_dot = -3): a moving constraint may change its speed",
+    "SWITCHES_ACCUMULATE": "the switches `sign(x)`, `y > 0` accumulate at t = 2.5 "
+    "(x = 1, x_dot = -3): no motion leads on",
+    "PROJECTION_FAILED": "the constraints could not be met at t = 2.5 (x = 1, "
+    "x_dot = -3): the constraints cannot all be met",
+    "NEWTON_FAILED": "the equations of an implicit step could not be solved at t = 2.5 "
+    "(x = 1, x_dot = -3): the motion runs",
+}
+
+
+@pytest.mark.parametrize("outcome", TOLD)
+def test_each_end_in_words(outcome):
+    ended = SimpleNamespace(
+        t=2.5,
+        steps=77,
+        runner=SimpleNamespace(method=SimpleNamespace(NAME="dop853")),
+        torn="rod",
+        accumulating="`sign(x)`, `y > 0`",
+        simulation=SimpleNamespace(until=SimpleNamespace(text="x <= 0")),
+        equations=SimpleNamespace(q=("x",), velocities=("x_dot",)),
+        observed=lambda: [2.5, 1.0, -3.0],
+    )
+    assert reason_of(ended, Outcome[outcome]).startswith(TOLD[outcome])
+
+
+def test_a_constraint_that_is_never_met_ends_the_run():
+    # At rest on the tip of a cone of velocities, under gravity: the tip is left in no
+    # direction more than in another, and rows that vanish project nothing.
+    found = run(
+        """
+        coordinates: {x: {}, y: {}, z: {}}
+        energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*z}
+        constraints: {cone: x_dot^2 + y_dot^2 = 4*z_dot^2}
+        initial: {x: 0, y: 0, z: 0}
+        simulation: {duration: 1, output_step: 1e-3}
+        """
+    )
+    assert found.trajectory.outcome is Outcome.NO_ANSWER
+    assert "constraint `cone` is not met at t = " in found.trajectory.reason
+    assert found.trajectory.statistics.steps < 200_000

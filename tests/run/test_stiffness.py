@@ -1,0 +1,232 @@
+"""A step held by stability: the stiff method takes over where that is cheaper."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagsim.methods.parts import state as at
+from lagsim.methods.parts.stability import record_speed
+from tests.support import MODELS, run
+
+VAN_DER_POL = """
+parameters: {mu: 1000}
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: x^2/2}
+forces: {x: mu*(1 - x^2)*x_dot}
+initial: {x: 2, x_dot: 0}
+simulation: {duration: 2000, output_step: 10, rtol: 1e-7}
+"""
+DAMPED = """
+parameters: {K: 1e8, c: 2e5}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: K*(x - sin(y))^2/2 + y^2/2}
+forces: {x: -c*(x_dot - y_dot*cos(y)), y: c*(x_dot - y_dot*cos(y))*cos(y)}
+initial: {x: sin(1), y: 1}
+simulation: {duration: 1, output_step: 0.05, rtol: 1e-7}
+"""
+PENDULUM = """
+parameters: {K: 1e8, l: 1, g: 9.8}
+coordinates: {theta: {}, u: {}}
+energy:
+  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
+  potential: g*(l - (l + u)*cos(theta)) + K*u^2/2
+initial: {theta: 1, u: STRETCHED}
+simulation: {duration: 3, output_step: 0.05, rtol: TOLERANCE}
+"""
+QUIET = PENDULUM.replace("STRETCHED", "g*cos(1)/K")
+EXCITED = PENDULUM.replace("STRETCHED", "1e-4")
+HELD = """
+parameters: {K: 1e8, c: 2e5}
+coordinates: {x: {}, y: {}, z: {}}
+energy:
+  kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2
+  potential: 9.8*y + K*(z - x)^2/2
+forces: {z: -c*(z_dot - x_dot), x: c*(z_dot - x_dot)}
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: sin(1), y: -cos(1), z: sin(1)}
+simulation: {duration: 1, output_step: 0.05, rtol: 1e-7}
+"""
+
+
+def codes(found):
+    return [caution.code for caution in found.trajectory.warnings]
+
+
+@pytest.mark.parametrize("text", [VAN_DER_POL, DAMPED, HELD])
+def test_a_damped_fast_mode_is_passed_over(text):
+    found = run(text)
+    [choice] = found.trajectory.choices
+    assert choice.choice.startswith("method: radau from t = ")
+    assert "stability bound" in choice.reason
+    assert not codes(found)
+    explicit = run(text, method="dop853")
+    assert codes(explicit) == ["step-at-stability-bound"]
+    assert not explicit.trajectory.choices
+    few, many = found.trajectory.statistics, explicit.trajectory.statistics
+    assert 5 * few.steps < many.steps
+    q = found.equations.q
+    size = max(np.ptp(explicit[name]) for name in q)
+    late = found["t"] < 0.35 * found["t"][-1]  # of van der Pol's: before it jumps
+    for name in q:
+        # The global error of either is some ten times its tolerance, more where the
+        # order is reduced.
+        assert np.max(np.abs(found[name] - explicit[name])[late]) < 1e-5 * size
+    assert found.drift < 1e-2 * np.ptp(found["potential"])
+
+
+def test_a_quiet_oscillation_is_passed_over_and_what_follows_stays():
+    found = run(QUIET.replace("TOLERANCE", "1e-5"))
+    assert found.trajectory.choices
+    theta = run(QUIET.replace("TOLERANCE", "1e-9"), method="dop853")["theta"]
+    assert np.max(np.abs(found["theta"] - theta)) < 1e-5
+    # Quasi-static: K u = g cos(theta) + theta_dot^2, to some u''/K = 1e-7 of it.
+    force = 9.8 * np.cos(found["theta"]) + found["theta_dot"] ** 2
+    assert np.max(np.abs(1e8 * found["u"] - force)) < 1e-4 * 9.8
+
+
+def test_an_excited_oscillation_is_not_damped_away():
+    loose = EXCITED.replace("TOLERANCE", "1e-2")
+    found = run(loose)
+    assert not found.trajectory.choices
+    assert codes(found) == ["step-at-stability-bound"]
+    [caution] = found.trajectory.warnings
+    assert "`u`" in caution.text
+    assert "excited" in caution.text
+
+
+def test_the_energy_of_another_body_does_not_hide_an_oscillation():
+    alone = EXCITED.replace("TOLERANCE", "1e-2")
+    beside = alone.replace("u: {}", "u: {}, b: {}").replace("u: 1e-4", "u: 1e-4, b: 0")
+    beside = beside.replace("u_dot^2/2", "u_dot^2/2 + 1e24*b_dot^2/2")
+    found = run(beside.replace("b: 0", "b: 0, b_dot: 4e3"))
+    assert not found.trajectory.choices
+    assert codes(found) == ["step-at-stability-bound"]
+    assert "excited" in found.trajectory.warnings[0].text
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853"])
+def test_accuracy_holds_the_step_of_an_excited_oscillation_at_tight_tolerance(method):
+    found = run(EXCITED.replace("TOLERANCE", "1e-7"), method=method, duration=0.1)
+    assert not codes(found)
+    assert not found.trajectory.choices
+
+
+@pytest.mark.parametrize("rtol", ["1e-3", "1e-8"])
+@pytest.mark.parametrize(
+    "name",
+    sorted(path.stem for path in MODELS.glob("*.yaml") if "chain" not in path.stem),
+)
+def test_no_shipped_model_is_stiff(name, rtol):
+    found = run(name, rtol=rtol)
+    assert not found.trajectory.choices
+    assert "step-at-stability-bound" not in codes(found)
+
+
+def speed_of(matrix, masses, difference):
+    """Give what two states of y' = matrix y tell, that differ like this."""
+    n = len(masses)
+    s = np.zeros(at.HEADER + 3 * 2 * n + 2 + n)
+    s[at.SIZE], s[at.N] = 2 * n, n
+    s[at.HEADER + 6 * n + 2 :] = masses
+    slopes = matrix @ difference
+    zero = np.zeros(2 * n)
+    record_speed(s, 1.0, 6.0, np.array(difference), slopes, zero, zero)
+    return s[at.SPEED]
+
+
+def test_the_speed_is_that_of_the_fastest_motion():
+    for phase in np.linspace(0, 6, 13):
+        swing = np.array([[0.0, 1.0], [-400.0, 0.0]])
+        difference = [np.cos(phase), -20 * np.sin(phase)]
+        assert speed_of(swing, [3.0], difference) == pytest.approx(20.0)
+    damped = np.array([[0.0, 1.0], [0.0, -50.0]])
+    assert speed_of(damped, [3.0], [-1 / 50, 1.0]) == pytest.approx(50.0)
+    # Below rounding of the position, the velocity tells it.
+    assert speed_of(damped, [3.0], [0.0, 1e-16]) == pytest.approx(50.0)
+    assert speed_of(damped, [3.0], [0.0, 0.0]) == 0.0
+
+
+RUBBING = """
+parameters: {K: 1e8, c: 2e5}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: K*(x - sin(y))^2/2 + 20*y^2/2}
+forces:
+  x: -c*(x_dot - y_dot*cos(y))
+  y: "c*(x_dot - y_dot*cos(y))*cos(y) - 2*sign(y_dot)"
+initial: {x: sin(1), y: 1}
+simulation: {duration: 2, output_step: 0.05, rtol: 1e-7}
+"""
+
+
+def test_switches_are_located_by_the_stiff_method_too():
+    found, explicit = run(RUBBING), run(RUBBING, method="dop853")
+    assert found.trajectory.choices
+    few, many = found.trajectory.statistics, explicit.trajectory.statistics
+    assert 100 * few.steps < many.steps
+    times = [[e.time for e in r.trajectory.events] for r in (found, explicit)]
+    assert len(times[0]) == 2
+    assert times[0] == pytest.approx(times[1], abs=1e-6)
+    assert np.max(np.abs(found["y"] - explicit["y"])) < 1e-6
+
+
+@pytest.mark.slow
+def test_steps_that_shrink_for_another_reason_are_no_stiffness():
+    # At rest the rows of this relation vanish: y' is rounding divided by rounding.
+    text = """
+    coordinates: {x: {}, y: {}, z: {}}
+    energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*z}
+    constraints: {ratio: x_dot^2 + y_dot^2 = 4*z_dot^2}
+    initial: {x: 0, y: 0, z: 0}
+    simulation: {duration: 1e-3, output_step: 1e-4}
+    """
+    found = run(text)
+    assert not found.trajectory.choices
+    assert "step-at-stability-bound" not in codes(found)
+
+
+# A damper that lets go: what it held then moves freely.
+LETTING_GO = """
+parameters: {c: 1e6}
+definitions: {held: c*(1 - tanh(20*(t - 1)))/2}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 50*x^2 + 50*y^4}
+forces: {x: -held*(x_dot - y_dot), y: held*(x_dot - y_dot)}
+initial: {x: 1, y: 1}
+simulation: {duration: 20, output_step: 0.1, rtol: 2e-6}
+"""
+
+
+def test_the_explicit_method_comes_back_where_nothing_is_stiff_any_more():
+    found = run(LETTING_GO)
+    there, back = found.trajectory.choices
+    assert there.choice.startswith("method: radau from t = ")
+    assert back.choice.startswith("method: dop853 from t = ")
+    assert not codes(found)
+    # The damper has fallen to 1 per unit of time at t = 1 + ln(1e6)/40 = 1.35.
+    time = float(back.choice.split()[5])
+    assert 1.1 < time < 4
+    stiff = run(LETTING_GO, method="radau")
+    few, many = found.trajectory.statistics, stiff.trajectory.statistics
+    assert few.evaluations < many.evaluations
+    assert 3 * few.factorisations < many.factorisations
+    # The error is that of the stiff part, at the same tolerance by the same method.
+    accurate = run(LETTING_GO, method="radau", rtol="1e-11")
+    for name in ("x", "y"):
+        errors = [np.max(np.abs(r[name] - accurate[name])) for r in (found, stiff)]
+        assert errors[0] < 3 * errors[1]
+
+
+def test_a_series_gives_way_where_fast_motion_is_damped():
+    text = (MODELS / "failing" / "relaxation.yaml").read_text(encoding="utf-8")
+    found = run(text, duration="60")
+    assert found.plan.method == "taylor"
+    [choice] = found.trajectory.choices
+    assert choice.choice.startswith("method: radau from t = ")
+    alone = run(text, duration="60", method="taylor")
+    assert not alone.trajectory.choices
+    # Radau's steps are some twenty times longer than h = 6e-4, which stability allows.
+    few, many = found.trajectory.statistics.steps, alone.trajectory.statistics.steps
+    assert few - 20_000 < 0.2 * (many - 20_000)
+    # Radau keeps to the tolerance too, up to some hundred times for a minute's steps.
+    assert np.max(np.abs(found["x"] - alone["x"])) < 1e-7

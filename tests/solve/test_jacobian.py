@@ -1,0 +1,127 @@
+"""The exact Jacobian of the accelerations, against differences and against sympy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy
+
+from lagsim.admissibility import examine
+from lagsim.mechanics.equations import derive
+from lagsim.methods import rk4
+from lagsim.model.reader import read, read_file
+from lagsim.plan import make_plan
+from lagsim.run.system import System
+from tests.support import MODELS
+
+SHIPPED = sorted(
+    path.stem for path in MODELS.glob("*.yaml") if path.stem != "chain-cartesian"
+)
+MASSLESS = """
+coordinates: {x: {}, y: {}, z: {}}
+energy: {kinetic: x_dot^2/2 + x*y_dot^2, potential: cos(x) + z^2/2}
+forces: {x: -x_dot^3*z}
+constraints: {rod: z = x*y + sin(x), tie: y_dot = x*x_dot + t}
+initial: {x: 1, y: 0.3, z: {guess: 1}, x_dot: 0.4, y_dot: {guess: 0}, z_dot: {guess: 0}}
+simulation: {duration: 1}
+"""
+DOUBLED = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y}
+constraints: {rod: x^2 + y^2 = 1, again: 2*x^2 + 2*y^2 = 2}
+initial: {x: sin(1), y: -cos(1), x_dot: cos(1), y_dot: sin(1)}
+simulation: {duration: 1}
+"""
+DRAGGED = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y}
+forces: {x: -3*x_dot*y^2, y: -y_dot^3}
+constraints: {rod: x^2 + y^2 = 1 + t}
+initial: {x: sin(1), y: -cos(1), x_dot: {guess: 0}, y_dot: {guess: 0}}
+simulation: {duration: 1}
+"""
+
+
+@pytest.fixture(autouse=True)
+def _asked_for(monkeypatch):
+    monkeypatch.setattr(rk4, "NEEDS", ("jacobian",))
+
+
+def linked(model, *, loops=False):
+    equations = derive(model)
+    start = examine(equations)
+    assert start.admissible, start.verdicts
+    plan = make_plan(equations, start, loops=loops)
+    system = System(equations, plan)
+    runner = system.link("rk4")
+    runner.prepare()
+    return system, runner, start
+
+
+def exact(system, runner, t, y):
+    """Give the Jacobian; with work, its rate is the last row."""
+    n = system.n
+    found = runner.function("jacobian", (n + 1) * 2 * n)(t, y)
+    return found[: (n + system.has_work) * 2 * n].reshape(-1, 2 * n)
+
+
+def differences(system, runner, t, y):
+    """Give the same by central differences of order 4."""
+    n = system.n
+    derivative = runner.function("derivative")
+    columns = []
+    for k in range(2 * n):
+        h = 2.0**-10 * max(1.0, abs(y[k]))
+        at = [derivative(t, y + s * h * np.eye(len(y))[k]) for s in (-2, -1, 1, 2)]
+        columns.append((at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * h))
+    return np.array(columns).T[n : 2 * n + system.has_work]
+
+
+def check(model, **options):
+    system, runner, start = linked(model, **options)
+    random = np.random.default_rng(1)
+    n = system.n
+    for spread in (0.0, 0.01):
+        y = np.concatenate([start.q, start.v, [0.0] * system.has_work])
+        y[: 2 * n] += spread * random.standard_normal(2 * n)
+        found = exact(system, runner, 0.3, y)
+        expected = differences(system, runner, 0.3, y)
+        # Differences lose h^4 = 1e-12 times the fifth derivative, and rounding / h.
+        size = np.max(np.abs(expected), axis=1, keepdims=True) + 1.0
+        assert np.max(np.abs(found - expected) / size) < 1e-7
+
+
+@pytest.mark.parametrize("loops", [False, True])
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_models(name, loops):
+    model = read_file(str(MODELS / f"{name}.yaml"), options={"method": "rk4"})
+    check(model, loops=loops)
+
+
+@pytest.mark.parametrize("text", [MASSLESS, DOUBLED, DRAGGED])
+def test_hard_scenes(text):
+    check(read(text, "model.yaml", options={"method": "rk4"}))
+
+
+def test_against_sympy():
+    text = """
+    coordinates: {r: {}, a: {}}
+    energy: {kinetic: (r_dot^2 + r^2*a_dot^2)/2, potential: r^3 - cos(a)}
+    forces: {a: -r*a_dot^3}
+    initial: {r: 1.5, a: 0.4, r_dot: 0.2, a_dot: -0.7}
+    simulation: {duration: 1}
+    """
+    system, runner, start = linked(read(text, "m.yaml", options={"method": "rk4"}))
+    symbols = sympy.symbols("r a v w")
+    r, a, v, w = symbols
+    right = [
+        r * w**2 - 3 * r**2,
+        (-sympy.sin(a) - r * w**3 - 2 * r * v * w) / r**2,
+        -r * w**4,
+    ]
+    matrix = sympy.Matrix(right).jacobian(symbols)
+    y = [*start.q, *start.v]
+    expected = np.array(matrix.subs(zip(symbols, y, strict=True)).evalf(20), float)
+    found = exact(system, runner, 0.0, np.array([*y, 0.0]))
+    # A few operations, each of which rounds.
+    assert np.allclose(found, expected, rtol=1e-14, atol=1e-14)

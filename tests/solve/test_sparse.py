@@ -1,0 +1,155 @@
+"""Sparse elimination run from a tape: its cost, and its answers against the others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.rod_chain import rod_chain
+from lagsim.admissibility import examine
+from lagsim.mechanics.equations import derive
+from lagsim.mechanics.ldl import BUDGET, Elimination
+from lagsim.model.reader import read, read_file
+from lagsim.native.graph import tapes
+from lagsim.plan import make_plan
+from lagsim.run import simulate
+from lagsim.run.system import System
+from tests.support import MODELS, Keep, run
+
+ALL = sorted(MODELS.glob("*.yaml"))
+
+
+@pytest.mark.slow
+def test_cost_grows_in_proportion(monkeypatch):
+    made = []
+    generate = tapes.generate
+
+    def noted(*arguments):
+        made.append(generate(*arguments))
+        return made[-1]
+
+    monkeypatch.setattr(tapes, "generate", noted)
+    costs = []
+    for n in (50, 100):
+        e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
+        start = examine(e)
+        plan = make_plan(e, start)
+        assert "solve: sparse elimination" in [c.choice for c in plan.choices]
+        System(e, plan)
+        entries = len(e.mass_entries) + sum(len(row.A.entries) for row in e.rows)
+        code = made[-1]
+        costs.append(
+            [
+                plan.elimination.operations,
+                entries,
+                len(e.graph),
+                len(code.ir),
+                code.p_size,
+            ]
+        )
+    few, many = costs
+    assert np.all(np.array(many) / few < 2.1)
+
+
+def states(e, number=3):
+    """Give random states; they need not meet the constraints."""
+    random = np.random.default_rng(8)
+    start = examine(e)
+    for _ in range(number):
+        q = start.q + 0.2 * random.standard_normal(len(start.q))
+        yield 0.3, np.concatenate([q, random.standard_normal(len(q)), [0.0]])
+
+
+def motion(e, plan, y, t):
+    """Give q'' and lambda."""
+    system = System(e, plan)
+    runner = system.link("dop853")
+    if system.switches.modes:
+        parameters = {p.name: p.value for p in e.model.parameters}
+        system.set_modes(system.switches.mode_values(t, t + 1e-9, parameters))
+    runner.prepare()
+    names = system.columns.names
+    wanted = [names.index(name) for name in (*e.accelerations, *e.multipliers)]
+    return runner.function("observe")(t, y[: system.size])[wanted]
+
+
+@pytest.mark.parametrize("n", [5, 20])
+def test_the_solve_is_that_of_the_full_form(n):
+    e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
+    start = examine(e)
+    plan = make_plan(e, start)
+    for t, y in states(e):
+        tape = motion(e, replace(plan, tape=True), y, t)
+        full = motion(e, make_plan(e, start, loops=True), y, t)
+        # Rounding, enlarged by the condition of S: 1e3 for 20 rods.
+        assert np.max(np.abs(tape - full)) <= 1e-12 * np.max(np.abs(full))
+
+
+@pytest.mark.parametrize("path", ALL, ids=lambda path: path.stem)
+def test_tapes_give_the_bits_of_compiled_code(path):
+    e = derive(read_file(str(path)))
+    plan = make_plan(e, examine(e))
+    for t, y in states(e, 2):
+        tape, code = (motion(e, replace(plan, tape=k), y, t) for k in (True, False))
+        assert np.array_equal(tape, code, equal_nan=True)
+
+
+@pytest.mark.parametrize("n", [5, 20])
+def test_a_run_is_that_of_the_full_form(n):
+    text = rod_chain(n, 0.3)
+    full = run(text, loops=True)
+    e = full.equations
+    keep = Keep()
+    plan = replace(make_plan(e, full.start), tape=True)
+    system = System(e, plan)
+    trajectory = simulate(e, full.start, plan, system, [keep])
+    assert trajectory.outcome.complete
+    rows = np.concatenate(keep.blocks)
+    names = system.columns.names
+    state = [names.index(name) for name in (*e.q, *e.velocities)]
+    size = np.max(np.abs(full.rows[:, state]), axis=0)
+    apart = np.abs(rows[:, state] - full.rows[:, state])
+    assert np.max(apart / np.max(size)) < 1e-10
+    energy = rows[:, names.index("energy")]
+    assert np.max(np.abs(energy - energy[0])) < 1e-12  # of some joules
+    held = rows[:, [names.index(f"residual_{row.name}") for row in e.rows]]
+    assert np.max(np.abs(held)) < 1e-15
+
+
+def test_the_plan_chooses_by_operations():
+    def choices(text):
+        e = derive(read(text, "model.yaml"))
+        return make_plan(e, examine(e))
+
+    small = choices(rod_chain(10, 1.0))
+    assert not small.tape
+    assert small.elimination.operations <= BUDGET
+    large = choices(rod_chain(50, 1.0))
+    assert large.tape
+    choice = next(c for c in large.choices if c.choice.startswith("solve"))
+    assert str(large.elimination.operations) in choice.reason
+    # As many angles have a full M, of which elimination on the graph saves nothing.
+    angles = choices(angles_chain(40))
+    assert angles.elimination is None
+    assert not angles.tape
+
+
+def angles_chain(n):
+    """Give a chain whose every angle turns all that follows: M is full."""
+    links = range(1, n + 1)
+    lines = ["coordinates:", *(f"  a{k}: {{}}" for k in links), "definitions:"]
+    before = ""
+    for k in links:
+        lines += [f"  x{k}: {before.format('x')}sin(a{k})"]
+        lines += [f"  y{k}: {before.format('y')}cos(a{k})"]
+        before = f"{{}}{k} + "
+    squares = " + ".join(f"x{k}_dot^2 + y{k}_dot^2" for k in links)
+    lines += [f'energy: {{kinetic: "({squares})/2", potential: 0}}', "initial:"]
+    return "\n".join([*lines, *(f"  a{k}: 0.1" for k in links)]) + "\n"
+
+
+def test_no_more_than_the_budget_where_nothing_is_sparse():
+    e = derive(read(angles_chain(12), "model.yaml"))
+    assert Elimination(e).operations > 12**3 / 6

@@ -1,0 +1,286 @@
+"""Borders of stability against theory, modes against closed forms, verdicts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lagsim.admissibility import examine
+from lagsim.errors import InputError
+from lagsim.mechanics.equations import derive
+from lagsim.mechanics.equilibrium import NoEquilibriumError, find_equilibrium, modes
+from lagsim.mechanics.linearisation import Linearisation
+from lagsim.methods import method
+from lagsim.model.reader import read, read_file
+from lagsim.run.interrupt import Interrupt
+from lagsim.studies.bench.borders import predicted
+from lagsim.studies.bench.scope import Wish
+from lagsim.studies.bench.solving import Scene
+from lagsim.studies.bench.stability import measure
+from lagsim.studies.bench.trial import Subject
+from tests.small_scenes import oscillator
+from tests.support import MODELS
+
+DAMPED = """
+parameters: {c: 0.1, k: 1}
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: k*x^2/2, dissipation: c*x_dot^2/2}
+initial: {x: 1}
+simulation: {duration: 20}
+"""
+# Modes x1 = x2 at 1 and x1 = -x2 at w; it starts in the slow one.
+COUPLED = """
+parameters: {w: 10, k: (w^2 - 1)/2}
+coordinates: {x1: {}, x2: {}}
+energy:
+  kinetic: (x1_dot^2 + x2_dot^2)/2
+  potential: (x1^2 + x2^2)/2 + k*(x1 - x2)^2/2
+initial: {x1: 1, x2: 1}
+simulation: {duration: 20}
+"""
+# Henon's quadratic map, as Verlet steps through a cubic well: at h w = sqrt 3 three
+# steps make a turn, and no amplitude is stable.
+CUBIC = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: x^2/2 - x^3/3}
+initial: {x: 0.12}
+simulation: {duration: 20}
+"""
+ROD = """
+parameters: {g: 9.81}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: g*y}
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: sin(0.02), y: -cos(0.02)}
+simulation: {duration: 20}
+"""
+
+# Where |amplification| leaves 1 on the imaginary axis: RK4 at sqrt 8, Verlet at 2.
+LIMITS = {"rk4": math.sqrt(8.0), "verlet": 2.0, "rattle": 2.0}
+
+
+def scene(text, overrides=None):
+    equations = derive(read(text, "model.yaml", overrides))
+    return Scene(equations, examine(equations))
+
+
+def looked_at(text, *methods, steps, strip=6):
+    wish = Wish(methods, steps, strip=strip)
+    return measure(lambda _value: scene(text), wish)
+
+
+def test_undamped_borders():
+    names = ("rk4", "verlet", "rattle", "kahan-li6", "kahan-li8")
+    found = looked_at(oscillator("duration: 20"), *names, steps=(1.0, 4.0))
+    for border in found.borders:
+        limit = LIMITS.get(border.method, method(border.method).IMAGINARY_LIMIT)
+        # The limits of Kahan and Li's are given to four digits.
+        assert border.at_start == pytest.approx(limit, rel=1e-3)
+        assert border.along == pytest.approx(limit, rel=1e-3)
+        assert border.found == pytest.approx(limit, rel=0.01)
+
+
+def test_an_unexcited_mode_sets_the_border():
+    found = looked_at(COUPLED, "rk4", "verlet", steps=(0.1, 0.4))
+    for border in found.borders:
+        assert border.at_start == pytest.approx(LIMITS[border.method] / 10, rel=1e-6)
+        assert border.found == pytest.approx(LIMITS[border.method] / 10, rel=0.01)
+
+
+def test_damped_borders():
+    found = looked_at(DAMPED, "euler", "rk4", steps=(0.03, 4.0))
+    euler, rk4 = found.borders
+    # |1 + h lambda|^2 = 1 - c h + k h^2.
+    assert euler.at_start == pytest.approx(0.1, rel=1e-5)
+    assert euler.found == pytest.approx(0.1, rel=0.01)
+    assert rk4.found == pytest.approx(rk4.at_start, rel=0.01)
+    assert rk4.at_start > 2.8
+
+
+def test_a_border_of_a_constraint_is_that_of_its_free_direction():
+    found = looked_at(ROD, "rattle", "rk4", steps=(0.3, 1.2))
+    for border in found.borders:
+        # Eigenvalues +-i sqrt(g cos(theta)), and the turning rod's own.
+        expected = LIMITS[border.method] / math.sqrt(9.81)
+        assert border.at_start == pytest.approx(expected, rel=1e-3)
+        assert border.found == pytest.approx(expected, rel=0.01)
+
+
+def test_euler_grows_as_it_should():
+    found = looked_at(oscillator("duration: 20"), "euler", steps=(0.01, 0.04))
+    for cell in found.cells:
+        assert cell.verdict in ("grows", "diverges")
+        # |1 + i h|^2 per step, of an energy perturbed by less than 1e-3.
+        rate = math.log1p(cell.step**2) / cell.step
+        assert cell.growth == pytest.approx(rate, rel=0.01)
+    (border,) = found.borders
+    assert (border.found, border.at_start) == (None, 0.0)
+    assert "does not hold" in border.note
+
+
+def test_rk4_decays_and_verlet_holds():
+    found = looked_at(oscillator("duration: 20"), "rk4", "verlet", steps=(0.9, 1.1))
+    assert {cell.verdict for cell in found.of("rk4")} == {"decays"}
+    assert {cell.verdict for cell in found.of("verlet")} == {"holds"}
+    assert all(b.found is None and "holds up to" in b.note for b in found.borders)
+
+
+def test_the_third_order_resonance_shows_in_a_map():
+    found = looked_at(CUBIC, "verlet", steps=(1.6, 1.85), strip=26)
+    lost = [cell.step for cell in found.cells if not cell.stable]
+    assert min(abs(step - math.sqrt(3.0)) for step in lost) < 0.02
+    assert all(1.6 < step < 1.84 for step in lost)
+
+
+def test_a_start_without_motion_is_perturbed():
+    found = looked_at(oscillator("duration: 20", x=0), "verlet", steps=(1.0, 4.0))
+    assert found.borders[0].found == pytest.approx(2.0, rel=0.01)
+    assert found.rest.is_start
+
+
+def test_a_map_over_a_parameter():
+    wish = Wish(("verlet", "dop853"), (0.05, 0.9), "w", (5.0, 20.0), map=(6, 3))
+
+    def scene_at(value):
+        return scene(COUPLED, None if value is None else {"w": repr(value)})
+
+    found = measure(scene_at, wish)
+    assert found.values == [5.0, 10.0, 20.0]
+    assert len(found.of("verlet")) == 18
+    for border in found.borders:
+        assert border.found == pytest.approx(2.0 / border.value, rel=0.01)
+        assert border.at_start == pytest.approx(2.0 / border.value, rel=1e-6)
+    for cell in found.of("dop853"):
+        assert cell.step is None
+        assert cell.verdict == "holds"
+        assert 0.0 < cell.smallest_step < 20.0
+        assert cell.evaluations > 100
+
+
+def test_a_parameter_that_spoils_the_start():
+    def scene_at(value):
+        return scene(ROD, None if value is None else {"g": f"sqrt({value})"})
+
+    found = measure(scene_at, Wish(("rk4",), (0.1, 0.2), "g", (-1.0, 4.0), map=(2, 2)))
+    assert [cell.stable for cell in found.cells] == [False, False, True, True]
+    assert found.cells[0].verdict == "fails"
+    assert found.cells[0].reason
+
+
+def test_refusals():
+    with pytest.raises(InputError, match="`verlet` cannot handle this model"):
+        looked_at(DAMPED, "verlet", steps=(0.1, 1.0))
+    with pytest.raises(InputError, match="`dop853` chooses its steps"):
+        looked_at(DAMPED, "dop853", steps=(0.1, 1.0))
+
+
+def test_an_interrupt_ends_it():
+    interrupt = Interrupt()
+    interrupt.signal = 2
+    found = measure(lambda _value: scene(DAMPED), Wish(), interrupt=interrupt)
+    assert found.interrupted
+    assert not found.cells
+
+
+def test_no_predicted_border_where_the_motion_itself_grows():
+    # Growth is no instability: RK4 and midpoint on e^t, midpoint's pole at h = 2.
+    for name in ("rk4", "midpoint", "verlet"):
+        assert predicted(method(name).amplification, [1.0 + 0j], 100.0) is None
+
+
+def test_eigenvalues_do_not_depend_on_coordinates():
+    # Along the motion too: the pendulum in x, y against its angle.
+    angle = """
+parameters: {g: 9.81}
+coordinates: {a: {}}
+energy: {kinetic: a_dot^2/2, potential: -g*cos(a)}
+initial: {a: 1}
+simulation: {duration: 1}
+"""
+    in_angle = Linearisation(derive(read(angle, "a.yaml")))
+    in_plane = Linearisation(derive(read(ROD, "b.yaml")))
+    for a, rate in ((0.3, 1.5), (2.0, -3.0)):
+        one = in_angle.at(0.0, np.array([a]), np.array([rate]))
+        q = np.array([math.sin(a), -math.cos(a)])
+        v = rate * np.array([math.cos(a), math.sin(a)])
+        other = in_plane.at(0.0, q, v)
+        expected = np.sort_complex(one.eigenvalues())
+        assert np.sort_complex(other.eigenvalues()) == pytest.approx(
+            expected, rel=1e-12
+        )
+        assert expected**2 == pytest.approx(-9.81 * math.cos(a), rel=1e-12)
+
+
+def found_modes(model):
+    equations = derive(model)
+    start = examine(equations)
+    linearisation = Linearisation(equations)
+    q = find_equilibrium(equations, linearisation, start.t, start.q, 1.0)
+    return q, modes(linearisation.at(start.t, q, np.zeros_like(q)))
+
+
+def test_modes_of_coupled_oscillators():
+    q, (slow, fast) = found_modes(read(COUPLED, "model.yaml"))
+    assert q == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert slow.eigenvalue.imag == pytest.approx(1.0, rel=1e-12)
+    assert fast.eigenvalue.imag == pytest.approx(10.0, rel=1e-12)
+    assert slow.shape == pytest.approx([1.0, 1.0])
+    assert np.abs(fast.shape[0] + fast.shape[1]) < 1e-12
+    assert slow.period == pytest.approx(2.0 * math.pi)
+
+
+def test_damping_ratio():
+    _, (mode,) = found_modes(read(DAMPED, "model.yaml", {"c": "0.6", "k": "4"}))
+    # c / (2 sqrt(k m)), and the frequency that damping leaves.
+    assert mode.damping_ratio == pytest.approx(0.15, rel=1e-12)
+    assert mode.eigenvalue.imag == pytest.approx(math.sqrt(4.0 - 0.09), rel=1e-12)
+
+
+def test_small_oscillations_of_the_double_pendulum():
+    model = read_file(str(MODELS / "double-pendulum.yaml"))
+    values = {p.name: p.value for p in model.parameters}
+    q, found = found_modes(model)
+    assert q == pytest.approx([0.0, 0.0], abs=1e-9)
+    # Equal masses and lengths: w^2 = (2 -+ sqrt 2) g/l.
+    w0 = values["g"] / values.get("l", values.get("l1", 1.0))
+    expected = [math.sqrt((2.0 + sign * math.sqrt(2.0)) * w0) for sign in (-1, 1)]
+    assert [m.eigenvalue.imag for m in found] == pytest.approx(expected, rel=1e-9)
+
+
+def test_modes_of_a_constrained_equilibrium():
+    q, (mode,) = found_modes(read(ROD, "model.yaml"))
+    assert q == pytest.approx([0.0, -1.0], abs=1e-9)
+    assert mode.eigenvalue.imag == pytest.approx(math.sqrt(9.81), rel=1e-9)
+    assert abs(mode.damping_ratio) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("potential", "reason"), [("x", "did not come to rest"), ("t*x^2", "time stands")]
+)
+def test_no_equilibrium(potential, reason):
+    text = oscillator("duration: 20").replace(
+        "potential: x^2/2", f"potential: {potential}"
+    )
+    with pytest.raises(NoEquilibriumError, match=reason):
+        found_modes(read(text, "model.yaml"))
+
+
+def test_an_unstable_start_is_the_equilibrium_found():
+    text = oscillator("duration: 1", x=0).replace("x^2/2}", "cos(x)}")
+    q, (first, second) = found_modes(read(text, "model.yaml"))
+    assert q == pytest.approx([0.0])
+    assert sorted((first.eigenvalue.real, second.eigenvalue.real)) == pytest.approx(
+        [-1, 1]
+    )
+    assert first.period is None
+
+
+def test_large_scenes_have_no_eigenvalues(monkeypatch):
+    monkeypatch.setattr("lagsim.studies.bench.trial.MOST_COORDINATES", 1)
+    subject = Subject(scene(COUPLED))
+    assert "more than 1 coordinates" in subject.unknown
+    found = looked_at(COUPLED, "verlet", steps=(0.05, 0.1))
+    assert found.borders[0].at_start is None
+    assert found.rest.at is None

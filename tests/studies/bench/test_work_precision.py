@@ -1,0 +1,198 @@
+"""Errors of scenes with closed forms, and what is measured against."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+
+from lagsim.admissibility import examine
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read, read_file
+from lagsim.run.interrupt import Interrupt
+from lagsim.studies.bench.reference import Solution, _compared, make_reference
+from lagsim.studies.bench.solving import GivenUpError, Own, Patience, Scene
+from lagsim.studies.bench.work_precision import Wish, decades, halvings, measure
+from tests.small_scenes import fall, oscillator
+from tests.support import MODELS
+
+ROWS = "duration: 20, output_step: 0.1"
+
+
+def scene(text):
+    equations = derive(read(text, "model.yaml"))
+    return Scene(equations, examine(equations))
+
+
+@pytest.fixture(scope="module")
+def measured():
+    some = ("dop853", "exponential", "rk4", "scipy:LSODA")
+    wish = Wish(some, (1e-4, 1e-8), (0.1, 0.025))
+    return measure(scene(oscillator(ROWS)), wish)
+
+
+def entries(found, method):
+    return [e for e in found.entries if e.method == method]
+
+
+def test_the_error_of_rk4_is_that_of_its_amplification(measured):
+    for entry in entries(measured, "rk4"):
+        h, turns = entry.value, round(0.1 / entry.value)
+        z = 1j * h
+        one = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24
+        rows = [(one ** (k * turns), cmath.exp(1j * 0.1 * k)) for k in range(201)]
+        # x = Re, -x_dot = Im; their ranges over whole turns, as the rows see them.
+        expected = max(
+            max(abs(part(a) - part(b)) for a, b in rows)
+            / (max(part(b) for _, b in rows) - min(part(b) for _, b in rows))
+            for part in (lambda w: w.real, lambda w: w.imag)
+        )
+        assert entry.error == pytest.approx(expected, rel=1e-4)
+        # |R|^2 - 1 = -h^6/72 + ... per step, of the energy 1/2.
+        decay = 0.5 * (1 - abs(one) ** (2 * 200 * turns))
+        assert entry.energy_drift == pytest.approx(decay, rel=1e-4)
+        assert entry.evaluations == 4 * 200 * turns + 1
+
+
+def test_tighter_tolerances_give_smaller_errors(measured):
+    for method in ("dop853", "scipy:LSODA"):
+        errors = [e.error for e in entries(measured, method)]
+        assert len(errors) == 5
+        # Global errors are some times the tolerance, never a thousand times here.
+        for error, rtol in zip(errors, decades((1e-4, 1e-8)), strict=True):
+            assert error < 1e3 * rtol
+        assert errors[-1] < 1e-2 * errors[0]
+
+
+def test_the_rows_of_what_auto_takes_are_marked(measured):
+    # The oscillator is linear: one exponential from row to row.
+    taken = [e for e in measured.entries if e.chosen]
+    assert [(e.method, e.value) for e in taken] == [("exponential", 0.1)]
+    assert {e.outcome for e in measured.entries} == {"done"}
+
+
+def test_both_references_agree_on_what_is_known(measured):
+    reference = measured.reference
+    assert reference.horizon is None
+    assert reference.floor < 1e-11
+    exact = np.cos(reference.rows[:, 0])
+    assert np.max(np.abs(reference.rows[:, 1] - exact)) < 4e-12
+
+
+def test_the_front_holds_nothing_that_is_beaten(measured):
+    for of in ("seconds", "evaluations"):
+        front = [measured.entries[k] for k in measured.front(of)]
+        assert front
+        for entry in front:
+            assert not any(
+                e.error < entry.error and e.cost(of) < entry.cost(of)
+                for e in measured.entries
+            )
+
+
+def test_constraints_have_their_own_errors():
+    text = (MODELS / "pendulum-cartesian.yaml").read_text()
+    found = measure(
+        scene(text.replace("duration: 10", "duration: 1")),
+        Wish(("dop853", "scipy:DOP853"), (1e-5, 1e-5)),
+    )
+    [ours] = [e for e in found.entries if e.formulation == "projection"]
+    [theirs] = entries(found, "scipy:DOP853")
+    assert theirs.formulation == "drift"
+    # Rows of ours are on the constraint, to rounding; scipy's are where they got to.
+    assert ours.constraint_residual < 1e-14 < 1e-9 < theirs.constraint_residual
+    for entry in (ours, theirs):
+        assert 0 < entry.error_lambda < 1e3 * 1e-5
+    # What drifts is no answer to compare with.
+    assert found.entries.index(theirs) not in found.front("seconds")
+
+
+def test_what_does_not_apply_is_left_out_with_its_reason():
+    forced = oscillator(ROWS, force="sign(sin(t))")
+    found = measure(scene(forced), Wish(("scipy:RK45", "rk4"), steps=(0.1, 0.1)))
+    assert [e.method for e in found.entries] == ["rk4"]
+    why = "they would step over the scene's switches"
+    assert ("scipy:RK45", "auto", why) in found.refused
+
+
+@pytest.mark.slow
+def test_solves_that_end_at_an_event_are_compared_before_it():
+    found = measure(scene(fall("y <= 0")), Wish(("rk4",), steps=(0.1, 0.1)))
+    [entry] = found.entries
+    assert entry.outcome == "until"
+    assert entry.error < 1e-12  # a parabola is exact for order 4
+
+
+@pytest.mark.slow
+def test_a_solve_that_takes_too_long_leaves_a_gap(monkeypatch):
+    monkeypatch.setattr("lagsim.studies.bench.work_precision.PATIENCE_SECONDS", 0.0)
+    monkeypatch.setattr("lagsim.studies.bench.work_precision.PATIENCE_TIMES", 0.0)
+    names = ("scipy:DOP853", "scipy:Radau", "scipy:LSODA")
+    found = measure(scene(oscillator(ROWS)), Wish(names, (1e-3, 1e-9)))
+    # One gap each: what is tighter is not tried.
+    assert [e.method for e in found.entries] == list(names)
+    for entry in found.entries:
+        assert (entry.outcome, entry.error, entry.seconds) == ("too slow", None, None)
+        assert "given up" in entry.reason
+    assert found.front("seconds") == []
+
+
+@pytest.mark.slow
+def test_an_interrupt_keeps_what_was_measured():
+    interrupt = Interrupt()
+
+    def progress(_fraction):
+        interrupt.signal = 2
+
+    wish = Wish(("dop853", "rk4"), (1e-3, 1e-9))
+    found = measure(
+        scene(oscillator(ROWS)), wish, interrupt=interrupt, progress=progress
+    )
+    assert found.interrupted
+    assert [e.method for e in found.entries] == ["dop853"]
+    with pytest.raises(GivenUpError):
+        Patience(1.0, interrupt).check()
+
+
+def test_what_only_one_solution_says_is_not_known():
+    # Two that part as 1e-16 exp(t): they agree to 1e-10 of the range, here 2, while
+    # t < log(2e6) = 14.5.
+    scene_ = scene(oscillator("duration: 20, output_step: 0.1"))
+    own = Own(scene_, "dop853")
+    rows, names = own.solve(1e-13, Patience(10.0)).rows, own.names
+    other = rows.copy()
+    other[:, 1] += 1e-16 * np.exp(rows[:, 0])
+    found = _compared(
+        scene_.equations,
+        Solution("a", "a", names, rows),
+        Solution("b", "b", names, other),
+    )
+    assert found.horizon == pytest.approx(math.log(2e6), abs=0.11)
+    assert found.floor == pytest.approx(1e-10, rel=0.11)
+    # Errors past the horizon are not errors.
+    wrong = rows.copy()
+    wrong[found.known :, 1] += 1.0
+    assert found.errors(wrong)[0] == 0.0
+    wrong[found.known - 1, 1] += 1e-3
+    assert found.errors(wrong)[0] == pytest.approx(5e-4, rel=1e-2)
+
+
+@pytest.mark.slow
+def test_the_reference_of_chaos_ends_where_solutions_part():
+    model = read_file(str(MODELS / "double-pendulum.yaml"))
+    equations = derive(model)
+    reference = make_reference(Scene(equations, examine(equations)))
+    # At rtol 1e-14 the error is 2e-4 after 20 s (numerics): growth by about e^1.2 each
+    # second from rounding leaves 1e-10 somewhere before 15 s.
+    assert reference.horizon is not None
+    assert 4.0 < reference.horizon < 15.0
+    assert reference.floor <= 1e-10
+
+
+def test_settings():
+    assert decades((1e-3, 1e-6)) == [1e-3, 1e-4, 1e-5, 1e-6]
+    assert decades((1e-9, 1e-9)) == [1e-9]
+    assert halvings((0.4, 0.1)) == [0.4, 0.2, 0.1]
+    assert halvings((0.4, 0.11)) == [0.4, 0.2]

@@ -1,0 +1,85 @@
+"""What columns are measured by, and which rows belong together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagsim.studies.comparison.matching import match
+from lagsim.studies.comparison.scales import kind, scales
+
+COLUMNS = (
+    "t", "x", "y", "x_dot", "y_dot", "x_ddot", "y_ddot", "tension", "kinetic",
+    "potential", "energy", "lambda_rod", "Qc_x", "Qc_y", "residual_rod",
+)  # fmt: skip
+
+
+def test_kinds_are_told_by_names():
+    kinds = [kind(c, COLUMNS) for c in COLUMNS]
+    assert kinds == [
+        "t", "position", "position", "velocity", "velocity", "acceleration",
+        "acceleration", "definition", "energy", "energy", "energy", "lambda", "Qc",
+        "Qc", "residual",
+    ]  # fmt: skip
+    assert kind("x_dot", ("t", "x_dot")) == "definition"
+
+
+def scale_of(column, units=None, **values):
+    data = np.zeros((len(COLUMNS), 3))
+    for name, row in values.items():
+        data[COLUMNS.index(name)] = row
+    return scales(COLUMNS, data, units)[COLUMNS.index(column)]
+
+
+def test_the_scale_is_the_range():
+    assert scale_of("x", x=[1, 3, 2]) == 2
+    assert scale_of("tension", tension=[-1, 3, 2]) == 4
+
+
+def test_what_does_not_vary_is_measured_by_its_size():
+    assert scale_of("lambda_rod", lambda_rod=[5, 5, 5]) == 5
+    assert scale_of("tension", tension=[5, 5 + 1e-12, 5]) == pytest.approx(5)
+
+
+def test_what_stays_zero_is_measured_by_others_of_its_kind():
+    assert scale_of("y", x=[0, 2, 1], y=[0, 1e-17, 0]) == 2e-3
+    units = {"x": "m", "y": "rad"}
+    assert scale_of("y", units, x=[0, 2, 1], y=[0, 1e-17, 0]) == 1e-17
+    assert scale_of("Qc_y", Qc_x=[0, 9, 0]) == pytest.approx(9e-3)
+
+
+def test_energies_are_measured_by_the_kinetic_range():
+    assert scale_of("energy", kinetic=[0, 4, 0], energy=[7, 7, 7]) == 4
+    assert scale_of("potential", kinetic=[0, 4, 0], potential=[0, 9, 0]) == 9
+
+
+def test_residuals_are_measured_by_the_coordinates():
+    assert scale_of("residual_rod", x=[0, 3, 0], residual_rod=[0, 1e-16, 0]) == 3
+
+
+def test_nan_is_not_measured():
+    assert scale_of("x", x=[1, np.nan, 4]) == 3
+
+
+def test_rows_are_matched_by_time():
+    rows = match(np.array([0.0, 1, 1, 2, 3]), np.array([0.0, 1, 1, 3, 4]))
+    assert rows.golden.tolist() == [0, 1, 2, 4]
+    assert rows.new.tolist() == [0, 1, 2, 3]
+    assert (rows.missing.tolist(), rows.extra.tolist()) == ([2.0], [4.0])
+
+
+def test_an_impact_that_has_one_row_too_few():
+    rows = match(np.array([0.0, 1, 1, 2]), np.array([0.0, 1, 2]))
+    assert rows.golden.tolist() == [0, 1, 3]
+    assert rows.missing.tolist() == [1.0]
+
+
+def test_times_that_are_nan_have_no_partner():
+    rows = match(np.array([0.0, np.nan, 2]), np.array([0.0, 1, 2]))
+    assert rows.golden.tolist() == [0, 2]
+    assert rows.extra.tolist() == [1.0]
+
+
+def test_rows_in_another_order():
+    rows = match(np.array([0.0, 1, 2]), np.array([2.0, 0, 1]))
+    assert rows.new.tolist() == [1, 2, 0]
