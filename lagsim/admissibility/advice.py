@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.language.parser import parse
 from lagsim.language.tokens import ExpressionError
-from lagsim.run.trajectory import Caution
+from lagsim.notes import Caution
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.point import Point
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # What dependent rows ask for may differ by this part of its size: rounding, and starts
 # that were typed.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.admissibility.point import Point
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 
 def needs_constraints(

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.admissibility.point import Point
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
-    from lagsim.native.kernels.words import Floats
 
 # Vectors that differ from a span by less than this part of their length lie in it.
 INDEPENDENT = 1e-7

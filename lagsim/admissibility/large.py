@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.admissibility.point import AtState, Entries, Point
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # Coordinates from which on a dense decomposition takes longer than loading scipy.
 LARGE = 200

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.point import Point
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
-    from lagsim.native.kernels.words import Floats
 
 # Through so many affine relations a length is handed on.
 LINKS = 3

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # Singular values below this part of the largest, of what was scaled, are zero.
 RANK = 1e-10

@@ -21,7 +21,7 @@ from lagsim.admissibility.metric import RANK
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 MOST_STEPS = 60
 # A residual this small against its own terms is met, and then polished.

@@ -18,9 +18,9 @@ from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate, evaluate_with_erro
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
 
 
 # Of a value that was found as a double root.

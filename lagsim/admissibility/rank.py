@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.point import Point
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # How far, against the state, and how often generic states are looked for nearby.
 NEARBY = 0.05

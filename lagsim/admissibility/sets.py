@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility.dependence import Dependence
     from lagsim.admissibility.point import AtState, Point
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
-    from lagsim.native.kernels.words import Floats
 
 # How far, against their lengths, states are varied, and how often.
 NEARBY = 1e-2

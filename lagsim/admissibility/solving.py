@@ -13,13 +13,13 @@ from lagsim.admissibility.metric import metric_of
 from lagsim.admissibility.newton import Found, Trouble, nearest, reach
 from lagsim.admissibility.point import Asked
 from lagsim.language.derivatives import slopes
-from lagsim.run.trajectory import Caution
+from lagsim.notes import Caution
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.point import AtState, Point
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # Other roots are looked for from this many starts around the guess, this far away.
 OTHER_STARTS = 16

@@ -22,15 +22,16 @@ from lagsim.admissibility.sets import ThinSet, thin_set
 from lagsim.admissibility.solving import Solver
 from lagsim.admissibility.verdict import Verdict, judge, judge_gaps, judge_starts
 from lagsim.errors import InputError, Problem
+from lagsim.mechanics.state import State
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.admissibility.dependence import Dependence
     from lagsim.admissibility.integrability import Reach
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
-    from lagsim.run.trajectory import Caution
+    from lagsim.notes import Caution
 
 __all__ = ["Start", "examine", "metric_of"]
 
@@ -87,6 +88,11 @@ class Start:
     changes: dict[str, tuple[float, float]]
     warnings: tuple[Caution, ...]
     thin: ThinSet | None = None
+
+    @property
+    def state(self) -> State:
+        """The state that a run begins in."""
+        return State(self.t, self.q, self.v)
 
     @property
     def admissible(self) -> bool:

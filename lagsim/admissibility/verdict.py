@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.point import Point
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 TOLERANCE = 1e-6
 # What all digits of a number leave in a residual of a few terms.

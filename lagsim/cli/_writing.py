@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.outputs.results import Results
     from lagsim.outputs.table import TableWriter
     from lagsim.run.interrupt import Interrupt

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start, Verdict
     from lagsim.mechanics.equations import Equations
-    from lagsim.plan.formulation import Choice
+    from lagsim.notes import Choice
 
 # The kind of a verdict on the start value of a definition, which is no constraint.
 _START_VALUE = "start value"

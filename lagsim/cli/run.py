@@ -30,14 +30,15 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
+    from lagsim.notes import Caution
     from lagsim.outputs.results import Results
     from lagsim.plan import Plan
+    from lagsim.run.error import ErrorBar
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers.ledger import Ledger
     from lagsim.run.observers.thinning import Thinning
     from lagsim.run.system import System
-    from lagsim.run.trajectory import Caution, Trajectory
-    from lagsim.studies.error_bar import ErrorBar
+    from lagsim.run.trajectory import Trajectory
 
 LAPS = (
     "import", "read", "derive", "compile", "integrate", "error_bar", "output", "plots",

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
     from lagsim.derivation.content import Condition, Line
     from lagsim.derivation.translation import Translation
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
 
 # More shifts and turns than this are not looked through.
 MOST_GENERATORS = 250

@@ -20,9 +20,9 @@ from lagsim.mechanics.structure import structure
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.linearisation import Linear, Linearisation
-    from lagsim.native.kernels.words import Floats
 
 MOST_STEPS = 60
 MOST_HALVINGS = 12

@@ -27,8 +27,8 @@ from lagsim.language.evaluate import evaluate
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
 
     Complexes: TypeAlias = NDArray[np.complex128]
 

@@ -68,8 +68,8 @@ from lagsim.methods.parts.tableau import Tableau
 from lagsim.native.kernels.words import apart, at, total, unrolled
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 NAME = "dop853"
 TITLE = "Dormand-Prince 8(5,3)"

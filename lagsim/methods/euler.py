@@ -31,8 +31,8 @@ from lagsim.methods.parts.tableau import Tableau
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 NAME = "euler"
 TITLE = "explicit Euler"

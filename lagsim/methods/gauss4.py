@@ -32,8 +32,8 @@ from lagsim.methods.parts.tableau import Tableau
 from lagsim.native.kernels.words import at, unrolled
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 NAME = "gauss4"
 TITLE = "Gauss collocation, 2 stages"

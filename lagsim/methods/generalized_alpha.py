@@ -52,8 +52,8 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 NAME = "generalized-alpha"
 TITLE = "generalized-alpha"

@@ -30,8 +30,8 @@ from lagsim.methods.parts.symplectic import arrive, clear, depart, drift, kick
 from lagsim.native.kernels.words import at, unrolled
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 NAME = "kahan-li6"
 TITLE = "Kahan-Li composition of 9 Verlet steps"

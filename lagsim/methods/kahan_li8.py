@@ -29,8 +29,8 @@ from lagsim.methods.parts.symplectic import arrive, clear, depart, drift, kick
 from lagsim.native.kernels.words import at, unrolled
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 NAME = "kahan-li8"
 TITLE = "Kahan-Li composition of 17 Verlet steps"

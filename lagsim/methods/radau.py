@@ -85,8 +85,8 @@ from lagsim.methods.parts.tableau import Tableau
 from lagsim.native.kernels.words import at, total, unrolled
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 NAME = "radau"
 TITLE = "Radau IIA"

@@ -35,8 +35,8 @@ from lagsim.methods.parts.tableau import Tableau
 from lagsim.native.kernels.words import at, total, unrolled
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 NAME = "rk4"
 TITLE = "classic Runge-Kutta"

@@ -59,8 +59,8 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import at, unrolled
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 NAME = "taylor"
 TITLE = "Taylor series, order from the tolerance"

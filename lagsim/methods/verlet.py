@@ -37,8 +37,8 @@ from lagsim.methods.parts.symplectic import arrive, clear, depart, drift, kick
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 NAME = "verlet"
 TITLE = "Stoermer-Verlet (leapfrog)"

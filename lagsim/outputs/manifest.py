@@ -13,11 +13,12 @@ from lagsim import __version__
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from lagsim.notes import Caution
     from lagsim.plan import Plan
+    from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
     from lagsim.run.system import System
-    from lagsim.run.trajectory import Caution, Trajectory
-    from lagsim.studies.error_bar import ErrorBar
+    from lagsim.run.trajectory import Trajectory
 
 PACKAGES = ("numpy", "llvmlite", "yaml", "matplotlib")
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 NAME = "trajectory.csv"
 _LINE = b"\r\n"

@@ -10,7 +10,8 @@ from lagsim.errors import InputError, Problem
 from lagsim.mechanics.structure import structure
 from lagsim.mechanics.switches import model_switches
 from lagsim.methods import method
-from lagsim.plan.formulation import Choice, formulate
+from lagsim.notes import Choice
+from lagsim.plan.formulation import formulate
 from lagsim.plan.integration import ANY, DEFAULT_RTOL, STRAIGHT_ONLY, choose, suits
 from lagsim.plan.lengths import usual_lengths
 from lagsim.plan.solve import (

@@ -32,6 +32,7 @@ from lagsim.mechanics.ldl import Elimination, TooLongError, affordable, dense_op
 from lagsim.mechanics.reduction import Reduction
 from lagsim.mechanics.reduction.elimination import pairs
 from lagsim.mechanics.reduction.ignorable import ignorable
+from lagsim.notes import Choice
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -63,14 +64,6 @@ TRANSCENDENTAL = 16
 # coordinates ignorable: 0.7 of the operations, 0.95 of the time).
 PAYS = 0.8
 PAYS_IGNORING = 0.6
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """One thing chosen, and why."""
-
-    choice: str
-    reason: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +229,7 @@ def _ignorable(equations: Equations, start: Start) -> Formulation:
     if not found:
         why = "no coordinate keeps its momentum and is absent from the equations"
         raise _CannotError(why)
-    return _reduced(Reduction(equations).ignore(found, start), start, "asked for")
+    return _reduced(Reduction(equations).ignore(found, start.state), start, "asked for")
 
 
 def _full(equations: Equations, start: Start) -> Formulation:
@@ -280,7 +273,7 @@ def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, flo
     found = []
     cyclic = ignorable(equations)
     if cyclic:
-        ignoring = Reduction(equations).ignore(cyclic, start)
+        ignoring = Reduction(equations).ignore(cyclic, start.state)
         found.append((ignoring, PAYS_IGNORING))
     if equations.rows and len(equations.q) <= LARGEST:
         eliminated, _ = _eliminated(equations, start)

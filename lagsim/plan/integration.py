@@ -8,7 +8,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method, names
 from lagsim.methods.parts.state import USUAL_RADIUS
-from lagsim.plan.formulation import Choice
+from lagsim.notes import Choice
 from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_length
 
 if TYPE_CHECKING:

@@ -21,9 +21,9 @@ from lagsim.language.rounding import addends
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
 
 # How many states around the start are looked at, and how far away they are, against the
 # distance over which a relation changes.

@@ -13,7 +13,7 @@ from lagsim.mechanics.ldl import (
     affordable,
     dense_operations,
 )
-from lagsim.plan.formulation import Choice
+from lagsim.notes import Choice
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

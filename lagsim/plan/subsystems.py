@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from lagsim.admissibility import Start
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
-    from lagsim.native.kernels.words import Floats
 
 # With more coordinates than this nobody looks, unasked, how fast the subsystems are.
 LARGEST = 40

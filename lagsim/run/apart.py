@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from lagsim.admissibility import Start
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Simulation
-    from lagsim.native.kernels.words import Floats
     from lagsim.plan import Plan
     from lagsim.plan.subsystems import Subsystem
     from lagsim.run.arcs import Consumer

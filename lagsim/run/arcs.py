@@ -16,6 +16,7 @@ from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.singular import CLOSE
+from lagsim.notes import Caution, Event
 from lagsim.plan import by_loops
 from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED
@@ -37,17 +38,17 @@ from lagsim.run.states import (
 )
 from lagsim.run.system import System
 from lagsim.run.system.sleepers import timed
-from lagsim.run.trajectory import Caution, Event, Outcome, Statistics, Trajectory
+from lagsim.run.trajectory import Outcome, Statistics, Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from lagsim.admissibility import Start
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Simulation
-    from lagsim.native.kernels.words import Floats
+    from lagsim.notes import Choice
     from lagsim.plan import Plan
-    from lagsim.plan.formulation import Choice
     from lagsim.run.events.features import Features
     from lagsim.run.events.switching import Switching
     from lagsim.run.interrupt import Interrupt

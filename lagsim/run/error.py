@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # Past the horizon the estimate exceeds this part of a coordinate's range.
 LOST = 0.1

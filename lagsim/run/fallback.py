@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import state as at
-from lagsim.plan.formulation import Choice
+from lagsim.notes import Choice
 from lagsim.plan.integration import ANY
 from lagsim.run.states import MOST_STEPS, taken_over
 from lagsim.run.trajectory import Outcome

@@ -15,7 +15,7 @@ from lagsim.methods.parts.switching import search_size
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.run.system.runner import Runner
 
 # The method where the motion slides along a surface and the method of the run needs

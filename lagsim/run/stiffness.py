@@ -21,14 +21,13 @@ from lagsim.mechanics.linearisation import Linearisation
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
-from lagsim.plan.formulation import Choice
+from lagsim.notes import Caution, Choice
 from lagsim.run.states import MOST_STEPS, SERIES, taken_over
 from lagsim.run.system import System
-from lagsim.run.trajectory import Caution
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
     from lagsim.run.arcs import Run
 
 STIFF = "radau"

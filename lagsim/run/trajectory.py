@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.plan.formulation import Choice
+    from lagsim.notes import Caution, Choice, Event
 
 
 class Outcome(Enum):
@@ -76,29 +76,6 @@ class Outcome(Enum):
     def complete(self) -> bool:
         """Whether all that was asked for has been computed."""
         return self in (Outcome.DONE, Outcome.UNTIL)
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something that happened at a time, to a constraint or to the run.
-
-    `conditioning` goes with a loss of rank: the smallest singular value then; `switch`
-    is the switch in the state, roughly as it was written.
-    """
-
-    time: float
-    kind: str
-    constraint: str | None = None
-    conditioning: float | None = None
-    switch: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Caution:
-    """Something the user should know; `code` is stable."""
-
-    code: str
-    text: str
 
 
 @dataclass(slots=True)

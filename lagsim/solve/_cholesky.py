@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 NAN = float("nan")
 

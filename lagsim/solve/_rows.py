@@ -15,7 +15,7 @@ from lagsim.solve._cholesky import backward, cholesky, forward
 from lagsim.solve._layout import EXPECTED, HEALTH, MOTION, REFERENCE
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # A pivoted column counts as zero past the rank that the rows have in general (away from
 # the constraints, at the stages of a step, dependent rows are not quite so), and below

@@ -39,7 +39,7 @@ from lagsim.solve._layout import (
 from lagsim.solve._rows import impress, keep_lengths, multipliers, reflect, spread
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 
 # What reflections leave of a vector, in units of the roundoff of its norm.

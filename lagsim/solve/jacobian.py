@@ -24,7 +24,7 @@ from lagsim.solve._rows import (
 from lagsim.solve.dense import dynamics
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 
 @external

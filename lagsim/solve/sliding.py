@@ -36,7 +36,7 @@ from lagsim.native.kernels.words import at, external
 from lagsim.solve._layout import COUNT, GAIN, MOTION, QUADRATURES, ROWS
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # A pivot this small against its column is none: forces that slide together and that
 # only their sum matters of.

@@ -19,18 +19,19 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.admissibility import Start
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
-    from lagsim.native.kernels.words import Floats
     from lagsim.outputs.table import TableWriter
     from lagsim.plan import Plan
+    from lagsim.run.error import ErrorBar
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers.ledger import Ledger
     from lagsim.run.observers.thinning import Thinning
     from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
     from lagsim.studies.alarms import Doubt, Witness
-    from lagsim.studies.error_bar import Checkpoints, ErrorBar
+    from lagsim.studies.error_bar import Checkpoints
 
 # The steps of a second attempt are shorter than those of the repeat that failed to
 # confirm the first: by this part, which no small whole numbers give.
@@ -246,7 +247,7 @@ class Attempts:
 
     def _others(self, first: Attempt, doubt: Doubt) -> Means | None:
         """Give other means than those of an attempt that is in doubt."""
-        from lagsim.plan.formulation import Choice
+        from lagsim.notes import Choice
         from lagsim.studies.error_bar import by_other_means
 
         trajectory = first.trajectory

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 from math import copysign, exp, floor, isfinite, isnan, log, sqrt
+from typing import TYPE_CHECKING
 
-from lagsim.native.kernels.words import Floats, apart, at, external, total, unrolled
+from lagsim.native.kernels.words import apart, at, external, total, unrolled
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
 
 CONSTRAINED = True
 COUNT = 3

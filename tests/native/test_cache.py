@@ -8,12 +8,16 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from lagsim.native.kernels.code import KernelError
-from lagsim.native.kernels.words import Floats, unrolled
+from lagsim.native.kernels.words import unrolled
 from lagsim.native.link import cache, engine
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
 
 IR = "define double @f() {\n  ret double 4.5\n}\n"
 FACTOR = 2.0

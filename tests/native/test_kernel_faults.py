@@ -19,7 +19,8 @@ HEAD = """from __future__ import annotations
 import math
 from math import hypot, sqrt
 from lagsim.native.kernels import words
-from lagsim.native.kernels.words import Floats, at, external, total, unrolled
+from lagsim.language.arrays import Floats
+from lagsim.native.kernels.words import at, external, total, unrolled
 TABLE = (1.0, 2.0)
 ROWS = {}
 N = 2

@@ -17,7 +17,7 @@ from lagsim.solve import _layout, _rows
 from lagsim.solve.dense import position_step, solve_motion, velocity_step
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 ROUNDING = 2.0**-53
 

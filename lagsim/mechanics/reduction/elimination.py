@@ -35,10 +35,10 @@ from lagsim.mechanics.reduction._equations import (
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
 
 # A coordinate is given by a constraint only if it does not move much more, in the
 # metric of M, than those that it is expressed by: their errors are its own.

@@ -18,7 +18,7 @@ from lagsim.methods.parts.state import (
 )
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 CONSTRAINED = True
 

@@ -37,7 +37,7 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import at, total, unrolled
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 UNTIL = True
 

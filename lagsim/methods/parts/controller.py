@@ -34,7 +34,7 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # Of what the terms of a rate could do in a step, though they cancel: errors of other
 # components within the tolerance leave a part of them.

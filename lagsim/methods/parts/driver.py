@@ -70,7 +70,7 @@ from lagsim.native.graph.sincos import LANES
 from lagsim.native.kernels.words import at, unrolled
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 CONSTRAINED = True
 UNTIL = True

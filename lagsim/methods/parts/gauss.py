@@ -41,8 +41,8 @@ from lagsim.methods.parts.symplectic import add
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 CONSTRAINED = False  # for what is shared with methods that can be
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from lagsim.native.kernels.words import external
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 
 # Where a kernel finds in p what a solve of the constraints leaves for it.

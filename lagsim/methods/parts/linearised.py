@@ -13,7 +13,7 @@ from lagsim.methods.parts.lu import decompose, solve
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 
 def decompose_real(n: int, g: float, J: Floats, K: Floats, pivots: Floats) -> int:

@@ -38,7 +38,7 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # What a signal does: the function goes with e^u, steps where u vanishes, goes with
 # 1/|u|^power or with |u|^power.

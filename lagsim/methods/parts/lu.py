@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 
 # Past this, matrices of all unknowns in each step cost more than a run can wait for.

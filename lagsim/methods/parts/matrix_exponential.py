@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # The terms left out: 0.5^15/15! = 2e-17, and 1/21! = 2e-20 for quadratic forms.
 TERMS = 14

@@ -22,7 +22,7 @@ from lagsim.native.graph.sincos import LANES
 from lagsim.native.kernels.words import at, unrolled
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # What a Newton step leaves of a residual is rounding if this small against its terms.
 # Terms know what a double can hold of a position, whatever else stands in the scene.

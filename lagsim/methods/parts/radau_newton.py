@@ -36,7 +36,7 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import at, total, unrolled
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 MOST = 10  # iterations
 # What Newton's method may leave, in parts of the tolerance; not below rounding.

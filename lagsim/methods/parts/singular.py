@@ -47,7 +47,7 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # A loss of rank is close where the rows' independence falls below this part of what it
 # is in general, or has been.

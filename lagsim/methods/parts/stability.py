@@ -19,7 +19,7 @@ from lagsim.methods.parts.state import AT_BOUND, HEADER, OFF_BOUND, SIZE, SPEED,
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # A step past this part of the limit is at the bound: step control holds it between
 # this and a little more than 1, and accuracy asks for less than a tenth of it.

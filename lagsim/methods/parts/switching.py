@@ -42,7 +42,7 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 SWITCHES = True
 UNTIL = True

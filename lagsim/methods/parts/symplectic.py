@@ -22,8 +22,8 @@ from lagsim.native.kernels.words import at
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
-    from lagsim.native.kernels.words import Floats
 
 # The arrays of these methods: those of `_fixed` (3 size), y' after the step (size),
 # the state on its way (size), and what rounding has cut off (size).

@@ -8,17 +8,12 @@ gives the same bits.
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, ParamSpec, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    import numpy as np
-    import numpy.typing as npt
-
-# A string, so that kernels load without numpy.
-Floats: TypeAlias = "npt.NDArray[np.float64]"
-"""A one-dimensional array of doubles."""
+    from lagsim.language.arrays import Floats
 
 P = ParamSpec("P")
 R = TypeVar("R")

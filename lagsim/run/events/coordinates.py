@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import state as at
-from lagsim.run.trajectory import Caution
+from lagsim.notes import Caution
 
 if TYPE_CHECKING:
     from lagsim.run.arcs import Run

@@ -21,7 +21,7 @@ from lagsim.run.events.shares import ABOVE, ALONG, BELOW, LEVEL, Crossroads
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.run.events.modes import Modes, Rows
 
 # Rows of J this close to parallel are those of one surface.

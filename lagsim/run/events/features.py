@@ -21,10 +21,10 @@ from lagsim.language.enclosures import Enclosures
 from lagsim.mechanics.switches import expression_text
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.looks import LARGE, LARGEST, NEAR_ZERO
+from lagsim.notes import Caution
 from lagsim.run.events.breaks import break_times
 from lagsim.run.events.crossings import Values
 from lagsim.run.system.sleepers import motion_nodes, timed_sleepers
-from lagsim.run.trajectory import Caution
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts import state as at
+from lagsim.notes import Event
 from lagsim.run.events.modes import ON
 from lagsim.run.states import pulled
-from lagsim.run.trajectory import Event
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.run.arcs import Run
 
 # A moving constraint whose residual jumps by more than this, against its scale, tears.

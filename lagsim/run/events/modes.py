@@ -14,8 +14,8 @@ from lagsim.run.system.switching import on_velocities
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.switches import Side
-    from lagsim.native.kernels.words import Floats
     from lagsim.run.arcs import Run
 
 # A state this close to a surface, against the size of its terms, is on it.

@@ -14,7 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # The first step is this part of the run, each next one so much longer, and so many.
 FIRST = 2.0**-44

@@ -9,14 +9,14 @@ import numpy as np
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import weakest_rows
 from lagsim.methods.parts import state as at
+from lagsim.notes import Caution, Event
 from lagsim.plan.lengths import usual_lengths
-from lagsim.run.trajectory import Caution, Event
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
     from lagsim.run.arcs import Run
 
 

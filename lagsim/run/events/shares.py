@@ -20,7 +20,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
     Corner = tuple[int, ...]
     Rates = Callable[[Corner], Floats]

@@ -14,18 +14,19 @@ import numpy as np
 
 from lagsim.methods.parts import interface as kept
 from lagsim.methods.parts import state as at
+from lagsim.notes import Caution, Event
 from lagsim.run.events.crossing import Crossing
 from lagsim.run.events.impacts import impact, row_before
 from lagsim.run.events.modes import ON, Modes
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.events.shares import ABOVE, BELOW
 from lagsim.run.states import most_pulled, pulled
-from lagsim.run.trajectory import Caution, Event, Outcome
+from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.run.arcs import Run
     from lagsim.run.events.modes import Rows
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.model.model import Simulation
-    from lagsim.native.kernels.words import Floats
 
 # Rows that are kept, at most.
 MOST_ROWS = 4096

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 
 # A value is noted when it is so many times the one noted before.

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # Rows that are kept, at most.
 MOST_ROWS = 512

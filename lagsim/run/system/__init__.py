@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.admissibility import Start
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
     from lagsim.plan import Plan
 
 # Taken for several rows at once.
@@ -238,9 +238,9 @@ class System:
 
     def begin(self, start: Start) -> Floats:
         """Give y at a start; sets what it determines for the whole run."""
-        for name, value in self.plan.reduction.constants(start).items():
+        for name, value in self.plan.reduction.constants(start.state).items():
             self.p[self._layout_of[name]] = value
-        return self.plan.reduction.state(start)
+        return self.plan.reduction.state(start.state)
 
     def set_modes(self, values: Sequence[float]) -> None:
         """Set the branch of each switch in time for the arc to come."""

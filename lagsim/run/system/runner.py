@@ -18,7 +18,7 @@ from lagsim.solve import _layout
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.run.system import System
 
 _POINTER = ctypes.c_void_p

@@ -26,11 +26,12 @@ from lagsim.studies.alarms.verdict import Doubt, doubt_about
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
+    from lagsim.notes import Caution
     from lagsim.plan import Plan
+    from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
     from lagsim.run.system import System
-    from lagsim.run.trajectory import Caution, Trajectory
-    from lagsim.studies.error_bar import ErrorBar
+    from lagsim.run.trajectory import Trajectory
 
 # Methods with nothing to look for: they notice on the way, or are exact.
 SEE_FOR_THEMSELVES = ("dop853", "exponential")

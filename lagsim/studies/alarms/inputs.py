@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.run.trajectory import Caution
+from lagsim.notes import Caution
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start

@@ -15,8 +15,8 @@ import numpy as np
 from lagsim.language.evaluate import evaluate
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
     from lagsim.run.observers.witness import Witness
 
 # Functions that take one value or another, and nothing in between.

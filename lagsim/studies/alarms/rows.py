@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
-from lagsim.run.trajectory import Caution
+from lagsim.notes import Caution
 from lagsim.studies.error_bar import beside
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
     from lagsim.plan import Plan
+    from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
     from lagsim.run.observers.witness import Witness
     from lagsim.run.trajectory import Trajectory
-    from lagsim.studies.error_bar import ErrorBar
 
 # Rows meet the constraints to rounding; what is off by more than this part is not met.
 HELD = 1e-6

@@ -18,15 +18,15 @@ import numpy as np
 
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method
-from lagsim.run.trajectory import Caution
+from lagsim.notes import Caution
 from lagsim.studies.bench.borders import exceeds, predicted
 
 if TYPE_CHECKING:
     from types import ModuleType
 
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.linearisation import Linear
-    from lagsim.native.kernels.words import Floats
     from lagsim.plan import Plan
     from lagsim.run.observers.witness import Witness
     from lagsim.run.trajectory import Trajectory

@@ -23,13 +23,13 @@ from lagsim.studies.alarms.rows import HELD, UNEXPLAINED, not_held
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
     from lagsim.plan import Plan
+    from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
     from lagsim.run.observers.witness import Witness
     from lagsim.run.trajectory import Trajectory
-    from lagsim.studies.error_bar import ErrorBar
 
 # By far: so many times what the errors of the state explain, to first order and with
 # all of them in the worst direction.

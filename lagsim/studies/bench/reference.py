@@ -20,8 +20,8 @@ from lagsim.studies.bench.solving import GivenUpError, Own, Patience, Solver
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.bench.solving import Scene
 

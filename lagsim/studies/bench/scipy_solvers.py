@@ -20,7 +20,7 @@ from lagsim.studies.bench.solving import Own, Solved
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.studies.bench.solving import Patience
 
 PREFIX = "scipy:"

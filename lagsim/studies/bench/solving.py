@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from lagsim.admissibility import Start
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
     from lagsim.plan import Plan
     from lagsim.run.interrupt import Interrupt
 

@@ -19,8 +19,8 @@ from lagsim.run.trajectory import Outcome
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
     from lagsim.plan import Plan
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.bench.solving import Scene

@@ -27,7 +27,7 @@ from lagsim.studies.bench.solving import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.bench.reference import Reference
     from lagsim.studies.bench.solving import Scene, Solver

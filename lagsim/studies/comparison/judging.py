@@ -14,7 +14,7 @@ from lagsim.studies.comparison.scales import scales
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.studies.comparison.matching import Matched
     from lagsim.studies.comparison.reading import Table
 

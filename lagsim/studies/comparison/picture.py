@@ -23,7 +23,7 @@ from lagsim.outputs.sheet import (
 from lagsim.run.observers.thinning import Thinning
 
 if TYPE_CHECKING:
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.studies.comparison.judging import Comparison
     from lagsim.studies.comparison.reading import Table
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 # Bytes read at once, and of a file for which SciPy's reader is worth its import.
 BLOCK = 1 << 21

@@ -14,7 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
 
 ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 # A range below this part of the size is that of rounding errors: pictures draw it flat

@@ -9,8 +9,8 @@ import numpy as np
 from lagsim.language.evaluate import evaluate
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.native.kernels.words import Floats
     from lagsim.studies.golden.motion import Motion
 
 LEDGER = "energy - work"

@@ -28,7 +28,7 @@ from lagsim.studies.golden.motion import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.run.trajectory import Trajectory
 
 # The looser run is farther away than any that should pass, and counts once: at ten

@@ -19,7 +19,7 @@ from lagsim.studies.golden.measuring import DIGITS, Golden, Invariant
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.native.kernels.words import Floats
+    from lagsim.language.arrays import Floats
     from lagsim.studies.golden.motion import Motion, Scene
 
 FOLDER = "golden"

@@ -1,0 +1,12 @@
+"""What arrays are called in signatures: nothing of numpy is loaded for it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+Floats: TypeAlias = "npt.NDArray[np.float64]"
+"""A one-dimensional array of doubles, where nothing else is said."""

@@ -1,0 +1,36 @@
+"""What a run has to say: what it chose, what happened on the way, what to beware of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """One thing chosen, and why."""
+
+    choice: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened at a time, to a constraint or to the run.
+
+    `conditioning` goes with a loss of rank: the smallest singular value then; `switch`
+    is the switch in the state, roughly as it was written.
+    """
+
+    time: float
+    kind: str
+    constraint: str | None = None
+    conditioning: float | None = None
+    switch: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Caution:
+    """Something the user should know; `code` is stable."""
+
+    code: str
+    text: str
