@@ -13,7 +13,7 @@ from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read_file
 from lagsim.plan import make_plan
-from lagsim.run import simulate
+from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 
 PROBLEMS = HERE.parent / "tests" / "data" / "problems.json"

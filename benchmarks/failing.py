@@ -20,8 +20,8 @@ from lagsim.methods import dop853
 from lagsim.methods.parts import state as at
 from lagsim.model.reader import read_file
 from lagsim.plan import make_plan
-from lagsim.run import simulate
 from lagsim.run.arcs import Run
+from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 
 ROOT = Path(__file__).resolve().parent.parent

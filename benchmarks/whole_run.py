@@ -25,7 +25,7 @@ from lagsim.mechanics.equations import derive
 from lagsim.methods.parts import state as at
 from lagsim.model.reader import read_file
 from lagsim.plan import make_plan
-from lagsim.run import simulate
+from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 
 MODEL = MODELS / "elastic-pendulum.yaml"

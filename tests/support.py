@@ -12,7 +12,7 @@ from lagsim.admissibility import Start, examine
 from lagsim.mechanics.equations import Equations, derive
 from lagsim.model.reader import read, read_file
 from lagsim.plan import Plan, make_plan
-from lagsim.run import simulate
+from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 
 if TYPE_CHECKING:

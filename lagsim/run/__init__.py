@@ -1,62 +1,8 @@
-"""The run: plan -> integrate -> Trajectory; its rows go to the consumers.
+"""The run: a plan's equations compiled, linked with a method, integrated arc by arc.
 
-`arcs` is the loop, `apart` runs subsystems. `switching` finds the mode of each arc,
-with `shares` where it is on surfaces, and `sequence` for those that come ever faster.
-`ranks` tells of losses of rank, `reasons` puts an outcome in words.
+`simulate` hands every row to the observers; `arcs` is the loop, `apart` runs
+subsystems. `system` is what is compiled. `events` finds what happens on the way:
+`switching` the mode of each arc, with `shares` where it is on surfaces, and `sequence`
+for those that come ever faster; `ranks` tells of losses of rank. `reasons` puts an
+outcome in words.
 """
-
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-from lagsim.run.arcs import BLOCK, Run
-from lagsim.run.states import MOST_STEPS
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from lagsim.admissibility import Start
-    from lagsim.mechanics.equations import Equations
-    from lagsim.plan import Plan
-    from lagsim.run.arcs import Consumer
-    from lagsim.run.interrupt import Interrupt
-    from lagsim.run.system import System
-    from lagsim.run.trajectory import Trajectory
-
-__all__ = ["BLOCK", "simulate"]
-
-
-def simulate(
-    equations: Equations,
-    start: Start,
-    plan: Plan,
-    system: System,
-    consumers: Sequence[Consumer],
-    *,
-    interrupt: Interrupt | None = None,
-    progress: Callable[[float], None] | None = None,
-    most_steps: int = MOST_STEPS,
-    longest_step: float = 0.0,
-) -> Trajectory:
-    """Integrate from `start`, handing every row to the consumers.
-
-    Parameters
-    ----------
-    progress
-        Called with the fraction of the run that is done.
-    longest_step
-        No step of a method that chooses its steps is longer, if it is not 0; the ranges
-        of the coordinates over the steps are then noted, too.
-    """
-    if plan.parts:
-        from lagsim.run.apart import Apart
-
-        apart = Apart(
-            equations, start, plan, system, consumers, interrupt, progress,
-            longest_step,
-        )  # fmt: skip
-        return apart.whole(most_steps)
-    run = Run(
-        equations, start, plan, system, consumers, interrupt, progress, longest_step
-    )
-    return run.whole(most_steps)

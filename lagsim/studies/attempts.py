@@ -156,8 +156,8 @@ class Attempts:
 
     def _made(self, means: Means) -> Attempt:
         """Make one attempt; the table and all that rows go to begin anew."""
-        from lagsim.run import simulate
         from lagsim.run.observers.ledger import Ledger
+        from lagsim.run.simulate import simulate
         from lagsim.run.states import MOST_STEPS
         from lagsim.studies.alarms import Witness
         from lagsim.studies.error_bar import Checkpoints

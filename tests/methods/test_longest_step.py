@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from lagsim.run import simulate
+from lagsim.run.simulate import simulate
 from tests.support import Keep, run
 
 SPRING = """

@@ -15,7 +15,7 @@ from lagsim.methods.parts import composition
 from lagsim.methods.parts import state as at
 from lagsim.model.reader import read
 from lagsim.plan import make_plan
-from lagsim.run import simulate
+from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 from tests.methods.plain import fresh_state, state_of
 from tests.methods.test_registry import refusal_of

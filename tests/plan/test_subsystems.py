@@ -9,7 +9,7 @@ from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
 from lagsim.plan.subsystems import groups
-from lagsim.run import BLOCK
+from lagsim.run.arcs import BLOCK
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.trajectory import Outcome
 from tests.mechanics.reduction.test_runs import differences

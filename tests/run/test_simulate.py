@@ -16,9 +16,10 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.adaptive import usable_step
 from lagsim.model.reader import read
 from lagsim.plan import make_plan
-from lagsim.run import BLOCK, simulate
+from lagsim.run.arcs import BLOCK
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.pace import Pace
+from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
 from tests.small_scenes import expected_times, oscillator

@@ -7,7 +7,7 @@ import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from lagsim.run import simulate
+from lagsim.run.simulate import simulate
 from tests.support import Keep, run
 
 # Crank 1, coupler 2, rocker 1.5 on a base of 2.5: 1 + 2.5 = 2 + 1.5, so that all of it

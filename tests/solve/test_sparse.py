@@ -14,7 +14,7 @@ from lagsim.mechanics.ldl import BUDGET, Elimination
 from lagsim.model.reader import read, read_file
 from lagsim.native.graph import tapes
 from lagsim.plan import make_plan
-from lagsim.run import simulate
+from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 from tests.support import MODELS, Keep, run
 

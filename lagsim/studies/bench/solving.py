@@ -11,7 +11,7 @@ import numpy as np
 from lagsim.errors import InputError
 from lagsim.methods import method as method_named
 from lagsim.plan import make_plan
-from lagsim.run import simulate
+from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 
 if TYPE_CHECKING:

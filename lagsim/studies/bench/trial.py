@@ -12,7 +12,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method as method_named
 from lagsim.plan import make_plan
-from lagsim.run import simulate
+from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
 

@@ -21,9 +21,9 @@ import numpy as np
 
 from lagsim.plan import make_plan
 from lagsim.plan.integration import ANY
-from lagsim.run import simulate
 from lagsim.run.error import LOST, TIMES, CoordinateError, ErrorBar
 from lagsim.run.observers.checkpoints import MOST_ROWS, Checkpoints
+from lagsim.run.simulate import simulate
 from lagsim.run.states import MOST_STEPS, SERIES
 from lagsim.run.system import System
 from lagsim.run.system.sleepers import timed

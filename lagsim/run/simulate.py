@@ -1,0 +1,55 @@
+"""One run: plan -> integrate -> Trajectory; its rows go to the observers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.run.arcs import Run
+from lagsim.run.states import MOST_STEPS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from lagsim.admissibility import Start
+    from lagsim.mechanics.equations import Equations
+    from lagsim.plan import Plan
+    from lagsim.run.arcs import Consumer
+    from lagsim.run.interrupt import Interrupt
+    from lagsim.run.system import System
+    from lagsim.run.trajectory import Trajectory
+
+
+def simulate(
+    equations: Equations,
+    start: Start,
+    plan: Plan,
+    system: System,
+    consumers: Sequence[Consumer],
+    *,
+    interrupt: Interrupt | None = None,
+    progress: Callable[[float], None] | None = None,
+    most_steps: int = MOST_STEPS,
+    longest_step: float = 0.0,
+) -> Trajectory:
+    """Integrate from `start`, handing every row to the consumers.
+
+    Parameters
+    ----------
+    progress
+        Called with the fraction of the run that is done.
+    longest_step
+        No step of a method that chooses its steps is longer, if it is not 0; the ranges
+        of the coordinates over the steps are then noted, too.
+    """
+    if plan.parts:
+        from lagsim.run.apart import Apart
+
+        apart = Apart(
+            equations, start, plan, system, consumers, interrupt, progress,
+            longest_step,
+        )  # fmt: skip
+        return apart.whole(most_steps)
+    run = Run(
+        equations, start, plan, system, consumers, interrupt, progress, longest_step
+    )
+    return run.whole(most_steps)
