@@ -132,7 +132,7 @@ def _fastest(run: Run, J: Floats) -> Fast:
     swinging = -values.real < OSCILLATING * np.abs(values)
     moving = np.abs(right[:n]) @ np.abs(amplitudes * swinging)
     rate = float(np.max(np.abs(values)))
-    excited = _is_excited(run, masses * moving**2, masses, J, max(rate, 1e-300))
+    excited = rate > 0.0 and _is_excited(run, masses * moving**2, masses, J, rate)
     return Fast(rate, where, excited)
 
 
