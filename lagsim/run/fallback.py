@@ -31,7 +31,7 @@ WHY = {
 def fall_back(run: Run, outcome: Outcome) -> bool:
     """Go on with another method; tell whether there is one."""
     name = run.runner.method.NAME
-    if outcome not in WHY or run.simulation.method != "auto" or name == ANY:
+    if outcome not in WHY or run.settings.method != "auto" or name == ANY:
         return False
     reason = WHY[outcome].format(name)
     run.choices.append(Choice(f"method: {ANY} from t = {run.t:.9g} on", reason))

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.arcs import Consumer
     from lagsim.run.interrupt import Interrupt
@@ -24,6 +25,7 @@ def simulate(
     start: Start,
     plan: Plan,
     system: System,
+    settings: Settings,
     consumers: Sequence[Consumer],
     *,
     interrupt: Interrupt | None = None,
@@ -45,11 +47,12 @@ def simulate(
         from lagsim.run.apart import Apart
 
         apart = Apart(
-            equations, start, plan, system, consumers, interrupt, progress,
+            start, plan, system, settings, consumers, interrupt, progress,
             longest_step,
         )  # fmt: skip
         return apart.whole(most_steps)
     run = Run(
-        equations, start, plan, system, consumers, interrupt, progress, longest_step
-    )
+        equations, start, plan, system, settings, consumers, interrupt, progress,
+        longest_step,
+    )  # fmt: skip
     return run.whole(most_steps)
