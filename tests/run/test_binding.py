@@ -8,7 +8,7 @@ import pytest
 from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
-from lagsim.native.link import engine
+from lagsim.native.link.cache import object_code
 from lagsim.plan import make_plan
 from lagsim.run.simulate import simulate
 from lagsim.run.system import System
@@ -52,39 +52,27 @@ def rows(equations, case):
 
 @pytest.mark.parametrize("case", CASES)
 def test_rows_are_those_of_the_text_read_again(case, monkeypatch):
+    compiled = []
+
+    def noted(ir):
+        compiled.append(ir)
+        return object_code(ir)
+
+    monkeypatch.setattr("lagsim.run.system.object_code", noted)
     text, changes = CASES[case]
     if case == "by tapes":
         monkeypatch.setattr("lagsim.plan.from_tape", lambda *_: True)
     equations = derive(read(text, "m.yaml"))
     first, _ = rows(equations, case)
+    own = compiled.pop()
     for values in changes:
         again = derive(read(text, "m.yaml", {k: repr(v) for k, v in values.items()}))
+        expected, same = rows(again, case)
+        compiled.clear()
         bound = equations.of(equations.model.bind(values))
         found, work = rows(bound, case)
-        expected, same = rows(again, case)
         assert np.array_equal(found, expected)
         assert work == same
         assert found.shape != first.shape or not np.array_equal(found, first)
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_nothing_is_compiled_for_another_binding(case, monkeypatch, tmp_path):
-    monkeypatch.setenv("LAGSIM_CACHE", str(tmp_path))
-    compiled = []
-    original = engine.compile_object
-
-    def counted(ir, *, optimise=True):
-        compiled.append(ir)
-        return original(ir, optimise=optimise)
-
-    monkeypatch.setattr(engine, "compile_object", counted)
-    text, changes = CASES[case]
-    if case == "by tapes":
-        monkeypatch.setattr("lagsim.plan.from_tape", lambda *_: True)
-    equations = derive(read(text, "m.yaml"))
-    rows(equations, case)
-    assert compiled
-    compiled.clear()
-    for values in changes:
-        rows(equations.of(equations.model.bind(values)), case)
-    assert not compiled
+        # Object code is kept by the text that it is compiled from.
+        assert compiled == [own]
