@@ -42,9 +42,9 @@ from lagsim.run.trajectory import Outcome, Statistics, Trajectory
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
     from lagsim.model.settings import Settings
     from lagsim.notes import Choice
     from lagsim.plan import Plan
@@ -85,7 +85,7 @@ class Run:
     def __init__(
         self,
         equations: Equations,
-        start: Start,
+        start: State,
         plan: Plan,
         system: System,
         settings: Settings,
