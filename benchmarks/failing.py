@@ -36,8 +36,9 @@ class Motion:
         sets = {key: str(value) for key, value in (sets or {}).items()}
         self.model = read_file(str(MODELS / f"{name}.yaml"), sets, options)
         self.equations = derive(self.model)
-        self.start = examine(self.equations)
-        self.plan = make_plan(self.equations, self.start)
+        self.settings = self.model.settings()
+        self.start = examine(self.equations, self.settings.start).start
+        self.plan = make_plan(self.equations, self.start, self.settings)
         self.system = System(self.equations, self.plan)
         self.blocks = []
 
@@ -45,7 +46,12 @@ class Motion:
         """Integrate it."""
         with np.errstate(all="ignore"):
             self.trajectory = simulate(
-                self.equations, self.start, self.plan, self.system, [self]
+                self.equations,
+                self.start,
+                self.plan,
+                self.system,
+                self.settings,
+                [self],
             )
         self.rows = np.concatenate(self.blocks)
         return self
@@ -64,11 +70,14 @@ class Motion:
 
     def steps(self, most):
         """Give the times and lengths of the first steps, and rejections until each."""
-        run = Run(self.equations, self.start, self.plan, self.system, [], None, None)
-        run._begin_arc(run.simulation.end)  # noqa: SLF001
+        run = Run(
+            self.equations, self.start, self.plan, self.system, self.settings, [],
+            None, None,
+        )  # fmt: skip
+        run._begin_arc(run.settings.end)  # noqa: SLF001
         run.state[at.ASK_AT] = 0.0  # go on at the bound
         found = []
-        while len(found) < most and run.state[at.T] < run.simulation.end:
+        while len(found) < most and run.state[at.T] < run.settings.end:
             run.runner.advance(run.state, run.block, 1)
             s = run.state
             found.append((s[at.T], s[at.STEP_H], s[at.REJECTIONS], s[at.EVALUATIONS]))

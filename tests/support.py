@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.admissibility import Start, examine
+from lagsim.admissibility import Examination, Start, examine
 from lagsim.mechanics.equations import Equations, derive
 from lagsim.model.reader import read, read_file
 from lagsim.plan import Plan, make_plan
@@ -16,6 +16,7 @@ from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 
 if TYPE_CHECKING:
+    from lagsim.model.settings import Settings
     from lagsim.run.trajectory import Trajectory
 
 ROOT = Path(__file__).parent.parent
@@ -38,7 +39,8 @@ class Run:
     """A finished run; `run["theta"]` is a column."""
 
     equations: Equations
-    start: Start
+    examined: Examination
+    settings: Settings
     plan: Plan
     system: System
     trajectory: Trajectory
@@ -46,6 +48,11 @@ class Run:
 
     def __getitem__(self, name: str) -> Any:
         return self.rows[:, self.system.columns.names.index(name)]
+
+    @property
+    def start(self) -> Start:
+        """What it began with."""
+        return self.examined.start
 
     @property
     def drift(self) -> float:
@@ -70,10 +77,13 @@ def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
         else:
             model = read_file(str(MODELS / f"{model}.yaml"), options=options)
     equations = derive(model)
-    start = examine(equations)
-    assert start.admissible, start.verdicts
-    plan = make_plan(equations, start, loops=loops)
+    settings = model.settings()
+    examined = examine(equations, settings.start)
+    assert examined.admissible, examined.verdicts
+    start = examined.start
+    plan = make_plan(equations, start, settings, loops=loops)
     system = System(equations, plan)
     keep = Keep()
-    trajectory = simulate(equations, start, plan, system, [keep], **rest)
-    return Run(equations, start, plan, system, trajectory, np.concatenate(keep.blocks))
+    trajectory = simulate(equations, start, plan, system, settings, [keep], **rest)
+    rows = np.concatenate(keep.blocks)
+    return Run(equations, examined, settings, plan, system, trajectory, rows)

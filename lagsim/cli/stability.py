@@ -101,43 +101,40 @@ class _Job:
         """Do it; give the exit code."""
         from lagsim.admissibility import examine
         from lagsim.cli import check
-        from lagsim.cli.run import refuse
+        from lagsim.cli.run import wanted
         from lagsim.mechanics.equations import derive
-        from lagsim.model.reader import read, text_of
+        from lagsim.model.reader import read_file
         from lagsim.studies.bench.solving import Scene
 
-        text, file = text_of(self.path)
-
-        def scene_at(value: float | None) -> Scene:
-            overrides = dict(self.overrides)
-            if value is not None:
-                assert self.wish.name is not None
-                overrides[self.wish.name] = repr(value)
-            equations = derive(read(text, file, overrides))
-            start = examine(equations)
-            if value is not None and not start.admissible:
-                problem = Problem("inadmissible", "the start is not admissible")
-                raise InputError([problem])
-            return Scene(equations, start)
-
-        model = read(text, file, self.overrides)
-        refuse(model, "stability")
+        model = read_file(self.path, self.overrides)
+        settings = wanted(model, "stability")
         self._check_parameter(model)
-        usual = scene_at(None)
-        if not usual.start.admissible:
+        equations = derive(model)
+        examined = examine(equations, settings.start)
+        if not examined.admissible:
             if self.as_json:
-                self.documents.append(check.document(usual.equations, usual.start))
+                self.documents.append(check.document(equations, examined))
             else:
-                complain(check.report(usual.equations, usual.start))
+                complain(check.report(equations, examined))
             return 1
         from lagsim.outputs.results import open_results
         from lagsim.studies.bench.scope import methods_for
         from lagsim.studies.bench.stability_document import MANIFEST
 
+        usual = Scene(equations, examined.start, settings)
         methods_for(usual, self.wish)
 
         def scene(value: float | None) -> Scene:
-            return usual if value is None else scene_at(value)
+            if value is None:
+                return usual
+            assert self.wish.name is not None
+            bound = equations.of(model.bind({self.wish.name: value}))
+            settings = bound.model.settings()
+            examined = examine(bound, settings.start)
+            if not examined.admissible:
+                problem = Problem("inadmissible", "the start is not admissible")
+                raise InputError([problem])
+            return Scene(bound, examined.start, settings)
 
         folder = folder or Path("results") / model.name / "stability"
         with open_results(folder, MANIFEST) as results:

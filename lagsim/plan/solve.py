@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
 
 # Normal equations square the condition of the rows: below this the loops with their QR
 # decomposition take over (numerics: S loses half of the digits of lambda).
@@ -82,12 +83,12 @@ def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
 
 def independence_of(
     equations: Equations,
-    start: Start,
+    start: State,
     lengths: Sequence[float],
     elimination: Elimination,
 ) -> float:
     """Give how independent the rows are at the start by the pivots of `elimination`."""
-    values = Point(equations).values(start.q, start.v)
+    values = Point(equations, start.t).values(start.q, start.v)
     for row, length in zip(equations.rows, lengths, strict=True):
         values[f"length.{row.name}"] = length
     return float(evaluate(equations.graph, [elimination.health()], values)[0])

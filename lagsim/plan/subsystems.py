@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.inertia import needs_constraints
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import analyse
+from lagsim.admissibility.start import start_at
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import VARIABLE
 from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.ldl import Elimination, TooLongError
+from lagsim.mechanics.state import State
 from lagsim.model.model import Output, Parameter, Scene
 from lagsim.plan.formulation import step_cost
 
@@ -58,18 +58,22 @@ class Subsystem:
     equations: Equations
     start: Start
 
-    def at(self, start: Start) -> Start:
-        """Give the subsystem's start of another start of the whole."""
-        chosen = list(self.coordinates)
-        return replace(self.start, q=start.q[chosen], v=start.v[chosen])
+    def at(self, whole: State) -> State:
+        """Give the subsystem's part of a state of the whole."""
+        return part_of(whole, self.coordinates)
+
+
+def part_of(whole: State, coordinates: Iterable[int]) -> State:
+    """Give the state of some of the coordinates."""
+    chosen = list(coordinates)
+    return State(whole.t, whole.q[chosen], whole.v[chosen])
 
 
 def refusal(equations: Equations) -> str:
     """Say why subsystems cannot be integrated apart, or give ""."""
-    simulation = equations.model.simulation
     if equations.power is not None or equations.quadratures:
         return "work and action are quadratures of them all"
-    if simulation and simulation.until:
+    if equations.model.until:
         return "`until` looks at them all"
     if len(groups(equations)) < 2:
         return "all coordinates are coupled"
@@ -108,12 +112,12 @@ def _bits(indices: Iterable[int]) -> int:
     return reduce(or_, (1 << j for j in indices), 0)
 
 
-def subsystems(equations: Equations, start: Start) -> list[Subsystem]:
+def subsystems(equations: Equations, start: State) -> list[Subsystem]:
     """Give the subsystems of equations that `refusal` does not refuse."""
     return [_part(equations, start, group) for group in groups(equations)]
 
 
-def _part(e: Equations, start: Start, group: Sequence[int]) -> Subsystem:
+def _part(e: Equations, start: State, group: Sequence[int]) -> Subsystem:
     g = e.graph
     place = {j: i for i, j in enumerate(group)}
 
@@ -145,25 +149,13 @@ def _part(e: Equations, start: Start, group: Sequence[int]) -> Subsystem:
         energy=energy,
         kinetic_form=kinetic_form,
     )
-    point = Point(part)
-    q, v = start.q[list(group)], start.v[list(group)]
-    errors = point.solved_errors(q, v)
-    own = replace(
-        start,
-        q=q,
-        v=v,
-        ranks=analyse(point, q, v, errors),
-        augmented=needs_constraints(point, q, v, errors),
-    )
-    return Subsystem(tuple(group), part, own)
+    return Subsystem(tuple(group), part, start_at(part, part_of(start, group)))
 
 
 def _model(
     model: Model, group: Sequence[int], added: Sequence[Parameter], zero: int
 ) -> Model:
     """Give a model without what looks at other groups."""
-    simulation = model.simulation
-    assert simulation is not None
     return replace(
         model,
         parameters=(*model.parameters, *added),
@@ -174,17 +166,14 @@ def _model(
         potential=None,
         scene=Scene({}),
         output=Output(()),
-        simulation=replace(simulation, formulation="auto"),
     )
 
 
-def saving(equations: Equations, parts: Sequence[Subsystem]) -> float:
+def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) -> float:
     """Give about how many operations it saves to integrate the parts apart."""
-    simulation = equations.model.simulation
-    assert simulation is not None
     if len(equations.q) > LARGEST:
         return -np.inf
-    steps = (simulation.end - simulation.start) / RADIANS
+    steps = duration / RADIANS
     paces = [pace(part) for part in parts]
     apart = sum(
         p * step_cost(part.equations) for p, part in zip(paces, parts, strict=True)
@@ -204,7 +193,7 @@ def pace(part: Subsystem) -> float:
         nodes = Elimination(e).motion()[0]
     except TooLongError:
         return 0.0
-    point = Point(e)
+    point = Point(e, part.start.t)
     n = len(e.q)
     y = np.concatenate([part.start.q, part.start.v])
 

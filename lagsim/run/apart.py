@@ -18,10 +18,9 @@ from lagsim.run.trajectory import Outcome, Statistics, Trajectory
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Simulation
+    from lagsim.mechanics.state import State
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.plan.subsystems import Subsystem
     from lagsim.run.arcs import Consumer
@@ -35,17 +34,17 @@ class Part(Run):
     def __init__(
         self,
         part: Subsystem,
-        whole: Simulation,
-        start: Start,
+        start: State,
         plan: Plan,
         system: System,
+        settings: Settings,
         interrupt: Interrupt | None,
         longest_step: float,
     ) -> None:
-        e, own = part.equations, part.at(start)
-        simulation = replace(whole, formulation="auto")
-        e = replace(e, model=replace(e.model, simulation=simulation))
-        super().__init__(e, own, plan, system, [], interrupt, None, longest_step)
+        super().__init__(
+            part.equations, part.at(start), plan, system, settings, [], interrupt,
+            None, longest_step,
+        )  # fmt: skip
         n = len(part.coordinates)
         full = len(start.q)
         self.consumers = [self]
@@ -56,7 +55,7 @@ class Part(Run):
         self.width = 1 + 2 * n
         self.waiting = np.empty((0, self.width))
         self.outcome: Outcome | None = None
-        self._begin_arc(self.simulation.end)
+        self._begin_arc(self.settings.end)
 
     def add(self, rows: Floats) -> None:
         """Keep rows until they are joined."""
@@ -84,10 +83,10 @@ class Apart:
 
     def __init__(
         self,
-        equations: Equations,
-        start: Start,
+        start: State,
         plan: Plan,
         system: System,
+        settings: Settings,
         consumers: Sequence[Consumer],
         interrupt: Interrupt | None,
         progress: Callable[[float], None] | None,
@@ -96,8 +95,7 @@ class Apart:
         self.system, self.consumers, self.progress = system, consumers, progress
         self.runner = system.link(system.plan.method)
         self.runner.prepare()
-        simulation = equations.model.simulation
-        assert simulation is not None
+        self.settings = settings
         self.parts = []
         for x, own in zip(plan.parts, system.parts, strict=True):
             alike = x.plan
@@ -105,7 +103,7 @@ class Apart:
                 # A repeat has other tolerances, and other rows.
                 alike = replace(alike, rtol=plan.rtol, atol=plan.atol)
             part = Part(
-                x.subsystem, simulation, start, alike, own, interrupt, longest_step
+                x.subsystem, start, alike, own, settings, interrupt, longest_step
             )
             self.parts.append(part)
         self.rows = 0
@@ -114,8 +112,6 @@ class Apart:
         """Go through the whole run."""
         for part in self.parts:
             part.arc_steps = arc_steps
-        simulation = self.parts[0].simulation
-        span = simulation.end - simulation.start
         while True:
             for part in self.parts:
                 part.fill(most_steps)
@@ -126,7 +122,7 @@ class Apart:
             if failed or len(ended) == len(self.parts):
                 break
             if self.progress is not None:
-                self.progress((reached - simulation.start) / span)
+                self.progress((reached - self.settings.start) / self.settings.duration)
         return self._trajectory(min(failed, key=_time, default=ended[0]), reached)
 
     def _join(self) -> None:

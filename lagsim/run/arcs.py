@@ -18,7 +18,6 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.singular import CLOSE
 from lagsim.notes import Caution, Event
 from lagsim.plan import by_loops
-from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED
 from lagsim.run.events.coordinates import singularity_caution
 from lagsim.run.events.ranks import RankLosses
@@ -43,10 +42,10 @@ from lagsim.run.trajectory import Outcome, Statistics, Trajectory
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Simulation
+    from lagsim.mechanics.state import State
+    from lagsim.model.settings import Settings
     from lagsim.notes import Choice
     from lagsim.plan import Plan
     from lagsim.run.events.features import Features
@@ -88,18 +87,17 @@ class Run:
     def __init__(
         self,
         equations: Equations,
-        start: Start,
+        start: State,
         plan: Plan,
         system: System,
+        settings: Settings,
         consumers: Sequence[Consumer],
         interrupt: Interrupt | None,
         progress: Callable[[float], None] | None,
         longest_step: float = 0.0,
     ) -> None:
-        simulation = equations.model.simulation
-        assert simulation is not None
         self.equations, self.start, self.plan = equations, start, plan
-        self.simulation: Simulation = simulation
+        self.settings = settings
         self.consumers, self.interrupt, self.progress = consumers, interrupt, progress
         self.events: list[Event] = []
         self.warnings: list[Caution] = []
@@ -120,7 +118,7 @@ class Run:
         # Where the stiff method has taken over: the steps at which it is asked whether
         # to go back, and the state when it was asked last.
         self.review_at, self.reviewed = MOST_STEPS, self.state
-        if self.simulation.method == "auto" and plan.method == SERIES:
+        if self.settings.method == "auto" and plan.method == SERIES:
             self.review_at = LONG
         self.features: Features | None = None
         if method(plan.method).ADAPTIVE and timed(system.equations):
@@ -139,24 +137,25 @@ class Run:
         self.runner = system.link(self.plan.method)
 
     def _fresh_state(self, y: Floats) -> Floats:
-        system, simulation = self.system, self.simulation
+        system, settings = self.system, self.settings
         state = empty_state(self.runner)
-        state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
-        state[at.ROW_STEP] = simulation.output_step
+        state[at.T] = state[at.ROW_START] = state[at.ARC_START] = settings.start
+        state[at.ROW_STEP] = settings.output_step
         self._set_tolerances(state)
-        radius = simulation.spectral_radius
+        radius = settings.spectral_radius
         state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
         state[at.ASK_AT] = AT_BOUND
         state[at.N], state[at.SIZE] = system.n, system.size
         state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
         self._set_watch(state)
-        if simulation.until is not None:
-            state[at.EQUATION] = simulation.until.sense.value == "="
+        until = self.equations.model.until
+        if until is not None:
+            state[at.EQUATION] = until.sense.value == "="
         state[at.HEADER : at.HEADER + len(y)] = y
         return state
 
     def _set_tolerances(self, state: Floats) -> None:
-        state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
+        state[at.RTOL] = self.plan.tolerance
         state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
         state[at.FIXED_STEP] = self.plan.step or 0.0
 
@@ -199,8 +198,8 @@ class Run:
         """Go through all arcs; each counts as some steps besides its own."""
         self.arc_steps = arc_steps
         outcome = Outcome.DONE
-        for end in chain(self._breaks(), [self.simulation.end]):
-            if self.t > self.simulation.start:
+        for end in chain(self._breaks(), [self.settings.end]):
+            if self.t > self.settings.start:
                 self.events.append(Event(self.t, "switch"))
             outcome = self._between_breaks(end, most_steps)
             if outcome is not Outcome.DONE:
@@ -219,7 +218,7 @@ class Run:
         return Trajectory(
             outcome=outcome,
             reason=reason_of(self, outcome),
-            start=self.simulation.start,
+            start=self.settings.start,
             end=self.t,
             rows=self.rows,
             statistics=Statistics(
@@ -269,14 +268,14 @@ class Run:
             self.equations.graph,
             [mode.discrete for mode in modes],
             parameters,
-            self.simulation.start,
-            self.simulation.end,
+            self.settings.start,
+            self.settings.end,
         )
 
     def _begin_arc(self, end: float) -> bool:
         """Set the branches of the arc that ends at `end`; tell if a constraint tore."""
         held = self.system.m > 0 and self.plan.projected
-        held = held and self.t > self.simulation.start
+        held = held and self.t > self.settings.start
         if not held:
             self._set_branches(end)
             self._set_limits(end)
@@ -289,11 +288,11 @@ class Run:
         return impact(self, before)
 
     def _set_limits(self, end: float) -> None:
-        state, simulation = self.state, self.simulation
+        state, settings = self.state, self.settings
         if self.switching is not None:
             self.runner = self.system.link(self._method_now())
         state[at.END] = end
-        last = simulation.end - SAME_ROW * simulation.output_step
+        last = settings.end - SAME_ROW * settings.output_step
         state[at.ROW_LIMIT] = min(end, last)
         state[at.FRESH] = 1.0
         state[at.ARC_START] = self.t
@@ -331,8 +330,8 @@ class Run:
             if outcome is not None:
                 return outcome
             if self.progress is not None:
-                span = self.simulation.end - self.simulation.start
-                self.progress((self.t - self.simulation.start) / span)
+                settings = self.settings
+                self.progress((self.t - settings.start) / settings.duration)
 
     def advance(self, most_steps: int) -> Outcome | None:
         """Integrate on, by one call of the kernel; give an outcome if there is one."""
@@ -348,7 +347,7 @@ class Run:
             room = self.block[: self.pace.rows]
             code = self.runner.advance(state, room, budget)
         self.emit(self.block[: int(state[at.EMITTED])])
-        over = code == at.EVENT_FOUND or self.t >= self.simulation.end
+        over = code == at.EVENT_FOUND or self.t >= self.settings.end
         over |= state[at.CUT] > 0.0  # the state is that of the step as it was
         pressed = self.interrupt is not None and self.interrupt.signal is not None
         if pressed and not over:

@@ -32,7 +32,7 @@ WHY = {
 def fall_back(run: Run, outcome: Outcome) -> bool:
     """Go on with another method; tell whether there is one."""
     name = run.runner.method.NAME
-    if outcome not in WHY or run.simulation.method != "auto" or name == ANY:
+    if outcome not in WHY or run.settings.method != "auto" or name == ANY:
         return False
     _go_on(run, WHY[outcome].format(name))
     return True

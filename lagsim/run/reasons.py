@@ -19,8 +19,9 @@ def reason_of(run: Run, outcome: Outcome) -> str:
     if outcome is Outcome.DONE:
         return f"the end was reached at t = {run.t!r}"
     if outcome is Outcome.UNTIL:
-        assert run.simulation.until is not None
-        return f"`{run.simulation.until.text}` at t = {run.t!r}"
+        until = run.equations.model.until
+        assert until is not None
+        return f"`{until.text}` at t = {run.t!r}"
     if outcome is Outcome.INTERRUPTED:
         return f"interrupted at t = {run.t!r}; the rows up to there were kept"
     return f"{_what_failed(run, outcome)}: {outcome.advice}{_other_means(run, outcome)}"

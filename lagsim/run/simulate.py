@@ -10,8 +10,9 @@ from lagsim.run.states import MOST_STEPS
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.arcs import Consumer
     from lagsim.run.interrupt import Interrupt
@@ -21,9 +22,10 @@ if TYPE_CHECKING:
 
 def simulate(
     equations: Equations,
-    start: Start,
+    start: State,
     plan: Plan,
     system: System,
+    settings: Settings,
     consumers: Sequence[Consumer],
     *,
     interrupt: Interrupt | None = None,
@@ -48,11 +50,12 @@ def simulate(
         from lagsim.run.apart import Apart
 
         apart = Apart(
-            equations, start, plan, system, consumers, interrupt, progress,
+            start, plan, system, settings, consumers, interrupt, progress,
             longest_step,
         )  # fmt: skip
         return apart.whole(most_steps, arc_steps)
     run = Run(
-        equations, start, plan, system, consumers, interrupt, progress, longest_step
-    )
+        equations, start, plan, system, settings, consumers, interrupt, progress,
+        longest_step,
+    )  # fmt: skip
     return run.whole(most_steps, arc_steps)

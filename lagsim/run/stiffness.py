@@ -95,9 +95,9 @@ def consider(run: Run) -> None:
     if fast.rate * state[at.STEP_H] < CLOSE * run.runner.method.IMAGINARY_LIMIT:
         return  # something else, as where rows lose their rank
     series = run.plan.method == SERIES
-    if series and (run.simulation.method != "auto" or fast.excited):
+    if series and (run.settings.method != "auto" or fast.excited):
         return
-    if run.simulation.method != "auto":
+    if run.settings.method != "auto":
         advice = f"`--method {STIFF}` passes over fast motion that has died out"
         _warn(run, fast.where, advice)
         return

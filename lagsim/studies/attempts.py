@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
     from lagsim.model.model import Model
+    from lagsim.model.settings import Settings
     from lagsim.outputs.table import TableWriter
     from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
@@ -100,7 +102,7 @@ class Attempt(NamedTuple):
 class Account:
     """The ledger of a repeat: what is no answer itself accuses no run."""
 
-    def __init__(self, equations: Equations, start: Start, system: System) -> None:
+    def __init__(self, equations: Equations, start: State, system: System) -> None:
         from lagsim.run.observers.ledger import Ledger
         from lagsim.studies.alarms import Witness
 
@@ -133,10 +135,12 @@ class Attempts:
         job: Job,
         equations: Equations,
         start: Start,
+        settings: Settings,
         writer: TableWriter,
         interrupt: Interrupt,
     ) -> None:
         self.job, self.equations, self.start = job, equations, start
+        self.settings = settings
         self.writer, self.interrupt = writer, interrupt
         # What all that judges the first attempt may cost.
         self.allowance: Allowance | None = None
@@ -167,9 +171,9 @@ class Attempts:
         from lagsim.studies.error_bar import Checkpoints
 
         job, equations, system = self.job, self.equations, means.system
-        names, model = system.columns.names, equations.model
+        names = system.columns.names
         ledger, thin = Ledger(names), self._thinning(names)
-        checkpoints = Checkpoints(len(equations.q), model.simulation)
+        checkpoints = Checkpoints(len(equations.q), self.settings)
         witness = Witness(names, len(equations.q))
         consumers: list[Any] = [ledger, checkpoints, witness, *([thin] if thin else [])]
         if self.writer.rows:
@@ -178,7 +182,7 @@ class Attempts:
         with progress_bar(quiet=job.quiet) as progress:
             job.lap("output")
             trajectory = simulate(
-                equations, self.start, means.plan, system, [output],
+                equations, self.start, means.plan, system, self.settings, [output],
                 interrupt=self.interrupt, progress=progress,
                 longest_step=means.longest_step,
                 most_steps=means.most_steps or MOST_STEPS,
@@ -225,8 +229,8 @@ class Attempts:
         always = self.job.error_bars is ErrorBars.ALWAYS
         with progress_bar(quiet=self.job.quiet) as progress:
             bar = repeat(
-                self.equations, self.start, means.plan, means.system, trajectory,
-                checkpoints, always=always, account=self._account,
+                self.equations, self.start, self.settings, means.plan, means.system,
+                trajectory, checkpoints, always=always, account=self._account,
                 allowance=self.allowance, interrupt=self.interrupt,
                 progress=progress,
             )  # fmt: skip
@@ -256,9 +260,9 @@ class Attempts:
         bar = attempt.bar
         assert not isinstance(bar, str)
         found = bool(bar.parted) or is_outlier(
-            self.equations, self.start, attempt.plan, attempt.system,
-            attempt.trajectory, attempt.checkpoints, bar, account=self._account,
-            allowance=self.allowance, interrupt=self.interrupt,
+            self.equations, self.start, self.settings, attempt.plan,
+            attempt.system, attempt.trajectory, attempt.checkpoints, bar,
+            account=self._account, allowance=self.allowance, interrupt=self.interrupt,
         )  # fmt: skip
         self.job.lap("error_bar")
         return found
@@ -270,8 +274,9 @@ class Attempts:
 
         trajectory = first.trajectory
         ways = by_other_means(
-            self.equations, self.start, first.plan, first.system, trajectory
-        )
+            self.equations, self.start, self.settings, first.plan, first.system,
+            trajectory,
+        )  # fmt: skip
         other = next(ways, None)
         if other is None:
             return None

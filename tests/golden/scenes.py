@@ -25,9 +25,11 @@ def scene(name, **overrides):
 
 def scene_of(model):
     equations = derive(model)
-    start = examine(equations)
-    assert start.admissible
-    return Scene(equations, start)
+    settings = model.settings()
+    examined = examine(equations, settings.start)
+    assert examined.admissible, examined.verdicts
+    start = examined.start
+    return Scene(equations, start, settings)
 
 
 @functools.cache

@@ -136,8 +136,11 @@ def test_each_end_in_words(outcome):
         runner=SimpleNamespace(method=SimpleNamespace(NAME="dop853")),
         torn="rod",
         accumulating="`sign(x)`, `y > 0`",
-        simulation=SimpleNamespace(until=SimpleNamespace(text="x <= 0")),
-        equations=SimpleNamespace(q=("x",), velocities=("x_dot",)),
+        equations=SimpleNamespace(
+            q=("x",),
+            velocities=("x_dot",),
+            model=SimpleNamespace(until=SimpleNamespace(text="x <= 0")),
+        ),
         observed=lambda: [2.5, 1.0, -3.0],
     )
     assert reason_of(ended, Outcome[outcome]).startswith(TOLD[outcome])

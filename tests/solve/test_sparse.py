@@ -36,8 +36,8 @@ def test_cost_grows_in_proportion(monkeypatch, tmp_path):
     costs = []
     for n in (50, 100):
         e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
-        start = examine(e)
-        plan = make_plan(e, start)
+        start = examine(e).start
+        plan = make_plan(e, start, e.model.settings())
         assert "solve: sparse elimination" in [c.choice for c in plan.choices]
         System(e, plan)
         entries = len(e.mass_entries) + sum(len(row.A.entries) for row in e.rows)
@@ -58,7 +58,7 @@ def test_cost_grows_in_proportion(monkeypatch, tmp_path):
 def states(e, number=3):
     """Give random states; they need not meet the constraints."""
     random = np.random.default_rng(8)
-    start = examine(e)
+    start = examine(e).start
     for _ in range(number):
         q = start.q + 0.2 * random.standard_normal(len(start.q))
         yield 0.3, np.concatenate([q, random.standard_normal(len(q)), [0.0]])
@@ -80,11 +80,11 @@ def motion(e, plan, y, t):
 @pytest.mark.parametrize("n", [5, 20])
 def test_the_solve_is_that_of_the_full_form(n):
     e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
-    start = examine(e)
-    plan = make_plan(e, start)
+    start = examine(e).start
+    plan = make_plan(e, start, e.model.settings())
     for t, y in states(e):
         tape = motion(e, replace(plan, tape=True), y, t)
-        full = motion(e, make_plan(e, start, loops=True), y, t)
+        full = motion(e, make_plan(e, start, e.model.settings(), loops=True), y, t)
         # Rounding, enlarged by the condition of S: 1e3 for 20 rods.
         assert np.max(np.abs(tape - full)) <= 1e-12 * np.max(np.abs(full))
 
@@ -92,7 +92,7 @@ def test_the_solve_is_that_of_the_full_form(n):
 @pytest.mark.parametrize("path", ALL, ids=lambda path: path.stem)
 def test_tapes_give_the_bits_of_compiled_code(path):
     e = derive(read_file(str(path)))
-    plan = make_plan(e, examine(e))
+    plan = make_plan(e, examine(e).start, e.model.settings())
     for t, y in states(e, 2):
         tape, code = (motion(e, replace(plan, tape=k), y, t) for k in (True, False))
         assert np.array_equal(tape, code, equal_nan=True)
@@ -104,9 +104,9 @@ def test_a_run_is_that_of_the_full_form(n):
     full = run(text, loops=True)
     e = full.equations
     keep = Keep()
-    plan = replace(make_plan(e, full.start), tape=True)
+    plan = replace(make_plan(e, full.start, e.model.settings()), tape=True)
     system = System(e, plan)
-    trajectory = simulate(e, full.start, plan, system, [keep])
+    trajectory = simulate(e, full.start, plan, system, e.model.settings(), [keep])
     assert trajectory.outcome.complete
     rows = np.concatenate(keep.blocks)
     names = system.columns.names
@@ -123,7 +123,7 @@ def test_a_run_is_that_of_the_full_form(n):
 def test_the_plan_chooses_by_operations():
     def choices(text):
         e = derive(read(text, "model.yaml"))
-        return make_plan(e, examine(e))
+        return make_plan(e, examine(e).start, e.model.settings())
 
     small = choices(rod_chain(10, 1.0))
     assert not small.tape

@@ -238,7 +238,7 @@ class Crossing:
                 lambda t, y: modes.values(t, y)[self.open] - levels,
                 run.t,
                 run.y,
-                run.simulation.end - run.simulation.start,
+                run.settings.duration,
                 ON * self.sizes[self.open],
             )
 

@@ -69,7 +69,7 @@ class Features:
     def __init__(self, run: Run) -> None:
         equations = run.system.equations
         g = equations.graph
-        start, end = run.simulation.start, run.simulation.end
+        start, end = run.settings.start, run.settings.end
         nodes = motion_nodes(equations)
         values = {p.name: p.value for p in equations.model.parameters}
         found = [

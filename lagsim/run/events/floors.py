@@ -75,7 +75,7 @@ def _pushes(modes: Modes) -> Floats:
     """Give the rates (LOOKS, K) of the surfaces by the forces at times to come."""
     run, n = modes.run, modes.run.system.n
     rows = modes.rows()
-    left = run.simulation.end - run.t
+    left = run.settings.end - run.t
     first = min(float(run.state[at.ROW_STEP]), left)
     spans = np.geomspace(first, left, LOOKS) if left > 0.0 else np.zeros(LOOKS)
     rates = [modes.rates(run.t + span, run.y)[n : 2 * n] for span in spans]

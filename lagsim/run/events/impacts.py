@@ -77,7 +77,7 @@ def _strikes(run: Run, step: Floats) -> bool:
     steps = run.runner.function("velocity_step")
     noise = np.zeros(n)
     for sign in (1.0, -1.0):
-        moment = ON * max(abs(run.t), run.simulation.end - run.simulation.start)
+        moment = ON * max(abs(run.t), run.settings.duration)
         aside = np.array([1.0 if i % 2 else sign for i in range(size)])
         moved = steps(run.t + moment, run.y + ON * aside * seen)[:n]
         noise = np.fmax(noise, np.abs(moved - step))

@@ -41,7 +41,9 @@ class RankLosses:
         row = run.runner.tabulate(np.array([[time, *at_loss]]))[0]
         q, v = row[1 : 1 + full], row[1 + full : 1 + 2 * full]
         if self._usual is None:
-            self._usual = usual_lengths(run.equations, run.start)
+            self._usual = usual_lengths(
+                run.equations, run.start, run.settings.output_step
+            )
         rank = run.plan.rank + len(run.plan.reduction.eliminated)
         names, smallest = weakest(run.equations, rank, self._usual, time, q, v)
         if len(run.events) < MOST_RANK_EVENTS:
@@ -68,8 +70,7 @@ def weakest(
     usual : (m,)
         Their lengths, in general.
     """
-    point = Point(equations)
-    point.move_to(t)
+    point = Point(equations, t)
     left, smallest = weakest_rows(point, q, v, rank, usual)
     heavy = np.abs(left) > 1e-3
     rows = zip(equations.rows, heavy, strict=True)

@@ -58,8 +58,7 @@ class Switching:
         self.modes = Modes(run)
         self.sides = self.modes.sides
         self.of_velocities = self.modes.of_velocities
-        simulation = run.simulation
-        self.sequence = Sequence(simulation.start, simulation.end - simulation.start)
+        self.sequence = Sequence(run.settings.start, run.settings.duration)
         self.told: set[str] = set()
         self.time = run.t
         self.jumped = False

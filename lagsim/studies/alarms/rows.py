@@ -12,8 +12,9 @@ from lagsim.notes import Caution
 from lagsim.studies.error_bar import beside
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
@@ -50,7 +51,7 @@ def about_error(bar: ErrorBar | str, plan: Plan) -> list[Caution]:
 
 
 def about_constraints(
-    equations: Equations, start: Start, plan: Plan, ledger: Ledger, witness: Witness
+    equations: Equations, start: State, plan: Plan, ledger: Ledger, witness: Witness
 ) -> list[Caution]:
     """Say so where rows do not meet the constraints: the motion is then no answer."""
     found = not_held(equations, start, ledger, witness)
@@ -68,7 +69,7 @@ def about_constraints(
 
 
 def not_held(
-    equations: Equations, start: Start, ledger: Ledger, witness: Witness
+    equations: Equations, start: State, ledger: Ledger, witness: Witness
 ) -> tuple[str, float] | None:
     """Give the constraint that is off most, and the part of its scale; or None.
 
@@ -99,6 +100,7 @@ def not_held(
 
 def about_energy(
     equations: Equations,
+    settings: Settings,
     plan: Plan,
     trajectory: Trajectory,
     ledger: Ledger,
@@ -129,7 +131,7 @@ def about_energy(
     if jumps(equations, witness, ledger.worst_row):
         text += "; its expression jumps, which is no error and makes no impulse"
     elif trajectory.outcome.complete:
-        text += f": that is an error of {_whose(plan)}; {_how(equations, plan)} it"
+        text += f": that is an error of {_whose(plan)}; {_how(settings, plan)} it"
     return [Caution(f"energy-{way}", text)]
 
 
@@ -140,10 +142,9 @@ def _whose(plan: Plan) -> str:
     return plan.method
 
 
-def _how(equations: Equations, plan: Plan) -> str:
+def _how(settings: Settings, plan: Plan) -> str:
     """Say what keeps the energy: nothing that has been tried."""
     how = "a shorter step" if plan.rtol is None else "a tighter rtol"
-    simulation = equations.model.simulation
-    if simulation is not None and simulation.method != "auto":
+    if settings.method != "auto":
         return f"{how}, or `--method auto`, keeps"
     return f"{how} keeps"

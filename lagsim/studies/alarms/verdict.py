@@ -17,13 +17,12 @@ import numpy as np
 
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.methods import method
-from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.studies.alarms.rows import HELD, UNEXPLAINED, not_held
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
     from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
@@ -63,7 +62,7 @@ class Doubt(NamedTuple):
 
 def doubt_about(
     equations: Equations,
-    start: Start,
+    start: State,
     plan: Plan,
     trajectory: Trajectory,
     ledger: Ledger,
@@ -82,7 +81,7 @@ def doubt_about(
 
 
 def _about_constraints(
-    equations: Equations, start: Start, ledger: Ledger, witness: Witness
+    equations: Equations, start: State, ledger: Ledger, witness: Witness
 ) -> Doubt | None:
     found = not_held(equations, start, ledger, witness)
     if found is None:
@@ -158,7 +157,7 @@ def _about_repeat(plan: Plan, bar: ErrorBar | str) -> Doubt | None:
         return None
     if bar.parted:
         return Doubt(bar.parted, float(bar.times[-1]), refutes=False)
-    rtol = DEFAULT_RTOL if plan.rtol is None else plan.rtol
+    rtol = plan.tolerance
     lost = bar.lost
     if not np.max(lost) > max(PARTED, TOLERANCES * rtol):
         return None
