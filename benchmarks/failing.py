@@ -64,13 +64,13 @@ class Motion:
 
     def steps(self, most):
         """Give the times and lengths of the first steps, and rejections until each."""
-        run = Run(self.equations, self.start, self.plan, self.system, [], None, None)
-        run._begin_arc(run.simulation.end)  # noqa: SLF001
-        run.state[at.ASK_AT] = 0.0  # go on at the bound
-        found = []
-        while len(found) < most and run.state[at.T] < run.simulation.end:
-            run.runner.advance(run.state, run.block, 1)
-            s = run.state
+        settings = self.model.simulation
+        run = Run(self.equations, self.start, settings, self.plan, self.system, [])
+        run.begin()
+        run.arc.tell({at.ASK_AT: 0.0})  # go on at the bound
+        found, s = [], run.arc.state
+        while len(found) < most and run.t < settings.end:
+            run.arc.advance(run.block, 1)
             found.append((s[at.T], s[at.STEP_H], s[at.REJECTIONS], s[at.EVALUATIONS]))
         return np.array(found).T
 

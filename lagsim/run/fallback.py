@@ -14,12 +14,19 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts import state as at
 from lagsim.notes import Choice
 from lagsim.plan.integration import ANY
-from lagsim.run.states import MOST_STEPS, taken_over
+from lagsim.run.decisions import Decision, Source
 from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
-    from lagsim.run.arcs import Run
+    from lagsim.run.arc import Arc
 
+# What a kernel gives that cannot go on.
+FAILED = {
+    at.NOT_FINITE: Outcome.NOT_FINITE,
+    at.STEP_TOO_SMALL: Outcome.STEP_TOO_SMALL,
+    at.PROJECTION_FAILED: Outcome.PROJECTION_FAILED,
+    at.NEWTON_FAILED: Outcome.NEWTON_FAILED,
+}
 WHY = {
     Outcome.NOT_FINITE: "{} has no finite values there",
     Outcome.STEP_TOO_SMALL: "{} makes no step from there",
@@ -28,16 +35,17 @@ WHY = {
 }
 
 
-def fall_back(run: Run, outcome: Outcome) -> bool:
-    """Go on with another method; tell whether there is one."""
-    name = run.runner.method.NAME
-    if outcome not in WHY or run.simulation.method != "auto" or name == ANY:
-        return False
-    reason = WHY[outcome].format(name)
-    run.choices.append(Choice(f"method: {ANY} from t = {run.t:.9g} on", reason))
-    run.plan = replace(run.plan, method=ANY)
-    run.use(run.system)
-    run.state = taken_over(run.state, run.runner)
-    run.state[at.H] = run.state[at.AT_BOUND] = 0.0
-    run.review_at = MOST_STEPS
-    return True
+class Fallback(Source):
+    """Another method, for one that fails."""
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Go on with it, if there is one."""
+        name = arc.runner.method.NAME
+        if code not in FAILED or arc.settings.method != "auto" or name == ANY:
+            return None
+        reason = WHY[FAILED[code]].format(name)
+        return Decision(
+            choices=(Choice(f"method: {ANY} from t = {arc.t:.9g} on", reason),),
+            arc=arc.by(replace(arc.plan, method=ANY), arc.system),
+            numbers={at.H: 0.0, at.AT_BOUND: 0.0},
+        )

@@ -13,8 +13,9 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
     from lagsim.plan import Plan
-    from lagsim.run.arcs import Consumer
+    from lagsim.run.apart import Apart
     from lagsim.run.interrupt import Interrupt
+    from lagsim.run.recorder import Consumer
     from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 
@@ -41,15 +42,15 @@ def simulate(
         No step of a method that chooses its steps is longer, if it is not 0; the ranges
         of the coordinates over the steps are then noted, too.
     """
+    settings = equations.model.simulation
+    assert settings is not None
+    kind: type[Run | Apart] = Run
     if plan.parts:
         from lagsim.run.apart import Apart
 
-        apart = Apart(
-            equations, start, plan, system, consumers, interrupt, progress,
-            longest_step,
-        )  # fmt: skip
-        return apart.whole(most_steps)
-    run = Run(
-        equations, start, plan, system, consumers, interrupt, progress, longest_step
-    )
+        kind = Apart
+    run = kind(
+        equations, start, settings, plan, system, consumers, interrupt=interrupt,
+        progress=progress, longest_step=longest_step,
+    )  # fmt: skip
     return run.whole(most_steps)
