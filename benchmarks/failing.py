@@ -65,9 +65,9 @@ class Motion:
     def steps(self, most):
         """Give the times and lengths of the first steps, and rejections until each."""
         settings = self.model.simulation
-        run = Run(self.equations, self.start, settings, self.plan, self.system, [])
+        run = Run(self.equations, self.start, self.plan, self.system, settings, [])
         run.begin()
-        run.arc.tell({at.ASK_AT: 0.0})  # go on at the bound
+        run.arc.tell({"ask_at": 0.0})  # go on at the bound
         found, s = [], run.arc.state
         while len(found) < most and run.t < settings.end:
             run.arc.advance(run.block, 1)

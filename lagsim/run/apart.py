@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Simulation
     from lagsim.plan import Plan
     from lagsim.plan.subsystems import Subsystem
@@ -44,13 +43,13 @@ class Part:
         self,
         part: Subsystem,
         start: Start,
-        settings: Simulation,
         plan: Plan,
         system: System,
+        settings: Simulation,
         **others: Any,
     ) -> None:
         own, n = part.at(start), len(start.q)
-        self.run = Run(part.equations, own, settings, plan, system, [self], **others)
+        self.run = Run(part.equations, own, plan, system, settings, [self], **others)
         self.names = ", ".join(part.equations.q)
         self.columns = [0, *(1 + j for j in part.coordinates)]
         self.columns += [1 + n + j for j in part.coordinates]
@@ -93,11 +92,10 @@ class Apart:
 
     def __init__(
         self,
-        equations: Equations,  # noqa: ARG002
         start: Start,
-        settings: Simulation,
         plan: Plan,
         system: System,
+        settings: Simulation,
         consumers: Sequence[Consumer],
         *,
         interrupt: Interrupt | None = None,
@@ -115,7 +113,7 @@ class Apart:
                 # A repeat has other tolerances, and other rows.
                 alike = replace(alike, rtol=plan.rtol, atol=plan.atol)
             part = Part(
-                x.subsystem, start, settings, alike, own, interrupt=interrupt,
+                x.subsystem, start, alike, own, settings, interrupt=interrupt,
                 longest_step=longest_step,
             )  # fmt: skip
             self.parts.append(part)

@@ -44,8 +44,6 @@ class Arc:
     ----------
     equations : Equations
         The full ones; `system.equations` are those that are integrated.
-    settings
-        How to integrate.
     runner : Runner
         By the method of the plan, or the one that slides.
     state : ndarray
@@ -56,9 +54,9 @@ class Arc:
 
     equations: Equations
     start: Start
-    settings: Simulation
     plan: Plan
     system: System
+    settings: Simulation
     runner: Runner
     state: Floats
     end: float
@@ -142,10 +140,10 @@ class Arc:
         """Let the state jump."""
         self.y[:] = y
 
-    def tell(self, numbers: Mapping[int, float]) -> None:
-        """Write numbers of the state's header."""
-        for place, number in numbers.items():
-            self.state[place] = number
+    def tell(self, numbers: Mapping[str, float]) -> None:
+        """Write numbers of the state's header, by their names."""
+        for name, number in numbers.items():
+            self.state[getattr(at, name.upper())] = number
 
     def expect(self, sizes: Floats) -> None:
         """Take it that components will have these sizes (size,)."""
@@ -186,9 +184,9 @@ class Arc:
 def first_arc(
     equations: Equations,
     start: Start,
-    settings: Simulation,
     plan: Plan,
     system: System,
+    settings: Simulation,
     longest_step: float = 0.0,
 ) -> Arc:
     """Give the state at a start, on no way yet."""
@@ -210,7 +208,7 @@ def first_arc(
     if settings.until is not None:
         state[at.EQUATION] = settings.until.sense.value == "="
     state[at.HEADER : at.HEADER + len(y)] = y
-    return Arc(equations, start, settings, plan, system, runner, state, settings.end)
+    return Arc(equations, start, plan, system, settings, runner, state, settings.end)
 
 
 def _set_watch(state: Floats, plan: Plan) -> None:

@@ -56,16 +56,16 @@ class Run:
         self,
         equations: Equations,
         start: Start,
-        settings: Simulation,
         plan: Plan,
         system: System,
+        settings: Simulation,
         consumers: Sequence[Consumer],
         *,
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
         longest_step: float = 0.0,
     ) -> None:
-        self.arc = first_arc(equations, start, settings, plan, system, longest_step)
+        self.arc = first_arc(equations, start, plan, system, settings, longest_step)
         self.sources = list(_sources(self.arc))
         self.recorder = Recorder(consumers)
         self.interrupt, self.progress = interrupt, progress

@@ -46,7 +46,7 @@ class Decision:
     arc : Arc or None
         Takes the place of the one that there was.
     numbers
-        Of the state's header, by their places.
+        Of the state's header, by their names in `methods.parts.state`.
     sizes : ndarray or None
         What counts as the sizes of the components (size,).
     y : ndarray or None
@@ -64,7 +64,7 @@ class Decision:
     cautions: tuple[Caution, ...] = ()
     choices: tuple[Choice, ...] = ()
     arc: Arc | None = None
-    numbers: Mapping[int, float] = field(default_factory=dict)
+    numbers: Mapping[str, float] = field(default_factory=dict)
     sizes: Floats | None = None
     y: Floats | None = None
     rows: Floats | None = None

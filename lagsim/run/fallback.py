@@ -47,5 +47,5 @@ class Fallback(Source):
         return Decision(
             choices=(Choice(f"method: {ANY} from t = {arc.t:.9g} on", reason),),
             arc=arc.by(replace(arc.plan, method=ANY), arc.system),
-            numbers={at.H: 0.0, at.AT_BOUND: 0.0},
+            numbers={"h": 0.0, "at_bound": 0.0},
         )

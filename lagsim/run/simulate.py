@@ -44,13 +44,17 @@ def simulate(
     """
     settings = equations.model.simulation
     assert settings is not None
-    kind: type[Run | Apart] = Run
+    run: Run | Apart
     if plan.parts:
         from lagsim.run.apart import Apart
 
-        kind = Apart
-    run = kind(
-        equations, start, settings, plan, system, consumers, interrupt=interrupt,
-        progress=progress, longest_step=longest_step,
-    )  # fmt: skip
+        run = Apart(
+            start, plan, system, settings, consumers, interrupt=interrupt,
+            progress=progress, longest_step=longest_step,
+        )  # fmt: skip
+    else:
+        run = Run(
+            equations, start, plan, system, settings, consumers, interrupt=interrupt,
+            progress=progress, longest_step=longest_step,
+        )  # fmt: skip
     return run.whole(most_steps)

@@ -96,7 +96,7 @@ class Stiffness(Source):
 
     def _considered(self, arc: Arc) -> Decision:
         """Decide on a step that has been at the bound for a while."""
-        asked = {at.AT_BOUND: 0.0, at.ASK_AT: ASKED_AGAIN * arc.state[at.ASK_AT]}
+        asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state[at.ASK_AT]}
         return replace(self._considered_once(arc), numbers=asked)
 
     def _considered_once(self, arc: Arc) -> Decision:
@@ -197,7 +197,7 @@ def _is_doubtful(arc: Arc) -> bool:
 
 def _taken(arc: Arc, reason: str) -> Decision:
     choice = Choice(f"method: {arc.plan.method} from t = {arc.t:.9g} on", reason)
-    return Decision(choices=(choice,), arc=arc, numbers={at.AT_BOUND: 0.0})
+    return Decision(choices=(choice,), arc=arc, numbers={"at_bound": 0.0})
 
 
 def _fastest(arc: Arc) -> Fast | None:

@@ -97,14 +97,14 @@ class Features(Source):
             self._now, self._next = self._next, next(self._coming, None)
         now = self._now
         if now is None:
-            return Decision(numbers={at.FEATURE_WIDTH: 0.0})
+            return Decision(numbers={"feature_width": 0.0})
         begins = now.time - now.reach - now.width
         is_ahead = arc.t < begins
         numbers = {
-            at.FEATURE: now.time,
-            at.FEATURE_WIDTH: now.width,
-            at.FEATURE_REACH: now.reach,
-            at.FEATURE_END: begins if is_ahead else self._ends(now),
+            "feature": now.time,
+            "feature_width": now.width,
+            "feature_reach": now.reach,
+            "feature_end": begins if is_ahead else self._ends(now),
         }
         sizes = _expected(arc, now, FORESEEN if is_ahead else 1.0)
         return Decision(numbers=numbers, sizes=sizes)

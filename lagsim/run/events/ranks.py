@@ -42,7 +42,7 @@ class Dependence(Source):
                 "on multipliers may lose digits"
             )
             caution = Caution("nearly-dependent", text)
-            return Decision(cautions=(caution,), numbers={at.DEGENERATE_BELOW: 0.0})
+            return Decision(cautions=(caution,), numbers={"degenerate_below": 0.0})
         text = f"{found}; from there on they are solved by a QR decomposition"
         plan = by_loops(arc.plan)
         return Decision(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from lagsim.language.arrays import Floats
-    from lagsim.run.system import System
+    from lagsim.mechanics.equations import Equations
+    from lagsim.plan import Plan
+    from lagsim.run.system.sleepers import Sleeper
 
 _POINTER = ctypes.c_void_p
 # Of the functions of a model: t, y, p, out.
@@ -38,6 +40,31 @@ _TABULATE = (
 )  # fmt: skip
 
 
+class Compiled(Protocol):
+    """What a method is linked with: a model's functions, and their memory.
+
+    See `System`.
+    """
+
+    plan: Plan
+    equations: Equations
+    n: int
+    m: int
+    size: int
+    surfaces: int
+    sleepers: list[Sleeper]
+    inertias: tuple[str, ...]
+    p: Floats
+    motion: int
+    objects: list[bytes]
+    wide: bool
+    rows_observed: int
+
+    @property
+    def has_loops(self) -> bool:
+        """Something is solved by loops."""
+
+
 class Runner:
     """A system linked with a method.
 
@@ -46,7 +73,7 @@ class Runner:
     method : module
     """
 
-    def __init__(self, system: System, name: str) -> None:
+    def __init__(self, system: Compiled, name: str) -> None:
         self.system = system
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
