@@ -79,8 +79,9 @@ class Ours:
         path = str(MODELS / "andrews.yaml")
         options = {"rtol": repr(rtol), "duration": "0.03", "output_step": "3e-5"}
         self.equations = derive(read_file(path, options=options))
-        self.start = examine(self.equations)
-        self.plan = make_plan(self.equations, self.start)
+        self.settings = self.equations.model.settings()
+        self.start = examine(self.equations, self.settings.start)
+        self.plan = make_plan(self.equations, self.start, self.settings)
         self.system = System(self.equations, self.plan)
         # Linking is part of preparing a model, not of integrating it.
         runner = self.system.link(self.plan.method)
@@ -92,7 +93,9 @@ class Ours:
 
     def run(self):
         """Integrate with rows, lambda and all; give the last state and evaluations."""
-        done = simulate(self.equations, self.start, self.plan, self.system, [self])
+        done = simulate(
+            self.equations, self.start, self.plan, self.system, self.settings, [self]
+        )
         return self.last[1:15].copy(), done.statistics.evaluations
 
 

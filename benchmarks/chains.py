@@ -54,7 +54,7 @@ def lap(name):
 model = read_file(sys.argv[1]); lap("read")
 equations = derive(model); lap("derive")
 start = examine(equations); lap("examine")
-plan = make_plan(equations, start); lap("plan")
+plan = make_plan(equations, start, model.settings()); lap("plan")
 system = System(equations, plan); lap("compile")
 runner = system.link(plan.method); lap("kernels and linking")
 print(json.dumps(laps))

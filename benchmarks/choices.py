@@ -58,7 +58,7 @@ def points(entries, of):
 def rows_of(model, charts=None):
     """Give the rows of the table for one model; draw its chart where one is wanted."""
     equations = derive(read_file(str(MODELS / f"{model}.yaml")))
-    scene = Scene(equations, examine(equations))
+    scene = Scene(equations, examine(equations), equations.model.settings())
     try:
         found = measure(scene, Wish(methods=None if charts else names()))
     except NoReferenceError as why:
@@ -71,7 +71,7 @@ def rows_of(model, charts=None):
 def draw(model, found, scene, folder):
     """Draw the chart of a model, in a palette of colours: a tenth of the bytes."""
     folder.mkdir(parents=True, exist_ok=True)
-    content = document(scene.equations.model, found, [])
+    content = document(scene.equations.model, scene.settings, found, [])
     picture = Image.open(io.BytesIO(chart(model, found, content)))
     picture.convert("RGB").quantize(48).save(folder / f"{model}.png", optimize=True)
 

@@ -36,8 +36,9 @@ class Motion:
         sets = {key: str(value) for key, value in (sets or {}).items()}
         self.model = read_file(str(MODELS / f"{name}.yaml"), sets, options)
         self.equations = derive(self.model)
-        self.start = examine(self.equations)
-        self.plan = make_plan(self.equations, self.start)
+        self.settings = self.model.settings()
+        self.start = examine(self.equations, self.settings.start)
+        self.plan = make_plan(self.equations, self.start, self.settings)
         self.system = System(self.equations, self.plan)
         self.blocks = []
 
@@ -45,7 +46,12 @@ class Motion:
         """Integrate it."""
         with np.errstate(all="ignore"):
             self.trajectory = simulate(
-                self.equations, self.start, self.plan, self.system, [self]
+                self.equations,
+                self.start,
+                self.plan,
+                self.system,
+                self.settings,
+                [self],
             )
         self.rows = np.concatenate(self.blocks)
         return self
@@ -64,7 +70,7 @@ class Motion:
 
     def steps(self, most):
         """Give the times and lengths of the first steps, and rejections until each."""
-        settings = self.model.simulation
+        settings = self.settings
         run = Run(self.equations, self.start, self.plan, self.system, settings, [])
         run.begin()
         run.arc.tell({"ask_at": 0.0})  # go on at the bound

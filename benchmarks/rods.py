@@ -56,12 +56,14 @@ def candidates(n):
 
     equations = derive(read(rod_chain(n, 1.0), "rods.yaml"))
     start = examine(equations)
-    plan = make_plan(equations, start)
+    plan = make_plan(equations, start, equations.model.settings())
     plans = {"tape": replace(plan, tape=True)}
     if n <= LONGEST_CODE:
         plans["code"] = replace(plan, tape=False)
     if n <= MOST_LOOPS:
-        plans["loops"] = make_plan(equations, start, loops=True)
+        plans["loops"] = make_plan(
+            equations, start, equations.model.settings(), loops=True
+        )
     y = np.concatenate([start.q, start.v])
 
     def timed(chosen):

@@ -31,7 +31,8 @@ class Scene:
             read_model = read_file(str(path), options=texts)
         self.equations = derive(read_model)
         self.start = examine(self.equations)
-        plan = make_plan(self.equations, self.start, formulation=formulation)
+        self.settings = read_model.settings({"formulation": formulation})
+        plan = make_plan(self.equations, self.start, self.settings)
         self.plan = replace(plan, **(change or {}))
         self.planned = time.perf_counter() - began
         self.system = System(self.equations, self.plan)
@@ -40,7 +41,7 @@ class Scene:
         """Integrate, and keep the rows."""
         self.blocks = []
         self.trajectory = simulate(
-            self.equations, self.start, self.plan, self.system, [self]
+            self.equations, self.start, self.plan, self.system, self.settings, [self]
         )
 
     def add(self, rows):

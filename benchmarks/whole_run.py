@@ -40,18 +40,18 @@ class Pendulum:
     def __init__(self, **options):
         texts = {name: str(value) for name, value in options.items()}
         self.equations = derive(read_file(str(MODEL), options=texts))
-        self.start = examine(self.equations)
-        self.plan = make_plan(self.equations, self.start)
+        self.settings = self.equations.model.settings()
+        self.start = examine(self.equations, self.settings.start)
+        self.plan = make_plan(self.equations, self.start, self.settings)
         self.system = System(self.equations, self.plan)
         self.runner = self.system.link(self.plan.method)
         self.blocks = []
         size = self.system.size
-        simulation = self.equations.model.simulation
         self.out = np.empty((2048, 1 + size))
         self.first = np.zeros(self.runner.method.state_size(size))
-        self.first[at.END] = simulation.end
-        self.first[at.ROW_STEP] = simulation.output_step
-        self.first[at.ROW_LIMIT] = simulation.end * (1 + 1e-12)
+        self.first[at.END] = self.settings.end
+        self.first[at.ROW_STEP] = self.settings.output_step
+        self.first[at.ROW_LIMIT] = self.settings.end * (1 + 1e-12)
         self.first[at.RTOL], self.first[at.ATOL] = self.plan.rtol, -1.0
         self.first[at.N], self.first[at.SIZE] = self.system.n, size
         self.first[at.FRESH] = self.first[at.HEALTH] = 1.0
@@ -77,7 +77,9 @@ class Pendulum:
 
     def simulate(self):
         """Run the loop over arcs; give theta, u and their rates in every row."""
-        simulate(self.equations, self.start, self.plan, self.system, [self])
+        simulate(
+            self.equations, self.start, self.plan, self.system, self.settings, [self]
+        )
         return np.concatenate(self.blocks)[:, 1:5]
 
 

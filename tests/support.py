@@ -16,6 +16,7 @@ from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 
 if TYPE_CHECKING:
+    from lagsim.model.settings import Settings
     from lagsim.run.trajectory import Trajectory
 
 ROOT = Path(__file__).parent.parent
@@ -39,6 +40,7 @@ class Run:
 
     equations: Equations
     start: Start
+    settings: Settings
     plan: Plan
     system: System
     trajectory: Trajectory
@@ -70,10 +72,12 @@ def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
         else:
             model = read_file(str(MODELS / f"{model}.yaml"), options=options)
     equations = derive(model)
-    start = examine(equations)
+    settings = model.settings()
+    start = examine(equations, settings.start)
     assert start.admissible, start.verdicts
-    plan = make_plan(equations, start, loops=loops)
+    plan = make_plan(equations, start, settings, loops=loops)
     system = System(equations, plan)
     keep = Keep()
-    trajectory = simulate(equations, start, plan, system, [keep], **rest)
-    return Run(equations, start, plan, system, trajectory, np.concatenate(keep.blocks))
+    trajectory = simulate(equations, start, plan, system, settings, [keep], **rest)
+    rows = np.concatenate(keep.blocks)
+    return Run(equations, start, settings, plan, system, trajectory, rows)

@@ -28,14 +28,13 @@ HALF = 2.0**-26
 
 
 class Point:
-    """The equations in numbers."""
+    """The equations in numbers, at a time."""
 
-    def __init__(self, equations: Equations) -> None:
+    def __init__(self, equations: Equations, time: float = 0.0) -> None:
         self.e = equations
         self.g = equations.graph
         self.n = len(equations.q)
-        simulation = equations.model.simulation
-        self.t = simulation.start if simulation else 0.0
+        self.t = time
         self._fixed = {p.name: p.value for p in equations.model.parameters}
         self._fixed["t"] = self.t
         # As of constants: what is not a whole number has been rounded.

@@ -112,11 +112,15 @@ class Start:
         return len(self.q) - self.ranks.rank
 
 
-def examine(equations: Equations, *, classify: bool = False) -> Start:
+def examine(
+    equations: Equations, time: float = 0.0, *, classify: bool = False
+) -> Start:
     """Judge the initial state of a model.
 
     Parameters
     ----------
+    time
+        When the run begins.
     classify
         Also decide which velocity constraints are integrable.
 
@@ -126,7 +130,7 @@ def examine(equations: Equations, *, classify: bool = False) -> Start:
         Where energies or forces are not finite, or a coordinate has no inertia that no
         constraint determines (exit 2).
     """
-    return _Examination(equations).start(classify=classify)
+    return _Examination(equations, time).start(classify=classify)
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,9 +146,9 @@ class _Judged:
 
 
 class _Examination:
-    def __init__(self, equations: Equations) -> None:
+    def __init__(self, equations: Equations, time: float) -> None:
         self.e = equations
-        self.point = Point(equations)
+        self.point = Point(equations, time)
         self.initial = {value.name: value for value in equations.model.initial}
         self.errors = {value.name: value.error for value in equations.model.initial}
         names = (*equations.q, *equations.velocities)

@@ -17,6 +17,8 @@ from lagsim.methods import names
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
+    from lagsim.model.settings import Settings
+
 ModelPath = Annotated[
     str, typer.Argument(metavar="MODEL", help="Model file; - is standard input.")
 ]
@@ -84,6 +86,16 @@ def method_problems(
         return []
     hint = f"one of {', '.join(known)}; `lagsim methods` describes them"
     return [Problem("unknown-method", f"there is no method `{asked}`", place, hint)]
+
+
+def unknown_names(settings: Settings) -> list[Problem]:
+    """Give the faults of a method, and a formulation, that do not exist."""
+    from lagsim.plan.formulation import formulation_problems
+
+    return [
+        *method_problems(settings.method, settings.method_place),
+        *formulation_problems(settings.formulation, settings.formulation_place),
+    ]
 
 
 @contextlib.contextmanager

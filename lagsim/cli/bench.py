@@ -101,15 +101,15 @@ class _Job:
         """Do it; give the exit code."""
         from lagsim.admissibility import examine
         from lagsim.cli import check
-        from lagsim.cli.run import refuse
+        from lagsim.cli.run import wanted
         from lagsim.mechanics.equations import derive
         from lagsim.model.reader import read_file
         from lagsim.studies.bench.solving import Scene
 
         model = read_file(path, overrides)
-        refuse(model, "bench")
+        settings = wanted(model, "bench")
         equations = derive(model)
-        start = examine(equations)
+        start = examine(equations, settings.start)
         if not start.admissible:
             if self.as_json:
                 self.documents.append(check.document(equations, start))
@@ -121,7 +121,7 @@ class _Job:
 
         folder = self.folder or Path("results") / model.name / "bench"
         with open_results(folder, MANIFEST) as results:
-            return self._measure(Scene(equations, start), wish, results)
+            return self._measure(Scene(equations, start, settings), wish, results)
 
     def _measure(self, scene: Scene, wish: Wish, results: Any) -> int:
         from lagsim.outputs.manifest import encode
@@ -139,7 +139,7 @@ class _Job:
             except GivenUpError:
                 return 128 + (interrupt.signal or 0)
         model = scene.equations.model
-        content = document(model, found, [TABLE, CHART, MANIFEST])
+        content = document(model, scene.settings, found, [TABLE, CHART, MANIFEST])
         try:
             results.write(TABLE, entries_table(found.entries))
             results.write(CHART, chart(model.name, found, content))

@@ -13,9 +13,9 @@ from lagsim.cli._shared import (
     coloured,
     counted,
     faults_shown,
-    method_problems,
     show_json,
     table,
+    unknown_names,
 )
 from lagsim.cli._streams import say
 from lagsim.errors import InputError
@@ -64,21 +64,18 @@ def _one(
     from lagsim.mechanics.equations import derive
     from lagsim.model.reader import read_file
     from lagsim.plan import make_plan
-    from lagsim.plan.formulation import formulation_problems
 
     with faults_shown(documents, file=path) as code:
         model = read_file(path, assignments(sets))
-        simulation = model.simulation
-        if simulation is not None:
-            problems = method_problems(simulation.method, simulation.method_place)
-            problems += formulation_problems(
-                simulation.formulation, simulation.formulation_place
-            )
-            if problems:
-                raise InputError(problems)
+        settings = model.settings()
+        problems = unknown_names(settings)
+        if problems:
+            raise InputError(problems)
         equations = derive(model)
-        start = examine(equations, classify=True)
-        choices = make_plan(equations, start).choices if start.admissible else ()
+        start = examine(equations, settings.start, classify=True)
+        choices: Sequence[Choice] = ()
+        if start.admissible:
+            choices = make_plan(equations, start, settings).choices
         if documents is not None:
             documents.append(document(equations, start, choices))
         else:

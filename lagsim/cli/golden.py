@@ -75,24 +75,24 @@ class _Job:
         """Do it for one model; give the exit code."""
         from lagsim.admissibility import examine
         from lagsim.cli import check
-        from lagsim.cli.run import refuse
+        from lagsim.cli.run import wanted
         from lagsim.mechanics.equations import derive
         from lagsim.model.reader import read_file
         from lagsim.studies.golden.motion import Scene
         from lagsim.studies.golden.storing import folder_of, load
 
         model = read_file(path)
-        refuse(model, "golden")
+        settings = wanted(model, "golden")
         folder = self.folder or folder_of(path)
         stored = None if self.update else load(folder, model.name)
         equations = derive(model)
-        start = examine(equations)
+        start = examine(equations, settings.start)
         if not start.admissible:
             self.documents.append(check.document(equations, start) | _name(model))
             if not self.as_json:
                 complain(check.report(equations, start))
             return 1
-        scene = Scene(equations, start)
+        scene = Scene(equations, start, settings)
         if stored is None:
             return self._store(scene, folder)
         from lagsim.studies.golden.judging import judge, run

@@ -16,12 +16,13 @@ from lagsim.cli._shared import (
     Sets,
     assignments,
     faults_shown,
-    method_problems,
     show_json,
+    unknown_names,
 )
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import cut_short, open_table
 from lagsim.errors import InputError, Problem
+from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.studies.attempts import ErrorBars
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
+    from lagsim.model.settings import Settings
     from lagsim.notes import Caution
     from lagsim.outputs.results import Results
     from lagsim.plan import Plan
@@ -60,7 +62,9 @@ def command(
     ] = None,
     rtol: Annotated[
         str | None,
-        typer.Option(metavar="X", help="Relative tolerance; default 1e-11."),
+        typer.Option(
+            metavar="X", help=f"Relative tolerance; default {DEFAULT_RTOL:g}."
+        ),
     ] = None,
     atol: Annotated[
         str | None,
@@ -87,7 +91,8 @@ def command(
         str | None,
         typer.Option(
             metavar="X",
-            help="Of baumgarte, per unit of time; default 0.1/output step.",
+            help="Of baumgarte, per unit of time; "
+            f"default {1 / ROWS_TO_DECAY:g}/output step.",
         ),
     ] = None,
     spectral_radius: Annotated[
@@ -99,7 +104,9 @@ def command(
     ] = None,
     output_step: Annotated[
         str | None,
-        typer.Option(metavar="H", help="Spacing of rows; default duration/1000."),
+        typer.Option(
+            metavar="H", help=f"Spacing of rows; default duration/{DEFAULT_ROWS}."
+        ),
     ] = None,
     error_bar: Annotated[
         ErrorBars,
@@ -176,17 +183,17 @@ class _Job:
 
         self.lap("import")
         model = read_file(path, overrides, options)
-        refuse(model)
+        settings = wanted(model)
         self.lap("read")
         equations = derive(model)
-        start = examine(equations)
+        start = examine(equations, settings.start)
         if not start.admissible:
             if self.as_json:
                 show_json(check.document(equations, start))
             else:
                 complain(check.report(equations, start))
             return 1
-        plan = make_plan(equations, start)
+        plan = make_plan(equations, start, settings)
         self.lap("derive")
         system = System(equations, plan)
         system.link(plan.method)
@@ -195,12 +202,13 @@ class _Job:
 
         folder = self.folder or Path("results") / model.name
         with open_results(folder) as results:
-            return self._integrate(equations, start, plan, system, results)
+            return self._integrate(equations, start, settings, plan, system, results)
 
     def _integrate(
         self,
         equations: Equations,
         start: Start,
+        settings: Settings,
         plan: Plan,
         system: System,
         results: Results,
@@ -216,15 +224,16 @@ class _Job:
         with open_table(results, names[: system.columns.table]) as writer, (
             interrupt.noted()
         ):  # fmt: skip
-            attempts = Attempts(self, equations, start, writer, interrupt)
+            attempts = Attempts(self, equations, start, settings, writer, interrupt)
             found = attempts.best(Means(plan, system))
             plan, system, trajectory = found.plan, found.system, found.trajectory
             ledger, bar, full = found.ledger, found.bar, found.output.fault
             if found.thin and not full:
                 full = self._draw(system, trajectory, found.thin, bar, results)
             cautions = alarms(
-                equations, start, plan, system, trajectory, ledger, found.witness, bar
-            )
+                equations, start, settings, plan, trajectory, ledger, found.witness,
+                bar,
+            )  # fmt: skip
             self.lap("output")
             timings = {name: round(t, 6) for name, t in self.timings.items()}
             document = manifest(
@@ -298,11 +307,14 @@ class _Job:
             say(summary(equations, document, folder, ledger.first_energy, bar))
 
 
-def refuse(model: Model, command: str = "run") -> None:
-    """Refuse what this version cannot run."""
-    from lagsim.plan.formulation import formulation_problems
+def wanted(model: Model, command: str = "run") -> Settings:
+    """Give how the file wants to be run; refuse what this version cannot run.
 
-    simulation = model.simulation
+    Raises
+    ------
+    InputError
+    """
+    settings = model.settings()
     problems = [
         Problem(
             "one-sided",
@@ -313,7 +325,7 @@ def refuse(model: Model, command: str = "run") -> None:
         for c in model.constraints
         if c.law is not None
     ]
-    if simulation is None:
+    if not settings.duration:
         problems.append(
             Problem(
                 "missing-key",
@@ -323,12 +335,10 @@ def refuse(model: Model, command: str = "run") -> None:
             )
         )
     else:
-        problems += method_problems(simulation.method, simulation.method_place)
-        problems += formulation_problems(
-            simulation.formulation, simulation.formulation_place
-        )
+        problems += unknown_names(settings)
     if problems:
         raise InputError(problems)
+    return settings
 
 
 def _exit_code(trajectory: Trajectory, interrupt: Interrupt) -> int:

@@ -101,29 +101,17 @@ class _Job:
         """Do it; give the exit code."""
         from lagsim.admissibility import examine
         from lagsim.cli import check
-        from lagsim.cli.run import refuse
+        from lagsim.cli.run import wanted
         from lagsim.mechanics.equations import derive
-        from lagsim.model.reader import read, text_of
+        from lagsim.model.reader import read_file
         from lagsim.studies.bench.solving import Scene
 
-        text, file = text_of(self.path)
-
-        def scene_at(value: float | None) -> Scene:
-            overrides = dict(self.overrides)
-            if value is not None:
-                assert self.wish.name is not None
-                overrides[self.wish.name] = repr(value)
-            equations = derive(read(text, file, overrides))
-            start = examine(equations)
-            if value is not None and not start.admissible:
-                problem = Problem("inadmissible", "the start is not admissible")
-                raise InputError([problem])
-            return Scene(equations, start)
-
-        model = read(text, file, self.overrides)
-        refuse(model, "stability")
+        model = read_file(self.path, self.overrides)
+        settings = wanted(model, "stability")
         self._check_parameter(model)
-        usual = scene_at(None)
+        equations = derive(model)
+        start = examine(equations, settings.start)
+        usual = Scene(equations, start, settings)
         if not usual.start.admissible:
             if self.as_json:
                 self.documents.append(check.document(usual.equations, usual.start))
@@ -137,7 +125,16 @@ class _Job:
         methods_for(usual, self.wish)
 
         def scene(value: float | None) -> Scene:
-            return usual if value is None else scene_at(value)
+            if value is None:
+                return usual
+            assert self.wish.name is not None
+            bound = equations.of(model.bind({self.wish.name: value}))
+            settings = bound.model.settings()
+            start = examine(bound, settings.start)
+            if not start.admissible:
+                problem = Problem("inadmissible", "the start is not admissible")
+                raise InputError([problem])
+            return Scene(bound, start, settings)
 
         folder = folder or Path("results") / model.name / "stability"
         with open_results(folder, MANIFEST) as results:

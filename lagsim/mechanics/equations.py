@@ -10,7 +10,7 @@ eqs 47 and 61; Arnold, Mathematical Methods of Classical Mechanics, sections 12 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from lagsim.language.derivatives import gradient, rate_of, tangent
@@ -83,6 +83,10 @@ class Equations:
     kinetic_form: int
     power: int | None
     quadratures: tuple[Quadrature, ...] = ()
+
+    def of(self, model: Model) -> Equations:
+        """Give the same equations of the model bound to other values."""
+        return replace(self, model=model)
 
     @property
     def accelerations(self) -> tuple[str, ...]:

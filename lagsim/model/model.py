@@ -8,13 +8,16 @@ Definitions are already written into the expressions that use them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
+    from lagsim.model.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,25 +141,6 @@ class InitialValue:
 
 
 @dataclass(frozen=True, slots=True)
-class Simulation:
-    """When, how finely and how to integrate; None where the file is silent."""
-
-    start: float
-    end: float
-    output_step: float
-    until: Relation | None = None
-    method: str = "auto"
-    rtol: float | None = None
-    atol: float | None = None
-    step: float | None = None
-    method_place: Place | None = None
-    formulation: str = "auto"
-    gain: float | None = None
-    spectral_radius: float | None = None
-    formulation_place: Place | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class Scene:
     """Points (2 or 3 expressions each) and the links between them."""
 
@@ -185,14 +169,27 @@ class Output:
     action: bool = False
 
 
+class Stated(Protocol):
+    """The numbers of a file as it states them, and what was said instead."""
+
+    def bound(
+        self, model: Model, parameters: Mapping[str, str], initial: Mapping[str, str]
+    ) -> Model:
+        """Give `model`, of this file, with other values; see `Model.bind`."""
+
+    def settings(self, options: Mapping[str, str]) -> Settings:
+        """Give how the file wants to be run; see `Model.settings`."""
+
+
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Everything the file says.
+    """What is simulated: everything the file says but how to integrate.
 
     `kinetic` and `potential` are None where the file gives `lagrangian`, which is
     `kinetic - potential` otherwise. `initial` has one entry for every coordinate and
     every velocity, in the order of the coordinates, positions first, then the start
-    values of definitions. `simulation` is None where the file gives no duration.
+    values of definitions. `until` ends a run. `stated` is what `bind` and `settings`
+    evaluate.
     """
 
     name: str
@@ -209,8 +206,54 @@ class Model:
     forces: tuple[Force, ...]
     constraints: tuple[Constraint, ...]
     initial: tuple[InitialValue, ...]
-    simulation: Simulation | None
+    until: Relation | None
     scene: Scene
     output: Output
+    stated: Stated = field(repr=False, compare=False)
     description: str = ""
     source: str = ""
+
+    def bind(
+        self,
+        parameters: Mapping[str, float | str] | None = None,
+        initial: Mapping[str, float | str] | None = None,
+    ) -> Model:
+        """Give the model with other values of parameters, or start values.
+
+        On the same graph: equations derived from one are those of the other. Parameters
+        and start values that are expressions of others follow them.
+
+        Parameters
+        ----------
+        parameters, initial
+            Numbers, or expressions, that stand for those of the file. A start value
+            that is a guess stays one.
+
+        Raises
+        ------
+        InputError
+            As where the file said so.
+        """
+        return self.stated.bound(self, _texts(parameters), _texts(initial))
+
+    def settings(self, options: Mapping[str, float | str] | None = None) -> Settings:
+        """Give how the file wants to be run, at the values of the parameters.
+
+        Parameters
+        ----------
+        options
+            Stand for keys of `simulation`; `duration` replaces `end` too.
+
+        Raises
+        ------
+        InputError
+            As where the file said so.
+        """
+        return self.stated.settings(_texts(options))
+
+
+def _texts(values: Mapping[str, float | str] | None) -> dict[str, str]:
+    return {
+        name: value if isinstance(value, str) else repr(float(value))
+        for name, value in (values or {}).items()
+    }

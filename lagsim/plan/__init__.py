@@ -10,9 +10,10 @@ from lagsim.errors import InputError, Problem
 from lagsim.mechanics.structure import structure
 from lagsim.mechanics.switches import model_switches
 from lagsim.methods import method
+from lagsim.model.settings import DEFAULT_RTOL
 from lagsim.notes import Choice
 from lagsim.plan.formulation import formulate
-from lagsim.plan.integration import ANY, DEFAULT_RTOL, STRAIGHT_ONLY, choose, suits
+from lagsim.plan.integration import ANY, STRAIGHT_ONLY, choose, suits
 from lagsim.plan.lengths import usual_lengths
 from lagsim.plan.solve import (
     eliminate,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.reduction import Reduction
     from lagsim.mechanics.structure import Structure
     from lagsim.mechanics.switches import Switches
+    from lagsim.model.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,20 +102,20 @@ class Plan:
     parts: tuple[Part, ...]
     choices: tuple[Choice, ...]
 
+    @property
+    def tolerance(self) -> float:
+        """That of whatever controls its error, be it asked to or not."""
+        return DEFAULT_RTOL if self.rtol is None else self.rtol
+
 
 def make_plan(
     equations: Equations,
     start: Start,
+    settings: Settings,
     *,
     loops: bool = False,
-    formulation: str | None = None,
 ) -> Plan:
     """Choose for the model; `loops` insists on solving by loops.
-
-    Parameters
-    ----------
-    formulation
-        Stands for the model's.
 
     Raises
     ------
@@ -123,13 +125,10 @@ def make_plan(
     """
     if equations.model.output.gauss and start.augmented:
         raise InputError([_no_unconstrained_acceleration()])
-    simulation = equations.model.simulation
-    if formulation is None:
-        formulation = simulation.formulation if simulation else "auto"
-    parts = _parts(equations, start, formulation)
-    if parts:
-        formulation = "full"  # the rows are those of the whole
-    found = formulate(equations, start, formulation, partial(suits, simulation))
+    parts = _parts(equations, start, settings)
+    if parts:  # the rows are those of the whole
+        settings = replace(settings, formulation="full")
+    found = formulate(equations, start, settings, partial(suits, settings.method))
     equations, start = found.reduction.equations, found.start
     scene = structure(equations)
     mass = _mass_matrix(scene)
@@ -137,7 +136,7 @@ def make_plan(
     choices += found.choices
     choices += _told(parts)
     switches = _switches(equations, choices)
-    lengths = usual_lengths(equations, start)
+    lengths = usual_lengths(equations, start, settings.output_step)
     elimination = eliminate(equations, start, lengths, choices)
     if start.augmented:
         choices.append(
@@ -150,15 +149,8 @@ def make_plan(
         independence = independence_of(equations, start, lengths, elimination)
     solved = None if tape else elimination
     switching = bool(switches.sides)
-    name = choose(equations, scene, solved, choices, switching=switching)
+    name = choose(equations, scene, solved, settings, choices, switching=switching)
     adaptive = bool(method(name).ADAPTIVE)
-    rtol = atol = step = None
-    if simulation is not None:
-        if adaptive:
-            rtol = DEFAULT_RTOL if simulation.rtol is None else simulation.rtol
-            atol = simulation.atol
-        else:
-            step = simulation.step or simulation.output_step
     plan = Plan(
         method=name,
         formulation=found.name,
@@ -173,9 +165,9 @@ def make_plan(
         lengths=lengths,
         constant=_constant(scene, start),
         augmented=start.augmented,
-        rtol=rtol,
-        atol=atol,
-        step=step,
+        rtol=settings.tolerance if adaptive else None,
+        atol=settings.atol if adaptive else None,
+        step=None if adaptive else settings.fixed_step,
         mass_matrix=mass,
         switches=switches,
         parts=parts,
@@ -184,10 +176,10 @@ def make_plan(
     return by_loops(plan) if loops else plan
 
 
-def _parts(equations: Equations, start: Start, asked: str) -> tuple[Part, ...]:
+def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part, ...]:
     """Give the subsystems to be integrated apart, if there are any and it pays."""
-    simulation = equations.model.simulation
-    if simulation is None or asked not in ("auto", "apart"):
+    asked = settings.formulation
+    if asked not in ("auto", "apart"):
         return ()
     why = refusal(equations)
     if not why:
@@ -196,14 +188,15 @@ def _parts(equations: Equations, start: Start, asked: str) -> tuple[Part, ...]:
             why = "a switch is met by all of them"
     if why and asked == "apart":
         text = f"formulation `apart` cannot be had: {why}"
-        place = simulation.formulation_place
+        place = settings.formulation_place
         raise InputError([Problem("formulation-refused", text, place)])
     if why:
         return ()
     found = subsystems(equations, start)
-    if asked == "auto" and not saving(equations, found) > 0.0:
+    if asked == "auto" and not saving(equations, found, settings.duration) > 0.0:
         return ()
-    return tuple(Part(x, make_plan(x.equations, x.start)) for x in found)
+    own = replace(settings, formulation="auto")
+    return tuple(Part(x, make_plan(x.equations, x.start, own)) for x in found)
 
 
 def _told(parts: tuple[Part, ...]) -> list[Choice]:

@@ -21,6 +21,7 @@ others see `reduction` and `methods._projection`.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from lagsim.admissibility.inertia import needs_constraints
@@ -40,12 +41,9 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.errors import Place
     from lagsim.mechanics.equations import Equations
+    from lagsim.model.settings import Settings
 
 GAIN = "baumgarte.gain"
-# By default, what is off the constraints falls by e over this many rows. A fast decay
-# is resolved like a fast motion (the elastic pendulum on its curve at 1e-11: 7,400
-# evaluations at a gain of 1, 9,600 at 5, 19,000 at 10 and 110,000 at 50).
-ROWS_TO_DECAY = 10
 # Of what is eliminated a choice names this many.
 SHOWN = 4
 # With more coordinates than this nobody looks for what can be eliminated unasked: M
@@ -95,15 +93,13 @@ class Formulation:
 def formulate(
     equations: Equations,
     start: Start,
-    asked: str,
+    settings: Settings,
     suits: Callable[[Equations], bool],
 ) -> Formulation:
     """Choose how to meet the constraints, or do as is asked.
 
     Parameters
     ----------
-    asked
-        The name of a formulation, or `auto`.
     suits
         Whether the method, if one is asked for, can handle equations.
 
@@ -112,15 +108,14 @@ def formulate(
     InputError
         Where the formulation asked for is not known or cannot be had.
     """
+    asked, place = settings.formulation, settings.formulation_place
     if asked == "auto":
         return _chosen(equations, start, suits)
-    simulation = equations.model.simulation
-    place = simulation.formulation_place if simulation else None
     problems = formulation_problems(asked, place)
     if problems:
         raise InputError(problems)
     try:
-        return _ASKED[asked](equations, start)
+        return _ways(settings.decay)[asked](equations, start)
     except _CannotError as error:
         text = f"formulation `{asked}` cannot be had: {error}"
         hint = "`auto` chooses one that can be had"
@@ -129,7 +124,7 @@ def formulate(
 
 def formulation_problems(asked: str, place: Place | None = None) -> list[Problem]:
     """Give the fault of a formulation that does not exist."""
-    known = ["auto", *_ASKED]
+    known = ["auto", *_ways(0.0)]
     if asked in known:
         return []
     hint = f"one of {', '.join(known)}; docs/model-file.md describes them"
@@ -192,11 +187,8 @@ def _drift(equations: Equations, start: Start) -> Formulation:
     )
 
 
-def _baumgarte(equations: Equations, start: Start) -> Formulation:
+def _baumgarte(equations: Equations, start: Start, gain: float) -> Formulation:
     _constrained(equations)
-    simulation = equations.model.simulation
-    assert simulation is not None
-    gain = simulation.gain or 1.0 / (ROWS_TO_DECAY * simulation.output_step)
     reason = f"asked for; gain {gain:g} per unit of time"
     found = _whole(equations, start, "baumgarte", reason, gain=gain)
     return replace(found, reduction=Reduction(_stabilised(equations)))
@@ -236,17 +228,19 @@ def _full(equations: Equations, start: Start) -> Formulation:
     return (_projection if equations.rows else _none)(equations, start)
 
 
-_ASKED: dict[str, Callable[[Equations, Start], Formulation]] = {
-    "full": _full,
-    "apart": _full,
-    "none": _none,
-    "projection": _projection,
-    "velocity projection": _velocity_projection,
-    "elimination": _elimination,
-    "baumgarte": _baumgarte,
-    "drift": _drift,
-    "ignorable": _ignorable,
-}
+def _ways(gain: float) -> dict[str, Callable[[Equations, Start], Formulation]]:
+    """Give what makes each formulation that may be asked for."""
+    return {
+        "full": _full,
+        "apart": _full,
+        "none": _none,
+        "projection": _projection,
+        "velocity projection": _velocity_projection,
+        "elimination": _elimination,
+        "baumgarte": partial(_baumgarte, gain=gain),
+        "drift": _drift,
+        "ignorable": _ignorable,
+    }
 
 
 def _chosen(
@@ -349,7 +343,7 @@ def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
 def reduced_start(reduction: Reduction, start: Start) -> Start:
     """Give the start of the equations that are left."""
     q, v = reduction.kept(start.q), reduction.kept(start.v)
-    point = Point(reduction.equations)
+    point = Point(reduction.equations, start.t)
     errors = point.solved_errors(q, v)
     return replace(
         start, q=q, v=v, ranks=analyse(point, q, v, errors),
@@ -366,7 +360,7 @@ def _eliminated(
         return reduction, f"the constraints have rank {start.ranks.rank}"
     e = reduction.equations
     q, v = reduction.kept(start.q), reduction.kept(start.v)
-    point = Point(e)
+    point = Point(e, start.t)
     found = pairs(e, point.values(q, v), point.sizes(q, v))
     if found:
         return reduction.eliminate(found), ""

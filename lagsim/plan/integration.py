@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
     from lagsim.mechanics.structure import Structure
-    from lagsim.model.model import Simulation
+    from lagsim.model.settings import Settings
 
-DEFAULT_RTOL = 1e-11
 # Needs of a method that are made from y' as nodes of the graph.
 STRAIGHT_ONLY = frozenset(("series", "linear"))
 # Handles everything.
@@ -40,6 +39,7 @@ def choose(
     equations: Equations,
     scene: Structure,
     solved: Elimination | None,
+    settings: Settings,
     choices: list[Choice],
     *,
     switching: bool,
@@ -58,28 +58,25 @@ def choose(
     InputError
         Where the method asked for is not known or cannot handle the model.
     """
-    simulation = equations.model.simulation
-    asked = simulation.method if simulation else "auto"
-    if asked == "auto":
+    if settings.method == "auto":
         plain = solved is not None and not switching and not equations.quadratures
-        chosen = _automatic(equations, scene, solved if plain else None)
+        chosen = _automatic(
+            equations, scene, solved if plain else None, settings.tolerance
+        )
         choices.append(chosen)
         return chosen.choice.removeprefix("method: ")
-    name = _asked(asked, equations, scene, choices)
+    name = _asked(equations, scene, settings, choices)
     if STRAIGHT_ONLY.intersection(method(name).NEEDS):
-        _check_straight(name, equations, solved, choices)
+        _check_straight(name, equations, solved, settings, choices)
     return name
 
 
 def _automatic(
-    equations: Equations, scene: Structure, solved: Elimination | None
+    equations: Equations, scene: Structure, solved: Elimination | None, rtol: float
 ) -> Choice:
     if solved is not None:
         if scene.linear_time_invariant and 2 * len(equations.q) <= MOST_STATES:
             return Choice("method: exponential", "linear, and time stands nowhere")
-        simulation = equations.model.simulation
-        rtol = simulation.rtol if simulation else None
-        rtol = DEFAULT_RTOL if rtol is None else rtol
         few = len(_moving(equations, solved)) * LEAST_PER_NODE <= SHORT_SERIES
         if 0.0 < rtol <= SERIES_RTOL and few:
             length = series_length(equations, solved, rtol)
@@ -96,10 +93,9 @@ def _moving(equations: Equations, solved: Elimination) -> set[int]:
 
 
 def _asked(
-    asked: str, equations: Equations, scene: Structure, choices: list[Choice]
+    equations: Equations, scene: Structure, settings: Settings, choices: list[Choice]
 ) -> str:
-    simulation = equations.model.simulation
-    place = simulation.method_place if simulation else None
+    asked, place = settings.method, settings.method_place
     if asked not in names():
         known = ", ".join(names())
         hint = f"one of auto, {known}; `lagsim methods` describes them"
@@ -112,7 +108,7 @@ def _asked(
         raise InputError([Problem("method-refused", text, place, hint)])
     choices.append(Choice(f"method: {asked}", "asked for"))
     if asked == "generalized-alpha":
-        given = simulation.spectral_radius if simulation else None
+        given = settings.spectral_radius
         radius = USUAL_RADIUS if given is None else given
         reason = "as usual" if given is None else "asked for"
         choices.append(Choice(f"spectral radius: {radius:g}", reason))
@@ -129,9 +125,8 @@ def _refusal(name: str, equations: Equations, scene: Structure) -> str:
     return str(chosen.refusal(scene))
 
 
-def suits(simulation: Simulation | None, equations: Equations) -> bool:
+def suits(asked: str, equations: Equations) -> bool:
     """Tell whether the method that is asked for can handle `equations`."""
-    asked = simulation.method if simulation else "auto"
     if asked not in names():
         return True
     return not _refusal(asked, equations, structure(equations))
@@ -141,18 +136,16 @@ def _check_straight(
     name: str,
     equations: Equations,
     elimination: Elimination | None,
+    settings: Settings,
     choices: list[Choice],
 ) -> None:
     """Refuse a method that needs y' as nodes where there are none."""
-    simulation = equations.model.simulation
-    assert simulation is not None
     text = "its equations are solved by loops, not by straight-line code"
     hint = "`--method dop853` handles it"
     if elimination is not None:
         if "series" not in method(name).NEEDS:
             return
-        rtol = DEFAULT_RTOL if simulation.rtol is None else simulation.rtol
-        length = series_length(equations, elimination, rtol)
+        length = series_length(equations, elimination, settings.tolerance)
         if length <= MOST_OPERATIONS:
             reason = f"about {length} operations per step"
             choices.append(Choice("series: straight-line code", reason))
@@ -160,4 +153,4 @@ def _check_straight(
         text = f"its series takes about {length} operations, over {MOST_OPERATIONS}"
         hint += "; a larger --rtol makes the series shorter"
     text = f"`{name}` cannot handle this model: {text}"
-    raise InputError([Problem("method-refused", text, simulation.method_place, hint)])
+    raise InputError([Problem("method-refused", text, settings.method_place, hint)])

@@ -33,18 +33,21 @@ NEARBY = 0.1
 ROUNDED = 4.0 * UNIT_ROUNDOFF
 
 
-def usual_lengths(equations: Equations, start: Start) -> tuple[float, ...]:
-    """Give the length of each row at the start, or around it where it vanishes."""
+def usual_lengths(equations: Equations, start: Start, step: float) -> tuple[float, ...]:
+    """Give the length of each row at the start, or around it where it vanishes.
+
+    Around it is where the motion comes within a part of `step`.
+    """
     if not equations.rows:
         return ()
-    point = Point(equations)
+    point = Point(equations, start.t)
     lengths = _lengths(point, start.q, start.v)
     vanishing = np.flatnonzero(~(lengths > 0.0))
     if len(vanishing):
         random = np.random.default_rng(4)  # the same states each time
         for _ in range(AROUND):
             for k in vanishing:
-                q, v = _nearby(point, equations.rows[k], start, random)
+                q, v = _nearby(point, equations.rows[k], start, step, random)
                 found = _lengths(point, q, v)[k]
                 lengths[k] = np.fmax(lengths[k], found)
     return tuple(map(float, np.nan_to_num(lengths)))
@@ -66,7 +69,7 @@ def _lengths(point: Point, q: Floats, v: Floats) -> Floats:
 
 
 def _nearby(
-    point: Point, row: Row, start: Start, random: np.random.Generator
+    point: Point, row: Row, start: Start, step: float, random: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Give a state as far from the start as says something of a row."""
     q, v = start.q, start.v
@@ -75,8 +78,6 @@ def _nearby(
         distance = _own_distance(point, row, q, u)
         if distance > 0.0:
             return q + NEARBY * distance * u, v
-    simulation = point.e.model.simulation
-    step = simulation.output_step if simulation else 1.0
     speed = float(np.linalg.norm(point.sizes(q, v) * v)) or 1.0
     return q + NEARBY * speed * step * u, v + NEARBY * speed * w
 

@@ -87,7 +87,7 @@ def independence_of(
     elimination: Elimination,
 ) -> float:
     """Give how independent the rows are at the start by the pivots of `elimination`."""
-    values = Point(equations).values(start.q, start.v)
+    values = Point(equations, start.t).values(start.q, start.v)
     for row, length in zip(equations.rows, lengths, strict=True):
         values[f"length.{row.name}"] = length
     return float(evaluate(equations.graph, [elimination.health()], values)[0])

@@ -66,10 +66,9 @@ class Subsystem:
 
 def refusal(equations: Equations) -> str:
     """Say why subsystems cannot be integrated apart, or give ""."""
-    simulation = equations.model.simulation
     if equations.power is not None or equations.quadratures:
         return "work and action are quadratures of them all"
-    if simulation and simulation.until:
+    if equations.model.until:
         return "`until` looks at them all"
     if len(groups(equations)) < 2:
         return "all coordinates are coupled"
@@ -145,7 +144,7 @@ def _part(e: Equations, start: Start, group: Sequence[int]) -> Subsystem:
         energy=energy,
         kinetic_form=kinetic_form,
     )
-    point = Point(part)
+    point = Point(part, start.t)
     q, v = start.q[list(group)], start.v[list(group)]
     errors = point.solved_errors(q, v)
     own = replace(
@@ -162,8 +161,6 @@ def _model(
     model: Model, group: Sequence[int], added: Sequence[Parameter], zero: int
 ) -> Model:
     """Give a model without what looks at other groups."""
-    simulation = model.simulation
-    assert simulation is not None
     return replace(
         model,
         parameters=(*model.parameters, *added),
@@ -174,17 +171,14 @@ def _model(
         potential=None,
         scene=Scene({}),
         output=Output(()),
-        simulation=replace(simulation, formulation="auto"),
     )
 
 
-def saving(equations: Equations, parts: Sequence[Subsystem]) -> float:
+def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) -> float:
     """Give about how many operations it saves to integrate the parts apart."""
-    simulation = equations.model.simulation
-    assert simulation is not None
     if len(equations.q) > LARGEST:
         return -np.inf
-    steps = (simulation.end - simulation.start) / RADIANS
+    steps = duration / RADIANS
     paces = [pace(part) for part in parts]
     apart = sum(
         p * step_cost(part.equations) for p, part in zip(paces, parts, strict=True)
@@ -204,7 +198,7 @@ def pace(part: Subsystem) -> float:
         nodes = Elimination(e).motion()[0]
     except TooLongError:
         return 0.0
-    point = Point(e)
+    point = Point(e, part.start.t)
     n = len(e.q)
     y = np.concatenate([part.start.q, part.start.v])
 

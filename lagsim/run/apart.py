@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
-    from lagsim.model.model import Simulation
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.plan.subsystems import Subsystem
     from lagsim.run.interrupt import Interrupt
@@ -45,7 +45,7 @@ class Part:
         start: Start,
         plan: Plan,
         system: System,
-        settings: Simulation,
+        settings: Settings,
         **others: Any,
     ) -> None:
         own, n = part.at(start), len(start.q)
@@ -95,7 +95,7 @@ class Apart:
         start: Start,
         plan: Plan,
         system: System,
-        settings: Simulation,
+        settings: Settings,
         consumers: Sequence[Consumer],
         *,
         interrupt: Interrupt | None = None,
@@ -130,8 +130,7 @@ class Apart:
             if failed or len(ended) == len(self.parts):
                 break
             if self.progress is not None:
-                passed = reached - self.settings.start
-                self.progress(passed / (self.settings.end - self.settings.start))
+                self.progress((reached - self.settings.start) / self.settings.duration)
         return self._trajectory(min(failed, key=_time, default=ended[0]), reached)
 
     def _join(self) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.singular import CLOSE
-from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.plan.solve import WELL_CONDITIONED
 from lagsim.run.states import SLIDING, empty_state, extents, taken_over
 
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Simulation
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.system import System
     from lagsim.run.system.runner import Runner
@@ -56,7 +55,7 @@ class Arc:
     start: Start
     plan: Plan
     system: System
-    settings: Simulation
+    settings: Settings
     runner: Runner
     state: Floats
     end: float
@@ -97,11 +96,6 @@ class Arc:
         """The diagonal of M (n,) where it was last measured."""
         first = at.HEADER + 3 * self.system.size + 2
         return np.maximum(self.state[first:][: self.system.n], 0.0)
-
-    @property
-    def span(self) -> float:
-        """How long the run is."""
-        return self.settings.end - self.settings.start
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -186,7 +180,7 @@ def first_arc(
     start: Start,
     plan: Plan,
     system: System,
-    settings: Simulation,
+    settings: Settings,
     longest_step: float = 0.0,
 ) -> Arc:
     """Give the state at a start, on no way yet."""
@@ -195,7 +189,7 @@ def first_arc(
     state = empty_state(runner)
     state[at.T] = state[at.ROW_START] = state[at.ARC_START] = settings.start
     state[at.ROW_STEP] = settings.output_step
-    state[at.RTOL] = DEFAULT_RTOL if plan.rtol is None else plan.rtol
+    state[at.RTOL] = plan.tolerance
     state[at.ATOL] = -1.0 if plan.atol is None else plan.atol
     state[at.FIXED_STEP] = plan.step or 0.0
     state[at.LONGEST] = longest_step
@@ -205,8 +199,9 @@ def first_arc(
     state[at.N], state[at.SIZE] = system.n, system.size
     state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
     _set_watch(state, plan)
-    if settings.until is not None:
-        state[at.EQUATION] = settings.until.sense.value == "="
+    until = equations.model.until
+    if until is not None:
+        state[at.EQUATION] = until.sense.value == "="
     state[at.HEADER : at.HEADER + len(y)] = y
     return Arc(equations, start, plan, system, settings, runner, state, settings.end)
 

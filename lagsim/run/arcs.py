@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Simulation
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.arc import Arc
     from lagsim.run.decisions import Source
@@ -58,7 +58,7 @@ class Run:
         start: Start,
         plan: Plan,
         system: System,
-        settings: Simulation,
+        settings: Settings,
         consumers: Sequence[Consumer],
         *,
         interrupt: Interrupt | None = None,
@@ -85,8 +85,8 @@ class Run:
         while ending is None:
             ending = self.advance(most_steps)
             if ending is None and self.progress is not None:
-                passed = self.t - self.arc.settings.start
-                self.progress(passed / self.arc.span)
+                settings = self.arc.settings
+                self.progress((self.t - settings.start) / settings.duration)
         if ending.outcome is Outcome.UNTIL:
             self.recorder.keep(Decision(events=(Event(self.t, "until"),)))
         self.show_last()

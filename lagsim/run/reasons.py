@@ -21,8 +21,9 @@ def reason_of(arc: Arc, ending: Ending) -> str:
     if outcome is Outcome.DONE:
         return f"the end was reached at t = {arc.t!r}"
     if outcome is Outcome.UNTIL:
-        assert arc.settings.until is not None
-        return f"`{arc.settings.until.text}` at t = {arc.t!r}"
+        until = arc.equations.model.until
+        assert until is not None
+        return f"`{until.text}` at t = {arc.t!r}"
     if outcome is Outcome.INTERRUPTED:
         return f"interrupted at t = {arc.t!r}; the rows up to there were kept"
     return f"{_what_failed(arc, ending)}: {outcome.advice}{_other_means(arc, outcome)}"

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.apart import Apart
     from lagsim.run.interrupt import Interrupt
@@ -25,6 +26,7 @@ def simulate(
     start: Start,
     plan: Plan,
     system: System,
+    settings: Settings,
     consumers: Sequence[Consumer],
     *,
     interrupt: Interrupt | None = None,
@@ -42,8 +44,6 @@ def simulate(
         No step of a method that chooses its steps is longer, if it is not 0; the ranges
         of the coordinates over the steps are then noted, too.
     """
-    settings = equations.model.simulation
-    assert settings is not None
     run: Run | Apart
     if plan.parts:
         from lagsim.run.apart import Apart

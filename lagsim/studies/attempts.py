@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
+    from lagsim.model.settings import Settings
     from lagsim.outputs.table import TableWriter
     from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
@@ -134,10 +135,12 @@ class Attempts:
         job: Job,
         equations: Equations,
         start: Start,
+        settings: Settings,
         writer: TableWriter,
         interrupt: Interrupt,
     ) -> None:
         self.job, self.equations, self.start = job, equations, start
+        self.settings = settings
         self.writer, self.interrupt = writer, interrupt
 
     def best(self, means: Means) -> Attempt:
@@ -163,9 +166,9 @@ class Attempts:
         from lagsim.studies.error_bar import Checkpoints
 
         job, equations, system = self.job, self.equations, means.system
-        names, model = system.columns.names, equations.model
+        names = system.columns.names
         ledger, thin = Ledger(names), self._thinning(names)
-        checkpoints = Checkpoints(len(equations.q), model.simulation)
+        checkpoints = Checkpoints(len(equations.q), self.settings)
         witness = Witness(names, len(equations.q))
         consumers: list[Any] = [ledger, checkpoints, witness, *([thin] if thin else [])]
         if self.writer.rows:
@@ -174,7 +177,7 @@ class Attempts:
         with progress_bar(quiet=job.quiet) as progress:
             job.lap("output")
             trajectory = simulate(
-                equations, self.start, means.plan, system, [output],
+                equations, self.start, means.plan, system, self.settings, [output],
                 interrupt=self.interrupt, progress=progress,
                 longest_step=means.longest_step,
                 most_steps=means.most_steps or MOST_STEPS,
@@ -208,8 +211,8 @@ class Attempts:
         always = self.job.error_bars is ErrorBars.ALWAYS
         with progress_bar(quiet=self.job.quiet) as progress:
             bar = repeat(
-                self.equations, self.start, means.plan, means.system, trajectory,
-                checkpoints, always=always, account=self._account,
+                self.equations, self.start, self.settings, means.plan, means.system,
+                trajectory, checkpoints, always=always, account=self._account,
                 interrupt=self.interrupt, progress=progress,
             )  # fmt: skip
         self.job.lap("error_bar")
@@ -235,9 +238,9 @@ class Attempts:
         bar = attempt.bar
         assert not isinstance(bar, str)
         found = bool(bar.parted) or is_outlier(
-            self.equations, self.start, attempt.plan, attempt.system,
-            attempt.trajectory, attempt.checkpoints, bar, account=self._account,
-            interrupt=self.interrupt,
+            self.equations, self.start, self.settings, attempt.plan,
+            attempt.system, attempt.trajectory, attempt.checkpoints, bar,
+            account=self._account, interrupt=self.interrupt,
         )  # fmt: skip
         self.job.lap("error_bar")
         return found
@@ -249,8 +252,9 @@ class Attempts:
 
         trajectory = first.trajectory
         ways = by_other_means(
-            self.equations, self.start, first.plan, first.system, trajectory
-        )
+            self.equations, self.start, self.settings, first.plan, first.system,
+            trajectory,
+        )  # fmt: skip
         other = next(ways, None)
         if other is None:
             return None

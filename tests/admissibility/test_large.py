@@ -42,9 +42,11 @@ def test_shipped_models(path, monkeypatch):
     size = np.max(np.abs([*dense.q, *dense.v]))
     assert np.max(np.abs(sparse.q - dense.q)) <= 1e-13 * size
     assert np.max(np.abs(sparse.v - dense.v)) <= 1e-13 * size
-    lengths = make_plan(e, sparse).lengths
+    lengths = make_plan(e, sparse, e.model.settings()).lengths
     monkeypatch.undo()
-    assert lengths == pytest.approx(make_plan(e, dense).lengths, rel=1e-12)
+    assert lengths == pytest.approx(
+        make_plan(e, dense, e.model.settings()).lengths, rel=1e-12
+    )
 
 
 def test_values_that_are_solved_for(monkeypatch):

@@ -25,9 +25,10 @@ def scene(name, **overrides):
 
 def scene_of(model):
     equations = derive(model)
-    start = examine(equations)
+    settings = model.settings()
+    start = examine(equations, settings.start)
     assert start.admissible
-    return Scene(equations, start)
+    return Scene(equations, start, settings)
 
 
 @functools.cache

@@ -184,7 +184,7 @@ def test_rows_beside_events_are_left_out(measured, pendulum, monkeypatch):
 def test_what_is_run_besides(pendulum):
     base = pendulum.motion(10)
     asked = [
-        (kind, s.equations.model.simulation.method, s.equations.model.simulation.rtol)
+        (kind, s.settings.method, s.settings.rtol)
         for kind, s in _asked(pendulum, base.plan)
     ]
     own = base.plan.method
@@ -202,9 +202,9 @@ def test_fixed_steps_are_doubled_and_halved(pendulum):
     fixed = pendulum.asking(method="rk4", step=0.01)
     asked = list(_asked(fixed, fixed.motion(10).plan))
     steps = [
-        (kind, s.equations.model.simulation.step)
+        (kind, s.settings.step)
         for kind, s in asked
-        if s.equations.model.simulation.method == "rk4" and kind != "perturbed"
+        if s.settings.method == "rk4" and kind != "perturbed"
     ]
     assert steps == [("looser", 0.02), ("tighter", 0.005)]
 

@@ -92,8 +92,7 @@ def coarse_rk4(name, _random):
     if name == "appell-hamel":  # a polynomial of t, which it solves exactly
         return
     other = scene(name)
-    simulation = other.equations.model.simulation
-    step = (simulation.end - simulation.start) / 100
+    step = other.settings.duration / 100
     yield f"step {step:.2g}", other.asking(method="rk4", step=step), None
 
 

@@ -104,7 +104,10 @@ class Native:
     def __init__(self, name: str, *, loops: bool) -> None:
         e = self.equations = equations_of(name)
         self.system = System(
-            e, make_plan(e, examine(e), loops=loops, formulation="full")
+            e,
+            make_plan(
+                e, examine(e), e.model.settings({"formulation": "full"}), loops=loops
+            ),
         )
         assert loops == (self.system.plan.elimination is None)
         self.runner = self.system.link("dop853")
@@ -238,7 +241,10 @@ energy:
     energy = gamma * 2 * 9 + 5 * 0.6**2 / 2
     assert at(e, [e.energy], **STATE) == pytest.approx([energy], rel=1e-14)
     assert not e.energy_is_sum
-    assert make_plan(e, examine(e)).mass_matrix == "depends on velocities"
+    assert (
+        make_plan(e, examine(e), e.model.settings()).mass_matrix
+        == "depends on velocities"
+    )
 
 
 def test_rayleigh_dissipation() -> None:
@@ -316,7 +322,12 @@ energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
 constraints: {speed: x_dot^2 + y_dot^2 = c^2}
 """
     )
-    system = System(e, make_plan(e, examine(e), loops=loops, formulation="full"))
+    system = System(
+        e,
+        make_plan(
+            e, examine(e), e.model.settings({"formulation": "full"}), loops=loops
+        ),
+    )
     runner = system.link("dop853")
     runner.prepare()
     for psi in (0.0, 0.7, 2.0, -1.2):
@@ -343,7 +354,12 @@ energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: 0}
 constraints: {drive: x = s*sin(w*t)}
 """
     )
-    system = System(e, make_plan(e, examine(e), loops=loops, formulation="full"))
+    system = System(
+        e,
+        make_plan(
+            e, examine(e), e.model.settings({"formulation": "full"}), loops=loops
+        ),
+    )
     runner = system.link("dop853")
     runner.prepare()
     t = 0.4

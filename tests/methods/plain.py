@@ -103,8 +103,7 @@ def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
         names += ["position_step", "velocity_step"]
     if runner.system.m and runner.system.wide:
         names += ["position_steps", "velocity_steps"]
-    simulation = runner.system.equations.model.simulation
-    if simulation and simulation.until:
+    if runner.system.equations.model.until:
         names.append("until")
     return {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}
 

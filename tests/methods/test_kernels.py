@@ -83,7 +83,8 @@ def linked_system(case):
     model = read(text.format(constraints=constraints, options=options), "m.yaml")
     equations = derive(model)
     start = examine(equations)
-    plan = make_plan(equations, start, formulation="full")
+    settings = model.settings({"formulation": "full"})
+    plan = make_plan(equations, start, settings)
     system = System(equations, plan)
     runner = system.link(plan.method)
     runner.prepare()
@@ -95,14 +96,14 @@ def linked_system(case):
         RTOL=plan.rtol or 0.0,
         ATOL=-1.0 if plan.atol is None else plan.atol,
         FIXED_STEP=plan.step or 0.0,
-        ROW_STEP=model.simulation.output_step,
-        ROW_LIMIT=model.simulation.end,
-        END=model.simulation.end,
+        ROW_STEP=settings.output_step,
+        ROW_LIMIT=settings.end,
+        END=settings.end,
         EQUATION=float("= 0.2" in options),
     )
     statics = {
         "CONSTRAINED": system.m > 0,
-        "UNTIL": model.simulation.until is not None,
+        "UNTIL": model.until is not None,
         "WIDE": system.wide,
     }
     return runner, s, statics
@@ -152,7 +153,7 @@ def test_with_the_model_in_plain_python_too(case):
     nodes = {name: made[name] for name in ("measure", "terms", "rounding")}
     nodes["derivative"] = [*velocities, *accelerations, equations.power]
     if statics["UNTIL"]:
-        nodes["until"] = [equations.model.simulation.until.node]
+        nodes["until"] = [equations.model.until.node]
     fixed = {p.name: p.value for p in equations.model.parameters}
     names = [*equations.q, *equations.velocities]
 

@@ -21,7 +21,7 @@ def forced(method, longest):
     found = run(SPRING, method=method)
     keep = Keep()
     again = simulate(
-        found.equations, found.start, found.plan, found.system, [keep],
+        found.equations, found.start, found.plan, found.system, found.settings, [keep],
         longest_step=longest,
     )  # fmt: skip
     return found.trajectory, again

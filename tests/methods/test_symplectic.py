@@ -54,7 +54,9 @@ def stepper(text, name, h, *, loops=False):
     """Give y -> y after one step."""
     equations = derive(read(f"{text}simulation: {{duration: 9, method: {name}}}", "m"))
     start = examine(equations)
-    system = System(equations, make_plan(equations, start, loops=loops))
+    system = System(
+        equations, make_plan(equations, start, equations.model.settings(), loops=loops)
+    )
     runner = system.link(name)
     runner.prepare()
 
@@ -165,12 +167,19 @@ def reversed_error(text, name, step, duration, **options):
     simulation = f"duration: {duration}, output_step: 1, method: {name}, step: {step}"
     equations = derive(read(f"{text}simulation: {{{simulation}}}", "m.yaml"))
     start = examine(equations)
-    plan = make_plan(equations, start, **options)
+    plan = make_plan(equations, start, equations.model.settings(), **options)
     n = len(equations.q)
     turned = start
     for _ in range(2):
         keep = Keep()
-        simulate(equations, turned, plan, System(equations, plan), [keep])
+        simulate(
+            equations,
+            turned,
+            plan,
+            System(equations, plan),
+            equations.model.settings(),
+            [keep],
+        )
         last = keep.blocks[-1][-1]
         turned = replace(start, q=last[1 : 1 + n], v=-last[1 + n : 1 + 2 * n])
     ends = [*turned.q - start.q, *turned.v - start.v]
@@ -267,7 +276,7 @@ def uncompensated(steps):
     """Give the error of the energy where each step forgets what rounding cut off."""
     equations = derive(read(kepler("kahan-li8", 1, "2*pi/100"), "m.yaml"))
     start = examine(equations)
-    system = System(equations, make_plan(equations, start))
+    system = System(equations, make_plan(equations, start, equations.model.settings()))
     runner = system.link("kahan-li8")
     runner.prepare()
     s = fresh_state(

@@ -219,12 +219,12 @@ class TestFullFile:
         assert 0 < found["u"].error < 1e-15
 
     def test_simulation(self, full):
-        s = full.simulation
+        s = full.settings()
         assert (s.start, s.end, s.output_step) == (1, 9, 0.02)
         assert (s.method, s.rtol, s.atol, s.step) == ("rk4", 1e-9, 0, 0.01)
         assert s.method_place.line == line_of("  method:")
-        assert s.until.sense is Sense.AT_LEAST
-        assert at_state(full, s.until.node) == 3.0
+        assert full.until.sense is Sense.AT_LEAST
+        assert at_state(full, full.until.node) == 3.0
 
     def test_scene(self, full):
         x, y = (full.definitions[i].node for i in (2, 3))
@@ -245,7 +245,8 @@ class TestDefaults:
     def test_of_a_short_file(self):
         m = read(completed(""), "some/where/two masses.yaml")
         assert m.name == "two masses"
-        assert m.simulation is None
+        assert m.settings().duration == 0.0
+        assert m.until is None
         assert (m.parameters, m.definitions, m.forces, m.constraints) == ((),) * 4
         assert m.scene.points == {}
         assert m.output.columns == ()
@@ -253,13 +254,15 @@ class TestDefaults:
         assert m.dissipation is None
 
     def test_simulation(self):
-        s = model("simulation: {end: 5}").simulation
+        s = model("simulation: {end: 5}").settings()
         assert (s.start, s.end, s.output_step) == (0, 5, 5 / 1000)
         assert (s.method, s.rtol, s.atol, s.step) == ("auto", None, None, None)
-        assert s.until is None
 
     def test_without_duration_there_is_nothing_to_run(self):
-        assert model("simulation: {until: x <= 0, rtol: 1e-9}").simulation is None
+        found = model("simulation: {start: 2, until: x <= 0, rtol: 1e-9}")
+        s = found.settings()
+        assert (s.start, s.duration, s.rtol) == (2, 0, 1e-9)
+        assert found.until is not None
 
     def test_all_definitions_are_columns(self):
         assert model("definitions: {b: x, a: y}").output.columns == ("b", "a")
@@ -398,7 +401,7 @@ class TestOptions:
     TEXT = "parameters: {T: 5}\nsimulation: {start: 1, end: 9, rtol: 1e-3}"
 
     def test_duration_replaces_end(self):
-        s = model(self.TEXT, options={"duration": "2*T"}).simulation
+        s = model(self.TEXT, options={"duration": "2*T"}).settings()
         assert (s.start, s.end, s.output_step) == (1, 11, 0.01)
 
     def test_others(self):
@@ -408,11 +411,11 @@ class TestOptions:
             "step": "1e-2",
             "rtol": "1e-5",
         }
-        s = model(self.TEXT, options=options).simulation
+        s = model(self.TEXT, options=options).settings()
         assert (s.output_step, s.method, s.step, s.rtol) == (0.5, "rk4", 0.01, 1e-5)
 
     def test_without_a_section(self):
-        assert model("", options={"duration": "3"}).simulation.end == 3
+        assert model("", options={"duration": "3"}).settings().end == 3
 
     def test_faults(self):
         (found,) = problems(self.TEXT, options={"output_step": "-1"})

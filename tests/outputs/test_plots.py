@@ -386,7 +386,8 @@ def test_pictures_are_those_of_the_model():
         forces=(),
         constraints=(Constraint("path", relation),),
         initial=(),
-        simulation=None,
+        until=None,
+        stated=None,
         scene=SWING,
         output=Output((), (Plot(0, 0, "theta", "u"), Plot(0, 0, "t", "u/2", "../x"))),
     )

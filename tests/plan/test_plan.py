@@ -8,8 +8,8 @@ from lagsim.admissibility import examine
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
+from lagsim.model.settings import DEFAULT_RTOL
 from lagsim.plan import make_plan
-from lagsim.plan.integration import DEFAULT_RTOL
 from tests.scenes.reference import model_text
 from tests.support import MODELS
 
@@ -20,7 +20,9 @@ def plan_of(text, *, loops=False, **options):
     else:
         model = read_file(str(MODELS / f"{text}.yaml"), options=options)
     equations = derive(model)
-    return make_plan(equations, examine(equations), loops=loops)
+    return make_plan(
+        equations, examine(equations), equations.model.settings(), loops=loops
+    )
 
 
 def reasons(plan):

@@ -136,8 +136,11 @@ def test_each_end_in_words(outcome):
         t=2.5,
         steps=77,
         runner=SimpleNamespace(method=SimpleNamespace(NAME="dop853")),
-        settings=SimpleNamespace(until=SimpleNamespace(text="x <= 0")),
-        equations=SimpleNamespace(q=("x",), velocities=("x_dot",)),
+        equations=SimpleNamespace(
+            q=("x",),
+            velocities=("x_dot",),
+            model=SimpleNamespace(until=SimpleNamespace(text="x <= 0")),
+        ),
         observed=lambda: [2.5, 1.0, -3.0],
     )
     ending = Ending(Outcome[outcome], ABOUT.get(outcome, ""))

@@ -88,14 +88,21 @@ def test_rk4_steps_are_the_textbook_ones():
 def test_rows_come_in_blocks_so_memory_is_bounded():
     equations = derive(read(oscillator("duration: 30, output_step: 1e-3"), "m.yaml"))
     start = examine(equations)
-    plan = make_plan(equations, start)
+    plan = make_plan(equations, start, equations.model.settings())
     blocks = []
 
     class Count:
         def add(self, rows):
             blocks.append((len(rows), rows[0, 0], rows[-1, 0]))
 
-    trajectory = simulate(equations, start, plan, System(equations, plan), [Count()])
+    trajectory = simulate(
+        equations,
+        start,
+        plan,
+        System(equations, plan),
+        equations.model.settings(),
+        [Count()],
+    )
     assert max(size for size, _, _ in blocks) <= BLOCK
     assert sum(size for size, _, _ in blocks) == trajectory.rows == 30_001
     assert all(a[2] < b[1] for a, b in itertools.pairwise(blocks))

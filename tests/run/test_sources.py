@@ -32,11 +32,12 @@ class Begun:
         text = oscillator(f"duration: {duration}, output_step: 0.25")
         model = read(text, "model.yaml")
         equations = derive(model)
-        start = examine(equations)
-        plan = make_plan(equations, start)
+        settings = model.settings()
+        start = examine(equations, settings.start)
+        plan = make_plan(equations, start, settings)
         keep = Keep()
         self.run = Run(
-            equations, start, plan, System(equations, plan), model.simulation,
+            equations, start, plan, System(equations, plan), settings,
             [keep, *consumers], **keywords,
         )  # fmt: skip
         self.run.sources[:0] = sources

@@ -86,7 +86,7 @@ def test_steps_that_are_capped_pass_as_well(longest):
     found = run(LINKAGE.format(offset=0))
     keep = Keep()
     simulate(
-        found.equations, found.start, found.plan, found.system, [keep],
+        found.equations, found.start, found.plan, found.system, found.settings, [keep],
         longest_step=longest,
     )  # fmt: skip
     rows = np.concatenate(keep.blocks)

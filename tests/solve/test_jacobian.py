@@ -51,7 +51,7 @@ def linked(model, *, loops=False):
     equations = derive(model)
     start = examine(equations)
     assert start.admissible, start.verdicts
-    plan = make_plan(equations, start, loops=loops)
+    plan = make_plan(equations, start, equations.model.settings(), loops=loops)
     system = System(equations, plan)
     runner = system.link("rk4")
     runner.prepare()

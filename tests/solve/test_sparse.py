@@ -35,7 +35,7 @@ def test_cost_grows_in_proportion(monkeypatch):
     for n in (50, 100):
         e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
         start = examine(e)
-        plan = make_plan(e, start)
+        plan = make_plan(e, start, e.model.settings())
         assert "solve: sparse elimination" in [c.choice for c in plan.choices]
         System(e, plan)
         entries = len(e.mass_entries) + sum(len(row.A.entries) for row in e.rows)
@@ -79,10 +79,10 @@ def motion(e, plan, y, t):
 def test_the_solve_is_that_of_the_full_form(n):
     e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
     start = examine(e)
-    plan = make_plan(e, start)
+    plan = make_plan(e, start, e.model.settings())
     for t, y in states(e):
         tape = motion(e, replace(plan, tape=True), y, t)
-        full = motion(e, make_plan(e, start, loops=True), y, t)
+        full = motion(e, make_plan(e, start, e.model.settings(), loops=True), y, t)
         # Rounding, enlarged by the condition of S: 1e3 for 20 rods.
         assert np.max(np.abs(tape - full)) <= 1e-12 * np.max(np.abs(full))
 
@@ -90,7 +90,7 @@ def test_the_solve_is_that_of_the_full_form(n):
 @pytest.mark.parametrize("path", ALL, ids=lambda path: path.stem)
 def test_tapes_give_the_bits_of_compiled_code(path):
     e = derive(read_file(str(path)))
-    plan = make_plan(e, examine(e))
+    plan = make_plan(e, examine(e), e.model.settings())
     for t, y in states(e, 2):
         tape, code = (motion(e, replace(plan, tape=k), y, t) for k in (True, False))
         assert np.array_equal(tape, code, equal_nan=True)
@@ -102,9 +102,9 @@ def test_a_run_is_that_of_the_full_form(n):
     full = run(text, loops=True)
     e = full.equations
     keep = Keep()
-    plan = replace(make_plan(e, full.start), tape=True)
+    plan = replace(make_plan(e, full.start, e.model.settings()), tape=True)
     system = System(e, plan)
-    trajectory = simulate(e, full.start, plan, system, [keep])
+    trajectory = simulate(e, full.start, plan, system, e.model.settings(), [keep])
     assert trajectory.outcome.complete
     rows = np.concatenate(keep.blocks)
     names = system.columns.names
@@ -121,7 +121,7 @@ def test_a_run_is_that_of_the_full_form(n):
 def test_the_plan_chooses_by_operations():
     def choices(text):
         e = derive(read(text, "model.yaml"))
-        return make_plan(e, examine(e))
+        return make_plan(e, examine(e), e.model.settings())
 
     small = choices(rod_chain(10, 1.0))
     assert not small.tape

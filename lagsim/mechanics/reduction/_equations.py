@@ -18,12 +18,9 @@ if TYPE_CHECKING:
 def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
     """Give the same equations with variables replaced in every expression."""
     g = e.graph
-    simulation = e.model.simulation
-    until = simulation.until if simulation else None
     power = [] if e.power is None else [e.power]
     nodes = [*e.mass_entries.values(), *e.f, *e.momenta, e.energy, e.kinetic_form]
     nodes += power
-    nodes += [until.node] if until else []
     nodes += [node for x in e.quadratures for node in (x.rate, x.mass)]
     for row in e.rows:
         nodes += [*row.A.entries.values(), row.residual, row.rate, row.b]
@@ -33,13 +30,9 @@ def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
     def replaced(x: SparseVector) -> SparseVector:
         return SparseVector(g, len(x), {j: found[a] for j, a in x.entries.items()})
 
-    model = _dynamics(g, e.model, new)
-    if simulation and until:
-        seen = replace(until, node=found[until.node])
-        model = replace(model, simulation=replace(simulation, until=seen))
     return replace(
         e,
-        model=model,
+        model=_dynamics(g, e.model, new),
         M=tuple(map(replaced, e.M)),
         f=tuple(found[x] for x in e.f),
         rows=tuple(
@@ -66,11 +59,12 @@ def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
 
 
 def _dynamics(g: Graph, model: Model, new: Mapping[int, int]) -> Model:
-    """Replace variables in what methods that discretise L itself take of a model."""
-    forces = model.forces
+    """Replace variables in `until`, and in what methods that discretise L take."""
+    forces, until = model.forces, model.until
     loss = [] if model.dissipation is None else [model.dissipation]
     nodes = [model.lagrangian, *loss]
     nodes += [node for force in forces for node in (force.node, force.direction)]
+    nodes += [until.node] if until else []
     found = dict(zip(nodes, g.substitute(nodes, new), strict=True))
     return replace(
         model,
@@ -79,6 +73,7 @@ def _dynamics(g: Graph, model: Model, new: Mapping[int, int]) -> Model:
         forces=tuple(
             replace(x, node=found[x.node], direction=found[x.direction]) for x in forces
         ),
+        until=replace(until, node=found[until.node]) if until else None,
     )
 
 

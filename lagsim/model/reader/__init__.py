@@ -24,11 +24,11 @@ from lagsim.model.reader.dynamics import energy_fields, read_energies, read_forc
 from lagsim.model.reader.expressions import Expressions
 from lagsim.model.reader.faults import Faults
 from lagsim.model.reader.fields import fields, shortened
-from lagsim.model.reader.initial import Initial
 from lagsim.model.reader.names import Kind, Names, check_columns
-from lagsim.model.reader.parameters import Parameters, declared, read_coordinates
+from lagsim.model.reader.parameters import declared, read_coordinates
 from lagsim.model.reader.relations import declared_constraints, read_constraints
-from lagsim.model.reader.simulation import read_simulation
+from lagsim.model.reader.simulation import read_until, simulation_fields
+from lagsim.model.reader.stated import Sections, Stated
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -183,24 +183,28 @@ class _File:
         self._check_version()
         name = self._name()
         given = {key: self._declared(key, kind) for key, kind in _NAMING.items()}
-        constraint_entries = declared_constraints(top.value("constraints"), x)
+        relations = declared_constraints(top.value("constraints"), x)
         energy = energy_fields(top.found.get("energy"), x, self.root)
         self.names.has_lagrangian = "lagrangian" in energy
         self._check_names()
 
-        parameters = Parameters(x, overrides)
-        resolved = parameters.read(given["parameters"])
+        simulation = simulation_fields(top.found.get("simulation"), x, self.root)
+        sections = Sections(
+            given["parameters"], relations, top.found.get("initial"),
+            simulation, self.root,
+        )  # fmt: skip
+        stated = Stated(self.file, sections, x, overrides, options)
+        parameters, known = stated.parameters()
         coordinates = read_coordinates(given["coordinates"], x)
         definitions = Definitions(given["definitions"], x)
         definitions.build(Level.POSITION, Level.VELOCITY)
         energies = read_energies(energy, x)
         definitions.build(Level.OUTPUT)
         forces = read_forces(top.value("forces"), x)
-        constraints = read_constraints(constraint_entries, x)
-        starts = Initial(x, parameters.values)
-        initial = starts.read(top.found.get("initial"), self.root)
-        section = top.found.get("simulation")
-        simulation = read_simulation(section, options, x, self.root)
+        constraints = read_constraints(relations, x)
+        initial = stated.initial(known)
+        stated.asked(x, {})
+        until = read_until(simulation, x)
         scene = read_scene(top.found.get("scene"), x)
         output = read_output(top.found.get("output"), x)
         description, source = (top.text(k, faults) for k in ("description", "source"))
@@ -212,7 +216,7 @@ class _File:
             file=self.file,
             sha256=hashlib.sha256(data).hexdigest(),
             graph=x.graph,
-            parameters=resolved,
+            parameters=parameters,
             coordinates=coordinates,
             definitions=definitions.read(),
             lagrangian=energies.lagrangian,
@@ -222,9 +226,10 @@ class _File:
             forces=forces,
             constraints=constraints,
             initial=initial,
-            simulation=simulation,
+            until=until,
             scene=scene,
             output=output,
+            stated=stated,
             description=description,
             source=source,
         )

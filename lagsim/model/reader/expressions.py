@@ -16,7 +16,7 @@ from lagsim.model.reader.fields import kind_of
 from lagsim.model.reader.names import Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
@@ -83,6 +83,14 @@ class Expressions:
         self.definitions: dict[str, Resolved] = {}
         self.energies: dict[str, int | None] = {}
         self._rates: dict[Kind, dict[str, int]] = {}
+
+    def over(self, faults: Faults, values: Mapping[str, float]) -> Expressions:
+        """Give the same with other faults and other values of the parameters."""
+        other = Expressions(self.graph, self.names, faults)
+        other.values = dict(values)
+        other.definitions, other.energies = self.definitions, self.energies
+        other._rates = self._rates
+        return other
 
     # Reading a text
 

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from lagsim.model.model import InitialValue, Level, Target
-from lagsim.model.nodes import Broken, Mapping, Node, Scalar
+from lagsim.model.nodes import Broken, Mapping, Node, Scalar, argument
 from lagsim.model.reader.fields import entries, fields
 from lagsim.model.reader.names import Kind
 from lagsim.model.reader.parameters import Value, value_with_error
@@ -37,11 +37,21 @@ class Initial:
         The expressions of the file.
     parameters
         Value and rounding error of each parameter.
+    instead
+        Expressions that stand for those of the file, or beside them.
     """
 
-    def __init__(self, x: Expressions, parameters: MappingType[str, Value]) -> None:
+    def __init__(
+        self,
+        x: Expressions,
+        parameters: MappingType[str, Value],
+        instead: MappingType[str, str],
+    ) -> None:
         self.x = x
         self.known: dict[str, Value] = dict(parameters)
+        self._instead = {
+            name: argument(f"initial {name}=", text) for name, text in instead.items()
+        }
         self._given: set[str] = set()  # keys so far, sound or not
         self._all: set[str] = set()
 
@@ -56,6 +66,9 @@ class Initial:
         section, node = entry
         given = entries(node, "`initial`", x.faults)
         self._all = {key.text for key, _ in given}
+        added = [name for name in self._instead if name not in self._all]
+        given += [(argument("initial ", name), self._instead[name]) for name in added]
+        self._all.update(added)
         found: dict[str, InitialValue] = {}
         for key, value in given:
             one = self._value(key, value)
@@ -92,6 +105,7 @@ class Initial:
     def _value(self, key: Scalar, node: Node) -> InitialValue | None:
         target = self._target(key)
         expression, guess = self._guess(key, node)
+        expression = self._instead.get(key.text, expression)
         what = f"the start value of `{key.text}`"
         scalar = self.x.scalar(expression, what)
         parsed = self.x.parse(scalar) if scalar else None

@@ -83,6 +83,12 @@ def read_constraints(given: list[Entry], x: Expressions) -> tuple[Constraint, ..
     return tuple(c for c in found if c is not None)
 
 
+def read_law(entry: Entry, x: Expressions) -> OneSided | None:
+    """Build the law of a constraint that is one-sided."""
+    found = _constraint(*entry, x)
+    return None if found is None else found.law
+
+
 def _constraint(key: Scalar, node: Node, x: Expressions) -> Constraint | None:
     what = f"the constraint `{key.text}`"
     below = Fields({}, key.place, sound=False)

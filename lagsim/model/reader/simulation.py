@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from lagsim.model.model import Relation, Simulation
 from lagsim.model.nodes import Scalar, argument
 from lagsim.model.reader.fields import Fields, fields
 from lagsim.model.reader.relations import read_relation
+from lagsim.model.settings import DEFAULT_ROWS, Settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.errors import Place
+    from lagsim.model.model import Relation
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.fields import Entry
 
@@ -24,31 +25,28 @@ KEYS = (
 )  # fmt: skip
 
 MAX_ROWS = 10**8
-DEFAULT_ROWS = 1000
 # The last output step may be this much shorter or longer than the others.
 ROW_TOLERANCE = 1e-9
 
 
-def read_simulation(
-    entry: Entry | None, options: Mapping[str, str], x: Expressions, root: Place
-) -> Simulation | None:
-    """Give the section `simulation`, with what the command line says instead.
+def simulation_fields(entry: Entry | None, x: Expressions, root: Place) -> Fields:
+    """Give the keys of the section; faults where it is missing are those of `root`."""
+    if entry is None:
+        return Fields({}, root, sound=True)
+    return fields(entry[1], "`simulation`", KEYS, x.faults, entry[0].place)
 
-    Parameters
-    ----------
-    entry
-        The section.
-    options
-        Keys of the section, and the expressions that stand for the file's.
-    x
-        The expressions of the file.
-    root
-        Where faults are reported if there is no section.
-    """
-    found = Fields({}, root, sound=True)
-    if entry is not None:
-        found = fields(entry[1], "`simulation`", KEYS, x.faults, entry[0].place)
-    return _Reader(_replaced(found, options), x).read()
+
+def read_until(section: Fields, x: Expressions) -> Relation | None:
+    """Give the relation at which a run ends."""
+    node = section.value("until")
+    return None if node is None else read_relation(node, "`until`", x)[0]
+
+
+def read_settings(
+    section: Fields, options: Mapping[str, str], x: Expressions
+) -> Settings:
+    """Give the rest of the section, with what stands for it instead."""
+    return _Reader(_replaced(section, options), x).read()
 
 
 def _replaced(found: Fields, options: Mapping[str, str]) -> Fields:
@@ -66,11 +64,10 @@ class _Reader:
     given: Fields
     x: Expressions
 
-    def read(self) -> Simulation | None:
+    def read(self) -> Settings:
         start = self._number("start") if "start" in self.given else 0.0
         end = self._end(start)
         output_step = self._positive("output_step")
-        until = self._until()
         method = self._name("method", "see `lagsim methods`")
         formulation = self._name("formulation", "see docs/model-file.md")
         rtol, atol = self._not_negative("rtol"), self._not_negative("atol")
@@ -81,16 +78,18 @@ class _Reader:
         if spectral_radius is not None and spectral_radius > 1:
             text = f"`spectral_radius` is {spectral_radius:g}; it must not exceed 1"
             self._fault("out-of-range", text, "spectral_radius")
+        asked = Settings(
+            method=method, formulation=formulation, rtol=rtol, atol=atol, step=step,
+            gain=gain, spectral_radius=spectral_radius,
+            method_place=self._place("method"),
+            formulation_place=self._place("formulation"),
+        )  # fmt: skip
         if start is None or end is None:
-            return None
+            return replace(asked, start=start or 0.0, end=start or 0.0)
         if output_step is None:
             output_step = (end - start) / DEFAULT_ROWS
         self._check_rows(end - start, output_step)
-        return Simulation(
-            start, end, output_step, until, method, rtol, atol, step,
-            self._place("method"), formulation, gain, spectral_radius,
-            self._place("formulation"),
-        )  # fmt: skip
+        return replace(asked, start=start, end=end, output_step=output_step)
 
     def _place(self, key: str) -> Place | None:
         node = self.given.value(key)
@@ -140,10 +139,6 @@ class _Reader:
             self._fault("out-of-range", text, key)
             return None
         return end
-
-    def _until(self) -> Relation | None:
-        node = self.given.value("until")
-        return None if node is None else read_relation(node, "`until`", self.x)[0]
 
     def _name(self, key: str, hint: str) -> str:
         node = self.given.value(key)

@@ -238,7 +238,7 @@ class Crossing:
                 lambda t, y: modes.values(t, y)[self.open] - levels,
                 arc.t,
                 arc.y,
-                arc.span,
+                arc.settings.duration,
                 ON * self.sizes[self.open],
             )
 

@@ -71,7 +71,7 @@ def _strikes(arc: Arc, step: Floats) -> bool:
     steps = arc.runner.function("velocity_step")
     noise = np.zeros(n)
     for sign in (1.0, -1.0):
-        moment = ON * max(abs(arc.t), arc.span)
+        moment = ON * max(abs(arc.t), arc.settings.duration)
         aside = np.array([1.0 if i % 2 else sign for i in range(size)])
         moved = steps(arc.t + moment, arc.y + ON * aside * seen)[:n]
         noise = np.fmax(noise, np.abs(moved - step))

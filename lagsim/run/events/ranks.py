@@ -69,7 +69,9 @@ class RankLosses(Source):
         row = arc.runner.tabulate(np.array([[time, *at_loss]]))[0]
         q, v = row[1 : 1 + full], row[1 + full : 1 + 2 * full]
         if self._usual is None:
-            self._usual = usual_lengths(arc.equations, arc.start)
+            self._usual = usual_lengths(
+                arc.equations, arc.start, arc.settings.output_step
+            )
         rank = arc.plan.rank + len(arc.plan.reduction.eliminated)
         names, smallest = weakest(arc.equations, rank, self._usual, time, q, v)
         events = tuple(Event(time, "rank", name, smallest) for name in names)
@@ -96,8 +98,7 @@ def weakest(
     usual : (m,)
         Their lengths, in general.
     """
-    point = Point(equations)
-    point.move_to(t)
+    point = Point(equations, t)
     left, smallest = weakest_rows(point, q, v, rank, usual)
     heavy = np.abs(left) > 1e-3
     rows = zip(equations.rows, heavy, strict=True)

@@ -55,7 +55,7 @@ class Switching(Source):
         self.modes = Modes(arc)
         self.sides = self.modes.sides
         self.of_velocities = self.modes.of_velocities
-        self.sequence = Sequence(arc.settings.start, arc.span)
+        self.sequence = Sequence(arc.settings.start, arc.settings.duration)
         self.told: set[str] = set()
         self.jumped = False
         self.approaches = 0

@@ -8,7 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.model.model import Simulation
+    from lagsim.model.settings import Settings
 
 # Rows that are kept, at most.
 MOST_ROWS = 4096
@@ -27,20 +27,20 @@ class Checkpoints:
     ----------
     count : int
         Of the coordinates, the columns after the time; their rates follow.
-    simulation
+    settings
         Whose grid it is; by default that of the first two times.
     stride
         Of so many rows one is kept, to begin with.
     """
 
     def __init__(
-        self, count: int, simulation: Simulation | None = None, stride: int = 1
+        self, count: int, settings: Settings | None = None, stride: int = 1
     ) -> None:
         self._count = count
         self._start: float | None = None
         self._step = 0.0
-        if simulation is not None:
-            self._start, self._step = simulation.start, simulation.output_step
+        if settings is not None:
+            self._start, self._step = settings.start, settings.output_step
         self._kept: dict[int, Floats] = {}
         self._last: Floats | None = None
         self.stride = stride

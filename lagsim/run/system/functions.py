@@ -56,9 +56,8 @@ def functions(
         "terms": _terms_of_rates(equations),
     }  # fmt: skip
     found["inertias"] = list(varying_inertias(equations, plan).values())
-    simulation = equations.model.simulation
-    if simulation and simulation.until:
-        found["until"] = [simulation.until.node]
+    if equations.model.until:
+        found["until"] = [equations.model.until.node]
     if plan.elimination is None:
         found |= _terms(equations, columns)
         found["loads"] = _loads(equations)

@@ -77,8 +77,7 @@ class Runner:
         self.system = system
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
-        simulation = system.equations.model.simulation
-        until = bool(simulation and simulation.until)
+        until = system.equations.model.until is not None
         switches = system.surfaces > 0
         held = system.m > 0 and system.plan.projected
         statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}

@@ -26,11 +26,11 @@ from lagsim.studies.alarms.verdict import Doubt, doubt_about
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
+    from lagsim.model.settings import Settings
     from lagsim.notes import Caution
     from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
-    from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 
 # Methods with nothing to look for: they notice on the way, or are exact.
@@ -78,8 +78,8 @@ MEANINGS = {
 def alarms(
     equations: Equations,
     start: Start,
+    settings: Settings,
     plan: Plan,
-    system: System,
     trajectory: Trajectory,
     ledger: Ledger,
     witness: Witness,
@@ -88,10 +88,10 @@ def alarms(
     """Give all that there is to know about a run, in the order of its stages."""
     return [
         *start.warnings,
-        *about_inputs(start, plan, system),
+        *about_inputs(start, settings, plan),
         *trajectory.warnings,
         *_about_steps(equations, plan, trajectory, witness),
-        *about_energy(equations, plan, trajectory, ledger, witness),
+        *about_energy(equations, settings, plan, trajectory, ledger, witness),
         *about_constraints(equations, start, plan, ledger, witness),
         *about_error(bar, plan),
     ]

@@ -8,11 +8,11 @@ from lagsim.notes import Caution
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
-    from lagsim.run.system import System
 
 
-def about_inputs(start: Start, plan: Plan, system: System) -> list[Caution]:
+def about_inputs(start: Start, settings: Settings, plan: Plan) -> list[Caution]:
     """Say what the file or the options asked for and the run does otherwise."""
     found = []
     if start.changes:
@@ -22,19 +22,16 @@ def about_inputs(start: Start, plan: Plan, system: System) -> list[Caution]:
         )
         text = f"the run starts from the nearest exact state: {moved}"
         found.append(Caution("start-changed", text))
-    simulation = system.equations.model.simulation
-    if simulation is None:
-        return found
-    if plan.step is None and simulation.step is not None:
+    if plan.step is None and settings.step is not None:
         text = f"`step` has no effect: {plan.method} chooses its steps"
         found.append(Caution("step-unused", text))
-    if simulation.spectral_radius is not None and plan.method != "generalized-alpha":
+    if settings.spectral_radius is not None and plan.method != "generalized-alpha":
         text = f"`spectral_radius` has no effect: {plan.method} has no such parameter"
         found.append(Caution("spectral-radius-unused", text))
-    if plan.rtol is None and (simulation.rtol, simulation.atol) != (None, None):
+    if plan.rtol is None and (settings.rtol, settings.atol) != (None, None):
         text = f"tolerances have no effect: {plan.method} takes fixed steps"
         found.append(Caution("tolerance-unused", text))
-    if plan.formulation != "baumgarte" and simulation.gain is not None:
+    if plan.formulation != "baumgarte" and settings.gain is not None:
         text = f"`gain` has no effect: the formulation is {plan.formulation}"
         found.append(Caution("gain-unused", text))
     return found

@@ -14,6 +14,7 @@ from lagsim.studies.error_bar import beside
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
@@ -99,6 +100,7 @@ def not_held(
 
 def about_energy(
     equations: Equations,
+    settings: Settings,
     plan: Plan,
     trajectory: Trajectory,
     ledger: Ledger,
@@ -129,7 +131,7 @@ def about_energy(
     if jumps(equations, witness, ledger.worst_row):
         text += "; its expression jumps, which is no error and makes no impulse"
     elif trajectory.outcome.complete:
-        text += f": that is an error of {_whose(plan)}; {_how(equations, plan)} it"
+        text += f": that is an error of {_whose(plan)}; {_how(settings, plan)} it"
     return [Caution(f"energy-{way}", text)]
 
 
@@ -140,10 +142,9 @@ def _whose(plan: Plan) -> str:
     return plan.method
 
 
-def _how(equations: Equations, plan: Plan) -> str:
+def _how(settings: Settings, plan: Plan) -> str:
     """Say what keeps the energy: nothing that has been tried."""
     how = "a shorter step" if plan.rtol is None else "a tighter rtol"
-    simulation = equations.model.simulation
-    if simulation is not None and simulation.method != "auto":
+    if settings.method != "auto":
         return f"{how}, or `--method auto`, keeps"
     return f"{how} keeps"

@@ -18,7 +18,6 @@ import numpy as np
 
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.methods import method
-from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.studies.alarms.rows import HELD, UNEXPLAINED, not_held
 
 if TYPE_CHECKING:
@@ -160,7 +159,7 @@ def _about_repeat(plan: Plan, bar: ErrorBar | str) -> Doubt | None:
         return None
     if bar.parted:
         return Doubt(bar.parted, float(bar.times[-1]), refutes=False)
-    rtol = DEFAULT_RTOL if plan.rtol is None else plan.rtol
+    rtol = plan.tolerance
     lost = bar.lost
     if not np.max(lost) > max(PARTED, TOLERANCES * rtol):
         return None

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.model.model import Model
+    from lagsim.model.settings import Settings
     from lagsim.studies.bench.reference import Reference
     from lagsim.studies.bench.work_precision import Entry, WorkPrecision
 
@@ -49,7 +50,7 @@ def _cell(value: object) -> str:
 
 
 def document(
-    model: Model, found: WorkPrecision, files: Sequence[str]
+    model: Model, settings: Settings, found: WorkPrecision, files: Sequence[str]
 ) -> dict[str, Any]:
     """Give the content of work_precision.json; keys are only ever added."""
     fronts = {of: set(found.front(of)) for of in ("seconds", "evaluations")}
@@ -59,8 +60,6 @@ def document(
         row["reason"] = entry.reason
         row |= {f"front_{of}": k in front for of, front in fronts.items()}
         rows.append(row)
-    simulation = model.simulation
-    assert simulation is not None
     curves = [
         {"method": method, "formulation": formulation, "compile_seconds": seconds}
         for (method, formulation), seconds in found.compile_seconds.items()
@@ -71,9 +70,9 @@ def document(
         "machine": machine(),
         "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
         "parameters": {p.name: p.value for p in model.parameters},
-        "start": simulation.start,
-        "end": simulation.end,
-        "output_step": simulation.output_step,
+        "start": settings.start,
+        "end": settings.end,
+        "output_step": settings.output_step,
         "complete": not found.interrupted,
         "reference": _reference(found.reference),
         "curves": curves,

@@ -239,9 +239,7 @@ def _solved(
 
 def _steps(own: Own) -> list[float]:
     """Give steps for a method that has no tolerance, each half the one before."""
-    simulation = own.equations.model.simulation
-    assert simulation is not None
-    return [simulation.output_step / 4 / 2**k for k in range(HALVINGS)]
+    return [own.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
 
 
 def _scales(

@@ -37,8 +37,7 @@ def refusal(own: Own) -> str:
     switches = own.system.switches
     if switches.modes or switches.state:
         return "they would step over the scene's switches"
-    simulation = own.equations.model.simulation
-    if simulation is not None and simulation.until:
+    if own.equations.model.until:
         return "the end of the run is an event"
     return ""
 

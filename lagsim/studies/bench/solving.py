@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.interrupt import Interrupt
 
@@ -110,18 +111,20 @@ class Solver(Protocol):
         """
 
 
+@dataclass(frozen=True, slots=True)
 class Scene:
     """A model with an admissible start, and what can be asked of the plan for it."""
 
-    def __init__(self, equations: Equations, start: Start) -> None:
-        self.equations, self.start = equations, start
+    equations: Equations
+    start: Start
+    settings: Settings
 
     def asking(
         self,
         method: str = "auto",
         formulation: str = "auto",
         rtol: float | None = None,
-    ) -> tuple[Equations, Plan]:
+    ) -> tuple[Settings, Plan]:
         """Plan as if the file said so.
 
         Raises
@@ -129,19 +132,15 @@ class Scene:
         InputError
             Where the method or the formulation cannot handle the scene.
         """
-        model = self.equations.model
-        assert model.simulation is not None
-        simulation = replace(
-            model.simulation,
+        asked = replace(
+            self.settings,
             method=method,
             formulation=formulation,
             rtol=rtol,
             atol=None,
             step=None,
         )
-        model = replace(model, simulation=simulation)
-        equations = replace(self.equations, model=model)
-        return equations, make_plan(equations, self.start)
+        return asked, make_plan(self.equations, self.start, asked)
 
 
 class Own:
@@ -162,7 +161,8 @@ class Own:
     ) -> None:
         began = time.perf_counter()
         self.scene = scene
-        self.equations, self.plan = scene.asking(method, formulation, rtol)
+        self.equations = scene.equations
+        self.settings, self.plan = scene.asking(method, formulation, rtol)
         self.system = System(self.equations, self.plan)
         self.system.link(self.plan.method)
         self.compile_seconds = time.perf_counter() - began
@@ -192,6 +192,7 @@ class Own:
             self.scene.start,
             plan,
             self.system,
+            self.settings,
             [kept],
             progress=patience.check,
         )

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.bench.solving import Scene
@@ -116,10 +116,10 @@ class Subject:
     def __init__(self, scene: Scene, interrupt: Interrupt | None = None) -> None:
         self.scene, self.interrupt = scene, interrupt
         self.equations, self.start = scene.equations, scene.start
-        simulation = self.equations.model.simulation
-        assert simulation is not None
-        self.simulation = replace(simulation, until=None)
-        self.span = simulation.end - simulation.start
+        endless = replace(self.equations.model, until=None)
+        self.endless = self.equations.of(endless)
+        self.settings = scene.settings
+        self.span = self.settings.duration
         self._systems: dict[tuple[object, ...], System] = {}
         self.motion = self._trusted()
         self._measure()
@@ -134,10 +134,9 @@ class Subject:
 
     def _trusted(self) -> Floats:
         """Give rows (t, q, q') of the motion, by what `auto` takes."""
-        simulation = self.equations.model.simulation
-        assert simulation is not None
-        simulation = replace(
-            simulation,
+        equations = self.equations
+        settings = replace(
+            self.settings,
             output_step=self.span / TRUSTED_ROWS,
             method="auto",
             formulation="auto",
@@ -145,14 +144,13 @@ class Subject:
             rtol=None,
             atol=None,
         )
-        equations = _with(self.equations, simulation)
-        plan = make_plan(equations, self.start)
+        plan = make_plan(equations, self.start, settings)
         system = System(equations, plan)
         self.switches = system.surfaces > 0
         kept = _Kept(1 + 2 * len(equations.q))
         with np.errstate(all="ignore"):
             trajectory = simulate(
-                equations, self.start, plan, system, [kept],
+                equations, self.start, plan, system, settings, [kept],
                 interrupt=self.interrupt, most_steps=TRUSTED_STEPS,
             )  # fmt: skip
         switched = sum(event.kind == "switch" for event in trajectory.events)
@@ -213,17 +211,16 @@ class Subject:
         self, name: str, step: float | None, steps: int, value: float | None
     ) -> Cell:
         """Run `steps` steps, or with None as long as the model says; judge."""
-        asked = replace(self.simulation, method=name, step=step)
+        asked = replace(self.settings, method=name, step=step)
         if step is not None:
             end = asked.start + steps * step
             asked = replace(asked, output_step=step, end=end, rtol=None, atol=None)
-        equations = _with(self.equations, asked)
-        plan, system = self._ready(name, equations)
+        plan, system = self._ready(name, asked)
         watch = _Watch(system.columns.names)
         with np.errstate(all="ignore"):
             trajectory = simulate(
-                equations, self.start, replace(plan, step=step), system, [watch],
-                interrupt=self.interrupt,
+                self.endless, self.start, replace(plan, step=step), system, asked,
+                [watch], interrupt=self.interrupt,
                 most_steps=ADAPTIVE_STEPS if step is None else 2 * steps + 1000,
             )  # fmt: skip
             verdict, growth = watch.verdict(
@@ -237,7 +234,7 @@ class Subject:
             trajectory.end - trajectory.start, "" if complete else trajectory.reason,
         )  # fmt: skip
 
-    def _ready(self, name: str, equations: Equations) -> tuple[Plan, System]:
+    def _ready(self, name: str, settings: Settings) -> tuple[Plan, System]:
         """Plan as if the file asked for the method.
 
         Raises
@@ -245,13 +242,13 @@ class Subject:
         InputError
             Where it cannot handle the scene.
         """
-        plan = make_plan(equations, self.start)
+        plan = make_plan(self.endless, self.start, settings)
         key = (
             method_named(name).NEEDS, plan.formulation, plan.elimination is None,
             plan.projected, plan.tape, plan.constant,
         )  # fmt: skip
         if key not in self._systems:
-            self._systems[key] = System(equations, plan)
+            self._systems[key] = System(self.endless, plan)
         return plan, self._systems[key]
 
     def evaluation(self) -> int:
@@ -260,11 +257,6 @@ class Subject:
         nodes = [*e.mass_entries.values(), *e.f]
         nodes += [x for row in e.rows for x in (*row.A.entries.values(), row.b)]
         return len(e.graph.cone(nodes)) + 10 * (len(e.q) + len(e.rows))
-
-
-def _with(equations: Equations, simulation: object) -> Equations:
-    model = replace(equations.model, simulation=simulation)  # type: ignore[arg-type]
-    return replace(equations, model=model)
 
 
 class _Kept:

@@ -346,10 +346,8 @@ def _curves(
 ) -> Iterator[Curve]:
     """Give everything that applies; note what does not."""
     tolerances = decades(wish.tolerances)
-    simulation = scene.equations.model.simulation
-    assert simulation is not None
-    largest = LARGEST_STEP * simulation.output_step
-    largest = min(largest, (simulation.end - simulation.start) / 2)
+    largest = LARGEST_STEP * scene.settings.output_step
+    largest = min(largest, scene.settings.duration / 2)
     steps = halvings(wish.steps or (largest, largest / 2**MOST_HALVINGS))
     for name in names():
         if not wish.wants(name):

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.trajectory import Trajectory
@@ -116,6 +117,7 @@ class Repeat:
 def repeat(
     equations: Equations,
     start: Start,
+    settings: Settings,
     plan: Plan,
     system: System,
     trajectory: Trajectory,
@@ -149,14 +151,14 @@ def repeat(
         )
     n = len(equations.model.coordinates)
     found: ErrorBar | str = "nothing else can repeat it"
-    for other in by_other_means(equations, start, plan, system, trajectory):
-        fine, stride = _spaced(equations, checkpoints)
-        again = Checkpoints(n, fine.model.simulation, stride)
+    for other in by_other_means(equations, start, settings, plan, system, trajectory):
+        fine, stride = _spaced(settings, checkpoints)
+        again = Checkpoints(n, fine, stride)
         most = _most_steps(other, system, trajectory)
         own = None if account is None else account(other.system)
         repeated = simulate(
-            fine, start, other.plan, other.system, [again, *([own] if own else [])],
-            interrupt=interrupt, progress=progress,
+            equations, start, other.plan, other.system, fine,
+            [again, *([own] if own else [])],interrupt=interrupt, progress=progress,
             most_steps=MOST_STEPS if always else most,
             longest_step=other.longest_step,
         )  # fmt: skip
@@ -168,7 +170,9 @@ def repeat(
             continue
         if _is_comparable(trajectory, repeated):
             runs = trajectory, repeated
-            return _compared(equations, start, runs, other.plan, checkpoints, again)
+            return _compared(
+                equations, start, settings, runs, other.plan, checkpoints, again
+            )
         where = f"{other.plan.method} ended at t = {repeated.end:.6g}"
         found = f"a repeat did not finish: {where}"
     return found
@@ -177,6 +181,7 @@ def repeat(
 def is_outlier(
     equations: Equations,
     start: Start,
+    settings: Settings,
     plan: Plan,
     system: System,
     trajectory: Trajectory,
@@ -191,18 +196,20 @@ def is_outlier(
     Two that are tighter agree better by far where the run has passed over something; by
     as much as their tolerances differ where motions part exponentially.
     """
-    other = next(by_other_means(equations, start, plan, system, trajectory), None)
+    other = next(
+        by_other_means(equations, start, settings, plan, system, trajectory), None
+    )
     if other is None:
         return False
     longest = GOLDEN * GOLDEN * other.longest_step
     plan = _tighter(other.plan, TIGHTER)
     if plan.rtol == other.plan.rtol:  # equal ones may take the same steps
         plan = replace(plan, rtol=LOOSER * (plan.rtol or 0.0))
-    fine, stride = _spaced(equations, checkpoints)
-    third = Checkpoints(len(equations.q), fine.model.simulation, stride)
+    fine, stride = _spaced(settings, checkpoints)
+    third = Checkpoints(len(equations.q), fine, stride)
     own = None if account is None else account(other.system)
     made = simulate(
-        fine, start, plan, other.system, [third, *([own] if own else [])],
+        equations, start, plan, other.system, fine, [third, *([own] if own else [])],
         interrupt=interrupt, most_steps=_most_steps(other, system, trajectory),
         longest_step=longest,
     )  # fmt: skip
@@ -222,16 +229,15 @@ def is_outlier(
 def by_other_means(
     equations: Equations,
     start: Start,
+    settings: Settings,
     plan: Plan,
     system: System,
     trajectory: Trajectory,
 ) -> Iterator[Repeat]:
     """Give the ways to make a run again, the best first."""
-    simulation = equations.model.simulation
-    assert simulation is not None
     steps = max(trajectory.statistics.steps, 1)
     mean = (trajectory.end - trajectory.start) / steps
-    within = WITHIN * simulation.output_step
+    within = WITHIN * settings.output_step
     if plan.rtol is None and plan.method == EXACT:
         tight = replace(plan, method=ANY, rtol=TIGHTEST, step=None)
         yield Repeat(tight, system, _affordable(within, system, ANY, trajectory))
@@ -240,12 +246,12 @@ def by_other_means(
         yield Repeat(others, system, within, 1.0)
         return
     if plan.rtol is None:
-        free = _free(equations, start)
+        free = _free(equations, start, settings)
         system = System(equations, free)
         within = _affordable(within, system, free.method, trajectory)
         yield Repeat(free, system, within)
         return
-    same = GOLDEN * min(mean, simulation.output_step)
+    same = GOLDEN * min(mean, settings.output_step)
     for tighter in (_tighter(plan, TIGHTER), _tighter(plan, LOOSER)):
         alike = plan.method == SERIES and (
             _sees_all(system) or not _has_room(plan, tighter)
@@ -282,15 +288,10 @@ def _tighter(plan: Plan, times: float) -> Plan:
     return replace(plan, rtol=rtol, atol=atol)
 
 
-def _free(equations: Equations, start: Start) -> Plan:
+def _free(equations: Equations, start: Start, settings: Settings) -> Plan:
     """Give the plan that repeats a method without error control."""
-    simulation = equations.model.simulation
-    assert simulation is not None
-    free = replace(
-        simulation, method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None
-    )
-    model = replace(equations.model, simulation=free)
-    return make_plan(replace(equations, model=model), start)
+    free = replace(settings, method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None)
+    return make_plan(equations, start, free)
 
 
 def _cost(system: System, method: str) -> float:
@@ -327,20 +328,18 @@ def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
     return repeated.end >= trajectory.end - 1e-6 * span
 
 
-def _spaced(equations: Equations, checkpoints: Checkpoints) -> tuple[Equations, int]:
-    """Give the equations with the rows of a repeat, of which one in k is compared."""
-    simulation = equations.model.simulation
-    assert simulation is not None
+def _spaced(settings: Settings, checkpoints: Checkpoints) -> tuple[Settings, int]:
+    """Give the settings with the rows of a repeat, of which one in k is compared."""
     count = len(checkpoints.rows)
     finer = -(-LEAST_ROWS // count) if checkpoints.stride == 1 else 1
-    spacing = checkpoints.stride * simulation.output_step / finer
-    fine = replace(simulation, output_step=spacing)
-    return replace(equations, model=replace(equations.model, simulation=fine)), finer
+    spacing = checkpoints.stride * settings.output_step / finer
+    return replace(settings, output_step=spacing), finer
 
 
 def _compared(
     equations: Equations,
     start: Start,
+    settings: Settings,
     runs: tuple[Trajectory, Trajectory],
     plan: Plan,
     checkpoints: Checkpoints,
@@ -355,13 +354,11 @@ def _compared(
         if other is not None:
             rows.append(row)
             others.append(other)
-    simulation = equations.model.simulation
-    assert simulation is not None
     assert checkpoints.last is not None
     assert again.last is not None
     run, repeated = runs
     apart = abs(run.end - repeated.end)
-    alike = run.outcome is repeated.outcome and apart < simulation.output_step
+    alike = run.outcome is repeated.outcome and apart < settings.output_step
     if alike and checkpoints.last[0] > rows[-1][0]:
         rows.append(checkpoints.last)
         others.append(again.last)

@@ -52,10 +52,8 @@ class Judgement:
 
 def run(scene: Scene, stored: Stored) -> Motion:
     """Run a model so that its rows lie at the golden's times."""
-    simulation = scene.equations.model.simulation
-    assert simulation is not None
     spacing = float(stored.about["output_step"])
-    plan = make_plan(scene.equations, scene.start)
+    plan = make_plan(scene.equations, scene.start, scene.settings)
     step = None if method_named(plan.method).ADAPTIVE else plan.step
     other = scene.asking(output_step=spacing, step=step)
     return other.motion(stored.golden.stride)
@@ -130,9 +128,7 @@ def _notes(scene: Scene, motion: Motion, about: Mapping[str, Any]) -> list[str]:
     changed += [f"{k} {was[k]}" for k in now if k in was and was[k] != now[k]]
     if changed:
         notes.append(f"the golden is from {', '.join(changed)}")
-    simulation = model.simulation
-    assert simulation is not None
-    if simulation.output_step != float(about["output_step"]):
+    if scene.settings.output_step != float(about["output_step"]):
         notes.append(f"rows every {about['output_step']!r}, as in the golden")
     end = float(about["end"])
     apart = abs(motion.trajectory.end - end)

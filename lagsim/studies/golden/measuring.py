@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.evaluate import evaluate_with_error
-from lagsim.plan.integration import DEFAULT_RTOL
+from lagsim.model.settings import DEFAULT_RTOL
 from lagsim.studies.comparison.scales import kind, scales
 from lagsim.studies.golden.invariants import MOMENTUM, invariants
 from lagsim.studies.golden.motion import (
@@ -97,17 +97,16 @@ class Golden:
 
 def measure(scene: Scene) -> tuple[Golden, Motion]:
     """Run a model and its variants; give its golden, and the run it was made from."""
-    simulation = scene.equations.model.simulation
-    assert simulation is not None
-    span = (simulation.end - simulation.start) / simulation.output_step
+    spacing = scene.settings.output_step
+    span = scene.settings.duration / spacing
     stride = _stride(int(span) + 2, _columns(scene))
     base = scene.motion(stride)
     if stride > 1 and len(base.rows) < LEAST_ROWS:  # it ended early
         stride = _stride(base.trajectory.rows, len(base.columns))
         base = scene.motion(stride)
     others = list(variants(scene, base, stride))
-    rows = base.rows[_clear(base.rows[:, 0], base.trajectory, simulation.output_step)]
-    near = SAME_TIME * simulation.output_step
+    rows = base.rows[_clear(base.rows[:, 0], base.trajectory, spacing)]
+    near = SAME_TIME * spacing
     envelope = _envelope(rows, base, others, near, _floors(scene, base, rows))
     sizes = scales(base.columns, rows.T, units(scene))
     moving = [

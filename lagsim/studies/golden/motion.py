@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagsim.errors import InputError
 from lagsim.methods import method as method_named
+from lagsim.model.settings import DEFAULT_RTOL
 from lagsim.plan import make_plan
-from lagsim.plan.integration import DEFAULT_RTOL
 from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.trajectory import Trajectory
 
@@ -112,14 +113,11 @@ class Scene:
 
     equations: Equations
     start: Start
+    settings: Settings
 
-    def asking(self, **simulation: object) -> Scene:
-        """Give the scene with other entries of `simulation`."""
-        model = self.equations.model
-        assert model.simulation is not None
-        other = replace(model.simulation, **simulation)  # type: ignore[arg-type]
-        model = replace(model, simulation=other)
-        return Scene(replace(self.equations, model=model), self.start)
+    def asking(self, **other: Any) -> Scene:
+        """Give the scene with other settings."""
+        return replace(self, settings=replace(self.settings, **other))
 
     def perturbed(self, seed: int) -> Scene:
         """Give the scene with start and parameters moved by one unit in the last place.
@@ -142,7 +140,7 @@ class Scene:
         )
         model = replace(model, parameters=parameters)
         start = replace(self.start, q=moved(self.start.q), v=moved(self.start.v))
-        return Scene(replace(self.equations, model=model), start)
+        return replace(self, equations=self.equations.of(model), start=start)
 
     def motion(self, stride: int) -> Motion:
         """Run it.
@@ -152,10 +150,12 @@ class Scene:
         InputError
             Where the method cannot handle the scene.
         """
-        plan = make_plan(self.equations, self.start)
+        plan = make_plan(self.equations, self.start, self.settings)
         system = System(self.equations, plan)
         few = Few(stride)
-        trajectory = simulate(self.equations, self.start, plan, system, [few])
+        trajectory = simulate(
+            self.equations, self.start, plan, system, self.settings, [few]
+        )
         names = system.columns.names
         assert few.largest is not None
         scales = {

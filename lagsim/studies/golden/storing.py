@@ -74,8 +74,6 @@ def certain(value: float, bound: float) -> str:
 def document(scene: Scene, golden: Golden, base: Motion) -> bytes:
     """Give the JSON; keys are only ever added."""
     model = scene.equations.model
-    simulation = model.simulation
-    assert simulation is not None
     plan = base.plan
     content = {
         "lagsim": __version__,
@@ -87,10 +85,10 @@ def document(scene: Scene, golden: Golden, base: Motion) -> bytes:
         "rtol": plan.rtol,
         "atol": plan.atol,
         "step": plan.step,
-        "start": simulation.start,
+        "start": scene.settings.start,
         "end": base.trajectory.end,
         "outcome": base.trajectory.outcome.word,
-        "output_step": simulation.output_step,
+        "output_step": scene.settings.output_step,
         "stride": golden.stride,
         "horizon": golden.horizon,
         "invariants": {

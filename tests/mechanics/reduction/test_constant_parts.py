@@ -35,13 +35,17 @@ MOVING = 'constraints: {one: "a + 2*b = c^2 + c", two: "b^2 - 0.5*d = 0"}'
 def rows(text, *, loops, constant=None):
     equations = derive(read(text, "model.yaml"))
     start = examine(equations)
-    plan = make_plan(equations, start, loops=loops, formulation="full")
+    plan = make_plan(
+        equations, start, equations.model.settings({"formulation": "full"}), loops=loops
+    )
     found = plan.constant
     if constant is not None:
         plan = replace(plan, constant=constant)
     keep = Keep()
     system = System(equations, plan)
-    trajectory = simulate(equations, start, plan, system, [keep])
+    trajectory = simulate(
+        equations, start, plan, system, equations.model.settings(), [keep]
+    )
     return found, trajectory.statistics, np.concatenate(keep.blocks)
 
 
@@ -72,7 +76,9 @@ def test_a_mass_that_changes_is_factored_each_time():
 
 def test_straight_code_factors_constant_matrices_outside_of_the_run():
     equations = derive(read(PULLING.replace("ROWS", CONSTANT), "model.yaml"))
-    plan = make_plan(equations, examine(equations), formulation="full")
+    plan = make_plan(
+        equations, examine(equations), equations.model.settings({"formulation": "full"})
+    )
     elimination = plan.elimination
     g = equations.graph
     factors = [*elimination.mass.inverse.values(), *elimination.schur.inverse.values()]

@@ -88,7 +88,8 @@ def formulated(model, formulation, **options):
     equations = derive(model)
     start = examine(equations)
     assert start.admissible, start.verdicts
-    found = formulate(equations, start, formulation, lambda _: True)
+    settings = model.settings({"formulation": formulation})
+    found = formulate(equations, start, settings, lambda _: True)
     return equations, start, found.reduction
 
 

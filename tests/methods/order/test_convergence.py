@@ -295,12 +295,19 @@ STEERED = FREE.replace(
 def test_time_reversal_brings_the_state_back(text, options, off):
     equations = derive(read(text, "model.yaml", options=options))
     start = examine(equations)
-    plan = make_plan(equations, start)
+    plan = make_plan(equations, start, equations.model.settings())
     ends = []
     turned = start
     for _ in range(2):
         keep = Keep()
-        simulate(equations, turned, plan, System(equations, plan), [keep])
+        simulate(
+            equations,
+            turned,
+            plan,
+            System(equations, plan),
+            equations.model.settings(),
+            [keep],
+        )
         last = keep.blocks[-1][-1]
         n = len(equations.q)
         ends.append(last[1 : 1 + 2 * n])

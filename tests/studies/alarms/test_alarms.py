@@ -118,8 +118,8 @@ def test_chaos_has_a_horizon_and_nothing_else():
     checkpoints = Checkpoints(2)
     checkpoints.add(found.rows)
     bar = repeat(
-        found.equations, found.start, found.plan, found.system, found.trajectory,
-        checkpoints,
+        found.equations, found.start, found.settings, found.plan, found.system,
+        found.trajectory, checkpoints,
     )  # fmt: skip
     assert codes(found, bar) == ["horizon"]
     # Errors grow tenfold in 2 s from about 1e-12: 0.1 of the range some 22 s later.

@@ -63,7 +63,7 @@ LIMITS = {"rk4": math.sqrt(8.0), "verlet": 2.0, "rattle": 2.0}
 
 def scene(text, overrides=None):
     equations = derive(read(text, "model.yaml", overrides))
-    return Scene(equations, examine(equations))
+    return Scene(equations, examine(equations), equations.model.settings())
 
 
 def looked_at(text, *methods, steps, strip=6):

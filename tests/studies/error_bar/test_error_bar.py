@@ -23,12 +23,15 @@ from tests.support import MODELS
 def barred(model, **keywords):
     """Run a model and its repeat; give the checkpoints and the bar."""
     equations = derive(model)
-    start = examine(equations)
-    plan = make_plan(equations, start)
+    settings = model.settings()
+    start = examine(equations, settings.start)
+    plan = make_plan(equations, start, settings)
     system = System(equations, plan)
-    checkpoints = Checkpoints(len(equations.q), model.simulation)
-    trajectory = simulate(equations, start, plan, system, [checkpoints])
-    bar = repeat(equations, start, plan, system, trajectory, checkpoints, **keywords)
+    checkpoints = Checkpoints(len(equations.q), settings)
+    trajectory = simulate(equations, start, plan, system, settings, [checkpoints])
+    bar = repeat(
+        equations, start, settings, plan, system, trajectory, checkpoints, **keywords
+    )
     return checkpoints, bar
 
 

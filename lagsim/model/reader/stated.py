@@ -1,0 +1,103 @@
+"""What a file says in numbers: parameters, laws, start values, settings.
+
+All of it can be had again for other values: what is built of names alone, the graph and
+every expression on it, stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from lagsim.model.reader.faults import Faults
+from lagsim.model.reader.initial import Initial
+from lagsim.model.reader.parameters import Parameters, Value
+from lagsim.model.reader.relations import read_law
+from lagsim.model.reader.simulation import read_settings
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.errors import Place
+    from lagsim.model.model import InitialValue, Model, Parameter
+    from lagsim.model.reader.expressions import Expressions
+    from lagsim.model.reader.fields import Entry, Fields
+    from lagsim.model.settings import Settings
+
+
+@dataclass(frozen=True, slots=True)
+class Sections:
+    """The sections of a file that hold numbers, and where the file begins."""
+
+    parameters: list[Entry]
+    constraints: list[Entry]
+    initial: Entry | None
+    simulation: Fields
+    root: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """The sections with what was said instead of them.
+
+    Attributes
+    ----------
+    x : Expressions
+        Of the file: its graph, its definitions, and the values of this binding.
+    instead, starting, options : dict of str to str
+        Expressions that stand for those of parameters, of start values and of keys of
+        `simulation`.
+    """
+
+    file: str
+    sections: Sections
+    x: Expressions
+    instead: Mapping[str, str]
+    options: Mapping[str, str]
+    starting: Mapping[str, str] = field(default_factory=dict)
+
+    def parameters(self) -> tuple[tuple[Parameter, ...], dict[str, Value]]:
+        """Give the parameters, and what is known of each; faults go to those of `x`."""
+        reader = Parameters(self.x, self.instead)
+        return reader.read(self.sections.parameters), reader.values
+
+    def initial(self, known: Mapping[str, Value]) -> tuple[InitialValue, ...]:
+        """Give the start values; faults go to those of `x`."""
+        reader = Initial(self.x, known, self.starting)
+        return reader.read(self.sections.initial, self.sections.root)
+
+    def settings(self, options: Mapping[str, str]) -> Settings:
+        """Give the settings, see `Model.settings`."""
+        faults = Faults(self.file)
+        found = self.asked(self.x.over(faults, self.x.values), options)
+        faults.raise_if_any()
+        return found
+
+    def asked(self, x: Expressions, options: Mapping[str, str]) -> Settings:
+        """Evaluate the settings; faults go to those of `x`."""
+        return read_settings(
+            self.sections.simulation, {**self.options, **options}, x
+        )
+
+    def bound(
+        self, model: Model, parameters: Mapping[str, str], initial: Mapping[str, str]
+    ) -> Model:
+        """Give a model of this file with other values, see `Model.bind`."""
+        faults = Faults(self.file)
+        new = replace(
+            self,
+            x=self.x.over(faults, {}),
+            instead={**self.instead, **parameters},
+            starting={**self.starting, **initial},
+        )
+        values, known = new.parameters()
+        constraints = zip(model.constraints, self.sections.constraints, strict=True)
+        laws = tuple(
+            c if c.law is None else replace(c, law=read_law(entry, new.x))
+            for c, entry in constraints
+        )
+        starts = new.initial(known)
+        faults.raise_if_any()
+        return replace(
+            model, parameters=values, constraints=laws, initial=starts, stated=new
+        )

@@ -1,0 +1,174 @@
+"""A model bound to other values is the one that the text with them gives."""
+
+from __future__ import annotations
+
+import pytest
+
+from lagsim.errors import InputError
+from lagsim.model.reader import read
+from tests.model._files import completed, model, problems
+
+TEXT = """
+parameters:
+  l: 2
+  g: 9.8
+  w: sqrt(g/l)
+  T: {value: 2*pi/w, unit: s, description: period}
+coordinates: {x: {}, y: {}}
+definitions: {r: "hypot(x, y)"}
+constraints: {rod: x^2 + y^2 = l^2, floor: {relation: y >= -3*l, restitution: l/4}}
+initial: {x: l*sin(0.1), y: {guess: -l}, x_dot: w*x, r_dot: 0}
+simulation: {duration: 3*T, output_step: T/10, gain: w}
+"""
+CHANGES = [
+    {"l": 3},
+    {"g": 1.62},
+    {"l": 0.1, "g": -0.0 + 25},
+    {"w": 1.5},  # no longer what it was derived from
+    {"w": "2*l + pi", "l": "1/3"},
+]
+
+
+def texts(values):
+    return {k: v if isinstance(v, str) else repr(v) for k, v in values.items()}
+
+
+@pytest.mark.parametrize("values", CHANGES, ids=str)
+def test_parameters_and_all_that_follows_from_them(values):
+    base = model(TEXT)
+    bound = base.bind(values)
+    again = model(TEXT, overrides=texts(values))
+    assert bound.graph is base.graph
+    assert bound.parameters == again.parameters != base.parameters
+    assert [c.law for c in bound.constraints] == [c.law for c in again.constraints]
+    assert bound.settings() == again.settings()
+    for mine, other in zip(bound.initial, again.initial, strict=True):
+        assert (mine.name, mine.value, mine.error, mine.guess) == (
+            other.name, other.value, other.error, other.guess,
+        )  # fmt: skip
+
+
+def test_nothing_is_built_for_a_number():
+    base = model(TEXT)
+    nodes = len(base.graph)
+    for k in range(1, 20):
+        base.bind({"l": 0.1 * k, "g": 10 - 0.3 * k}, {"x": 0.01 * k}).settings()
+    assert len(base.graph) == nodes
+
+
+def test_values_are_those_of_the_formulas():
+    bound = model(TEXT).bind({"g": 32.0})
+    found = {p.name: p.value for p in bound.parameters}
+    assert found["w"] == 4.0
+    assert found["T"] == pytest.approx(1.5707963267948966, rel=1e-15)
+    assert (bound.parameters[3].unit, bound.parameters[3].description) == (
+        "s",
+        "period",
+    )
+    assert bound.settings().duration == 3 * found["T"]
+    assert bound.settings().gain == 4.0
+    assert bound.constraints[1].law.restitution == 0.5
+
+
+def test_the_first_model_stays_as_it_is():
+    base = model(TEXT)
+    before = base.parameters, base.initial, base.settings()
+    base.bind({"l": 3}, {"x": 1})
+    assert (base.parameters, base.initial, base.settings()) == before
+
+
+def test_bindings_add_up():
+    once = model(TEXT).bind({"l": 3}, {"x": 0.5}).bind({"g": 4}, {"x_dot": 1})
+    both = model(TEXT).bind({"l": 3, "g": 4}, {"x": 0.5, "x_dot": 1})
+    assert once.parameters == both.parameters
+    assert once.initial == both.initial
+    after = model(TEXT, overrides={"l": "3"}, options={"gain": "7"}).bind({"g": 4})
+    assert after.parameters == both.parameters
+    assert after.settings().gain == 7.0
+
+
+def starts(m):
+    return {v.name: v.value for v in m.initial}
+
+
+class TestStart:
+    TEXT = """
+parameters: {l: 2}
+coordinates: {x: {}, y: {}}
+definitions: {s: x + y}
+initial: {x: l, y: {guess: x/2}}
+"""
+
+    def test_what_follows_a_start_value(self):
+        bound = model(self.TEXT).bind(initial={"x": 0.3})
+        assert starts(bound) == {"x": 0.3, "y": 0.15, "x_dot": 0.0, "y_dot": 0.0}
+        [y] = [v for v in bound.initial if v.name == "y"]
+        assert y.guess
+
+    def test_another_guess_is_a_guess(self):
+        found = model(self.TEXT).bind(initial={"y": "l*x"}).initial
+        assert [(v.name, v.value, v.guess) for v in found[:2]] == [
+            ("x", 2.0, False),
+            ("y", 4.0, True),
+        ]
+
+    def test_what_the_file_does_not_name(self):
+        bound = model(self.TEXT).bind(initial={"y_dot": -2, "s_dot": "l"})
+        assert starts(bound)["y_dot"] == -2.0
+        assert starts(bound)["s_dot"] == 2.0
+        written = model(self.TEXT.replace("x/2}", "x/2}, y_dot: -2, s_dot: l"))
+        assert starts(bound) == starts(written)
+
+    @pytest.mark.parametrize(
+        ("initial", "code"),
+        [
+            ({"l": 1}, "not-a-start-value"),
+            ({"z": 1}, "unknown-name"),
+            ({"x": "y"}, "later-initial"),
+            ({"x": "1/0"}, "not-finite"),
+            ({"x": float("nan")}, "unknown-name"),
+            ({"x": "1 +"}, "expression-syntax"),
+        ],
+        ids=str,
+    )
+    def test_faults(self, initial, code):
+        with pytest.raises(InputError) as error:
+            model(self.TEXT).bind(initial=initial)
+        assert [p.code for p in error.value.problems] == [code]
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"q": "1"},
+        {"x": "1"},
+        {"L": "1"},
+        {"a.b": "1"},
+        {"l": "w"},
+        {"l": "l"},
+        {"l": "x"},
+        {"l": "1/0"},
+        {"l": "2 l"},
+        {"g": "-1"},  # of whose square root w is
+        {"l": "5"},  # a restitution above 1
+        {"l": "0", "q": "2", "g": "("},
+    ],
+    ids=str,
+)
+def test_faults_are_those_of_set(values):
+    expected = problems(TEXT, overrides=values)
+    assert expected
+    with pytest.raises(InputError) as error:
+        read(completed(TEXT), "model.yaml").bind(values)
+    assert list(map(str, error.value.problems)) == list(map(str, expected))
+
+
+def test_faults_of_settings_are_told_when_they_are_asked_for():
+    text = "parameters: {h: 1}\nsimulation: {duration: 10, output_step: h}"
+    bound = model(text).bind({"h": -1})
+    expected = problems(text, overrides={"h": "-1"})
+    assert [p.code for p in expected] == ["out-of-range"]
+    with pytest.raises(InputError) as error:
+        bound.settings()
+    assert list(map(str, error.value.problems)) == list(map(str, expected))
+    assert bound.settings({"output_step": 2}).output_step == 2.0

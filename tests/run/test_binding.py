@@ -1,0 +1,78 @@
+"""Equations derived once run at any binding, on the code compiled once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagsim.admissibility import examine
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read
+from lagsim.native.link.cache import object_code
+from lagsim.plan import make_plan
+from lagsim.run.simulate import simulate
+from lagsim.run.system import System
+from tests.support import Keep
+
+# Derived parameters, a start that follows them, `if` in the time and in the state.
+SWITCHED = """
+parameters: {k: 20, m: 1.5, w: sqrt(k/m), on: 1/w, low: -0.5}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: k*x^2/2 + y^2*x^2 + y^2}
+forces: {x: "if(t < on, m, 0) - if(x < low, w*(x - low), 0)", y: -0.1*y_dot}
+initial: {x: 1, y: 0.2, x_dot: 0.1*w}
+simulation: {duration: 2, output_step: 0.05}
+"""
+HELD = """
+parameters: {l: 1, g: 9.8, a: 0.3, w: 2*sqrt(g/l)}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: g*y}
+constraints: {rod: (x - a*sin(w*t))^2 + y^2 = l^2}
+initial: {x: l*sin(0.4), y: {guess: -l}, x_dot: 0.1, y_dot: {guess: 0}}
+simulation: {duration: 2, output_step: 0.05, until: y >= 0}
+"""
+CASES = {
+    "switched": (SWITCHED, [{"k": 35.0}, {"m": 0.7, "low": -0.2}, {"w": 3.0}]),
+    "held": (HELD, [{"l": 1.3}, {"g": 1.62, "a": 0.05}]),
+    "by tapes": (HELD, [{"l": 1.3}]),
+    "by loops": (HELD, [{"l": 1.3}]),
+}
+
+
+def rows(equations, case):
+    settings = equations.model.settings()
+    start = examine(equations, settings.start)
+    assert start.admissible
+    plan = make_plan(equations, start, settings, loops=case == "by loops")
+    keep = Keep()
+    system = System(equations, plan)
+    trajectory = simulate(equations, start, plan, system, settings, [keep])
+    return np.concatenate(keep.blocks), trajectory.statistics
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_rows_are_those_of_the_text_read_again(case, monkeypatch):
+    compiled = []
+
+    def noted(ir):
+        compiled.append(ir)
+        return object_code(ir)
+
+    monkeypatch.setattr("lagsim.run.system.object_code", noted)
+    text, changes = CASES[case]
+    if case == "by tapes":
+        monkeypatch.setattr("lagsim.plan.from_tape", lambda *_: True)
+    equations = derive(read(text, "m.yaml"))
+    first, _ = rows(equations, case)
+    own = compiled.pop()
+    for values in changes:
+        again = derive(read(text, "m.yaml", {k: repr(v) for k, v in values.items()}))
+        expected, same = rows(again, case)
+        compiled.clear()
+        bound = equations.of(equations.model.bind(values))
+        found, work = rows(bound, case)
+        assert np.array_equal(found, expected)
+        assert work == same
+        assert found.shape != first.shape or not np.array_equal(found, first)
+        # Object code is kept by the text that it is compiled from.
+        assert compiled == [own]
