@@ -77,12 +77,14 @@ class Stiffness(Source):
         self._warned = False
         # The steps at which it is asked whether to go on with the method that there is,
         # and the state when it was asked last.
-        self._review_at = LONG
+        series = arc.settings.method == "auto" and arc.plan.method == SERIES
+        self._review_at = LONG if series else MOST_STEPS
         self._reviewed = arc.state
 
     def ask_at(self, arc: Arc) -> int:
         """Give when it is asked next whether to go on with the method."""
-        return self._review_at if _is_doubtful(arc) else MOST_STEPS
+        another = arc.plan.method in (SERIES, STIFF)
+        return self._review_at if another else MOST_STEPS
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Change the method, or say that steps are at the bound."""
@@ -188,11 +190,6 @@ class Stiffness(Source):
         return _taken(
             explicit, f"no longer stiff: {STIFF} takes {times:.1f} times the operations"
         )
-
-
-def _is_doubtful(arc: Arc) -> bool:
-    """Tell whether another method may turn out to be better after a while."""
-    return arc.settings.method == "auto" and arc.plan.method in (SERIES, STIFF)
 
 
 def _taken(arc: Arc, reason: str) -> Decision:
