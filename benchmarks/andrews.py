@@ -80,7 +80,7 @@ class Ours:
         options = {"rtol": repr(rtol), "duration": "0.03", "output_step": "3e-5"}
         self.equations = derive(read_file(path, options=options))
         self.settings = self.equations.model.settings()
-        self.start = examine(self.equations, self.settings.start)
+        self.start = examine(self.equations, self.settings.start).start
         self.plan = make_plan(self.equations, self.start, self.settings)
         self.system = System(self.equations, self.plan)
         # Linking is part of preparing a model, not of integrating it.

@@ -53,7 +53,7 @@ def lap(name):
     laps[name], last = now - last, now
 model = read_file(sys.argv[1]); lap("read")
 equations = derive(model); lap("derive")
-start = examine(equations); lap("examine")
+start = examine(equations).start; lap("examine")
 plan = make_plan(equations, start, model.settings()); lap("plan")
 system = System(equations, plan); lap("compile")
 runner = system.link(plan.method); lap("kernels and linking")

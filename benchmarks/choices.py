@@ -58,7 +58,7 @@ def points(entries, of):
 def rows_of(model, charts=None):
     """Give the rows of the table for one model; draw its chart where one is wanted."""
     equations = derive(read_file(str(MODELS / f"{model}.yaml")))
-    scene = Scene(equations, examine(equations), equations.model.settings())
+    scene = Scene(equations, examine(equations).start, equations.model.settings())
     try:
         found = measure(scene, Wish(methods=None if charts else names()))
     except NoReferenceError as why:

@@ -37,7 +37,7 @@ class Motion:
         self.model = read_file(str(MODELS / f"{name}.yaml"), sets, options)
         self.equations = derive(self.model)
         self.settings = self.model.settings()
-        self.start = examine(self.equations, self.settings.start)
+        self.start = examine(self.equations, self.settings.start).start
         self.plan = make_plan(self.equations, self.start, self.settings)
         self.system = System(self.equations, self.plan)
         self.blocks = []

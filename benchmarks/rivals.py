@@ -103,7 +103,7 @@ def measured(case, method):
     equations = derive(
         read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)
     )
-    scene = Scene(equations, examine(equations), equations.model.settings())
+    scene = Scene(equations, examine(equations).start, equations.model.settings())
     own = Own(scene, "dop853")
     patience = Patience(60.0)
     rows = own.solve(1e-12, patience).rows

@@ -55,7 +55,7 @@ def candidates(n):
     from lagsim.run.system.runner import FUNCTION
 
     equations = derive(read(rod_chain(n, 1.0), "rods.yaml"))
-    start = examine(equations)
+    start = examine(equations).start
     plan = make_plan(equations, start, equations.model.settings())
     plans = {"tape": replace(plan, tape=True)}
     if n <= LONGEST_CODE:

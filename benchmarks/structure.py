@@ -30,7 +30,7 @@ class Scene:
             path = MODELS / f"{model}.yaml"
             read_model = read_file(str(path), options=texts)
         self.equations = derive(read_model)
-        self.start = examine(self.equations)
+        self.start = examine(self.equations).start
         self.settings = read_model.settings({"formulation": formulation})
         plan = make_plan(self.equations, self.start, self.settings)
         self.plan = replace(plan, **(change or {}))

@@ -41,7 +41,7 @@ class Pendulum:
         texts = {name: str(value) for name, value in options.items()}
         self.equations = derive(read_file(str(MODEL), options=texts))
         self.settings = self.equations.model.settings()
-        self.start = examine(self.equations, self.settings.start)
+        self.start = examine(self.equations, self.settings.start).start
         self.plan = make_plan(self.equations, self.start, self.settings)
         self.system = System(self.equations, self.plan)
         self.runner = self.system.link(self.plan.method)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.admissibility import Start, examine
+from lagsim.admissibility import Examination, Start, examine
 from lagsim.mechanics.equations import Equations, derive
 from lagsim.model.reader import read, read_file
 from lagsim.plan import Plan, make_plan
@@ -39,7 +39,7 @@ class Run:
     """A finished run; `run["theta"]` is a column."""
 
     equations: Equations
-    start: Start
+    examined: Examination
     settings: Settings
     plan: Plan
     system: System
@@ -48,6 +48,11 @@ class Run:
 
     def __getitem__(self, name: str) -> Any:
         return self.rows[:, self.system.columns.names.index(name)]
+
+    @property
+    def start(self) -> Start:
+        """What it began with."""
+        return self.examined.start
 
     @property
     def drift(self) -> float:
@@ -73,11 +78,12 @@ def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
             model = read_file(str(MODELS / f"{model}.yaml"), options=options)
     equations = derive(model)
     settings = model.settings()
-    start = examine(equations, settings.start)
-    assert start.admissible, start.verdicts
+    examined = examine(equations, settings.start)
+    assert examined.admissible, examined.verdicts
+    start = examined.start
     plan = make_plan(equations, start, settings, loops=loops)
     system = System(equations, plan)
     keep = Keep()
     trajectory = simulate(equations, start, plan, system, settings, [keep], **rest)
     rows = np.concatenate(keep.blocks)
-    return Run(equations, start, settings, plan, system, trajectory, rows)
+    return Run(equations, examined, settings, plan, system, trajectory, rows)

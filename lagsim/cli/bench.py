@@ -109,19 +109,21 @@ class _Job:
         model = read_file(path, overrides)
         settings = wanted(model, "bench")
         equations = derive(model)
-        start = examine(equations, settings.start)
-        if not start.admissible:
+        examined = examine(equations, settings.start)
+        if not examined.admissible:
             if self.as_json:
-                self.documents.append(check.document(equations, start))
+                self.documents.append(check.document(equations, examined))
             else:
-                complain(check.report(equations, start))
+                complain(check.report(equations, examined))
             return 1
         from lagsim.outputs.results import open_results
         from lagsim.studies.bench.document import MANIFEST
 
         folder = self.folder or Path("results") / model.name / "bench"
         with open_results(folder, MANIFEST) as results:
-            return self._measure(Scene(equations, start, settings), wish, results)
+            return self._measure(
+                Scene(equations, examined.start, settings), wish, results
+            )
 
     def _measure(self, scene: Scene, wish: Wish, results: Any) -> int:
         from lagsim.outputs.manifest import encode

@@ -23,7 +23,7 @@ from lagsim.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.admissibility import Start, Verdict
+    from lagsim.admissibility import Examination, Verdict
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Choice
 
@@ -75,7 +75,7 @@ def _one(
         start = examine(equations, settings.start, classify=True)
         choices: Sequence[Choice] = ()
         if start.admissible:
-            choices = make_plan(equations, start, settings).choices
+            choices = make_plan(equations, start.start, settings).choices
         if documents is not None:
             documents.append(document(equations, start, choices))
         else:
@@ -85,7 +85,7 @@ def _one(
 
 
 def document(
-    equations: Equations, start: Start, choices: Sequence[Choice] = ()
+    equations: Equations, start: Examination, choices: Sequence[Choice] = ()
 ) -> dict[str, Any]:
     """Give the content of `check --json`."""
     model, ranks, reach = equations.model, start.ranks, start.reach
@@ -172,7 +172,7 @@ def _constraint(verdict: Verdict) -> dict[str, Any]:
 
 def report(
     equations: Equations,
-    start: Start,
+    start: Examination,
     choices: Sequence[Choice] = (),
     *,
     repair: bool = False,
@@ -202,7 +202,7 @@ def report(
     return "\n".join(lines)
 
 
-def _faults(start: Start) -> list[str]:
+def _faults(start: Examination) -> list[str]:
     """Say what keeps a start from being admissible."""
     faults = [d.contradiction() for d in start.contradictions]
     if start.thin is not None:
@@ -243,7 +243,7 @@ def _described(verdict: Verdict) -> str:
     return text + ("" if verdict.satisfied else "  <- violated")
 
 
-def _reached(equations: Equations, start: Start) -> list[str]:
+def _reached(equations: Equations, start: Examination) -> list[str]:
     """Say what inertia and velocity constraints mean for the motion."""
     lines = []
     if start.augmented:
@@ -262,7 +262,7 @@ def _reached(equations: Equations, start: Start) -> list[str]:
     return [*lines, text]
 
 
-def _repair(start: Start) -> list[str]:
+def _repair(start: Examination) -> list[str]:
     """Give what to write into `initial:`, or why there is nothing to write."""
     if start.admissible:
         if not start.changes:

@@ -86,13 +86,13 @@ class _Job:
         folder = self.folder or folder_of(path)
         stored = None if self.update else load(folder, model.name)
         equations = derive(model)
-        start = examine(equations, settings.start)
-        if not start.admissible:
-            self.documents.append(check.document(equations, start) | _name(model))
+        examined = examine(equations, settings.start)
+        if not examined.admissible:
+            self.documents.append(check.document(equations, examined) | _name(model))
             if not self.as_json:
-                complain(check.report(equations, start))
+                complain(check.report(equations, examined))
             return 1
-        scene = Scene(equations, start, settings)
+        scene = Scene(equations, examined.start, settings)
         if stored is None:
             return self._store(scene, folder)
         from lagsim.studies.golden.judging import judge, run

@@ -28,7 +28,7 @@ from lagsim.studies.attempts import ErrorBars
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.admissibility import Start
+    from lagsim.admissibility import Examination
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
     from lagsim.model.settings import Settings
@@ -186,14 +186,14 @@ class _Job:
         settings = wanted(model)
         self.lap("read")
         equations = derive(model)
-        start = examine(equations, settings.start)
-        if not start.admissible:
+        examined = examine(equations, settings.start)
+        if not examined.admissible:
             if self.as_json:
-                show_json(check.document(equations, start))
+                show_json(check.document(equations, examined))
             else:
-                complain(check.report(equations, start))
+                complain(check.report(equations, examined))
             return 1
-        plan = make_plan(equations, start, settings)
+        plan = make_plan(equations, examined.start, settings)
         self.lap("derive")
         system = System(equations, plan)
         system.link(plan.method)
@@ -202,12 +202,12 @@ class _Job:
 
         folder = self.folder or Path("results") / model.name
         with open_results(folder) as results:
-            return self._integrate(equations, start, settings, plan, system, results)
+            return self._integrate(equations, examined, settings, plan, system, results)
 
     def _integrate(
         self,
         equations: Equations,
-        start: Start,
+        examined: Examination,
         settings: Settings,
         plan: Plan,
         system: System,
@@ -224,14 +224,16 @@ class _Job:
         with open_table(results, names[: system.columns.table]) as writer, (
             interrupt.noted()
         ):  # fmt: skip
-            attempts = Attempts(self, equations, start, settings, writer, interrupt)
+            attempts = Attempts(
+                self, equations, examined.start, settings, writer, interrupt
+            )
             found = attempts.best(Means(plan, system))
             plan, system, trajectory = found.plan, found.system, found.trajectory
             ledger, bar, full = found.ledger, found.bar, found.output.fault
             if found.thin and not full:
                 full = self._draw(system, trajectory, found.thin, bar, results)
             cautions = alarms(
-                equations, start, settings, plan, trajectory, ledger, found.witness,
+                equations, examined, settings, plan, trajectory, ledger, found.witness,
                 bar,
             )  # fmt: skip
             self.lap("output")

@@ -110,18 +110,18 @@ class _Job:
         settings = wanted(model, "stability")
         self._check_parameter(model)
         equations = derive(model)
-        start = examine(equations, settings.start)
-        usual = Scene(equations, start, settings)
-        if not usual.start.admissible:
+        examined = examine(equations, settings.start)
+        if not examined.admissible:
             if self.as_json:
-                self.documents.append(check.document(usual.equations, usual.start))
+                self.documents.append(check.document(equations, examined))
             else:
-                complain(check.report(usual.equations, usual.start))
+                complain(check.report(equations, examined))
             return 1
         from lagsim.outputs.results import open_results
         from lagsim.studies.bench.scope import methods_for
         from lagsim.studies.bench.stability_document import MANIFEST
 
+        usual = Scene(equations, examined.start, settings)
         methods_for(usual, self.wish)
 
         def scene(value: float | None) -> Scene:
@@ -130,11 +130,11 @@ class _Job:
             assert self.wish.name is not None
             bound = equations.of(model.bind({self.wish.name: value}))
             settings = bound.model.settings()
-            start = examine(bound, settings.start)
-            if not start.admissible:
+            examined = examine(bound, settings.start)
+            if not examined.admissible:
                 problem = Problem("inadmissible", "the start is not admissible")
                 raise InputError([problem])
-            return Scene(bound, start, settings)
+            return Scene(bound, examined.start, settings)
 
         folder = folder or Path("results") / model.name / "stability"
         with open_results(folder, MANIFEST) as results:

@@ -24,15 +24,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from lagsim.admissibility.inertia import needs_constraints
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import analyse
+from lagsim.admissibility.start import start_at
 from lagsim.errors import InputError, Problem
 from lagsim.language.functions import OPERATIONS
 from lagsim.mechanics.ldl import Elimination, TooLongError, affordable, dense_operations
 from lagsim.mechanics.reduction import Reduction
 from lagsim.mechanics.reduction.elimination import pairs
 from lagsim.mechanics.reduction.ignorable import ignorable
+from lagsim.mechanics.state import State
 from lagsim.notes import Choice
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ def _ignorable(equations: Equations, start: Start) -> Formulation:
     if not found:
         why = "no coordinate keeps its momentum and is absent from the equations"
         raise _CannotError(why)
-    return _reduced(Reduction(equations).ignore(found, start.state), start, "asked for")
+    return _reduced(Reduction(equations).ignore(found, start), start, "asked for")
 
 
 def _full(equations: Equations, start: Start) -> Formulation:
@@ -267,7 +267,7 @@ def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, flo
     found = []
     cyclic = ignorable(equations)
     if cyclic:
-        ignoring = Reduction(equations).ignore(cyclic, start.state)
+        ignoring = Reduction(equations).ignore(cyclic, start)
         found.append((ignoring, PAYS_IGNORING))
     if equations.rows and len(equations.q) <= LARGEST:
         eliminated, _ = _eliminated(equations, start)
@@ -340,15 +340,10 @@ def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
     )  # fmt: skip
 
 
-def reduced_start(reduction: Reduction, start: Start) -> Start:
+def reduced_start(reduction: Reduction, start: State) -> Start:
     """Give the start of the equations that are left."""
-    q, v = reduction.kept(start.q), reduction.kept(start.v)
-    point = Point(reduction.equations, start.t)
-    errors = point.solved_errors(q, v)
-    return replace(
-        start, q=q, v=v, ranks=analyse(point, q, v, errors),
-        augmented=needs_constraints(point, q, v, errors),
-    )  # fmt: skip
+    left = State(start.t, reduction.kept(start.q), reduction.kept(start.v))
+    return start_at(reduction.equations, left)
 
 
 def _eliminated(

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
 
 # Normal equations square the condition of the rows: below this the loops with their QR
 # decomposition take over (numerics: S loses half of the digits of lambda).
@@ -82,7 +83,7 @@ def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
 
 def independence_of(
     equations: Equations,
-    start: Start,
+    start: State,
     lengths: Sequence[float],
     elimination: Elimination,
 ) -> float:

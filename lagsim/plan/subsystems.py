@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.inertia import needs_constraints
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import analyse
+from lagsim.admissibility.start import start_at
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import VARIABLE
 from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.ldl import Elimination, TooLongError
+from lagsim.mechanics.state import State
 from lagsim.model.model import Output, Parameter, Scene
 from lagsim.plan.formulation import step_cost
 
@@ -58,10 +58,15 @@ class Subsystem:
     equations: Equations
     start: Start
 
-    def at(self, start: Start) -> Start:
-        """Give the subsystem's start of another start of the whole."""
-        chosen = list(self.coordinates)
-        return replace(self.start, q=start.q[chosen], v=start.v[chosen])
+    def at(self, whole: State) -> State:
+        """Give the subsystem's part of a state of the whole."""
+        return part_of(whole, self.coordinates)
+
+
+def part_of(whole: State, coordinates: Iterable[int]) -> State:
+    """Give the state of some of the coordinates."""
+    chosen = list(coordinates)
+    return State(whole.t, whole.q[chosen], whole.v[chosen])
 
 
 def refusal(equations: Equations) -> str:
@@ -107,12 +112,12 @@ def _bits(indices: Iterable[int]) -> int:
     return reduce(or_, (1 << j for j in indices), 0)
 
 
-def subsystems(equations: Equations, start: Start) -> list[Subsystem]:
+def subsystems(equations: Equations, start: State) -> list[Subsystem]:
     """Give the subsystems of equations that `refusal` does not refuse."""
     return [_part(equations, start, group) for group in groups(equations)]
 
 
-def _part(e: Equations, start: Start, group: Sequence[int]) -> Subsystem:
+def _part(e: Equations, start: State, group: Sequence[int]) -> Subsystem:
     g = e.graph
     place = {j: i for i, j in enumerate(group)}
 
@@ -144,17 +149,7 @@ def _part(e: Equations, start: Start, group: Sequence[int]) -> Subsystem:
         energy=energy,
         kinetic_form=kinetic_form,
     )
-    point = Point(part, start.t)
-    q, v = start.q[list(group)], start.v[list(group)]
-    errors = point.solved_errors(q, v)
-    own = replace(
-        start,
-        q=q,
-        v=v,
-        ranks=analyse(point, q, v, errors),
-        augmented=needs_constraints(point, q, v, errors),
-    )
-    return Subsystem(tuple(group), part, own)
+    return Subsystem(tuple(group), part, start_at(part, part_of(start, group)))
 
 
 def _model(

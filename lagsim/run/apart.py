@@ -20,8 +20,8 @@ from lagsim.run.trajectory import Outcome, Statistics, Trajectory
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.state import State
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.plan.subsystems import Subsystem
@@ -42,7 +42,7 @@ class Part:
     def __init__(
         self,
         part: Subsystem,
-        start: Start,
+        start: State,
         plan: Plan,
         system: System,
         settings: Settings,
@@ -92,7 +92,7 @@ class Apart:
 
     def __init__(
         self,
-        start: Start,
+        start: State,
         plan: Plan,
         system: System,
         settings: Settings,

@@ -33,9 +33,9 @@ from lagsim.run.unmet import Unmet
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.arc import Arc
@@ -55,7 +55,7 @@ class Run:
     def __init__(
         self,
         equations: Equations,
-        start: Start,
+        start: State,
         plan: Plan,
         system: System,
         settings: Settings,

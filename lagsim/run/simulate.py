@@ -10,8 +10,8 @@ from lagsim.run.states import MOST_STEPS
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.apart import Apart
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def simulate(
     equations: Equations,
-    start: Start,
+    start: State,
     plan: Plan,
     system: System,
     settings: Settings,

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
     from lagsim.model.model import Model
     from lagsim.model.settings import Settings
     from lagsim.outputs.table import TableWriter
@@ -102,7 +103,7 @@ class Attempt:
 class Account:
     """The ledger of a repeat: what is no answer itself accuses no run."""
 
-    def __init__(self, equations: Equations, start: Start, system: System) -> None:
+    def __init__(self, equations: Equations, start: State, system: System) -> None:
         from lagsim.run.observers.ledger import Ledger
         from lagsim.studies.alarms import Witness
 

@@ -9,10 +9,10 @@ from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Start
+    from lagsim.admissibility import Examination
 
 
-def judged(text: str, *, classify: bool = False) -> Start:
+def judged(text: str, *, classify: bool = False) -> Examination:
     """Examine the start of a model's text."""
     return examine(derive(read(text, "model.yaml")), classify=classify)
 
@@ -52,12 +52,12 @@ def scene(
     return "\n".join([*lines, more or "simulation: {duration: 1}"]) + "\n"
 
 
-def codes(start: Start) -> list[str]:
+def codes(start: Examination) -> list[str]:
     """Give the codes of the warnings."""
     return [w.code for w in start.warnings]
 
 
-def warning(start: Start, code: str) -> str:
+def warning(start: Examination, code: str) -> str:
     """Give the text of the only warning of this code."""
     [text] = [w.text for w in start.warnings if w.code == code]
     return text

@@ -128,7 +128,7 @@ def test_a_double_root_is_met_as_a_simple_one():
     for x in ("{guess: 1}", "0"):
         start = judged(scene("x^2 = 0", {"x": x, "y": 0}))
         assert start.admissible
-        assert start.q[0] == 0.0
+        assert start.state.q[0] == 0.0
         assert codes(start) == ["multiple-root"]
         assert start.degrees_of_freedom == 1
 

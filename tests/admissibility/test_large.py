@@ -17,11 +17,13 @@ from lagsim.plan import make_plan
 from tests.support import MODELS
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Start
+    from lagsim.admissibility import Examination
     from lagsim.mechanics.equations import Equations
 
 
-def both(e: Equations, monkeypatch: pytest.MonkeyPatch) -> tuple[Start, Start]:
+def both(
+    e: Equations, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Examination, Examination]:
     """Examine with dense matrices, and as if the scene were large."""
     dense = examine(e)
     monkeypatch.setattr(large, "LARGE", 1)
@@ -39,13 +41,13 @@ def test_shipped_models(path, monkeypatch):
     assert sparse.ranks.dependences == dense.ranks.dependences
     assert sparse.augmented == dense.augmented
     # Both are the nearest exact state, to rounding.
-    size = np.max(np.abs([*dense.q, *dense.v]))
-    assert np.max(np.abs(sparse.q - dense.q)) <= 1e-13 * size
-    assert np.max(np.abs(sparse.v - dense.v)) <= 1e-13 * size
-    lengths = make_plan(e, sparse, e.model.settings()).lengths
+    size = np.max(np.abs([*dense.state.q, *dense.state.v]))
+    assert np.max(np.abs(sparse.state.q - dense.state.q)) <= 1e-13 * size
+    assert np.max(np.abs(sparse.state.v - dense.state.v)) <= 1e-13 * size
+    lengths = make_plan(e, sparse.start, e.model.settings()).lengths
     monkeypatch.undo()
     assert lengths == pytest.approx(
-        make_plan(e, dense, e.model.settings()).lengths, rel=1e-12
+        make_plan(e, dense.start, e.model.settings()).lengths, rel=1e-12
     )
 
 
@@ -59,7 +61,7 @@ def test_values_that_are_solved_for(monkeypatch):
     assert dense.admissible
     assert sparse.admissible
     # The least change is a minimum: flat, so that it is known to half of the digits.
-    assert sparse.q == pytest.approx(dense.q, abs=1e-7)
+    assert sparse.state.q == pytest.approx(dense.state.q, abs=1e-7)
     assert max(abs(v.position.value) for v in sparse.verdicts) < 1e-15
 
 
@@ -70,11 +72,13 @@ def test_many_rods():
     assert large.is_large(Point(e))
     assert start.admissible
     assert start.degrees_of_freedom == n
-    Y, _ = scaled_rows(Point(e), start.q, start.v)
+    Y, _ = scaled_rows(Point(e), start.state.q, start.state.v)
     expected = np.linalg.svd(Y, compute_uv=False)[-1]
     assert start.ranks.smallest == pytest.approx(expected, rel=1e-5)
     # The weakest combination, by its definition.
-    left, smallest = weakest_rows(Point(e), start.q, start.v, 2 * n, [0.0] * 2 * n)
+    left, smallest = weakest_rows(
+        Point(e), start.state.q, start.state.v, 2 * n, [0.0] * 2 * n
+    )
     assert np.linalg.norm(left @ Y) == pytest.approx(smallest, rel=1e-5)
 
 

@@ -154,8 +154,8 @@ def test_other_roots_are_found_far_away(shift):
     }
     at = {"x": f"{{guess: {shift + 0.3!r}}}", "y": "{guess: 0.2}"}
     start = judged(scene(rods, at))
-    assert start.q[0] - shift == pytest.approx(0.5, abs=1e-9)
-    assert start.q[1] == pytest.approx(math.sqrt(0.75), abs=1e-9)
+    assert start.state.q[0] - shift == pytest.approx(0.5, abs=1e-9)
+    assert start.state.q[1] == pytest.approx(math.sqrt(0.75), abs=1e-9)
     assert "y = -0.866025" in warning(start, "other-roots")
 
 
@@ -175,7 +175,7 @@ def test_a_bystander_changes_nothing(mass, place):
         assert codes(start) == codes(alone)
         assert start.changes.keys() == alone.changes.keys()
         assert (start.repair or {}) == pytest.approx(alone.repair or {}, abs=1e-12)
-        assert start.q[:4] == pytest.approx(alone.q, abs=1e-14)
+        assert start.state.q[:4] == pytest.approx(alone.state.q, abs=1e-14)
 
 
 # Rates
@@ -199,7 +199,7 @@ def test_a_rate_whose_terms_vanish_is_judged_by_the_motion(speed, miss, admissib
     start = judged(scene(SKATE, at))
     assert start.admissible is admissible
     if admissible:
-        assert not start.changes or abs(start.v[1]) <= abs(miss * speed)
+        assert not start.changes or abs(start.state.v[1]) <= abs(miss * speed)
         assert "rough-start" not in codes(start)
     else:
         assert start.repair == pytest.approx({"y_dot": 0.0}, abs=1e-15)

@@ -61,7 +61,7 @@ def test_a_start_within_the_rounding_of_its_expressions():
     assert start.admissible
     assert 0 < abs(a.position.value) < a.position.bound < 1e-8
     assert a.position.why == "the rounding error of the start"
-    assert start.q[0] == a.position.value  # not moved
+    assert start.state.q[0] == a.position.value  # not moved
     assert not start.warnings
     assert not judged(scene("x = 0", {"x": 1e-10, "y": 0})).admissible
 

@@ -134,7 +134,7 @@ def check(seed: int) -> None:
     found = judged(known.text)
     ranks = found.ranks
     assert ranks.rank == known.rank
-    assert found.degrees_of_freedom == len(found.q) - known.rank
+    assert found.degrees_of_freedom == len(found.state.q) - known.rank
     assert [v.redundant for v in found.verdicts] == known.flags
     assert set(ranks.not_unique) == known.not_unique
     assert [set(dict(d.combination)) for d in ranks.dependences] == [

@@ -178,7 +178,7 @@ def test_start_values_of_definitions_are_met_through_guesses(sign):
     )
     start = judged(text)
     assert start.admissible
-    assert dict(zip("ab", start.q, strict=True)) == pytest.approx(elbow(sign))
+    assert dict(zip("ab", start.state.q, strict=True)) == pytest.approx(elbow(sign))
     other = elbow(-sign)
     assert f"a = {other['a']:.6g}, b = {other['b']:.6g}" in warning(
         start, "other-roots"
@@ -195,15 +195,15 @@ def test_a_tip_out_of_reach():
 def test_values_that_are_no_guess_stay():
     start = judged(scene(CIRCLE, {"x": 0.6, "y": "{guess: 0.1}"}))
     assert start.admissible
-    assert start.q[0] == 0.6
-    assert start.q[1] == pytest.approx(0.8, rel=1e-15)
+    assert start.state.q[0] == 0.6
+    assert start.state.q[1] == pytest.approx(0.8, rel=1e-15)
     assert not start.changes
 
 
 @pytest.mark.parametrize(("guess", "root"), [(0.1, 0.8), (-0.1, -0.8), (5, 0.8)])
 def test_the_nearest_root_is_taken(guess, root):
     start = judged(scene(CIRCLE, {"x": 0.6, "y": f"{{guess: {guess}}}"}))
-    assert start.q[1] == pytest.approx(root, rel=1e-15)
+    assert start.state.q[1] == pytest.approx(root, rel=1e-15)
     assert f"y = {-root:g}" in warning(start, "other-roots")
 
 
@@ -218,7 +218,7 @@ def test_a_guess_that_does_not_suffice():
 
 def test_a_guess_that_nothing_determines():
     start = judged(scene("x = 1", {"x": 1, "y": "{guess: 7}"}))
-    assert start.q[1] == 7.0
+    assert start.state.q[1] == 7.0
     assert codes(start) == ["undetermined-guess"]
 
 
@@ -245,8 +245,8 @@ def test_an_exact_start_comes_back_bit_for_bit(relation, initial, guessed):
         initial = {name: f"{{guess: {value}}}" for name, value in initial.items()}
     start = judged(scene(relation, initial))
     assert start.admissible
-    assert np.array_equal(start.q, stated.q)
-    assert np.array_equal(start.v, stated.v)
+    assert np.array_equal(start.state.q, stated.state.q)
+    assert np.array_equal(start.state.v, stated.state.v)
     assert not start.changes
 
 

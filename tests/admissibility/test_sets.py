@@ -189,7 +189,7 @@ def test_guesses_at_the_point_of_a_cone_are_solved(cone, height):
     at = {"x": "{guess: 1000}", "y": "{guess: 0}", "z": height}
     start = judged(scene(cone, at))
     assert start.admissible
-    far = math.hypot(start.q[0] - 1e3, start.q[1])
+    far = math.hypot(start.state.q[0] - 1e3, start.state.q[1])
     # x has 1e-13 of rounding; every direction is as good, and that is told.
     assert far == pytest.approx(height, abs=1e-12 + 1e-12 * height)
     assert "no slope" in warning(start, "other-roots")
@@ -213,7 +213,7 @@ def test_what_is_said_of_guesses_is_the_first_row():
     said = warning(start, "other-roots")
     assert f"x = {found['x'][0]:.6g}, y = {found['y'][0]:.6g}" in said
     stays = judged(scene("x^2 = 4 + y^2", {"x": 2, "y": "{guess: 0}"}))
-    assert stays.q[1] == 0.0
+    assert stays.state.q[1] == 0.0
     assert "to first order nothing determines the guess `y`" in warning(
         stays, "undetermined-guess"
     )

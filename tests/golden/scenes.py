@@ -26,8 +26,9 @@ def scene(name, **overrides):
 def scene_of(model):
     equations = derive(model)
     settings = model.settings()
-    start = examine(equations, settings.start)
-    assert start.admissible
+    examined = examine(equations, settings.start)
+    assert examined.admissible, examined.verdicts
+    start = examined.start
     return Scene(equations, start, settings)
 
 

@@ -106,7 +106,10 @@ class Native:
         self.system = System(
             e,
             make_plan(
-                e, examine(e), e.model.settings({"formulation": "full"}), loops=loops
+                e,
+                examine(e).start,
+                e.model.settings({"formulation": "full"}),
+                loops=loops,
             ),
         )
         assert loops == (self.system.plan.elimination is None)
@@ -242,7 +245,7 @@ energy:
     assert at(e, [e.energy], **STATE) == pytest.approx([energy], rel=1e-14)
     assert not e.energy_is_sum
     assert (
-        make_plan(e, examine(e), e.model.settings()).mass_matrix
+        make_plan(e, examine(e).start, e.model.settings()).mass_matrix
         == "depends on velocities"
     )
 
@@ -325,7 +328,7 @@ constraints: {speed: x_dot^2 + y_dot^2 = c^2}
     system = System(
         e,
         make_plan(
-            e, examine(e), e.model.settings({"formulation": "full"}), loops=loops
+            e, examine(e).start, e.model.settings({"formulation": "full"}), loops=loops
         ),
     )
     runner = system.link("dop853")
@@ -357,7 +360,7 @@ constraints: {drive: x = s*sin(w*t)}
     system = System(
         e,
         make_plan(
-            e, examine(e), e.model.settings({"formulation": "full"}), loops=loops
+            e, examine(e).start, e.model.settings({"formulation": "full"}), loops=loops
         ),
     )
     runner = system.link("dop853")

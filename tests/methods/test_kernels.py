@@ -82,7 +82,7 @@ def linked_system(case):
     text = SEPARABLE if free else SPRING
     model = read(text.format(constraints=constraints, options=options), "m.yaml")
     equations = derive(model)
-    start = examine(equations)
+    start = examine(equations).start
     settings = model.settings({"formulation": "full"})
     plan = make_plan(equations, start, settings)
     system = System(equations, plan)

@@ -53,7 +53,7 @@ initial: {x: sin(1), y: -cos(1), x_dot: {guess: 0}, y_dot: {guess: 0}}
 def stepper(text, name, h, *, loops=False):
     """Give y -> y after one step."""
     equations = derive(read(f"{text}simulation: {{duration: 9, method: {name}}}", "m"))
-    start = examine(equations)
+    start = examine(equations).start
     system = System(
         equations, make_plan(equations, start, equations.model.settings(), loops=loops)
     )
@@ -166,7 +166,7 @@ def test_rattle_meets_the_constraints_to_rounding(loops):
 def reversed_error(text, name, step, duration, **options):
     simulation = f"duration: {duration}, output_step: 1, method: {name}, step: {step}"
     equations = derive(read(f"{text}simulation: {{{simulation}}}", "m.yaml"))
-    start = examine(equations)
+    start = examine(equations).start
     plan = make_plan(equations, start, equations.model.settings(), **options)
     n = len(equations.q)
     turned = start
@@ -275,7 +275,7 @@ def test_compensated_summation_pays_over_ten_thousand_orbits():
 def uncompensated(steps):
     """Give the error of the energy where each step forgets what rounding cut off."""
     equations = derive(read(kepler("kahan-li8", 1, "2*pi/100"), "m.yaml"))
-    start = examine(equations)
+    start = examine(equations).start
     system = System(equations, make_plan(equations, start, equations.model.settings()))
     runner = system.link("kahan-li8")
     runner.prepare()

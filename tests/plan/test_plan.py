@@ -21,7 +21,7 @@ def plan_of(text, *, loops=False, **options):
         model = read_file(str(MODELS / f"{text}.yaml"), options=options)
     equations = derive(model)
     return make_plan(
-        equations, examine(equations), equations.model.settings(), loops=loops
+        equations, examine(equations).start, equations.model.settings(), loops=loops
     )
 
 

@@ -162,6 +162,6 @@ def test_it_must_pay_to_be_chosen():
     from lagsim.plan import make_plan
 
     equations = derive(long)
-    plan = make_plan(equations, examine(equations), equations.model.settings())
+    plan = make_plan(equations, examine(equations).start, equations.model.settings())
     assert len(plan.parts) == 3
     assert "subsystems: 3 integrated apart" in [c.choice for c in plan.choices]

@@ -41,8 +41,9 @@ CASES = {
 
 def rows(equations, case):
     settings = equations.model.settings()
-    start = examine(equations, settings.start)
-    assert start.admissible
+    examined = examine(equations, settings.start)
+    assert examined.admissible, examined.verdicts
+    start = examined.start
     plan = make_plan(equations, start, settings, loops=case == "by loops")
     keep = Keep()
     system = System(equations, plan)

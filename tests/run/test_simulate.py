@@ -87,7 +87,7 @@ def test_rk4_steps_are_the_textbook_ones():
 
 def test_rows_come_in_blocks_so_memory_is_bounded():
     equations = derive(read(oscillator("duration: 30, output_step: 1e-3"), "m.yaml"))
-    start = examine(equations)
+    start = examine(equations).start
     plan = make_plan(equations, start, equations.model.settings())
     blocks = []
 

@@ -49,8 +49,9 @@ def _asked_for(monkeypatch):
 
 def linked(model, *, loops=False):
     equations = derive(model)
-    start = examine(equations)
-    assert start.admissible, start.verdicts
+    examined = examine(equations)
+    assert examined.admissible, examined.verdicts
+    start = examined.start
     plan = make_plan(equations, start, equations.model.settings(), loops=loops)
     system = System(equations, plan)
     runner = system.link("rk4")

@@ -34,7 +34,7 @@ def test_cost_grows_in_proportion(monkeypatch):
     costs = []
     for n in (50, 100):
         e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
-        start = examine(e)
+        start = examine(e).start
         plan = make_plan(e, start, e.model.settings())
         assert "solve: sparse elimination" in [c.choice for c in plan.choices]
         System(e, plan)
@@ -56,7 +56,7 @@ def test_cost_grows_in_proportion(monkeypatch):
 def states(e, number=3):
     """Give random states; they need not meet the constraints."""
     random = np.random.default_rng(8)
-    start = examine(e)
+    start = examine(e).start
     for _ in range(number):
         q = start.q + 0.2 * random.standard_normal(len(start.q))
         yield 0.3, np.concatenate([q, random.standard_normal(len(q)), [0.0]])
@@ -78,7 +78,7 @@ def motion(e, plan, y, t):
 @pytest.mark.parametrize("n", [5, 20])
 def test_the_solve_is_that_of_the_full_form(n):
     e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
-    start = examine(e)
+    start = examine(e).start
     plan = make_plan(e, start, e.model.settings())
     for t, y in states(e):
         tape = motion(e, replace(plan, tape=True), y, t)
@@ -90,7 +90,7 @@ def test_the_solve_is_that_of_the_full_form(n):
 @pytest.mark.parametrize("path", ALL, ids=lambda path: path.stem)
 def test_tapes_give_the_bits_of_compiled_code(path):
     e = derive(read_file(str(path)))
-    plan = make_plan(e, examine(e), e.model.settings())
+    plan = make_plan(e, examine(e).start, e.model.settings())
     for t, y in states(e, 2):
         tape, code = (motion(e, replace(plan, tape=k), y, t) for k in (True, False))
         assert np.array_equal(tape, code, equal_nan=True)
@@ -121,7 +121,7 @@ def test_a_run_is_that_of_the_full_form(n):
 def test_the_plan_chooses_by_operations():
     def choices(text):
         e = derive(read(text, "model.yaml"))
-        return make_plan(e, examine(e), e.model.settings())
+        return make_plan(e, examine(e).start, e.model.settings())
 
     small = choices(rod_chain(10, 1.0))
     assert not small.tape

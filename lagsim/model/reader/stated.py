@@ -75,9 +75,7 @@ class Stated:
 
     def asked(self, x: Expressions, options: Mapping[str, str]) -> Settings:
         """Evaluate the settings; faults go to those of `x`."""
-        return read_settings(
-            self.sections.simulation, {**self.options, **options}, x
-        )
+        return read_settings(self.sections.simulation, {**self.options, **options}, x)
 
     def bound(
         self, model: Model, parameters: Mapping[str, str], initial: Mapping[str, str]

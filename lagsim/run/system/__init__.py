@@ -33,9 +33,9 @@ from lagsim.solve import _layout
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
     from lagsim.plan import Plan
 
 # Taken for several rows at once.
@@ -236,11 +236,11 @@ class System:
             self._runners[name] = Runner(self, name)
         return self._runners[name]
 
-    def begin(self, start: Start) -> Floats:
+    def begin(self, start: State) -> Floats:
         """Give y at a start; sets what it determines for the whole run."""
-        for name, value in self.plan.reduction.constants(start.state).items():
+        for name, value in self.plan.reduction.constants(start).items():
             self.p[self._layout_of[name]] = value
-        return self.plan.reduction.state(start.state)
+        return self.plan.reduction.state(start)
 
     def set_modes(self, values: Sequence[float]) -> None:
         """Set the branch of each switch in time for the arc to come."""

@@ -24,7 +24,7 @@ from lagsim.studies.alarms.rows import about_constraints, about_energy, about_er
 from lagsim.studies.alarms.verdict import Doubt, doubt_about
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Start
+    from lagsim.admissibility import Examination
     from lagsim.mechanics.equations import Equations
     from lagsim.model.settings import Settings
     from lagsim.notes import Caution
@@ -77,7 +77,7 @@ MEANINGS = {
 
 def alarms(
     equations: Equations,
-    start: Start,
+    examined: Examination,
     settings: Settings,
     plan: Plan,
     trajectory: Trajectory,
@@ -87,12 +87,12 @@ def alarms(
 ) -> list[Caution]:
     """Give all that there is to know about a run, in the order of its stages."""
     return [
-        *start.warnings,
-        *about_inputs(start, settings, plan),
+        *examined.warnings,
+        *about_inputs(examined, settings, plan),
         *trajectory.warnings,
         *_about_steps(equations, plan, trajectory, witness),
         *about_energy(equations, settings, plan, trajectory, ledger, witness),
-        *about_constraints(equations, start, plan, ledger, witness),
+        *about_constraints(equations, examined.state, plan, ledger, witness),
         *about_error(bar, plan),
     ]
 

@@ -7,18 +7,20 @@ from typing import TYPE_CHECKING
 from lagsim.notes import Caution
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Start
+    from lagsim.admissibility import Examination
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
 
 
-def about_inputs(start: Start, settings: Settings, plan: Plan) -> list[Caution]:
+def about_inputs(
+    examined: Examination, settings: Settings, plan: Plan
+) -> list[Caution]:
     """Say what the file or the options asked for and the run does otherwise."""
     found = []
-    if start.changes:
+    if examined.changes:
         moved = ", ".join(
             f"{name} from {old!r} to {new!r}"
-            for name, (old, new) in start.changes.items()
+            for name, (old, new) in examined.changes.items()
         )
         text = f"the run starts from the nearest exact state: {moved}"
         found.append(Caution("start-changed", text))

@@ -21,9 +21,9 @@ from lagsim.methods import method
 from lagsim.studies.alarms.rows import HELD, UNEXPLAINED, not_held
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
     from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
@@ -64,7 +64,7 @@ class Doubt:
 
 def doubt_about(
     equations: Equations,
-    start: Start,
+    start: State,
     plan: Plan,
     trajectory: Trajectory,
     ledger: Ledger,
@@ -83,7 +83,7 @@ def doubt_about(
 
 
 def _about_constraints(
-    equations: Equations, start: Start, ledger: Ledger, witness: Witness
+    equations: Equations, start: State, ledger: Ledger, witness: Witness
 ) -> Doubt | None:
     found = not_held(equations, start, ledger, witness)
     if found is None:

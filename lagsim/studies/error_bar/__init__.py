@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.interrupt import Interrupt
@@ -338,7 +339,7 @@ def _spaced(settings: Settings, checkpoints: Checkpoints) -> tuple[Settings, int
 
 def _compared(
     equations: Equations,
-    start: Start,
+    start: State,
     settings: Settings,
     runs: tuple[Trajectory, Trajectory],
     plan: Plan,

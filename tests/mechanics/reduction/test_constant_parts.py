@@ -34,7 +34,7 @@ MOVING = 'constraints: {one: "a + 2*b = c^2 + c", two: "b^2 - 0.5*d = 0"}'
 
 def rows(text, *, loops, constant=None):
     equations = derive(read(text, "model.yaml"))
-    start = examine(equations)
+    start = examine(equations).start
     plan = make_plan(
         equations, start, equations.model.settings({"formulation": "full"}), loops=loops
     )
@@ -77,7 +77,9 @@ def test_a_mass_that_changes_is_factored_each_time():
 def test_straight_code_factors_constant_matrices_outside_of_the_run():
     equations = derive(read(PULLING.replace("ROWS", CONSTANT), "model.yaml"))
     plan = make_plan(
-        equations, examine(equations), equations.model.settings({"formulation": "full"})
+        equations,
+        examine(equations).start,
+        equations.model.settings({"formulation": "full"}),
     )
     elimination = plan.elimination
     g = equations.graph

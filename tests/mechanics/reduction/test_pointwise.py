@@ -86,8 +86,9 @@ def formulated(model, formulation, **options):
     else:
         model = read_file(str(MODELS / f"{model}.yaml"), options=options)
     equations = derive(model)
-    start = examine(equations)
-    assert start.admissible, start.verdicts
+    examined = examine(equations)
+    assert examined.admissible, examined.verdicts
+    start = examined.start
     settings = model.settings({"formulation": formulation})
     found = formulate(equations, start, settings, lambda _: True)
     return equations, start, found.reduction

@@ -294,7 +294,7 @@ STEERED = FREE.replace(
 )
 def test_time_reversal_brings_the_state_back(text, options, off):
     equations = derive(read(text, "model.yaml", options=options))
-    start = examine(equations)
+    start = examine(equations).start
     plan = make_plan(equations, start, equations.model.settings())
     ends = []
     turned = start

@@ -13,7 +13,7 @@ def cautions(found, bar="not estimated"):
     ledger.add(found.rows)
     witness.add(found.rows)
     return alarms(
-        found.equations, found.start, found.settings, found.plan, found.trajectory,
+        found.equations, found.examined, found.settings, found.plan, found.trajectory,
         ledger, witness, bar,
     )  # fmt: skip
 

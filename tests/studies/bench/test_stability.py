@@ -63,7 +63,7 @@ LIMITS = {"rk4": math.sqrt(8.0), "verlet": 2.0, "rattle": 2.0}
 
 def scene(text, overrides=None):
     equations = derive(read(text, "model.yaml", overrides))
-    return Scene(equations, examine(equations), equations.model.settings())
+    return Scene(equations, examine(equations).start, equations.model.settings())
 
 
 def looked_at(text, *methods, steps, strip=6):
@@ -215,7 +215,7 @@ simulation: {duration: 1}
 
 def found_modes(model):
     equations = derive(model)
-    start = examine(equations)
+    start = examine(equations).start
     linearisation = Linearisation(equations)
     q = find_equilibrium(equations, linearisation, start.t, start.q, 1.0)
     return q, modes(linearisation.at(start.t, q, np.zeros_like(q)))

@@ -23,7 +23,7 @@ ROWS = "duration: 20, output_step: 0.1"
 
 def scene(text):
     equations = derive(read(text, "model.yaml"))
-    return Scene(equations, examine(equations), equations.model.settings())
+    return Scene(equations, examine(equations).start, equations.model.settings())
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +184,7 @@ def test_the_reference_of_chaos_ends_where_solutions_part():
     model = read_file(str(MODELS / "double-pendulum.yaml"))
     equations = derive(model)
     reference = make_reference(
-        Scene(equations, examine(equations), equations.model.settings())
+        Scene(equations, examine(equations).start, equations.model.settings())
     )
     # At rtol 1e-14 the error is 2e-4 after 20 s (numerics): growth by about e^1.2 each
     # second from rounding leaves 1e-10 somewhere before 15 s.

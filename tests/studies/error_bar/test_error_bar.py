@@ -24,7 +24,7 @@ def barred(model, **keywords):
     """Run a model and its repeat; give the checkpoints and the bar."""
     equations = derive(model)
     settings = model.settings()
-    start = examine(equations, settings.start)
+    start = examine(equations, settings.start).start
     plan = make_plan(equations, start, settings)
     system = System(equations, plan)
     checkpoints = Checkpoints(len(equations.q), settings)

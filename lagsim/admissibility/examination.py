@@ -1,0 +1,381 @@
+"""The initial state: guesses solved, residuals judged, the nearest state found.
+
+A relation, or its rate, is satisfied when its residual is at most TOLERANCE of the
+largest of its terms and of |q_i dg/dq_i|, wherever it stands (see `verdict`), or within
+the rounding error of the expressions that gave the start.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.admissibility.advice import about_ranks, multiple_roots, rough_starts
+from lagsim.admissibility.dependence import LEVELS
+from lagsim.admissibility.inertia import needs_constraints
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import RankReport, analyse
+from lagsim.admissibility.sets import ThinSet, thin_set
+from lagsim.admissibility.solving import Solver
+from lagsim.admissibility.start import Start
+from lagsim.admissibility.verdict import Verdict, judge, judge_gaps, judge_starts
+from lagsim.errors import InputError, Problem
+from lagsim.mechanics.state import State
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.admissibility.dependence import Dependence
+    from lagsim.admissibility.integrability import Reach
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.equations import Equations
+    from lagsim.notes import Caution
+
+# What differs from what was stated by less than so many rounding errors is not reported
+# as a change.
+REPORTED = 225.0
+SIMPLE = "write the relations that it amounts to, each with a gradient"
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """What there is to say of an initial state.
+
+    Attributes
+    ----------
+    state : State
+        The nearest exact state where the start is admissible, else the stated one.
+    verdicts : tuple of Verdict
+        The two-sided constraints, then the start values of definitions that are not
+        met.
+    ranks : RankReport
+        Which rows depend on others; at the nearest admissible state where the start is
+        not admissible and one was found.
+    augmented : bool
+        M alone is singular, but with the constraints every acceleration is determined.
+    reach : Reach or None
+        What velocity constraints let the motion reach; None without any.
+    repair : dict or None
+        The initial names that would change, and to what, where the start is not
+        admissible and a nearest admissible state was found.
+    contradictions : tuple of Dependence
+        Rows that contradict others, at the state or, where no admissible one was found,
+        at the point of least residuals.
+    thin : ThinSet or None
+        The rows that no multiplier keeps, at the state or at the nearest one that meets
+        them.
+    unsolved : str
+        Why no admissible state was found, where none was; or why the guesses alone
+        did not suffice.
+    changes : dict
+        What the exact state changes by more than rounding: name -> (stated, exact).
+    """
+
+    state: State
+    verdicts: tuple[Verdict, ...]
+    ranks: RankReport
+    augmented: bool
+    reach: Reach | None
+    repair: dict[str, float] | None
+    contradictions: tuple[Dependence, ...]
+    unsolved: str
+    changes: dict[str, tuple[float, float]]
+    warnings: tuple[Caution, ...]
+    thin: ThinSet | None = None
+
+    @property
+    def start(self) -> Start:
+        """What a run begins with."""
+        at = self.state
+        return Start(at.t, at.q, at.v, self.ranks, self.augmented)
+
+    @property
+    def admissible(self) -> bool:
+        """Whether a run may begin here."""
+        if self.contradictions or self.thin is not None:
+            return False
+        return all(v.satisfied for v in self.verdicts)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Coordinates minus the rank of the two-sided rows.
+
+        On a set on which they lose their rank all over, its dimension, where known.
+        """
+        if self.thin is not None and self.thin.degrees_of_freedom is not None:
+            return self.thin.degrees_of_freedom
+        return len(self.state.q) - self.ranks.rank
+
+
+def examine(
+    equations: Equations, time: float = 0.0, *, classify: bool = False
+) -> Examination:
+    """Judge the initial state of a model.
+
+    Parameters
+    ----------
+    time
+        When the run begins.
+    classify
+        Also decide which velocity constraints are integrable.
+
+    Raises
+    ------
+    InputError
+        Where energies or forces are not finite, or a coordinate has no inertia that no
+        constraint determines (exit 2).
+    """
+    return _Examiner(equations, time).examination(classify=classify)
+
+
+@dataclass(frozen=True, slots=True)
+class _Judged:
+    """Where the rows are looked at, what is met there, and what contradicts."""
+
+    q: Floats
+    v: Floats
+    ranks: RankReport
+    contradictions: tuple[Dependence, ...]
+    repair: dict[str, float] | None = None
+    thin: ThinSet | None = None
+
+
+class _Examiner:
+    def __init__(self, equations: Equations, time: float) -> None:
+        self.e = equations
+        self.point = Point(equations, time)
+        self.initial = {value.name: value for value in equations.model.initial}
+        self.errors = {value.name: value.error for value in equations.model.initial}
+        names = (*equations.q, *equations.velocities)
+        stated = [self.initial[name].value for name in names]
+        guessed = [self.initial[name].guess for name in names]
+        n = self.n = len(equations.q)
+        self.q0, self.v0 = np.array(stated[:n]), np.array(stated[n:])
+        self.free_q = [j for j in range(n) if guessed[j]]
+        self.free_v = [j for j in range(n) if guessed[n + j]]
+
+    def examination(self, *, classify: bool) -> Examination:
+        point = self.point
+        guessed = bool(self.free_q or self.free_v)
+        self._finite(self.q0, self.v0, rows=not guessed)
+        self.solver = Solver(point, self.q0, self.v0, self.errors)
+        q, v = self._guessed()
+        if guessed:
+            self._finite(q, v, rows=True)
+        verdicts = judge(point, q, v, self.errors)
+        gaps = judge_gaps(point, q, v, self.errors)
+        starts = judge_starts(point, q, v, self.errors)
+        unmet = gaps + [x for x in starts if not x.satisfied]
+        warnings = self.solver.warnings
+        stated = (q.copy(), v.copy())
+        if all(verdict.satisfied for verdict in (*verdicts, *unmet)):
+            warnings += rough_starts(self.e, verdicts, starts)
+            judged = self._exact(q, v)
+            q, v = judged.q, judged.v
+        else:
+            judged = self._repaired(q, v)
+        augmented = needs_constraints(point, judged.q, judged.v, self._errors(judged))
+        warnings += multiple_roots(self.e)
+        thin = judged.thin.names if judged.thin else ()
+        sound = not judged.contradictions and not thin
+        warnings += about_ranks(self.e, judged.ranks, thin, sound=sound)
+        reachable = self._reach(judged.q) if classify else None
+        redundant = {d.name for d in judged.ranks.dependences}
+        verdicts = [replace(x, redundant=x.name in redundant) for x in verdicts]
+        if reachable is not None:
+            verdicts = [self._classified(x, judged.q, reachable) for x in verdicts]
+        return Examination(
+            state=State(point.t, q, v),
+            verdicts=(*verdicts, *unmet),
+            ranks=judged.ranks,
+            augmented=augmented,
+            reach=reachable,
+            repair=judged.repair,
+            contradictions=judged.contradictions,
+            unsolved=self.solver.unsolved,
+            changes=self._changes(stated, (q, v)),
+            warnings=tuple(warnings),
+            thin=judged.thin,
+        )
+
+    def _finite(self, q: Floats, v: Floats, *, rows: bool) -> None:
+        """Refuse a state at which energies, forces or constraints are not finite.
+
+        The `rows` of constraints need not be where they are only guessed.
+        """
+        e = self.e
+        named: list[tuple[str, int | None]] = [
+            ("kinetic", e.model.kinetic),
+            ("potential", e.model.potential),
+            ("the energy function", e.energy),
+        ]
+        named += [(f"the force on {q}", f) for q, f in zip(e.q, e.f, strict=True)]
+        if rows:
+            named += [(f"constraint {row.name}", row.residual) for row in e.rows]
+            named += [(f"the rate of {row.name}", row.rate) for row in e.rows]
+        named += [(f"the inertia of {q}", e.M[j][j]) for j, q in enumerate(e.q)]
+        found = [(name, node) for name, node in named if node is not None]
+        values = self.point.array([node for _, node in found], q, v)
+        problems = [
+            Problem(
+                "not-finite",
+                f"{name} is {value} at the start, not finite",
+                hint="check the initial values against what it divides by and the "
+                "arguments of its roots and logarithms; the point of a cone, as "
+                "that of hypot(x, y) at 0, has no gradient: start, or guess, beside it",
+            )
+            for (name, _), value in zip(found, values, strict=True)
+            if not np.isfinite(value)
+        ]
+        if problems:
+            raise InputError(problems)
+
+    def _guessed(self) -> tuple[Floats, Floats]:
+        """Solve the guesses: positions first, then velocities."""
+        q, v = self.q0.copy(), self.v0.copy()
+        for free, x, velocities in ((self.free_q, q, False), (self.free_v, v, True)):
+            if not free:
+                continue
+            before = x[free]
+            found = self.solver.guesses(free, q, v, velocities=velocities)
+            if not found.met:
+                break
+            x[free] = found.x
+            errors = self.point.solved_errors(q, v, (self.q0, self.v0))
+            names = self.solver.names(free, velocities=velocities)
+            moved = x[free] != before
+            self.errors.update(
+                {n: errors[n] for n, m in zip(names, moved, strict=True) if m}
+            )
+        return q, v
+
+    def _errors(self, judged: _Judged) -> dict[str, float]:
+        """Give the errors of a state: as stated, or of values solved for."""
+        values = self.point.values(judged.q, judged.v)
+        names = (*self.e.q, *self.e.velocities)
+        if all(values[name] == self.initial[name].value for name in names):
+            return dict(self.errors)
+        errors = self.point.solved_errors(judged.q, judged.v, (self.q0, self.v0))
+        for name, value in values.items():
+            if name in errors and value == self.initial[name].value:
+                errors[name] = self.errors[name]
+        return errors
+
+    def _analysed(self, q: Floats, v: Floats, levels: Sequence[str]) -> _Judged:
+        ranks = RankReport(0, 1.0, 0, 1.0)
+        judged = _Judged(q, v, ranks, ())
+        sizes, both = self.point.sizes(q, v), ((q, self.q0), (v, self.v0))
+        way_q, way_v = (
+            np.asarray(np.linalg.norm(sizes * (x - x0)) / sizes) for x, x0 in both
+        )
+        double = way_q if self.solver.double else None
+        errors = self._errors(judged)
+        ranks = analyse(self.point, q, v, errors, levels, double=double)
+        thin = None
+        if levels == LEVELS:
+            ways = (np.zeros_like(q) if double is None else double, way_v)
+            thin, real = thin_set(self.point, q, v, ranks.dependences, ways)
+            ranks = replace(
+                ranks,
+                dependences=tuple(
+                    # It is not one too many, though no state nearby was found.
+                    replace(d, everywhere=False)
+                    if d.name in real and d.everywhere is None
+                    else d
+                    for d in ranks.dependences
+                ),
+            )
+        against = tuple(d for d in ranks.dependences if d.contradictions)
+        return replace(judged, ranks=ranks, contradictions=against, thin=thin)
+
+    def _exact(self, q: Floats, v: Floats) -> _Judged:
+        """Give the nearest exact state; one that is exact to rounding stays."""
+        everything = range(self.n)
+        q = self.solver.exact(everything, q, v, velocities=False)
+        v = self.solver.exact(everything, q, v, velocities=True)
+        judged = self._analysed(q, v, LEVELS)
+        if judged.contradictions:
+            text = "; ".join(d.contradiction() for d in judged.contradictions)
+            self.solver.unsolved = f"{text}: no motion can begin here"
+        elif judged.thin:
+            self.solver.unsolved = f"{judged.thin}: {SIMPLE}"
+        return judged
+
+    def _repaired(self, q: Floats, v: Floats) -> _Judged:
+        """Give the nearest admissible state over all values, and the names to change.
+
+        Where there is none, what contradicts at the point of least residuals.
+        """
+        everything = range(self.n)
+        state = [self.q0.copy(), self.v0.copy()]
+        for k, velocities in enumerate((False, True)):
+            found = self.solver.nearest(
+                everything, state[0], state[1], velocities=velocities
+            )
+            state[k] = found.x
+            if not found.met:
+                least = self._analysed(state[0], state[1], LEVELS[: k + 1])
+                if least.contradictions:
+                    text = "; ".join(d.contradiction() for d in least.contradictions)
+                    self.solver.unsolved = f"{text}; {self.solver.least}"
+                judged = self._analysed(q, v, ())
+                return replace(judged, contradictions=least.contradictions)
+            if not velocities and self._touch(state[0], state[1]):
+                return self._repaired(q, v)
+        changed = self._changes((self.q0, self.v0), (state[0], state[1]))
+        judged = self._analysed(state[0], state[1], LEVELS)
+        if judged.contradictions:
+            return judged
+        if judged.thin:
+            self.solver.unsolved = f"{judged.thin}: {SIMPLE}"
+            return judged
+        repair = {name: new for name, (_, new) in changed.items()}
+        return replace(judged, repair=repair)
+
+    def _touch(self, q: Floats, v: Floats) -> bool:
+        """Ask of contacts that are penetrated that they touch; tell if any are new."""
+        errors = self.point.solved_errors(q, v, (self.q0, self.v0))
+        gaps = {c.name: c.relation.node for c in self.e.model.constraints}
+        new = {
+            gap.name: gaps[gap.name]
+            for gap in judge_gaps(self.point, q, v, errors)
+            if not gap.satisfied and gap.name not in self.solver.touching
+        }
+        self.solver.touching |= new
+        return bool(new)
+
+    def _changes(
+        self, old: tuple[Floats, Floats], new: tuple[Floats, Floats]
+    ) -> dict[str, tuple[float, float]]:
+        names = (*self.e.q, *self.e.velocities)
+        before, after = np.concatenate(old), np.concatenate(new)
+        errors = self.point.solved_errors(*new, old)
+        bounds = [REPORTED * errors[name] for name in names]
+        moved = np.abs(after - before) > bounds
+        return {
+            name: (float(before[i]), float(after[i]))
+            for i, name in enumerate(names)
+            if moved[i]
+        }
+
+    def _reach(self, q: Floats) -> Reach | None:
+        rows = self.e.rows
+        if all(row.holonomic for row in rows):
+            return None
+        from lagsim.admissibility.integrability import reach_of
+
+        return reach_of(self.point, rows, q)
+
+    def _classified(self, verdict: Verdict, q: Floats, all_rows: Reach) -> Verdict:
+        """Decide whether a Pfaffian relation alone is integrable."""
+        if not verdict.pfaffian:
+            return verdict
+        row = next(r for r in self.e.rows if r.name == verdict.name)
+        from lagsim.admissibility.integrability import reach_of
+
+        alone = all_rows if len(self.e.rows) == 1 else reach_of(self.point, [row], q)
+        if alone.hidden is None:
+            return replace(verdict, undecided=alone.reason)
+        return replace(verdict, integrable=alone.hidden == 1)
