@@ -16,9 +16,9 @@ from lagsim.run.states import SLIDING, empty_state, extents, taken_over
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.system import System
@@ -52,7 +52,7 @@ class Arc:
     """
 
     equations: Equations
-    start: Start
+    start: State
     plan: Plan
     system: System
     settings: Settings
@@ -177,7 +177,7 @@ class Arc:
 
 def first_arc(
     equations: Equations,
-    start: Start,
+    start: State,
     plan: Plan,
     system: System,
     settings: Settings,

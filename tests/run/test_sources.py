@@ -33,7 +33,7 @@ class Begun:
         model = read(text, "model.yaml")
         equations = derive(model)
         settings = model.settings()
-        start = examine(equations, settings.start)
+        start = examine(equations, settings.start).start
         plan = make_plan(equations, start, settings)
         keep = Keep()
         self.run = Run(
