@@ -31,7 +31,6 @@ from lagsim.run.states import (
     SERIES,
     SLIDING,
     empty_state,
-    extents,
     most_pulled,
     named_extents,
     taken_over,
@@ -46,6 +45,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.methods.parts.state import State
     from lagsim.model.model import Simulation
     from lagsim.notes import Choice
     from lagsim.plan import Plan
@@ -111,7 +111,7 @@ class Run:
         self.use(system)
         self.state = self._fresh_state(system.begin(start))
         if longest_step:
-            self.state[at.LONGEST] = longest_step
+            self.state.longest = longest_step
         rows = max(1, min(BLOCK, MOST_NUMBERS // system.rows_observed))
         self.block = np.empty((rows, 1 + system.size))
         # Where the stiff method has taken over: the steps at which it is asked whether
@@ -135,61 +135,59 @@ class Run:
         self.system = system
         self.runner = system.link(self.plan.method)
 
-    def _fresh_state(self, y: Floats) -> Floats:
-        system, simulation = self.system, self.simulation
+    def _fresh_state(self, y: Floats) -> State:
+        simulation = self.simulation
         state = empty_state(self.runner)
-        state[at.T] = state[at.ROW_START] = state[at.ARC_START] = simulation.start
-        state[at.ROW_STEP] = simulation.output_step
+        state.t = state.row_start = state.arc_start = simulation.start
+        state.row_step = simulation.output_step
         self._set_tolerances(state)
         radius = simulation.spectral_radius
-        state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
-        state[at.ASK_AT] = AT_BOUND
-        state[at.N], state[at.SIZE] = system.n, system.size
-        state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
+        state.spectral_radius = at.USUAL_RADIUS if radius is None else radius
+        state.ask_at = AT_BOUND
+        state.health = state.previous_health = 1.0
         self._set_watch(state)
         if simulation.until is not None:
-            state[at.EQUATION] = simulation.until.sense.value == "="
-        state[at.HEADER : at.HEADER + len(y)] = y
+            state.equation = simulation.until.sense.value == "="
+        state.y[:] = y
         return state
 
-    def _set_tolerances(self, state: Floats) -> None:
-        state[at.RTOL] = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
-        state[at.ATOL] = -1.0 if self.plan.atol is None else self.plan.atol
-        state[at.FIXED_STEP] = self.plan.step or 0.0
+    def _set_tolerances(self, state: State) -> None:
+        state.rtol = DEFAULT_RTOL if self.plan.rtol is None else self.plan.rtol
+        state.atol = -1.0 if self.plan.atol is None else self.plan.atol
+        state.fixed_step = self.plan.step or 0.0
 
-    def _set_watch(self, state: Floats) -> None:
+    def _set_watch(self, state: State) -> None:
         """Set when a loss of rank is looked for, and what counts as one."""
         usual = self.plan.independence
-        state[at.CLOSE_BELOW] = CLOSE * usual
-        state[at.LOST_BELOW] = LOST * usual
+        state.close_below = CLOSE * usual
+        state.lost_below = LOST * usual
         straight = self.plan.elimination is not None
-        state[at.DEGENERATE_BELOW] = WELL_CONDITIONED if straight else 0.0
+        state.degenerate_below = WELL_CONDITIONED if straight else 0.0
 
     @property
     def t(self) -> float:
         """The time reached."""
-        return float(self.state[at.T])
+        return self.state.t
 
     @property
     def steps(self) -> int:
         """The steps made."""
-        return int(self.state[at.STEPS])
+        return int(self.state.steps)
 
     @property
     def y(self) -> Floats:
         """The state at that time: a view."""
-        return self.state[at.HEADER : at.HEADER + self.system.size]
+        return self.state.y
 
     @property
     def sizes(self) -> Floats:
         """The largest sizes of the components so far: a view."""
-        size = self.system.size
-        return self.state[at.HEADER + size : at.HEADER + 2 * size]
+        return self.state.sizes
 
     @property
     def ranges(self) -> Floats:
         """How far each component has moved, also to the state reached."""
-        low, high = extents(self.state)
+        low, high = self.state.low, self.state.high
         return np.asarray(np.maximum(high, self.y) - np.minimum(low, self.y))
 
     def whole(self, most_steps: int) -> Trajectory:
@@ -209,7 +207,7 @@ class Run:
     def trajectory(self, outcome: Outcome) -> Trajectory:
         """Put together what the run has done."""
         state = self.state
-        evaluations = int(state[at.EVALUATIONS])
+        evaluations = int(state.evaluations)
         self.warnings += singularity_caution(self)
         all_constant = self.plan.constant >= (2 if self.system.m else 1)
         return Trajectory(
@@ -220,10 +218,10 @@ class Run:
             rows=self.rows,
             statistics=Statistics(
                 self.steps,
-                int(state[at.REJECTIONS]),
+                int(state.rejections),
                 evaluations,
-                int(state[at.FACTORISATIONS]) + (1 if all_constant else evaluations),
-                float(state[at.SMALLEST_STEP]) or None,
+                int(state.factorisations) + (1 if all_constant else evaluations),
+                state.smallest_step or None,
             ),
             events=tuple(self.events),
             warnings=tuple(self.warnings),
@@ -246,7 +244,7 @@ class Run:
             ahead = self.switching.approach(end) if short or blocked else end
             if ahead is None and blocked:
                 return outcome
-            if self.state[at.SWITCHED] > 0.0:
+            if self.state.switched > 0.0:
                 ahead = end
                 ended = self.switching.cross()
                 if ended is not None:
@@ -286,12 +284,15 @@ class Run:
     def _set_limits(self, end: float) -> None:
         state, simulation = self.state, self.simulation
         if self.switching is not None:
+            before = self.runner
             self.runner = self.system.link(self._method_now())
-        state[at.END] = end
+            if self.runner is not before:
+                self.state = state = taken_over(state, self.runner)
+        state.end = end
         last = simulation.end - SAME_ROW * simulation.output_step
-        state[at.ROW_LIMIT] = min(end, last)
-        state[at.FRESH] = 1.0
-        state[at.ARC_START] = self.t
+        state.row_limit = min(end, last)
+        state.fresh = 1.0
+        state.arc_start = self.t
         if self.features is not None:
             self.features.advance(self)
 
@@ -337,13 +338,13 @@ class Run:
         with self.pace.kept():
             room = self.block[: self.pace.rows]
             code = self.runner.advance(state, room, budget)
-        self.emit(self.block[: int(state[at.EMITTED])])
+        self.emit(self.block[: int(state.emitted)])
         over = code == at.EVENT_FOUND or self.t >= self.simulation.end
-        over |= state[at.CUT] > 0.0  # the state is that of the step as it was
+        over |= state.cut > 0.0  # the state is that of the step as it was
         pressed = self.interrupt is not None and self.interrupt.signal is not None
         if pressed and not over:
             return Outcome.INTERRUPTED
-        if not state[at.PULLED] <= most_pulled(self.plan.rtol):
+        if not state.pulled <= most_pulled(self.plan.rtol):
             return Outcome.STATE_JUMPS
         if code == at.PAUSED and left <= budget:
             return Outcome.TOO_MANY_STEPS
@@ -394,7 +395,7 @@ class Run:
 
     def _switch_to_loops(self) -> None:
         """Go on with the QR decomposition where the rows lose their independence."""
-        end = float(self.state[at.END])
+        end = self.state.end
         n, m = self.system.n, self.system.m
         if dense_operations(n, m) > MOST_DENSE:
             text = (
@@ -403,7 +404,7 @@ class Run:
                 "may lose digits"
             )
             self.warnings.append(Caution("nearly-dependent", text))
-            self.state[at.DEGENERATE_BELOW] = 0.0
+            self.state.degenerate_below = 0.0
             return
         text = (
             f"at t = {self.t:.9g} the constraints come close to dependent; from there "
@@ -438,7 +439,7 @@ class Run:
     def row_time(self, k: int) -> float:
         """Give the time of the next row (k = 0), or of one before or after it."""
         state = self.state
-        return float(state[at.ROW_START] + (state[at.ROW] + k) * state[at.ROW_STEP])
+        return float(state.row_start + (state.row + k) * state.row_step)
 
 
 # What may come of a switch close by: past it, the arc's expressions may have no values.

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts import state as at
 from lagsim.notes import Choice
 from lagsim.plan.integration import ANY
 from lagsim.run.states import MOST_STEPS, taken_over
@@ -38,6 +37,6 @@ def fall_back(run: Run, outcome: Outcome) -> bool:
     run.plan = replace(run.plan, method=ANY)
     run.use(run.system)
     run.state = taken_over(run.state, run.runner)
-    run.state[at.H] = run.state[at.AT_BOUND] = 0.0
+    run.state.h = run.state.at_bound = 0.0
     run.review_at = MOST_STEPS
     return True

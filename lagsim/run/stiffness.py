@@ -28,6 +28,7 @@ from lagsim.run.system import System
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.methods.parts.state import State
     from lagsim.run.arcs import Run
 
 STIFF = "radau"
@@ -69,8 +70,8 @@ class Fast:
 def consider(run: Run) -> None:
     """Act on a step that has been at the bound for a while."""
     state = run.state
-    state[at.AT_BOUND] = 0.0
-    state[at.ASK_AT] *= ASKED_AGAIN
+    state.at_bound = 0.0
+    state.ask_at *= ASKED_AGAIN
     n = run.system.n
     sliding = run.switching is not None and bool(np.any(run.switching.slides))
     # Sliding has a method of its own.
@@ -89,7 +90,7 @@ def consider(run: Run) -> None:
         _warn(run, (), "")
         return
     fast = _fastest(run, J.reshape(n, 2 * n))
-    if fast.rate * state[at.STEP_H] < CLOSE * run.runner.method.IMAGINARY_LIMIT:
+    if fast.rate * state.step_h < CLOSE * run.runner.method.IMAGINARY_LIMIT:
         return  # something else, as where rows lose their rank
     series = run.plan.method == SERIES
     if series and (run.simulation.method != "auto" or fast.excited):
@@ -112,11 +113,11 @@ def consider(run: Run) -> None:
 
 def _fastest(run: Run, J: Floats) -> Fast:
     """Analyse q' = v, v' = J (q, v)."""
-    n, size = run.system.n, run.system.size
+    n, _size = run.system.n, run.system.size
     whole = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), J])
     values, right = _fast_modes(whole)
     _, left = _fast_modes(whole.T)
-    masses = np.maximum(run.state[at.HEADER + 3 * size + 2 :][:n], 0.0)
+    masses = np.maximum(run.state.masses[:n], 0.0)
     shape = np.abs(right[:n]) * np.sqrt(masses)[:, None]
     shape /= np.maximum(np.max(shape, axis=0), 1e-300)
     heavy = np.max(shape, axis=1) > 0.5
@@ -144,7 +145,7 @@ def _is_excited(run: Run, fast: Floats, masses: Floats, J: Floats) -> bool:
     for _ in range(n.bit_length()):
         linked = np.sign(linked @ linked)
     each = masses * run.ranges[n : 2 * n] ** 2
-    whole = np.minimum(linked @ each, 2.0 * run.state[at.ENERGY])
+    whole = np.minimum(linked @ each, 2.0 * run.state.energy)
     return bool(np.any(linked @ fast > EXCITED * whole))
 
 
@@ -188,8 +189,8 @@ def _review_series(run: Run) -> None:
 def _review_stiff(run: Run) -> None:
     """Go back to the explicit method where that has become cheaper."""
     state, before = run.state, run.reviewed
-    made = state[at.STEPS] - before[at.STEPS]
-    run.review_at, run.reviewed = int(state[at.STEPS] + 2 * made), state.copy()
+    made = state.steps - before.steps
+    run.review_at, run.reviewed = int(state.steps + 2 * made), state.copy()
     if run.runner.method.NAME != STIFF:
         return  # it slides
     n = run.system.n
@@ -214,14 +215,14 @@ def _review_stiff(run: Run) -> None:
     _go_on(run, system, reason)
 
 
-def _trial(run: Run, system: System) -> tuple[Floats, Floats]:
+def _trial(run: Run, system: System) -> tuple[State, State]:
     """Give the state before and after some steps of another method.
 
     On a copy; its beginning counts only if that is all.
     """
     runner, block = system.link(system.plan.method), np.empty((1, 1 + system.size))
     state = taken_over(run.state, runner)
-    state[at.ROW_LIMIT], state[at.ASK_AT] = -np.inf, 0.0
+    state.row_limit, state.ask_at = -np.inf, 0.0
     before = state.copy()
     if runner.advance(state, block, TRIAL) == at.PAUSED:
         before = state.copy()
@@ -229,16 +230,16 @@ def _trial(run: Run, system: System) -> tuple[Floats, Floats]:
     return before, state
 
 
-def _cost(run: Run, before: Floats, after: Floats) -> float:
+def _cost(run: Run, before: State, after: State) -> float:
     """Give how many operations a unit of time took."""
     n = run.system.n
-    passed = after[at.T] - before[at.T]
+    passed = after.t - before.t
     if passed == 0.0:
         return inf
     # Half of the factorisations are real (n^3/3), half complex as real ones of 2 n.
     factorisation = 0.5 * (n**3 / 3 + (2 * n) ** 3 / 3)
-    evaluations = after[at.EVALUATIONS] - before[at.EVALUATIONS]
-    factorisations = after[at.FACTORISATIONS] - before[at.FACTORISATIONS]
+    evaluations = after.evaluations - before.evaluations
+    factorisations = after.factorisations - before.factorisations
     spent = _operations(run.equations) * evaluations + factorisation * factorisations
     return float(spent / passed)
 
@@ -246,11 +247,11 @@ def _cost(run: Run, before: Floats, after: Floats) -> float:
 def _gain(run: Run, system: System) -> float:
     """Give how many times larger the stiff method's step is; 0 where it costs more."""
     before, after = _trial(run, system)
-    h = run.state[at.STEP_H]
+    h = run.state.step_h
     if _cost(run, before, after) > _operations(run.equations) * PER_STEP / h:
         return 0.0
-    steps = after[at.STEPS] - before[at.STEPS]
-    return float((after[at.T] - before[at.T]) / steps / h)
+    steps = after.steps - before.steps
+    return float((after.t - before.t) / steps / h)
 
 
 def _operations(equations: Equations) -> float:
@@ -275,7 +276,7 @@ def _go_on(run: Run, system: System, reason: str) -> None:
     name = system.plan.method
     run.choices.append(Choice(f"method: {name} from t = {run.t:.9g} on", reason))
     state = taken_over(run.state, system.link(name))
-    state[at.AT_BOUND] = 0.0
+    state.at_bound = 0.0
     run.plan = system.plan
     run.use(system)
     run.state = state
@@ -285,7 +286,7 @@ def _warn(run: Run, where: tuple[str, ...], advice: str) -> None:
     code = "step-at-stability-bound"
     if any(c.code == code for c in run.warnings):
         return
-    h, rate = run.state[at.STEP_H], run.state[at.SPEED]
+    h, rate = run.state.step_h, run.state.speed
     text = (
         f"at t = {run.t:.9g} the step ({h:.3g}) is held at the stability bound of "
         f"{run.runner.method.NAME}, not by accuracy: {_named(where)} at about "

@@ -19,7 +19,6 @@ import numpy as np
 from lagsim.language.derivatives import tangent
 from lagsim.language.enclosures import Enclosures
 from lagsim.mechanics.switches import expression_text
-from lagsim.methods.parts import state as at
 from lagsim.methods.parts.looks import LARGE, LARGEST, NEAR_ZERO
 from lagsim.notes import Caution
 from lagsim.run.events.breaks import break_times
@@ -90,24 +89,24 @@ class Features:
     def advance(self, run: Run) -> None:
         """Tell the kernel what comes first after the time reached."""
         state = run.state
-        t = float(state[at.T])
+        t = state.t
         while self._now is None or self._ends(self._now) <= t:
             if self._next is None:
                 self._now = None
                 break
             self._now, self._next = self._next, next(self._coming, None)
         if self._now is None:
-            state[at.FEATURE_WIDTH] = 0.0
+            state.feature_width = 0.0
             return
-        state[at.FEATURE] = self._now.time
-        state[at.FEATURE_WIDTH] = self._now.width
-        state[at.FEATURE_REACH] = self._now.reach
+        state.feature = self._now.time
+        state.feature_width = self._now.width
+        state.feature_reach = self._now.reach
         begins = self._now.time - self._now.reach
         if t < begins - self._now.width:
-            state[at.FEATURE_END] = begins - self._now.width
+            state.feature_end = begins - self._now.width
             self._expect(run, self._now, FORESEEN)
             return
-        state[at.FEATURE_END] = self._ends(self._now)
+        state.feature_end = self._ends(self._now)
         self._expect(run, self._now, 1.0)
 
     def _expect(self, run: Run, now: Feature, part: float) -> None:

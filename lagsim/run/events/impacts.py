@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.events.modes import ON
 from lagsim.run.states import pulled
@@ -92,7 +91,7 @@ def _is_far(run: Run) -> bool:
     Against the motion so far of what they move: at one place all terms of a residual
     may vanish.
     """
-    n, size = run.system.n, run.system.size
-    masses = np.maximum(run.state[at.HEADER + 3 * size + 2 :][:n], 0.0)
+    n, _size = run.system.n, run.system.size
+    masses = np.maximum(run.state.masses[:n], 0.0)
     step = run.runner.function("position_step")(run.t, run.y)[:n]
     return pulled(masses, step, run.ranges[:n], run.sizes[:n]) > TORN

@@ -8,7 +8,6 @@ import numpy as np
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import weakest_rows
-from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.plan.lengths import usual_lengths
 
@@ -34,9 +33,9 @@ class RankLosses:
 
     def note(self, run: Run) -> None:
         """Record a loss of rank on the way, with the constraints in it."""
-        time = float(run.state[at.LOST_AT])
+        time = run.state.lost_at
         size = run.system.size
-        at_loss = run.state[at.HEADER + 4 * size + 2 :][:size]
+        at_loss = run.state.work[:size]
         full = len(run.equations.q)
         row = run.runner.tabulate(np.array([[time, *at_loss]]))[0]
         q, v = row[1 : 1 + full], row[1 + full : 1 + 2 * full]

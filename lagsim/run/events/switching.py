@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts import interface as kept
-from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.run.events.crossing import Crossing
 from lagsim.run.events.impacts import impact, row_before
@@ -187,10 +186,9 @@ class Switching:
         And would in a step, by each term of their forces alone.
         """
         run, n = self.run, self.run.system.n
-        first = int(run.state[at.EXTENTS_AT]) + 2 * run.system.size
-        step = run.t - float(run.state[at.STEP_T]) if run.steps else 0.0
+        step = run.t - run.state.step_t if run.steps else 0.0
         ranges = run.ranges[: 2 * n].copy()
-        ranges[n:] += step * run.state[first : first + n]
+        ranges[n:] += step * run.state.parts[:n]
         ranges[:n] += step * ranges[n:]
         return ranges
 
@@ -202,8 +200,8 @@ class Switching:
         """
         run, n = self.run, self.run.system.n
         speeds = np.abs(rows.J) @ self._reach()[n:]
-        step = run.t - float(run.state[at.STEP_T]) if run.steps else 0.0
-        factor = NOISE * float(run.state[at.RTOL])
+        step = run.t - run.state.step_t if run.steps else 0.0
+        factor = NOISE * run.state.rtol
         return np.asarray(factor * np.where(self.of_velocities, speeds, step * speeds))
 
     # What a switch leads to
@@ -239,8 +237,8 @@ class Switching:
     def meet(self) -> bool:
         """Go through the switch that was located; tell whether the motion goes on."""
         run = self.run
-        k = int(run.state[at.SWITCHED]) - 1
-        run.state[at.SWITCHED] = 0.0
+        k = int(run.state.switched) - 1
+        run.state.switched = 0.0
         self.approaches = 0
         self.sequence.add(run.t, k)
         several = self.sequence.lately()
@@ -282,5 +280,5 @@ class Switching:
         if not run.t + ahead[k] < end:
             return None
         if abs(ends[k] - values[k]) <= 8.0 * ON * modes.sizes(rows)[k]:
-            run.state[at.SWITCHED] = k + 1
+            run.state.switched = k + 1
         return float(run.t + self.reach * ahead[k])

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from lagsim.language.arrays import Floats
+    from lagsim.methods.parts.state import State
     from lagsim.run.system import System
 
 _POINTER = ctypes.c_void_p
@@ -126,12 +127,12 @@ class Runner:
             p[aside : aside + self.system.m] = self.system.plan.set_aside
         call(0.0, None, p.ctypes.data, None)
 
-    def advance(self, state: Floats, out: Floats, budget: int) -> int:
+    def advance(self, state: State, out: Floats, budget: int) -> int:
         """Run the method on; see `driver.advance`. out : (rows, 1 + size)."""
         p = self.system.p
         return int(
             self._advance(
-                state.ctypes.data, p.ctypes.data, out.ctypes.data, len(out), budget
+                state.flat.ctypes.data, p.ctypes.data, out.ctypes.data, len(out), budget
             )
         )
 
