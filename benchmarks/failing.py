@@ -17,7 +17,6 @@ from scipy.integrate import solve_ivp
 from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
 from lagsim.methods import dop853
-from lagsim.methods.parts import state as at
 from lagsim.model.reader import read_file
 from lagsim.plan import make_plan
 from lagsim.run.arcs import Run
@@ -77,7 +76,7 @@ class Motion:
         found, s = [], run.arc.state
         while len(found) < most and run.t < settings.end:
             run.arc.advance(run.block, 1)
-            found.append((s[at.T], s[at.STEP_H], s[at.REJECTIONS], s[at.EVALUATIONS]))
+            found.append((s.t, s.step_h, s.rejections, s.evaluations))
         return np.array(found).T
 
 

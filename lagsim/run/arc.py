@@ -11,7 +11,7 @@ from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.singular import CLOSE
 from lagsim.plan.solve import WELL_CONDITIONED
-from lagsim.run.states import SLIDING, empty_state, extents, taken_over
+from lagsim.run.states import SLIDING, empty_state, taken_over
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,29 +57,28 @@ class Arc:
     system: System
     settings: Settings
     runner: Runner
-    state: Floats
+    state: at.State
     end: float
 
     @property
     def t(self) -> float:
         """The time reached."""
-        return float(self.state[at.T])
+        return self.state.t
 
     @property
     def steps(self) -> int:
         """The steps made."""
-        return int(self.state[at.STEPS])
+        return int(self.state.steps)
 
     @property
     def y(self) -> Floats:
         """The state at that time: a view."""
-        return self.state[at.HEADER : at.HEADER + self.system.size]
+        return self.state.y
 
     @property
     def sizes(self) -> Floats:
         """The largest sizes of the components so far: a view."""
-        size = self.system.size
-        return self.state[at.HEADER + size : at.HEADER + 2 * size]
+        return self.state.sizes
 
     @property
     def seen(self) -> Floats:
@@ -94,8 +93,7 @@ class Arc:
     @property
     def masses(self) -> Floats:
         """The diagonal of M (n,) where it was last measured."""
-        first = at.HEADER + 3 * self.system.size + 2
-        return np.maximum(self.state[first:][: self.system.n], 0.0)
+        return np.maximum(self.state.masses[: self.system.n], 0.0)
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -110,8 +108,8 @@ class Arc:
 
     def ranges_to(self, y: Floats) -> Floats:
         """Give how far each component has moved, also to y."""
-        low, high = extents(self.state)
-        return np.asarray(np.maximum(high, y) - np.minimum(low, y))
+        state = self.state
+        return np.asarray(np.maximum(state.high, y) - np.minimum(state.low, y))
 
     def row(self, y: Floats | None = None) -> Floats:
         """Give time and state (1, 1 + size), the one reached or y."""
@@ -124,7 +122,7 @@ class Arc:
     def row_time(self, k: int) -> float:
         """Give the time of the next row (k = 0), or of one before or after it."""
         state = self.state
-        return float(state[at.ROW_START] + (state[at.ROW] + k) * state[at.ROW_STEP])
+        return float(state.row_start + (state.row + k) * state.row_step)
 
     def advance(self, out: Floats, budget: int) -> int:
         """Integrate on, by one call of the kernel; give what it says."""
@@ -137,7 +135,7 @@ class Arc:
     def tell(self, numbers: Mapping[str, float]) -> None:
         """Write numbers of the state's header, by their names."""
         for name, number in numbers.items():
-            self.state[getattr(at, name.upper())] = number
+            setattr(self.state, name, number)
 
     def expect(self, sizes: Floats) -> None:
         """Take it that components will have these sizes (size,)."""
@@ -148,19 +146,21 @@ class Arc:
 
         And is looked at again at the time `ahead`, if that comes before its end.
         """
-        state, settings, runner = self.state, self.settings, self.runner
+        settings, runner, state = self.settings, self.runner, self.state
         if self.system.surfaces:
             name = self.plan.method
             # Sliding is written for y' alone.
             name = SLIDING if self.slides and method(name).NEEDS else name
             runner = self.system.link(name)
-        state[at.END] = ahead = min(end, ahead)
+            if runner is not self.runner:
+                state = taken_over(state, runner)
+        state.end = ahead = min(end, ahead)
         last = settings.end - SAME_ROW * settings.output_step
-        state[at.ROW_LIMIT] = min(ahead, last)
-        state[at.FRESH] = 1.0
-        state[at.ARC_START] = self.t
-        state[at.SWITCHED] = 0.0
-        return replace(self, runner=runner, end=end)
+        state.row_limit = min(ahead, last)
+        state.fresh = 1.0
+        state.arc_start = self.t
+        state.switched = 0.0
+        return replace(self, runner=runner, state=state, end=end)
 
     def by(self, plan: Plan, system: System) -> Arc:
         """Give the same arc by another method or another system, with its own state."""
@@ -187,28 +187,27 @@ def first_arc(
     runner = system.link(plan.method)
     y = system.begin(start)
     state = empty_state(runner)
-    state[at.T] = state[at.ROW_START] = state[at.ARC_START] = settings.start
-    state[at.ROW_STEP] = settings.output_step
-    state[at.RTOL] = plan.tolerance
-    state[at.ATOL] = -1.0 if plan.atol is None else plan.atol
-    state[at.FIXED_STEP] = plan.step or 0.0
-    state[at.LONGEST] = longest_step
+    state.t = state.row_start = state.arc_start = settings.start
+    state.row_step = settings.output_step
+    state.rtol = plan.tolerance
+    state.atol = -1.0 if plan.atol is None else plan.atol
+    state.fixed_step = plan.step or 0.0
+    state.longest = longest_step
     radius = settings.spectral_radius
-    state[at.SPECTRAL_RADIUS] = at.USUAL_RADIUS if radius is None else radius
-    state[at.ASK_AT] = AT_BOUND
-    state[at.N], state[at.SIZE] = system.n, system.size
-    state[at.HEALTH] = state[at.PREVIOUS_HEALTH] = 1.0
+    state.spectral_radius = at.USUAL_RADIUS if radius is None else radius
+    state.ask_at = AT_BOUND
+    state.health = state.previous_health = 1.0
     _set_watch(state, plan)
     until = equations.model.until
     if until is not None:
-        state[at.EQUATION] = until.sense.value == "="
-    state[at.HEADER : at.HEADER + len(y)] = y
+        state.equation = until.sense.value == "="
+    state.y[:] = y
     return Arc(equations, start, plan, system, settings, runner, state, settings.end)
 
 
-def _set_watch(state: Floats, plan: Plan) -> None:
+def _set_watch(state: at.State, plan: Plan) -> None:
     """Set when a loss of rank is looked for, and what counts as one."""
-    state[at.CLOSE_BELOW] = CLOSE * plan.independence
-    state[at.LOST_BELOW] = LOST * plan.independence
+    state.close_below = CLOSE * plan.independence
+    state.lost_below = LOST * plan.independence
     straight = plan.elimination is not None
-    state[at.DEGENERATE_BELOW] = WELL_CONDITIONED if straight else 0.0
+    state.degenerate_below = WELL_CONDITIONED if straight else 0.0

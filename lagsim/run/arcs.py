@@ -106,10 +106,10 @@ class Run:
         budget = min(self.pace.steps, left, asked)
         with self.pace.kept():
             code = arc.advance(self.block[: self.pace.rows], budget)
-        self._emit(self.block[: int(arc.state[at.EMITTED])])
+        self._emit(self.block[: int(arc.state.emitted)])
         if self._is_stopped(code):
             return Ending(Outcome.INTERRUPTED)
-        if not arc.state[at.PULLED] <= most_pulled(arc.plan.rtol):
+        if not arc.state.pulled <= most_pulled(arc.plan.rtol):
             return Ending(Outcome.STATE_JUMPS)
         if code == at.PAUSED and left <= budget:
             return Ending(Outcome.TOO_MANY_STEPS)
@@ -119,7 +119,7 @@ class Run:
         """Tell whether somebody wants an end, and the run has not come to its own."""
         arc = self.arc
         over = code == at.EVENT_FOUND or arc.t >= arc.settings.end
-        over |= arc.state[at.CUT] > 0.0  # the state is that of the step as it was
+        over |= arc.state.cut > 0.0  # the state is that of the step as it was
         return self.interrupt is not None and self.interrupt.asked and not over
 
     def _decide(self, code: int) -> Ending | None:
@@ -204,7 +204,7 @@ class Run:
         """Put together what the run has done."""
         arc, recorder = self.arc, self.recorder
         state = arc.state
-        evaluations = int(state[at.EVALUATIONS])
+        evaluations = int(state.evaluations)
         all_constant = arc.plan.constant >= (2 if arc.system.m else 1)
         return Trajectory(
             outcome=ending.outcome,
@@ -214,10 +214,10 @@ class Run:
             rows=recorder.rows,
             statistics=Statistics(
                 arc.steps,
-                int(state[at.REJECTIONS]),
+                int(state.rejections),
                 evaluations,
-                int(state[at.FACTORISATIONS]) + (1 if all_constant else evaluations),
-                float(state[at.SMALLEST_STEP]) or None,
+                int(state.factorisations) + (1 if all_constant else evaluations),
+                state.smallest_step or None,
             ),
             events=tuple(recorder.events),
             warnings=(*recorder.cautions, *singularity_caution(arc)),

@@ -98,7 +98,7 @@ class Stiffness(Source):
 
     def _considered(self, arc: Arc) -> Decision:
         """Decide on a step that has been at the bound for a while."""
-        asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state[at.ASK_AT]}
+        asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state.ask_at}
         return replace(self._considered_once(arc), numbers=asked)
 
     def _considered_once(self, arc: Arc) -> Decision:
@@ -112,7 +112,7 @@ class Stiffness(Source):
         if fast is None:
             return self._warning(arc, (), "")
         limit = arc.runner.method.IMAGINARY_LIMIT
-        if fast.rate * arc.state[at.STEP_H] < CLOSE * limit:
+        if fast.rate * arc.state.step_h < CLOSE * limit:
             return GO_ON  # something else, as where rows lose their rank
         asked = arc.settings.method != "auto"
         if arc.plan.method == SERIES and (asked or fast.excited):
@@ -140,7 +140,7 @@ class Stiffness(Source):
         if self._warned:
             return GO_ON
         self._warned = True
-        h, rate = arc.state[at.STEP_H], arc.state[at.SPEED]
+        h, rate = arc.state.step_h, arc.state.speed
         text = (
             f"at t = {arc.t:.9g} the step ({h:.3g}) is held at the stability bound of "
             f"{arc.runner.method.NAME}, not by accuracy: {_named(where)} at about "
@@ -172,7 +172,7 @@ class Stiffness(Source):
     def _stiff_reviewed(self, arc: Arc) -> Decision:
         """Go back to the explicit method where that has become cheaper."""
         state, before = arc.state, self._reviewed
-        made = state[at.STEPS] - before[at.STEPS]
+        made = state.steps - before.steps
         self._review_at, self._reviewed = int(arc.steps + 2 * made), state.copy()
         fast = None if arc.slides else _fastest(arc)
         if fast is None:
@@ -235,7 +235,7 @@ def _is_excited(arc: Arc, fast: Floats, masses: Floats, J: Floats) -> bool:
     for _ in range(n.bit_length()):
         linked = np.sign(linked @ linked)
     each = masses * arc.ranges[n : 2 * n] ** 2
-    whole = np.minimum(linked @ each, 2.0 * arc.state[at.ENERGY])
+    whole = np.minimum(linked @ each, 2.0 * arc.state.energy)
     return bool(np.any(linked @ fast > EXCITED * whole))
 
 
@@ -247,13 +247,13 @@ def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
     return values[fast], vectors[:, fast]
 
 
-def _trial(arc: Arc) -> tuple[Floats, Floats]:
+def _trial(arc: Arc) -> tuple[at.State, at.State]:
     """Give the state before and after some steps of another arc.
 
     On a copy; its beginning counts only if that is all.
     """
     block, state = np.empty((1, 1 + arc.system.size)), arc.state.copy()
-    state[at.ROW_LIMIT], state[at.ASK_AT] = -np.inf, 0.0
+    state.row_limit, state.ask_at = -np.inf, 0.0
     before = state.copy()
     if arc.runner.advance(state, block, TRIAL) == at.PAUSED:
         before = state.copy()
@@ -261,16 +261,16 @@ def _trial(arc: Arc) -> tuple[Floats, Floats]:
     return before, state
 
 
-def _cost(arc: Arc, before: Floats, after: Floats) -> float:
+def _cost(arc: Arc, before: at.State, after: at.State) -> float:
     """Give how many operations a unit of time took."""
     n = arc.system.n
-    passed = after[at.T] - before[at.T]
+    passed = after.t - before.t
     if passed == 0.0:
         return inf
     # Half of the factorisations are real (n^3/3), half complex as real ones of 2 n.
     factorisation = 0.5 * (n**3 / 3 + (2 * n) ** 3 / 3)
-    evaluations = after[at.EVALUATIONS] - before[at.EVALUATIONS]
-    factorisations = after[at.FACTORISATIONS] - before[at.FACTORISATIONS]
+    evaluations = after.evaluations - before.evaluations
+    factorisations = after.factorisations - before.factorisations
     spent = _operations(arc.equations) * evaluations + factorisation * factorisations
     return float(spent / passed)
 
@@ -278,11 +278,11 @@ def _cost(arc: Arc, before: Floats, after: Floats) -> float:
 def _gain(arc: Arc, stiff: Arc) -> float:
     """Give how many times larger the stiff method's step is; 0 where it costs more."""
     before, after = _trial(stiff)
-    h = arc.state[at.STEP_H]
+    h = arc.state.step_h
     if _cost(arc, before, after) > _operations(arc.equations) * PER_STEP / h:
         return 0.0
-    steps = after[at.STEPS] - before[at.STEPS]
-    return float((after[at.T] - before[at.T]) / steps / h)
+    steps = after.steps - before.steps
+    return float((after.t - before.t) / steps / h)
 
 
 def _operations(equations: Equations) -> float:

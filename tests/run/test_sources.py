@@ -124,13 +124,13 @@ def test_an_arc_by_another_method_has_a_state_of_its_own():
     run = Begun().run
     run.begin()
     arc = run.arc
-    kept = arc.state.copy()
+    kept = arc.state.flat.copy()
     other = arc.by(replace(arc.plan, method="dop853"), arc.system)
     other.tell({"h": 0.125})
     other.put(np.array([3.0, 4.0]))
     other.advance(run.block, 10)
     assert other.steps > 0
-    assert np.array_equal(arc.state, kept)
+    assert np.array_equal(arc.state.flat, kept)
     assert other.runner.method.NAME == "dop853" != arc.runner.method.NAME
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import external
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def inertia(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 @external
 def inertias(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the pivots of M that vary with positions, s[INERTIAS] of them."""
+    """Give the pivots of M that vary with positions, s.inertias of them."""
 
 
 @external
@@ -181,18 +182,18 @@ def pull(t: float, y: Floats, p: Floats) -> None:
 
 
 @external
-def start(s: Floats, p: Floats) -> None:
+def start(s: State, p: Floats) -> None:
     """Begin an arc: evaluate at its start, choose the first step."""
 
 
 @external
-def step(s: Floats, p: Floats) -> int:
+def step(s: State, p: Floats) -> int:
     """Make one accepted step, or give a code other than 0."""
     raise NotImplementedError
 
 
 @external
-def interpolate(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: State, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step."""
 
 

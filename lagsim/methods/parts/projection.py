@@ -17,7 +17,7 @@ from lagsim.methods.parts.interface import (
     velocity_steps,
 )
 from lagsim.methods.parts.singular import record_health
-from lagsim.methods.parts.state import EXTENTS_AT, HEADER, LANES_AT, SIZE, STEP_H, N
+from lagsim.methods.parts.state import State
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.kernels.words import at, unrolled
 
@@ -37,16 +37,16 @@ SMALL = 2.0**-46
 MOST = 12
 
 
-def meet_constraints(s: Floats, p: Floats, t: float, h: float, new: Floats) -> int:
+def meet_constraints(s: State, p: Floats, t: float, h: float, new: Floats) -> int:
     """Project the state that a step h has led to; give 0 where that fails."""
-    work = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    work = s.work
     if project(s, p, t, h, new, work) == 0:
         return 0
-    record_health(s, work[int(s[N]) + 1], h)
+    record_health(s, work[s.n + 1], h)
     return 1
 
 
-def project(s: Floats, p: Floats, t: float, h: float, y: Floats, work: Floats) -> int:
+def project(s: State, p: Floats, t: float, h: float, y: Floats, work: Floats) -> int:
     """Project y in place; give 1 where Newton's method converged, else 0.
 
     h is the step that led to y. work : (n + 3,), where work[n + 1] is left as
@@ -59,10 +59,10 @@ def project(s: Floats, p: Floats, t: float, h: float, y: Floats, work: Floats) -
 
 
 def project_level(
-    level: int, s: Floats, p: Floats, t: float, h: float, y: Floats, work: Floats
+    level: int, s: State, p: Floats, t: float, h: float, y: Floats, work: Floats
 ) -> int:
     """Project the positions (level 0) or the velocities (1) alone."""
-    n = int(s[N])
+    n = s.n
     part = at(y, level * n)
     previous = 0.0
     for iteration in range(MOST):
@@ -84,17 +84,16 @@ def project_level(
     return 0
 
 
-def is_small(level: int, s: Floats, h: float, x: Floats, step: Floats) -> int:
+def is_small(level: int, s: State, h: float, x: Floats, step: Floats) -> int:
     """Tell whether a step is rounding of what it moves, in the metric of diag M.
 
     What the forces could do within the step counts as size: the scale of a structure at
     rest.
     """
-    n = int(s[N])
-    size = int(s[SIZE])
-    sizes = at(s, HEADER + size + level * n)
-    masses = at(s, HEADER + 3 * size + 2)
-    parts = at(s, int(s[EXTENTS_AT]) + 2 * size)
+    n = s.n
+    sizes = at(s.sizes, level * n)
+    masses = s.masses
+    parts = s.parts
     moment = h if level > 0 else h * h
     moved = 0.0
     whole = 0.0
@@ -142,17 +141,17 @@ def relative_size(
     return sqrt(moved / max(whole, least))
 
 
-def project_rows(s: Floats, p: Floats, rows: Floats, count: int) -> None:
+def project_rows(s: State, p: Floats, rows: Floats, count: int) -> None:
     """Project up to LANES rows (count, 1 + size) of the last step, side by side.
 
     One Newton step is enough for nearly all; a row that needs more is done by itself.
     One that does not converge stays as it is.
     """
-    n = int(s[N])
-    size = int(s[SIZE])
-    y = at(s, int(s[LANES_AT]))
-    step = at(y, LANES * (1 + size))
-    work = at(s, HEADER + 4 * size + 2)
+    n = s.n
+    size = s.size
+    y = s.lanes
+    step = s.lane_steps
+    work = s.work
     for level in range(2):
         for lane in unrolled(LANES):
             row = at(rows, min(lane, count - 1) * (1 + size))
@@ -173,4 +172,4 @@ def project_rows(s: Floats, p: Floats, rows: Floats, count: int) -> None:
                 for i in range(n):
                     part[i] += work[i]
             else:
-                project_level(level, s, p, row[0], s[STEP_H], at(row, 1), work)
+                project_level(level, s, p, row[0], s.step_h, at(row, 1), work)

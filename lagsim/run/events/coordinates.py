@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts import state as at
 from lagsim.notes import Caution
 
 if TYPE_CHECKING:
@@ -26,19 +25,21 @@ VANISHING = 1e-5
 
 def singularity_caution(arc: Arc) -> list[Caution]:
     """Warn of the coordinate that came closest to losing its meaning."""
-    count = int(arc.state[at.INERTIAS])
-    if not count or not arc.steps:
+    state = arc.state
+    if not state.inertias or not arc.steps:
         return []
-    kept = arc.state[int(arc.state[at.INERTIAS_AT]) :].tolist()  # numpy takes longer
+    # Lists: for so few numpy takes longer.
+    pairs = zip(
+        state.inertia_largest.tolist(), state.inertia_smallest.tolist(), strict=True
+    )
     parts = [
-        smallest / largest if largest > 0.0 else 1.0
-        for largest, smallest in zip(kept[:count], kept[count : 2 * count], strict=True)
+        smallest / largest if largest > 0.0 else 1.0 for largest, smallest in pairs
     ]
     part = min(parts)
     if not part < VANISHING:
         return []
     k = parts.index(part)
-    name, when = arc.system.inertias[k], kept[2 * count + k]
+    name, when = arc.system.inertias[k], float(state.inertia_when[k])
     text = (
         f"at t = {when:.9g} the inertia of `{name}` falls to {part:.1g} of its "
         f"largest: there `{name}` is close to losing its meaning (polar coordinates at "

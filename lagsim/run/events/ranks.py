@@ -62,9 +62,8 @@ class RankLosses(Source):
         """Tell of a loss of rank on the way, with the constraints in it."""
         if code != at.RANK_LOST:
             return None
-        time = float(arc.state[at.LOST_AT])
-        size = arc.system.size
-        at_loss = arc.state[at.HEADER + 4 * size + 2 :][:size]
+        time = arc.state.lost_at
+        at_loss = arc.state.work[: arc.system.size]
         full = len(arc.equations.q)
         row = arc.runner.tabulate(np.array([[time, *at_loss]]))[0]
         q, v = row[1 : 1 + full], row[1 + full : 1 + 2 * full]

@@ -75,7 +75,7 @@ class Switching(Source):
         """Go through a switch that was located, or towards one that is close by."""
         self.modes.move_to(arc)
         if code == at.SWITCH_FOUND:
-            return self._meet(arc, int(arc.state[at.SWITCHED]) - 1)
+            return self._meet(arc, int(arc.state.switched) - 1)
         short = code == at.DONE and arc.t < arc.end
         return self._approach(arc, short=short) if short or code in FAILED else None
 
@@ -203,10 +203,9 @@ class Switching(Source):
         And would in a step, by each term of their forces alone.
         """
         arc, n = self.modes.arc, self.modes.arc.system.n
-        first = int(arc.state[at.EXTENTS_AT]) + 2 * arc.system.size
-        step = arc.t - float(arc.state[at.STEP_T]) if arc.steps else 0.0
+        step = arc.t - arc.state.step_t if arc.steps else 0.0
         ranges = arc.ranges_to(y)[: 2 * n]
-        ranges[n:] += step * arc.state[first : first + n]
+        ranges[n:] += step * arc.state.parts[:n]
         ranges[:n] += step * ranges[n:]
         return ranges
 
@@ -218,8 +217,8 @@ class Switching(Source):
         """
         arc, n = self.modes.arc, self.modes.arc.system.n
         speeds = np.abs(rows.J) @ self._reach(arc.y)[n:]
-        step = arc.t - float(arc.state[at.STEP_T]) if arc.steps else 0.0
-        factor = NOISE * float(arc.state[at.RTOL])
+        step = arc.t - arc.state.step_t if arc.steps else 0.0
+        factor = NOISE * arc.state.rtol
         return np.asarray(factor * np.where(self.of_velocities, speeds, step * speeds))
 
     # What a switch leads to

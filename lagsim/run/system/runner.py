@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.methods.parts.state import State
     from lagsim.plan import Plan
     from lagsim.run.system.sleepers import Sleeper
 
@@ -152,12 +153,12 @@ class Runner:
             p[aside : aside + self.system.m] = self.system.plan.set_aside
         call(0.0, None, p.ctypes.data, None)
 
-    def advance(self, state: Floats, out: Floats, budget: int) -> int:
+    def advance(self, state: State, out: Floats, budget: int) -> int:
         """Run the method on; see `driver.advance`. out : (rows, 1 + size)."""
         p = self.system.p
         return int(
             self._advance(
-                state.ctypes.data, p.ctypes.data, out.ctypes.data, len(out), budget
+                state.flat.ctypes.data, p.ctypes.data, out.ctypes.data, len(out), budget
             )
         )
 

@@ -85,8 +85,8 @@ class Fixed:
         self.method, self.h = method, h
         # A row in every step, so that the dense output is made.
         self.s = fresh_state(
-            method, y, T=t, ARC_START=t, RTOL=1.0, FIXED_STEP=h,
-            ROW_START=t, ROW_LIMIT=1e9, ROW_STEP=1e-9, ROW=1.0,
+            method, y, t=t, arc_start=t, rtol=1.0, fixed_step=h,
+            row_start=t, row_limit=1e9, row_step=1e-9, row=1.0,
         )  # fmt: skip
         self.plain.kernel("start")(self.s, NO_PARAMETERS)
 
@@ -98,11 +98,11 @@ class Fixed:
             kernel("accept")(self.s, NO_PARAMETERS, self.h)
         else:
             assert kernel("step")(self.s, NO_PARAMETERS) == at.DONE
-        return self.s[at.T], state_of(self.s)
+        return self.s.t, state_of(self.s)
 
     def within(self, x):
         """Give y at the fraction x of the last step."""
-        out = np.zeros(int(self.s[at.SIZE]))
+        out = np.zeros(self.s.size)
         self.plain.kernel("interpolate")(self.s, x, out)
         return out
 
