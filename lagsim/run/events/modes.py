@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.methods.parts import interface as kept
+from lagsim.methods.parts import parameters as kept
 from lagsim.run.events.shares import ABOVE, ALONG, LEVEL
 from lagsim.run.system.switching import on_velocities
 
@@ -97,10 +97,10 @@ class Modes:
             if self.kind[k] == 0.0:
                 self.kind[k] = kept.CHOSEN
 
-    def kept(self, what: int) -> Floats:
-        """Give the K numbers of one kind: a view."""
-        p, first = self.run.system.p, self.run.system.switching + 1
-        return p[first + what * self.count :][: self.count]
+    @property
+    def p(self) -> kept.Parameters:
+        """The memory that the compiled functions read the modes from."""
+        return self.run.system.p
 
     def forget(self) -> None:
         """Slide along nothing."""
@@ -138,19 +138,18 @@ class Modes:
 
     def write(self) -> None:
         """Tell the compiled functions the mode."""
-        system = self.run.system
-        slides = self.slides
-        system.p[system.switching] = np.count_nonzero(slides)
-        self.kept(kept.SIDE)[:] = self.value
-        self.kept(kept.SLIDES)[:] = self.kind
+        p, slides = self.p, self.slides
+        p.sliding = float(np.count_nonzero(slides))
+        p.side[:] = self.value
+        p.slides[:] = self.kind
         value, whole = self.value, self.whole
         up = value > 0.0
-        self.kept(kept.LOW)[:] = np.where(whole | self.bound, value, -1.0)
-        self.kept(kept.HIGH)[:] = np.where(whole, value + 1.0, 1.0)
-        self.kept(kept.LEADER)[:] = 0.0
+        p.low[:] = np.where(whole | self.bound, value, -1.0)
+        p.high[:] = np.where(whole, value + 1.0, 1.0)
+        p.leader[:] = 0.0
         for k, (leader, high) in self.carried.items():
-            self.kept(kept.LEADER)[k] = leader + 1
-            self.kept(kept.HIGH)[k] = high
+            p.leader[k] = leader + 1
+            p.high[k] = high
         least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
         least = np.where(whole, value, least)
         most = np.where(whole, value + 1.0, most)
@@ -158,8 +157,8 @@ class Modes:
         moving = np.array(self.of_velocities, dtype=bool)
         least[slides] = np.where(moving, 0.0, self.levels)[slides]
         most[slides] = np.where(moving, self.levels, 0.0)[slides]
-        self.kept(kept.LEAST)[:] = least
-        self.kept(kept.MOST)[:] = most
+        p.least[:] = least
+        p.most[:] = most
 
     def rows(self, y: Floats | None = None) -> Rows:
         """Give what the surfaces do at the state reached, or at y."""

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.methods.parts import interface as kept
 from lagsim.notes import Caution, Event
 from lagsim.run.events.crossing import Crossing
 from lagsim.run.events.impacts import impact, row_before
@@ -95,7 +94,7 @@ class Switching:
         held = {}
         if met is not None and before[met]:
             run.runner.margins(run.t, run.y)
-            share = modes.kept(kept.SHARE)[met]
+            share = modes.p.share[met]
             if share >= 0.0 - HELD and share <= 1.0 + HELD:
                 held[met] = ABOVE if share > 0.5 else BELOW
         modes.forget()
@@ -111,7 +110,7 @@ class Switching:
             self._tell(crossing.undecided)
             modes.choose(crossing.undecided)
         modes.write()
-        modes.kept(kept.NOISE)[:] = 2.0 * crossing.noise
+        modes.p.noise[:] = 2.0 * crossing.noise
         self._set_slack(levels, rows, sizes)
         self._pull(resting=bool(at_rest))
         self._record(before, met)
@@ -172,13 +171,13 @@ class Switching:
     def _set_slack(self, levels: dict[int, float], rows: Rows, sizes: Floats) -> None:
         """Let rounding not end a mode that has just begun, and noise none at all."""
         slides = self.slides
-        slack = self.modes.kept(kept.SLACK)
+        slack = self.modes.p.slack
         slack[:] = 0.0
         margins = self.run.runner.margins(self.run.t, self.run.y)
         for k in levels:
             least = SHARE_SLACK if slides[k] else ON * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -margins[k])
-        self.modes.kept(kept.BAND)[:] = np.where(slides, 0.0, self._noise(rows))
+        self.modes.p.band[:] = np.where(slides, 0.0, self._noise(rows))
 
     def _reach(self) -> Floats:
         """Give how far positions and velocities (2 n,) have moved.
@@ -272,7 +271,7 @@ class Switching:
         forced = rows.J @ modes.field() - rows.b
         speeds = np.where(self.of_velocities, forced, rows.rates)
         values = modes.values(run.t, run.y)
-        ends = np.where(speeds > 0, modes.kept(kept.MOST), modes.kept(kept.LEAST))
+        ends = np.where(speeds > 0, modes.p.most, modes.p.least)
         with np.errstate(divide="ignore", invalid="ignore"):
             ahead = np.where(modes.bound, math.inf, (ends - values) / speeds)
         ahead[~(ahead >= 0.0)] = math.inf

@@ -9,11 +9,9 @@ import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts import driver
-from lagsim.methods.parts.interface import LEAST_HEALTH
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.link.cache import kernel_object
 from lagsim.native.link.engine import Engine
-from lagsim.solve import _layout
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -96,7 +94,7 @@ class Runner:
         def evaluate(t: float, y: Floats) -> Floats:
             out = np.zeros(length)
             y = np.ascontiguousarray(y, dtype=float)
-            call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+            call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
             return out
 
         return evaluate
@@ -107,7 +105,7 @@ class Runner:
 
     def pull(self, t: float, y: Floats) -> None:
         """Take y back, in place, onto the surfaces that the motion slides along."""
-        self._pull(t, y.ctypes.data, self.system.p.ctypes.data)
+        self._pull(t, y.ctypes.data, self.system.p.flat.ctypes.data)
 
     def prepare(self) -> None:
         """Compute what depends on parameters and modes alone, before each arc.
@@ -116,23 +114,25 @@ class Runner:
         """
         call = self.engine.function("prepare", *FUNCTION)
         p = self.system.p
-        p[_layout.REFERENCE] = self.system.plan.independence
-        p[_layout.FACTORED] = 0.0
-        p[_layout.HEALTH] = p[LEAST_HEALTH] = 1.0
-        p[self.system.motion :] = 0.0
+        p.reference = self.system.plan.independence
+        p.factored = p.noted = 0.0
+        p.health = p.least_health = 1.0
+        p.flat[p.place("motion") :] = 0.0
         if self.system.has_loops:
-            lengths = self.system.motion + self.system.n + self.system.m
-            p[lengths : lengths + self.system.m] = self.system.plan.lengths
-            aside = lengths + self.system.m
-            p[aside : aside + self.system.m] = self.system.plan.set_aside
-        call(0.0, None, p.ctypes.data, None)
+            p.lengths[:] = self.system.plan.lengths
+            p.aside[:] = self.system.plan.set_aside
+        call(0.0, None, p.flat.ctypes.data, None)
 
     def advance(self, state: State, out: Floats, budget: int) -> int:
         """Run the method on; see `driver.advance`. out : (rows, 1 + size)."""
         p = self.system.p
         return int(
             self._advance(
-                state.flat.ctypes.data, p.ctypes.data, out.ctypes.data, len(out), budget
+                state.flat.ctypes.data,
+                p.flat.ctypes.data,
+                out.ctypes.data,
+                len(out),
+                budget,
             )
         )
 
@@ -142,7 +142,7 @@ class Runner:
         states = np.ascontiguousarray(states)
         self._tabulate(
             states.ctypes.data, len(states), states.shape[1] - 1,
-            self.system.p.ctypes.data, out.ctypes.data, out.shape[1],
+            self.system.p.flat.ctypes.data, out.ctypes.data, out.shape[1],
             self._work.ctypes.data,
         )  # fmt: skip
         return out
