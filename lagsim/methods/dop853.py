@@ -24,8 +24,9 @@ from lagsim.methods.parts.controller import (
     set_tolerances,
 )
 from lagsim.methods.parts.dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
-from lagsim.methods.parts.interface import LEAST_HEALTH, derivative
+from lagsim.methods.parts.interface import derivative
 from lagsim.methods.parts.looks import suspect
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
 from lagsim.methods.parts.singular import (
     bent,
@@ -105,7 +106,7 @@ class Dop853(State):
 STATE = Dop853
 
 
-def start(s: Dop853, p: Floats) -> None:
+def start(s: Dop853, p: Parameters) -> None:
     """Begin an arc: evaluate at its start, choose the first step."""
     k = s.k
     derivative(s.t, s.y, p, k)
@@ -119,7 +120,7 @@ def start(s: Dop853, p: Floats) -> None:
         s.h = leave_loss(s, p, s.h)
 
 
-def step(s: Dop853, p: Floats) -> int:
+def step(s: Dop853, p: Parameters) -> int:
     """Make one accepted step, or give a code other than 0."""
     rejected = False
     trouble = STEP_TOO_SMALL
@@ -133,7 +134,7 @@ def step(s: Dop853, p: Floats) -> int:
             trouble = NOT_FINITE
         elif error >= 1.0:
             s.h = h / min(SHRINK, error**EXPONENT / SAFETY)
-            if CONSTRAINED and p[LEAST_HEALTH] < BESIDE * s.health:
+            if CONSTRAINED and p.least_health < BESIDE * s.health:
                 s.h = max(s.h, ASIDE * h)
             trouble = STEP_TOO_SMALL
         elif CONSTRAINED and meet_constraints(s, p, s.t + h, h, s.new) == 0:
@@ -154,7 +155,7 @@ def step(s: Dop853, p: Floats) -> int:
     return DONE
 
 
-def attempt(s: Dop853, p: Floats, h: float) -> float:
+def attempt(s: Dop853, p: Parameters, h: float) -> float:
     """Make the stages of a step and give its error in units of the tolerance."""
     t = s.t
     size = s.size
@@ -163,7 +164,7 @@ def attempt(s: Dop853, p: Floats, h: float) -> float:
     z = s.z
     new = s.new
     if CONSTRAINED:
-        p[LEAST_HEALTH] = 1.0
+        p.least_health = 1.0
     for stage in unrolled(1, 12):
         for i in apart(size):
             slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
@@ -178,8 +179,8 @@ def attempt(s: Dop853, p: Floats, h: float) -> float:
         errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
         errors[size + i] = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
     health = 1.0
-    if CONSTRAINED and p[LEAST_HEALTH] < s.close_below:
-        health = p[LEAST_HEALTH]
+    if CONSTRAINED and p.least_health < s.close_below:
+        health = p.least_health
     tolerances = s.tolerances
     error = error_norm(size, h, errors, tolerances)
     # Perhaps it is nothing but rounding.
@@ -215,7 +216,7 @@ def error_norm(size: int, h: float, errors: Floats, tolerances: Floats) -> float
     return h * error5 / sqrt(max(controlled, 1) * (error5 + 0.01 * error3))
 
 
-def accept(s: Dop853, p: Floats, h: float) -> None:
+def accept(s: Dop853, p: Parameters, h: float) -> None:
     """Take the new state, and make the dense output ready where a row needs it."""
     size = s.size
     y = s.y
@@ -242,7 +243,7 @@ def accept(s: Dop853, p: Floats, h: float) -> None:
     record_measured(s, p)
 
 
-def prepare_dense(s: Dop853, p: Floats) -> None:
+def prepare_dense(s: Dop853, p: Parameters) -> None:
     """Evaluate the three extra stages, and the coefficients of the polynomial."""
     h = s.step_h
     size = s.size

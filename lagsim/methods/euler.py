@@ -25,6 +25,7 @@ from lagsim.methods.parts.fixed import (
     take,
 )
 from lagsim.methods.parts.interface import derivative
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
 from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED
 from lagsim.methods.parts.tableau import Tableau
@@ -59,12 +60,12 @@ def amplification(z: complex) -> float:
     return TABLEAU.amplification(z)
 
 
-def start(s: Fixed, p: Floats) -> None:
+def start(s: Fixed, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     begin(s, p)
 
 
-def step(s: Fixed, p: Floats) -> int:
+def step(s: Fixed, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
     size = s.size
     y = s.y

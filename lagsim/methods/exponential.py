@@ -30,6 +30,7 @@ from lagsim.methods.parts.matrix_exponential import (
     norm,
     times_columns,
 )
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import record_health
 from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, State
@@ -113,7 +114,7 @@ class Exponential(State):
 STATE = Exponential
 
 
-def start(s: Exponential, p: Floats) -> None:
+def start(s: Exponential, p: Parameters) -> None:
     """Begin an arc: the matrices for its steps."""
     m = 2 * s.n + 1
     a = s.A
@@ -188,7 +189,7 @@ def make(s: Exponential, h: float) -> None:
         F[i] = x[i]
 
 
-def step(s: Exponential, p: Floats) -> int:
+def step(s: Exponential, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
     size = s.size
     n = s.n

@@ -34,6 +34,7 @@ from lagsim.methods.parts.fixed import (
 from lagsim.methods.parts.interface import derivative, jacobian
 from lagsim.methods.parts.lu import decompose, solve, too_large
 from lagsim.methods.parts.newton import CONVERGED, LOST, MOST, RENEW, progress
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints, relative_size
 from lagsim.methods.parts.state import (
     DONE,
@@ -125,14 +126,14 @@ class GeneralizedAlpha(Fixed):
 STATE = GeneralizedAlpha
 
 
-def start(s: GeneralizedAlpha, p: Floats) -> None:
+def start(s: GeneralizedAlpha, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     begin(s, p)
     aim(s, p)
     s.due = 1.0
 
 
-def aim(s: GeneralizedAlpha, p: Floats) -> None:
+def aim(s: GeneralizedAlpha, p: Parameters) -> None:
     """Begin with the acceleration at the time that the method's own belongs to.
 
     That is off by alpha_m - alpha_f steps; taking the one at the start would make the
@@ -169,7 +170,7 @@ def aim(s: GeneralizedAlpha, p: Floats) -> None:
             a[i] += change[i]
 
 
-def step(s: GeneralizedAlpha, p: Floats) -> int:
+def step(s: GeneralizedAlpha, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
     size = s.size
     n = s.n
@@ -198,7 +199,7 @@ def step(s: GeneralizedAlpha, p: Floats) -> int:
     return DONE
 
 
-def balance(s: GeneralizedAlpha, p: Floats, after: float, h: float) -> int:
+def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     """Solve for the new acceleration, and leave the new state.
 
     (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) F1 + alpha_f F0.
@@ -263,7 +264,7 @@ def advance(s: GeneralizedAlpha, h: float) -> None:
         new[n + i] = y[n + i] + h * ((1.0 - gamma) * a[i] + gamma * a_new[i])
 
 
-def renew(s: GeneralizedAlpha, p: Floats, after: float, h: float) -> int:
+def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     """Factor (1 - alpha_m) - (1 - alpha_f) (h^2 beta Jq + h gamma Jv); 0: singular."""
     n = s.n
     J = s.J

@@ -24,10 +24,11 @@ from lagsim.methods.parts.controller import (
     record_sizes,
     set_tolerances,
 )
-from lagsim.methods.parts.interface import LEAST_HEALTH, derivative
+from lagsim.methods.parts.interface import derivative
 from lagsim.methods.parts.linearised import solve_real
 from lagsim.methods.parts.looks import suspect
 from lagsim.methods.parts.lu import too_large
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
 from lagsim.methods.parts.radau_newton import (
     MOST,
@@ -99,7 +100,7 @@ def amplification(z: complex) -> float:
     return TABLEAU.amplification(z)
 
 
-def start(s: Radau, p: Floats) -> None:
+def start(s: Radau, p: Parameters) -> None:
     """Begin an arc: evaluate at its start, choose the first step."""
     size = s.size
     slope = s.slope
@@ -117,7 +118,7 @@ def start(s: Radau, p: Floats) -> None:
         s.h = leave_loss(s, p, s.h)
 
 
-def step(s: Radau, p: Floats) -> int:
+def step(s: Radau, p: Parameters) -> int:
     """Make one accepted step, or give a code other than 0."""
     rejected = False
     trouble = STEP_TOO_SMALL
@@ -151,7 +152,7 @@ def step(s: Radau, p: Floats) -> int:
     return DONE
 
 
-def verdict(s: Radau, p: Floats, h: float, error: float) -> int:
+def verdict(s: Radau, p: Parameters, h: float, error: float) -> int:
     """Give DONE, or what is wrong with the step and, in s.h, the one to try next."""
     if not error < 1e300:
         s.h = 0.1 * h
@@ -187,7 +188,7 @@ def predict(s: Radau, h: float, error: float) -> float:
     return float(quotient)
 
 
-def attempt(s: Radau, p: Floats, h: float) -> float:
+def attempt(s: Radau, p: Parameters, h: float) -> float:
     """Make a step and give its error in units of the tolerance.
 
     Negative where Newton's method did not converge; s.h is then the step to try next.
@@ -197,7 +198,7 @@ def attempt(s: Radau, p: Floats, h: float) -> float:
     new = s.new
     Z = s.Z
     if CONSTRAINED:
-        p[LEAST_HEALTH] = 1.0
+        p.least_health = 1.0
     set_tolerances(s, p, s.t, y, s.slope, h)
     s.h = 0.5 * h
     if renew(s, p, h) == 0:
@@ -210,8 +211,8 @@ def attempt(s: Radau, p: Floats, h: float) -> float:
     set_tolerances(s, p, s.t + h, new, slope, h)
     error = estimate(s, p, h)
     health = 1.0
-    if CONSTRAINED and p[LEAST_HEALTH] < s.close_below:
-        health = p[LEAST_HEALTH]
+    if CONSTRAINED and p.least_health < s.close_below:
+        health = p.least_health
     # Perhaps it is nothing but rounding.
     if error >= 1.0 and look_again(s, p, h, new, slope, health) > 0:
         error = norm(size, s.errors, s.tolerances)
@@ -219,7 +220,7 @@ def attempt(s: Radau, p: Floats, h: float) -> float:
     return error
 
 
-def estimate(s: Radau, p: Floats, h: float) -> float:
+def estimate(s: Radau, p: Parameters, h: float) -> float:
     """Give the error of the step: IV.8 (8.19), (8.20) for a first or repeated step."""
     size = s.size
     y = s.y
@@ -243,7 +244,7 @@ def estimate(s: Radau, p: Floats, h: float) -> float:
     return error
 
 
-def filtered(s: Radau, p: Floats, h: float, errors: Floats) -> float:
+def filtered(s: Radau, p: Parameters, h: float, errors: Floats) -> float:
     """Solve for the errors, and give their size against the estimate's tolerance.
 
     The estimate goes with h^4, the error of the whole motion with h^5: held to
@@ -262,7 +263,7 @@ def filtered(s: Radau, p: Floats, h: float, errors: Floats) -> float:
     return float(error)
 
 
-def accept(s: Radau, p: Floats, h: float) -> None:
+def accept(s: Radau, p: Parameters, h: float) -> None:
     """Take the new state; keep the polynomial through the slopes of the stages."""
     size = s.size
     y = s.y

@@ -35,6 +35,7 @@ from lagsim.methods.parts.fixed import (
     take,
 )
 from lagsim.methods.parts.interface import derivative, position_step, velocity_step
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import ROUNDING, project_level, relative_size
 from lagsim.methods.parts.singular import record_health
 from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED
@@ -89,12 +90,12 @@ def amplification(z: complex) -> float:
     return symplectic.amplification((1.0,), z)
 
 
-def start(s: Rattle, p: Floats) -> None:
+def start(s: Rattle, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     begin(s, p)
 
 
-def step(s: Rattle, p: Floats) -> int:
+def step(s: Rattle, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
     size = s.size
     n = s.n
@@ -129,7 +130,7 @@ def step(s: Rattle, p: Floats) -> int:
     return DONE
 
 
-def hold(s: Rattle, p: Floats, after: float, h: float) -> int:
+def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
     """Move the new positions onto the constraints, along the gradients at the old ones.
 
     Give 0 where that fails. A step of Newton's method would be along the gradients at
@@ -167,7 +168,7 @@ def hold(s: Rattle, p: Floats, after: float, h: float) -> int:
     return 0
 
 
-def along_old(s: Rattle, p: Floats, h: float, moved: Floats) -> None:
+def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
     """Project the step of the positions, over h, onto the span of the old gradients."""
     n = s.n
     y = s.y
@@ -203,7 +204,7 @@ def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
                 last[i] /= 1.0 - share
 
 
-def hold_velocities(s: Rattle, p: Floats, after: float, h: float) -> int:
+def hold_velocities(s: Rattle, p: Parameters, after: float, h: float) -> int:
     """Make the new velocities tangent; give 0 where that fails."""
     n = s.n
     new = s.new

@@ -35,6 +35,7 @@ from lagsim.methods.parts.controller import (
 )
 from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import leave_loss, record_health
 from lagsim.methods.parts.state import (
@@ -116,7 +117,7 @@ class Taylor(State):
 STATE = Taylor
 
 
-def start(s: Taylor, p: Floats) -> None:
+def start(s: Taylor, p: Parameters) -> None:
     """Begin an arc: the series at its start, the first step."""
     size = s.size
     y = s.y
@@ -182,7 +183,7 @@ def chosen_step(s: Taylor, c: Floats) -> float:
     return SAFETY * exp(logarithm)
 
 
-def step(s: Taylor, p: Floats) -> int:
+def step(s: Taylor, p: Parameters) -> int:
     """Make one accepted step, or give a code other than 0."""
     trouble = STEP_TOO_SMALL
     rejected = False
@@ -267,7 +268,7 @@ def attempt(s: Taylor, h: float) -> int:
     return 1
 
 
-def settle(s: Taylor, p: Floats, h: float) -> int:
+def settle(s: Taylor, p: Parameters, h: float) -> int:
     """Project the new state onto the constraints; give 0 where that fails.
 
     Leaves how independent they are there in the working memory.
@@ -275,7 +276,7 @@ def settle(s: Taylor, p: Floats, h: float) -> int:
     return project(s, p, s.t + h, h, s.new, s.work)
 
 
-def check(s: Taylor, p: Floats, h: float) -> float:
+def check(s: Taylor, p: Parameters, h: float) -> float:
     """Give the error in units of the tolerance, from y' at the end of the step.
 
     What the series' rate differs by there from y' is (K + 1) y_(K+1) h^K and what
@@ -312,7 +313,7 @@ def misfit(s: Taylor, c: Floats, slope: Floats, h: float) -> float:
     return worst
 
 
-def accept(s: Taylor, p: Floats, h: float) -> None:
+def accept(s: Taylor, p: Parameters, h: float) -> None:
     """Take the new state and its series; the old one is the dense output."""
     size = s.size
     y = s.y

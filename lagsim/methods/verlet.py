@@ -32,6 +32,7 @@ from lagsim.methods.parts.fixed import (
     step_length,
     take,
 )
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import DONE, NOT_FINITE
 from lagsim.methods.parts.symplectic import (
     Symplectic,
@@ -73,13 +74,13 @@ def amplification(z: complex) -> float:
     return symplectic.amplification((1.0,), z)
 
 
-def start(s: Symplectic, p: Floats) -> None:
+def start(s: Symplectic, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     begin(s, p)
     clear(s)
 
 
-def step(s: Symplectic, p: Floats) -> int:
+def step(s: Symplectic, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
     after = next_time(s)
     h = step_length(s, after)

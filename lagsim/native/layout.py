@@ -154,7 +154,7 @@ class Memory:
             field = self.fields[name]
             if field.kind == NUMBER:
                 setattr(self, name, getattr(other, name))
-            elif field.kind == ARRAY:
+            elif field.kind == ARRAY and field.first is None:
                 mine, its = getattr(self, name), getattr(other, name)
                 if len(mine) == len(its):
                     mine[:] = its

@@ -103,8 +103,7 @@ class Arc:
     @property
     def slides(self) -> bool:
         """Whether the motion follows a surface."""
-        system = self.system
-        return bool(system.surfaces and system.p[system.switching])
+        return self.system.p.sliding > 0.0
 
     def ranges_to(self, y: Floats) -> Floats:
         """Give how far each component has moved, also to y."""

@@ -121,6 +121,6 @@ def second_order(
 
 def _through(call: Callable[..., Any]) -> Callable[..., Any]:
     def function(t: float, y: Any, p: Any, out: Any) -> None:
-        call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+        call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
 
     return function

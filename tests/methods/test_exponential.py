@@ -260,7 +260,7 @@ def test_plain_python_is_the_native_run():
     call = runner.engine.function("linear", *FUNCTION)
 
     def linear(t, y, p, out):
-        call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+        call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
 
     plain = Plain(exponential, linked(runner) | {"linear": linear})
     native = fresh_state(

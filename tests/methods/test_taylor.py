@@ -69,7 +69,7 @@ def test_a_step_is_of_that_order(rtol):
     out = np.zeros(1 + 2 * (order + 1))
     y = np.array([2.0, 0.0])
     series = runner.engine.function("series", *FUNCTION)
-    series(0.0, y.ctypes.data, found.system.p.ctypes.data, out.ctypes.data)
+    series(0.0, y.ctypes.data, found.system.p.flat.ctypes.data, out.ctypes.data)
     assert out[0] == order
     steps = np.array([0.6, 0.75, 0.9])
     sums = np.zeros((len(steps), 2))
@@ -189,7 +189,7 @@ class Bare:
         call = runner.engine.function("series", *FUNCTION)
 
         def series(t, y, p, out):
-            call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+            call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
 
         statics = {"GUARD": guard, "PASSED": math.inf, "SAFETY": 1.0}
         self.found, self.p = found, found.system.p
@@ -230,7 +230,7 @@ def test_plain_python_is_the_native_run(text):
     call = runner.engine.function("series", *FUNCTION)
 
     def series(t, y, p, out):
-        call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+        call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
 
     model = linked(runner) | {"series": series}
     plain = Plain(taylor, model, CONSTRAINED=system.m > 0, WIDE=system.wide)

@@ -13,6 +13,7 @@ import pytest
 from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
 from lagsim.methods.parts.adaptive import usable_step
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.model.reader import read
 from lagsim.plan import make_plan
@@ -224,7 +225,7 @@ def test_no_step_is_tried_twice_at_the_last_digit_of_time(part):
     state.end = np.nextafter(state.t, 2.0)
     state.h = part * (state.end - state.t)
     # Shortened from the whole rest, it is too short to be made at all.
-    assert usable_step(state, np.zeros(20)) == 0.0
+    assert usable_step(state, Parameters.made()) == 0.0
 
 
 def test_kernels_work_for_a_moment_at_a_time(monkeypatch):

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.singular import clear_of_loss
 from lagsim.methods.parts.state import State
-
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
 
 CONSTRAINED = True
 
@@ -22,7 +18,7 @@ SMALLEST = 8.0 * 2.0**-52
 REACHED = 4.0
 
 
-def usable_step(s: State, p: Floats) -> float:
+def usable_step(s: State, p: Parameters) -> float:
     """Give the step to try, with t + h exact; 0 where it would be too small."""
     t = s.t
     h = s.h

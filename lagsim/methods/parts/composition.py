@@ -27,6 +27,7 @@ from lagsim.methods.parts.fixed import (
     take,
 )
 from lagsim.methods.parts.interface import derivative, power
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import DONE, NOT_FINITE
 from lagsim.methods.parts.symplectic import (
     Symplectic,
@@ -79,7 +80,7 @@ class Composition(Symplectic):
     z: Floats = array(lambda s: s.size)
 
 
-def start(s: Composition, p: Floats) -> None:
+def start(s: Composition, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     weights = s.weights
     ends = s.ends
@@ -97,7 +98,7 @@ def start(s: Composition, p: Floats) -> None:
     clear(s)
 
 
-def step(s: Composition, p: Floats) -> int:
+def step(s: Composition, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
     weights = s.weights
     ends = s.ends
@@ -119,7 +120,7 @@ def step(s: Composition, p: Floats) -> int:
     return DONE
 
 
-def make_dense(s: Composition, p: Floats) -> None:
+def make_dense(s: Composition, p: Parameters) -> None:
     """Make the polynomials: the quintic always, r where a row lies within the step."""
     size = s.size
     n = s.n
@@ -162,7 +163,7 @@ def quintic(s: Composition) -> None:
         c5[i] = 6.0 * rest - 3.0 * turn + 0.5 * change
 
 
-def look_within(s: Composition, p: Floats) -> None:
+def look_within(s: Composition, p: Parameters) -> None:
     """Find what is left over of the accelerations (4, size)."""
     size = s.size
     n = s.n
@@ -185,7 +186,7 @@ def look_within(s: Composition, p: Floats) -> None:
             left[j * size + n + i] = h * slope[n + i] - steepness(s, n + i, x)
 
 
-def look_at_power(s: Composition, p: Floats) -> None:
+def look_at_power(s: Composition, p: Parameters) -> None:
     """Find what is left over of the power, on the way now known."""
     size = s.size
     h = s.step_h

@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.interface import derivative, measure, rounding, terms
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at
 
@@ -50,13 +51,13 @@ MOST_GUESSES = 20
 LOCAL = 0.1
 
 
-def record_sizes(s: State, p: Floats) -> None:
+def record_sizes(s: State, p: Parameters) -> None:
     """Take the state, accepted, into the largest sizes and the energy."""
     take_measure(s, s.t, s.y, p)
     record_measured(s, p)
 
 
-def record_measured(s: State, p: Floats) -> None:
+def record_measured(s: State, p: Parameters) -> None:
     """Do the same where `set_tolerances` has measured this state last."""
     record_extents(s)
     s.energy = energy_scale(s)
@@ -90,7 +91,7 @@ def record_extents(s: State) -> None:
     s.looked = 0.0
 
 
-def take_measure(s: State, t: float, y: Floats, p: Floats) -> None:
+def take_measure(s: State, t: float, y: Floats, p: Parameters) -> None:
     """Leave what `measure` gives in the state."""
     measured = s.measured
     measure(t, y, p, measured)
@@ -106,7 +107,7 @@ def energy_scale(s: State) -> float:
 
 
 def set_tolerances(
-    s: State, p: Floats, t: float, new: Floats, rates: Floats, h: float
+    s: State, p: Parameters, t: float, new: Floats, rates: Floats, h: float
 ) -> None:
     """Set the tolerance of each component for a step of length h to `new` at t.
 
@@ -180,7 +181,7 @@ def limit_work(s: State, new: Floats) -> None:
 
 
 def look_again(
-    s: State, p: Floats, h: float, new: Floats, k: Floats, health: float
+    s: State, p: Parameters, h: float, new: Floats, k: Floats, health: float
 ) -> int:
     """Look at the rounding in a step h to `new`, and set the tolerances by it.
 
@@ -206,7 +207,7 @@ def look_again(
 
 
 def look_at_rounding(
-    s: State, p: Floats, t: float, y: Floats, k: Floats, health: float
+    s: State, p: Parameters, t: float, y: Floats, k: Floats, health: float
 ) -> None:
     """Find what rounding leaves in the rates k (size,) at y, for this step.
 
@@ -230,7 +231,7 @@ def look_at_rounding(
         noise[i] = RATE_NOISE * (PROBED * abs(k[i]) + noise[i])
 
 
-def add_probe(s: State, p: Floats, t: float, y: Floats, k: Floats) -> None:
+def add_probe(s: State, p: Parameters, t: float, y: Floats, k: Floats) -> None:
     """Add what the rounding of the state does to its rates k.
 
     Components change by different parts, or a change of the whole scene's size or
@@ -250,7 +251,7 @@ def add_probe(s: State, p: Floats, t: float, y: Floats, k: Floats) -> None:
         noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
 
 
-def foresee(s: State, p: Floats, k: Floats) -> None:
+def foresee(s: State, p: Parameters, k: Floats) -> None:
     """Find what becomes of the components at rest in the first instant of an arc.
 
     A force that begins at 0, as a power of the time does, gives them a motion without
@@ -290,7 +291,7 @@ def foresee(s: State, p: Floats, k: Floats) -> None:
             return
 
 
-def first_step(s: State, p: Floats, order: int, k: Floats) -> float:
+def first_step(s: State, p: Parameters, order: int, k: Floats) -> float:
     """Give a first step: one explicit Euler step tells how fast the rates change.
 
     k : (size,) is y' at the start. An error that falls with this power of the step,

@@ -19,6 +19,7 @@ from lagsim.methods.parts.interface import (
     until,
 )
 from lagsim.methods.parts.looks import overlooked, take_back
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project, project_rows
 from lagsim.methods.parts.singular import watch
 from lagsim.methods.parts.state import (
@@ -54,7 +55,7 @@ NOWHERE = -1
 ROUNDED = 2.0**-44
 
 
-def advance(s: State, p: Floats, out: Floats, rows: int, budget: int) -> int:
+def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int:
     """Integrate until `rows` rows are written, `budget` steps made, or all is done.
 
     out : (rows, 1 + size), the time and the state of each row. Gives one of the codes
@@ -89,7 +90,7 @@ def advance(s: State, p: Floats, out: Floats, rows: int, budget: int) -> int:
             return RANK_LOST
 
 
-def arrived(s: State, p: Floats) -> int:
+def arrived(s: State, p: Parameters) -> int:
     """Give the code of what has been reached, if anything; its rows are written."""
     if s.cut > 0.0:
         take_cut(s, p)
@@ -109,7 +110,7 @@ def arrived(s: State, p: Floats) -> int:
     return NOWHERE
 
 
-def has_leapt(s: State, p: Floats) -> int:
+def has_leapt(s: State, p: Parameters) -> int:
     """Take the last step back where it leapt over something; tell whether it did."""
     if s.suspect == 0.0:
         return 0
@@ -128,7 +129,7 @@ def record_step(s: State) -> None:
         s.smallest_step = s.step_h
 
 
-def inspect(s: State, p: Floats) -> None:
+def inspect(s: State, p: Parameters) -> None:
     """Look for what ends the arc, or the run, within the last step."""
     if SWITCHES or UNTIL:
         find_end(s, p)
@@ -138,7 +139,7 @@ def inspect(s: State, p: Floats) -> None:
         note_inertias(s, p, s.work)
 
 
-def note_inertias(s: State, p: Floats, now: Floats) -> None:
+def note_inertias(s: State, p: Parameters, now: Floats) -> None:
     """Note how large and how small each inertia is, and when it is smallest.
 
     Where one vanishes beside its usual size, a coordinate loses its meaning. Steps get
@@ -171,7 +172,7 @@ def keep_sizes(s: State) -> None:
         high_before[i] = high[i]
 
 
-def take_cut(s: State, p: Floats) -> None:
+def take_cut(s: State, p: Parameters) -> None:
     """Take the state at the moment that the last step was cut at."""
     size = s.size
     y = s.y
@@ -198,7 +199,7 @@ def take_cut(s: State, p: Floats) -> None:
     s.cut = 0.0
 
 
-def pull_back(s: State, p: Floats, t: float, y: Floats) -> None:
+def pull_back(s: State, p: Parameters, t: float, y: Floats) -> None:
     """Pull a state onto what it slides along, and note how far it moves."""
     n = s.n
     former = s.work
@@ -241,7 +242,7 @@ def pulled(s: State, y: Floats, former: Floats, first: int) -> float:
     return 1.0  # what is no number, too
 
 
-def begin(s: State, p: Floats) -> None:
+def begin(s: State, p: Parameters) -> None:
     """Begin an arc if this is one."""
     if s.fresh > 0.0:
         start(s, p)
@@ -250,7 +251,7 @@ def begin(s: State, p: Floats) -> None:
         s.fresh = 0.0
 
 
-def emit(s: State, p: Floats, out: Floats, rows: int) -> int:
+def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
     """Write the rows up to the time reached; give 0 where the block is full first."""
     first = int(s.emitted)
     complete = fill(s, out, rows)
@@ -291,7 +292,7 @@ def fill(s: State, out: Floats, rows: int) -> int:
         s.row += 1.0
 
 
-def settle_rows(s: State, p: Floats, out: Floats, rows: int) -> None:
+def settle_rows(s: State, p: Parameters, out: Floats, rows: int) -> None:
     """Project rows (rows, 1 + size) between steps."""
     if WIDE:
         for first in range(0, rows, LANES):
@@ -303,12 +304,12 @@ def settle_rows(s: State, p: Floats, out: Floats, rows: int) -> None:
             settle(s, p, row[0], at(row, 1))
 
 
-def settle(s: State, p: Floats, t: float, y: Floats) -> None:
+def settle(s: State, p: Parameters, t: float, y: Floats) -> None:
     """Project a state between steps; one that does not converge stays as it is."""
     project(s, p, t, s.step_h, y, s.work)
 
 
-def arm(s: State, p: Floats, work: Floats) -> None:
+def arm(s: State, p: Parameters, work: Floats) -> None:
     """Note on which side of `until` the state is: it counts once it has been false."""
     until(s.t, s.y, p, work)
     orient(s, work[0])
@@ -330,7 +331,7 @@ def tabulate(
     states: Floats,
     rows: int,
     size: int,
-    p: Floats,
+    p: Parameters,
     out: Floats,
     width: int,
     work: Floats,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.controller import record_extents, record_sizes
 from lagsim.methods.parts.interface import derivative
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.native.layout import array
 
@@ -26,7 +27,7 @@ class Fixed(State):
     new: Floats = array(lambda s: s.size)  # ... and the state there
 
 
-def begin(s: Fixed, p: Floats) -> None:
+def begin(s: Fixed, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     derivative(s.t, s.y, p, s.k)
     s.evaluations += 1.0
@@ -63,7 +64,7 @@ def is_finite(size: int, y: Floats) -> bool:
     return largest < 1e300
 
 
-def take(s: Fixed, p: Floats, after: float) -> None:
+def take(s: Fixed, p: Parameters, after: float) -> None:
     """Take the new state and y' there; keep the old ones for interpolation."""
     slope = s.slope
     new = s.new
@@ -84,7 +85,7 @@ def take(s: Fixed, p: Floats, after: float) -> None:
     note_sizes(s, p)
 
 
-def note_sizes(s: State, p: Floats) -> None:
+def note_sizes(s: State, p: Parameters) -> None:
     """Take the state into the largest sizes; what only projection needs, for that."""
     if CONSTRAINED:
         record_sizes(s, p)

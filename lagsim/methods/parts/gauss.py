@@ -32,6 +32,7 @@ from lagsim.methods.parts.interface import (
 )
 from lagsim.methods.parts.lu import decompose, solve, too_large
 from lagsim.methods.parts.newton import CONVERGED, LOST, MOST, RENEW, progress
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import relative_size
 from lagsim.methods.parts.state import DONE, NEWTON_FAILED, NOT_FINITE
 from lagsim.methods.parts.symplectic import add
@@ -84,7 +85,7 @@ def refusal(scene: Structure) -> str:
     return too_large(scene)
 
 
-def start(s: Gauss, p: Floats) -> None:
+def start(s: Gauss, p: Parameters) -> None:
     """Begin an arc: momenta from velocities; the stages begin at the velocities."""
     begin(s, p)
     n = s.n
@@ -104,7 +105,7 @@ def start(s: Gauss, p: Floats) -> None:
     s.due = 1.0
 
 
-def step(s: Gauss, p: Floats) -> int:
+def step(s: Gauss, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
     after = next_time(s)
     h = step_length(s, after)
@@ -150,7 +151,7 @@ def predict(s: Gauss) -> None:
             V[stage * n + i] = value
 
 
-def solve_stages(s: Gauss, p: Floats, h: float) -> int:
+def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
     """Solve for the stages' velocities; give 0 where Newton's method fails."""
     n = s.n
     V = s.V
@@ -190,7 +191,7 @@ def solve_stages(s: Gauss, p: Floats, h: float) -> int:
     return 0
 
 
-def residual(s: Gauss, p: Floats, h: float) -> None:
+def residual(s: Gauss, p: Parameters, h: float) -> None:
     """Leave p0 + h sum a_ij F_j - dL/dq'(Q_i, V_i) as the right side."""
     n = s.n
     momenta = s.momenta
@@ -230,7 +231,7 @@ def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
         z[2 * n] = y[2 * n]
 
 
-def renew(s: Gauss, p: Floats, h: float) -> int:
+def renew(s: Gauss, p: Parameters, h: float) -> int:
     """Factor the Newton matrix at the present stages; give 0 where it is singular."""
     n = s.n
     nodes = s.nodes
@@ -297,7 +298,7 @@ def conclude(s: Gauss, h: float) -> None:
         new[n + i] = V[(stages - 1) * n + i]
 
 
-def solve_velocities(s: Gauss, p: Floats, t: float, h: float) -> int:
+def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
     """Solve dL/dq' = p for the velocities; give 0 where Newton's method fails."""
     n = s.n
     new = s.new

@@ -18,6 +18,7 @@ from math import log, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.interface import derivative, interpolate, signals
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at
 
@@ -68,7 +69,7 @@ AT_END = 1e-9
 
 def suspect(
     s: State,
-    p: Floats,
+    p: Parameters,
     h: float,
     old: Floats,
     old_rates: Floats,
@@ -209,7 +210,7 @@ def closest(s: State, k: int, left: Floats, right: Floats, width: float) -> floa
     return least
 
 
-def overlooked(s: State, p: Floats) -> float:
+def overlooked(s: State, p: Parameters) -> float:
     """Give a place in the last step, as a fraction, where y' is not what it should be.
 
     Or 0 where there is none. What cannot be searched by MOST_LOOKS looks counts too.
@@ -248,7 +249,7 @@ def overlooked(s: State, p: Floats) -> float:
     return 0.0
 
 
-def look_at_signals(s: State, p: Floats, x: float, out: Floats) -> None:
+def look_at_signals(s: State, p: Parameters, x: float, out: Floats) -> None:
     """Give the signals and their rates (2 K,) at the fraction x of the last step."""
     z = s.look
     slopes(s, x, z)
@@ -272,7 +273,7 @@ def slopes(s: State, x: float, z: Floats) -> None:
         rates[i] = unit * (8.0 * (z[i] - c[i]) - (b[i] - a[i]))
 
 
-def visit(s: State, p: Floats, low: float, high: float) -> float:
+def visit(s: State, p: Parameters, low: float, high: float) -> float:
     """Look where a signal comes close between two looks; give what `overlooked` does.
 
     Keeps how far each has been since.
@@ -296,7 +297,7 @@ def visit(s: State, p: Floats, low: float, high: float) -> float:
     return found
 
 
-def visited(s: State, p: Floats, k: int, low: float, high: float) -> float:
+def visited(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     """Look at the closest approach of signal k in [low, high], and around it."""
     x = approach(s, p, k, low, high)
     if high - x < AT_END * (high - low):
@@ -324,7 +325,7 @@ def visited(s: State, p: Floats, k: int, low: float, high: float) -> float:
     return 0.0
 
 
-def approach(s: State, p: Floats, k: int, low: float, high: float) -> float:
+def approach(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     """Give where signal k is closest to waking in [low, high], by golden section."""
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
@@ -346,14 +347,14 @@ def approach(s: State, p: Floats, k: int, low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-def apart(s: State, p: Floats, k: int, x: float) -> float:
+def apart(s: State, p: Parameters, k: int, x: float) -> float:
     """Give the distance of one signal at the fraction x of the last step."""
     interpolate(s, x, s.look)
     signals(s.step_t + x * s.step_h, s.look, p, s.signals_middle)
     return away(s, k, s.signals_middle)
 
 
-def differs(s: State, p: Floats, x: float) -> bool:
+def differs(s: State, p: Parameters, x: float) -> bool:
     """Tell whether y' is not the slope of the dense output, for all that is allowed."""
     size = s.size
     z = s.look

@@ -16,6 +16,7 @@ from lagsim.methods.parts.interface import (
     velocity_step,
     velocity_steps,
 )
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.singular import record_health
 from lagsim.methods.parts.state import State
 from lagsim.native.graph.sincos import LANES
@@ -37,7 +38,7 @@ SMALL = 2.0**-46
 MOST = 12
 
 
-def meet_constraints(s: State, p: Floats, t: float, h: float, new: Floats) -> int:
+def meet_constraints(s: State, p: Parameters, t: float, h: float, new: Floats) -> int:
     """Project the state that a step h has led to; give 0 where that fails."""
     work = s.work
     if project(s, p, t, h, new, work) == 0:
@@ -46,7 +47,9 @@ def meet_constraints(s: State, p: Floats, t: float, h: float, new: Floats) -> in
     return 1
 
 
-def project(s: State, p: Floats, t: float, h: float, y: Floats, work: Floats) -> int:
+def project(
+    s: State, p: Parameters, t: float, h: float, y: Floats, work: Floats
+) -> int:
     """Project y in place; give 1 where Newton's method converged, else 0.
 
     h is the step that led to y. work : (n + 3,), where work[n + 1] is left as
@@ -59,7 +62,7 @@ def project(s: State, p: Floats, t: float, h: float, y: Floats, work: Floats) ->
 
 
 def project_level(
-    level: int, s: State, p: Floats, t: float, h: float, y: Floats, work: Floats
+    level: int, s: State, p: Parameters, t: float, h: float, y: Floats, work: Floats
 ) -> int:
     """Project the positions (level 0) or the velocities (1) alone."""
     n = s.n
@@ -105,7 +108,7 @@ def is_small(level: int, s: State, h: float, x: Floats, step: Floats) -> int:
     return 1 if moved <= SMALL * SMALL * whole else 0
 
 
-def newton_step(level: int, t: float, y: Floats, p: Floats, out: Floats) -> None:
+def newton_step(level: int, t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the Newton step of the positions (level 0) or of the velocities (1)."""
     if level == 0:
         position_step(t, y, p, out)
@@ -141,7 +144,7 @@ def relative_size(
     return sqrt(moved / max(whole, least))
 
 
-def project_rows(s: State, p: Floats, rows: Floats, count: int) -> None:
+def project_rows(s: State, p: Parameters, rows: Floats, count: int) -> None:
     """Project up to LANES rows (count, 1 + size) of the last step, side by side.
 
     One Newton step is enough for nearly all; a row that needs more is done by itself.

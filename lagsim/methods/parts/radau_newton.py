@@ -21,6 +21,7 @@ from lagsim.methods.parts.linearised import (
     solve_pair,
     solve_real,
 )
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.radau_tableau import ALPHA, BETA, GAMMA, T_INVERSE, C
 from lagsim.methods.parts.radau_tableau import T as TRANSFORM
 from lagsim.methods.parts.state import State
@@ -63,7 +64,7 @@ class Radau(State):
     x: Floats = array(lambda s: 2 * s.n)
 
 
-def renew(s: Radau, p: Floats, h: float) -> int:
+def renew(s: Radau, p: Parameters, h: float) -> int:
     """Evaluate the Jacobian and factor where that is due; give 0 where singular."""
     n = s.n
     J = s.J
@@ -85,7 +86,7 @@ def renew(s: Radau, p: Floats, h: float) -> int:
     return done
 
 
-def converge(s: Radau, p: Floats, h: float) -> int:
+def converge(s: Radau, p: Parameters, h: float) -> int:
     """Solve for the stages by simplified Newton iterations; give 0 where that fails.
 
     Section IV.8, (8.13); the rate of convergence says what is left, and what will be.
@@ -145,7 +146,7 @@ def guess(s: Radau, h: float) -> None:
             )
 
 
-def newton_step(s: Radau, p: Floats, h: float) -> float:
+def newton_step(s: Radau, p: Parameters, h: float) -> float:
     """Leave the change of W where F was, and give its size against the tolerance."""
     size = s.size
     n = s.n

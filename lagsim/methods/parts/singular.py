@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.controller import LOCAL
 from lagsim.methods.parts.interface import (
-    DIRECTIONS,
-    LEAST_HEALTH,
-    NOTE,
     derivative,
     interpolate,
     velocity_step,
 )
+from lagsim.methods.parts.parameters import NOTE, Parameters
 from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at
 
@@ -75,7 +73,7 @@ def record_health(s: State, health: float, h: float) -> None:
     s.health = health
 
 
-def clear_of_loss(s: State, p: Floats, h: float, rest: float) -> float:
+def clear_of_loss(s: State, p: Parameters, h: float, rest: float) -> float:
     """Give a step that keeps its distance from a loss of rank: about h, or less.
 
     There, rounding is divided by the rows' independence at each stage, and by its
@@ -119,7 +117,7 @@ def needs_loops(s: State) -> bool:
     return float(s.passes) > 0.0 and float(s.degenerate_below) > 0.0
 
 
-def time_to_loss(s: State, p: Floats, ahead: float) -> float:
+def time_to_loss(s: State, p: Parameters, ahead: float) -> float:
     """Give the time until rank is lost, or nearly so; 0 where it seems that it is not.
 
     By secants through the health along a parabola from the state reached.
@@ -157,7 +155,7 @@ def time_to_loss(s: State, p: Floats, ahead: float) -> float:
     return ahead
 
 
-def leave_loss(s: State, p: Floats, h: float) -> float:
+def leave_loss(s: State, p: Parameters, h: float) -> float:
     """Give a first step that leaves the neighbourhood of a loss of rank: h, or more.
 
     Or the one that is to pass it, where only the equations are solved otherwise now.
@@ -184,7 +182,7 @@ def leave_loss(s: State, p: Floats, h: float) -> float:
     return h
 
 
-def expect_loss(s: State, p: Floats, h: float) -> None:
+def expect_loss(s: State, p: Parameters, h: float) -> None:
     """Note how fast the independence falls at the start of an arc."""
     size = s.size
     n = s.n
@@ -198,7 +196,7 @@ def expect_loss(s: State, p: Floats, h: float) -> None:
     out[n + 1] = s.health
 
 
-def watch(s: State, p: Floats) -> int:
+def watch(s: State, p: Parameters) -> int:
     """Look for a loss of rank within the last step; give 1 where there is one.
 
     The state where it is found is left in the working memory.
@@ -222,7 +220,7 @@ def watch(s: State, p: Floats) -> int:
     return 0
 
 
-def health_at(s: State, p: Floats, x: float) -> float:
+def health_at(s: State, p: Parameters, x: float) -> float:
     """Give how independent the rows are at the fraction x of the last step."""
     size = s.size
     z = s.work
@@ -246,33 +244,32 @@ def passable(s: State, error: float) -> float:
     return ACCEPTED if error * s.rtol < bound else error
 
 
-def hides_error(s: State, p: Floats) -> bool:
+def hides_error(s: State, p: Parameters) -> bool:
     """Tell whether what projection will remove hides the error of a step.
 
     Close to a singular configuration, what a stage is off the constraints is divided by
     the independence of the rows. The error there says nothing of the motion, which the
     constraints determine, but would shrink the steps without end.
     """
-    passes = float(s.passes) > 0.0
-    close = float(p[LEAST_HEALTH]) < float(s.close_below)
-    return float(p[DIRECTIONS]) > 0.0 and (passes or close)
+    passes = s.passes > 0.0
+    close = p.least_health < s.close_below
+    return p.loops > 0 and (passes or close)
 
 
-def note_directions(s: State, p: Floats, t: float, new: Floats) -> None:
+def note_directions(s: State, p: Parameters, t: float, new: Floats) -> None:
     """Leave the directions in which projection will move the state after a step."""
-    p[LEAST_HEALTH] = NOTE
+    p.least_health = NOTE
     velocity_step(t, new, p, s.work)
 
 
-def forget_removed(n: int, p: Floats, h: float, error: Floats) -> float:
+def forget_removed(n: int, p: Parameters, h: float, error: Floats) -> float:
     """Take out of the errors of q and q' (2 n,) what projection will remove.
 
     Gives twice the kinetic energy of what that is, as velocities: q in the time h.
     """
-    noted = at(p, int(p[DIRECTIONS]))
     removed = 0.0
-    for k in range(int(noted[0])):
-        z = at(noted, 1 + n + 2 * n * k)
+    for k in range(int(p.noted)):
+        z = at(p.directions, 2 * n * k)
         mass = at(z, n)
         for level in range(2):
             part = at(error, level * n)

@@ -14,15 +14,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.interface import (
-    BAND,
-    SLACK,
-    SURFACES,
-    SWITCHING,
     interpolate,
     margins,
     until,
 )
 from lagsim.methods.parts.looks import BETWEEN, look_at_signals, stirs
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at
 
@@ -56,17 +53,17 @@ NARROW = 1e-8
 GOLDEN = 0.6180339887498949
 
 
-def watched(p: Floats) -> int:
+def watched(p: Parameters) -> int:
     """Give how many margins there are (C); that of `until` is the last one."""
     count = 0
     if SWITCHES:
-        count = int(p[SURFACES])
+        count = p.surfaces
     if UNTIL:
         count += 1
     return count
 
 
-def find_end(s: State, p: Floats) -> None:
+def find_end(s: State, p: Parameters) -> None:
     """Look for what ends the last step, the first of all, and let it end there.
 
     s.switched becomes the number of the surface, or s.event 1 for `until`.
@@ -81,7 +78,7 @@ def find_end(s: State, p: Floats) -> None:
     search(s, p, low)
 
 
-def armed(s: State, p: Floats) -> float:
+def armed(s: State, p: Parameters) -> float:
     """Give where in the last step `until` becomes false, which it was not; -1: nowhere.
 
     From then on it counts.
@@ -98,7 +95,7 @@ def armed(s: State, p: Floats) -> float:
     return -1.0
 
 
-def until_at(s: State, p: Floats, x: float) -> float:
+def until_at(s: State, p: Parameters, x: float) -> float:
     """Give the residual or gap of `until` at the fraction x of the last step."""
     z = s.work
     interpolate(s, x, z)
@@ -107,7 +104,7 @@ def until_at(s: State, p: Floats, x: float) -> float:
     return float(value[0])
 
 
-def search(s: State, p: Floats, low: float) -> None:
+def search(s: State, p: Parameters, low: float) -> None:
     """Go through the last step from its fraction `low` on."""
     count = watched(p)
     first = s.margins_first
@@ -150,7 +147,7 @@ def search(s: State, p: Floats, low: float) -> None:
             sample(s, p, low, BESIDE * width, first)
 
 
-def nothing_stirs(s: State, p: Floats, low: float, x: float) -> bool:
+def nothing_stirs(s: State, p: Parameters, low: float, x: float) -> bool:
     """Tell whether nothing comes closer to waking inside a stretch than at its ends.
 
     A margin that is made of one would be flat at every look.
@@ -165,7 +162,7 @@ def nothing_stirs(s: State, p: Floats, low: float, x: float) -> bool:
     return still
 
 
-def look(s: State, p: Floats, x: float) -> None:
+def look(s: State, p: Parameters, x: float) -> None:
     """Leave the margins at the fraction x of the last step."""
     z = s.work
     now = s.margins
@@ -181,7 +178,7 @@ def look(s: State, p: Floats, x: float) -> None:
             now[last] = 1.0
 
 
-def sample(s: State, p: Floats, x: float, beside: float, out: Floats) -> None:
+def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> None:
     """Give margins and slopes (2 C,) at the fraction x of the last step."""
     count = watched(p)
     now = s.margins
@@ -194,7 +191,7 @@ def sample(s: State, p: Floats, x: float, beside: float, out: Floats) -> None:
         out[count + k] = (out[count + k] - now[k]) / beside
 
 
-def known(s: State, p: Floats, width: float) -> bool:
+def known(s: State, p: Parameters, width: float) -> bool:
     """Tell whether what all margins do on a stretch follows from its ends."""
     count = watched(p)
     first = s.margins_first
@@ -219,17 +216,14 @@ def known(s: State, p: Floats, width: float) -> bool:
     return True
 
 
-def least_allowed(p: Floats, k: int) -> float:
+def least_allowed(p: Parameters, k: int) -> float:
     """Give the margin below which a mode is over beyond doubt; of `until` 0."""
-    if SWITCHES:
-        count = int(p[SURFACES])
-        if k < count:
-            kept = at(p, int(p[SWITCHING]) + 1)
-            return -max(float(kept[SLACK * count + k]), float(kept[BAND * count + k]))
+    if SWITCHES and k < p.surfaces:
+        return -max(float(p.slack[k]), float(p.band[k]))
     return 0.0
 
 
-def over(p: Floats, k: int, margin: float) -> bool:
+def over(p: Parameters, k: int, margin: float) -> bool:
     """Tell whether margin k says that the mode is over."""
     if UNTIL and k == watched(p) - 1:
         return not margin > 0.0
@@ -237,7 +231,7 @@ def over(p: Floats, k: int, margin: float) -> bool:
 
 
 def first_end(
-    s: State, p: Floats, low: float, x: float, before: Floats, after: Floats
+    s: State, p: Parameters, low: float, x: float, before: Floats, after: Floats
 ) -> float:
     """Give a point in (low, x] where something ends, or 0.
 
@@ -256,15 +250,14 @@ def first_end(
             if over(p, k, margin_at(s, p, k, least)):
                 high = least if high == 0.0 else min(high, least)
     if SWITCHES:
-        surfaces = int(p[SURFACES])
-        slack = at(p, int(p[SWITCHING]) + 1 + SLACK * surfaces)
-        for k in range(surfaces):
+        slack = p.slack
+        for k in range(p.surfaces):
             if after[k] > slack[k]:
                 slack[k] = 0.0
     return high
 
 
-def margin_at(s: State, p: Floats, k: int, x: float) -> float:
+def margin_at(s: State, p: Parameters, k: int, x: float) -> float:
     """Give one margin at the fraction x of the last step."""
     look(s, p, x)
     return float(s.margins[k])
@@ -281,7 +274,7 @@ def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
     return a + fall * meets < 0.0
 
 
-def least_margin(s: State, p: Floats, k: int, low: float, high: float) -> float:
+def least_margin(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     """Give where a margin is least, by golden section."""
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
@@ -304,7 +297,7 @@ def least_margin(s: State, p: Floats, k: int, low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-def cut(s: State, p: Floats, low: float, high: float) -> None:
+def cut(s: State, p: Parameters, low: float, high: float) -> None:
     """End the step at the first moment in (low, high] at which something ends.
 
     That is where its margin vanishes, also where only one well below 0 tells it.
@@ -325,7 +318,9 @@ def cut(s: State, p: Floats, low: float, high: float) -> None:
     shorten(s, high)
 
 
-def end_of(s: State, p: Floats, k: int, least: float, low: float, high: float) -> float:
+def end_of(
+    s: State, p: Parameters, k: int, least: float, low: float, high: float
+) -> float:
     """Give the first point in (low, high] at which margin k is below `least`."""
     middle = 0.5 * (low + high)
     while low < middle and middle < high:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.fixed import Fixed
 from lagsim.methods.parts.interface import derivative, power
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 
@@ -109,7 +110,7 @@ def depart(s: Symplectic) -> None:
         slope[i] = k[i]
 
 
-def drift(s: Symplectic, p: Floats, t: float, h: float) -> None:
+def drift(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     """Move the positions for a time h, to the time t, and look at the forces there."""
     n = s.n
     slope = s.slope
@@ -118,7 +119,7 @@ def drift(s: Symplectic, p: Floats, t: float, h: float) -> None:
     derivative(t, new, p, slope)
 
 
-def kick(s: Symplectic, p: Floats, t: float, h: float) -> None:
+def kick(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     """Move the velocities, and `work`, by the forces at the positions reached."""
     size = s.size
     n = s.n
@@ -143,7 +144,7 @@ def add(n: int, y: Floats, rest: Floats, h: float, rate: Floats) -> None:
         rest[i] += before - y[i]
 
 
-def arrive(s: Symplectic, p: Floats, t: float) -> None:
+def arrive(s: Symplectic, p: Parameters, t: float) -> None:
     """Make y' after the step: the velocities have moved since the forces were found."""
     size = s.size
     n = s.n

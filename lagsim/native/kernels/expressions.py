@@ -154,9 +154,10 @@ class Expressions(Lines):
 
     def _load_field(self, node: ast.Attribute) -> Value:
         memory, place, field = self.word(node)
-        value = self.op("float", f"load double, ptr {place}")
         if field.kind == NUMBER:
-            return value
+            return self.op("float", f"load double, ptr {place}")
+        # Sizes and places stay: what is stored in between is no reason to load again.
+        value = self.op("float", f"load double, ptr {place}, !invariant.load !{{}}")
         whole = self.op("int", f"fptosi double {value.text} to i64")
         if field.kind == SIZE:
             return whole

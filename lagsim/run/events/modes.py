@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.methods.parts import interface as kept
+from lagsim.methods.parts import parameters as kept
 from lagsim.run.events.shares import ABOVE, ALONG, LEVEL
 from lagsim.run.system.switching import on_velocities
 
@@ -97,18 +97,19 @@ class Modes:
             if self.kind[k] == 0.0:
                 self.kind[k] = kept.CHOSEN
 
-    def kept(self, what: int) -> Floats:
-        """Give the K numbers of one kind: a view."""
-        p, first = self.arc.system.p, self.arc.system.switching + 1
-        return p[first + what * self.count :][: self.count]
+    @property
+    def p(self) -> kept.Parameters:
+        """The memory that the compiled functions read the modes from."""
+        return self.arc.system.p
 
     def move_to(self, arc: Arc) -> None:
         """Go on in another arc, or at another state."""
         self.arc = arc
 
-    def tell(self, what: int, numbers: Floats) -> None:
-        """Tell the compiled functions the K numbers of one kind."""
-        self.kept(what)[:] = numbers
+    def tell(self, **numbers: Floats) -> None:
+        """Tell the compiled functions K numbers of some kinds, by their names in p."""
+        for name, each in numbers.items():
+            getattr(self.p, name)[:] = each
 
     def restore(self, value: Floats, kind: Floats) -> None:
         """Take sides as they were."""
@@ -150,20 +151,17 @@ class Modes:
 
     def write(self) -> None:
         """Tell the compiled functions the mode."""
-        system = self.arc.system
-        slides, value, whole = self.slides, self.value, self.whole
-        system.p[system.switching] = np.count_nonzero(slides)
-        self.tell(kept.SIDE, value)
-        self.tell(kept.SLIDES, self.kind)
+        p, slides, value, whole = self.p, self.slides, self.value, self.whole
+        p.sliding = float(np.count_nonzero(slides))
+        p.side[:] = value
+        p.slides[:] = self.kind
         up = value > 0.0
-        low = np.where(whole | self.bound, value, -1.0)
-        high = np.where(whole, value + 1.0, 1.0)
-        leaders = np.zeros(self.count)
-        for k, (leader, upper) in self.carried.items():
-            leaders[k], high[k] = leader + 1, upper
-        self.tell(kept.LOW, low)
-        self.tell(kept.HIGH, high)
-        self.tell(kept.LEADER, leaders)
+        p.low[:] = np.where(whole | self.bound, value, -1.0)
+        p.high[:] = np.where(whole, value + 1.0, 1.0)
+        p.leader[:] = 0.0
+        for k, (leader, high) in self.carried.items():
+            p.leader[k] = leader + 1
+            p.high[k] = high
         least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
         least = np.where(whole, value, least)
         most = np.where(whole, value + 1.0, most)
@@ -171,8 +169,8 @@ class Modes:
         moving = np.array(self.of_velocities, dtype=bool)
         least[slides] = np.where(moving, 0.0, self.levels)[slides]
         most[slides] = np.where(moving, self.levels, 0.0)[slides]
-        self.tell(kept.LEAST, least)
-        self.tell(kept.MOST, most)
+        p.least[:] = least
+        p.most[:] = most
 
     def rows(self, y: Floats | None = None) -> Rows:
         """Give what the surfaces do at the state reached, or at y."""

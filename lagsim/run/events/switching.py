@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.methods.parts import interface as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.run.decisions import Decision, Ending, Source, Turn
@@ -107,7 +106,7 @@ class Switching(Source):
         held = {}
         if met is not None and before[met]:
             arc.runner.margins(arc.t, arc.y)
-            share = modes.kept(kept.SHARE)[met]
+            share = modes.p.share[met]
             if share >= 0.0 - HELD and share <= 1.0 + HELD:
                 held[met] = ABOVE if share > 0.5 else BELOW
         modes.forget()
@@ -122,7 +121,7 @@ class Switching(Source):
         cautions = self._undecided(crossing.undecided)
         modes.choose(crossing.undecided)
         modes.write()
-        modes.tell(kept.NOISE, 2.0 * crossing.noise)
+        modes.tell(noise=2.0 * crossing.noise)
         self._set_slack(levels, rows, sizes)
         return Decision(
             y=self._pulled(resting=bool(at_rest)),
@@ -189,13 +188,12 @@ class Switching(Source):
         """Let rounding not end a mode that has just begun, and noise none at all."""
         slides, modes, arc = self.slides, self.modes, self.modes.arc
         slack = np.zeros(modes.count)
-        modes.tell(kept.SLACK, slack)
+        modes.tell(slack=slack)
         margins = arc.runner.margins(arc.t, arc.y)
         for k in levels:
             least = SHARE_SLACK if slides[k] else ON * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -margins[k])
-        modes.tell(kept.SLACK, slack)
-        modes.tell(kept.BAND, np.where(slides, 0.0, self._noise(rows)))
+        modes.tell(slack=slack, band=np.where(slides, 0.0, self._noise(rows)))
 
     def _reach(self, y: Floats) -> Floats:
         """Give how far positions and velocities (2 n,) have moved, also to y.
@@ -283,7 +281,7 @@ class Switching(Source):
         forced = rows.J @ modes.field() - rows.b
         speeds = np.where(self.of_velocities, forced, rows.rates)
         values = modes.values(arc.t, arc.y)
-        ends = np.where(speeds > 0, modes.kept(kept.MOST), modes.kept(kept.LEAST))
+        ends = np.where(speeds > 0, modes.p.most, modes.p.least)
         with np.errstate(divide="ignore", invalid="ignore"):
             ahead = np.where(modes.bound, math.inf, (ends - values) / speeds)
         ahead[~(ahead >= 0.0)] = math.inf

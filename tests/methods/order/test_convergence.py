@@ -13,6 +13,7 @@ from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
 from lagsim.methods import dop853, euler, method, names, rk4
 from lagsim.methods.parts import state as at
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.model.reader import read
 from lagsim.plan import make_plan
 from lagsim.run.simulate import simulate
@@ -21,7 +22,7 @@ from tests.methods.plain import Plain, first_order, fresh_state, state_of
 from tests.methods.test_registry import refusal_of, swing
 from tests.support import Keep, run
 
-NO_PARAMETERS = np.zeros(1)
+NO_PARAMETERS = Parameters.made()
 
 
 def slope(steps, errors):

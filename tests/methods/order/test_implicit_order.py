@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from lagsim.methods import radau
+from lagsim.methods.parts.parameters import Parameters
 from tests.methods.order.test_convergence import slope
 from tests.methods.plain import Plain, exact, fresh_state, state_of
 from tests.methods.test_registry import swing
 from tests.support import run
 
-NO_PARAMETERS = np.zeros(1)
+NO_PARAMETERS = Parameters.made()
 
 
 def accelerated(acceleration, slopes):
