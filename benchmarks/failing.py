@@ -17,7 +17,6 @@ from scipy.integrate import solve_ivp
 from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
 from lagsim.methods import dop853
-from lagsim.methods.parts import state as at
 from lagsim.model.reader import read_file
 from lagsim.plan import make_plan
 from lagsim.run.arcs import Run
@@ -70,17 +69,14 @@ class Motion:
 
     def steps(self, most):
         """Give the times and lengths of the first steps, and rejections until each."""
-        run = Run(
-            self.equations, self.start, self.plan, self.system, self.settings, [],
-            None, None,
-        )  # fmt: skip
-        run._begin_arc(run.settings.end)  # noqa: SLF001
-        run.state[at.ASK_AT] = 0.0  # go on at the bound
-        found = []
-        while len(found) < most and run.state[at.T] < run.settings.end:
-            run.runner.advance(run.state, run.block, 1)
-            s = run.state
-            found.append((s[at.T], s[at.STEP_H], s[at.REJECTIONS], s[at.EVALUATIONS]))
+        settings = self.settings
+        run = Run(self.equations, self.start, self.plan, self.system, settings, [])
+        run.begin()
+        run.arc.tell({"ask_at": 0.0})  # go on at the bound
+        found, s = [], run.arc.state
+        while len(found) < most and run.t < settings.end:
+            run.arc.advance(run.block, 1)
+            found.append((s.t, s.step_h, s.rejections, s.evaluations))
         return np.array(found).T
 
 

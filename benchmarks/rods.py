@@ -71,7 +71,7 @@ def candidates(n):
         runner.prepare()
         call = runner.engine.function("derivative", *FUNCTION)
         out = np.zeros(len(y))
-        arrays = y, runner.system.p, out
+        arrays = y, runner.system.p.flat, out
 
         def seconds():
             addresses = [array.ctypes.data for array in arrays]

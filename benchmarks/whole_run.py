@@ -26,6 +26,7 @@ from lagsim.methods.parts import state as at
 from lagsim.model.reader import read_file
 from lagsim.plan import make_plan
 from lagsim.run.simulate import simulate
+from lagsim.run.states import empty_state
 from lagsim.run.system import System
 
 MODEL = MODELS / "elastic-pendulum.yaml"
@@ -48,15 +49,14 @@ class Pendulum:
         self.blocks = []
         size = self.system.size
         self.out = np.empty((2048, 1 + size))
-        self.first = np.zeros(self.runner.method.state_size(size))
-        self.first[at.END] = self.settings.end
-        self.first[at.ROW_STEP] = self.settings.output_step
-        self.first[at.ROW_LIMIT] = self.settings.end * (1 + 1e-12)
-        self.first[at.RTOL], self.first[at.ATOL] = self.plan.rtol, -1.0
-        self.first[at.N], self.first[at.SIZE] = self.system.n, size
-        self.first[at.FRESH] = self.first[at.HEALTH] = 1.0
+        self.first = empty_state(self.runner)
+        self.first.end = self.settings.end
+        self.first.row_step = self.settings.output_step
+        self.first.row_limit = self.settings.end * (1 + 1e-12)
+        self.first.rtol, self.first.atol = self.plan.rtol, -1.0
+        self.first.fresh = self.first.health = 1.0
         y = np.concatenate([self.start.q, self.start.v])
-        self.first[at.HEADER : at.HEADER + len(y)] = y
+        self.first.y[:] = y
 
     def integrate(self):
         """Integrate from start to end; the rows are left in `out`."""
@@ -64,7 +64,7 @@ class Pendulum:
         state = self.first.copy()
         code = self.runner.advance(state, self.out, 10**9)
         assert code == at.DONE, code
-        self.rows = int(state[at.EMITTED])
+        self.rows = int(state.emitted)
 
     def tabulate(self):
         """Integrate, and compute the columns."""

@@ -68,7 +68,7 @@ class Output:
             self.writer.add(rows)
         except OSError as error:
             self.fault = error
-            self.interrupt.signal = 0  # nobody's signal, but the run is to end
+            self.interrupt.stop()
         kept = rows[: self.writer.rows - before]
         if len(kept):
             for consumer in self.consumers:

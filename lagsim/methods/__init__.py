@@ -34,6 +34,7 @@ def method(name: str) -> ModuleType:
     - QUADRATURES (optional): whether y may have components after `work`, whose rates
       are integrated as they are: the action, the coordinates that `reduction` leaves;
     - NEEDS: names of functions of the model beyond y', see `system.functions`;
-    - `state_size(size)`, and the kernels `start`, `step` and `interpolate`.
+    - STATE, the class of the memory it keeps, and the kernels `start`, `step` and
+      `interpolate`.
     """
     return import_module(f"{__name__}.{name.replace('-', '_')}")

@@ -24,8 +24,9 @@ from lagsim.methods.parts.controller import (
     set_tolerances,
 )
 from lagsim.methods.parts.dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
-from lagsim.methods.parts.interface import LEAST_HEALTH, derivative
+from lagsim.methods.parts.interface import derivative
 from lagsim.methods.parts.looks import suspect
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
 from lagsim.methods.parts.singular import (
     bent,
@@ -38,33 +39,16 @@ from lagsim.methods.parts.singular import (
 )
 from lagsim.methods.parts.stability import record_speed
 from lagsim.methods.parts.state import (
-    AT_BOUND,
-    CLOSE_BELOW,
     DEGENERATE,
     DONE,
-    EVALUATIONS,
-    HEADER,
-    HEALTH,
     NOT_FINITE,
-    PREVIOUS_ERROR,
     PROJECTION_FAILED,
-    REJECTIONS,
-    ROW,
-    ROW_LIMIT,
-    ROW_START,
-    ROW_STEP,
-    SIZE,
-    STEP_H,
-    STEP_T,
     STEP_TOO_SMALL,
-    STEPS,
-    SUSPECT,
-    WATCHED,
-    H,
-    T,
+    State,
 )
 from lagsim.methods.parts.tableau import Tableau
 from lagsim.native.kernels.words import apart, at, total, unrolled
+from lagsim.native.layout import array, part
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -109,31 +93,35 @@ def amplification(z: complex) -> float:
     return TABLEAU.amplification(z)
 
 
-def state_size(size: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    return HEADER + 6 * size + 6 + size * (STAGES + 2 + 8)
+class Dop853(State):
+    """The stages' slopes, the state of a stage, the new one, the dense output."""
+
+    k: Floats = array(lambda s: STAGES * s.size)
+    z: Floats = array(lambda s: s.size)
+    new: Floats = array(lambda s: s.size)
+    dense: Floats = array(lambda s: 8 * s.size)
+    errors: Floats = part("dense", lambda _: 0, lambda s: 2 * s.size)
 
 
-# The method's own arrays: k (16 size), z (size), new (size), dense (8 size).
-def start(s: Floats, p: Floats) -> None:
+STATE = Dop853
+
+
+def start(s: Dop853, p: Parameters) -> None:
     """Begin an arc: evaluate at its start, choose the first step."""
-    size = int(s[SIZE])
-    k = at(s, HEADER + 6 * size + 6)
-    derivative(s[T], at(s, HEADER), p, k)
-    s[EVALUATIONS] += 1.0
-    s[STEP_H] = 0.0
-    s[PREVIOUS_ERROR] = 1e-4
+    k = s.k
+    derivative(s.t, s.y, p, k)
+    s.evaluations += 1.0
+    s.step_h = 0.0
+    s.previous_error = 1e-4
     record_sizes(s, p)
-    s[H] = first_step(s, p, ORDER, k)
-    s[AT_BOUND] = 0.0
+    s.h = first_step(s, p, ORDER, k)
+    s.at_bound = 0.0
     if CONSTRAINED:
-        s[H] = leave_loss(s, p, s[H])
+        s.h = leave_loss(s, p, s.h)
 
 
-def step(s: Floats, p: Floats) -> int:
+def step(s: Dop853, p: Parameters) -> int:
     """Make one accepted step, or give a code other than 0."""
-    size = int(s[SIZE])
-    new = at(s, HEADER + 6 * size + 6 + (STAGES + 1) * size)
     rejected = False
     trouble = STEP_TOO_SMALL
     while True:
@@ -142,58 +130,58 @@ def step(s: Floats, p: Floats) -> int:
             return trouble
         error = attempt(s, p, h)
         if not error < 1e300:
-            s[H] = 0.1 * h
+            s.h = 0.1 * h
             trouble = NOT_FINITE
         elif error >= 1.0:
-            s[H] = h / min(SHRINK, error**EXPONENT / SAFETY)
-            if CONSTRAINED and p[LEAST_HEALTH] < BESIDE * s[HEALTH]:
-                s[H] = max(s[H], ASIDE * h)
+            s.h = h / min(SHRINK, error**EXPONENT / SAFETY)
+            if CONSTRAINED and p.least_health < BESIDE * s.health:
+                s.h = max(s.h, ASIDE * h)
             trouble = STEP_TOO_SMALL
-        elif CONSTRAINED and meet_constraints(s, p, s[T] + h, h, new) == 0:
-            s[H] = 0.25 * h
+        elif CONSTRAINED and meet_constraints(s, p, s.t + h, h, s.new) == 0:
+            s.h = 0.25 * h
             trouble = PROJECTION_FAILED
         else:
             break
         if CONSTRAINED and needs_loops(s):
             return DEGENERATE
         rejected = True
-        s[REJECTIONS] += 1.0
+        s.rejections += 1.0
     accept(s, p, h)
-    grown = error**EXPONENT / (s[PREVIOUS_ERROR] ** BETA * SAFETY)
-    s[H] = h / max(1.0 / GROW, min(SHRINK, grown))
+    grown = error**EXPONENT / (s.previous_error**BETA * SAFETY)
+    s.h = h / max(1.0 / GROW, min(SHRINK, grown))
     if rejected:
-        s[H] = min(s[H], h)
-    s[PREVIOUS_ERROR] = max(error, 1e-4)
+        s.h = min(s.h, h)
+    s.previous_error = max(error, 1e-4)
     return DONE
 
 
-def attempt(s: Floats, p: Floats, h: float) -> float:
+def attempt(s: Dop853, p: Parameters, h: float) -> float:
     """Make the stages of a step and give its error in units of the tolerance."""
-    t = s[T]
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    k = at(s, HEADER + 6 * size + 6)
-    z = at(k, STAGES * size)
-    new = at(z, size)
+    t = s.t
+    size = s.size
+    y = s.y
+    k = s.k
+    z = s.z
+    new = s.new
     if CONSTRAINED:
-        p[LEAST_HEALTH] = 1.0
+        p.least_health = 1.0
     for stage in unrolled(1, 12):
         for i in apart(size):
             slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
             z[i] = y[i] + h * slope
         derivative(t + C[stage] * h, z, p, at(k, stage * size))
-    s[EVALUATIONS] += 11.0
+    s.evaluations += 11.0
     for i in apart(size):
         new[i] = y[i] + h * total(B[j] * k[j * size + i] for j in unrolled(12))
     set_tolerances(s, p, t + h, new, k, h)
-    errors = at(new, size)
+    errors = s.errors
     for i in apart(size):
         errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
         errors[size + i] = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
     health = 1.0
-    if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
-        health = p[LEAST_HEALTH]
-    tolerances = at(s, HEADER + 2 * size)
+    if CONSTRAINED and p.least_health < s.close_below:
+        health = p.least_health
+    tolerances = s.tolerances
     error = error_norm(size, h, errors, tolerances)
     # Perhaps it is nothing but rounding.
     if error >= 1.0 and look_again(s, p, h, new, k, health) > 0:
@@ -228,26 +216,26 @@ def error_norm(size: int, h: float, errors: Floats, tolerances: Floats) -> float
     return h * error5 / sqrt(max(controlled, 1) * (error5 + 0.01 * error3))
 
 
-def accept(s: Floats, p: Floats, h: float) -> None:
+def accept(s: Dop853, p: Parameters, h: float) -> None:
     """Take the new state, and make the dense output ready where a row needs it."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    k = at(s, HEADER + 6 * size + 6)
-    new = at(k, (STAGES + 1) * size)
-    derivative(s[T] + h, new, p, at(k, 12 * size))
+    size = s.size
+    y = s.y
+    k = s.k
+    new = s.new
+    derivative(s.t + h, new, p, at(k, 12 * size))
     if SLEEPERS:
         suspect(s, p, h, y, k, new, at(k, 12 * size))
-    s[STEP_T] = s[T]
-    s[STEP_H] = h
-    s[T] = s[T] + h
-    s[STEPS] += 1.0
-    s[EVALUATIONS] += 1.0
-    z = at(k, STAGES * size)
-    record_speed(s, h, IMAGINARY_LIMIT, new, at(k, 12 * size), z, at(k, 11 * size))
-    row = s[ROW_START] + s[ROW] * s[ROW_STEP]
-    watched = CONSTRAINED and s[WATCHED] > 0.0
-    watched = watched or (SLEEPERS and s[SUSPECT] > 0.0)
-    if UNTIL or watched or (row < s[ROW_LIMIT] and row < s[T]):
+    s.step_t = s.t
+    s.step_h = h
+    s.t = s.t + h
+    s.steps += 1.0
+    s.evaluations += 1.0
+    last = at(k, 11 * size)
+    record_speed(s, h, IMAGINARY_LIMIT, new, at(k, 12 * size), s.z, last)
+    row = s.row_start + s.row * s.row_step
+    watched = CONSTRAINED and s.watched > 0.0
+    watched = watched or (SLEEPERS and s.suspect > 0.0)
+    if UNTIL or watched or (row < s.row_limit and row < s.t):
         prepare_dense(s, p)
     for i in range(size):
         y[i] = new[i]
@@ -255,21 +243,21 @@ def accept(s: Floats, p: Floats, h: float) -> None:
     record_measured(s, p)
 
 
-def prepare_dense(s: Floats, p: Floats) -> None:
+def prepare_dense(s: Dop853, p: Parameters) -> None:
     """Evaluate the three extra stages, and the coefficients of the polynomial."""
-    h = s[STEP_H]
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    k = at(s, HEADER + 6 * size + 6)
-    z = at(k, STAGES * size)
-    new = at(z, size)
-    dense = at(new, size)
+    h = s.step_h
+    size = s.size
+    y = s.y
+    k = s.k
+    z = s.z
+    new = s.new
+    dense = s.dense
     for stage in unrolled(13, 16):
         for i in apart(size):
             slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
             z[i] = y[i] + h * slope
-        derivative(s[STEP_T] + C[stage] * h, z, p, at(k, stage * size))
-    s[EVALUATIONS] += 3.0
+        derivative(s.step_t + C[stage] * h, z, p, at(k, stage * size))
+    s.evaluations += 3.0
     for i in apart(size):
         change = new[i] - y[i]
         bend = h * k[i] - change
@@ -282,10 +270,10 @@ def prepare_dense(s: Floats, p: Floats) -> None:
             dense[(4 + m) * size + i] = h * slope
 
 
-def interpolate(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: Dop853, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step (II.6, (6.7))."""
-    size = int(s[SIZE])
-    dense = at(s, HEADER + 6 * size + 6 + (STAGES + 2) * size)
+    size = s.size
+    dense = s.dense
     u = 1.0 - x
     for i in apart(size):
         value = 0.0

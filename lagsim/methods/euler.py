@@ -16,19 +16,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.fixed import begin, is_finite, next_time, step_length, take
-from lagsim.methods.parts.interface import derivative
-from lagsim.methods.parts.projection import meet_constraints
-from lagsim.methods.parts.state import (
-    DONE,
-    EVALUATIONS,
-    HEADER,
-    NOT_FINITE,
-    PROJECTION_FAILED,
-    SIZE,
+from lagsim.methods.parts.fixed import (
+    Fixed,
+    begin,
+    is_finite,
+    next_time,
+    step_length,
+    take,
 )
+from lagsim.methods.parts.interface import derivative
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.projection import meet_constraints
+from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED
 from lagsim.methods.parts.tableau import Tableau
-from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -47,6 +47,7 @@ NEEDS = ()
 QUADRATURES = True
 
 CONSTRAINED = True
+STATE = Fixed
 
 
 def refusal(_scene: Structure) -> str:
@@ -59,24 +60,18 @@ def amplification(z: complex) -> float:
     return TABLEAU.amplification(z)
 
 
-def state_size(size: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    return HEADER + 6 * size + 6 + 5 * size
-
-
-# The method's own arrays: those of `_fixed`, y' after the step (size), new (size).
-def start(s: Floats, p: Floats) -> None:
+def start(s: Fixed, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     begin(s, p)
 
 
-def step(s: Floats, p: Floats) -> int:
+def step(s: Fixed, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    k = at(s, HEADER + 8 * size + 6)
-    slope = at(k, size)
-    new = at(slope, size)
+    size = s.size
+    y = s.y
+    k = s.k
+    slope = s.slope
+    new = s.new
     after = next_time(s)
     h = step_length(s, after)
     for i in range(size):
@@ -86,15 +81,15 @@ def step(s: Floats, p: Floats) -> int:
     if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:
         return PROJECTION_FAILED
     derivative(after, new, p, slope)
-    s[EVALUATIONS] += 1.0
-    take(s, p, after, new, slope)
+    s.evaluations += 1.0
+    take(s, p, after)
     return DONE
 
 
-def interpolate(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: Fixed, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: on the chord."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    old = at(s, HEADER + 6 * size + 6)
+    size = s.size
+    y = s.y
+    old = s.old
     for i in range(size):
         out[i] = old[i] + x * (y[i] - old[i])

@@ -30,23 +30,12 @@ from lagsim.methods.parts.matrix_exponential import (
     norm,
     times_columns,
 )
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import record_health
-from lagsim.methods.parts.state import (
-    DONE,
-    EVALUATIONS,
-    FIXED_STEP,
-    HEADER,
-    NOT_FINITE,
-    PROJECTION_FAILED,
-    SIZE,
-    STEP_H,
-    STEP_T,
-    STEPS,
-    N,
-    T,
-)
+from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, State
 from lagsim.native.kernels.words import at, unrolled
+from lagsim.native.layout import array, part
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -96,43 +85,56 @@ def amplification(z: complex) -> float:
     return abs(cmath.exp(z))
 
 
-def state_size(size: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    return HEADER + 6 * size + 6 + own_size(size + 1)
+def square(s: Exponential) -> int:
+    """Give the entries of a matrix for z."""
+    return (2 * s.n + 1) ** 2
 
 
-def own_size(m: int) -> int:
-    """Give how long the method's own arrays are, where y with a 1 has m components."""
-    return 4 + 8 * m * m + (TERMS + 5) * m
+class Exponential(State):
+    """Matrices, for z = (q, q', 1)."""
+
+    made_for: float  # the step
+    norm: float  # of A
+    work_before: float  # the last step
+    A: Floats = array(square)  # both balanced: A ...
+    form: Floats = array(square)  # ... and the form P of the power
+    # What `linear` gives; then, for a step, exp - 1 by columns, the form of the work,
+    # and two to work with.
+    given: Floats = array(lambda s: 2 + 6 * square(s))
+    F: Floats = part("given", lambda _: 0, square)
+    Q: Floats = part("given", square, square)
+    x: Floats = part("given", lambda s: 2 * square(s), square)
+    second: Floats = part("given", lambda s: 3 * square(s), square)
+    d: Floats = array(lambda s: 2 * s.n + 1)  # the scales
+    z: Floats = array(lambda s: 2 * s.n + 1)  # at the start of the step
+    new: Floats = array(lambda s: 2 * s.n + 1)
+    terms: Floats = array(lambda s: (TERMS + 1) * (2 * s.n + 1))
 
 
-# The method's own arrays, m = 2 n + 1 for z = (q, q', 1): the step that matrices are
-# made for (1), the norm of A (1), A and the form P of the power, both balanced,
-# exp - 1 by columns and the form of the work for a step, three to work with, and room
-# for what `linear` gives (8 m^2 + 2); the scales d (m), z at the start of the step (m),
-# to work with (m), work before (1), terms ((TERMS + 1) m).
-def start(s: Floats, p: Floats) -> None:
+STATE = Exponential
+
+
+def start(s: Exponential, p: Parameters) -> None:
     """Begin an arc: the matrices for its steps."""
-    size = int(s[SIZE])
-    m = 2 * int(s[N]) + 1
-    own = at(s, HEADER + 6 * size + 6)
-    a = at(own, 2)
-    form = at(a, m * m)
-    given = at(form, m * m)
-    d = at(own, 4 + 8 * m * m)
-    linear(s[T], at(s, HEADER), p, given)
-    for i in range(2 * m * m):
+    m = 2 * s.n + 1
+    a = s.A
+    form = s.form
+    given = s.given
+    d = s.d
+    linear(s.t, s.y, p, given)
+    for i in range(m * m):
         a[i] = 0.0
+        form[i] = 0.0
     count = fill(m, given, a)
     fill(m, at(given, count), form)
     balance(m, a, d)
     for i in range(m):
         for j in range(m):
             form[i * m + j] = form[i * m + j] * d[i] * d[j]
-    own[1] = norm(m, m, a)
-    make(s, s[FIXED_STEP])
-    s[EVALUATIONS] += 1.0
-    s[STEP_H] = 0.0
+    s.norm = norm(m, m, a)
+    make(s, s.fixed_step)
+    s.evaluations += 1.0
+    s.step_h = 0.0
     record_sizes(s, p)
 
 
@@ -146,7 +148,7 @@ def fill(m: int, given: Floats, matrix: Floats) -> int:
     return 1 + 3 * count
 
 
-def make(s: Floats, h: float) -> None:
+def make(s: Exponential, h: float) -> None:
     """Make the matrices for steps of length h.
 
     F = exp(A h) - 1 by its series at h / 2^k, then F <- 2 F + F^2, k times: without the
@@ -154,23 +156,22 @@ def make(s: Floats, h: float) -> None:
     over a step is z^T Q z, with Q the integral of exp(A^T x) P exp(A x) over it, and
     over twice the step Q <- Q + exp(A^T h) Q exp(A h).
     """
-    m = 2 * int(s[N]) + 1
-    square = m * m
-    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
-    a = at(own, 2)
-    form = at(a, square)
-    F = at(form, square)
-    Q = at(F, square)
-    x = at(Q, square)
-    y = at(x, square)
-    d = at(own, 4 + 8 * square)
-    own[0] = h
+    m = 2 * s.n + 1
+    entries = m * m
+    a = s.A
+    form = s.form
+    F = s.F
+    Q = s.Q
+    x = s.x
+    y = s.second
+    d = s.d
+    s.made_for = h
     tau = h
     doublings = 0
-    while own[1] * tau > SMALL and doublings < 1000:
+    while s.norm * tau > SMALL and doublings < 1000:
         tau = 0.5 * tau
         doublings += 1
-    works = int(s[SIZE]) == m
+    works = s.size == m
     if works:
         begin_form(m, tau, a, form, Q, x, y)
     begin_exponential(m, tau, a, F, x)
@@ -178,41 +179,39 @@ def make(s: Floats, h: float) -> None:
         if works:
             double_form(m, F, Q, x, y)
         multiply(m, F, F, x)
-        for i in range(square):
+        for i in range(entries):
             F[i] = 2.0 * F[i] + x[i]
     for i in range(m):
         for j in range(m):
             x[j * m + i] = F[i * m + j] * d[i] / d[j]
             Q[i * m + j] = Q[i * m + j] / (d[i] * d[j])
-    for i in range(square):
+    for i in range(entries):
         F[i] = x[i]
 
 
-def step(s: Floats, p: Floats) -> int:
+def step(s: Exponential, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = int(s[SIZE])
-    n = int(s[N])
+    size = s.size
+    n = s.n
     m = 2 * n + 1
-    y = at(s, HEADER)
-    own = at(s, HEADER + 6 * size + 6)
-    F = at(own, 2 + 2 * m * m)
-    z = at(own, 4 + 8 * m * m + m)
-    new = at(z, m)
-    t = s[T]
+    y = s.y
+    z = s.z
+    new = s.new
+    t = s.t
     after = next_time(s)
     h = after - t
-    if abs(h - own[0]) > 1e-9 * own[0]:
+    if abs(h - s.made_for) > 1e-9 * s.made_for:
         make(s, h)
     for i in range(m - 1):
         z[i] = y[i]
     z[m - 1] = 1.0
-    times_columns(m, F, z, new)
+    times_columns(m, s.F, z, new)
     for i in range(m - 1):
         new[i] = y[i] + new[i]
         if not abs(new[i]) < 1e300:
             return NOT_FINITE
     if CONSTRAINED:
-        work = at(s, HEADER + 4 * size + 2)
+        work = s.work
         if project(s, p, after, h, new, work) == 0:
             return PROJECTION_FAILED
         record_health(s, work[n + 1], h)
@@ -220,38 +219,37 @@ def step(s: Floats, p: Floats) -> int:
         y[i] = new[i]
     if size == m:
         # What interpolation begins with, before y is the new state's.
-        new[m] = y[m - 1]
-        times_columns(m, at(F, m * m), z, new)
+        s.work_before = y[m - 1]
+        times_columns(m, s.Q, z, new)
         for i in range(m):
             y[m - 1] += z[i] * new[i]
-    s[STEP_T] = t
-    s[STEP_H] = h
-    s[T] = after
-    s[STEPS] += 1.0
-    s[EVALUATIONS] += 1.0
+    s.step_t = t
+    s.step_h = h
+    s.t = after
+    s.steps += 1.0
+    s.evaluations += 1.0
     note_sizes(s, p)
     return DONE
 
 
-def interpolate(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: Exponential, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: the series, in short parts.
 
     N. J. Higham and A. H. Al-Mohy, SIAM J. Sci. Comput. 33 (2011).
     """
-    size = int(s[SIZE])
-    m = 2 * int(s[N]) + 1
-    own = at(s, HEADER + 6 * size + 6)
-    form = at(own, 2 + m * m)
-    d = at(own, 4 + 8 * m * m)
-    start = at(d, m)
-    terms = at(start, 2 * m + 1)
-    work = start[2 * m]
-    length = x * s[STEP_H]
-    parts = int(own[1] * length / SMALL) + 1
+    size = s.size
+    m = 2 * s.n + 1
+    form = s.form
+    d = s.d
+    z = s.z
+    terms = s.terms
+    work = s.work_before
+    length = x * s.step_h
+    parts = int(s.norm * length / SMALL) + 1
     for i in range(m):
-        terms[i] = start[i] / d[i]
+        terms[i] = z[i] / d[i]
     for _part in range(parts):
-        make_terms(m, length / parts, at(own, 2), terms)
+        make_terms(m, length / parts, s.A, terms)
         if size == m:
             for node in unrolled(8):
                 sum_terms(m, TERMS, NODES[node], terms, out)

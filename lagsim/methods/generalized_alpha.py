@@ -23,6 +23,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.fixed import (
+    Fixed,
     begin,
     hermite,
     is_finite,
@@ -34,23 +35,17 @@ from lagsim.methods.parts.fixed import (
 from lagsim.methods.parts.interface import derivative, jacobian
 from lagsim.methods.parts.lu import decompose, solve, too_large
 from lagsim.methods.parts.newton import CONVERGED, LOST, MOST, RENEW
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import largest_part, meet_constraints
 from lagsim.methods.parts.state import (
     DONE,
-    EVALUATIONS,
-    FACTORISATIONS,
-    FIXED_STEP,
-    HEADER,
     NEWTON_FAILED,
     NOT_FINITE,
     PROJECTION_FAILED,
-    SIZE,
-    SPECTRAL_RADIUS,
     USUAL_RADIUS,
-    N,
-    T,
 )
 from lagsim.native.kernels.words import at
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -117,53 +112,53 @@ def displacement(radius: float) -> float:
     return half * half
 
 
-def state_size(size: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    n = size // 2
-    return HEADER + 6 * size + 6 + 5 * size + 3 * n + (n + 1) * 2 * n + n * n + n + 2
+class GeneralizedAlpha(Fixed):
+    """The method's own acceleration, and the factors that it is solved for with."""
+
+    due: float  # 1 where factors are to be made
+    factored_h: float  # the step they belong to
+    a: Floats = array(lambda s: s.n)
+    a_new: Floats = array(lambda s: s.n)
+    change: Floats = array(lambda s: s.n)
+    J: Floats = array(lambda s: (s.n + 1) * 2 * s.n)
+    factors: Floats = array(lambda s: s.n * s.n)
+    pivots: Floats = array(lambda s: s.n)
 
 
-# The method's own arrays: those of `_fixed` (3 size), y' after the step (size), the new
-# state (size), the acceleration a of the method (n), its new value (n), its change (n),
-# J (n + 1, 2 n), factors (n, n), pivots (n), whether they are due, and the step they
-# belong to.
-def start(s: Floats, p: Floats) -> None:
+STATE = GeneralizedAlpha
+
+
+def start(s: GeneralizedAlpha, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     begin(s, p)
-    size = int(s[SIZE])
-    n = int(s[N])
-    k = at(s, HEADER + 8 * size + 6)
-    a = at(k, 3 * size)
-    J = at(a, 3 * n)
-    due = at(J, (n + 1) * 2 * n + n * n + n)
-    aim(s, p, a)
-    due[0] = 1.0
+    aim(s, p)
+    s.due = 1.0
 
 
-def aim(s: Floats, p: Floats, a: Floats) -> None:
+def aim(s: GeneralizedAlpha, p: Parameters) -> None:
     """Begin with the acceleration at the time that the method's own belongs to.
 
     That is off by alpha_m - alpha_f steps; taking the one at the start would make the
     first step an order worse (Arnold and Bruels, section 3). Where the step does not
     resolve the fast motion, a slope says nothing about it, and is left out.
     """
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    k = at(s, HEADER + 8 * size + 6)
-    slope = at(k, size)
-    z = at(slope, size)
-    J = at(a, 3 * n)
-    h = s[FIXED_STEP]
-    radius = s[SPECTRAL_RADIUS]
+    n = s.n
+    y = s.y
+    k = s.k
+    slope = s.slope
+    z = s.new
+    a = s.a
+    J = s.J
+    h = s.fixed_step
+    radius = s.spectral_radius
     off = share(radius) - radius / (radius + 1.0)
     ahead = abs(off) * h
     for i in range(n):
         z[i] = y[i] + ahead * (y[n + i] + 0.5 * ahead * k[n + i])
         z[n + i] = y[n + i] + ahead * k[n + i]
-    derivative(s[T] + ahead, z, p, slope)
-    s[EVALUATIONS] += 1.0
-    jacobian(s[T], y, p, J)
+    derivative(s.t + ahead, z, p, slope)
+    s.evaluations += 1.0
+    jacobian(s.t, y, p, J)
     for i in range(n):
         a[i] = k[n + i]
         row = at(J, 2 * i * n)
@@ -172,15 +167,16 @@ def aim(s: Floats, p: Floats, a: Floats) -> None:
             a[i] += change if off >= 0.0 else -change
 
 
-def step(s: Floats, p: Floats) -> int:
+def step(s: GeneralizedAlpha, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    k = at(s, HEADER + 8 * size + 6)
-    slope = at(k, size)
-    new = at(slope, size)
-    a = at(new, size)
+    size = s.size
+    n = s.n
+    y = s.y
+    k = s.k
+    slope = s.slope
+    new = s.new
+    a = s.a
+    a_new = s.a_new
     after = next_time(s)
     h = step_length(s, after)
     code = balance(s, p, after, h)
@@ -193,49 +189,47 @@ def step(s: Floats, p: Floats) -> int:
     if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:
         return PROJECTION_FAILED
     derivative(after, new, p, slope)
-    s[EVALUATIONS] += 1.0
+    s.evaluations += 1.0
     for i in range(n):
-        a[i] = a[n + i]
-    take(s, p, after, new, slope)
+        a[i] = a_new[i]
+    take(s, p, after)
     return DONE
 
 
-def balance(s: Floats, p: Floats, after: float, h: float) -> int:
+def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     """Solve for the new acceleration, and leave the new state.
 
     (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) F1 + alpha_f F0.
     """
-    size = int(s[SIZE])
-    n = int(s[N])
-    new = at(s, HEADER + 10 * size + 6)
-    slope = at(s, HEADER + 9 * size + 6)
-    k = at(s, HEADER + 8 * size + 6)
-    a = at(new, size)
-    change = at(a, 2 * n)
-    factors = at(a, 3 * n + (n + 1) * 2 * n)
-    due = at(factors, n * n + n)
-    radius = s[SPECTRAL_RADIUS]
+    n = s.n
+    new = s.new
+    slope = s.slope
+    k = s.k
+    a = s.a
+    a_new = s.a_new
+    change = s.change
+    radius = s.spectral_radius
     alpha_m = share(radius)
     alpha_f = radius / (radius + 1.0)
     gamma = weight(radius)
     for i in range(n):
-        a[n + i] = a[i]
+        a_new[i] = a[i]
     advance(s, h)
-    if abs(due[1] - h) > 1e-9 * h:
-        due[0] = 1.0
+    if abs(s.factored_h - h) > 1e-9 * h:
+        s.due = 1.0
     previous = 0.0
     for iteration in range(MOST):
-        if due[0] > 0.0 and renew(s, p, after, h) == 0:
+        if s.due > 0.0 and renew(s, p, after, h) == 0:
             return NEWTON_FAILED
-        due[0] = 0.0
+        s.due = 0.0
         derivative(after, new, p, slope)
-        s[EVALUATIONS] += 1.0
+        s.evaluations += 1.0
         for i in range(n):
             new_force = (1.0 - alpha_f) * slope[n + i] + alpha_f * k[n + i]
-            change[i] = new_force - (1.0 - alpha_m) * a[n + i] - alpha_m * a[i]
-        solve(n, factors, at(factors, n * n), change)
+            change[i] = new_force - (1.0 - alpha_m) * a_new[i] - alpha_m * a[i]
+        solve(n, s.factors, s.pivots, change)
         for i in range(n):
-            a[n + i] += change[i]
+            a_new[i] += change[i]
             change[i] *= h * gamma
         advance(s, h)
         moved = largest_part(1, s, h, at(new, n), change)
@@ -245,49 +239,46 @@ def balance(s: Floats, p: Floats, after: float, h: float) -> int:
         if state == LOST:
             return NEWTON_FAILED
         if state == RENEW:
-            due[0] = 1.0
+            s.due = 1.0
         previous = moved
     return NEWTON_FAILED
 
 
-def advance(s: Floats, h: float) -> None:
+def advance(s: GeneralizedAlpha, h: float) -> None:
     """Give the new positions and velocities that belong to the new acceleration."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    new = at(s, HEADER + 10 * size + 6)
-    a = at(new, size)
-    gamma = weight(s[SPECTRAL_RADIUS])
-    beta = displacement(s[SPECTRAL_RADIUS])
+    n = s.n
+    y = s.y
+    new = s.new
+    a = s.a
+    a_new = s.a_new
+    gamma = weight(s.spectral_radius)
+    beta = displacement(s.spectral_radius)
     for i in range(n):
-        mean = (0.5 - beta) * a[i] + beta * a[n + i]
+        mean = (0.5 - beta) * a[i] + beta * a_new[i]
         new[i] = y[i] + h * (y[n + i] + h * mean)
-        new[n + i] = y[n + i] + h * ((1.0 - gamma) * a[i] + gamma * a[n + i])
+        new[n + i] = y[n + i] + h * ((1.0 - gamma) * a[i] + gamma * a_new[i])
 
 
-def renew(s: Floats, p: Floats, after: float, h: float) -> int:
+def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     """Factor (1 - alpha_m) - (1 - alpha_f) (h^2 beta Jq + h gamma Jv); 0: singular."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    new = at(s, HEADER + 10 * size + 6)
-    J = at(new, size + 3 * n)
-    factors = at(J, (n + 1) * 2 * n)
-    due = at(factors, n * n + n)
-    radius = s[SPECTRAL_RADIUS]
+    n = s.n
+    J = s.J
+    factors = s.factors
+    radius = s.spectral_radius
     part = 1.0 - radius / (radius + 1.0)
     positions = part * h * h * displacement(radius)
     velocities = part * h * weight(radius)
-    jacobian(after, new, p, J)
-    s[FACTORISATIONS] += 2.0
-    due[1] = h
+    jacobian(after, s.new, p, J)
+    s.factorisations += 2.0
+    s.factored_h = h
     for i in range(n):
         row = at(J, 2 * i * n)
         for j in range(n):
             factors[i * n + j] = -positions * row[j] - velocities * row[n + j]
         factors[i * n + i] += 1.0 - share(radius)
-    return decompose(n, factors, at(factors, n * n))
+    return decompose(n, factors, s.pivots)
 
 
-def interpolate(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: GeneralizedAlpha, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: cubic Hermite."""
     hermite(s, x, out)

@@ -18,19 +18,17 @@ section V.3.2.
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import symplectic
-from lagsim.methods.parts.composition import ARRAYS, make_dense, within
-from lagsim.methods.parts.fixed import begin, is_finite, next_time, step_length, take
-from lagsim.methods.parts.state import DONE, EVALUATIONS, HEADER, NOT_FINITE, SIZE, T
-from lagsim.methods.parts.symplectic import arrive, clear, depart, drift, kick
-from lagsim.native.kernels.words import at, unrolled
+from lagsim.methods.parts.composition import Composition, interpolate, start, step
+from lagsim.methods.parts.symplectic import refusal
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.structure import Structure
+
+__all__ = ["interpolate", "refusal", "start", "step"]
 
 NAME = "kahan-li8"
 TITLE = "Kahan-Li composition of 17 Verlet steps"
@@ -53,21 +51,10 @@ HALF = (
     -0.60550853383003451169892108,
 )
 WEIGHTS = (*HALF, *HALF[-2::-1])
-STAGES = 17
-# Where the Verlet steps end, as parts of the whole step.
-ENDS = (*itertools.accumulate(WEIGHTS[:-1]), 1.0)
-# Half of a step's kick before it and half after it; those that meet are one.
-KICKS = tuple(0.5 * (a + b) for a, b in itertools.pairwise((0.0, *WEIGHTS, 0.0)))
-
 NEEDS = ("power",)
 
 CONSTRAINED = False  # for what is shared with methods that can be
 UNTIL = True
-
-
-def refusal(scene: Structure) -> str:
-    """Say why positions and velocities cannot be moved in turn, or give ""."""
-    return symplectic.refusal(scene)
 
 
 def amplification(z: complex) -> float:
@@ -78,39 +65,11 @@ def amplification(z: complex) -> float:
     return symplectic.amplification(WEIGHTS, z)
 
 
-def state_size(size: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    return HEADER + 6 * size + 6 + ARRAYS * size
+class KahanLi8(Composition):
+    """The weights of its Verlet steps."""
+
+    stages: int = 17
+    weights: Floats = array(lambda s: s.stages, WEIGHTS)
 
 
-def start(s: Floats, p: Floats) -> None:
-    """Begin an arc: evaluate at its start."""
-    begin(s, p)
-    clear(s)
-
-
-def step(s: Floats, p: Floats) -> int:
-    """Make one step, or give a code other than 0."""
-    size = int(s[SIZE])
-    slope = at(s, HEADER + 9 * size + 6)
-    new = at(slope, size)
-    t = s[T]
-    after = next_time(s)
-    h = step_length(s, after)
-    depart(s)
-    kick(s, p, t, KICKS[0] * h)
-    for stage in unrolled(STAGES):
-        drift(s, p, t + ENDS[stage] * h, WEIGHTS[stage] * h)
-        kick(s, p, t + ENDS[stage] * h, KICKS[stage + 1] * h)
-    if not is_finite(size, new):
-        return NOT_FINITE
-    s[EVALUATIONS] += STAGES
-    arrive(s, p, after)
-    take(s, p, after, new, slope)
-    make_dense(s, p)
-    return DONE
-
-
-def interpolate(s: Floats, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step."""
-    within(s, x, out)
+STATE = KahanLi8

@@ -18,23 +18,14 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts import gauss
-from lagsim.methods.parts.fixed import hermite
-from lagsim.methods.parts.gauss import (
-    COEFFICIENTS,
-    COUNT,
-    NODES,
-    WEIGHTS,
-    begin_stages,
-    gauss_step,
-)
-from lagsim.methods.parts.state import HEADER, SIZE, N
+from lagsim.methods.parts.gauss import Gauss, interpolate, refusal, start, step
 from lagsim.methods.parts.tableau import Tableau
-from lagsim.native.kernels.words import at
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.structure import Structure
+
+__all__ = ["interpolate", "refusal", "start", "step"]
 
 NAME = "midpoint"
 TITLE = "implicit midpoint rule"
@@ -54,36 +45,18 @@ NEEDS = ("lagrangian",)
 CONSTRAINED = False  # for what is shared with methods that can be
 
 
-def refusal(scene: Structure) -> str:
-    """Say why momenta do not tell the motion, or give ""."""
-    return gauss.refusal(scene)
-
-
 def amplification(z: complex) -> float:
     """Give the size of the stability function at z = h * eigenvalue."""
     return TABLEAU.amplification(z)
 
 
-def state_size(size: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    return gauss.state_size(size, len(B))
+class Midpoint(Gauss):
+    """Its tableau."""
+
+    stages: int = 1
+    nodes: Floats = array(lambda s: s.stages, C)
+    weights: Floats = array(lambda s: s.stages, B)
+    coefficients: Floats = array(lambda s: s.stages**2, A[0])
 
 
-def start(s: Floats, p: Floats) -> None:
-    """Begin an arc: momenta from velocities."""
-    words = at(s, HEADER + 13 * int(s[SIZE]) + 6 + int(s[N]))
-    words[COUNT] = 1.0
-    words[NODES] = C[0]
-    words[WEIGHTS] = B[0]
-    words[COEFFICIENTS] = A[0][0]
-    begin_stages(s, p)
-
-
-def step(s: Floats, p: Floats) -> int:
-    """Make one step, or give a code other than 0."""
-    return gauss_step(s, p)
-
-
-def interpolate(s: Floats, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step: cubic Hermite."""
-    hermite(s, x, out)
+STATE = Midpoint

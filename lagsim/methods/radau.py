@@ -24,29 +24,15 @@ from lagsim.methods.parts.controller import (
     record_sizes,
     set_tolerances,
 )
-from lagsim.methods.parts.interface import LEAST_HEALTH, derivative
+from lagsim.methods.parts.interface import derivative
 from lagsim.methods.parts.linearised import solve_real
 from lagsim.methods.parts.looks import suspect
 from lagsim.methods.parts.lu import too_large
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
 from lagsim.methods.parts.radau_newton import (
-    CEILING,
-    ERRORS,
-    INCREMENTS,
-    ITERATIONS,
-    JACOBIAN,
-    LAST_SLOPE,
-    LEFT_OVER,
-    MATRICES,
     MOST,
-    NEW,
-    OWN,
-    POLYNOMIAL,
-    PREVIOUS_ERROR,
-    PREVIOUS_H,
-    RATE,
-    RIGHT,
-    STAGE,
+    Radau,
     converge,
     norm,
     polynomial,
@@ -63,32 +49,16 @@ from lagsim.methods.parts.singular import (
     time_to_loss,
 )
 from lagsim.methods.parts.state import (
-    CLOSE_BELOW,
     DEGENERATE,
     DONE,
-    EVALUATIONS,
-    FALLING,
-    HEADER,
-    HEALTH,
     LOSS_AHEAD,
     NEWTON_FAILED,
     NOT_FINITE,
-    PASSES,
-    PLANNED,
     PROJECTION_FAILED,
-    REJECTIONS,
-    RTOL,
-    SIZE,
-    STEP_H,
-    STEP_T,
     STEP_TOO_SMALL,
-    STEPS,
-    H,
-    N,
-    T,
 )
 from lagsim.methods.parts.tableau import Tableau
-from lagsim.native.kernels.words import at, total, unrolled
+from lagsim.native.kernels.words import total, unrolled
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -107,6 +77,7 @@ NEEDS = ("jacobian",)
 
 CONSTRAINED = True
 SLEEPERS = True
+STATE = Radau
 
 # A step at which Newton's method failed is kept clear of, and grows by this per step.
 FORGOTTEN = 1.1
@@ -131,40 +102,26 @@ def amplification(z: complex) -> float:
     return TABLEAU.amplification(z)
 
 
-def state_size(size: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    n = size // 2
-    return HEADER + 6 * size + 6 + OWN + 19 * size + matrices(n)
-
-
-def matrices(n: int) -> int:
-    """Give the length of the Jacobian, both factorisations and room for a solution."""
-    return (n + 1) * 2 * n + n * n + n + 4 * n * n + 2 * n + 2 * n
-
-
-def start(s: Floats, p: Floats) -> None:
+def start(s: Radau, p: Parameters) -> None:
     """Begin an arc: evaluate at its start, choose the first step."""
-    size = int(s[SIZE])
-    own = at(s, HEADER + 6 * size + 6)
-    slope = at(own, OWN)
-    last = at(own, OWN + LAST_SLOPE * size)
-    derivative(s[T], at(s, HEADER), p, slope)
-    s[EVALUATIONS] += 1.0
+    size = s.size
+    slope = s.slope
+    last = s.last_slope
+    derivative(s.t, s.y, p, slope)
+    s.evaluations += 1.0
     for i in range(size):
         last[i] = slope[i]
-    for k in range(OWN):
-        own[k] = 0.0
-    own[LEFT_OVER] = 1.0
-    s[STEP_H] = 0.0
+    s.rate = s.previous_h = s.previous_error = s.factored_h = 0.0
+    s.jacobian = s.iterations = s.ceiling = s.step_h = 0.0
+    s.left_over = 1.0
     record_sizes(s, p)
-    s[H] = first_step(s, p, 4, slope)
+    s.h = first_step(s, p, 4, slope)
     if CONSTRAINED:
-        s[H] = leave_loss(s, p, s[H])
+        s.h = leave_loss(s, p, s.h)
 
 
-def step(s: Floats, p: Floats) -> int:
+def step(s: Radau, p: Parameters) -> int:
     """Make one accepted step, or give a code other than 0."""
-    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
     rejected = False
     trouble = STEP_TOO_SMALL
     while True:
@@ -180,173 +137,161 @@ def step(s: Floats, p: Floats) -> int:
         if CONSTRAINED and needs_loops(s):
             return DEGENERATE
         rejected = True
-        s[REJECTIONS] += 1.0
-        if own[JACOBIAN] < 2.0:
-            own[JACOBIAN] = 0.0
+        s.rejections += 1.0
+        if s.jacobian < 2.0:
+            s.jacobian = 0.0
     quotient = predict(s, h, error)
     accept(s, p, h)
     plan_next(s, h, h / quotient, rejected)
     return DONE
 
 
-def plan_next(s: Floats, h: float, ahead: float, rejected: bool) -> None:
+def plan_next(s: Radau, h: float, ahead: float, rejected: bool) -> None:
     """Choose the step after one of length h, and whether the Jacobian is kept."""
-    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
-    s[H] = min(ahead, h) if rejected else ahead
-    if own[CEILING] > 0.0:
-        own[CEILING] *= FORGOTTEN
-        s[H] = min(s[H], CLEAR * own[CEILING])
-    own[JACOBIAN] = 0.0
-    if own[RATE] <= KEEP_BELOW:
-        own[JACOBIAN] = 1.0
-        if h <= s[H] and s[H] <= NOT_WORTH * h:
-            s[H] = h
+    s.h = min(ahead, h) if rejected else ahead
+    if s.ceiling > 0.0:
+        s.ceiling *= FORGOTTEN
+        s.h = min(s.h, CLEAR * s.ceiling)
+    s.jacobian = 0.0
+    if s.rate <= KEEP_BELOW:
+        s.jacobian = 1.0
+        if h <= s.h and s.h <= NOT_WORTH * h:
+            s.h = h
 
 
-def cannot_pass(s: Floats, p: Floats, rejected: bool) -> bool:
+def cannot_pass(s: Radau, p: Parameters, rejected: bool) -> bool:
     """Tell whether the step is one over or from a loss of rank, or fails before it.
 
     The accelerations off the constraints, and their derivatives, grow with the inverse
     of the rows' independence: Newton's method for the stages finds a false solution, or
     none. An explicit method has stages at a distance.
     """
-    if rejected and s[PLANNED] > 0.0 and s[FALLING] > 0.0:
-        return time_to_loss(s, p, s[HEALTH] / s[FALLING]) > 0.0
-    leaves = float(s[STEP_H]) == 0.0 and float(s[HEALTH]) < float(s[CLOSE_BELOW])
-    return leaves or float(s[PASSES]) > 0.0
+    if rejected and s.planned > 0.0 and s.falling > 0.0:
+        return time_to_loss(s, p, s.health / s.falling) > 0.0
+    leaves = s.step_h == 0.0 and s.health < s.close_below
+    return leaves or s.passes > 0.0
 
 
-def verdict(s: Floats, p: Floats, h: float, error: float) -> int:
-    """Give DONE, or what is wrong with the step and, in s[H], the one to try next."""
-    size = int(s[SIZE])
-    own = at(s, HEADER + 6 * size + 6)
+def verdict(s: Radau, p: Parameters, h: float, error: float) -> int:
+    """Give DONE, or what is wrong with the step and, in s.h, the one to try next."""
     if not error < 1e300:
-        s[H] = 0.1 * h
+        s.h = 0.1 * h
         return NOT_FINITE
     if error < 0.0:
-        own[CEILING] = h
+        s.ceiling = h
         return NEWTON_FAILED
     if error >= 1.0:
-        s[H] = 0.1 * h
-        if own[PREVIOUS_H] > 0.0:
-            s[H] = h / change(s, error)
+        s.h = 0.1 * h
+        if s.previous_h > 0.0:
+            s.h = h / change(s, error)
         return STEP_TOO_SMALL
-    new = at(own, OWN + NEW * size)
-    if CONSTRAINED and meet_constraints(s, p, s[T] + h, h, new) == 0:
-        s[H] = 0.25 * h
+    if CONSTRAINED and meet_constraints(s, p, s.t + h, h, s.new) == 0:
+        s.h = 0.25 * h
         return PROJECTION_FAILED
     return DONE
 
 
-def change(s: Floats, error: float) -> float:
+def change(s: Radau, error: float) -> float:
     """Give by how much the step should shrink: IV.8 (8.21), less after long Newton."""
-    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
-    safety = SAFETY * (2.0 * MOST + 1.0) / (2.0 * MOST + own[ITERATIONS])
+    safety = SAFETY * (2.0 * MOST + 1.0) / (2.0 * MOST + s.iterations)
     return float(max(1.0 / GROW, min(SHRINK, error**0.25 / safety)))
 
 
-def predict(s: Floats, h: float, error: float) -> float:
+def predict(s: Radau, h: float, error: float) -> float:
     """Give the same after an accepted step, with the last one: IV.8 (8.25)."""
-    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
     quotient = change(s, error)
-    if own[PREVIOUS_H] > 0.0:
-        ahead = (error * error / own[PREVIOUS_ERROR]) ** 0.25 / SAFETY
-        ahead *= own[PREVIOUS_H] / h
+    if s.previous_h > 0.0:
+        ahead = (error * error / s.previous_error) ** 0.25 / SAFETY
+        ahead *= s.previous_h / h
         quotient = max(quotient, 1.0 / GROW, min(SHRINK, ahead))
-    own[PREVIOUS_ERROR] = max(0.01, error)
+    s.previous_error = max(0.01, error)
     return float(quotient)
 
 
-def attempt(s: Floats, p: Floats, h: float) -> float:
+def attempt(s: Radau, p: Parameters, h: float) -> float:
     """Make a step and give its error in units of the tolerance.
 
-    Negative where Newton's method did not converge; s[H] is then the step to try next.
+    Negative where Newton's method did not converge; s.h is then the step to try next.
     """
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    own = at(s, HEADER + 6 * size + 6)
-    new = at(own, OWN + NEW * size)
-    Z = at(own, OWN + INCREMENTS * size)
+    size = s.size
+    y = s.y
+    new = s.new
+    Z = s.Z
     if CONSTRAINED:
-        p[LEAST_HEALTH] = 1.0
-    set_tolerances(s, p, s[T], y, at(own, OWN), h)
-    s[H] = 0.5 * h
+        p.least_health = 1.0
+    set_tolerances(s, p, s.t, y, s.slope, h)
+    s.h = 0.5 * h
     if renew(s, p, h) == 0:
         return -1.0
     if converge(s, p, h) == 0:
         return -1.0
     for i in range(size):
         new[i] = y[i] + Z[2 * size + i]
-    slope = at(own, OWN)
-    set_tolerances(s, p, s[T] + h, new, slope, h)
+    slope = s.slope
+    set_tolerances(s, p, s.t + h, new, slope, h)
     error = estimate(s, p, h)
     health = 1.0
-    if CONSTRAINED and p[LEAST_HEALTH] < s[CLOSE_BELOW]:
-        health = p[LEAST_HEALTH]
+    if CONSTRAINED and p.least_health < s.close_below:
+        health = p.least_health
     # Perhaps it is nothing but rounding.
     if error >= 1.0 and look_again(s, p, h, new, slope, health) > 0:
-        error = norm(size, at(own, OWN + ERRORS * size), at(s, HEADER + 2 * size))
-        error *= s[RTOL] ** 0.2
+        error = norm(size, s.errors, s.tolerances)
+        error *= s.rtol**0.2
     return error
 
 
-def estimate(s: Floats, p: Floats, h: float) -> float:
+def estimate(s: Radau, p: Parameters, h: float) -> float:
     """Give the error of the step: IV.8 (8.19), (8.20) for a first or repeated step."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    own = at(s, HEADER + 6 * size + 6)
-    slope = at(own, OWN)
-    z = at(own, OWN + STAGE * size)
-    errors = at(own, OWN + ERRORS * size)
-    F = at(own, OWN + RIGHT * size)
-    Z = at(own, OWN + INCREMENTS * size)
+    size = s.size
+    y = s.y
+    slope = s.slope
+    z = s.z
+    errors = s.errors
+    F = s.F
+    Z = s.Z
     for i in range(size):
         F[i] = total(ERROR[k] * Z[k * size + i] for k in unrolled(3)) / h
         errors[i] = F[i] + slope[i]
     error = filtered(s, p, h, errors)
-    if error >= 1.0 and (own[PREVIOUS_H] == 0.0 or own[JACOBIAN] == 2.0):
+    if error >= 1.0 and (s.previous_h == 0.0 or s.jacobian == 2.0):
         for i in range(size):
             z[i] = y[i] + errors[i]
-        derivative(s[T], z, p, errors)
-        s[EVALUATIONS] += 1.0
+        derivative(s.t, z, p, errors)
+        s.evaluations += 1.0
         for i in range(size):
             errors[i] += F[i]
         error = filtered(s, p, h, errors)
     return error
 
 
-def filtered(s: Floats, p: Floats, h: float, errors: Floats) -> float:
+def filtered(s: Radau, p: Parameters, h: float, errors: Floats) -> float:
     """Solve for the errors, and give their size against the estimate's tolerance.
 
     The estimate goes with h^4, the error of the whole motion with h^5: held to
     tolerance^(4/5), the result follows the tolerance (RADAU5 takes 2/3).
     """
-    size = int(s[SIZE])
-    n = int(s[N])
-    own = at(s, HEADER + 6 * size + 6)
-    J = at(own, OWN + MATRICES * size)
-    K = at(J, (n + 1) * 2 * n)
-    solve_real(n, size > 2 * n, GAMMA / h, J, K, at(K, n * n), errors)
-    tolerances = at(s, HEADER + 2 * size)
-    error = norm(size, errors, tolerances) * s[RTOL] ** 0.2
+    size = s.size
+    n = s.n
+    solve_real(n, size > 2 * n, GAMMA / h, s.J, s.K, s.pivots, errors)
+    tolerances = s.tolerances
+    error = norm(size, errors, tolerances) * s.rtol**0.2
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
-        note_directions(s, p, s[T] + h, at(own, OWN + NEW * size))
+        note_directions(s, p, s.t + h, s.new)
         removed = forget_removed(s, p, h, errors)
-        left = norm(size, errors, tolerances) * s[RTOL] ** 0.2
+        left = norm(size, errors, tolerances) * s.rtol**0.2
         error = bent(s, removed, left)
     return float(error)
 
 
-def accept(s: Floats, p: Floats, h: float) -> None:
+def accept(s: Radau, p: Parameters, h: float) -> None:
     """Take the new state; keep the polynomial through the slopes of the stages."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    own = at(s, HEADER + 6 * size + 6)
-    slope = at(own, OWN)
-    last = at(own, OWN + LAST_SLOPE * size)
-    new = at(own, OWN + NEW * size)
-    dense = at(own, OWN + POLYNOMIAL * size)
-    Z = at(own, OWN + INCREMENTS * size)
+    size = s.size
+    y = s.y
+    slope = s.slope
+    last = s.last_slope
+    new = s.new
+    dense = s.dense
+    Z = s.Z
     for i in range(size):
         a = total(A_INVERSE[0][k] * Z[k * size + i] for k in unrolled(3))
         b = total(A_INVERSE[1][k] * Z[k * size + i] for k in unrolled(3))
@@ -361,25 +306,25 @@ def accept(s: Floats, p: Floats, h: float) -> None:
                 + c * DENSE[3][m]
             )
         last[i] = c / h
-    own[PREVIOUS_H] = h
-    s[EVALUATIONS] += 1.0
+    s.previous_h = h
+    s.evaluations += 1.0
     if SLEEPERS:
-        before = at(own, OWN + STAGE * size)
+        before = s.z
         for i in range(size):
             before[i] = slope[i]
-        derivative(s[T] + h, new, p, slope)
+        derivative(s.t + h, new, p, slope)
         suspect(s, p, h, y, before, new, slope)
     else:
-        derivative(s[T] + h, new, p, slope)
+        derivative(s.t + h, new, p, slope)
     for i in range(size):
         y[i] = new[i]
-    s[STEP_T] = s[T]
-    s[STEP_H] = h
-    s[T] = s[T] + h
-    s[STEPS] += 1.0
+    s.step_t = s.t
+    s.step_h = h
+    s.t = s.t + h
+    s.steps += 1.0
     record_sizes(s, p)
 
 
-def interpolate(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: Radau, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step."""
     polynomial(s, x, out)

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import symplectic
 from lagsim.methods.parts.fixed import (
+    Fixed,
     begin,
     hermite,
     is_finite,
@@ -34,6 +35,7 @@ from lagsim.methods.parts.fixed import (
     take,
 )
 from lagsim.methods.parts.interface import derivative, position_step, velocity_step
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import (
     ROUNDING,
     is_small,
@@ -41,17 +43,9 @@ from lagsim.methods.parts.projection import (
     project_level,
 )
 from lagsim.methods.parts.singular import record_health
-from lagsim.methods.parts.state import (
-    DONE,
-    EVALUATIONS,
-    HEADER,
-    NOT_FINITE,
-    PROJECTION_FAILED,
-    SIZE,
-    N,
-    T,
-)
+from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED
 from lagsim.native.kernels.words import at
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -75,6 +69,17 @@ EXACT = 2.0**-52
 MOST = 30
 
 
+class Rattle(Fixed):
+    """What holds the positions."""
+
+    asked: Floats = array(lambda s: s.size)  # a state to ask at
+    change: Floats = array(lambda s: s.size + 4)  # what a Newton step gives
+    history: Floats = array(lambda s: MOST * s.n)  # the steps made so far
+
+
+STATE = Rattle
+
+
 def refusal(scene: Structure) -> str:
     """Say why it cannot handle the scene, or give ""."""
     if scene.constraints not in ("none", "holonomic"):
@@ -90,26 +95,19 @@ def amplification(z: complex) -> float:
     return symplectic.amplification((1.0,), z)
 
 
-def state_size(size: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    return HEADER + 6 * size + 6 + 7 * size + 4 + MOST * (size // 2)
-
-
-# The method's own arrays: those of `_fixed`, y' after the step (size), the new state
-# (size), a state to ask at (size), corrections (size + 4), their history (MOST n).
-def start(s: Floats, p: Floats) -> None:
+def start(s: Rattle, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     begin(s, p)
 
 
-def step(s: Floats, p: Floats) -> int:
+def step(s: Rattle, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    k = at(s, HEADER + 8 * size + 6)
-    slope = at(k, size)
-    new = at(slope, size)
+    size = s.size
+    n = s.n
+    y = s.y
+    k = s.k
+    slope = s.slope
+    new = s.new
     after = next_time(s)
     h = step_length(s, after)
     for i in range(n):
@@ -120,24 +118,24 @@ def step(s: Floats, p: Floats) -> int:
     if CONSTRAINED and hold(s, p, after, h) == 0:
         return PROJECTION_FAILED
     derivative(after, new, p, slope)
-    s[EVALUATIONS] += 1.0
+    s.evaluations += 1.0
     for i in range(n):
         new[n + i] += 0.5 * h * slope[n + i]
     if CONSTRAINED and hold_velocities(s, p, after, h) == 0:
         return PROJECTION_FAILED
     if size > 2 * n:
         derivative(after, new, p, slope)
-        s[EVALUATIONS] += 1.0
+        s.evaluations += 1.0
         new[2 * n] = y[2 * n] + 0.5 * h * (k[2 * n] + slope[2 * n])
     if not is_finite(size, new):
         return NOT_FINITE
     for i in range(n):
         slope[i] = new[n + i]
-    take(s, p, after, new, slope)
+    take(s, p, after)
     return DONE
 
 
-def hold(s: Floats, p: Floats, after: float, h: float) -> int:
+def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
     """Move the new positions onto the constraints, along the gradients at the old ones.
 
     Give 0 where that fails. A step of Newton's method would be along the gradients at
@@ -146,13 +144,12 @@ def hold(s: Floats, p: Floats, after: float, h: float) -> int:
     what the projection has taken away (C. T. Kelley, Iterative Methods for Linear and
     Nonlinear Equations, SIAM 1995, section 7.3: only the steps are kept).
     """
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    masses = at(s, HEADER + 3 * size + 2)
-    new = at(s, HEADER + 10 * size + 6)
-    work = at(s, HEADER + 12 * size + 6)
-    steps = at(work, size + 4)
+    n = s.n
+    y = s.y
+    masses = s.masses
+    new = s.new
+    work = s.change
+    steps = s.history
     previous = 1e300
     for made in range(MOST):
         position_step(after, new, p, work)
@@ -174,18 +171,17 @@ def hold(s: Floats, p: Floats, after: float, h: float) -> int:
     return 0
 
 
-def along_old(s: Floats, p: Floats, h: float, moved: Floats) -> None:
+def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
     """Project the step of the positions, over h, onto the span of the old gradients."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    asked = at(s, HEADER + 11 * size + 6)
-    work = at(asked, size)
+    n = s.n
+    y = s.y
+    asked = s.asked
+    work = s.change
     for i in range(n):
         asked[i] = y[i]
         asked[n + i] = y[n + i] + work[i] / h
     # The old velocities are tangent: what is taken away is the part that is looked for.
-    velocity_step(s[T], asked, p, work)
+    velocity_step(s.t, asked, p, work)
     for i in range(n):
         moved[i] = -work[i]
 
@@ -211,18 +207,17 @@ def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
                 last[i] /= 1.0 - share
 
 
-def hold_velocities(s: Floats, p: Floats, after: float, h: float) -> int:
+def hold_velocities(s: Rattle, p: Parameters, after: float, h: float) -> int:
     """Make the new velocities tangent; give 0 where that fails."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    new = at(s, HEADER + 10 * size + 6)
-    work = at(new, 2 * size)
+    n = s.n
+    new = s.new
+    work = s.change
     if project_level(1, s, p, after, h, new, work) == 0:
         return 0
     record_health(s, work[n + 1], h)
     return 1
 
 
-def interpolate(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: Rattle, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: cubic Hermite."""
     hermite(s, x, out)

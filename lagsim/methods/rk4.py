@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.fixed import (
+    Fixed,
     begin,
     hermite,
     is_finite,
@@ -21,18 +22,12 @@ from lagsim.methods.parts.fixed import (
     take,
 )
 from lagsim.methods.parts.interface import derivative
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
-from lagsim.methods.parts.state import (
-    DONE,
-    EVALUATIONS,
-    HEADER,
-    NOT_FINITE,
-    PROJECTION_FAILED,
-    SIZE,
-    T,
-)
+from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED
 from lagsim.methods.parts.tableau import Tableau
 from lagsim.native.kernels.words import at, total, unrolled
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -57,6 +52,16 @@ QUADRATURES = True
 CONSTRAINED = True
 
 
+class Rk4(Fixed):
+    """The stages' slopes, and the state of a stage."""
+
+    stages: Floats = array(lambda s: 4 * s.size)
+    z: Floats = array(lambda s: s.size)
+
+
+STATE = Rk4
+
+
 def refusal(_scene: Structure) -> str:
     """Give "": it handles everything."""
     return ""
@@ -67,32 +72,29 @@ def amplification(z: complex) -> float:
     return TABLEAU.amplification(z)
 
 
-def state_size(size: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    return HEADER + 6 * size + 6 + 9 * size
-
-
-# The method's own arrays: those of `_fixed`, the last of which is the first stage; the
-# other stages and y' after the step (4 size), z (size), new (size).
-def start(s: Floats, p: Floats) -> None:
+def start(s: Rk4, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     begin(s, p)
 
 
-def step(s: Floats, p: Floats) -> int:
+def step(s: Rk4, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    k = at(s, HEADER + 8 * size + 6)
-    z = at(k, 5 * size)
-    new = at(z, size)
-    t = s[T]
+    size = s.size
+    y = s.y
+    k = s.stages
+    first = s.k
+    slope = s.slope
+    z = s.z
+    new = s.new
+    t = s.t
     after = next_time(s)
     h = step_length(s, after)
+    for i in range(size):
+        k[i] = first[i]
     for stage in unrolled(1, 4):
         for i in range(size):
-            slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
-            z[i] = y[i] + h * slope
+            rate = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
+            z[i] = y[i] + h * rate
         derivative(t + C[stage] * h, z, p, at(k, stage * size))
     for i in range(size):
         new[i] = y[i] + h * total(B[j] * k[j * size + i] for j in unrolled(4))
@@ -100,12 +102,12 @@ def step(s: Floats, p: Floats) -> int:
         return NOT_FINITE
     if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:
         return PROJECTION_FAILED
-    derivative(after, new, p, at(k, 4 * size))
-    s[EVALUATIONS] += 4.0
-    take(s, p, after, new, at(k, 4 * size))
+    derivative(after, new, p, slope)
+    s.evaluations += 4.0
+    take(s, p, after)
     return DONE
 
 
-def interpolate(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: Rk4, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: cubic Hermite (II.6)."""
     hermite(s, x, out)

@@ -35,28 +35,18 @@ from lagsim.methods.parts.controller import (
 )
 from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import leave_loss, record_health
 from lagsim.methods.parts.state import (
-    AT_BOUND,
     DONE,
-    END,
-    EVALUATIONS,
-    HEADER,
     NOT_FINITE,
     PROJECTION_FAILED,
-    REJECTIONS,
-    ROW_STEP,
-    SIZE,
-    STEP_H,
-    STEP_T,
     STEP_TOO_SMALL,
-    STEPS,
-    H,
-    N,
-    T,
+    State,
 )
 from lagsim.native.kernels.words import at, unrolled
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -116,40 +106,43 @@ def amplification(z: complex) -> float:
     return abs(total)
 
 
-def state_size(size: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    return HEADER + 6 * size + 6 + 1 + 2 * (1 + (MOST_ORDER + 1) * size) + size
+class Taylor(State):
+    """Two series, each its order K, then y_0 ... y_K; and the new state."""
+
+    which: float  # of the two series is the present one: 0 or 1
+    series: Floats = array(lambda s: buffer(s.size, 2.0))
+    new: Floats = array(lambda s: s.size)
 
 
-# The method's own arrays: which of the two series is the present one (1), two series
-# (1 + (MOST_ORDER + 1) size each: K, then y_0 ... y_K), new (size).
-def start(s: Floats, p: Floats) -> None:
+STATE = Taylor
+
+
+def start(s: Taylor, p: Parameters) -> None:
     """Begin an arc: the series at its start, the first step."""
-    size = int(s[SIZE])
-    own = at(s, HEADER + 6 * size + 6)
-    y = at(s, HEADER)
-    c = at(own, 1)
-    own[0] = 0.0
-    series(s[T], y, p, c)
-    s[EVALUATIONS] += 1.0
-    s[STEP_H] = 0.0
+    size = s.size
+    y = s.y
+    c = s.series
+    s.which = 0.0
+    series(s.t, y, p, c)
+    s.evaluations += 1.0
+    s.step_h = 0.0
     record_sizes(s, p)
     rates = at(c, 1 + size)
-    look_at_rounding(s, p, s[T], y, rates, 1.0)
+    look_at_rounding(s, p, s.t, y, rates, 1.0)
     foresee(s, p, rates)
     # Tolerances depend on the step, and on where it leads what is at rest: some looks
     # settle both well enough.
-    new = at(s, buffer(size, 2.0))
-    s[H] = min(float(s[ROW_STEP]), s[END] - s[T])
+    new = s.new
+    s.h = min(float(s.row_step), s.end - s.t)
     for _ in range(LOOKS):
-        before = s[H]
+        before = s.h
         lead(size, c, before, new)
-        set_tolerances(s, p, s[T], new, rates, before)
-        s[H] = min(before, chosen_step(s, c))
-        if s[H] > SETTLED * before:
+        set_tolerances(s, p, s.t, new, rates, before)
+        s.h = min(before, chosen_step(s, c))
+        if s.h > SETTLED * before:
             break
     if CONSTRAINED:
-        s[H] = leave_loss(s, p, s[H])
+        s.h = leave_loss(s, p, s.h)
 
 
 def lead(size: int, c: Floats, h: float, out: Floats) -> None:
@@ -162,17 +155,17 @@ def lead(size: int, c: Floats, h: float, out: Floats) -> None:
         out[i] = c[1 + i] + far
 
 
-def chosen_step(s: Floats, c: Floats) -> float:
+def chosen_step(s: Taylor, c: Floats) -> float:
     """Give the step at which the terms after the last are within the tolerance.
 
     If each of the last GUARD terms is within its bound, and they shrink by e^2 from
     one to the next, so is the first that is left out. Not longer than the arc.
     """
-    size = int(s[SIZE])
+    size = s.size
     order = int(c[0])
-    tolerances = at(s, HEADER + 2 * size)
-    largest = at(s, HEADER + 4 * size + 2)
-    arc = s[END] - s[T]
+    tolerances = s.tolerances
+    largest = s.work
+    arc = s.end - s.t
     if arc <= 0.0:
         return 0.0
     for back in unrolled(GUARD):
@@ -190,46 +183,46 @@ def chosen_step(s: Floats, c: Floats) -> float:
     return SAFETY * exp(logarithm)
 
 
-def step(s: Floats, p: Floats) -> int:
+def step(s: Taylor, p: Parameters) -> int:
     """Make one accepted step, or give a code other than 0."""
     trouble = STEP_TOO_SMALL
     rejected = False
-    work = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    work = s.work
     health = 1.0
     while True:
         h = usable_step(s, p)
         if h == 0.0:
             return trouble
         if attempt(s, h) == 0:
-            s[H] = SHORTEST * h
+            s.h = SHORTEST * h
             trouble = NOT_FINITE
         elif CONSTRAINED and settle(s, p, h) == 0:
-            s[H] = 0.25 * h
+            s.h = 0.25 * h
             trouble = PROJECTION_FAILED
         else:
-            health = work[int(s[N]) + 1]
+            health = work[s.n + 1]
             error = check(s, p, h)
             if error <= PASSED:
                 break
-            s[H] = SHORTEST * h
+            s.h = SHORTEST * h
             trouble = NOT_FINITE
             if error < 1e300:
-                order = s[HEADER + 6 * int(s[SIZE]) + 7]
+                order = s.series[0]
                 shorter = SHORTER * (PASSED / error) ** (1.0 / (order + 1.0))
-                s[H] = h * max(SHORTEST, shorter)
+                s.h = h * max(SHORTEST, shorter)
                 trouble = STEP_TOO_SMALL
         rejected = True
-        s[REJECTIONS] += 1.0
+        s.rejections += 1.0
     if CONSTRAINED:
         record_health(s, health, h)
     accept(s, p, h)
-    s[AT_BOUND] = max(s[AT_BOUND] + (1.0 if rejected else -1.0), 0.0)
+    s.at_bound = max(s.at_bound + (1.0 if rejected else -1.0), 0.0)
     return DONE
 
 
 def buffer(size: int, which: float) -> int:
-    """Give where one of the two series lies in the state."""
-    return HEADER + 6 * size + 7 + int(which) * (1 + (MOST_ORDER + 1) * size)
+    """Give where one of the two series lies; of both, how long they are."""
+    return int(which) * (1 + (MOST_ORDER + 1) * size)
 
 
 def sum_series(size: int, c: Floats, h: float, out: Floats) -> None:
@@ -264,43 +257,38 @@ def sum_rates(size: int, c: Floats, h: float, out: Floats) -> None:
             out[i] = out[i] * h + c[1 + size + i]
 
 
-def attempt(s: Floats, h: float) -> int:
+def attempt(s: Taylor, h: float) -> int:
     """Give the state after a step of length h; 0 where it is not finite."""
-    size = int(s[SIZE])
-    own = at(s, HEADER + 6 * size + 6)
-    new = at(own, 1 + 2 * (1 + (MOST_ORDER + 1) * size))
-    sum_series(size, at(s, buffer(size, own[0])), h, new)
+    size = s.size
+    new = s.new
+    sum_series(size, at(s.series, buffer(size, s.which)), h, new)
     for i in range(size):
         if not abs(new[i]) < 1e300:
             return 0
     return 1
 
 
-def settle(s: Floats, p: Floats, h: float) -> int:
+def settle(s: Taylor, p: Parameters, h: float) -> int:
     """Project the new state onto the constraints; give 0 where that fails.
 
     Leaves how independent they are there in the working memory.
     """
-    size = int(s[SIZE])
-    new = at(s, buffer(size, 2.0))
-    work = at(s, HEADER + 4 * size + 2)
-    return project(s, p, s[T] + h, h, new, work)
+    return project(s, p, s.t + h, h, s.new, s.work)
 
 
-def check(s: Floats, p: Floats, h: float) -> float:
+def check(s: Taylor, p: Parameters, h: float) -> float:
     """Give the error in units of the tolerance, from y' at the end of the step.
 
     What the series' rate differs by there from y' is (K + 1) y_(K+1) h^K and what
     follows. Leaves the series of the next step.
     """
-    size = int(s[SIZE])
-    which = s[HEADER + 6 * size + 6]
-    c = at(s, buffer(size, which))
-    following = at(s, buffer(size, 1.0 - which))
-    new = at(s, buffer(size, 2.0))
-    series(s[T] + h, new, p, following)
-    s[EVALUATIONS] += 1.0
-    set_tolerances(s, p, s[T] + h, new, at(c, 1 + size), h)
+    size = s.size
+    c = at(s.series, buffer(size, s.which))
+    following = at(s.series, buffer(size, 1.0 - s.which))
+    new = s.new
+    series(s.t + h, new, p, following)
+    s.evaluations += 1.0
+    set_tolerances(s, p, s.t + h, new, at(c, 1 + size), h)
     error = misfit(s, c, at(following, 1 + size), h)
     # Perhaps it is nothing but rounding.
     doubtful = error > PASSED and error < 1e300
@@ -309,11 +297,11 @@ def check(s: Floats, p: Floats, h: float) -> float:
     return error
 
 
-def misfit(s: Floats, c: Floats, slope: Floats, h: float) -> float:
+def misfit(s: Taylor, c: Floats, slope: Floats, h: float) -> float:
     """Give the error of a step of series c, from y' (size,) at its end."""
-    size = int(s[SIZE])
-    tolerances = at(s, HEADER + 2 * size)
-    rates = at(s, HEADER + 4 * size + 2)
+    size = s.size
+    tolerances = s.tolerances
+    rates = s.work
     sum_rates(size, c, h, rates)
     worst = 0.0
     for i in range(size):
@@ -325,36 +313,35 @@ def misfit(s: Floats, c: Floats, slope: Floats, h: float) -> float:
     return worst
 
 
-def accept(s: Floats, p: Floats, h: float) -> None:
+def accept(s: Taylor, p: Parameters, h: float) -> None:
     """Take the new state and its series; the old one is the dense output."""
-    size = int(s[SIZE])
-    own = at(s, HEADER + 6 * size + 6)
-    y = at(s, HEADER)
-    new = at(s, buffer(size, 2.0))
+    size = s.size
+    y = s.y
+    new = s.new
     if SLEEPERS:
-        before = at(s, buffer(size, own[0]) + 1 + size)
-        following = at(s, buffer(size, 1.0 - own[0]) + 1 + size)
+        before = at(s.series, buffer(size, s.which) + 1 + size)
+        following = at(s.series, buffer(size, 1.0 - s.which) + 1 + size)
         suspect(s, p, h, y, before, new, following)
-    own[0] = 1.0 - own[0]
+    s.which = 1.0 - s.which
     for i in range(size):
         y[i] = new[i]
-    s[STEP_T] = s[T]
-    s[STEP_H] = h
-    s[T] = s[T] + h
-    s[STEPS] += 1.0
+    s.step_t = s.t
+    s.step_h = h
+    s.t = s.t + h
+    s.steps += 1.0
     record_measured(s, p)
-    c = at(s, buffer(size, own[0]))
-    s[H] = chosen_step(s, c)
-    if s[H] < SUDDEN * h:
+    c = at(s.series, buffer(size, s.which))
+    s.h = chosen_step(s, c)
+    if s.h < SUDDEN * h:
         # Perhaps it is rounding that the last coefficients consist of.
         rates = at(c, 1 + size)
-        look_at_rounding(s, p, s[T], y, rates, 1.0)
-        set_tolerances(s, p, s[T], y, rates, h)
-        s[H] = chosen_step(s, c)
+        look_at_rounding(s, p, s.t, y, rates, 1.0)
+        set_tolerances(s, p, s.t, y, rates, h)
+        s.h = chosen_step(s, c)
 
 
-def interpolate(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: Taylor, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: the series there."""
-    size = int(s[SIZE])
-    which = s[HEADER + 6 * size + 6]
-    sum_series(size, at(s, buffer(size, 1.0 - which)), x * s[STEP_H], out)
+    size = s.size
+    before = at(s.series, buffer(size, 1.0 - s.which))
+    sum_series(size, before, x * s.step_h, out)

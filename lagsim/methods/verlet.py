@@ -32,9 +32,16 @@ from lagsim.methods.parts.fixed import (
     step_length,
     take,
 )
-from lagsim.methods.parts.state import DONE, EVALUATIONS, HEADER, NOT_FINITE, SIZE, T
-from lagsim.methods.parts.symplectic import arrive, clear, depart, drift, kick
-from lagsim.native.kernels.words import at
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import DONE, NOT_FINITE
+from lagsim.methods.parts.symplectic import (
+    Symplectic,
+    arrive,
+    clear,
+    depart,
+    drift,
+    kick,
+)
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -51,6 +58,7 @@ HANDLES = "constant M, forces f(q, t); no constraints"
 NEEDS = ("power",)
 
 CONSTRAINED = False  # for what is shared with methods that can be
+STATE = Symplectic
 
 
 def refusal(scene: Structure) -> str:
@@ -66,36 +74,28 @@ def amplification(z: complex) -> float:
     return symplectic.amplification((1.0,), z)
 
 
-def state_size(size: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    return HEADER + 6 * size + 6 + symplectic.ARRAYS * size
-
-
-def start(s: Floats, p: Floats) -> None:
+def start(s: Symplectic, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     begin(s, p)
     clear(s)
 
 
-def step(s: Floats, p: Floats) -> int:
+def step(s: Symplectic, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = int(s[SIZE])
-    slope = at(s, HEADER + 9 * size + 6)
-    new = at(slope, size)
     after = next_time(s)
     h = step_length(s, after)
     depart(s)
-    kick(s, p, s[T], 0.5 * h)
+    kick(s, p, s.t, 0.5 * h)
     drift(s, p, after, h)
     kick(s, p, after, 0.5 * h)
-    if not is_finite(size, new):
+    if not is_finite(s.size, s.new):
         return NOT_FINITE
-    s[EVALUATIONS] += 1.0
+    s.evaluations += 1.0
     arrive(s, p, after)
-    take(s, p, after, new, slope)
+    take(s, p, after)
     return DONE
 
 
-def interpolate(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: Symplectic, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: cubic Hermite."""
     hermite(s, x, out)

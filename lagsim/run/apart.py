@@ -8,11 +8,13 @@ whatever the ratio of their speeds.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagsim.run.arcs import BLOCK, Run
+from lagsim.run.decisions import Ending
+from lagsim.run.recorder import Recorder
 from lagsim.run.trajectory import Outcome, Statistics, Trajectory
 
 if TYPE_CHECKING:
@@ -23,13 +25,19 @@ if TYPE_CHECKING:
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.plan.subsystems import Subsystem
-    from lagsim.run.arcs import Consumer
     from lagsim.run.interrupt import Interrupt
+    from lagsim.run.recorder import Consumer
     from lagsim.run.system import System
 
 
-class Part(Run):
-    """A subsystem on its way, with the rows that have not been joined yet."""
+class Part:
+    """A subsystem on its way, with the rows that have not been joined yet.
+
+    Attributes
+    ----------
+    columns : list of int
+        Where t, q and q' of a row go in a row of the whole, of n coordinates.
+    """
 
     def __init__(
         self,
@@ -38,38 +46,39 @@ class Part(Run):
         plan: Plan,
         system: System,
         settings: Settings,
-        interrupt: Interrupt | None,
-        longest_step: float,
+        **others: Any,
     ) -> None:
-        super().__init__(
-            part.equations, part.at(start), plan, system, settings, [], interrupt,
-            None, longest_step,
-        )  # fmt: skip
-        n = len(part.coordinates)
-        full = len(start.q)
-        self.consumers = [self]
+        own, n = part.at(start), len(start.q)
+        self.run = Run(part.equations, own, plan, system, settings, [self], **others)
         self.names = ", ".join(part.equations.q)
-        # Where t, q and q' of a row go in a row of the whole.
         self.columns = [0, *(1 + j for j in part.coordinates)]
-        self.columns += [1 + full + j for j in part.coordinates]
-        self.width = 1 + 2 * n
-        self.waiting = np.empty((0, self.width))
-        self.outcome: Outcome | None = None
-        self._begin_arc(self.settings.end)
+        self.columns += [1 + n + j for j in part.coordinates]
+        self.waiting = np.empty((0, len(self.columns)))
+        self.ending: Ending | None = None
+        self.run.begin()
 
     def add(self, rows: Floats) -> None:
         """Keep rows until they are joined."""
-        self.waiting = np.concatenate([self.waiting, rows[:, : self.width]])
+        self.waiting = np.concatenate([self.waiting, rows[:, : len(self.columns)]])
 
-    def fill(self, most_steps: int) -> None:
+    def fill(self, most_steps: int, arc_steps: float) -> None:
         """Go on until a block of rows waits, or to the end."""
-        while self.outcome is None and len(self.waiting) < BLOCK:
-            self.outcome = self.advance(most_steps)
-        if self.outcome is Outcome.DONE and self.rows_left:
-            self._last_row()
-            self.rows_left = False
+        while self.ending is None and len(self.waiting) < BLOCK:
+            self.ending = self.run.advance(most_steps, arc_steps)
+            if self.ending == _DONE:
+                self.run.show_last()
 
-    rows_left = True
+    def join(self, count: int, states: Floats) -> None:
+        """Put rows that waited into those of the whole (count, 1 + 2 n)."""
+        states[:, self.columns] = self.waiting[:count]
+        self.waiting = self.waiting[count:]
+
+    def trajectory(self) -> Trajectory:
+        """Put together what it has done so far."""
+        return self.run.trajectory(self.ending or _DONE)
+
+
+_DONE = Ending(Outcome.DONE)
 
 
 class Apart:
@@ -88,14 +97,15 @@ class Apart:
         system: System,
         settings: Settings,
         consumers: Sequence[Consumer],
-        interrupt: Interrupt | None,
-        progress: Callable[[float], None] | None,
-        longest_step: float,
+        *,
+        interrupt: Interrupt | None = None,
+        progress: Callable[[float], None] | None = None,
+        longest_step: float = 0.0,
     ) -> None:
-        self.system, self.consumers, self.progress = system, consumers, progress
+        self.settings, self.system = settings, system
+        self.recorder, self.progress = Recorder(consumers), progress
         self.runner = system.link(system.plan.method)
         self.runner.prepare()
-        self.settings = settings
         self.parts = []
         for x, own in zip(plan.parts, system.parts, strict=True):
             alike = x.plan
@@ -103,22 +113,20 @@ class Apart:
                 # A repeat has other tolerances, and other rows.
                 alike = replace(alike, rtol=plan.rtol, atol=plan.atol)
             part = Part(
-                x.subsystem, start, alike, own, settings, interrupt, longest_step
-            )
+                x.subsystem, start, alike, own, settings, interrupt=interrupt,
+                longest_step=longest_step,
+            )  # fmt: skip
             self.parts.append(part)
-        self.rows = 0
 
     def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
-        """Go through the whole run."""
-        for part in self.parts:
-            part.arc_steps = arc_steps
+        """Go through the whole run; each arc counts as some steps besides its own."""
         while True:
             for part in self.parts:
-                part.fill(most_steps)
+                part.fill(most_steps, arc_steps)
             self._join()
-            reached = min(part.t for part in self.parts)
-            ended = [part for part in self.parts if part.outcome is not None]
-            failed = [part for part in ended if part.outcome is not Outcome.DONE]
+            reached = min(part.run.t for part in self.parts)
+            ended = [part for part in self.parts if part.ending is not None]
+            failed = [part for part in ended if part.ending != _DONE]
             if failed or len(ended) == len(self.parts):
                 break
             if self.progress is not None:
@@ -132,17 +140,12 @@ class Apart:
             return
         states = np.zeros((count, 1 + self.system.size))
         for part in self.parts:
-            states[:, part.columns] = part.waiting[:count]
-            part.waiting = part.waiting[count:]
-        rows = self.runner.tabulate(states)
-        self.rows += count
-        for consumer in self.consumers:
-            consumer.add(rows)
+            part.join(count, states)
+        self.recorder.hand_on(self.runner.tabulate(states))
 
     def _trajectory(self, last: Part, reached: float) -> Trajectory:
         """Put together what the subsystems did; `last` decides on the outcome."""
-        assert last.outcome is not None
-        found = [part.trajectory(part.outcome or Outcome.DONE) for part in self.parts]
+        found = [part.trajectory() for part in self.parts]
         own = found[self.parts.index(last)]
         reason = own.reason
         if not own.outcome.complete:
@@ -152,7 +155,7 @@ class Apart:
             own,
             reason=reason,
             end=reached,
-            rows=self.rows,
+            rows=self.recorder.rows,
             statistics=Statistics(
                 sum(x.steps for x in counts),
                 sum(x.rejections for x in counts),
@@ -168,4 +171,4 @@ class Apart:
 
 
 def _time(part: Part) -> float:
-    return part.t
+    return part.run.t

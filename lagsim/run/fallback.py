@@ -15,44 +15,49 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts import state as at
 from lagsim.notes import Choice
 from lagsim.plan.integration import ANY
-from lagsim.run.states import MOST_STEPS, taken_over
+from lagsim.run.decisions import Decision, Source
 from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
-    from lagsim.run.arcs import Run
+    from collections.abc import Mapping
 
+    from lagsim.run.arc import Arc
+
+# What a kernel gives that cannot go on.
+FAILED = {
+    at.NOT_FINITE: Outcome.NOT_FINITE,
+    at.STEP_TOO_SMALL: Outcome.STEP_TOO_SMALL,
+    at.PROJECTION_FAILED: Outcome.PROJECTION_FAILED,
+    at.NEWTON_FAILED: Outcome.NEWTON_FAILED,
+}
 WHY = {
     Outcome.NOT_FINITE: "{} has no finite values there",
     Outcome.STEP_TOO_SMALL: "{} makes no step from there",
     Outcome.PROJECTION_FAILED: "{} does not meet the constraints from there",
     Outcome.NEWTON_FAILED: "{} cannot solve its equations there",
 }
+LOSS = "the constraints lose their independence there, which {} does not pass"
+# What a method has noted of a loss of rank ahead of it is not another's.
+NO_LOSS = {"passes": 0.0, "planned": 0.0, "tried": 0.0}
 
 
-def fall_back(run: Run, outcome: Outcome) -> bool:
-    """Go on with another method; tell whether there is one."""
-    name = run.runner.method.NAME
-    if outcome not in WHY or run.settings.method != "auto" or name == ANY:
-        return False
-    _go_on(run, WHY[outcome].format(name))
-    return True
+class Fallback(Source):
+    """Another method, for one that fails, or does not pass what is ahead."""
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Go on with it, if there is one."""
+        name = arc.runner.method.NAME
+        if code == at.LOSS_AHEAD:
+            return _taken_over(arc, LOSS.format(name), NO_LOSS)
+        if code not in FAILED or arc.settings.method != "auto" or name == ANY:
+            return None
+        return _taken_over(arc, WHY[FAILED[code]].format(name), {})
 
 
-def pass_loss(run: Run) -> None:
-    """Leave a loss of rank ahead to the method that passes it, whatever was asked."""
-    reason = (
-        "the constraints lose their independence there, which "
-        f"{run.runner.method.NAME} does not pass"
-    )
-    _go_on(run, reason)
-    run.state[at.PASSES] = run.state[at.PLANNED] = run.state[at.TRIED] = 0.0
-
-
-def _go_on(run: Run, reason: str) -> None:
+def _taken_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
     """Go on with the method that handles everything."""
-    run.choices.append(Choice(f"method: {ANY} from t = {run.t:.9g} on", reason))
-    run.plan = replace(run.plan, method=ANY)
-    run.use(run.system)
-    run.state = taken_over(run.state, run.runner)
-    run.state[at.H] = run.state[at.AT_BOUND] = 0.0
-    run.review_at = MOST_STEPS
+    return Decision(
+        choices=(Choice(f"method: {ANY} from t = {arc.t:.9g} on", reason),),
+        arc=arc.by(replace(arc.plan, method=ANY), arc.system),
+        numbers={"h": 0.0, "at_bound": 0.0, **numbers},
+    )

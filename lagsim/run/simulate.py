@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from lagsim.mechanics.state import State
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
-    from lagsim.run.arcs import Consumer
+    from lagsim.run.apart import Apart
     from lagsim.run.interrupt import Interrupt
+    from lagsim.run.recorder import Consumer
     from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 
@@ -46,16 +47,17 @@ def simulate(
         No step of a method that chooses its steps is longer, if it is not 0; the ranges
         of the coordinates over the steps are then noted, too.
     """
+    run: Run | Apart
     if plan.parts:
         from lagsim.run.apart import Apart
 
-        apart = Apart(
-            start, plan, system, settings, consumers, interrupt, progress,
-            longest_step,
+        run = Apart(
+            start, plan, system, settings, consumers, interrupt=interrupt,
+            progress=progress, longest_step=longest_step,
         )  # fmt: skip
-        return apart.whole(most_steps, arc_steps)
-    run = Run(
-        equations, start, plan, system, settings, consumers, interrupt, progress,
-        longest_step,
-    )  # fmt: skip
+    else:
+        run = Run(
+            equations, start, plan, system, settings, consumers, interrupt=interrupt,
+            progress=progress, longest_step=longest_step,
+        )  # fmt: skip
     return run.whole(most_steps, arc_steps)

@@ -1,4 +1,4 @@
-"""The array that carries a run, with room for every method that may come to use it."""
+"""The memory that carries a run from arc to arc, and from method to method."""
 
 from __future__ import annotations
 
@@ -6,17 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.methods import method
-from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import ROUNDED
-from lagsim.methods.parts.looks import looks_size
-from lagsim.methods.parts.switching import search_size
 from lagsim.run.system.functions import joined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.methods.parts.state import State
     from lagsim.run.system.runner import Runner
 
 # The method where the motion slides along a surface and the method of the run needs
@@ -55,67 +52,35 @@ def most_pulled(rtol: float | None) -> float:
     return min(MOST_PULLED, max(LEAST_PULLED, ERRED * rtol))
 
 
-def empty_state(runner: Runner) -> Floats:
-    """Give a state of zeros for a method, and for the one that slides."""
+def empty_state(runner: Runner) -> State:
+    """Give a state of a method that nothing has been put into."""
     system = runner.system
-    methods = [runner.method, *([method(SLIDING)] if system.surfaces else [])]
-    used = max(int(m.state_size(system.size)) for m in methods)
-    # And room for rows side by side, for what `driver.keep_sizes` notes, for the
-    # extents of the motion, for looks into steps, for what ends them early, and for
-    # what `driver.note_inertias` notes.
-    sizes = used + at.lanes_size(system.size)
-    ranges = sizes + 3 * system.size
-    looks = ranges + at.extents_size(system.size)
-    watched = len(system.sleepers)
-    searched = looks + looks_size(system.size, watched)
-    noted = searched + search_size(system.surfaces)
-    count = len(system.inertias)
-    state = np.zeros(noted + 3 * count)
-    state[at.LANES_AT], state[at.SIZES_BEFORE] = used, sizes
-    state[at.EXTENTS_AT] = ranges
-    state[ranges : ranges + system.size] = np.inf
-    state[ranges + system.size : ranges + 2 * system.size] = -np.inf
-    together = state[ranges + 5 * system.size :][: system.n]
-    together[:] = joined(
+    state: State = runner.method.STATE.made(
+        n=system.n,
+        size=system.size,
+        signals=len(system.sleepers),
+        surfaces=system.surfaces,
+        inertias=len(system.inertias),
+    )
+    state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
+    state.powers[:] = [sleeper.power for sleeper in system.sleepers]
+    state.joined[:] = joined(
         system.n, [*(row.A for row in system.equations.rows), *system.equations.M]
     )
-    state[at.LOOKS_AT], state[at.SIGNALS] = looks, watched
-    for k, sleeper in enumerate(system.sleepers):
-        state[looks + k] = sleeper.kind
-        state[looks + watched + k] = sleeper.power
-    state[at.SEARCH_AT] = searched
-    state[at.INERTIAS], state[at.INERTIAS_AT] = count, noted
-    state[noted + count :][:count] = np.inf  # the smallest so far
     return state
 
 
-def extents(state: Floats) -> Floats:
-    """Give the least and the greatest value of each component: a view (2, size)."""
-    size, first = int(state[at.SIZE]), int(state[at.EXTENTS_AT])
-    return state[first : first + 2 * size].reshape(2, size)
-
-
-def named_extents(
-    state: Floats, names: Sequence[str]
-) -> dict[str, tuple[float, float]]:
-    """Give them by the names of the components."""
-    low, high = extents(state).tolist()
+def named_extents(state: State, names: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Give the least and the greatest values by the names of the components."""
+    low, high = state.low.tolist(), state.high.tolist()
     return dict(zip(names, zip(low, high, strict=True), strict=True))
 
 
-def taken_over(state: Floats, runner: Runner) -> Floats:
+def taken_over(state: State, runner: Runner) -> State:
     """Give a state as that of another method or system, at the start of an arc."""
     new = empty_state(runner)
-    own = [at.INERTIAS, at.INERTIAS_AT, at.LANES_AT, at.SIZES_BEFORE, at.EXTENTS_AT]
-    own += [at.SIGNALS, at.LOOKS_AT, at.SEARCH_AT]
-    kept = new[own]
-    common = at.HEADER + 6 * runner.system.size + 6
-    new[:common] = state[:common]
-    here, size = int(kept[4]), runner.system.size
-    length = at.extents_size(size)
-    new[here : here + length] = state[int(state[at.EXTENTS_AT]) :][:length]
-    if state[at.INERTIAS] == kept[0]:
-        new[int(kept[1]) :] = state[int(state[at.INERTIAS_AT]) :]
-    new[own] = kept
-    new[at.FRESH] = 1.0
+    kinds, powers, joined_to = new.kinds.copy(), new.powers.copy(), new.joined.copy()
+    new.take(state)
+    new.kinds[:], new.powers[:], new.joined[:] = kinds, powers, joined_to
+    new.fresh = 1.0
     return new

@@ -22,13 +22,14 @@ from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Choice
-from lagsim.run.states import MOST_STEPS, SERIES, taken_over
+from lagsim.run.decisions import GO_ON, Decision, Source
+from lagsim.run.states import LONG, MOST_STEPS, SERIES
 from lagsim.run.system import System
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.run.arcs import Run
+    from lagsim.run.arc import Arc
 
 STIFF = "radau"
 EXPLICIT = "dop853"
@@ -69,75 +70,165 @@ class Fast:
     excited: bool
 
 
-def consider(run: Run) -> None:
-    """Act on a step that has been at the bound for a while."""
-    state = run.state
-    state[at.AT_BOUND] = 0.0
-    state[at.ASK_AT] *= ASKED_AGAIN
-    n = run.system.n
-    sliding = run.switching is not None and bool(np.any(run.switching.slides))
-    # Sliding has a method of its own.
-    scene = run.system.equations
-    if sliding or scene.quadratures or method(STIFF).refusal(structure(scene)):
-        if run.plan.method != SERIES:
-            _warn(run, (), "")
-        return
-    plan = replace(run.plan, method=STIFF)
-    system = System(run.equations, plan)
-    system.take_modes(run.system)
-    runner = system.link(STIFF)
-    runner.prepare()
-    J = runner.function("jacobian", (n + 1) * 2 * n)(run.t, run.y)[: 2 * n * n]
-    if not np.all(np.isfinite(J)):
-        _warn(run, (), "")
-        return
-    fast = _fastest(run, J.reshape(n, 2 * n))
-    if fast.rate * state[at.STEP_H] < CLOSE * run.runner.method.IMAGINARY_LIMIT:
-        return  # something else, as where rows lose their rank
-    series = run.plan.method == SERIES
-    if series and (run.settings.method != "auto" or fast.excited):
-        return
-    if run.settings.method != "auto":
-        advice = f"`--method {STIFF}` passes over fast motion that has died out"
-        _warn(run, fast.where, advice)
-        return
-    if fast.excited:
-        advice = (
-            f"it is excited, and {STIFF} would damp it away; hold it rigid by a "
-            "constraint, or give it the damping it has"
+class Stiffness(Source):
+    """Asks for another method where steps are held by stability.
+
+    And, after a while, whether one that has been taken is still the better one.
+    """
+
+    def __init__(self, arc: Arc) -> None:
+        self._warned = False
+        # The steps at which it is asked whether to go on with the method that there is,
+        # and the state when it was asked last.
+        series = arc.settings.method == "auto" and arc.plan.method == SERIES
+        self._review_at = LONG if series else MOST_STEPS
+        self._reviewed = arc.state
+
+    def ask_at(self, arc: Arc) -> int:
+        """Give when it is asked next whether to go on with the method."""
+        another = arc.plan.method in (SERIES, STIFF)
+        return self._review_at if another else MOST_STEPS
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Change the method, or say that steps are at the bound."""
+        if code == at.STIFF:
+            return self._considered(arc)
+        if code != at.PAUSED or arc.steps < self.ask_at(arc):
+            return None
+        if arc.plan.method == SERIES:
+            return self._series_reviewed(arc)
+        return self._stiff_reviewed(arc)
+
+    def _considered(self, arc: Arc) -> Decision:
+        """Decide on a step that has been at the bound for a while."""
+        asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state.ask_at}
+        return replace(self._considered_once(arc), numbers=asked)
+
+    def _considered_once(self, arc: Arc) -> Decision:
+        scene = arc.system.equations
+        # Sliding has a method of its own.
+        if arc.slides or scene.quadratures or method(STIFF).refusal(structure(scene)):
+            return GO_ON if arc.plan.method == SERIES else self._warning(arc, (), "")
+        plan = replace(arc.plan, method=STIFF)
+        stiff = arc.by(plan, System(arc.equations, plan))
+        fast = _fastest(stiff)
+        if fast is None:
+            return self._warning(arc, (), "")
+        limit = arc.runner.method.IMAGINARY_LIMIT
+        if fast.rate * arc.state.step_h < CLOSE * limit:
+            return GO_ON  # something else, as where rows lose their rank
+        asked = arc.settings.method != "auto"
+        if arc.plan.method == SERIES and (asked or fast.excited):
+            return GO_ON
+        if asked:
+            advice = f"`--method {STIFF}` passes over fast motion that has died out"
+            return self._warning(arc, fast.where, advice)
+        if fast.excited:
+            advice = (
+                f"it is excited, and {STIFF} would damp it away; hold it rigid by a "
+                "constraint, or give it the damping it has"
+            )
+            return self._warning(arc, fast.where, advice)
+        gained = _gain(arc, stiff)
+        if gained < WORTH:
+            return GO_ON
+        self._reviewed, self._review_at = stiff.state.copy(), arc.steps + REVIEWED
+        reason = (
+            f"the step was held at the stability bound by {_named(fast.where)}, at "
+            f"{fast.rate:.3g} per unit of time; {STIFF}'s is {gained:.0f} times larger"
         )
-        _warn(run, fast.where, advice)
-        return
-    gained = _gain(run, system)
-    if gained >= WORTH:
-        _switch(run, system, fast, gained)
+        return _taken(stiff, reason)
+
+    def _warning(self, arc: Arc, where: tuple[str, ...], advice: str) -> Decision:
+        if self._warned:
+            return GO_ON
+        self._warned = True
+        h, rate = arc.state.step_h, arc.state.speed
+        text = (
+            f"at t = {arc.t:.9g} the step ({h:.3g}) is held at the stability bound of "
+            f"{arc.runner.method.NAME}, not by accuracy: {_named(where)} at about "
+            f"{rate:.3g} per unit of time"
+        )
+        text = f"{text}; {advice}" if advice else text
+        return Decision(cautions=(Caution("step-at-stability-bound", text),))
+
+    def _series_reviewed(self, arc: Arc) -> Decision:
+        """Ask for the stiff method where fast motion is damped.
+
+        A series' step for accuracy is close to its stability bound: nothing in a step
+        tells that it is held there.
+        """
+        self._review_at = int(ASKED_AGAIN) * arc.steps
+        n, equations = arc.system.n, arc.system.equations
+        if equations.quadratures:
+            return GO_ON
+        try:
+            linear = Linearisation(equations).at(arc.t, arc.y[:n], arc.y[n : 2 * n])
+        except ValueError:  # not finite there
+            return GO_ON
+        values = linear.eigenvalues()
+        speeds = np.abs(values)
+        fast = speeds >= FAST * np.max(speeds, initial=0.0)
+        damped = np.any(values.real[fast] < -OSCILLATING * speeds[fast])
+        return self._considered(arc) if damped else GO_ON
+
+    def _stiff_reviewed(self, arc: Arc) -> Decision:
+        """Go back to the explicit method where that has become cheaper."""
+        state, before = arc.state, self._reviewed
+        made = state.steps - before.steps
+        self._review_at, self._reviewed = int(arc.steps + 2 * made), state.copy()
+        fast = None if arc.slides else _fastest(arc)
+        if fast is None:
+            return GO_ON
+        enough = CHEAPER * _cost(arc, before, state)
+        shortest = method(EXPLICIT).IMAGINARY_LIMIT / max(fast.rate, 1e-300)
+        if _operations(arc.equations) * PER_STEP / shortest > enough:
+            return GO_ON
+        plan = replace(arc.plan, method=EXPLICIT)
+        explicit = arc.by(plan, System(arc.equations, plan))
+        cost = _cost(arc, *_trial(explicit))
+        if cost > enough:
+            return GO_ON
+        times = enough / CHEAPER / cost
+        return _taken(
+            explicit, f"no longer stiff: {STIFF} takes {times:.1f} times the operations"
+        )
 
 
-def _fastest(run: Run, J: Floats) -> Fast:
-    """Analyse q' = v, v' = J (q, v)."""
-    n, size = run.system.n, run.system.size
+def _taken(arc: Arc, reason: str) -> Decision:
+    choice = Choice(f"method: {arc.plan.method} from t = {arc.t:.9g} on", reason)
+    return Decision(choices=(choice,), arc=arc, numbers={"at_bound": 0.0})
+
+
+def _fastest(arc: Arc) -> Fast | None:
+    """Analyse q' = v, v' = J (q, v); None where J is not finite."""
+    n = arc.system.n
+    jacobian = arc.runner.function("jacobian", (n + 1) * 2 * n)
+    J = jacobian(arc.t, arc.y)[: 2 * n * n].reshape(n, 2 * n)
+    if not np.all(np.isfinite(J)):
+        return None
     whole = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), J])
     values, right = _fast_modes(whole)
     _, left = _fast_modes(whole.T)
-    masses = np.maximum(run.state[at.HEADER + 3 * size + 2 :][:n], 0.0)
+    masses = arc.masses
     shape = np.abs(right[:n]) * np.sqrt(masses)[:, None]
     shape /= np.maximum(np.max(shape, axis=0), 1e-300)
     heavy = np.max(shape, axis=1) > 0.5
-    names = run.system.equations.q
+    names = arc.system.equations.q
     where = tuple(q for q, is_in in zip(names, heavy, strict=True) if is_in)
     # Of y' itself: how fast the state moves along each of them. Left and right ones of
     # equal eigenvalues need not come in pairs.
-    rates = run.runner.function("derivative")(run.t, run.y)[: 2 * n]
+    rates = arc.runner.function("derivative")(arc.t, arc.y)[: 2 * n]
     amplitudes = np.linalg.lstsq(left.T @ right, left.T @ rates, rcond=None)[0]
     swinging = -values.real < OSCILLATING * np.abs(values)
     moving = np.abs(right[:n]) @ np.abs(amplitudes * swinging)
     rate = float(np.max(np.abs(values)))
-    excited = rate > 0.0 and _is_excited(run, masses * moving**2, masses, J, rate)
+    excited = rate > 0.0 and _is_excited(arc, masses * moving**2, masses, J, rate)
     return Fast(rate, where, excited)
 
 
 def _is_excited(
-    run: Run, fast: Floats, masses: Floats, J: Floats, speed: float
+    arc: Arc, fast: Floats, masses: Floats, J: Floats, speed: float
 ) -> bool:
     """Tell whether fast motion has energy, twice that of each coordinate in `fast`.
 
@@ -156,8 +247,8 @@ def _is_excited(
     linked = np.maximum(linked, np.eye(n))
     for _ in range(n.bit_length()):
         linked = np.minimum(linked @ linked, 1.0)
-    each = masses * run.ranges[n : 2 * n] ** 2
-    whole = np.minimum(linked @ each, 2.0 * run.state[at.ENERGY])
+    each = masses * arc.ranges[n : 2 * n] ** 2
+    whole = np.minimum(linked @ each, 2.0 * arc.state.energy)
     return bool(np.any(linked @ fast > EXCITED * whole))
 
 
@@ -169,101 +260,42 @@ def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
     return values[fast], vectors[:, fast]
 
 
-def review(run: Run) -> None:
-    """Look anew at a method that has been taken for a while."""
-    if run.runner.method.NAME == SERIES:
-        _review_series(run)
-    else:
-        _review_stiff(run)
-
-
-def _review_series(run: Run) -> None:
-    """Ask for the stiff method where fast motion is damped.
-
-    A series' step for accuracy is close to its stability bound: nothing in a step tells
-    that it is held there.
-    """
-    run.review_at = int(ASKED_AGAIN) * run.steps
-    n, equations = run.system.n, run.system.equations
-    if equations.quadratures:
-        return
-    try:
-        linear = Linearisation(equations).at(run.t, run.y[:n], run.y[n : 2 * n])
-    except ValueError:  # not finite there
-        return
-    values = linear.eigenvalues()
-    speeds = np.abs(values)
-    fast = speeds >= FAST * np.max(speeds, initial=0.0)
-    if np.any(values.real[fast] < -OSCILLATING * speeds[fast]):
-        consider(run)
-
-
-def _review_stiff(run: Run) -> None:
-    """Go back to the explicit method where that has become cheaper."""
-    state, before = run.state, run.reviewed
-    made = state[at.STEPS] - before[at.STEPS]
-    run.review_at, run.reviewed = int(state[at.STEPS] + 2 * made), state.copy()
-    if run.runner.method.NAME != STIFF:
-        return  # it slides
-    n = run.system.n
-    J = run.runner.function("jacobian", (n + 1) * 2 * n)(run.t, run.y)[: 2 * n * n]
-    if not np.all(np.isfinite(J)):
-        return
-    rate = _fastest(run, J.reshape(n, 2 * n)).rate
-    enough = CHEAPER * _cost(run, before, state)
-    shortest = method(EXPLICIT).IMAGINARY_LIMIT / max(rate, 1e-300)
-    if _operations(run.equations) * PER_STEP / shortest > enough:
-        return
-    system = System(run.equations, replace(run.plan, method=EXPLICIT))
-    system.begin(run.start)
-    system.take_modes(run.system)
-    system.link(EXPLICIT).prepare()
-    cost = _cost(run, *_trial(run, system))
-    if cost > enough:
-        return
-    times = enough / CHEAPER / cost
-    reason = f"no longer stiff: {STIFF} takes {times:.1f} times the operations"
-    run.review_at = MOST_STEPS
-    _go_on(run, system, reason)
-
-
-def _trial(run: Run, system: System) -> tuple[Floats, Floats]:
-    """Give the state before and after some steps of another method.
+def _trial(arc: Arc) -> tuple[at.State, at.State]:
+    """Give the state before and after some steps of another arc.
 
     On a copy; its beginning counts only if that is all.
     """
-    runner, block = system.link(system.plan.method), np.empty((1, 1 + system.size))
-    state = taken_over(run.state, runner)
-    state[at.ROW_LIMIT], state[at.ASK_AT] = -np.inf, 0.0
+    block, state = np.empty((1, 1 + arc.system.size)), arc.state.copy()
+    state.row_limit, state.ask_at = -np.inf, 0.0
     before = state.copy()
-    if runner.advance(state, block, TRIAL) == at.PAUSED:
+    if arc.runner.advance(state, block, TRIAL) == at.PAUSED:
         before = state.copy()
-        runner.advance(state, block, TRIAL)
+        arc.runner.advance(state, block, TRIAL)
     return before, state
 
 
-def _cost(run: Run, before: Floats, after: Floats) -> float:
+def _cost(arc: Arc, before: at.State, after: at.State) -> float:
     """Give how many operations a unit of time took."""
-    n = run.system.n
-    passed = after[at.T] - before[at.T]
+    n = arc.system.n
+    passed = after.t - before.t
     if passed == 0.0:
         return inf
     # Half of the factorisations are real (n^3/3), half complex as real ones of 2 n.
     factorisation = 0.5 * (n**3 / 3 + (2 * n) ** 3 / 3)
-    evaluations = after[at.EVALUATIONS] - before[at.EVALUATIONS]
-    factorisations = after[at.FACTORISATIONS] - before[at.FACTORISATIONS]
-    spent = _operations(run.equations) * evaluations + factorisation * factorisations
+    evaluations = after.evaluations - before.evaluations
+    factorisations = after.factorisations - before.factorisations
+    spent = _operations(arc.equations) * evaluations + factorisation * factorisations
     return float(spent / passed)
 
 
-def _gain(run: Run, system: System) -> float:
+def _gain(arc: Arc, stiff: Arc) -> float:
     """Give how many times larger the stiff method's step is; 0 where it costs more."""
-    before, after = _trial(run, system)
-    h = run.state[at.STEP_H]
-    if _cost(run, before, after) > _operations(run.equations) * PER_STEP / h:
+    before, after = _trial(stiff)
+    h = arc.state.step_h
+    if _cost(arc, before, after) > _operations(arc.equations) * PER_STEP / h:
         return 0.0
-    steps = after[at.STEPS] - before[at.STEPS]
-    return float((after[at.T] - before[at.T]) / steps / h)
+    steps = after.steps - before.steps
+    return float((after.t - before.t) / steps / h)
 
 
 def _operations(equations: Equations) -> float:
@@ -272,39 +304,6 @@ def _operations(equations: Equations) -> float:
     for row in equations.rows:
         nodes += [*row.A, row.b]
     return len(equations.graph.cone(nodes)) + len(equations.q) ** 3 / 3
-
-
-def _switch(run: Run, system: System, fast: Fast, gained: float) -> None:
-    reason = (
-        f"the step was held at the stability bound by {_named(fast.where)}, at "
-        f"{fast.rate:.3g} per unit of time; {STIFF}'s is {gained:.0f} times larger"
-    )
-    _go_on(run, system, reason)
-    run.reviewed, run.review_at = run.state.copy(), run.steps + REVIEWED
-
-
-def _go_on(run: Run, system: System, reason: str) -> None:
-    """Go on with another method."""
-    name = system.plan.method
-    run.choices.append(Choice(f"method: {name} from t = {run.t:.9g} on", reason))
-    state = taken_over(run.state, system.link(name))
-    state[at.AT_BOUND] = 0.0
-    run.plan = system.plan
-    run.use(system)
-    run.state = state
-
-
-def _warn(run: Run, where: tuple[str, ...], advice: str) -> None:
-    code = "step-at-stability-bound"
-    if any(c.code == code for c in run.warnings):
-        return
-    h, rate = run.state[at.STEP_H], run.state[at.SPEED]
-    text = (
-        f"at t = {run.t:.9g} the step ({h:.3g}) is held at the stability bound of "
-        f"{run.runner.method.NAME}, not by accuracy: {_named(where)} at about "
-        f"{rate:.3g} per unit of time"
-    )
-    run.warnings.append(Caution(code, f"{text}; {advice}" if advice else text))
 
 
 def _named(where: tuple[str, ...]) -> str:

@@ -66,7 +66,6 @@ class Outcome(Enum):
         stand. This is a fault of lagsim's: please report the model""",
     )
     INTERRUPTED = "interrupted", ""
-    SWITCHED = "switched", ""  # of an arc: the next one begins
 
     def __init__(self, word: str, advice: str) -> None:
         self.word = word

@@ -8,6 +8,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
@@ -16,16 +17,19 @@ if TYPE_CHECKING:
 NAN = float("nan")
 
 
-def factor(n: int, m: int, augmented: bool, terms: Floats, L: Floats) -> None:
+def factor(p: Parameters) -> None:
     """Factor M, or M + A^T W A."""
+    n = p.n
+    M = p.M
+    L = p.L
     for i in range(n):
         for j in range(i + 1):
-            L[i * n + j] = terms[i * n + j]
-    if augmented:
-        A = at(terms, n * n)
-        for k in range(m):
+            L[i * n + j] = M[i * n + j]
+    if p.augmented > 0.0:
+        A = p.A
+        for k in range(p.m):
             row = at(A, k * n)
-            weight = row_weight(n, terms, row)
+            weight = row_weight(n, M, row)
             for i in range(n):
                 for j in range(i + 1):
                     L[i * n + j] += weight * row[i] * row[j]
@@ -61,14 +65,16 @@ def row_weight(n: int, M: Floats, row: Floats) -> float:
     return largest / square
 
 
-def augment_force(n: int, m: int, terms: Floats) -> None:
+def augment_force(p: Parameters) -> None:
     """Add A^T W b to f."""
-    A = at(terms, n * n)
-    f = at(A, n * m)
-    b = at(f, n)
-    for k in range(m):
+    n = p.n
+    M = p.M
+    A = p.A
+    f = p.f
+    b = p.b
+    for k in range(p.m):
         row = at(A, k * n)
-        weight = row_weight(n, terms, row) * b[k]
+        weight = row_weight(n, M, row) * b[k]
         for j in range(n):
             f[j] += weight * row[j]
 

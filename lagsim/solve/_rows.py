@@ -9,10 +9,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.interface import DIRECTIONS, LEAST_HEALTH, NOTE
+from lagsim.methods.parts.parameters import NOTE, Parameters
 from lagsim.native.kernels.words import at
 from lagsim.solve._cholesky import backward, cholesky, forward
-from lagsim.solve._layout import EXPECTED, HEALTH, MOTION, REFERENCE
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -25,80 +24,79 @@ RANK = 1e-10
 PASSING = 1e-8
 
 
-# per_row holds, m each: scales, right side (w after `impress`), diagonal of R, factors
-# of the reflections, original index, spare; then m*m for `multipliers`.
-def spread(
-    n: int,
-    m: int,
-    A: Floats,
-    L: Floats,
-    lengths: Floats,
-    Y: Floats,
-    per_row: Floats,
-) -> None:
+def spread(p: Parameters) -> None:
     """Make the rows of Y: L^-1 A_i, scaled, and the scales.
 
     The scale of a row is the largest length (m,) that it has had on the way, so that
     one that vanishes is seen to; see `keep_lengths`.
     """
-    for i in range(m):
+    n = p.n
+    A = p.A
+    Y = p.Y
+    lengths = p.lengths
+    scales = p.scales
+    for i in range(p.m):
         row = at(Y, i * n)
         for j in range(n):
             row[j] = A[i * n + j]
-        forward(n, L, row)
+        forward(n, p.L, row)
         length = 0.0
         for j in range(n):
             length += row[j] * row[j]
         length = max(lengths[i], sqrt(length))
-        per_row[i] = 0.0
+        scales[i] = 0.0
         if length > 0.0:
-            per_row[i] = 1.0 / length
+            scales[i] = 1.0 / length
         for j in range(n):
-            row[j] *= per_row[i]
+            row[j] *= scales[i]
 
 
-def keep_lengths(m: int, per_row: Floats, lengths: Floats) -> None:
+def keep_lengths(p: Parameters) -> None:
     """Note the lengths that `spread` has scaled by, of a state on the way.
 
     Not of every state: what a step is tried with may lie anywhere.
     """
-    order = at(per_row, 4 * m)
-    for k in range(m):
+    order = p.order
+    lengths = p.lengths
+    scales = p.scales
+    for k in range(p.m):
         i = int(order[k])
-        if per_row[k] > 0.0:
-            lengths[i] = max(lengths[i], 1.0 / per_row[k])
+        if scales[k] > 0.0:
+            lengths[i] = max(lengths[i], 1.0 / scales[k])
 
 
-def reflect(n: int, m: int, p: Floats, L: Floats, Y: Floats, per_row: Floats) -> int:
+def reflect(p: Parameters) -> int:
     """Triangularise Y^T by reflections with pivoting; give the rank.
 
-    Leaves the size of the last column that is independent in general as HEALTH. Row k
+    Leaves the size of the last column that is independent in general as health. Row k
     of Y then holds R[0:k, k] and the k-th reflection's vector after its first
     component, which is 1. Past the rank that is so, too, as far as anything is left.
     A row is reflected onto the largest of its own entries, which is exchanged into
-    place k and noted after Y: rounding stays among the coordinates that rows join.
+    place k, and noted: rounding stays among the coordinates that rows join.
     """
-    diagonal = at(per_row, 2 * m)
-    factors = at(per_row, 3 * m)
-    aside = at(p, int(p[MOTION]) + n + 2 * m)
-    places = at(Y, n * m)
-    kept = set_aside(n, m, aside, Y, per_row)
+    n = p.n
+    m = p.m
+    Y = p.Y
+    diagonal = p.diagonal
+    factors = p.factors
+    places = p.places
+    kept = set_aside(p)
     for k in range(n):
         places[k] = k
-    cutoff = max(RANK, PASSING * p[REFERENCE])
-    expected = min(n, kept, int(p[EXPECTED]))
-    p[HEALTH] = 1.0
+    cutoff = max(RANK, PASSING * p.reference)
+    expected = min(n, kept, int(p.expected))
+    p.health = 1.0
     rank = expected
     reflected = 0
     for k in range(expected):
         best = longest_row(n, k, kept, Y)
         longest = sqrt(rest_of_row(n, k, at(Y, best * n)))
-        p[HEALTH] = longest
+        p.health = longest
         if longest < cutoff:
             rank = min(rank, k)
         if longest == 0.0:
             break
-        swap(n, m, k, best, Y, per_row)
+        swap(p, k, best)
         row = at(Y, k * n)
         places[k] = largest_entry(n, k, row)
         exchange(n, m, k, int(places[k]), Y)
@@ -112,22 +110,23 @@ def reflect(n: int, m: int, p: Floats, L: Floats, Y: Floats, per_row: Floats) ->
         for i in range(k + 1, m):
             mirror(n, k, row, factors[k], at(Y, i * n))
         reflected = k + 1
-    if p[LEAST_HEALTH] >= NOTE:
-        note_directions(n, m, reflected, p, L, Y, per_row)
-    p[LEAST_HEALTH] = min(p[LEAST_HEALTH], p[HEALTH])
+    if p.least_health >= NOTE:
+        note_directions(p, reflected)
+    p.least_health = min(p.least_health, p.health)
     return rank
 
 
-def note_directions(
-    n: int, m: int, end: int, p: Floats, L: Floats, Y: Floats, per_row: Floats
-) -> None:
+def note_directions(p: Parameters, end: int) -> None:
     """Note the directions of the constraints: one for each of the first reflections."""
-    factors = at(per_row, 3 * m)
-    noted = at(p, int(p[DIRECTIONS]))
-    noted[0] = end
-    u = at(noted, 1)
+    n = p.n
+    L = p.L
+    Y = p.Y
+    factors = p.factors
+    directions = p.directions
+    u = p.mirrored
+    p.noted = end
     for k in range(end):
-        z = at(noted, 1 + n + 2 * n * k)
+        z = at(directions, 2 * n * k)
         mass = at(z, n)
         for j in range(n):
             u[j] = 0.0
@@ -135,7 +134,7 @@ def note_directions(
         for before in range(k + 1):
             j = k - before
             mirror(n, j, at(Y, j * n), factors[j], u)
-        from_places(n, at(Y, n * m), u)
+        from_places(n, p.places, u)
         for a in range(n):
             mass[a] = 0.0
             for j in range(a + 1):
@@ -155,9 +154,11 @@ def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
     return best
 
 
-def set_aside(n: int, m: int, aside: Floats, Y: Floats, per_row: Floats) -> int:
+def set_aside(p: Parameters) -> int:
     """Put the rows that are marked in `aside` (m,) last; give how many are not."""
-    order = at(per_row, 4 * m)
+    m = p.m
+    aside = p.aside
+    order = p.order
     kept = m
     for back in range(m):
         i = m - 1 - back
@@ -169,7 +170,7 @@ def set_aside(n: int, m: int, aside: Floats, Y: Floats, per_row: Floats) -> int:
         i = m - 1 - back
         if aside[i] > 0.0:
             end -= 1
-            swap(n, m, i, end, Y, per_row)
+            swap(p, i, end)
     return kept
 
 
@@ -181,14 +182,17 @@ def rest_of_row(n: int, k: int, row: Floats) -> float:
     return length
 
 
-def swap(n: int, m: int, k: int, i: int, Y: Floats, per_row: Floats) -> None:
+def swap(p: Parameters, k: int, i: int) -> None:
     """Exchange rows k and i of Y, with their scale, right side and index."""
+    n = p.n
+    Y = p.Y
+    scales = p.scales
+    right = p.w
+    order = p.order
     for j in range(n):
         Y[k * n + j], Y[i * n + j] = Y[i * n + j], Y[k * n + j]
-    per_row[k], per_row[i] = per_row[i], per_row[k]
-    right = at(per_row, m)
+    scales[k], scales[i] = scales[i], scales[k]
     right[k], right[i] = right[i], right[k]
-    order = at(per_row, 4 * m)
     order[k], order[i] = order[i], order[k]
 
 
@@ -234,11 +238,14 @@ def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
         x[j] -= product * row[j]
 
 
-def impress(n: int, m: int, rank: int, Y: Floats, per_row: Floats, u: Floats) -> None:
+def impress(p: Parameters, rank: int) -> None:
     """Give u = Q w (n,) with R^T w = right side: the constraint forces times L^-1."""
-    w = at(per_row, m)
-    diagonal = at(per_row, 2 * m)
-    factors = at(per_row, 3 * m)
+    n = p.n
+    Y = p.Y
+    u = p.u
+    w = p.w
+    diagonal = p.diagonal
+    factors = p.factors
     for k in range(rank):
         for j in range(k):
             w[k] -= Y[k * n + j] * w[j]
@@ -250,51 +257,47 @@ def impress(n: int, m: int, rank: int, Y: Floats, per_row: Floats, u: Floats) ->
     for i in range(rank):
         k = rank - 1 - i
         mirror(n, k, at(Y, k * n), factors[k], u)
-    from_places(n, at(Y, n * m), u)
+    from_places(n, p.places, u)
 
 
-def multipliers(
-    n: int, m: int, rank: int, Y: Floats, per_row: Floats, out: Floats
-) -> None:
-    """Give lambda (m,) of R lambda = w in the original scale and order, of least norm.
+def multipliers(p: Parameters, rank: int) -> None:
+    """Leave lambda (m,) of R lambda = w in the original scale and order, of least norm.
 
     With B = R1^-1 R2 and x = R1^-1 w: lambda = (x - B z, z), (I + B^T B) z = B^T x.
     """
-    w = at(per_row, m)
-    order = at(per_row, 4 * m)
-    x = at(per_row, 5 * m)
-    B = at(per_row, 6 * m)
+    m = p.m
+    w = p.w
+    order = p.order
+    x = p.x
+    out = p.multipliers
     for k in range(rank):
         x[k] = w[k]
-    unscaled_backward(n, m, rank, Y, per_row, x)
+    unscaled_backward(p, rank, x)
     if rank < m:
-        shorten(n, m, rank, Y, per_row, x, B, w)
+        shorten(p, rank)
     for c in range(rank, m):
         out[int(order[c])] = w[c - rank]
     for k in range(rank):
         out[int(order[k])] = x[k]
 
 
-def shorten(
-    n: int,
-    m: int,
-    rank: int,
-    Y: Floats,
-    per_row: Floats,
-    x: Floats,
-    B: Floats,
-    free: Floats,
-) -> None:
-    """Give the `free` multipliers z (m - rank,), and x - B z for x, of least norm."""
-    spare = m - rank
+def shorten(p: Parameters, rank: int) -> None:
+    """Leave the free multipliers z (m - rank,) in w, x - B z in x, of least norm."""
+    n = p.n
+    spare = p.m - rank
+    Y = p.Y
+    x = p.x
+    scales = p.scales
+    free = p.w
+    B = p.free
     normal = at(B, rank * spare)
     for c in range(spare):
         column = at(B, c * rank)
         for k in range(rank):
             column[k] = 0.0
-            if per_row[rank + c] > 0.0:
-                column[k] = Y[(rank + c) * n + k] / per_row[rank + c]
-        unscaled_backward(n, m, rank, Y, per_row, column)
+            if scales[rank + c] > 0.0:
+                column[k] = Y[(rank + c) * n + k] / scales[rank + c]
+        unscaled_backward(p, rank, column)
     z = at(x, rank)
     for c in range(spare):
         z[c] = inner(rank, at(B, c * rank), x)
@@ -309,16 +312,17 @@ def shorten(
             x[k] -= B[c * rank + k] * free[c]
 
 
-def unscaled_backward(
-    n: int, m: int, rank: int, Y: Floats, per_row: Floats, x: Floats
-) -> None:
+def unscaled_backward(p: Parameters, rank: int, x: Floats) -> None:
     """Replace x (rank,) by the solution of R1 D^-1 x, D the scales."""
-    diagonal = at(per_row, 2 * m)
+    n = p.n
+    Y = p.Y
+    scales = p.scales
+    diagonal = p.diagonal
     for i in range(rank):
         k = rank - 1 - i
         for j in range(k + 1, rank):
-            x[k] -= Y[j * n + k] * x[j] / per_row[j]
-        x[k] *= per_row[k] / diagonal[k]
+            x[k] -= Y[j * n + k] * x[j] / scales[j]
+        x[k] *= scales[k] / diagonal[k]
 
 
 def inner(length: int, a: Floats, b: Floats) -> float:

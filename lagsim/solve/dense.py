@@ -21,21 +21,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.words import at, external
 from lagsim.solve._cholesky import augment_force, backward, factor, forward
-from lagsim.solve._layout import (
-    AUGMENTED,
-    CONSTANT,
-    COUNT,
-    FACTORED,
-    GAIN,
-    HEALTH,
-    MOTION,
-    QUADRATURES,
-    RANKED,
-    REFERENCE,
-    ROWS,
-)
 from lagsim.solve._rows import impress, keep_lengths, multipliers, reflect, spread
 
 if TYPE_CHECKING:
@@ -47,17 +35,17 @@ REFLECTED = 4.0
 
 
 @external
-def dynamics(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give M (n, n), A (m, n), f (n,), b (m,)."""
 
 
 @external
-def quadratures(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def quadratures(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the rates of what follows the velocities, from q'' and lambda in p."""
 
 
 @external
-def geometry(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give M (n, n), A (m, n), residuals (m,), rates (m,), the largest of each (2,).
 
     The largest against their scales.
@@ -65,7 +53,7 @@ def geometry(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def bends(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def bends(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give what Newton steps leave; y holds them in the place of the velocities.
 
     Of those of the positions (1,) and of the velocities (1,), against the scales of
@@ -74,92 +62,93 @@ def bends(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def loads(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def loads(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the rounding of the forces (n,), and of the rates that follow."""
 
 
 @external
-def columns(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def columns(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the columns of a row, from q'' and lambda in p."""
 
 
-def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,)."""
-    n = int(p[COUNT])
-    motion = at(p, int(p[MOTION]))
+    n = p.n
+    motion = p.motion
     solve_motion(t, y, p)
     for i in range(n):
         out[i] = y[n + i]
         out[n + i] = motion[i]
-    if p[QUADRATURES] > 0.0:
+    if p.size > 2 * n:
         quadratures(t, y, p, at(out, 2 * n))
 
 
-def field(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,) and lambda (m,)."""
-    n = int(p[COUNT])
-    size = 2 * n + int(p[QUADRATURES])
     derivative(t, y, p, out)
-    motion = at(p, int(p[MOTION]))
-    for i in range(int(p[ROWS])):
-        out[size + i] = motion[n + i]
+    multipliers = p.multipliers
+    for i in range(p.m):
+        out[p.size + i] = multipliers[i]
 
 
-def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the columns of a row, without what pulls the state to the constraints."""
-    gain = p[GAIN]
-    p[GAIN] = 0.0
+    gain = p.gain
+    p.gain = 0.0
     solve_motion(t, y, p)
     columns(t, y, p, out)
-    p[GAIN] = gain
+    p.gain = gain
 
 
-def rounding(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give what rounding does to q'' (n,), and that of other rates.
 
     In units of the unit roundoff: that of the forces, each with its sign, and that of
     the constraint forces. In the metric of M reflections leave it anywhere among the
     coordinates that are joined. out has room for 2 size + 4.
     """
-    n = int(p[COUNT])
-    m = int(p[ROWS])
-    motion = at(p, int(p[MOTION]))
-    terms = at(motion, n + 3 * m)
-    f = at(terms, n * n + n * m)
-    reaction = at(out, 2 * n + int(p[QUADRATURES]))
+    n = p.n
+    motion = p.motion
+    f = p.f
+    b = p.b
+    reaction = at(out, p.size)
     solve_motion(t, y, p)
-    gather(n, m, terms, at(motion, n), reaction)
+    gather(p, reaction)
     loads(t, y, p, out)
     for i in range(n):
         f[i] = out[i]
-    for i in range(m):
-        f[n + i] = 0.0
+    for i in range(p.m):
+        b[i] = 0.0
     solve_terms(p)
     for i in range(n):
         out[i] = abs(motion[i]) + REFLECTED * reaction[i]
 
 
-def gather(n: int, m: int, terms: Floats, lam: Floats, out: Floats) -> None:
+def gather(p: Parameters, out: Floats) -> None:
     """Give what constraint forces could do to each coordinate (n,), as accelerations.
 
     The norm of them all in the metric of diag M, among what is joined by rows or by M.
     Where they cancel, what the addends of their rows could do counts.
     """
-    A = at(terms, n * n)
-    f = at(A, n * m)
+    n = p.n
+    M = p.M
+    A = p.A
+    f = p.f
+    b = p.b
+    lam = p.multipliers
     label = at(out, n)
-    join(n, m, terms, label)
+    join(n, p.m, p.terms, label)
     for i in range(n):
         out[i] = 0.0
-    for k in range(m):
+    for k in range(p.m):
         row = at(A, k * n)
         square = 0.0
-        asked = abs(f[n + k])
+        asked = abs(b[k])
         first = 0
         for j in range(n):
-            if row[j] != 0.0 and terms[j * n + j] > 0.0:
-                square += row[j] * row[j] / terms[j * n + j]
-                asked += abs(row[j] * f[j]) / terms[j * n + j]
+            if row[j] != 0.0 and M[j * n + j] > 0.0:
+                square += row[j] * row[j] / M[j * n + j]
+                asked += abs(row[j] * f[j]) / M[j * n + j]
                 first = j
         if square > 0.0:
             force = max(lam[k] * lam[k] * square, asked * asked / square)
@@ -168,8 +157,8 @@ def gather(n: int, m: int, terms: Floats, lam: Floats, out: Floats) -> None:
         i = n - 1 - back
         square = out[int(label[i])]
         label[i] = 0.0
-        if terms[i * n + i] > 0.0:
-            label[i] = sqrt(square / terms[i * n + i])
+        if M[i * n + i] > 0.0:
+            label[i] = sqrt(square / M[i * n + i])
     for i in range(n):
         out[i] = label[i]
 
@@ -195,136 +184,110 @@ def join(n: int, m: int, terms: Floats, label: Floats) -> None:
             return
 
 
-def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the least change (n,) in the metric of M that removes the residuals.
 
     Then the largest residual against its scale, 0, and what the change leaves, (3,).
     """
-    n = int(p[COUNT])
-    m = int(p[ROWS])
-    terms = at(p, int(p[MOTION]) + n + 3 * m)
-    geometry(t, y, p, terms)
-    residuals = at(terms, n * n + n * m)
-    correction(p, residuals, out)
-    out[n] = residuals[2 * m]
+    n = p.n
+    largest = p.largest
+    geometry(t, y, p, p.terms)
+    correction(p, p.gaps, out)
+    out[n] = largest[0]
     out[n + 1] = 0.0
     out[n + 2] = left_over(0, t, y, p, out)
 
 
-def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the same for the velocities and the rates, with HEALTH instead of 0."""
-    n = int(p[COUNT])
-    m = int(p[ROWS])
-    terms = at(p, int(p[MOTION]) + n + 3 * m)
-    geometry(t, y, p, terms)
-    rates = at(terms, n * n + n * m + m)
-    correction(p, rates, out)
-    out[n] = rates[m + 1]
-    out[n + 1] = p[HEALTH]
+def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Give the same for the velocities and the rates, with health instead of 0."""
+    n = p.n
+    largest = p.largest
+    geometry(t, y, p, p.terms)
+    correction(p, p.gap_rates, out)
+    out[n] = largest[1]
+    out[n + 1] = p.health
     out[n + 2] = left_over(1, t, y, p, out)
-    lengths = at(p, int(p[MOTION]) + n + m)
-    keep_lengths(m, at(terms, per_row_at(n, m)), lengths)
-    p[REFERENCE] = max(p[REFERENCE], p[HEALTH])
+    keep_lengths(p)
+    p.reference = max(p.reference, p.health)
 
 
-def left_over(level: int, t: float, y: Floats, p: Floats, step: Floats) -> float:
+def left_over(level: int, t: float, y: Floats, p: Parameters, step: Floats) -> float:
     """Give what a Newton step leaves of the residuals, or of the rates."""
-    n = int(p[COUNT])
-    m = int(p[ROWS])
-    # Where `correction` is done with M and A.
-    found = at(p, int(p[MOTION]) + n + 3 * m)
-    z = at(found, 2)
+    n = p.n
+    z = p.tried
     for i in range(n):
         z[i] = y[i]
         z[n + i] = step[i]
-    bends(t, z, p, found)
-    return float(found[level])
+    bends(t, z, p, p.left)
+    return float(p.left[level])
 
 
-def correction(p: Floats, residuals: Floats, out: Floats) -> None:
+def correction(p: Parameters, residuals: Floats, out: Floats) -> None:
     """Give -M^-1 A^T S^-1 residuals (n,)."""
-    n = int(p[COUNT])
-    m = int(p[ROWS])
-    terms = at(p, int(p[MOTION]) + n + 3 * m)
-    L = at(terms, n * n + n * m + n + 3 * m + 2)
-    Y = at(L, n * n)
-    u = at(Y, n * m + n)
-    per_row = at(u, 2 * n)
-    right = at(per_row, m)
-    order = at(per_row, 4 * m)
-    factor_rows(p, terms)
-    for k in range(m):
-        right[k] = -residuals[int(order[k])] * per_row[k]
-    impress(n, m, int(p[RANKED]), Y, per_row, u)
-    backward(n, L, u, out)
+    scales = p.scales
+    right = p.w
+    order = p.order
+    factor_rows(p)
+    for k in range(p.m):
+        right[k] = -residuals[int(order[k])] * scales[k]
+    impress(p, int(p.ranked))
+    backward(p.n, p.L, p.u, out)
 
 
-def solve_motion(t: float, y: Floats, p: Floats) -> None:
-    """Leave q'' (n,) and lambda (m,) at MOTION."""
-    dynamics(t, y, p, at(p, int(p[MOTION]) + int(p[COUNT]) + 3 * int(p[ROWS])))
+def solve_motion(t: float, y: Floats, p: Parameters) -> None:
+    """Leave q'' (n,) and lambda (m,) as the motion."""
+    dynamics(t, y, p, p.terms)
     solve_terms(p)
 
 
-def solve_terms(p: Floats) -> None:
+def solve_terms(p: Parameters) -> None:
     """Do so for the terms that are there."""
-    n = int(p[COUNT])
-    m = int(p[ROWS])
-    motion = at(p, int(p[MOTION]))
-    terms = at(motion, n + 3 * m)
-    f = at(terms, n * n + n * m)
-    L = at(terms, n * n + n * m + n + 3 * m + 2)
-    Y = at(L, n * n)
-    u = at(Y, n * m + n)
-    v = at(u, n)
-    per_row = at(v, n)
-    if p[AUGMENTED] > 0.0:
-        augment_force(n, m, terms)
-    factor_rows(p, terms)
+    n = p.n
+    motion = p.motion
+    f = p.f
+    L = p.L
+    u = p.u
+    v = p.v
+    if p.augmented > 0.0:
+        augment_force(p)
+    factor_rows(p)
     for j in range(n):
         v[j] = f[j]
     forward(n, L, v)
     for j in range(n):
         u[j] = v[j]
     backward(n, L, u, motion)
-    right_side(n, m, terms, motion, per_row)
-    rank = int(p[RANKED])
-    impress(n, m, rank, Y, per_row, u)
-    multipliers(n, m, rank, Y, per_row, at(motion, n))
+    right_side(p)
+    rank = int(p.ranked)
+    impress(p, rank)
+    multipliers(p, rank)
     for j in range(n):
         u[j] += v[j]
     backward(n, L, u, motion)
 
 
-def per_row_at(n: int, m: int) -> int:
-    """Give where `per_row` is, from the terms on."""
-    return n * n + n * m + n + 3 * m + 2 + n * n + n * m + 3 * n
-
-
-def factor_rows(p: Floats, terms: Floats) -> None:
+def factor_rows(p: Parameters) -> None:
     """Factor M and the rows, as far as that has not been done for the whole arc."""
-    n = int(p[COUNT])
-    m = int(p[ROWS])
-    lengths = at(p, int(p[MOTION]) + n + m)
-    L = at(terms, n * n + n * m + n + 3 * m + 2)
-    Y = at(L, n * n)
-    per_row = at(Y, n * m + 3 * n)
-    if p[FACTORED] < 1.0:
-        factor(n, m, p[AUGMENTED] > 0.0, terms, L)
-    if p[FACTORED] < 2.0:
-        spread(n, m, at(terms, n * n), L, lengths, Y, per_row)
-        p[RANKED] = reflect(n, m, p, L, Y, per_row)
-    p[FACTORED] = p[CONSTANT]
+    if p.factored < 1.0:
+        factor(p)
+    if p.factored < 2.0:
+        spread(p)
+        p.ranked = reflect(p)
+    p.factored = p.constant
 
 
-def right_side(n: int, m: int, terms: Floats, free: Floats, per_row: Floats) -> None:
-    """Give b - A M^-1 f in the order and scale of the rows; free = M^-1 f : (n,)."""
-    A = at(terms, n * n)
-    b = at(terms, n * n + n * m + n)
-    right = at(per_row, m)
-    order = at(per_row, 4 * m)
-    for k in range(m):
+def right_side(p: Parameters) -> None:
+    """Leave b - A M^-1 f in the order and scale of the rows; the motion is M^-1 f."""
+    n = p.n
+    A = p.A
+    b = p.b
+    free = p.motion
+    scales = p.scales
+    right = p.w
+    order = p.order
+    for k in range(p.m):
         i = int(order[k])
         right[k] = b[i]
         for j in range(n):
             right[k] -= A[i * n + j] * free[j]
-        right[k] *= per_row[k]
+        right[k] *= scales[k]

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.words import at, external
 from lagsim.solve._cholesky import augment_force, backward, factor, forward
-from lagsim.solve._layout import AUGMENTED, COUNT, MOTION, QUADRATURES, ROWS, slopes_at
 from lagsim.solve._rows import (
     from_places,
     mirror,
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @external
-def slopes(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give dr/dy (n, 2 n), ds/dy (m, 2 n) and, where there is work, dpower/dy (2 n,).
 
     y = (q, q'); at the q'' and lambda that p holds. Last dpower/d(q'', lambda). What is
@@ -36,25 +36,20 @@ def slopes(t: float, y: Floats, p: Floats, out: Floats) -> None:
     """
 
 
-def jacobian(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give dq''/d(q, q') (n, 2 n) and, where there is work, that of its rate (2 n,)."""
-    n = int(p[COUNT])
-    m = int(p[ROWS])
-    motion = at(p, int(p[MOTION]))
-    terms = at(motion, n + 3 * m)
-    f = at(terms, n * n + n * m)
-    b = at(f, n)
-    L = at(terms, n * n + n * m + n + 3 * m + 2)
-    Y = at(L, n * n)
-    per_row = at(Y, n * m + 3 * n)
-    slope = at(motion, slopes_at(n, m))
-    by_motion = at(slope, (n + m + 1) * 2 * n)
-    column = at(by_motion, n + m)
-    dynamics(t, y, p, terms)
-    factor(n, m, p[AUGMENTED] > 0.0, terms, L)
-    spread(n, m, at(terms, n * n), L, at(motion, n + m), Y, per_row)
-    rank = reflect(n, m, p, L, Y, per_row)
-    solve_again(n, m, rank, p, motion)
+    n = p.n
+    m = p.m
+    f = p.f
+    b = p.b
+    slope = p.slopes
+    by_motion = p.by_motion
+    column = p.column
+    dynamics(t, y, p, p.terms)
+    factor(p)
+    spread(p)
+    rank = reflect(p)
+    solve_again(p, rank, p.motion)
     slopes(t, y, p, slope)
     width = 2 * n
     for c in range(width):
@@ -62,42 +57,42 @@ def jacobian(t: float, y: Floats, p: Floats, out: Floats) -> None:
             f[j] = -slope[j * width + c]
         for i in range(m):
             b[i] = -slope[(n + i) * width + c]
-        solve_again(n, m, rank, p, column)
+        solve_again(p, rank, column)
         for j in range(n):
             out[j * width + c] = column[j]
-        if p[QUADRATURES] > 0.0:
+        if p.size > 2 * n:
             rate = slope[(n + m) * width + c]
             for i in range(n + m):
                 rate += by_motion[i] * column[i]
             out[n * width + c] = rate
 
 
-def solve_again(n: int, m: int, rank: int, p: Floats, out: Floats) -> None:
+def solve_again(p: Parameters, rank: int, out: Floats) -> None:
     """Give q'' (n,) and lambda (m,) for the f and b in the terms, which are used up.
 
     With what `factor` and `reflect` left: L^T q'' = Q w + (1 - Q Q^T) L^-1 f, where
     R^T w = b, and R lambda = w - Q^T L^-1 f.
     """
-    terms = at(p, int(p[MOTION]) + n + 3 * m)
-    f = at(terms, n * n + n * m)
-    b = at(f, n)
-    L = at(terms, n * n + n * m + n + 3 * m + 2)
-    Y = at(L, n * n)
-    per_row = at(Y, n * m + 3 * n)
-    places = at(Y, n * m)
-    w = at(per_row, m)
-    diagonal = at(per_row, 2 * m)
-    factors = at(per_row, 3 * m)
-    order = at(per_row, 4 * m)
-    x = at(per_row, 5 * m)
-    if p[AUGMENTED] > 0.0:
-        augment_force(n, m, terms)
+    n = p.n
+    f = p.f
+    b = p.b
+    L = p.L
+    Y = p.Y
+    places = p.places
+    scales = p.scales
+    w = p.w
+    diagonal = p.diagonal
+    factors = p.factors
+    order = p.order
+    x = p.x
+    if p.augmented > 0.0:
+        augment_force(p)
     forward(n, L, f)
     to_places(n, places, f)
     for k in range(rank):
         mirror(n, k, at(Y, k * n), factors[k], f)
     for k in range(rank):
-        w[k] = b[int(order[k])] * per_row[k]
+        w[k] = b[int(order[k])] * scales[k]
         for j in range(k):
             w[k] -= Y[k * n + j] * w[j]
         w[k] /= diagonal[k]
@@ -108,8 +103,8 @@ def solve_again(n: int, m: int, rank: int, p: Floats, out: Floats) -> None:
         mirror(n, k, at(Y, k * n), factors[k], f)
     from_places(n, places, f)
     backward(n, L, f, out)
-    unscaled_backward(n, m, rank, Y, per_row, x)
-    for i in range(m):
+    unscaled_backward(p, rank, x)
+    for i in range(p.m):
         out[n + i] = 0.0
     for k in range(rank):
         out[n + int(order[k])] = x[k]

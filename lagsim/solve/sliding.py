@@ -16,26 +16,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.interface import (
-    CARRIED,
-    FLOOR,
-    FOLLOWED,
-    HIGH,
-    LEADER,
-    LEAST,
-    LEAST_ROOT,
-    LOW,
-    MOST,
-    NOISE,
-    PER_SURFACE,
-    SHARE,
-    SIDE,
-    SLIDES,
-    SURFACES,
-    SWITCHING,
-)
+from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, Parameters
 from lagsim.native.kernels.words import at, external
-from lagsim.solve._layout import COUNT, GAIN, MOTION, QUADRATURES, ROWS
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -48,17 +30,17 @@ MISSED = 1e-9
 
 
 @external
-def field(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,) and lambda (m,) with each surface on its side."""
 
 
 @external
-def surfaces(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def surfaces(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the expressions (K,) of the surfaces."""
 
 
 @external
-def surface_rows(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def surface_rows(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give residuals (K,), rates (K,), b (K,), scales (K,), and what J has.
 
     A surface in velocities has no residual on the level of positions. J (K, n) is given
@@ -67,88 +49,87 @@ def surface_rows(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def columns(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def columns(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the columns of a row, from q'' and lambda in p."""
 
 
-def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,)."""
-    size = components(p)
-    found = at(p, int(p[SWITCHING]) + fields_at(p))
+    found = p.side_fields
     combine(t, y, p)
-    for i in range(size):
+    for i in range(p.size):
         out[i] = found[i]
 
 
-def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the columns of a row, without what pulls the state to the constraints."""
-    n = int(p[COUNT])
-    m = int(p[ROWS])
-    size = components(p)
-    count = int(p[SURFACES])
-    motion = at(p, int(p[MOTION]))
-    kept = at(p, int(p[SWITCHING]) + 1)
-    found = at(p, int(p[SWITCHING]) + fields_at(p))
-    gain = p[GAIN]
-    p[GAIN] = 0.0
-    for k in range(count):
+    n = p.n
+    motion = p.motion
+    multipliers = p.multipliers
+    found = p.side_fields
+    side = p.side
+    slides = p.slides
+    low = p.low
+    floor = p.floor
+    least_root = p.least_root
+    gain = p.gain
+    p.gain = 0.0
+    for k in range(p.surfaces):
         # Roots are shown as written unless the motion keeps to them.
-        if not kept[SLIDES * count + k] > 0.0:
-            kept[FLOOR * count + k] = 0.0
+        if not slides[k] > 0.0:
+            floor[k] = 0.0
     combine(t, y, p)
-    p[GAIN] = gain
+    p.gain = gain
     for i in range(n):
         motion[i] = found[n + i]
-    for i in range(m):
-        motion[n + i] = found[size + i]
-    for k in range(count):
-        if kept[SLIDES * count + k] > 0.0:
+    for i in range(p.m):
+        multipliers[i] = found[p.size + i]
+    for k in range(p.surfaces):
+        if slides[k] > 0.0:
             leader = k
-            if kept[SLIDES * count + k] == CARRIED:
-                leader = int(kept[LEADER * count + k]) - 1
-            width = kept[HIGH * count + k] - kept[LOW * count + k]
-            between = kept[LOW * count + k] + kept[SHARE * count + leader] * width
-            kept[SIDE * count + k] = between
+            if slides[k] == CARRIED:
+                leader = int(p.leader[k]) - 1
+            side[k] = low[k] + p.share[leader] * (p.high[k] - low[k])
     columns(t, y, p, out)
-    for k in range(count):
-        if kept[SLIDES * count + k] > 0.0:
-            kept[SIDE * count + k] = kept[LOW * count + k]
-        kept[FLOOR * count + k] = kept[LEAST_ROOT * count + k]
+    for k in range(p.surfaces):
+        if slides[k] > 0.0:
+            side[k] = low[k]
+        floor[k] = least_root[k]
 
 
-def margins(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give how far the state is from the end of each mode (K,): below 0 it is over."""
-    count = int(p[SURFACES])
-    kept = at(p, int(p[SWITCHING]) + 1)
-    if p[int(p[SWITCHING])] > 0.0:
+    slides = p.slides
+    share = p.share
+    least = p.least
+    most = p.most
+    if p.sliding > 0.0:
         combine(t, y, p)
     surfaces(t, y, p, out)
-    for k in range(count):
-        low = out[k] - kept[LEAST * count + k]
-        high = kept[MOST * count + k] - out[k]
-        if kept[SLIDES * count + k] == FOLLOWED:
-            low = kept[SHARE * count + k]
-            high = 1.0 - kept[SHARE * count + k]
+    for k in range(p.surfaces):
+        low = out[k] - least[k]
+        high = most[k] - out[k]
+        if slides[k] == FOLLOWED:
+            low = share[k]
+            high = 1.0 - share[k]
         out[k] = min(low, high)
 
 
-def pull(t: float, y: Floats, p: Floats) -> None:
+def pull(t: float, y: Floats, p: Parameters) -> None:
     """Take a state back onto the surfaces that the motion slides along.
 
     Along the change of the force there, as the force itself would. A step that does not
     bring it closer is not made: where the surface's slope vanishes there is no way.
     """
-    n = int(p[COUNT])
-    count = int(p[SURFACES])
-    sliding = int(p[int(p[SWITCHING])])
+    n = p.n
+    sliding = int(p.sliding)
     if sliding == 0:
         return
-    width = components(p) + int(p[ROWS])
-    found = at(p, int(p[SWITCHING]) + fields_at(p))
-    rows = at(p, int(p[SWITCHING]) + rows_at(p))
+    width = p.size + p.m
+    found = p.side_fields
+    right = p.right
+    former = p.former
     combine(t, y, p)
-    right = at(found, (count + 1) * width + count * count)
-    former = at(right, 3 * count)
     weigh(p)
     far = distance(p)
     for i in range(2 * n):
@@ -158,117 +139,90 @@ def pull(t: float, y: Floats, p: Floats) -> None:
         for i in range(n):
             y[i] += change[i] * right[3 * j + 1]
             y[n + i] += change[i] * right[3 * j + 2]
-    surface_rows(t, y, p, rows)
+    surface_rows(t, y, p, p.rows)
     if not distance(p) <= far:
         for i in range(2 * n):
             y[i] = former[i]
 
 
-def weigh(p: Floats) -> None:
+def weigh(p: Parameters) -> None:
     """Leave the slope of each surface that the motion follows where B was."""
-    count = int(p[SURFACES])
-    width = components(p) + int(p[ROWS])
-    kept = at(p, int(p[SWITCHING]) + 1)
-    starts = at(p, int(p[SWITCHING]) + 1 + count * PER_SURFACE)
-    elements = at(p, int(p[SWITCHING]) + rows_at(p) + 4 * count)
-    slopes = at(p, int(p[SWITCHING]) + fields_at(p) + (count + 1) * width)
-    for k in range(count):
+    slides = p.slides
+    starts = p.row_starts
+    J = p.J
+    slopes = p.B
+    for k in range(p.surfaces):
         slopes[k] = 0.0
-        if kept[SLIDES * count + k] == FOLLOWED:
+        if slides[k] == FOLLOWED:
             for e in range(int(starts[k]), int(starts[k + 1])):
-                slopes[k] += abs(elements[e])
+                slopes[k] += abs(J[e])
 
 
-def distance(p: Floats) -> float:
+def distance(p: Parameters) -> float:
     """Give how far the state is from the surfaces that it slides along."""
-    count = int(p[SURFACES])
-    width = components(p) + int(p[ROWS])
-    kept = at(p, int(p[SWITCHING]) + 1)
-    rows = at(p, int(p[SWITCHING]) + rows_at(p))
-    slopes = at(p, int(p[SWITCHING]) + fields_at(p) + (count + 1) * width)
+    residuals = p.residuals
+    rates = p.rates
+    least = p.least
+    most = p.most
+    slopes = p.B
     far = 0.0
-    for k in range(count):
+    for k in range(p.surfaces):
         if slopes[k] > 0.0:
-            off = abs(rows[k] - kept[LEAST * count + k])
-            off += abs(rows[count + k] - kept[MOST * count + k])
+            off = abs(residuals[k] - least[k])
+            off += abs(rates[k] - most[k])
             far += off / slopes[k]
     return far
 
 
-def components(p: Floats) -> int:
-    """Give the size of y."""
-    return 2 * int(p[COUNT]) + int(p[QUADRATURES])
-
-
-def rows_at(p: Floats) -> int:
-    """Give where the rows of the surfaces lie, from SWITCHING on."""
-    count = int(p[SURFACES])
-    pattern = 1 + count * PER_SURFACE
-    return pattern + count + 1 + int(p[int(p[SWITCHING]) + pattern + count])
-
-
-def fields_at(p: Floats) -> int:
-    """Give where the fields lie, from SWITCHING on."""
-    count = int(p[SURFACES])
-    elements = int(p[int(p[SWITCHING]) + 1 + count * PER_SURFACE + count])
-    return rows_at(p) + 4 * count + elements
-
-
-def combine(t: float, y: Floats, p: Floats) -> None:
+def combine(t: float, y: Floats, p: Parameters) -> None:
     """Leave y' (size,) and lambda (m,), then f_k - f0 for each sliding surface.
 
     And the shares.
     """
-    count = int(p[SURFACES])
-    width = components(p) + int(p[ROWS])
-    kept = at(p, int(p[SWITCHING]) + 1)
-    rows = at(p, int(p[SWITCHING]) + rows_at(p))
-    fields = at(p, int(p[SWITCHING]) + fields_at(p))
+    width = p.size + p.m
+    slides = p.slides
+    fields = p.side_fields
     field(t, y, p, fields)
-    sliding = int(p[int(p[SWITCHING])])
+    sliding = int(p.sliding)
     if sliding > 0:
-        surface_rows(t, y, p, rows)
+        surface_rows(t, y, p, p.rows)
         j = 0
-        for k in range(count):
-            if kept[SLIDES * count + k] == FOLLOWED:
+        for k in range(p.surfaces):
+            if slides[k] == FOLLOWED:
                 j += 1
-                take_side(k, HIGH, p)
+                take_side(k, p.high, p)
                 other = at(fields, j * width)
                 field(t, y, p, other)
-                take_side(k, LOW, p)
+                take_side(k, p.low, p)
                 for i in range(width):
                     other[i] -= fields[i]
         share_out(sliding, p)
 
 
-def take_side(k: int, which: int, p: Floats) -> None:
-    """Put a surface, and what it carries along, on the side LOW or HIGH."""
-    count = int(p[SURFACES])
-    kept = at(p, int(p[SWITCHING]) + 1)
-    for i in range(count):
-        if i == k or int(kept[LEADER * count + i]) == k + 1:
-            kept[SIDE * count + i] = kept[which * count + i]
+def take_side(k: int, which: Floats, p: Parameters) -> None:
+    """Put a surface, and what it carries along, on the side p.low or p.high."""
+    side = p.side
+    leader = p.leader
+    for i in range(p.surfaces):
+        if i == k or int(leader[i]) == k + 1:
+            side[i] = which[i]
 
 
-def share_out(sliding: int, p: Floats) -> None:
+def share_out(sliding: int, p: Parameters) -> None:
     """Find the shares, and what takes the state back onto the surfaces."""
-    n = int(p[COUNT])
-    count = int(p[SURFACES])
-    width = components(p) + int(p[ROWS])
-    kept = at(p, int(p[SWITCHING]) + 1)
-    rows = at(p, int(p[SWITCHING]) + rows_at(p))
-    fields = at(p, int(p[SWITCHING]) + fields_at(p))
-    B = at(fields, (count + 1) * width)
-    right = at(B, count * count)
+    n = p.n
+    width = p.size + p.m
+    slides = p.slides
+    fields = p.side_fields
+    B = p.B
+    right = p.right
     i = 0
-    for k in range(count):
-        if kept[SLIDES * count + k] == FOLLOWED:
-            noise = kept[NOISE * count + k]
-            right[3 * i] = above(
-                rows[2 * count + k] - product(k, p, at(fields, n)), noise
-            )
-            right[3 * i + 1] = kept[LEAST * count + k] - rows[k]
-            right[3 * i + 2] = kept[MOST * count + k] - rows[count + k]
+    for k in range(p.surfaces):
+        if slides[k] == FOLLOWED:
+            noise = p.noise[k]
+            right[3 * i] = above(p.asked[k] - product(k, p, at(fields, n)), noise)
+            right[3 * i + 1] = p.least[k] - p.residuals[k]
+            right[3 * i + 2] = p.most[k] - p.rates[k]
             for j in range(sliding):
                 change = at(fields, (j + 1) * width + n)
                 B[i * sliding + j] = above(product(k, p, change), noise)
@@ -295,57 +249,55 @@ def above(x: float, noise: float) -> float:
     return 0.0 if abs(x) <= noise else x
 
 
-def take_shares(sliding: int, p: Floats) -> None:
+def take_shares(sliding: int, p: Parameters) -> None:
     """Combine the fields; a share that does not keep to its surface becomes -1."""
-    n = int(p[COUNT])
-    count = int(p[SURFACES])
-    width = components(p) + int(p[ROWS])
-    kept = at(p, int(p[SWITCHING]) + 1)
-    rows = at(p, int(p[SWITCHING]) + rows_at(p))
-    fields = at(p, int(p[SWITCHING]) + fields_at(p))
-    B = at(fields, (count + 1) * width)
-    right = at(B, count * count)
+    width = p.size + p.m
+    slides = p.slides
+    asked = p.asked
+    share = p.share
+    fields = p.side_fields
+    forced = at(fields, p.n)
+    B = p.B
+    right = p.right
     i = 0
-    for k in range(count):
-        if kept[SLIDES * count + k] == FOLLOWED:
-            kept[SHARE * count + k] = right[3 * i]
-            B[i] = abs(rows[2 * count + k]) + extent(k, p, at(fields, n))
+    for k in range(p.surfaces):
+        if slides[k] == FOLLOWED:
+            share[k] = right[3 * i]
+            B[i] = abs(asked[k]) + extent(k, p, forced)
             i += 1
     for i in range(sliding):
         change = at(fields, (i + 1) * width)
         for c in range(width):
             fields[c] += right[3 * i] * change[c]
     i = 0
-    for k in range(count):
-        if kept[SLIDES * count + k] == FOLLOWED:
-            size = B[i] + extent(k, p, at(fields, n))
-            left = product(k, p, at(fields, n)) - rows[2 * count + k]
-            if not abs(left) <= MISSED * size + kept[NOISE * count + k]:
-                kept[SHARE * count + k] = -1.0
+    for k in range(p.surfaces):
+        if slides[k] == FOLLOWED:
+            size = B[i] + extent(k, p, forced)
+            left = product(k, p, forced) - asked[k]
+            if not abs(left) <= MISSED * size + p.noise[k]:
+                share[k] = -1.0
             i += 1
 
 
-def extent(k: int, p: Floats, a: Floats) -> float:
+def extent(k: int, p: Parameters, a: Floats) -> float:
     """Give the size of the terms of row k of J times a (n,)."""
-    count = int(p[SURFACES])
-    starts = at(p, int(p[SWITCHING]) + 1 + count * PER_SURFACE)
-    places = at(starts, count + 1)
-    elements = at(p, int(p[SWITCHING]) + rows_at(p) + 4 * count)
+    starts = p.row_starts
+    places = p.row_columns
+    J = p.J
     found = 0.0
     for e in range(int(starts[k]), int(starts[k + 1])):
-        found += abs(elements[e] * a[int(places[e])])
+        found += abs(J[e] * a[int(places[e])])
     return found
 
 
-def product(k: int, p: Floats, a: Floats) -> float:
+def product(k: int, p: Parameters, a: Floats) -> float:
     """Give row k of J times a (n,)."""
-    count = int(p[SURFACES])
-    starts = at(p, int(p[SWITCHING]) + 1 + count * PER_SURFACE)
-    places = at(starts, count + 1)
-    elements = at(p, int(p[SWITCHING]) + rows_at(p) + 4 * count)
+    starts = p.row_starts
+    places = p.row_columns
+    J = p.J
     found = 0.0
     for e in range(int(starts[k]), int(starts[k + 1])):
-        found += elements[e] * a[int(places[e])]
+        found += J[e] * a[int(places[e])]
     return found
 
 

@@ -155,7 +155,7 @@ class Attempts:
         if others is None:
             return _judged(first, doubt)
         second = self._made(others)
-        if second.trajectory.outcome.complete or self._is_over(second):
+        if second.trajectory.outcome.complete or self.interrupt.asked:
             return _judged(second, self._doubt(second))
         return _judged(self._made(means, first.bar), doubt)
 
@@ -224,7 +224,7 @@ class Attempts:
 
         if self.job.error_bars is ErrorBars.NEVER:
             return "not asked for"
-        if self.interrupt.signal is not None:
+        if self.interrupt.asked:
             return "the run was cut short"
         always = self.job.error_bars is ErrorBars.ALWAYS
         with progress_bar(quiet=self.job.quiet) as progress:
@@ -240,13 +240,10 @@ class Attempts:
     def _account(self, system: System) -> Account:
         return Account(self.equations, self.start, system)
 
-    def _is_over(self, attempt: Attempt) -> bool:
-        return self.interrupt.signal is not None or attempt.output.fault is not None
-
     def _doubt(self, attempt: Attempt) -> Doubt | None:
         from lagsim.studies.alarms import doubt_about
 
-        if self._is_over(attempt):
+        if self.interrupt.asked:
             return None
         return doubt_about(
             self.equations, self.start, attempt.plan, attempt.trajectory,

@@ -15,7 +15,6 @@ from lagsim.mechanics.equations import Equations, derive
 from lagsim.model.reader import read, read_file
 from lagsim.plan import make_plan
 from lagsim.run.system import System
-from lagsim.solve import _layout
 from tests.support import MODELS
 from tests.sympy_oracle import Numbers, Oracle, random_values
 
@@ -119,14 +118,14 @@ class Native:
         """Give y', q'' and lambda; the latter two are columns of the rows."""
         e = self.equations
         for k, parameter in enumerate(e.model.parameters):
-            self.system.p[_layout.HEADER + k] = values[parameter.name]
+            self.system.p.fixed[k] = values[parameter.name]
         # On the side of each switch that the state is on.
         for k, side in enumerate(self.system.switches.sides):
             (value,) = evaluate(e.graph, [side.node], values)
-            self.system.p[self.system.switching + 1 + k] = math.copysign(1.0, value)
+            self.system.p.side[k] = math.copysign(1.0, value)
         self.runner.prepare()
         # Random states are off the constraints, and not to be brought onto them.
-        self.system.p[_layout.REFERENCE] = 0.0
+        self.system.p.reference = 0.0
         y = np.array([values[name] for name in (*e.q, *e.velocities)] + [0.0])
         y = y[: self.system.size]
         rates = self.runner.function("derivative")(values["t"], y)[: self.system.size]

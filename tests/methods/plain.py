@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from lagsim.methods.parts import driver
-from lagsim.methods.parts import state as at
-from lagsim.methods.parts.switching import search_size
 from lagsim.native.kernels.code import bind
 from lagsim.run.system.runner import FUNCTION
 
@@ -22,28 +18,20 @@ if TYPE_CHECKING:
 MOST_SURFACES = 8
 
 
-def fresh_state(method: ModuleType, y: Any, **header: float) -> Any:
-    """Give the array of state at y; header words by their names in `_state`."""
-    used = method.state_size(len(y))
-    sizes = used + at.lanes_size(len(y))
-    extents = sizes + 3 * len(y)
-    searched = extents + at.extents_size(len(y))
-    s = np.zeros(searched + search_size(MOST_SURFACES))
-    s[at.LANES_AT], s[at.SIZES_BEFORE], s[at.EXTENTS_AT] = used, sizes, extents
-    s[at.SEARCH_AT] = searched
-    s[extents : extents + len(y)] = np.inf
-    s[extents + len(y) : extents + 2 * len(y)] = -np.inf
-    words = {"SIZE": len(y), "RTOL": 1e-9, "ATOL": -1.0, "HEALTH": 1.0, "FRESH": 1.0}
-    words |= {"ROW_STEP": 1.0, "END": 1e9} | header
-    for name, value in words.items():
-        s[getattr(at, name)] = value
-    s[at.HEADER : at.HEADER + len(y)] = y
+def fresh_state(method: ModuleType, y: Any, **words: float) -> Any:
+    """Give the state of a method at y; words by their names in it."""
+    sizes = {name: int(words.pop(name)) for name in ("n",) if name in words}
+    s = method.STATE.made(size=len(y), surfaces=MOST_SURFACES, **sizes)
+    words = {"rtol": 1e-9, "atol": -1.0, "health": 1.0, "fresh": 1.0} | words
+    for name, value in ({"row_step": 1.0, "end": 1e9} | words).items():
+        setattr(s, name, value)
+    s.y[:] = y
     return s
 
 
 def state_of(s: Any) -> Any:
     """Give y of a state: a copy."""
-    return s[at.HEADER : at.HEADER + int(s[at.SIZE])].copy()
+    return s.y.copy()
 
 
 class Plain:
@@ -133,6 +121,6 @@ def second_order(
 
 def _through(call: Callable[..., Any]) -> Callable[..., Any]:
     def function(t: float, y: Any, p: Any, out: Any) -> None:
-        call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+        call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
 
     return function

@@ -260,12 +260,12 @@ def test_plain_python_is_the_native_run():
     call = runner.engine.function("linear", *FUNCTION)
 
     def linear(t, y, p, out):
-        call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+        call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
 
     plain = Plain(exponential, linked(runner) | {"linear": linear})
     native = fresh_state(
         exponential, [1.0, 0.0, 0.0],
-        N=1, FIXED_STEP=0.07, ROW_STEP=0.1, ROW_LIMIT=0.95, END=1.0,
+        n=1, fixed_step=0.07, row_step=0.1, row_limit=0.95, end=1.0,
     )  # fmt: skip
     twin, p = native.copy(), found.system.p.copy()
     out, twin_out = (np.zeros((20, 4)) for _ in range(2))

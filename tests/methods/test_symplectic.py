@@ -61,7 +61,7 @@ def stepper(text, name, h, *, loops=False):
     runner.prepare()
 
     def step(y):
-        s = fresh_state(runner.method, y, N=system.n, FIXED_STEP=h, END=9.0)
+        s = fresh_state(runner.method, y, n=system.n, fixed_step=h, end=9.0)
         assert runner.advance(s, np.zeros((1, 1 + system.size)), 1) == at.PAUSED
         return state_of(s)
 
@@ -104,7 +104,7 @@ def test_compositions_are_symmetric_and_meet_the_conditions_that_are_sums():
     # others are left to the observed orders.
     for module in (kahan_li6, kahan_li8):
         weights = np.array(module.WEIGHTS)
-        assert len(weights) == module.STAGES
+        assert len(weights) == module.STATE.made().stages
         assert list(weights) == list(weights[::-1])
         assert abs(math.fsum(weights) - 1.0) < 4e-16
         for power in range(3, module.ORDER, 2):
@@ -282,9 +282,9 @@ def uncompensated(steps):
     s = fresh_state(
         runner.method,
         np.concatenate([start.q, start.v]),
-        N=2, FIXED_STEP=2 * math.pi / 100, ROW_LIMIT=-1.0,
+        n=2, fixed_step=2 * math.pi / 100, row_limit=-1.0,
     )  # fmt: skip
-    rest = s[at.HEADER + 11 * 4 + 6 :][:4]
+    rest = s.rest
     out = np.zeros((1, 5))
     worst, first = 0.0, None
     for _ in range(steps // 100):

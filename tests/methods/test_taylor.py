@@ -69,7 +69,7 @@ def test_a_step_is_of_that_order(rtol):
     out = np.zeros(1 + 2 * (order + 1))
     y = np.array([2.0, 0.0])
     series = runner.engine.function("series", *FUNCTION)
-    series(0.0, y.ctypes.data, found.system.p.ctypes.data, out.ctypes.data)
+    series(0.0, y.ctypes.data, found.system.p.flat.ctypes.data, out.ctypes.data)
     assert out[0] == order
     steps = np.array([0.6, 0.75, 0.9])
     sums = np.zeros((len(steps), 2))
@@ -189,19 +189,19 @@ class Bare:
         call = runner.engine.function("series", *FUNCTION)
 
         def series(t, y, p, out):
-            call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+            call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
 
         statics = {"GUARD": guard, "PASSED": math.inf, "SAFETY": 1.0}
         self.found, self.p = found, found.system.p
         self.plain = Plain(taylor, linked(runner) | {"series": series}, **statics)
         self.s = fresh_state(
             taylor, [math.pi / 2, math.pi / 2, 0, 0],
-            N=2, RTOL=1e-15, ROW_STEP=4.0, ROW_LIMIT=4.0, END=4.0,
+            n=2, rtol=1e-15, row_step=4.0, row_limit=4.0, end=4.0,
         )  # fmt: skip
 
     def end(self):
         self.plain.kernel("start")(self.s, self.p)
-        while self.s[at.T] < 4.0:
+        while self.s.t < 4.0:
             assert self.plain.kernel("step")(self.s, self.p) == at.DONE
         return state_of(self.s)
 
@@ -230,20 +230,20 @@ def test_plain_python_is_the_native_run(text):
     call = runner.engine.function("series", *FUNCTION)
 
     def series(t, y, p, out):
-        call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+        call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
 
     model = linked(runner) | {"series": series}
     plain = Plain(taylor, model, CONSTRAINED=system.m > 0, WIDE=system.wide)
     y = np.concatenate([found.start.q, found.start.v])
     native = fresh_state(
-        taylor, y, N=system.n, ROW_STEP=0.1, ROW_LIMIT=0.95, END=1.0,
+        taylor, y, n=system.n, row_step=0.1, row_limit=0.95, end=1.0,
     )  # fmt: skip
     twin, p = native.copy(), system.p.copy()
     out, twin_out = (np.zeros((20, 1 + system.size)) for _ in range(2))
     assert runner.advance(native, out, 1000) == at.DONE
     assert plain.advance(twin, p, twin_out.reshape(-1), 20, 1000) == at.DONE
     assert np.array_equal(out, twin_out)
-    assert np.array_equal(native, twin)
+    assert np.array_equal(native.flat, twin.flat)
 
 
 @pytest.mark.parametrize(

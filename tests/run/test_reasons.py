@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from lagsim.run.decisions import Ending
 from lagsim.run.reasons import reason_of
 from lagsim.run.trajectory import Outcome
 from tests.support import run
@@ -126,6 +127,7 @@ TOLD = {
     "NEWTON_FAILED": "the equations of an implicit step could not be solved at t = 2.5 "
     "(x = 1, x_dot = -3): the motion runs",
 }
+ABOUT = {"CONSTRAINT_JUMPS": "rod", "SWITCHES_ACCUMULATE": "`sign(x)`, `y > 0`"}
 
 
 @pytest.mark.parametrize("outcome", TOLD)
@@ -134,8 +136,6 @@ def test_each_end_in_words(outcome):
         t=2.5,
         steps=77,
         runner=SimpleNamespace(method=SimpleNamespace(NAME="dop853")),
-        torn="rod",
-        accumulating="`sign(x)`, `y > 0`",
         equations=SimpleNamespace(
             q=("x",),
             velocities=("x_dot",),
@@ -143,7 +143,8 @@ def test_each_end_in_words(outcome):
         ),
         observed=lambda: [2.5, 1.0, -3.0],
     )
-    assert reason_of(ended, Outcome[outcome]).startswith(TOLD[outcome])
+    ending = Ending(Outcome[outcome], ABOUT.get(outcome, ""))
+    assert reason_of(ended, ending).startswith(TOLD[outcome])
 
 
 def test_a_constraint_that_is_never_met_ends_the_run():

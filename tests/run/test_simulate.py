@@ -12,8 +12,9 @@ import pytest
 
 from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
-from lagsim.methods.parts import state as at
 from lagsim.methods.parts.adaptive import usable_step
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import State
 from lagsim.model.reader import read
 from lagsim.plan import make_plan
 from lagsim.run.arcs import BLOCK
@@ -219,12 +220,12 @@ simulation: {{duration: 2, output_step: 0.01}}
 
 @pytest.mark.parametrize("part", [0.1, 0.85, 0.9, 0.98])
 def test_no_step_is_tried_twice_at_the_last_digit_of_time(part):
-    state = np.zeros(at.HEADER)
-    state[at.T] = 1.1107207345396342
-    state[at.END] = np.nextafter(state[at.T], 2.0)
-    state[at.H] = part * (state[at.END] - state[at.T])
+    state = State.made()
+    state.t = 1.1107207345396342
+    state.end = np.nextafter(state.t, 2.0)
+    state.h = part * (state.end - state.t)
     # Shortened from the whole rest, it is too short to be made at all.
-    assert usable_step(state, np.zeros(20)) == 0.0
+    assert usable_step(state, Parameters.made()) == 0.0
 
 
 def test_kernels_work_for_a_moment_at_a_time(monkeypatch):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.methods.parts import state as at
 from lagsim.methods.parts.stability import record_speed
+from lagsim.methods.parts.state import State
 from tests.support import MODELS, run
 
 VAN_DER_POL = """
@@ -140,13 +140,12 @@ def test_no_shipped_model_is_stiff(name, rtol):
 def speed_of(matrix, masses, difference):
     """Give what two states of y' = matrix y tell, that differ like this."""
     n = len(masses)
-    s = np.zeros(at.HEADER + 3 * 2 * n + 2 + n)
-    s[at.SIZE], s[at.N] = 2 * n, n
-    s[at.HEADER + 6 * n + 2 :] = masses
+    s = State.made(size=2 * n, n=n)
+    s.masses[:n] = masses
     slopes = matrix @ difference
     zero = np.zeros(2 * n)
     record_speed(s, 1.0, 6.0, np.array(difference), slopes, zero, zero)
-    return s[at.SPEED]
+    return s.speed
 
 
 def test_the_speed_is_that_of_the_fastest_motion():

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels import code
 from lagsim.native.kernels.words import at
 from lagsim.native.link import cache
 from lagsim.native.link.engine import Engine
-from lagsim.solve import _layout, _rows
+from lagsim.solve import _rows
 from lagsim.solve.dense import position_step, solve_motion, velocity_step
 
 if TYPE_CHECKING:
@@ -23,18 +24,18 @@ ROUNDING = 2.0**-53
 
 
 # The model's functions that the loops call: they give the system that lies in y.
-def dynamics(t: float, y: Floats, p: Floats, out: Floats) -> None:  # noqa: ARG001
+def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
     """Give M, A, f, b."""
-    n = int(p[0])
-    m = int(p[1])
+    n = p.n
+    m = p.m
     for i in range(n * n + n * m + n + m):
         out[i] = y[i]
 
 
-def geometry(t: float, y: Floats, p: Floats, out: Floats) -> None:  # noqa: ARG001
+def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
     """Give M, A, residuals (from b), rates (twice them), the largest of each."""
-    n = int(p[0])
-    m = int(p[1])
+    n = p.n
+    m = p.m
     for i in range(n * n + n * m):
         out[i] = y[i]
     residuals = at(out, n * n + n * m)
@@ -45,13 +46,13 @@ def geometry(t: float, y: Floats, p: Floats, out: Floats) -> None:  # noqa: ARG0
     residuals[2 * m + 1] = 0.5
 
 
-def bends(t: float, y: Floats, p: Floats, out: Floats) -> None:  # noqa: ARG001
+def bends(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
     """Give what Newton steps leave."""
     out[0] = 0.125
     out[1] = 0.375
 
 
-def solve(t: float, y: Floats, p: Floats, out: Floats) -> None:  # noqa: ARG001
+def solve(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
     """Leave q'' and lambda in p."""
     solve_motion(t, y, p)
 
@@ -60,7 +61,7 @@ KERNELS = (solve, position_step, velocity_step)
 MODEL = {"dynamics": dynamics, "geometry": geometry, "bends": bends}
 
 
-def plain(name: str, y: Floats, p: Floats, out: Floats) -> None:
+def plain(name: str, y: Floats, p: Parameters, out: Floats) -> None:
     kernel = next(k for k in KERNELS if k.__name__ == name)
     code.bind(kernel, MODEL)(0.0, y, p, out)
 
@@ -70,10 +71,10 @@ def native() -> Any:
     engine = Engine([cache.kernel_object([*KERNELS, *MODEL.values()])])
     pointer = ctypes.c_void_p
 
-    def call(name: str, y: Floats, p: Floats, out: Floats) -> None:
+    def call(name: str, y: Floats, p: Parameters, out: Floats) -> None:
         kinds = (ctypes.c_double, pointer, pointer, pointer)
         function = engine.function(name, None, kinds)
-        function(0.0, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+        function(0.0, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
 
     return call
 
@@ -100,20 +101,18 @@ class System:
         m, n = self.A.shape
         parts = (self.M, self.A, self.f, self.b)
         y = np.concatenate([np.ravel(part) for part in parts])
-        p = np.zeros(_layout.HEADER + _layout.workspace(n, m) + 4)
+        p = Parameters.made(n=n, m=m, size=2 * n, loops=1)
+        p = Parameters(np.concatenate([p.flat, GUARD]))
         rank = min(n, m) if self.expected is None else self.expected
-        p[: _layout.HEADER] = [
-            n, m, _layout.HEADER, 0, self.augmented, rank, self.reference, 0, 1.0,
-            _layout.HEADER + _layout.directions(n, m), 0, 0, 0, 0, 0, 0,
-        ]  # fmt: skip
-        p[-4:] = GUARD
+        p.augmented, p.expected, p.reference = self.augmented, rank, self.reference
+        p.least_health = 1.0
         return y, p, np.zeros(n + 3)
 
     def motion(self, call: Any) -> tuple[Any, Any]:
         """Give q'' and lambda."""
         y, p, out = self.arrays
         call("solve", y, p, out)
-        assert p[-4:].tolist() == GUARD  # no more memory than `workspace` says
+        assert p.flat[-4:].tolist() == GUARD  # no more memory than is declared
         return motion_in(p)
 
 
@@ -121,9 +120,7 @@ GUARD = [3.0, 1.0, 4.0, 1.0]
 
 
 def motion_in(p: Any) -> tuple[Any, Any]:
-    n, m = int(p[_layout.COUNT]), int(p[_layout.ROWS])
-    q_ddot, lam = np.split(p[_layout.HEADER : _layout.HEADER + n + m], [n])
-    return q_ddot.copy(), lam.copy()
+    return p.motion[: p.n].copy(), p.multipliers.copy()
 
 
 def random_system(seed: int, n: int, m: int, rank: int | None = None) -> System:
@@ -342,11 +339,11 @@ def test_health_is_kept_in_mind(call: Any) -> None:
         # Rows of length 1, the second of which pivots to its part across the first.
         u, v = nearly_parallel(angle).A
         sine = np.sqrt(1 - (u @ v) ** 2 / (v @ v)) if angle == 1.0 else angle
-        assert out[6] == p[_layout.HEALTH] == pytest.approx(sine, rel=1e-3)
-        assert p[_layout.REFERENCE] == out[6]
+        assert out[6] == p.health == pytest.approx(sine, rel=1e-3)
+        assert p.reference == out[6]
     y, p, out = replace(nearly_parallel(1e-2), reference=0.5).arrays
     call("velocity_step", y, p, out)
-    assert p[_layout.REFERENCE] == 0.5
+    assert p.reference == 0.5
 
 
 def test_a_row_that_vanishes_on_the_way_is_measured_by_its_past(call: Any) -> None:
@@ -377,9 +374,9 @@ def test_what_is_constant_is_factored_once(call: Any, constant: int) -> None:
     n, m = 5, 2
     first, second = random_system(3, n, m), random_system(4, n, m)
     y, p, out = first.arrays
-    p[_layout.CONSTANT] = constant
+    p.constant = constant
     call("solve", y, p, out)
-    assert p[_layout.FACTORED] == constant
+    assert p.factored == constant
     # Were anything of these factored again, this motion would follow from it.
     y = second.arrays[0]
     call("solve", y, p, out)
@@ -392,7 +389,7 @@ def test_what_is_constant_is_factored_once(call: Any, constant: int) -> None:
     expected = least_norm(System(M, A, second.f, second.b))
     assert q_ddot == pytest.approx(expected[0], rel=1e-11, abs=1e-11)
     assert lam == pytest.approx(expected[1], rel=1e-11, abs=1e-11)
-    p[_layout.FACTORED] = 0
+    p.factored = 0
     call("solve", second.arrays[0], p, out)
     expected = least_norm(second)
     assert motion_in(p)[0] == pytest.approx(expected[0], rel=1e-11, abs=1e-11)

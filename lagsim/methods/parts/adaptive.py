@@ -2,23 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.singular import clear_of_loss
-from lagsim.methods.parts.state import (
-    END,
-    FEATURE,
-    FEATURE_REACH,
-    FEATURE_WIDTH,
-    LONGEST,
-    MOST_STEP,
-    PASSES,
-    H,
-    T,
-)
-
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
+from lagsim.methods.parts.state import State
 
 CONSTRAINED = True
 
@@ -32,22 +18,22 @@ SMALLEST = 8.0 * 2.0**-52
 REACHED = 4.0
 
 
-def usable_step(s: Floats, p: Floats) -> float:
+def usable_step(s: State, p: Parameters) -> float:
     """Give the step to try, with t + h exact; 0 where it would be too small."""
-    t = s[T]
-    h = s[H]
-    if s[MOST_STEP] > 0.0:
-        h = min(h, s[MOST_STEP])
-    if s[FEATURE_WIDTH] > 0.0:
+    t = s.t
+    h = s.h
+    if s.most_step > 0.0:
+        h = min(h, s.most_step)
+    if s.feature_width > 0.0:
         h = up_to_feature(s, h)
-    rest = s[END] - t
+    rest = s.end - t
     passes = False
     if CONSTRAINED:
         # A step over a loss of rank has the length that it needs, whatever is asked.
         h = clear_of_loss(s, p, h, rest)
-        passes = s[PASSES] > 0.0
-    if s[LONGEST] > 0.0 and not passes:
-        h = min(h, s[LONGEST])
+        passes = s.passes > 0.0
+    if s.longest > 0.0 and not passes:
+        h = min(h, s.longest)
     # Not t + 1.01 h >= END: rounded, that holds for ever at the last digit of t.
     if 1.01 * h >= rest:
         return float(rest)
@@ -56,15 +42,15 @@ def usable_step(s: Floats, p: Floats) -> float:
     return float((t + h) - t)
 
 
-def up_to_feature(s: Floats, h: float) -> float:
+def up_to_feature(s: State, h: float) -> float:
     """Give the step, no longer than what happens at its own time lets it be.
 
     It ends where that begins; from there steps shrink with the way left to it.
     """
-    away = s[FEATURE] - s[T]
-    before = away - s[FEATURE_REACH] - s[FEATURE_WIDTH]
-    if before > REACHED * SMALLEST * abs(s[T]):
+    away = s.feature - s.t
+    before = away - s.feature_reach - s.feature_width
+    if before > REACHED * SMALLEST * abs(s.t):
         return float(min(h, before))
-    if away < -s[FEATURE_REACH]:
+    if away < -s.feature_reach:
         return h
-    return float(min(h, max(s[FEATURE_WIDTH], CLOSER * abs(away))))
+    return float(min(h, max(s.feature_width, CLOSER * abs(away))))

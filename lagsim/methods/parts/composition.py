@@ -18,23 +18,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts import symplectic
-from lagsim.methods.parts.fixed import hermite
+from lagsim.methods.parts.fixed import (
+    begin,
+    hermite,
+    is_finite,
+    next_time,
+    step_length,
+    take,
+)
 from lagsim.methods.parts.interface import derivative, power
-from lagsim.methods.parts.state import (
-    EVALUATIONS,
-    HEADER,
-    ROW,
-    ROW_LIMIT,
-    ROW_START,
-    ROW_STEP,
-    SIZE,
-    STEP_H,
-    STEP_T,
-    N,
-    T,
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import DONE, NOT_FINITE
+from lagsim.methods.parts.symplectic import (
+    Symplectic,
+    arrive,
+    clear,
+    depart,
+    drift,
+    kick,
 )
 from lagsim.native.kernels.words import at, total, unrolled
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -57,22 +61,76 @@ RISE = (
     (15625 / 88, 15625 / 132, 15625 / 132, 15625 / 88),
 )
 
-# Those of `symplectic`, r (4 size), the quintic (3 size), what is left over (4 size)
-# and a state (size).
-ARRAYS = symplectic.ARRAYS + 12
+
+class Composition(Symplectic):
+    """The Verlet steps that make a step, and the polynomials of the last one."""
+
+    stages: int
+    weights: Floats = array(lambda s: s.stages)
+    ends: Floats = array(
+        lambda s: s.stages
+    )  # of the Verlet steps, as parts of the step
+    # Half of a step's kick before it and half after it; those that meet are one.
+    kicks: Floats = array(lambda s: s.stages + 1)
+    r: Floats = array(lambda s: 4 * s.size)
+    c3: Floats = array(lambda s: s.size)  # the quintic
+    c4: Floats = array(lambda s: s.size)
+    c5: Floats = array(lambda s: s.size)
+    left: Floats = array(lambda s: 4 * s.size)  # what is left over at the four points
+    z: Floats = array(lambda s: s.size)
 
 
-def make_dense(s: Floats, p: Floats) -> None:
+def start(s: Composition, p: Parameters) -> None:
+    """Begin an arc: evaluate at its start."""
+    weights = s.weights
+    ends = s.ends
+    kicks = s.kicks
+    end = 0.0
+    before = 0.0
+    for stage in range(s.stages):
+        kicks[stage] = 0.5 * (before + weights[stage])
+        before = weights[stage]
+        end += before
+        ends[stage] = end
+    kicks[s.stages] = 0.5 * before
+    ends[s.stages - 1] = 1.0
+    begin(s, p)
+    clear(s)
+
+
+def step(s: Composition, p: Parameters) -> int:
+    """Make one step, or give a code other than 0."""
+    weights = s.weights
+    ends = s.ends
+    kicks = s.kicks
+    t = s.t
+    after = next_time(s)
+    h = step_length(s, after)
+    depart(s)
+    kick(s, p, t, kicks[0] * h)
+    for stage in range(s.stages):
+        drift(s, p, t + ends[stage] * h, weights[stage] * h)
+        kick(s, p, t + ends[stage] * h, kicks[stage + 1] * h)
+    if not is_finite(s.size, s.new):
+        return NOT_FINITE
+    s.evaluations += s.stages
+    arrive(s, p, after)
+    take(s, p, after)
+    make_dense(s, p)
+    return DONE
+
+
+def make_dense(s: Composition, p: Parameters) -> None:
     """Make the polynomials: the quintic always, r where a row lies within the step."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    r = at(s, HEADER + 12 * size + 6)
-    left = at(r, 7 * size)
+    size = s.size
+    n = s.n
+    r = s.r
+    left = s.left
     for i in range(4 * size):
         r[i] = 0.0
     quintic(s)
-    row = s[ROW_START] + s[ROW] * s[ROW_STEP]
-    if UNTIL or (row < s[ROW_LIMIT] and row < s[T]):
+    row = s.row_start + s.row * s.row_step
+    if UNTIL or (row < s.row_limit and row < s.t):
         look_within(s, p)
         for i in range(n):
             for m in unrolled(4):
@@ -84,18 +142,17 @@ def make_dense(s: Floats, p: Floats) -> None:
             correct(s, 2 * n, size)
 
 
-def quintic(s: Floats) -> None:
+def quintic(s: Composition) -> None:
     """Find what x^3, x^4, x^5 have in the quintics (3, size) of the positions."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    h = s[STEP_H]
-    y = at(s, HEADER)
-    old = at(s, HEADER + 6 * size + 6)
-    before = at(old, size)
-    k = at(before, size)
-    c3 = at(s, HEADER + 16 * size + 6)
-    c4 = at(c3, size)
-    c5 = at(c4, size)
+    n = s.n
+    h = s.step_h
+    y = s.y
+    old = s.old
+    before = s.before
+    k = s.k
+    c3 = s.c3
+    c4 = s.c4
+    c5 = s.c5
     for i in range(n):
         a0 = h * h * before[n + i]
         rest = y[i] - old[i] - h * old[n + i] - 0.5 * a0
@@ -106,79 +163,78 @@ def quintic(s: Floats) -> None:
         c5[i] = 6.0 * rest - 3.0 * turn + 0.5 * change
 
 
-def look_within(s: Floats, p: Floats) -> None:
+def look_within(s: Composition, p: Parameters) -> None:
     """Find what is left over of the accelerations (4, size)."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    h = s[STEP_H]
-    before = at(s, HEADER + 7 * size + 6)
-    slope = at(s, HEADER + 9 * size + 6)
-    c3 = at(s, HEADER + 16 * size + 6)
-    c4 = at(c3, size)
-    c5 = at(c4, size)
-    left = at(c5, size)
-    z = at(left, 4 * size)
+    size = s.size
+    n = s.n
+    h = s.step_h
+    before = s.before
+    slope = s.slope
+    c3 = s.c3
+    c4 = s.c4
+    c5 = s.c5
+    left = s.left
+    z = s.z
     for j in unrolled(4):
         x = NODES[j]
-        within(s, x, z)
-        derivative(s[STEP_T] + x * h, z, p, slope)
-        s[EVALUATIONS] += 1.0
+        interpolate(s, x, z)
+        derivative(s.step_t + x * h, z, p, slope)
+        s.evaluations += 1.0
         for i in range(n):
             curved = x * (6.0 * c3[i] + x * (12.0 * c4[i] + x * 20.0 * c5[i]))
             left[j * size + i] = h * h * (slope[n + i] - before[n + i]) - curved
             left[j * size + n + i] = h * slope[n + i] - steepness(s, n + i, x)
 
 
-def look_at_power(s: Floats, p: Floats) -> None:
+def look_at_power(s: Composition, p: Parameters) -> None:
     """Find what is left over of the power, on the way now known."""
-    size = int(s[SIZE])
-    h = s[STEP_H]
-    i = 2 * int(s[N])
-    left = at(s, HEADER + 19 * size + 6)
-    z = at(left, 4 * size)
+    size = s.size
+    h = s.step_h
+    i = 2 * s.n
+    left = s.left
+    z = s.z
     for j in unrolled(4):
         x = NODES[j]
-        within(s, x, z)
+        interpolate(s, x, z)
         rate = at(left, j * size + i)
-        power(s[STEP_T] + x * h, z, p, rate)
+        power(s.step_t + x * h, z, p, rate)
         rate[0] = h * rate[0] - steepness(s, i, x)
 
 
-def correct(s: Floats, first: int, end: int) -> None:
+def correct(s: Composition, first: int, end: int) -> None:
     """Find r of the components from `first` on whose rates were looked at."""
-    size = int(s[SIZE])
-    r = at(s, HEADER + 12 * size + 6)
-    left = at(r, 7 * size)
+    size = s.size
+    r = s.r
+    left = s.left
     for i in range(first, end):
         for m in unrolled(4):
             some = total(RISE[m][j] * left[j * size + i] for j in unrolled(4))
             r[m * size + i] = some
 
 
-def steepness(s: Floats, i: int, x: float) -> float:
+def steepness(s: Composition, i: int, x: float) -> float:
     """Give how steep the cubic of component i is, times the step."""
-    size = int(s[SIZE])
-    h = s[STEP_H]
-    old = at(s, HEADER + 6 * size + 6)
-    before = at(old, size)
-    k = at(before, size)
+    h = s.step_h
+    old = s.old
+    before = s.before
+    k = s.k
     u = 1.0 - x
-    change = s[HEADER + i] - old[i]
+    change = s.y[i] - old[i]
     first = h * before[i] - change
     last = h * k[i] - change
     return float(change + u * (u - 2.0 * x) * first + x * (x - 2.0 * u) * last)
 
 
-def within(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: Composition, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    h = s[STEP_H]
-    old = at(s, HEADER + 6 * size + 6)
-    before = at(old, size)
-    c3 = at(s, HEADER + 16 * size + 6)
-    c4 = at(c3, size)
-    c5 = at(c4, size)
+    size = s.size
+    n = s.n
+    h = s.step_h
+    old = s.old
+    before = s.before
+    c3 = s.c3
+    c4 = s.c4
+    c5 = s.c5
     w = x * (1.0 - x)
     hermite(s, x, out)
     for i in range(n):
@@ -189,10 +245,10 @@ def within(s: Floats, x: float, out: Floats) -> None:
         out[i] += w * w * polynomial(s, i, x)
 
 
-def polynomial(s: Floats, i: int, x: float) -> float:
+def polynomial(s: Composition, i: int, x: float) -> float:
     """Give r0 + r1 c + r2 c^2 + r3 c^3 of component i, c = x - 1/2."""
-    size = int(s[SIZE])
-    r = at(s, HEADER + 12 * size + 6)
+    size = s.size
+    r = s.r
     c = x - 0.5
     more = r[size + i] + c * (r[2 * size + i] + c * r[3 * size + i])
     return float(r[i] + c * more)

@@ -14,23 +14,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.interface import derivative, measure, rounding, terms
-from lagsim.methods.parts.state import (
-    ARC_START,
-    ATOL,
-    END,
-    ENERGY,
-    EVALUATIONS,
-    EXTENTS_AT,
-    HEADER,
-    LOOKED,
-    LOST_BELOW,
-    POTENTIAL,
-    ROW_STEP,
-    RTOL,
-    SIZE,
-    N,
-    T,
-)
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at, rare
 
 if TYPE_CHECKING:
@@ -66,21 +51,20 @@ MOST_GUESSES = 20
 LOCAL = 0.1
 
 
-def record_sizes(s: Floats, p: Floats) -> None:
+def record_sizes(s: State, p: Parameters) -> None:
     """Take the state, accepted, into the largest sizes and the energy."""
-    take_measure(s, s[T], at(s, HEADER), p)
+    take_measure(s, s.t, s.y, p)
     record_measured(s, p)
 
 
-def record_measured(s: Floats, p: Floats) -> None:
+def record_measured(s: State, p: Parameters) -> None:
     """Do the same where `set_tolerances` has measured this state last."""
     record_extents(s)
-    s[ENERGY] = energy_scale(s)
-    size = int(s[SIZE])
-    n = int(s[N])
-    masses = at(s, HEADER + 3 * size + 2)
-    parts = at(s, int(s[EXTENTS_AT]) + 2 * size)
-    terms(s[T], at(s, HEADER), p, parts)
+    s.energy = energy_scale(s)
+    n = s.n
+    masses = s.masses
+    parts = s.parts
+    terms(s.t, s.y, p, parts)
     # From here on as accelerations, and the whole in the metric of M.
     masses[n] = 0.0
     for i in range(n):
@@ -91,39 +75,39 @@ def record_measured(s: Floats, p: Floats) -> None:
             parts[i] = 0.0
 
 
-def record_extents(s: Floats) -> None:
+def record_extents(s: State) -> None:
     """Take the state into the largest sizes: all that a fixed step asks for."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    sizes = at(s, HEADER + size)
-    low = at(s, int(s[EXTENTS_AT]))
-    high = at(low, size)
-    noise = at(high, 2 * size)
+    size = s.size
+    y = s.y
+    sizes = s.sizes
+    low = s.low
+    high = s.high
+    noise = s.noise
     for i in range(size):
         sizes[i] = max(sizes[i], abs(y[i]))
         low[i] = min(low[i], y[i])
         high[i] = max(high[i], y[i])
         noise[i] = 0.0
-    s[LOOKED] = 0.0
+    s.looked = 0.0
 
 
-def take_measure(s: Floats, t: float, y: Floats, p: Floats) -> None:
+def take_measure(s: State, t: float, y: Floats, p: Parameters) -> None:
     """Leave what `measure` gives in the state."""
-    measured = at(s, HEADER + 3 * int(s[SIZE]))
+    measured = s.measured
     measure(t, y, p, measured)
-    if s[EVALUATIONS] <= 1.0:
-        s[POTENTIAL] = measured[1]
+    if s.evaluations <= 1.0:
+        s.potential = measured[1]
 
 
-def energy_scale(s: Floats) -> float:
+def energy_scale(s: State) -> float:
     """Give the largest kinetic energy or change of potential, what is measured too."""
-    measured = at(s, HEADER + 3 * int(s[SIZE]))
-    change = abs(measured[1] - s[POTENTIAL])
-    return max(float(s[ENERGY]), abs(float(measured[0])), float(change))
+    measured = s.measured
+    change = abs(measured[1] - s.potential)
+    return max(float(s.energy), abs(float(measured[0])), float(change))
 
 
 def set_tolerances(
-    s: Floats, p: Floats, t: float, new: Floats, rates: Floats, h: float
+    s: State, p: Parameters, t: float, new: Floats, rates: Floats, h: float
 ) -> None:
     """Set the tolerance of each component for a step of length h to `new` at t.
 
@@ -131,27 +115,27 @@ def set_tolerances(
     means that the component has no scale and is not controlled.
     """
     take_measure(s, t, new, p)
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    sizes = at(s, HEADER + size)
-    tolerances = at(s, HEADER + 2 * size)
-    if s[ATOL] >= 0.0:
+    size = s.size
+    n = s.n
+    y = s.y
+    sizes = s.sizes
+    tolerances = s.tolerances
+    if s.atol >= 0.0:
         for i in range(size):
             scale = max(abs(y[i]), abs(new[i]))
-            tolerances[i] = LOCAL * (s[ATOL] + s[RTOL] * scale)
+            tolerances[i] = LOCAL * (s.atol + s.rtol * scale)
         return
-    low = at(s, int(s[EXTENTS_AT]))
-    high = at(low, size)
-    parts = at(high, size)
-    noise = at(parts, size)
-    foreseen = at(noise, size)
+    low = s.low
+    high = s.high
+    parts = s.parts
+    noise = s.noise
+    foreseen = s.foreseen
     # A start from rest with a jump in the force (dry friction) is off by the same part
     # of every step, however short; its first instant is not controlled finer.
-    instant = INSTANT * (s[END] - s[ARC_START]) - (s[T] - s[ARC_START])
+    instant = INSTANT * (s.end - s.arc_start) - (s.t - s.arc_start)
     instant = max(instant, 0.0)
     moment = max(h, instant)
-    rtol = LOCAL * s[RTOL]
+    rtol = LOCAL * s.rtol
     for i in range(size):
         scale = WIDTH * (max(high[i], new[i]) - min(low[i], new[i]))
         if scale == 0.0:
@@ -183,12 +167,11 @@ def against(error: float, tolerance: float) -> float:
     return part
 
 
-def limit_work(s: Floats, new: Floats) -> None:
+def limit_work(s: State, new: Floats) -> None:
     """Control work no finer than the energy that it is compared with."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    tolerances = at(s, HEADER + 2 * size)
-    masses = at(s, HEADER + 3 * size + 2)
+    n = s.n
+    tolerances = s.tolerances
+    masses = s.masses
     if masses[n + 1] < 0.0:
         energy = 0.0
         for i in range(n):
@@ -199,34 +182,34 @@ def limit_work(s: Floats, new: Floats) -> None:
 
 @rare
 def look_again(
-    s: Floats, p: Floats, h: float, new: Floats, k: Floats, health: float
+    s: State, p: Parameters, h: float, new: Floats, k: Floats, health: float
 ) -> int:
     """Look at the rounding in a step h to `new`, and set the tolerances by it.
 
     Gives 0 where that has been done. k : (size,), y' at the start of the step.
     """
-    if s[LOOKED] > 0.0:
+    if s.looked > 0.0:
         return 0
-    size = int(s[SIZE])
-    n = int(s[N])
-    t = s[T]
-    look_at_rounding(s, p, t, at(s, HEADER), k, health)
+    size = s.size
+    n = s.n
+    t = s.t
+    look_at_rounding(s, p, t, s.y, k, health)
     if size > 2 * n:
         # The power of forces has no rounding where everything rests, at the start.
-        noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
-        z = at(s, HEADER + 4 * size + 2)
+        noise = s.noise
+        z = s.work
         rounding(t + h, new, p, z)
         for i in range(2 * n, size):
             if abs(z[i - n]) < 1e300:
                 noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
     set_tolerances(s, p, t + h, new, k, h)
-    s[LOOKED] = 1.0
+    s.looked = 1.0
     return 1
 
 
 @rare
 def look_at_rounding(
-    s: Floats, p: Floats, t: float, y: Floats, k: Floats, health: float
+    s: State, p: Parameters, t: float, y: Floats, k: Floats, health: float
 ) -> None:
     """Find what rounding leaves in the rates k (size,) at y, for this step.
 
@@ -234,12 +217,12 @@ def look_at_rounding(
     that of rows close to a loss of rank, which enlarges the former; y' off the
     constraints says nothing there.
     """
-    size = int(s[SIZE])
-    n = int(s[N])
-    noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
-    z = at(s, HEADER + 4 * size + 2)
+    size = s.size
+    n = s.n
+    noise = s.noise
+    z = s.work
     rounding(t, y, p, z)
-    larger = 1.0 / max(health, float(s[LOST_BELOW]))
+    larger = 1.0 / max(health, float(s.lost_below))
     for i in range(n, size):
         noise[i] = larger * abs(z[i - n])
     if health >= 1.0:
@@ -251,41 +234,41 @@ def look_at_rounding(
 
 
 @rare
-def add_probe(s: Floats, p: Floats, t: float, y: Floats, k: Floats) -> None:
+def add_probe(s: State, p: Parameters, t: float, y: Floats, k: Floats) -> None:
     """Add what the rounding of the state does to its rates k.
 
     Components change by different parts, or a change of the whole scene's size or
     place would hide what cancels.
     """
-    size = int(s[SIZE])
-    n = int(s[N])
-    noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
-    z = at(s, HEADER + 4 * size + 2)
+    size = s.size
+    n = s.n
+    noise = s.noise
+    z = s.work
     slopes = at(z, size)
     for i in range(size):
         part = 0.618033988749895 * (i + 1)
         z[i] = y[i] * (1.0 + PROBE * (0.5 + part - int(part)))
     derivative(t * (1.0 + PROBE), z, p, slopes)
-    s[EVALUATIONS] += 1.0
+    s.evaluations += 1.0
     for i in range(n, size):
         noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
 
 
 @rare
-def foresee(s: Floats, p: Floats, k: Floats) -> None:
+def foresee(s: State, p: Parameters, k: Floats) -> None:
     """Find what becomes of the components at rest in the first instant of an arc.
 
     A force that begins at 0, as a power of the time does, gives them a motion without
     any size. One may set the next in motion. k : (size,), y' at the start.
     """
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    noise = at(s, int(s[EXTENTS_AT]) + 3 * size)
-    foreseen = at(noise, size)
-    z = at(s, HEADER + 4 * size + 2)
+    size = s.size
+    n = s.n
+    y = s.y
+    noise = s.noise
+    foreseen = s.foreseen
+    z = s.work
     slopes = at(z, size)
-    instant = INSTANT * (s[END] - s[T])
+    instant = INSTANT * (s.end - s.t)
     waiting = 0
     for i in range(size):
         foreseen[i] = 0.0
@@ -295,8 +278,8 @@ def foresee(s: Floats, p: Floats, k: Floats) -> None:
         elif abs(k[i]) <= noise[i]:
             waiting += 1
     while waiting > 0:
-        derivative(s[T] + instant, z, p, slopes)
-        s[EVALUATIONS] += 1.0
+        derivative(s.t + instant, z, p, slopes)
+        s.evaluations += 1.0
         before = waiting
         for i in range(n, size):
             rate = abs(slopes[i])
@@ -313,29 +296,29 @@ def foresee(s: Floats, p: Floats, k: Floats) -> None:
 
 
 @rare
-def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
+def first_step(s: State, p: Parameters, order: int, k: Floats) -> float:
     """Give a first step: one explicit Euler step tells how fast the rates change.
 
     k : (size,) is y' at the start. An error that falls with this power of the step,
     against that change, is within the tolerance.
     """
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    z = at(s, HEADER + 4 * size + 2)
+    size = s.size
+    y = s.y
+    z = s.work
     slopes = at(z, size)
-    look_at_rounding(s, p, s[T], y, k, 1.0)
+    look_at_rounding(s, p, s.t, y, k, 1.0)
     foresee(s, p, k)
-    span = s[END] - s[T]
-    h = min(EULER * s[ROW_STEP], span)
-    part = (LOCAL * max(float(s[RTOL]), NOISE)) ** (1.0 / order)
+    span = s.end - s.t
+    h = min(EULER * s.row_step, span)
+    part = (LOCAL * max(float(s.rtol), NOISE)) ** (1.0 / order)
     guess = h
     for _ in range(MOST_GUESSES):
         for i in range(size):
             z[i] = y[i] + h * k[i]
-        derivative(s[T] + h, z, p, slopes)
-        s[EVALUATIONS] += 1.0
+        derivative(s.t + h, z, p, slopes)
+        s.evaluations += 1.0
         # What rests has a scale by now.
-        set_tolerances(s, p, s[T] + h, z, slopes, h)
+        set_tolerances(s, p, s.t + h, z, slopes, h)
         guess = min(part * time_of_change(s, h, k, slopes), FARTHEST * h)
         if guess > 0.1 * h:
             break
@@ -344,14 +327,14 @@ def first_step(s: Floats, p: Floats, order: int, k: Floats) -> float:
 
 
 @rare
-def time_of_change(s: Floats, h: float, k: Floats, slopes: Floats) -> float:
+def time_of_change(s: State, h: float, k: Floats, slopes: Floats) -> float:
     """Give the time in which a rate changes by its own size: from k to `slopes` in h.
 
     Rates that begin at 0 do not count, nor do changes within the tolerances.
     """
-    tolerances = at(s, HEADER + 2 * int(s[SIZE]))
+    tolerances = s.tolerances
     least = 1e300
-    for i in range(int(s[SIZE])):
+    for i in range(s.size):
         change = abs(slopes[i] - k[i])
         if not change < 1e300:
             return 1e-3 * h

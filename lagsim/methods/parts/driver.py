@@ -19,51 +19,20 @@ from lagsim.methods.parts.interface import (
     until,
 )
 from lagsim.methods.parts.looks import overlooked, take_back
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project, project_rows
 from lagsim.methods.parts.singular import watch
 from lagsim.methods.parts.state import (
-    ASK_AT,
-    AT_BOUND,
     BLOCK_FULL,
-    CUT,
     DEGENERATE,
-    DEGENERATE_BELOW,
     DONE,
-    EMITTED,
-    END,
-    EQUATION,
-    EVENT,
     EVENT_FOUND,
-    EXTENTS_AT,
-    FEATURE_END,
     FEATURE_PASSED,
-    FEATURE_WIDTH,
-    FRESH,
-    HEADER,
-    HEALTH,
-    INERTIAS,
-    INERTIAS_AT,
-    MOST_STEP,
-    ORIENTATION,
     PAUSED,
-    PULLED,
     RANK_LOST,
-    ROW,
-    ROW_LIMIT,
-    ROW_START,
-    ROW_STEP,
-    SIZE,
-    SIZES_BEFORE,
-    SMALLEST_STEP,
-    STEP_H,
-    STEP_T,
-    STEPS,
     STIFF,
-    SUSPECT,
     SWITCH_FOUND,
-    SWITCHED,
-    N,
-    T,
+    State,
 )
 from lagsim.methods.parts.switching import find_end
 from lagsim.native.graph.sincos import LANES
@@ -86,13 +55,13 @@ NOWHERE = -1
 ROUNDED = 2.0**-44
 
 
-def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
+def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int:
     """Integrate until `rows` rows are written, `budget` steps made, or all is done.
 
     out : (rows, 1 + size), the time and the state of each row. Gives one of the codes
-    of `_state`; s[EMITTED] says how many rows were written.
+    of `_state`; s.emitted says how many rows were written.
     """
-    s[EMITTED] = 0.0
+    s.emitted = 0.0
     begin(s, p)
     made = 0
     while True:
@@ -101,7 +70,7 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
         code = arrived(s, p)
         if code != NOWHERE:
             return code
-        if s[ASK_AT] > 0.0 and s[AT_BOUND] >= s[ASK_AT]:
+        if s.ask_at > 0.0 and s.at_bound >= s.ask_at:
             return STIFF
         if made >= budget:
             return PAUSED
@@ -111,7 +80,7 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
         code = step(s, p)
         if code != DONE:
             return code
-        s[MOST_STEP] = 0.0
+        s.most_step = 0.0
         if SLEEPERS and has_leapt(s, p) > 0:
             begin(s, p)
             continue
@@ -121,30 +90,30 @@ def advance(s: Floats, p: Floats, out: Floats, rows: int, budget: int) -> int:
             return RANK_LOST
 
 
-def arrived(s: Floats, p: Floats) -> int:
+def arrived(s: State, p: Parameters) -> int:
     """Give the code of what has been reached, if anything; its rows are written."""
-    if s[CUT] > 0.0:
+    if s.cut > 0.0:
         take_cut(s, p)
-        if s[EVENT] == 0.0 and s[SWITCHED] == 0.0:
-            s[FRESH] = 1.0
+        if s.event == 0.0 and s.switched == 0.0:
+            s.fresh = 1.0
             begin(s, p)
-    if s[EVENT] > 0.0:
+    if s.event > 0.0:
         return EVENT_FOUND
-    if SWITCHES and s[SWITCHED] > 0.0:
+    if SWITCHES and s.switched > 0.0:
         return SWITCH_FOUND
-    if s[T] >= s[END]:
+    if s.t >= s.end:
         return DONE
-    if s[FEATURE_WIDTH] > 0.0 and s[T] >= s[FEATURE_END]:
+    if s.feature_width > 0.0 and s.t >= s.feature_end:
         return FEATURE_PASSED
-    if CONSTRAINED and s[HEALTH] < s[DEGENERATE_BELOW]:
+    if CONSTRAINED and s.health < s.degenerate_below:
         return DEGENERATE
     return NOWHERE
 
 
 @rare
-def has_leapt(s: Floats, p: Floats) -> int:
+def has_leapt(s: State, p: Parameters) -> int:
     """Take the last step back where it leapt over something; tell whether it did."""
-    if s[SUSPECT] == 0.0:
+    if s.suspect == 0.0:
         return 0
     x = overlooked(s, p)
     if x == 0.0:
@@ -153,105 +122,109 @@ def has_leapt(s: Floats, p: Floats) -> int:
     return 1
 
 
-def record_step(s: Floats) -> None:
+def record_step(s: State) -> None:
     """Note the smallest step; what an end cuts short does not count."""
-    known = s[SMALLEST_STEP]
-    counts = s[STEPS] > SETTLING and s[T] < s[END]
-    if counts and (known == 0.0 or s[STEP_H] < known):
-        s[SMALLEST_STEP] = s[STEP_H]
+    known = s.smallest_step
+    counts = s.steps > SETTLING and s.t < s.end
+    if counts and (known == 0.0 or s.step_h < known):
+        s.smallest_step = s.step_h
 
 
-def inspect(s: Floats, p: Floats) -> None:
+def inspect(s: State, p: Parameters) -> None:
     """Look for what ends the arc, or the run, within the last step."""
     if SWITCHES or UNTIL:
         find_end(s, p)
-    if SWITCHES and s[CUT] == 0.0:
-        pull_back(s, p, s[T], at(s, HEADER))
-    if s[INERTIAS] > 0.0:
-        note_inertias(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+    if SWITCHES and s.cut == 0.0:
+        pull_back(s, p, s.t, s.y)
+    if s.inertias > 0:
+        note_inertias(s, p, s.work)
 
 
-def note_inertias(s: Floats, p: Floats, now: Floats) -> None:
+def note_inertias(s: State, p: Parameters, now: Floats) -> None:
     """Note how large and how small each inertia is, and when it is smallest.
 
     Where one vanishes beside its usual size, a coordinate loses its meaning. Steps get
     short there, so that the ends of steps come as close as the motion does.
     """
-    count = int(s[INERTIAS])
-    largest = at(s, int(s[INERTIAS_AT]))
-    smallest = at(largest, count)
-    when = at(smallest, count)
-    inertias(s[T], at(s, HEADER), p, now)
+    count = s.inertias
+    largest = s.inertia_largest
+    smallest = s.inertia_smallest
+    when = s.inertia_when
+    inertias(s.t, s.y, p, now)
     for i in range(count):
         largest[i] = max(largest[i], now[i])
         if now[i] < smallest[i]:
             smallest[i] = now[i]
-            when[i] = s[T]
+            when[i] = s.t
 
 
-def keep_sizes(s: Floats) -> None:
+def keep_sizes(s: State) -> None:
     """Note the largest sizes: a step may go far past the switch that will cut it."""
-    size = int(s[SIZE])
-    sizes = at(s, HEADER + size)
-    extents = at(s, int(s[EXTENTS_AT]))
-    before = at(s, int(s[SIZES_BEFORE]))
+    size = s.size
+    sizes = s.sizes
+    low = s.low
+    high = s.high
+    sizes_before = s.sizes_before
+    low_before = s.low_before
+    high_before = s.high_before
     for i in range(size):
-        before[i] = sizes[i]
-    for i in range(2 * size):
-        before[size + i] = extents[i]
+        sizes_before[i] = sizes[i]
+        low_before[i] = low[i]
+        high_before[i] = high[i]
 
 
 @rare
-def take_cut(s: Floats, p: Floats) -> None:
+def take_cut(s: State, p: Parameters) -> None:
     """Take the state at the moment that the last step was cut at."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    z = at(s, HEADER + 4 * size + 2)
-    interpolate(s, s[CUT], z)
+    size = s.size
+    y = s.y
+    z = s.work
+    interpolate(s, s.cut, z)
     for i in range(size):
         y[i] = z[i]
     if SWITCHES:
         # What lies past the switch has not been.
-        sizes = at(s, HEADER + size)
-        low = at(s, int(s[EXTENTS_AT]))
-        high = at(low, size)
-        before = at(s, int(s[SIZES_BEFORE]))
+        sizes = s.sizes
+        low = s.low
+        high = s.high
+        sizes_before = s.sizes_before
+        low_before = s.low_before
+        high_before = s.high_before
         for i in range(size):
-            sizes[i] = max(before[i], abs(y[i]))
-            low[i] = min(before[size + i], y[i])
-            high[i] = max(before[2 * size + i], y[i])
+            sizes[i] = max(sizes_before[i], abs(y[i]))
+            low[i] = min(low_before[i], y[i])
+            high[i] = max(high_before[i], y[i])
     if CONSTRAINED:
-        settle(s, p, s[T], y)
+        settle(s, p, s.t, y)
     if SWITCHES:
-        pull_back(s, p, s[T], y)
-    s[CUT] = 0.0
+        pull_back(s, p, s.t, y)
+    s.cut = 0.0
 
 
-def pull_back(s: Floats, p: Floats, t: float, y: Floats) -> None:
+def pull_back(s: State, p: Parameters, t: float, y: Floats) -> None:
     """Pull a state onto what it slides along, and note how far it moves."""
-    n = int(s[N])
-    former = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    n = s.n
+    former = s.work
     for i in range(2 * n):
         former[i] = y[i]
     pull(t, y, p)
-    s[PULLED] = max(s[PULLED], pulled(s, y, former, 0), pulled(s, y, former, n))
+    s.pulled = max(s.pulled, pulled(s, y, former, 0), pulled(s, y, former, n))
 
 
-def pulled(s: Floats, y: Floats, former: Floats, first: int) -> float:
+def pulled(s: State, y: Floats, former: Floats, first: int) -> float:
     """Give how far positions (first = 0) or velocities (first = n) were pulled.
 
     Against how far those have moved that were pulled, and what their forces' terms do
     in a step, which may cancel. Each counts by the push that it got: bodies that the
     surface does not touch are no measure, nor is where the origin lies.
     """
-    n = int(s[N])
-    size = int(s[SIZE])
-    h = s[STEP_H]
-    sizes = at(s, HEADER + size)
-    masses = at(s, HEADER + 3 * size + 2)
-    low = at(s, int(s[EXTENTS_AT]))
-    high = at(low, size)
-    parts = at(high, size)
+    n = s.n
+    h = s.step_h
+    sizes = s.sizes
+    masses = s.masses
+    low = s.low
+    high = s.high
+    parts = s.parts
     moved = 0.0
     whole = 0.0
     for i in range(n):
@@ -271,24 +244,24 @@ def pulled(s: Floats, y: Floats, former: Floats, first: int) -> float:
     return 1.0  # what is no number, too
 
 
-def begin(s: Floats, p: Floats) -> None:
+def begin(s: State, p: Parameters) -> None:
     """Begin an arc if this is one."""
-    if s[FRESH] > 0.0:
+    if s.fresh > 0.0:
         start(s, p)
         if UNTIL:
-            arm(s, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
-        s[FRESH] = 0.0
+            arm(s, p, s.work)
+        s.fresh = 0.0
 
 
-def emit(s: Floats, p: Floats, out: Floats, rows: int) -> int:
+def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
     """Write the rows up to the time reached; give 0 where the block is full first."""
-    first = int(s[EMITTED])
+    first = int(s.emitted)
     complete = fill(s, out, rows)
-    end = int(s[EMITTED])
-    width = 1 + int(s[SIZE])
+    end = int(s.emitted)
+    width = 1 + s.size
     # The row of the state itself needs nothing.
-    own = s[STEP_H] == 0.0 or out[max(end - 1, 0) * width] == s[T]
-    if end > first and own and s[CUT] == 0.0:
+    own = s.step_h == 0.0 or out[max(end - 1, 0) * width] == s.t
+    if end > first and own and s.cut == 0.0:
         end -= 1
     if CONSTRAINED and end > first:
         settle_rows(s, p, at(out, first * width), end - first)
@@ -299,68 +272,68 @@ def emit(s: Floats, p: Floats, out: Floats, rows: int) -> int:
     return complete
 
 
-def fill(s: Floats, out: Floats, rows: int) -> int:
+def fill(s: State, out: Floats, rows: int) -> int:
     """Write the rows as the method interpolates them; give what `emit` gives."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
+    size = s.size
+    y = s.y
     while True:
-        t = s[ROW_START] + s[ROW] * s[ROW_STEP]
-        if t >= s[ROW_LIMIT] or t > s[T]:
+        t = s.row_start + s.row * s.row_step
+        if t >= s.row_limit or t > s.t:
             return 1
-        written = int(s[EMITTED])
+        written = int(s.emitted)
         if written >= rows:
             return 0
         row = at(out, written * (1 + size))
         row[0] = t
-        if (t == s[T] and s[CUT] == 0.0) or s[STEP_H] == 0.0:
+        if (t == s.t and s.cut == 0.0) or s.step_h == 0.0:
             for i in range(size):
                 row[1 + i] = y[i]
         else:
-            interpolate(s, (t - s[STEP_T]) / s[STEP_H], at(row, 1))
-        s[EMITTED] += 1.0
-        s[ROW] += 1.0
+            interpolate(s, (t - s.step_t) / s.step_h, at(row, 1))
+        s.emitted += 1.0
+        s.row += 1.0
 
 
-def settle_rows(s: Floats, p: Floats, out: Floats, rows: int) -> None:
+def settle_rows(s: State, p: Parameters, out: Floats, rows: int) -> None:
     """Project rows (rows, 1 + size) between steps."""
     if WIDE:
         for first in range(0, rows, LANES):
-            some = at(out, first * (1 + int(s[SIZE])))
+            some = at(out, first * (1 + s.size))
             project_rows(s, p, some, min(LANES, rows - first))
     else:
         for k in range(rows):
-            row = at(out, k * (1 + int(s[SIZE])))
+            row = at(out, k * (1 + s.size))
             settle(s, p, row[0], at(row, 1))
 
 
-def settle(s: Floats, p: Floats, t: float, y: Floats) -> None:
+def settle(s: State, p: Parameters, t: float, y: Floats) -> None:
     """Project a state between steps; one that does not converge stays as it is."""
-    project(s, p, t, s[STEP_H], y, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+    project(s, p, t, s.step_h, y, s.work)
 
 
-def arm(s: Floats, p: Floats, work: Floats) -> None:
+def arm(s: State, p: Parameters, work: Floats) -> None:
     """Note on which side of `until` the state is: it counts once it has been false."""
-    until(s[T], at(s, HEADER), p, work)
+    until(s.t, s.y, p, work)
     orient(s, work[0])
 
 
-def orient(s: Floats, value: float) -> None:
+def orient(s: State, value: float) -> None:
     """Set ORIENTATION as soon as the condition is false."""
-    if s[ORIENTATION] == 0.0:
-        if s[EQUATION] > 0.0:
+    if s.orientation == 0.0:
+        if s.equation > 0.0:
             if value > 0.0:
-                s[ORIENTATION] = 1.0
+                s.orientation = 1.0
             if value < 0.0:
-                s[ORIENTATION] = -1.0
+                s.orientation = -1.0
         elif value < 0.0:
-            s[ORIENTATION] = -1.0
+            s.orientation = -1.0
 
 
 def tabulate(
     states: Floats,
     rows: int,
     size: int,
-    p: Floats,
+    p: Parameters,
     out: Floats,
     width: int,
     work: Floats,

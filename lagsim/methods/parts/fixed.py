@@ -1,8 +1,4 @@
-"""What the methods with a fixed step share: where a step ends, and rows within it.
-
-Their own arrays begin with the state (size) and y' (size) before the last step, then y'
-(size) at the state reached.
-"""
+"""What the methods with a fixed step share: where a step ends, and rows within it."""
 
 from __future__ import annotations
 
@@ -17,22 +13,10 @@ from lagsim.methods.parts.controller import (
 )
 from lagsim.methods.parts.interface import derivative
 from lagsim.methods.parts.newton import CONVERGED, progress
-from lagsim.methods.parts.state import (
-    ARC_START,
-    END,
-    EVALUATIONS,
-    EXTENTS_AT,
-    FIXED_STEP,
-    HEADER,
-    LOOKED,
-    SIZE,
-    STEP_H,
-    STEP_T,
-    STEPS,
-    N,
-    T,
-)
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -40,33 +24,42 @@ if TYPE_CHECKING:
 CONSTRAINED = True
 
 
-def begin(s: Floats, p: Floats) -> None:
+class Fixed(State):
+    """What a method with a fixed step keeps: the last step, and the one it makes."""
+
+    old: Floats = array(lambda s: s.size)  # the state before the last step ...
+    before: Floats = array(lambda s: s.size)  # ... y' there ...
+    k: Floats = array(lambda s: s.size)  # ... and at the state reached
+    slope: Floats = array(lambda s: s.size)  # y' after the step that is made ...
+    new: Floats = array(lambda s: s.size)  # ... and the state there
+
+
+def begin(s: Fixed, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
-    size = int(s[SIZE])
-    derivative(s[T], at(s, HEADER), p, at(s, HEADER + 8 * size + 6))
-    s[EVALUATIONS] += 1.0
-    s[STEP_H] = 0.0
+    derivative(s.t, s.y, p, s.k)
+    s.evaluations += 1.0
+    s.step_h = 0.0
     record_sizes(s, p)
 
 
-def next_time(s: Floats) -> float:
+def next_time(s: State) -> float:
     """Give the end of the step: a whole number of steps into the arc, or its end."""
-    made = floor((s[T] - s[ARC_START]) / s[FIXED_STEP] + 0.5)
-    after = s[ARC_START] + (made + 1) * s[FIXED_STEP]
-    if after + 1e-9 * s[FIXED_STEP] >= s[END]:
-        return float(s[END])
+    made = floor((s.t - s.arc_start) / s.fixed_step + 0.5)
+    after = s.arc_start + (made + 1) * s.fixed_step
+    if after + 1e-9 * s.fixed_step >= s.end:
+        return float(s.end)
     return float(after)
 
 
-def step_length(s: Floats, after: float) -> float:
+def step_length(s: State, after: float) -> float:
     """Give the step that ends at `after`.
 
     Full steps are the same to the last bit, which after - t is not: a symplectic
     method conserves an energy that depends on the step.
     """
-    if after < s[END]:
-        return float(s[FIXED_STEP])
-    return float(after - s[T])
+    if after < s.end:
+        return float(s.fixed_step)
+    return float(after - s.t)
 
 
 def is_finite(size: int, y: Floats) -> bool:
@@ -79,7 +72,7 @@ def is_finite(size: int, y: Floats) -> bool:
 
 
 def judge(
-    s: Floats, p: Floats, h: float, v: Floats, change: Floats,
+    s: Fixed, p: Parameters, h: float, v: Floats, change: Floats,
     iteration: int, moved: float, previous: float,
 ) -> int:  # fmt: skip
     """Say how Newton's method goes on for velocities v, after a change (n,) of them.
@@ -96,15 +89,13 @@ def judge(
     return state
 
 
-def is_rounding(s: Floats, p: Floats, h: float, v: Floats, change: Floats) -> bool:
+def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) -> bool:
     """Tell whether changes of the velocities v (n,) are what rounding makes of them."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    if s[LOOKED] == 0.0:
-        k = at(s, HEADER + 8 * size + 6)
-        look_at_rounding(s, p, s[T], at(s, HEADER), k, 1.0)
-        s[LOOKED] = 1.0
-    noise = at(s, int(s[EXTENTS_AT]) + 3 * size + n)
+    n = s.n
+    if s.looked == 0.0:
+        look_at_rounding(s, p, s.t, s.y, s.k, 1.0)
+        s.looked = 1.0
+    noise = at(s.noise, n)
     most = 0.0
     for i in range(n):
         known = NOISE * abs(v[i]) + h * noise[i]
@@ -113,26 +104,28 @@ def is_rounding(s: Floats, p: Floats, h: float, v: Floats, change: Floats) -> bo
     return most == 0.0
 
 
-def take(s: Floats, p: Floats, after: float, new: Floats, slope: Floats) -> None:
+def take(s: Fixed, p: Parameters, after: float) -> None:
     """Take the new state and y' there; keep the old ones for interpolation."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    old = at(s, HEADER + 6 * size + 6)
-    before = at(old, size)
-    k = at(before, size)
+    slope = s.slope
+    new = s.new
+    size = s.size
+    y = s.y
+    old = s.old
+    before = s.before
+    k = s.k
     for i in range(size):
         old[i] = y[i]
         before[i] = k[i]
         y[i] = new[i]
         k[i] = slope[i]
-    s[STEP_T] = s[T]
-    s[STEP_H] = after - s[T]
-    s[T] = after
-    s[STEPS] += 1.0
+    s.step_t = s.t
+    s.step_h = after - s.t
+    s.t = after
+    s.steps += 1.0
     note_sizes(s, p)
 
 
-def note_sizes(s: Floats, p: Floats) -> None:
+def note_sizes(s: State, p: Parameters) -> None:
     """Take the state into the largest sizes; what only projection needs, for that."""
     if CONSTRAINED:
         record_sizes(s, p)
@@ -140,17 +133,17 @@ def note_sizes(s: Floats, p: Floats) -> None:
         record_extents(s)
 
 
-def hermite(s: Floats, x: float, out: Floats) -> None:
+def hermite(s: Fixed, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step by the cubic through its ends.
 
     Hairer, Norsett and Wanner, Solving ODEs I, II.6.
     """
-    size = int(s[SIZE])
-    h = s[STEP_H]
-    y = at(s, HEADER)
-    old = at(s, HEADER + 6 * size + 6)
-    before = at(old, size)
-    k = at(before, size)
+    size = s.size
+    h = s.step_h
+    y = s.y
+    old = s.old
+    before = s.before
+    k = s.k
     u = 1.0 - x
     for i in range(size):
         change = y[i] - old[i]

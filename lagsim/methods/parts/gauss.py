@@ -16,7 +16,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.fixed import (
+    Fixed,
     begin,
+    hermite,
     is_finite,
     judge,
     next_time,
@@ -31,21 +33,12 @@ from lagsim.methods.parts.interface import (
 )
 from lagsim.methods.parts.lu import decompose, solve, too_large
 from lagsim.methods.parts.newton import CONVERGED, LOST, MOST, RENEW
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import largest_part
-from lagsim.methods.parts.state import (
-    DONE,
-    EVALUATIONS,
-    FACTORISATIONS,
-    HEADER,
-    NEWTON_FAILED,
-    NOT_FINITE,
-    SIZE,
-    STEP_H,
-    N,
-    T,
-)
+from lagsim.methods.parts.state import DONE, NEWTON_FAILED, NOT_FINITE
 from lagsim.methods.parts.symplectic import add
 from lagsim.native.kernels.words import at
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -53,17 +46,32 @@ if TYPE_CHECKING:
 
 CONSTRAINED = False  # for what is shared with methods that can be
 
-# The method's own arrays after those of `_fixed` (3 size): y' after the step (size),
-# the new state (size), a state to ask at (size), what rounding has cut off of q, p and
-# work (size), momenta (n); then these words, and what belongs to stages.
-OWN = 7
-COUNT = 0  # of stages
-DUE = 1  # whether the factors are
-FACTORED_H = 2  # the step they belong to
-NODES = 3  # c (2)
-WEIGHTS = 5  # b (2)
-COEFFICIENTS = 7  # A (2, 2)
-WORDS = 11
+
+class Gauss(Fixed):
+    """Stages, momenta, and the factors of Newton's method."""
+
+    stages: int
+    due: float  # 1 where factors are to be made
+    factored_h: float  # the step they belong to
+    nodes: Floats = array(lambda s: s.stages)  # the tableau: c, b, A
+    weights: Floats = array(lambda s: s.stages)
+    coefficients: Floats = array(lambda s: s.stages * s.stages)
+    z: Floats = array(lambda s: s.size)  # a state to ask at
+    rest: Floats = array(lambda s: s.size)  # what rounding has cut off of q, p, work
+    momenta: Floats = array(lambda s: s.n)
+    # Of each stage: the velocities, those of the step before, what `lagrangian` gives
+    # and what `lagrangian_slopes` does.
+    V: Floats = array(lambda s: s.stages * s.n)
+    V_before: Floats = array(lambda s: s.stages * s.n)
+    found: Floats = array(lambda s: s.stages * (2 * s.n + 1))
+    slopes: Floats = array(lambda s: s.stages * 4 * s.n * s.n)
+    # The Newton matrix, its pivots, the right side.
+    K: Floats = array(lambda s: (s.stages * s.n) ** 2)
+    pivots: Floats = array(lambda s: s.stages * s.n)
+    right: Floats = array(lambda s: s.stages * s.n)
+    M: Floats = array(lambda s: s.n * s.n)
+    M_pivots: Floats = array(lambda s: s.n)
+    change: Floats = array(lambda s: s.n)
 
 
 def refusal(scene: Structure) -> str:
@@ -78,117 +86,88 @@ def refusal(scene: Structure) -> str:
     return too_large(scene)
 
 
-def state_size(size: int, stages: int) -> int:
-    """Give the length of the array of state for `size` components."""
-    n = size // 2
-    return HEADER + 6 * size + 6 + OWN * size + n + WORDS + stage_room(n, stages)
-
-
-def stage_room(n: int, stages: int) -> int:
-    """Give the length of what belongs to stages.
-
-    V (s, n), V of the step before (s, n), momenta, forces and power (s, 2 n + 1), the
-    slopes of each stage (s, 4 n n), the Newton matrix (s n, s n), its pivots and right
-    side (2 s n); inertia (n, n), pivots and change (2 n).
-    """
-    unknowns = stages * n
-    per_stage = 2 * unknowns + stages * (2 * n + 1 + 4 * n * n)
-    return per_stage + unknowns * unknowns + 2 * unknowns + n * n + 2 * n
-
-
-def begin_stages(s: Floats, p: Floats) -> None:
+def start(s: Gauss, p: Parameters) -> None:
     """Begin an arc: momenta from velocities; the stages begin at the velocities."""
     begin(s, p)
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    rest = at(s, HEADER + 12 * size + 6)
-    momenta = at(rest, size)
-    words = at(momenta, n)
-    V = at(words, WORDS)
-    stages = int(words[COUNT])
-    out = at(V, 2 * stages * n)
-    lagrangian(s[T], y, p, out)
+    n = s.n
+    y = s.y
+    rest = s.rest
+    momenta = s.momenta
+    V = s.V
+    out = s.found
+    lagrangian(s.t, y, p, out)
     for i in range(n):
         momenta[i] = out[i]
-    for i in range(size):
+    for i in range(s.size):
         rest[i] = 0.0
-    for stage in range(stages):
+    for stage in range(s.stages):
         for i in range(n):
             V[stage * n + i] = y[n + i]
-    words[DUE] = 1.0
+    s.due = 1.0
 
 
-def gauss_step(s: Floats, p: Floats) -> int:
+def step(s: Gauss, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = int(s[SIZE])
-    slope = at(s, HEADER + 9 * size + 6)
-    new = at(slope, size)
     after = next_time(s)
     h = step_length(s, after)
     predict(s)
     if solve_stages(s, p, h) == 0:
         return NEWTON_FAILED
     conclude(s, h)
-    if not is_finite(size, new):
+    if not is_finite(s.size, s.new):
         return NOT_FINITE
     if solve_velocities(s, p, after, h) == 0:
         return NEWTON_FAILED
-    derivative(after, new, p, slope)
-    s[EVALUATIONS] += 1.0
-    take(s, p, after, new, slope)
+    derivative(after, s.new, p, s.slope)
+    s.evaluations += 1.0
+    take(s, p, after)
     return DONE
 
 
-def predict(s: Floats) -> None:
+def predict(s: Gauss) -> None:
     """Extend the polynomial through the stages' velocities and the last one."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    words = at(s, HEADER + 13 * size + 6 + n)
-    V = at(words, WORDS)
-    stages = int(words[COUNT])
-    old = at(V, stages * n)
+    n = s.n
+    y = s.y
+    nodes = s.nodes
+    V = s.V
+    stages = s.stages
+    old = s.V_before
     for k in range(stages * n):
         old[k] = V[k]
-    if s[STEP_H] == 0.0:
+    if s.step_h == 0.0:
         return
     for stage in range(stages):
-        x = 1.0 + words[NODES + stage]
+        x = 1.0 + nodes[stage]
         for i in range(n):
             # Lagrange's polynomials on the nodes and 1.
             value = 0.0
             for j in range(stages + 1):
-                node = words[NODES + j] if j < stages else 1.0
+                node = nodes[j] if j < stages else 1.0
                 part = old[j * n + i] if j < stages else y[n + i]
                 for k in range(stages + 1):
                     if k != j:
-                        other = words[NODES + k] if k < stages else 1.0
+                        other = nodes[k] if k < stages else 1.0
                         part *= (x - other) / (node - other)
                 value += part
             V[stage * n + i] = value
 
 
-def solve_stages(s: Floats, p: Floats, h: float) -> int:
+def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
     """Solve for the stages' velocities; give 0 where Newton's method fails."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    words = at(s, HEADER + 13 * size + 6 + n)
-    V = at(words, WORDS)
-    stages = int(words[COUNT])
+    n = s.n
+    V = s.V
+    stages = s.stages
     unknowns = stages * n
-    out = at(V, 2 * unknowns)
-    K = at(out, stages * (2 * n + 1 + 4 * n * n))
-    right = at(K, unknowns * unknowns + unknowns)
-    if abs(words[FACTORED_H] - h) > 1e-9 * h:
-        words[DUE] = 1.0
+    right = s.right
+    if abs(s.factored_h - h) > 1e-9 * h:
+        s.due = 1.0
     previous = 0.0
     for iteration in range(MOST):
-        if words[DUE] > 0.0 and renew(s, p, h) == 0:
+        if s.due > 0.0 and renew(s, p, h) == 0:
             return 0
-        words[DUE] = 0.0
+        s.due = 0.0
         residual(s, p, h)
-        solve(unknowns, K, at(K, unknowns * unknowns), right)
+        solve(unknowns, s.K, s.pivots, right)
         moved = 0.0
         worst = 0
         for stage in range(stages):
@@ -206,113 +185,109 @@ def solve_stages(s: Floats, p: Floats, h: float) -> int:
         if state == LOST:
             return 0
         if state == RENEW:
-            words[DUE] = 1.0
+            s.due = 1.0
         previous = moved
     return 0
 
 
-def residual(s: Floats, p: Floats, h: float) -> None:
+def residual(s: Gauss, p: Parameters, h: float) -> None:
     """Leave p0 + h sum a_ij F_j - dL/dq'(Q_i, V_i) as the right side."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    momenta = at(s, HEADER + 13 * size + 6)
-    words = at(momenta, n)
-    stages = int(words[COUNT])
-    out = at(words, WORDS + 2 * stages * n)
-    right = at(out, stages * (2 * n + 1 + 4 * n * n) + (stages * n + 1) * stages * n)
-    z = at(s, HEADER + 11 * size + 6)
+    n = s.n
+    momenta = s.momenta
+    nodes = s.nodes
+    A = s.coefficients
+    stages = s.stages
+    out = s.found
+    right = s.right
+    z = s.z
     width = 2 * n + 1
     for stage in range(stages):
         place(s, stage, h, z)
-        lagrangian(s[T] + words[NODES + stage] * h, z, p, at(out, stage * width))
-    s[EVALUATIONS] += stages
+        lagrangian(s.t + nodes[stage] * h, z, p, at(out, stage * width))
+    s.evaluations += stages
     for stage in range(stages):
         for i in range(n):
             value = momenta[i] - out[stage * width + i]
             for j in range(stages):
-                a = words[COEFFICIENTS + 2 * stage + j]
+                a = A[stage * stages + j]
                 value += h * a * out[j * width + n + i]
             right[stage * n + i] = value
 
 
-def place(s: Floats, stage: int, h: float, z: Floats) -> None:
+def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
     """Give the state (Q, V) of a stage."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    words = at(s, HEADER + 13 * size + 6 + n)
-    V = at(words, WORDS)
+    n = s.n
+    y = s.y
+    A = s.coefficients
+    V = s.V
     for i in range(n):
         moved = 0.0
-        for j in range(int(words[COUNT])):
-            moved += words[COEFFICIENTS + 2 * stage + j] * V[j * n + i]
+        for j in range(s.stages):
+            moved += A[stage * s.stages + j] * V[j * n + i]
         z[i] = y[i] + h * moved
         z[n + i] = V[stage * n + i]
-    if size > 2 * n:
+    if s.size > 2 * n:
         z[2 * n] = y[2 * n]
 
 
-def renew(s: Floats, p: Floats, h: float) -> int:
+def renew(s: Gauss, p: Parameters, h: float) -> int:
     """Factor the Newton matrix at the present stages; give 0 where it is singular."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    words = at(s, HEADER + 13 * size + 6 + n)
-    stages = int(words[COUNT])
+    n = s.n
+    nodes = s.nodes
+    stages = s.stages
     unknowns = stages * n
-    slopes = at(words, WORDS + 2 * unknowns + stages * (2 * n + 1))
-    K = at(slopes, stages * 4 * n * n)
-    z = at(s, HEADER + 11 * size + 6)
+    slopes = s.slopes
+    K = s.K
+    z = s.z
     block = 4 * n * n
     for stage in range(stages):
         place(s, stage, h, z)
-        t = s[T] + words[NODES + stage] * h
+        t = s.t + nodes[stage] * h
         lagrangian_slopes(t, z, p, at(slopes, stage * block))
-    s[FACTORISATIONS] += 1.0
-    words[FACTORED_H] = h
+    s.factorisations += 1.0
+    s.factored_h = h
     for i in range(stages):
         for k in range(stages):
             for r in range(n):
                 for c in range(n):
-                    K[(i * n + r) * unknowns + k * n + c] = entry(
-                        n, words, slopes, h, i, k, r * n + c
-                    )
-    return decompose(unknowns, K, at(K, unknowns * unknowns))
+                    K[(i * n + r) * unknowns + k * n + c] = entry(s, h, i, k, r * n + c)
+    return decompose(unknowns, K, s.pivots)
 
 
-def entry(
-    n: int, words: Floats, slopes: Floats, h: float, i: int, k: int, rc: int
-) -> float:
+def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
     """Give d(dL/dq'(Q_i, V_i) - h sum a_ij F_j)/dV_k, one of its entries."""
-    square = n * n
-    a = at(words, COEFFICIENTS)
-    value = h * a[2 * i + k] * slopes[i * 4 * square + rc]
+    square = s.n * s.n
+    stages = s.stages
+    slopes = s.slopes
+    a = s.coefficients
+    value = h * a[stages * i + k] * slopes[i * 4 * square + rc]
     if i == k:
         value += slopes[i * 4 * square + square + rc]
-    for j in range(int(words[COUNT])):
-        slope = h * a[2 * j + k] * slopes[j * 4 * square + 2 * square + rc]
+    for j in range(stages):
+        slope = h * a[stages * j + k] * slopes[j * 4 * square + 2 * square + rc]
         if j == k:
             slope += slopes[j * 4 * square + 3 * square + rc]
-        value -= h * a[2 * i + j] * slope
+        value -= h * a[stages * i + j] * slope
     return float(value)
 
 
-def conclude(s: Floats, h: float) -> None:
+def conclude(s: Gauss, h: float) -> None:
     """Give the new positions, momenta and work; the velocities go on for a start."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    new = at(s, HEADER + 10 * size + 6)
-    rest = at(s, HEADER + 12 * size + 6)
-    momenta = at(rest, size)
-    words = at(momenta, n)
-    stages = int(words[COUNT])
-    V = at(words, WORDS)
-    out = at(V, 2 * stages * n)
+    size = s.size
+    n = s.n
+    y = s.y
+    new = s.new
+    rest = s.rest
+    momenta = s.momenta
+    weights = s.weights
+    stages = s.stages
+    V = s.V
+    out = s.found
     width = 2 * n + 1
     for i in range(size):
         new[i] = y[i]
     for stage in range(stages):
-        weight = h * words[WEIGHTS + stage]
+        weight = h * weights[stage]
         forces = at(out, stage * width + n)
         add(n, new, rest, weight, at(V, stage * n))
         add(n, momenta, at(rest, n), weight, forces)
@@ -322,30 +297,27 @@ def conclude(s: Floats, h: float) -> None:
         new[n + i] = V[(stages - 1) * n + i]
 
 
-def solve_velocities(s: Floats, p: Floats, t: float, h: float) -> int:
+def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
     """Solve dL/dq' = p for the velocities; give 0 where Newton's method fails."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    new = at(s, HEADER + 10 * size + 6)
-    momenta = at(s, HEADER + 13 * size + 6)
-    words = at(momenta, n)
-    stages = int(words[COUNT])
-    out = at(words, WORDS + 2 * stages * n)
-    M = at(words, WORDS + stage_room(n, stages) - n * n - 2 * n)
-    change = at(M, n * n + n)
+    n = s.n
+    new = s.new
+    momenta = s.momenta
+    out = s.found
+    M = s.M
+    change = s.change
     previous = 0.0
     renewing = RENEW
     for iteration in range(MOST):
         if renewing == RENEW:
             inertia(t, new, p, M)
-            s[FACTORISATIONS] += 1.0
-            if decompose(n, M, at(M, n * n)) == 0:
+            s.factorisations += 1.0
+            if decompose(n, M, s.M_pivots) == 0:
                 return 0
         lagrangian(t, new, p, out)
-        s[EVALUATIONS] += 1.0
+        s.evaluations += 1.0
         for i in range(n):
             change[i] = momenta[i] - out[i]
-        solve(n, M, at(M, n * n), change)
+        solve(n, M, s.M_pivots, change)
         moved = largest_part(1, s, h, at(new, n), change)
         for i in range(n):
             new[n + i] += change[i]
@@ -356,3 +328,8 @@ def solve_velocities(s: Floats, p: Floats, t: float, h: float) -> int:
             return 0
         previous = moved
     return 0
+
+
+def interpolate(s: Gauss, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step: cubic Hermite."""
+    hermite(s, x, out)

@@ -8,60 +8,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import external
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
 
-# Where a kernel finds in p what a solve of the constraints leaves for it.
-LEAST_HEALTH = 8  # the smallest independence of the rows since a kernel set it to 1
-# Offset of the directions of the rows, or 0: how many, n numbers of no meaning, then
-# z (n) and M z (n) of each, orthonormal in the metric of M. They are noted where
-# LEAST_HEALTH is set to NOTE.
-DIRECTIONS = 9
-NOTE = 2.0
-
-# Switches in the state: how many surfaces there are (K), and where things lie. First
-# how many of them the motion slides along, then, K each:
-SWITCHING = 10
-SURFACES = 11
-SIDE = 0  # the mode variables
-SLIDES = 1  # see below
-LOW = 2  # what the mode variable is on the two sides of what the motion slides along
-HIGH = 3
-LEAST = 4  # between these the expression of the surface stays; while it slides they
-MOST = 5  # are what the residual and the rate are kept at
-SHARE = 6  # of the upper side, in the combination that stays on the surface
-SLACK = 7  # how far past its end a mode still counts as lasting
-BAND = 8  # and how far it must be past it for more than noise
-LEADER = 9  # the number, from 1, of the sliding surface that carries it along; or 0
-NOISE = 10  # a rate this small is rounding, while it slides
-FLOOR = 11  # roots of it are taken of no less, in the motion; see `switches.roots`
-LEAST_ROOT = 12  # and what that is set to between rows
-PER_SURFACE = 13
-
-# SLIDES is this where the motion follows a surface and where one is carried along by
-# another; where the expression keeps its level on a whole stretch, or nothing but the
-# choice of a side tells on which it is, it is below 0.
-FOLLOWED = 2.0
-CARRIED = 1.0
-LEVEL = -1.0
-CHOSEN = -2.0
-
-
 @external
-def derivative(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,) at y = (q, q', work if the model has it, quadratures)."""
 
 
 @external
-def series(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def series(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the order K (1,), then the Taylor coefficients y_0 ... y_K (K + 1, size)."""
 
 
 @external
-def linear(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def linear(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give A of z' = A z and P of power = z^T P z, where z = (q, q', 1).
 
     Of each: how many entries are not zero, then i, j and the value of each of them.
@@ -69,7 +35,7 @@ def linear(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the Newton step onto the holonomic constraints, in the metric of M.
 
     The step (n,), then the largest residual against its scale, 0, and what will be left
@@ -78,7 +44,7 @@ def position_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the same for the velocities; how independent the rows are, instead of 0.
 
     About the smallest singular value of the scaled constraint rows: 0 where they lose
@@ -87,7 +53,7 @@ def velocity_step(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def position_steps(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def position_steps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give `position_step` of LANES states, each of t, y and out LANES wide.
 
     y begins with t. Where the model's functions are straight-line code.
@@ -95,12 +61,12 @@ def position_steps(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def velocity_steps(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def velocity_steps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give `velocity_step` in the same way."""
 
 
 @external
-def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def measure(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give q'Mq'/2, the rest of the energy (2,), and the diagonal of M (n,).
 
     Then 0 (1,), and -1 where the model has work.
@@ -108,7 +74,7 @@ def measure(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def terms(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def terms(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give how large the terms are that each force (n,) is a sum of.
 
     Then those of the rates of what follows q' in y.
@@ -116,7 +82,7 @@ def terms(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def rounding(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give what the rounding of the forces does to q'' (n,), in units of roundoff.
 
     Then the rounding of the rates of what follows q' in y.
@@ -124,7 +90,7 @@ def rounding(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def jacobian(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give dq''/d(q, q') (n, 2 n) row by row, exactly; for NEEDS = ("jacobian",).
 
     Where the model has work, the row of its rate (2 n,) follows.
@@ -132,12 +98,12 @@ def jacobian(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def power(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def power(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the rate of `work` (1,), 0 where the model has none. NEEDS "power"."""
 
 
 @external
-def lagrangian(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def lagrangian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give dL/dq' (n,), dL/dq + Q (n,), the rate of `work` (1,). NEEDS "lagrangian".
 
     Q are the generalized forces; for scenes without constraints.
@@ -145,32 +111,32 @@ def lagrangian(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def lagrangian_slopes(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def lagrangian_slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the derivatives of dL/dq' to q and q', of dL/dq + Q to both; (n, n) each."""
 
 
 @external
-def inertia(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def inertia(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give M (n, n), which dL/dq' has as its derivative to q'. NEEDS "lagrangian"."""
 
 
 @external
-def inertias(t: float, y: Floats, p: Floats, out: Floats) -> None:
-    """Give the pivots of M that vary with positions, s[INERTIAS] of them."""
+def inertias(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Give the pivots of M that vary with positions, s.inertias of them."""
 
 
 @external
-def until(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def until(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the residual or gap (1,) of the relation that ends the run."""
 
 
 @external
-def margins(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give how far the state is from leaving the mode of each surface (K,)."""
 
 
 @external
-def signals(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def signals(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the arguments that are watched and their rates (2 K,) at y and y' (2 size,).
 
     y' stands behind y; see `_looks`.
@@ -178,28 +144,28 @@ def signals(t: float, y: Floats, p: Floats, out: Floats) -> None:
 
 
 @external
-def pull(t: float, y: Floats, p: Floats) -> None:
+def pull(t: float, y: Floats, p: Parameters) -> None:
     """Take a state back onto the surfaces that the motion slides along."""
 
 
 @external
-def start(s: Floats, p: Floats) -> None:
+def start(s: State, p: Parameters) -> None:
     """Begin an arc: evaluate at its start, choose the first step."""
 
 
 @external
-def step(s: Floats, p: Floats) -> int:
+def step(s: State, p: Parameters) -> int:
     """Make one accepted step, or give a code other than 0."""
     raise NotImplementedError
 
 
 @external
-def interpolate(s: Floats, x: float, out: Floats) -> None:
+def interpolate(s: State, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step."""
 
 
 @external
-def observe(t: float, y: Floats, p: Floats, out: Floats) -> None:
+def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give all columns of a row; or of LANES of them, each of t, y and out LANES wide.
 
     y then begins with t.

@@ -18,23 +18,8 @@ from math import log, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.interface import derivative, interpolate, signals
-from lagsim.methods.parts.state import (
-    CUT,
-    EVALUATIONS,
-    FRESH,
-    HEADER,
-    LOOKS_AT,
-    MOST_STEP,
-    REJECTIONS,
-    SIGNALS,
-    SIZE,
-    STEP_H,
-    STEP_T,
-    STEPS,
-    SUSPECT,
-    N,
-    T,
-)
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at, rare
 
 if TYPE_CHECKING:
@@ -82,16 +67,9 @@ TINY = 1e-300
 AT_END = 1e-9
 
 
-def looks_size(size: int, count: int) -> int:
-    """Give how much memory looks for so many signals need."""
-    return 9 * count + 6 * size if count else 0
-
-
-# The memory at LOOKS_AT: kinds, powers, highest (K each), first, middle, last (2 K
-# each: values, then rates), then y and y' of a look (2 size), room (4 size).
 def suspect(
-    s: Floats,
-    p: Floats,
+    s: State,
+    p: Parameters,
     h: float,
     old: Floats,
     old_rates: Floats,
@@ -102,20 +80,19 @@ def suspect(
 
     From y and y' (size,) at both ends, between which both are interpolated.
     """
-    size = int(s[SIZE])
-    n = int(s[N])
-    count = int(s[SIGNALS])
-    own = at(s, int(s[LOOKS_AT]))
-    z = at(own, 9 * count)
+    size = s.size
+    n = s.n
+    count = s.signals
+    z = s.look
     rates = at(z, size)
     for i in range(size):
         z[i] = old[i]
         rates[i] = old_rates[i]
-    signals(s[T], z, p, at(own, 3 * count))
+    signals(s.t, z, p, s.signals_first)
     for i in range(size):
         z[i] = new[i]
         rates[i] = new_rates[i]
-    signals(s[T] + h, z, p, at(own, 7 * count))
+    signals(s.t + h, z, p, s.signals_last)
     for i in range(size):
         change = new[i] - old[i]
         A = h * old_rates[i]
@@ -134,30 +111,25 @@ def suspect(
         x = BETWEEN
         y = 1.0 - BETWEEN
         z[i] += x * x * y * y * (y * a + x * b)
-    signals(s[T] + BETWEEN * h, z, p, at(own, 5 * count))
-    s[SUSPECT] = 0.0
+    signals(s.t + BETWEEN * h, z, p, s.signals_middle)
+    s.suspect = 0.0
     for k in range(count):
-        if stirs(k, count, h, own):
-            s[SUSPECT] = 1.0
+        if stirs(s, k, h):
+            s.suspect = 1.0
 
 
-def stirs(k: int, count: int, h: float, own: Floats) -> bool:
+def stirs(s: State, k: int, h: float) -> bool:
     """Tell whether signal k may come closer to waking inside a step than at its ends.
 
     Or is not known from its ends.
     """
-    kind = own[k]
-    power = own[count + k]
-    a = own[3 * count + k]
-    m = own[5 * count + k]
-    b = own[7 * count + k]
-    first = distance(kind, power, a)
-    middle = distance(kind, power, m)
-    last = distance(kind, power, b)
-    if not known(k, count, h, own):
+    first = away(s, k, s.signals_first)
+    middle = away(s, k, s.signals_middle)
+    last = away(s, k, s.signals_last)
+    if not known(s, k, h):
         return True
-    left = closest(k, 3, 5, count, BETWEEN * h, own)
-    right = closest(k, 5, 7, count, (1.0 - BETWEEN) * h, own)
+    left = closest(s, k, s.signals_first, s.signals_middle, BETWEEN * h)
+    right = closest(s, k, s.signals_middle, s.signals_last, (1.0 - BETWEEN) * h)
     dip = min(first, max(middle, right, last)) - left
     dip = max(dip, min(max(first, left), max(right, last)) - middle)
     dip = max(dip, min(max(first, left, middle), last) - right)
@@ -175,20 +147,29 @@ def distance(kind: float, power: float, u: float) -> float:
     return -power * log(max(abs(u), TINY))
 
 
+def away(s: State, k: int, at_look: Floats) -> float:
+    """Give that of signal k at a look."""
+    return distance(s.kinds[k], s.powers[k], at_look[k])
+
+
 @rare
-def known(k: int, count: int, width: float, own: Floats) -> bool:
+def known(s: State, k: int, width: float) -> bool:
     """Tell whether values and rates at both ends give the value in the middle."""
-    kind = own[k]
-    power = own[count + k]
-    a = own[3 * count + k]
-    m = own[5 * count + k]
-    b = own[7 * count + k]
-    A = width * own[4 * count + k]
-    B = width * own[8 * count + k]
+    kind = s.kinds[k]
+    power = s.powers[k]
+    first = s.signals_first
+    middle = s.signals_middle
+    last = s.signals_last
+    a = first[k]
+    m = middle[k]
+    b = last[k]
+    rate = s.signals + k
+    A = width * first[rate]
+    B = width * last[rate]
     P = 3.0 * (b - a) - 2.0 * A - B
     Q = A + B - 2.0 * (b - a)
     guess = a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q))
-    turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q) - width * own[6 * count + k]
+    turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q) - width * middle[rate]
     off = max(abs(guess - m), TURNED * abs(turned))
     if not off < 1e300:
         return False
@@ -201,19 +182,14 @@ def known(k: int, count: int, width: float, own: Floats) -> bool:
 
 
 @rare
-def closest(
-    k: int, left: int, right: int, count: int, width: float, own: Floats
-) -> float:
-    """Give the least distance of signal k on the cubic between two looks.
-
-    left, right : where they lie, in numbers of signals.
-    """
-    kind = own[k]
-    power = own[count + k]
-    a = own[left * count + k]
-    b = own[right * count + k]
-    A = width * own[(left + 1) * count + k]
-    B = width * own[(right + 1) * count + k]
+def closest(s: State, k: int, left: Floats, right: Floats, width: float) -> float:
+    """Give the least distance of signal k on the cubic between two looks."""
+    kind = s.kinds[k]
+    power = s.powers[k]
+    a = left[k]
+    b = right[k]
+    A = width * left[s.signals + k]
+    B = width * right[s.signals + k]
     least = min(distance(kind, power, a), distance(kind, power, b))
     # c(x) = a + A x + P x^2 + Q x^3
     P = 3.0 * (b - a) - 2.0 * A - B
@@ -237,34 +213,36 @@ def closest(
 
 
 @rare
-def overlooked(s: Floats, p: Floats) -> float:
+def overlooked(s: State, p: Parameters) -> float:
     """Give a place in the last step, as a fraction, where y' is not what it should be.
 
     Or 0 where there is none. What cannot be searched by MOST_LOOKS looks counts too.
     """
-    count = int(s[SIGNALS])
-    h = s[STEP_H]
-    own = at(s, int(s[LOOKS_AT]))
-    look_at_signals(s, p, 0.0, at(own, 3 * count))
+    count = s.signals
+    h = s.step_h
+    first = s.signals_first
+    last = s.signals_last
+    farthest = s.farthest
+    look_at_signals(s, p, 0.0, first)
     for k in range(count):
-        own[2 * count + k] = distance(own[k], own[count + k], own[3 * count + k])
+        farthest[k] = away(s, k, first)
     low = 0.0
     width = 0.5
     looks = 0
     while low < 1.0:
         high = min(low + width, 1.0)
-        look_at_signals(s, p, high, at(own, 7 * count))
-        look_at_signals(s, p, low + BETWEEN * (high - low), at(own, 5 * count))
+        look_at_signals(s, p, high, last)
+        look_at_signals(s, p, low + BETWEEN * (high - low), s.signals_middle)
         looks += 2
         clear = True
         for k in range(count):
-            clear = clear and known(k, count, (high - low) * h, own)
+            clear = clear and known(s, k, (high - low) * h)
         if clear or high - low < FINEST:
             found = visit(s, p, low, high)
             if found > 0.0:
                 return found
             for i in range(2 * count):
-                own[3 * count + i] = own[7 * count + i]
+                first[i] = last[i]
             low = high
             width = 2.0 * width
         elif looks >= MOST_LOOKS:
@@ -275,18 +253,18 @@ def overlooked(s: Floats, p: Floats) -> float:
 
 
 @rare
-def look_at_signals(s: Floats, p: Floats, x: float, out: Floats) -> None:
+def look_at_signals(s: State, p: Parameters, x: float, out: Floats) -> None:
     """Give the signals and their rates (2 K,) at the fraction x of the last step."""
-    z = at(s, int(s[LOOKS_AT]) + 9 * int(s[SIGNALS]))
+    z = s.look
     slopes(s, x, z)
     interpolate(s, x, z)
-    signals(s[STEP_T] + x * s[STEP_H], z, p, out)
+    signals(s.step_t + x * s.step_h, z, p, out)
 
 
 @rare
-def slopes(s: Floats, x: float, z: Floats) -> None:
+def slopes(s: State, x: float, z: Floats) -> None:
     """Leave the slope of the dense output in z[size:]; z : (6 size,)."""
-    size = int(s[SIZE])
+    size = s.size
     rates = at(z, size)
     a = at(z, 2 * size)
     b = at(z, 3 * size)
@@ -295,38 +273,38 @@ def slopes(s: Floats, x: float, z: Floats) -> None:
     interpolate(s, x + 2.0 * BESIDE, b)
     interpolate(s, x - BESIDE, c)
     interpolate(s, x + BESIDE, z)
-    unit = 1.0 / (12.0 * BESIDE * s[STEP_H])
+    unit = 1.0 / (12.0 * BESIDE * s.step_h)
     for i in range(size):
         rates[i] = unit * (8.0 * (z[i] - c[i]) - (b[i] - a[i]))
 
 
 @rare
-def visit(s: Floats, p: Floats, low: float, high: float) -> float:
+def visit(s: State, p: Parameters, low: float, high: float) -> float:
     """Look where a signal comes close between two looks; give what `overlooked` does.
 
     Keeps how far each has been since.
     """
-    count = int(s[SIGNALS])
-    own = at(s, int(s[LOOKS_AT]))
-    highest = at(own, 2 * count)
-    width = (high - low) * s[STEP_H]
+    count = s.signals
+    farthest = s.farthest
+    middle = s.signals_middle
+    width = (high - low) * s.step_h
     found = 0.0
     for k in range(count):
         least = min(
-            closest(k, 3, 5, count, BETWEEN * width, own),
-            closest(k, 5, 7, count, (1.0 - BETWEEN) * width, own),
+            closest(s, k, s.signals_first, middle, BETWEEN * width),
+            closest(s, k, middle, s.signals_last, (1.0 - BETWEEN) * width),
         )
-        end = distance(own[k], own[count + k], own[7 * count + k])
-        if highest[k] - least > WAKES and found == 0.0:
+        end = away(s, k, s.signals_last)
+        if farthest[k] - least > WAKES and found == 0.0:
             found = visited(s, p, k, low, high)
             if end - least > FLAT:
-                highest[k] = least
-        highest[k] = max(highest[k], end)
+                farthest[k] = least
+        farthest[k] = max(farthest[k], end)
     return found
 
 
 @rare
-def visited(s: Floats, p: Floats, k: int, low: float, high: float) -> float:
+def visited(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     """Look at the closest approach of signal k in [low, high], and around it."""
     x = approach(s, p, k, low, high)
     if high - x < AT_END * (high - low):
@@ -341,21 +319,21 @@ def visited(s: Floats, p: Floats, k: int, low: float, high: float) -> float:
         beside *= 2.0
         if left:
             left = x - beside > 0.0
-            away = apart(s, p, k, x - beside) - least if left else 0.0
-            left = left and away < FOOT
-            if left and away > SHOULDER and differs(s, p, x - beside):
+            far = apart(s, p, k, x - beside) - least if left else 0.0
+            left = left and far < FOOT
+            if left and far > SHOULDER and differs(s, p, x - beside):
                 return x - beside
         if right:
             right = x + beside < 1.0
-            away = apart(s, p, k, x + beside) - least if right else 0.0
-            right = right and away < FOOT
-            if right and away > SHOULDER and differs(s, p, x + beside):
+            far = apart(s, p, k, x + beside) - least if right else 0.0
+            right = right and far < FOOT
+            if right and far > SHOULDER and differs(s, p, x + beside):
                 return x
     return 0.0
 
 
 @rare
-def approach(s: Floats, p: Floats, k: int, low: float, high: float) -> float:
+def approach(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     """Give where signal k is closest to waking in [low, high], by golden section."""
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
@@ -378,47 +356,44 @@ def approach(s: Floats, p: Floats, k: int, low: float, high: float) -> float:
 
 
 @rare
-def apart(s: Floats, p: Floats, k: int, x: float) -> float:
+def apart(s: State, p: Parameters, k: int, x: float) -> float:
     """Give the distance of one signal at the fraction x of the last step."""
-    count = int(s[SIGNALS])
-    own = at(s, int(s[LOOKS_AT]))
-    z = at(own, 9 * count)
-    interpolate(s, x, z)
-    signals(s[STEP_T] + x * s[STEP_H], z, p, at(own, 5 * count))
-    return distance(own[k], own[count + k], own[5 * count + k])
+    interpolate(s, x, s.look)
+    signals(s.step_t + x * s.step_h, s.look, p, s.signals_middle)
+    return away(s, k, s.signals_middle)
 
 
 @rare
-def differs(s: Floats, p: Floats, x: float) -> bool:
+def differs(s: State, p: Parameters, x: float) -> bool:
     """Tell whether y' is not the slope of the dense output, for all that is allowed."""
-    size = int(s[SIZE])
-    z = at(s, int(s[LOOKS_AT]) + 9 * int(s[SIGNALS]))
+    size = s.size
+    z = s.look
     rates = at(z, size)
     right = at(z, 2 * size)
-    tolerances = at(s, HEADER + 2 * size)
+    tolerances = s.tolerances
     slopes(s, x, z)
     interpolate(s, x, z)
-    derivative(s[STEP_T] + x * s[STEP_H], z, p, right)
-    s[EVALUATIONS] += 1.0
-    for i in range(int(s[N]), size):
-        off = abs(right[i] - rates[i]) * s[STEP_H]
+    derivative(s.step_t + x * s.step_h, z, p, right)
+    s.evaluations += 1.0
+    for i in range(s.n, size):
+        off = abs(right[i] - rates[i]) * s.step_h
         if tolerances[i] > 0.0 and not off <= PASSED * tolerances[i]:
             return True
     return False
 
 
 @rare
-def take_back(s: Floats, x: float) -> None:
+def take_back(s: State, x: float) -> None:
     """Take the last step back; the next is half as long as to its fraction x."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    z = at(s, int(s[LOOKS_AT]) + 9 * int(s[SIGNALS]))
+    size = s.size
+    y = s.y
+    z = s.look
     interpolate(s, 0.0, z)
     for i in range(size):
         y[i] = z[i]
-    s[T] = s[STEP_T]
-    s[MOST_STEP] = 0.5 * x * s[STEP_H]
-    s[STEPS] -= 1.0
-    s[REJECTIONS] += 1.0
-    s[CUT] = 0.0
-    s[FRESH] = 1.0
+    s.t = s.step_t
+    s.most_step = 0.5 * x * s.step_h
+    s.steps -= 1.0
+    s.rejections += 1.0
+    s.cut = 0.0
+    s.fresh = 1.0

@@ -15,8 +15,9 @@ from lagsim.methods.parts.interface import (
     velocity_step,
     velocity_steps,
 )
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.singular import record_health
-from lagsim.methods.parts.state import EXTENTS_AT, HEADER, LANES_AT, SIZE, STEP_H, N
+from lagsim.methods.parts.state import State
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.kernels.words import at, unrolled
 
@@ -36,16 +37,18 @@ SMALL = 2.0**-46
 MOST = 12
 
 
-def meet_constraints(s: Floats, p: Floats, t: float, h: float, new: Floats) -> int:
+def meet_constraints(s: State, p: Parameters, t: float, h: float, new: Floats) -> int:
     """Project the state that a step h has led to; give 0 where that fails."""
-    work = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    work = s.work
     if project(s, p, t, h, new, work) == 0:
         return 0
-    record_health(s, work[int(s[N]) + 1], h)
+    record_health(s, work[s.n + 1], h)
     return 1
 
 
-def project(s: Floats, p: Floats, t: float, h: float, y: Floats, work: Floats) -> int:
+def project(
+    s: State, p: Parameters, t: float, h: float, y: Floats, work: Floats
+) -> int:
     """Project y in place; give 1 where Newton's method converged, else 0.
 
     h is the step that led to y. work : (n + 3,), where work[n + 1] is left as
@@ -58,10 +61,10 @@ def project(s: Floats, p: Floats, t: float, h: float, y: Floats, work: Floats) -
 
 
 def project_level(
-    level: int, s: Floats, p: Floats, t: float, h: float, y: Floats, work: Floats
+    level: int, s: State, p: Parameters, t: float, h: float, y: Floats, work: Floats
 ) -> int:
     """Project the positions (level 0) or the velocities (1) alone."""
-    n = int(s[N])
+    n = s.n
     part = at(y, level * n)
     previous = 0.0
     for iteration in range(MOST):
@@ -83,18 +86,17 @@ def project_level(
     return 0
 
 
-def is_small(level: int, s: Floats, h: float, x: Floats, step: Floats) -> int:
+def is_small(level: int, s: State, h: float, x: Floats, step: Floats) -> int:
     """Tell whether a step is rounding of what it moves, in the metric of diag M.
 
     What the forces could do within the step counts as size: the scale of a structure at
     rest. A coordinate counts by its share of the step: a heavy body that hardly moves
     says nothing of a light one that it is joined to.
     """
-    n = int(s[N])
-    size = int(s[SIZE])
-    sizes = at(s, HEADER + size + level * n)
-    masses = at(s, HEADER + 3 * size + 2)
-    parts = at(s, int(s[EXTENTS_AT]) + 2 * size)
+    n = s.n
+    sizes = at(s.sizes, level * n)
+    masses = s.masses
+    parts = s.parts
     moment = h if level > 0 else h * h
     moved = 0.0
     for i in range(n):
@@ -109,7 +111,7 @@ def is_small(level: int, s: Floats, h: float, x: Floats, step: Floats) -> int:
     return 1 if moved <= SMALL * SMALL * whole else 0
 
 
-def newton_step(level: int, t: float, y: Floats, p: Floats, out: Floats) -> None:
+def newton_step(level: int, t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the Newton step of the positions (level 0) or of the velocities (1)."""
     if level == 0:
         position_step(t, y, p, out)
@@ -126,17 +128,16 @@ def is_finite(n: int, step: Floats) -> bool:
     return largest < 1e300
 
 
-def largest_part(level: int, s: Floats, h: float, x: Floats, step: Floats) -> float:
+def largest_part(level: int, s: State, h: float, x: Floats, step: Floats) -> float:
     """Give the largest part of its own size by which a step (n,) changes a component.
 
     Of the positions (level 0) or the velocities x. No other body enters, however heavy
     or far. What the forces could do in the time h counts as size; what has none changes
     by the whole of itself.
     """
-    n = int(s[N])
-    size = int(s[SIZE])
-    sizes = at(s, HEADER + size + level * n)
-    parts = at(s, int(s[EXTENTS_AT]) + 2 * size)
+    n = s.n
+    sizes = at(s.sizes, level * n)
+    parts = s.parts
     moment = h if level > 0 else h * h
     largest = 0.0
     for i in range(n):
@@ -150,17 +151,17 @@ def largest_part(level: int, s: Floats, h: float, x: Floats, step: Floats) -> fl
     return float(largest)
 
 
-def project_rows(s: Floats, p: Floats, rows: Floats, count: int) -> None:
+def project_rows(s: State, p: Parameters, rows: Floats, count: int) -> None:
     """Project up to LANES rows (count, 1 + size) of the last step, side by side.
 
     One Newton step is enough for nearly all; a row that needs more is done by itself.
     One that does not converge stays as it is.
     """
-    n = int(s[N])
-    size = int(s[SIZE])
-    y = at(s, int(s[LANES_AT]))
-    step = at(y, LANES * (1 + size))
-    work = at(s, HEADER + 4 * size + 2)
+    n = s.n
+    size = s.size
+    y = s.lanes
+    step = s.lane_steps
+    work = s.work
     for level in range(2):
         for lane in unrolled(LANES):
             row = at(rows, min(lane, count - 1) * (1 + size))
@@ -181,4 +182,4 @@ def project_rows(s: Floats, p: Floats, rows: Floats, count: int) -> None:
                 for i in range(n):
                     part[i] += work[i]
             else:
-                project_level(level, s, p, row[0], s[STEP_H], at(row, 1), work)
+                project_level(level, s, p, row[0], s.step_h, at(row, 1), work)

@@ -21,19 +21,12 @@ from lagsim.methods.parts.linearised import (
     solve_pair,
     solve_real,
 )
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.radau_tableau import ALPHA, BETA, GAMMA, T_INVERSE, C
 from lagsim.methods.parts.radau_tableau import T as TRANSFORM
-from lagsim.methods.parts.state import (
-    EVALUATIONS,
-    FACTORISATIONS,
-    HEADER,
-    RTOL,
-    SIZE,
-    H,
-    N,
-    T,
-)
+from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at, total, unrolled
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -43,69 +36,64 @@ MOST = 10  # iterations
 LEFT = 0.03
 ROUNDING = 10.0 * 2.0**-52
 
-# The method's own words.
-RATE = 0  # of convergence, in the last step
-LEFT_OVER = 1  # RATE/(1 - RATE), carried from step to step
-PREVIOUS_H = 2  # of the last step; 0 at the start of an arc
-PREVIOUS_ERROR = 3
-FACTORED_H = 4  # the step that the factors belong to; 0: none
-JACOBIAN = 5  # 0: to be evaluated; 1: of an earlier state; 2: of this one
-ITERATIONS = 6
-CEILING = 7  # a step at which Newton's method failed, slowly forgotten; 0: none
-OWN = 8
 
-# The method's own arrays, after its words: y' at the start (size), the same as the
-# collocation polynomial before has it (size), z (size), new (size), error (size),
-# dense: y and four coefficients (5 size), Z (3 size), W (3 size), F (3 size); then the
-# Jacobian (n + 1, 2 n), real factors and pivots, complex ones, and x (2 n).
-SLOPE = OWN
-LAST_SLOPE = 1
-STAGE = 2
-NEW = 3
-ERRORS = 4
-POLYNOMIAL = 5
-INCREMENTS = 10
-TRANSFORMED = 13
-RIGHT = 16
-MATRICES = 19
+class Radau(State):
+    """What is carried from step to step, stages, and factors."""
+
+    rate: float  # of convergence, in the last step
+    left_over: float  # rate/(1 - rate), carried from step to step
+    previous_h: float  # of the last step; 0 at the start of an arc
+    factored_h: float  # the step that the factors belong to; 0: none
+    jacobian: float  # 0: to be evaluated; 1: of an earlier state; 2: of this one
+    iterations: float
+    ceiling: float  # a step at which Newton's method failed, slowly forgotten; 0: none
+    slope: Floats = array(lambda s: s.size)  # y' at the start ...
+    last_slope: Floats = array(lambda s: s.size)  # ... as the polynomial before has it
+    z: Floats = array(lambda s: s.size)
+    new: Floats = array(lambda s: s.size)
+    errors: Floats = array(lambda s: s.size)
+    dense: Floats = array(lambda s: 5 * s.size)  # y and four coefficients
+    Z: Floats = array(lambda s: 3 * s.size)  # the increments of the stages
+    W: Floats = array(lambda s: 3 * s.size)  # T^-1 Z
+    F: Floats = array(lambda s: 3 * s.size)  # the right side
+    J: Floats = array(lambda s: (s.n + 1) * 2 * s.n)
+    K: Floats = array(lambda s: s.n * s.n)  # real factors and their pivots
+    pivots: Floats = array(lambda s: s.n)
+    pair: Floats = array(lambda s: 4 * s.n * s.n)  # complex ones
+    pair_pivots: Floats = array(lambda s: 2 * s.n)
+    x: Floats = array(lambda s: 2 * s.n)
 
 
-def renew(s: Floats, p: Floats, h: float) -> int:
+def renew(s: Radau, p: Parameters, h: float) -> int:
     """Evaluate the Jacobian and factor where that is due; give 0 where singular."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    own = at(s, HEADER + 6 * size + 6)
-    J = at(own, OWN + MATRICES * size)
-    K = at(J, (n + 1) * 2 * n)
-    pair = at(K, n * n + n)
-    if own[JACOBIAN] == 0.0:
-        jacobian(s[T], at(s, HEADER), p, J)
-        s[FACTORISATIONS] += 1.0
-        own[JACOBIAN] = 2.0
-        own[FACTORED_H] = 0.0
+    n = s.n
+    J = s.J
+    if s.jacobian == 0.0:
+        jacobian(s.t, s.y, p, J)
+        s.factorisations += 1.0
+        s.jacobian = 2.0
+        s.factored_h = 0.0
     # The last bits of h do not matter to the iteration.
-    if abs(h - own[FACTORED_H]) <= 1e-9 * h:
+    if abs(h - s.factored_h) <= 1e-9 * h:
         return 1
-    own[FACTORED_H] = h
-    s[FACTORISATIONS] += 2.0
-    done = decompose_real(n, GAMMA / h, J, K, at(K, n * n))
+    s.factored_h = h
+    s.factorisations += 2.0
+    done = decompose_real(n, GAMMA / h, J, s.K, s.pivots)
     if done > 0:
-        pivots = at(pair, 4 * n * n)
-        done = decompose_pair(n, ALPHA / h, BETA / h, J, pair, pivots)
+        done = decompose_pair(n, ALPHA / h, BETA / h, J, s.pair, s.pair_pivots)
     if done == 0:
-        own[FACTORED_H] = 0.0
+        s.factored_h = 0.0
     return done
 
 
-def converge(s: Floats, p: Floats, h: float) -> int:
+def converge(s: Radau, p: Parameters, h: float) -> int:
     """Solve for the stages by simplified Newton iterations; give 0 where that fails.
 
     Section IV.8, (8.13); the rate of convergence says what is left, and what will be.
     """
-    own = at(s, HEADER + 6 * int(s[SIZE]) + 6)
-    limit = max(LEFT, ROUNDING / (LOCAL * s[RTOL]))
+    limit = max(LEFT, ROUNDING / (LOCAL * s.rtol))
     guess(s, h)
-    left_over = max(own[LEFT_OVER], 2.0**-52) ** 0.8
+    left_over = max(s.left_over, 2.0**-52) ** 0.8
     previous = 0.0
     rate = 0.0
     for iteration in range(MOST):
@@ -124,29 +112,28 @@ def converge(s: Floats, p: Floats, h: float) -> int:
             # Quotients alternate where the errors of J do: one alone is no rate yet.
             if hopeless and iteration > 1:
                 slower = max(1e-4, min(20.0, coming))
-                s[H] = 0.8 * h * slower ** (-1.0 / (4.0 + ahead))
+                s.h = 0.8 * h * slower ** (-1.0 / (4.0 + ahead))
                 return 0
         previous = max(size, 1e-300)
         apply_step(s)
         if left_over * size <= limit:
-            own[RATE] = rate
-            own[LEFT_OVER] = left_over
-            own[ITERATIONS] = iteration + 1
+            s.rate = rate
+            s.left_over = left_over
+            s.iterations = iteration + 1
             return 1
     return 0
 
 
-def guess(s: Floats, h: float) -> None:
+def guess(s: Radau, h: float) -> None:
     """Start from the polynomial of the step before, or from nothing."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    own = at(s, HEADER + 6 * size + 6)
-    Z = at(own, OWN + INCREMENTS * size)
-    W = at(own, OWN + TRANSFORMED * size)
-    if own[PREVIOUS_H] > 0.0:
+    size = s.size
+    y = s.y
+    Z = s.Z
+    W = s.W
+    if s.previous_h > 0.0:
         for stage in unrolled(3):
             part = at(Z, stage * size)
-            polynomial(s, 1.0 + C[stage] * h / own[PREVIOUS_H], part)
+            polynomial(s, 1.0 + C[stage] * h / s.previous_h, part)
             for i in range(size):
                 part[i] -= y[i]
     else:
@@ -159,21 +146,20 @@ def guess(s: Floats, h: float) -> None:
             )
 
 
-def newton_step(s: Floats, p: Floats, h: float) -> float:
+def newton_step(s: Radau, p: Parameters, h: float) -> float:
     """Leave the change of W where F was, and give its size against the tolerance."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    own = at(s, HEADER + 6 * size + 6)
-    z = at(own, OWN + STAGE * size)
-    Z = at(own, OWN + INCREMENTS * size)
-    W = at(own, OWN + TRANSFORMED * size)
-    F = at(own, OWN + RIGHT * size)
+    size = s.size
+    n = s.n
+    y = s.y
+    z = s.z
+    Z = s.Z
+    W = s.W
+    F = s.F
     for stage in unrolled(3):
         for i in range(size):
             z[i] = y[i] + Z[stage * size + i]
-        derivative(s[T] + C[stage] * h, z, p, at(F, stage * size))
-    s[EVALUATIONS] += 3.0
+        derivative(s.t + C[stage] * h, z, p, at(F, stage * size))
+    s.evaluations += 3.0
     g = GAMMA / h
     alpha = ALPHA / h
     beta = BETA / h
@@ -184,30 +170,26 @@ def newton_step(s: Floats, p: Floats, h: float) -> float:
         F[i] = a - g * W[i]
         F[size + i] = b - alpha * W[size + i] + beta * W[2 * size + i]
         F[2 * size + i] = c - beta * W[size + i] - alpha * W[2 * size + i]
-    J = at(own, OWN + MATRICES * size)
-    K = at(J, (n + 1) * 2 * n)
-    pair = at(K, n * n + n)
-    pivots = at(pair, 4 * n * n)
+    J = s.J
     work = size > 2 * n
     imaginary = at(F, 2 * size)
-    solve_real(n, work, g, J, K, at(K, n * n), F)
+    solve_real(n, work, g, J, s.K, s.pivots, F)
     solve_pair(
-        n, work, alpha, beta, J, pair, pivots, at(F, size), imaginary, at(pivots, 2 * n)
+        n, work, alpha, beta, J, s.pair, s.pair_pivots, at(F, size), imaginary, s.x
     )
     return (
-        norm(size, F, at(s, HEADER + 2 * size))
-        + norm(size, at(F, size), at(s, HEADER + 2 * size))
-        + norm(size, imaginary, at(s, HEADER + 2 * size))
+        norm(size, F, s.tolerances)
+        + norm(size, at(F, size), s.tolerances)
+        + norm(size, imaginary, s.tolerances)
     )
 
 
-def apply_step(s: Floats) -> None:
+def apply_step(s: Radau) -> None:
     """Add the change to W, and make Z of it."""
-    size = int(s[SIZE])
-    own = at(s, HEADER + 6 * size + 6)
-    Z = at(own, OWN + INCREMENTS * size)
-    W = at(own, OWN + TRANSFORMED * size)
-    F = at(own, OWN + RIGHT * size)
+    size = s.size
+    Z = s.Z
+    W = s.W
+    F = s.F
     for i in range(3 * size):
         W[i] += F[i]
     for i in range(size):
@@ -231,10 +213,10 @@ def norm(size: int, x: Floats, tolerances: Floats) -> float:
     return sqrt(square / controlled)
 
 
-def polynomial(s: Floats, x: float, out: Floats) -> None:
+def polynomial(s: Radau, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step, or beyond it."""
-    size = int(s[SIZE])
-    dense = at(s, HEADER + 6 * size + 6 + OWN + POLYNOMIAL * size)
+    size = s.size
+    dense = s.dense
     for i in range(size):
         value = 0.0
         for m in unrolled(4):

@@ -12,39 +12,12 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.controller import LOCAL
 from lagsim.methods.parts.interface import (
-    DIRECTIONS,
-    LEAST_HEALTH,
-    NOTE,
     derivative,
     interpolate,
     velocity_step,
 )
-from lagsim.methods.parts.state import (
-    CLOSE_BELOW,
-    DEGENERATE_BELOW,
-    END,
-    ENERGY,
-    EVALUATIONS,
-    EXTENTS_AT,
-    FALLING,
-    HEADER,
-    HEALTH,
-    HEALTH_SLOPE,
-    LOST_AT,
-    LOST_BELOW,
-    PASSES,
-    PLANNED,
-    PLANNED_AT,
-    PREVIOUS_HEALTH,
-    RTOL,
-    SIZE,
-    STEP_H,
-    STEP_T,
-    TRIED,
-    WATCHED,
-    N,
-    T,
-)
+from lagsim.methods.parts.parameters import NOTE, Parameters
+from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at, rare
 
 if TYPE_CHECKING:
@@ -84,25 +57,25 @@ NUDGE = 1e-3
 NARROW = 1e-9
 
 
-def record_health(s: Floats, health: float, h: float) -> None:
+def record_health(s: State, health: float, h: float) -> None:
     """Take the independence of the rows after a step of length h.
 
     The step is searched for a loss of rank where the independence could have fallen to
     zero and risen again within it, changing as fast as it has been seen to.
     """
-    slope = abs(health - s[HEALTH]) / h
-    s[FALLING] = (s[HEALTH] - health) / h
-    s[CLOSE_BELOW] = max(s[CLOSE_BELOW], CLOSE * health)
-    s[HEALTH_SLOPE] = max(s[HEALTH_SLOPE], slope)
-    s[WATCHED] = 0.0
-    if s[HEALTH] + health <= MARGIN * s[HEALTH_SLOPE] * h:
-        s[WATCHED] = 1.0
-    s[PREVIOUS_HEALTH] = s[HEALTH]
-    s[HEALTH] = health
+    slope = abs(health - s.health) / h
+    s.falling = (s.health - health) / h
+    s.close_below = max(s.close_below, CLOSE * health)
+    s.health_slope = max(s.health_slope, slope)
+    s.watched = 0.0
+    if s.health + health <= MARGIN * s.health_slope * h:
+        s.watched = 1.0
+    s.previous_health = s.health
+    s.health = health
 
 
 @rare
-def clear_of_loss(s: Floats, p: Floats, h: float, rest: float) -> float:
+def clear_of_loss(s: State, p: Parameters, h: float, rest: float) -> float:
     """Give a step that keeps its distance from a loss of rank: about h, or less.
 
     There, rounding is divided by the rows' independence at each stage, and by its
@@ -110,27 +83,27 @@ def clear_of_loss(s: Floats, p: Floats, h: float, rest: float) -> float:
     before it leaves the room that this takes: for a step as long as they were before
     they came near, where the controller sees errors that projection will remove.
     """
-    if s[PASSES] > 0.0 and s[T] <= s[PLANNED_AT]:
-        s[PLANNED] = 0.0  # it has been tried
-    s[PASSES] = 0.0
-    if s[FALLING] <= 0.0:
-        s[PLANNED] = s[TRIED] = 0.0
+    if s.passes > 0.0 and s.t <= s.planned_at:
+        s.planned = 0.0  # it has been tried
+    s.passes = 0.0
+    if s.falling <= 0.0:
+        s.planned = s.tried = 0.0
         return h
-    whole = min(max(h, s[PLANNED]), rest)
-    ahead = s[HEALTH] / s[FALLING]
-    s[PLANNED] = whole if ahead < NEAR * whole else 0.0
+    whole = min(max(h, s.planned), rest)
+    ahead = s.health / s.falling
+    s.planned = whole if ahead < NEAR * whole else 0.0
     if ahead >= (1.0 + BETWEEN) * whole:
         return h
     ahead = time_to_loss(s, p, ahead)
     if ahead <= 0.0:
-        s[PLANNED] = 0.0
+        s.planned = 0.0
         return h
     if ahead >= (1.0 + BETWEEN) * whole:
         return h
     if ahead > LATEST * whole:
         return float(min(h, max(ahead - BETWEEN * whole, SHORT * ahead)))
-    s[PASSES] = 1.0
-    s[PLANNED_AT] = s[T]
+    s.passes = 1.0
+    s.planned_at = s.t
     if ahead > BETWEEN * whole or ahead <= AT_ONCE * whole:
         return float(whole)
     if ahead > SOON * whole:
@@ -138,16 +111,16 @@ def clear_of_loss(s: Floats, p: Floats, h: float, rest: float) -> float:
     return float(ahead / SOON)
 
 
-def needs_loops(s: Floats) -> bool:
+def needs_loops(s: State) -> bool:
     """Tell whether a step that failed is one for the QR decomposition.
 
     It was to pass a loss of rank, and straight-line code squares the rows' condition.
     """
-    return float(s[PASSES]) > 0.0 and float(s[DEGENERATE_BELOW]) > 0.0
+    return float(s.passes) > 0.0 and float(s.degenerate_below) > 0.0
 
 
 @rare
-def time_to_loss(s: Floats, p: Floats, ahead: float) -> float:
+def time_to_loss(s: State, p: Parameters, ahead: float) -> float:
     """Give the time until rank is lost, or nearly so; 0 where it seems that it is not.
 
     By secants through the health along a parabola from the state reached.
@@ -157,18 +130,18 @@ def time_to_loss(s: Floats, p: Floats, ahead: float) -> float:
     ahead
         The time by which the health has been falling.
     """
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    rates = at(s, HEADER + 4 * size + 2)
+    size = s.size
+    n = s.n
+    y = s.y
+    rates = s.work
     z = at(rates, n)
     out = at(z, size)
-    derivative(s[T], y, p, rates)
-    s[EVALUATIONS] += 1.0
+    derivative(s.t, y, p, rates)
+    s.evaluations += 1.0
     for i in range(n):
         rates[i] = rates[n + i]
     before = 0.0
-    health = s[HEALTH]
+    health = s.health
     for _look in range(LOOKS):
         t = before + 0.5 * (ahead - before)
         for i in range(size):
@@ -176,7 +149,7 @@ def time_to_loss(s: Floats, p: Floats, ahead: float) -> float:
         for i in range(n):
             z[i] = y[i] + t * (y[n + i] + 0.5 * t * rates[i])
             z[n + i] = y[n + i] + t * rates[i]
-        velocity_step(s[T] + t, z, p, out)
+        velocity_step(s.t + t, z, p, out)
         if not out[n + 1] < FALLS * health:
             return 0.0
         ahead = t + out[n + 1] / (health - out[n + 1]) * (t - before)
@@ -186,54 +159,54 @@ def time_to_loss(s: Floats, p: Floats, ahead: float) -> float:
 
 
 @rare
-def leave_loss(s: Floats, p: Floats, h: float) -> float:
+def leave_loss(s: State, p: Parameters, h: float) -> float:
     """Give a first step that leaves the neighbourhood of a loss of rank: h, or more.
 
     Or the one that is to pass it, where only the equations are solved otherwise now.
     """
-    if s[PASSES] > 0.0 and s[T] <= s[PLANNED_AT]:
-        s[PASSES] = 0.0
-        return float(s[PLANNED])
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    z = at(s, HEADER + 4 * size + 2)
+    if s.passes > 0.0 and s.t <= s.planned_at:
+        s.passes = 0.0
+        return float(s.planned)
+    size = s.size
+    n = s.n
+    y = s.y
+    z = s.work
     out = at(z, size)
     for i in range(size):
         z[i] = y[i]
-    velocity_step(s[T], z, p, out)
-    s[HEALTH] = out[n + 1]
-    s[PREVIOUS_HEALTH] = s[HEALTH]
+    velocity_step(s.t, z, p, out)
+    s.health = out[n + 1]
+    s.previous_health = s.health
     expect_loss(s, p, h)
-    while out[n + 1] < s[CLOSE_BELOW] and s[T] + 2.0 * h < s[END]:
+    while out[n + 1] < s.close_below and s.t + 2.0 * h < s.end:
         h = 2.0 * h
         for i in range(n):
             z[i] = y[i] + h * y[n + i]
-        velocity_step(s[T] + h, z, p, out)
+        velocity_step(s.t + h, z, p, out)
     return h
 
 
 @rare
-def expect_loss(s: Floats, p: Floats, h: float) -> None:
+def expect_loss(s: State, p: Parameters, h: float) -> None:
     """Note how fast the independence falls at the start of an arc."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    y = at(s, HEADER)
-    z = at(s, HEADER + 4 * size + 2)
+    size = s.size
+    n = s.n
+    y = s.y
+    z = s.work
     out = at(z, size)
     for i in range(n):
         z[i] = y[i] + GLANCE * h * y[n + i]
-    velocity_step(s[T] + GLANCE * h, z, p, out)
-    s[FALLING] = (s[HEALTH] - out[n + 1]) / (GLANCE * h)
-    out[n + 1] = s[HEALTH]
+    velocity_step(s.t + GLANCE * h, z, p, out)
+    s.falling = (s.health - out[n + 1]) / (GLANCE * h)
+    out[n + 1] = s.health
 
 
-def watch(s: Floats, p: Floats) -> int:
+def watch(s: State, p: Parameters) -> int:
     """Look for a loss of rank within the last step; give 1 where there is one.
 
     The state where it is found is left in the working memory.
     """
-    if s[WATCHED] == 0.0:
+    if s.watched == 0.0:
         return 0
     low = lowest_part(s, p)
     if low < 0.0:
@@ -249,87 +222,86 @@ def watch(s: Floats, p: Floats) -> int:
             high = right
         else:
             low = left
-    if health_at(s, p, low) < s[LOST_BELOW]:
-        s[LOST_AT] = s[STEP_T] + low * s[STEP_H]
+    if health_at(s, p, low) < s.lost_below:
+        s.lost_at = s.step_t + low * s.step_h
         return 1
     return 0
 
 
-def lowest_part(s: Floats, p: Floats) -> float:
+def lowest_part(s: State, p: Parameters) -> float:
     """Give where in the last step the rows are least independent.
 
     0 where it is somewhere in it, and below 0 where it is at an end. What the health is
     told as jumps a little where rows change their order: close to an end that hides
     whether it falls.
     """
-    lowest = FALLS * min(float(s[PREVIOUS_HEALTH]), float(s[HEALTH]))
+    lowest = FALLS * min(s.previous_health, s.health)
     found = -1.0
     for k in range(1, PARTS):
         health = health_at(s, p, k / PARTS)
         if health < lowest:
             lowest = health
             found = k / PARTS
-    falls = found < 0.0 and health_at(s, p, NUDGE) < s[PREVIOUS_HEALTH]
-    if falls and health_at(s, p, 1.0 - NUDGE) < s[HEALTH]:
+    falls = found < 0.0 and health_at(s, p, NUDGE) < s.previous_health
+    if falls and health_at(s, p, 1.0 - NUDGE) < s.health:
         return 0.0
     return found
 
 
-def health_at(s: Floats, p: Floats, x: float) -> float:
+def health_at(s: State, p: Parameters, x: float) -> float:
     """Give how independent the rows are at the fraction x of the last step."""
-    size = int(s[SIZE])
-    z = at(s, HEADER + 4 * size + 2)
+    size = s.size
+    z = s.work
     out = at(z, size)
     interpolate(s, x, z)
-    velocity_step(s[STEP_T] + x * s[STEP_H], z, p, out)
-    return float(out[int(s[N]) + 1])
+    velocity_step(s.step_t + x * s.step_h, z, p, out)
+    return float(out[s.n + 1])
 
 
-def passable(s: Floats, error: float) -> float:
+def passable(s: State, error: float) -> float:
     """Give the error of a step, in tolerances; below 1 where it passes well enough.
 
     The method errs less in shorter steps and rounding more: past the least of both a
     shorter step loses everything.
     """
-    if s[PASSES] == 0.0 or error < 1.0:
+    if s.passes == 0.0 or error < 1.0:
         return error
-    least = s[TRIED] > 0.0 and error > s[TRIED]
-    s[TRIED] = error
+    least = s.tried > 0.0 and error > s.tried
+    s.tried = error
     bound = WORST if least else PASSABLE
-    return ACCEPTED if error * s[RTOL] < bound else error
+    return ACCEPTED if error * s.rtol < bound else error
 
 
-def hides_error(s: Floats, p: Floats) -> bool:
+def hides_error(s: State, p: Parameters) -> bool:
     """Tell whether what projection will remove hides the error of a step.
 
     Close to a singular configuration, what a stage is off the constraints is divided by
     the independence of the rows. The error there says nothing of the motion, which the
     constraints determine, but would shrink the steps without end.
     """
-    passes = float(s[PASSES]) > 0.0
-    close = float(p[LEAST_HEALTH]) < float(s[CLOSE_BELOW])
-    return float(p[DIRECTIONS]) > 0.0 and (passes or close)
+    passes = s.passes > 0.0
+    close = p.least_health < s.close_below
+    return p.loops > 0 and (passes or close)
 
 
 @rare
-def note_directions(s: Floats, p: Floats, t: float, new: Floats) -> None:
+def note_directions(s: State, p: Parameters, t: float, new: Floats) -> None:
     """Leave the directions in which projection will move the state after a step."""
-    p[LEAST_HEALTH] = NOTE
-    velocity_step(t, new, p, at(s, HEADER + 4 * int(s[SIZE]) + 2))
+    p.least_health = NOTE
+    velocity_step(t, new, p, s.work)
 
 
 @rare
-def forget_removed(s: Floats, p: Floats, h: float, error: Floats) -> float:
+def forget_removed(s: State, p: Parameters, h: float, error: Floats) -> float:
     """Take out of the errors of q and q' (2 n,) what projection will remove.
 
     Gives what that is as velocities, q in the time h: twice its kinetic energy, against
     that of the mechanism that it belongs to.
     """
-    n = int(s[N])
-    noted = at(p, int(p[DIRECTIONS]))
+    n = s.n
     removed = 0.0
-    for k in range(int(noted[0])):
-        z = at(noted, 1 + n + 2 * n * k)
+    for k in range(int(p.noted)):
+        z = at(p.directions, 2 * n * k)
         mass = at(z, n)
         energy = energy_along(s, z, mass)
         for level in range(2):
@@ -344,17 +316,16 @@ def forget_removed(s: Floats, p: Floats, h: float, error: Floats) -> float:
     return removed
 
 
-def energy_along(s: Floats, z: Floats, mass: Floats) -> float:
+def energy_along(s: State, z: Floats, mass: Floats) -> float:
     """Give twice the most kinetic energy so far of what a direction z (n,) moves.
 
     Of all that rows or the mass matrix join to it, and of no other body. mass : (n,),
     M z. No more than the whole scene has had.
     """
-    n = int(s[N])
-    size = int(s[SIZE])
-    speeds = at(s, HEADER + size + n)
-    masses = at(s, HEADER + 3 * size + 2)
-    joined = at(s, int(s[EXTENTS_AT]) + 5 * size)
+    n = s.n
+    speeds = at(s.sizes, n)
+    masses = s.masses
+    joined = s.joined
     most = 0
     for i in range(n):
         if abs(mass[i] * z[i]) > abs(mass[most] * z[most]):
@@ -363,12 +334,12 @@ def energy_along(s: Floats, z: Floats, mass: Floats) -> float:
     for i in range(n):
         if joined[i] == joined[most] and masses[i] > 0.0:
             energy += masses[i] * speeds[i] * speeds[i]
-    return float(min(energy, 2.0 * s[ENERGY]))
+    return float(min(energy, 2.0 * s.energy))
 
 
-def bent(s: Floats, removed: float, left: float) -> float:
+def bent(s: State, removed: float, left: float) -> float:
     """Give the error of a step, of which `left` is left by projection.
 
     The constraints are bent: of what is removed its square is left, against the speed.
     """
-    return float(max(left, removed / (LOCAL * s[RTOL])))
+    return float(max(left, removed / (LOCAL * s.rtol)))

@@ -15,8 +15,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.state import AT_BOUND, HEADER, OFF_BOUND, SIZE, SPEED, N
-from lagsim.native.kernels.words import at
+from lagsim.methods.parts.state import State
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -29,12 +28,11 @@ CLEAR = 6.0
 
 
 def record_speed(
-    s: Floats, h: float, limit: float, y: Floats, k: Floats, z: Floats, slope: Floats
+    s: State, h: float, limit: float, y: Floats, k: Floats, z: Floats, slope: Floats
 ) -> None:
     """Note the fastest motion, from states y and z with slopes k and `slope`."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    masses = at(s, HEADER + 3 * size + 2)
+    n = s.n
+    masses = s.masses
     positions = 0.0
     velocities = 0.0
     accelerations = 0.0
@@ -45,16 +43,16 @@ def record_speed(
         positions += masses[i] * dq * dq
         velocities += masses[i] * dv * dv
         accelerations += masses[i] * da * da
-    s[SPEED] = 0.0
+    s.speed = 0.0
     if positions > 0.0:
-        s[SPEED] = sqrt(sqrt(accelerations / positions))
+        s.speed = sqrt(sqrt(accelerations / positions))
     moved = velocities + sqrt(accelerations) * sqrt(positions)
     if moved > 0.0:
-        s[SPEED] = max(float(s[SPEED]), sqrt(accelerations / moved))
-    if h * s[SPEED] > PART * limit:
-        s[AT_BOUND] += 1.0
-        s[OFF_BOUND] = 0.0
+        s.speed = max(float(s.speed), sqrt(accelerations / moved))
+    if h * s.speed > PART * limit:
+        s.at_bound += 1.0
+        s.off_bound = 0.0
     else:
-        s[OFF_BOUND] += 1.0
-        if s[OFF_BOUND] >= CLEAR:
-            s[AT_BOUND] = 0.0
+        s.off_bound += 1.0
+        if s.off_bound >= CLEAR:
+            s.at_bound = 0.0

@@ -1,85 +1,143 @@
-"""The one array that carries a method from call to call: where everything lies in it.
+"""The memory that carries a method from call to call.
 
 Between two calls of `advance` nothing else is kept, so a run can be paused, shown
-progress, interrupted and resumed at no cost.
-
-After the header lie, for a state of `size` components: y (size), their largest sizes
-(size), tolerances (size), what `measure` gave (size + 2), with the sum of M_ii a_i^2
-that forces could make in the place of its 0, work (2 size + 4), and from
-HEADER + 6 size + 6 on whatever the method needs; last what `note_inertias` follows.
+progress, interrupted and resumed at no cost. Each method adds its own to a subclass.
 """
 
 from __future__ import annotations
 
-from lagsim.native.graph.sincos import LANES
+from math import inf
+from typing import TYPE_CHECKING
 
-T = 0  # time reached
-END = 1  # where the arc ends
-H = 2  # the next step; 0 before it has been chosen
-PREVIOUS_ERROR = 3  # of the last accepted step, for PI control
-RTOL = 4
-ATOL = 5  # below 0: rtol times the component's own scale
-ROW_START = 6  # row k is at ROW_START + k*ROW_STEP ...
-ROW_STEP = 7
-ROW_LIMIT = 8  # ... while that is less than this
-ROW = 9  # the next row
-EMITTED = 10  # rows written by this call
-STEPS = 11
-REJECTIONS = 12
-EVALUATIONS = 13
-STEP_T = 14  # the last step: where it began ...
-STEP_H = 15  # ... and its length; 0 before the first
-FRESH = 16  # 1 at the start of an arc
-ENERGY = 17  # the largest kinetic energy or change of potential so far
-POTENTIAL = 18  # at the start of the run
-ORIENTATION = 19  # `until` holds where this times the condition is <= 0; 0: not armed
-EQUATION = 20  # 1 if `until` is an equation
-EVENT = 21  # 1 once `until` has been located
-HEALTH = 22  # how independent the rows are: about their smallest singular value
-N = 23  # coordinates
-SIZE = 24  # components of y
-FIXED_STEP = 25  # for fixed-step methods
-ARC_START = 26
-PREVIOUS_HEALTH = 27  # before the last step
-CLOSE_BELOW = 28  # a health below this is close to a loss of rank
-LOST_BELOW = 29  # which is a least health below this
-DEGENERATE_BELOW = 30  # at a health below this the kernel returns; 0: never
-LOST_AT = 31  # where rank was lost last
-HEALTH_SLOPE = 32  # the steepest change of the health so far
-WATCHED = 33  # 1 if the last step is to be searched for a loss of rank
-SPECTRAL_RADIUS = 34  # at infinite frequency, for methods that have it as a parameter
-SWITCHED = 35  # the number, from 1, of the surface that a switch was located on; or 0
-CUT = 36  # the fraction of the last step that counts, until its rows are written; or 0
-FACTORISATIONS = 37  # made by the method itself, and for the Jacobian
-SPEED = 38  # about how fast the fastest motion is, for explicit methods
-AT_BOUND = 39  # steps held by stability ...
-OFF_BOUND = 40  # ... since when so many were not
-ASK_AT = 41  # at so many the kernel returns; 0: never
-SIZES_BEFORE = 42  # where sizes and extents before the last step are; see switches
-SMALLEST_STEP = 43  # once the first steps have found their size; 0: none yet
-INERTIAS = 44  # how many are followed, whether they vanish on the way ...
-INERTIAS_AT = 45  # ... and where: the largest, the smallest and its time, of each
-LANES_AT = 46  # where the memory for rows side by side is; see _projection
-PASSES = 47  # 1 where the step tried last was to pass a loss of rank
-FALLING = 48  # how fast the health fell last, per unit of time
-EXTENTS_AT = 49  # where `_controller` keeps what scales of errors are made of
-LOOKED = 50  # 1 once rounding has been looked at in this step
-MOST_STEP = 51  # no step is longer until one has been made; 0: no such limit
-SUSPECT = 52  # 1 if the last step is to be searched for what it may have leapt over
-SIGNALS = 53  # how many arguments of functions that may sleep are watched ...
-LOOKS_AT = 54  # ... and where the memory for that is; see _looks
-FEATURE = 55  # about this time something short happens that depends on t alone ...
-FEATURE_WIDTH = 56  # ... of this width; 0: nothing is known of
-FEATURE_REACH = 57  # it counts from so far before it ...
-FEATURE_END = 58  # ... to this time
-LONGEST = 59  # no step is longer than this; 0: any
-PLANNED = 60  # the step that will pass a loss of rank, once there is room for it; or 0
-PLANNED_AT = 61  # when that was planned
-TRIED = 62  # the error of the last step that was to pass and could not; or 0
-SEARCH_AT = 63  # where the memory is for what ends a step early; see _switching
-PULLED = 64  # the farthest that a state was pulled onto what it slides along, against
-# the motion so far
-HEADER = 65
+from lagsim.native.graph.sincos import LANES
+from lagsim.native.layout import Memory, array, part
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+
+
+class State(Memory):
+    """What every method keeps."""
+
+    n: int  # coordinates
+    size: int  # components of y
+    signals: int  # arguments of functions that may sleep, which are watched
+    surfaces: int  # that switches are located on
+    inertias: int  # which are followed, whether they vanish on the way
+
+    t: float  # time reached
+    end: float  # where the arc ends
+    h: float  # the next step; 0 before it has been chosen
+    previous_error: float  # of the last accepted step, for PI control
+    rtol: float
+    atol: float  # below 0: rtol times the component's own scale
+    row_start: float  # row k is at row_start + k*row_step ...
+    row_step: float
+    row_limit: float  # ... while that is less than this
+    row: float  # the next row
+    emitted: float  # rows written by this call
+    steps: float
+    rejections: float
+    evaluations: float
+    step_t: float  # the last step: where it began ...
+    step_h: float  # ... and its length; 0 before the first
+    fresh: float  # 1 at the start of an arc
+    energy: float  # the largest kinetic energy or change of potential so far
+    potential: float  # at the start of the run
+    # `until` holds where this times the condition is <= 0; 0: not armed
+    orientation: float
+    equation: float  # 1 if `until` is an equation
+    event: float  # 1 once `until` has been located
+    health: float  # how independent the rows are: about their smallest singular value
+    fixed_step: float  # for fixed-step methods
+    arc_start: float
+    previous_health: float  # before the last step
+    close_below: float  # a health below this is close to a loss of rank
+    lost_below: float  # which is a least health below this
+    degenerate_below: float  # at a health below this the kernel returns; 0: never
+    lost_at: float  # where rank was lost last
+    health_slope: float  # the steepest change of the health so far
+    watched: float  # 1 if the last step is to be searched for a loss of rank
+    # At infinite frequency, for methods that have it as a parameter.
+    spectral_radius: float
+    switched: float  # the number, from 1, of the surface a switch was located on; or 0
+    cut: (
+        float  # the fraction of the last step that counts, until rows are written; or 0
+    )
+    factorisations: float  # made by the method itself, and for the Jacobian
+    speed: float  # about how fast the fastest motion is, for explicit methods
+    at_bound: float  # steps held by stability ...
+    off_bound: float  # ... since when so many were not
+    ask_at: float  # at so many the kernel returns; 0: never
+    smallest_step: float  # once the first steps have found their size; 0: none yet
+    passes: float  # 1 where the step tried last was to pass a loss of rank
+    falling: float  # how fast the health fell last, per unit of time
+    looked: float  # 1 once rounding has been looked at in this step
+    most_step: float  # no step is longer until one has been made; 0: no such limit
+    suspect: (
+        float  # 1 if the last step is to be searched for what it may have leapt over
+    )
+    feature: (
+        float  # about this time something short happens that depends on t alone ...
+    )
+    feature_width: float  # ... of this width; 0: nothing is known of
+    feature_reach: float  # it counts from so far before it ...
+    feature_end: float  # ... to this time
+    longest: float  # no step is longer than this; 0: any
+    planned: float  # the step that will pass a loss of rank, once it has room; or 0
+    planned_at: float  # when that was planned
+    tried: float  # the error of the last step that was to pass and could not; or 0
+    # The farthest a state was pulled onto what it slides along, against the motion.
+    pulled: float
+
+    y: Floats = array(lambda s: s.size)
+    sizes: Floats = array(lambda s: s.size)  # the largest of y so far
+    tolerances: Floats = array(lambda s: s.size)
+    # What `measure` gives: energies, then the diagonal of M; after that, in the place
+    # of its 0, the sum of M_ii a_i^2 that forces could make, and whether work counts.
+    measured: Floats = array(lambda s: s.n + 4)
+    masses: Floats = part("measured", lambda _: 2, lambda s: s.n + 2)
+    work: Floats = array(lambda s: 2 * s.size + 4)
+
+    # Scales of errors: the least and the largest value of each component, the terms of
+    # its rate, the rounding of that, what becomes of one at rest in the first instant.
+    low: Floats = array(lambda s: s.size, inf)
+    high: Floats = array(lambda s: s.size, -inf)
+    parts: Floats = array(lambda s: s.size)
+    noise: Floats = array(lambda s: s.size)
+    foreseen: Floats = array(lambda s: s.size)
+    joined: Floats = array(lambda s: s.n)  # to which mechanism a coordinate belongs
+    # Sizes, least and largest values before the last step; see `driver.keep_sizes`.
+    sizes_before: Floats = array(lambda s: s.size)
+    low_before: Floats = array(lambda s: s.size)
+    high_before: Floats = array(lambda s: s.size)
+
+    # Rows side by side and their Newton steps; see `projection.project_rows`.
+    lanes: Floats = array(lambda s: LANES * (1 + s.size))
+    lane_steps: Floats = array(lambda s: LANES * (s.n + 3))
+
+    # Of each signal: its kind, the power that goes with it, the farthest it has been
+    # since it was close; at three looks values, then rates. A look: y and y' there, and
+    # room. See `looks`.
+    kinds: Floats = array(lambda s: s.signals)
+    powers: Floats = array(lambda s: s.signals)
+    farthest: Floats = array(lambda s: s.signals)
+    signals_first: Floats = array(lambda s: 2 * s.signals)
+    signals_middle: Floats = array(lambda s: 2 * s.signals)
+    signals_last: Floats = array(lambda s: 2 * s.signals)
+    look: Floats = array(lambda s: 6 * s.size if s.signals else 0)
+
+    # Margins of surfaces and of `until` at a look; with their slopes, at the start of a
+    # stretch, within it and at its end. See `switching`.
+    margins: Floats = array(lambda s: s.surfaces + 1)
+    margins_first: Floats = array(lambda s: 2 * s.surfaces + 2)
+    margins_middle: Floats = array(lambda s: 2 * s.surfaces + 2)
+    margins_last: Floats = array(lambda s: 2 * s.surfaces + 2)
+
+    # Of each inertia: the largest, the smallest and its time.
+    inertia_largest: Floats = array(lambda s: s.inertias)
+    inertia_smallest: Floats = array(lambda s: s.inertias, inf)
+    inertia_when: Floats = array(lambda s: s.inertias)
 
 
 # The spectral radius of the methods that have it, unless another is asked for.
@@ -100,18 +158,3 @@ NEWTON_FAILED = 10
 STIFF = 11
 FEATURE_PASSED = 12
 LOSS_AHEAD = 13
-
-
-def lanes_size(size: int) -> int:
-    """Give how much memory rows side by side need."""
-    return LANES * (1 + size + (size // 2 + 3) + 2)
-
-
-def extents_size(size: int) -> int:
-    """Give how much memory the scales of errors need.
-
-    The least and the largest value of each component, the terms of its rate, the
-    rounding of that, and what becomes of one at rest in the first instant; then to
-    which mechanism each coordinate belongs.
-    """
-    return 5 * size + size // 2

@@ -14,31 +14,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.interface import (
-    BAND,
-    SLACK,
-    SURFACES,
-    SWITCHING,
     interpolate,
     margins,
     until,
 )
 from lagsim.methods.parts.looks import BETWEEN, look_at_signals, stirs
-from lagsim.methods.parts.state import (
-    CUT,
-    EQUATION,
-    EVENT,
-    HEADER,
-    LOOKS_AT,
-    ORIENTATION,
-    ROW_LIMIT,
-    SEARCH_AT,
-    SIGNALS,
-    SIZE,
-    STEP_H,
-    STEP_T,
-    SWITCHED,
-    T,
-)
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
@@ -71,30 +53,23 @@ NARROW = 1e-8
 GOLDEN = 0.6180339887498949
 
 
-def search_size(surfaces: int) -> int:
-    """Give how much memory the search needs: seven numbers for each margin."""
-    return 7 * (surfaces + 1)
-
-
-# The memory at SEARCH_AT: the margins of a look, then margins and slopes (2 C) at the
-# start of a stretch, in its middle, at its end. That of `until` is the last one.
-def watched(p: Floats) -> int:
-    """Give how many margins there are (C)."""
+def watched(p: Parameters) -> int:
+    """Give how many margins there are (C); that of `until` is the last one."""
     count = 0
     if SWITCHES:
-        count = int(p[SURFACES])
+        count = p.surfaces
     if UNTIL:
         count += 1
     return count
 
 
-def find_end(s: Floats, p: Floats) -> None:
+def find_end(s: State, p: Parameters) -> None:
     """Look for what ends the last step, the first of all, and let it end there.
 
-    s[SWITCHED] becomes the number of the surface, or s[EVENT] 1 for `until`.
+    s.switched becomes the number of the surface, or s.event 1 for `until`.
     """
     low = 0.0
-    if UNTIL and s[ORIENTATION] == 0.0:
+    if UNTIL and s.orientation == 0.0:
         low = armed(s, p)
         if low < 0.0:
             low = 0.0
@@ -103,38 +78,38 @@ def find_end(s: Floats, p: Floats) -> None:
     search(s, p, low)
 
 
-def armed(s: Floats, p: Floats) -> float:
+def armed(s: State, p: Parameters) -> float:
     """Give where in the last step `until` becomes false, which it was not; -1: nowhere.
 
     From then on it counts.
     """
-    if s[EQUATION] > 0.0:
+    if s.equation > 0.0:
         value = until_at(s, p, BESIDE / LOOKS)
-        s[ORIENTATION] = 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
-        return 0.0 if s[ORIENTATION] != 0.0 else -1.0
+        s.orientation = 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
+        return 0.0 if s.orientation != 0.0 else -1.0
     for look in range(LOOKS + 1):
         x = look / LOOKS
         if until_at(s, p, x) < 0.0:
-            s[ORIENTATION] = -1.0
+            s.orientation = -1.0
             return x
     return -1.0
 
 
-def until_at(s: Floats, p: Floats, x: float) -> float:
+def until_at(s: State, p: Parameters, x: float) -> float:
     """Give the residual or gap of `until` at the fraction x of the last step."""
-    z = at(s, HEADER + 4 * int(s[SIZE]) + 2)
+    z = s.work
     interpolate(s, x, z)
-    value = at(z, int(s[SIZE]))
-    until(s[STEP_T] + x * s[STEP_H], z, p, value)
+    value = at(z, s.size)
+    until(s.step_t + x * s.step_h, z, p, value)
     return float(value[0])
 
 
-def search(s: Floats, p: Floats, low: float) -> None:
+def search(s: State, p: Parameters, low: float) -> None:
     """Go through the last step from its fraction `low` on."""
     count = watched(p)
-    first = at(s, int(s[SEARCH_AT]) + count)
-    middle = at(first, 2 * count)
-    last = at(middle, 2 * count)
+    first = s.margins_first
+    middle = s.margins_middle
+    last = s.margins_last
     widest = 2.0 / LOOKS
     width = widest
     looks = 0
@@ -164,50 +139,49 @@ def search(s: Floats, p: Floats, low: float) -> None:
             low = x
             width = min(2.0 * width, widest)
         elif looks >= MOST_LOOKS and low > 0.0:
-            s[CUT] = low
-            s[T] = s[STEP_T] + low * s[STEP_H]
+            s.cut = low
+            s.t = s.step_t + low * s.step_h
             return
         else:
             width = 0.5 * (x - low)
             sample(s, p, low, BESIDE * width, first)
 
 
-def nothing_stirs(s: Floats, p: Floats, low: float, x: float) -> bool:
+def nothing_stirs(s: State, p: Parameters, low: float, x: float) -> bool:
     """Tell whether nothing comes closer to waking inside a stretch than at its ends.
 
     A margin that is made of one would be flat at every look.
     """
-    count = int(s[SIGNALS])
-    own = at(s, int(s[LOOKS_AT]))
-    look_at_signals(s, p, low, at(own, 3 * count))
-    look_at_signals(s, p, low + BETWEEN * (x - low), at(own, 5 * count))
-    look_at_signals(s, p, x, at(own, 7 * count))
+    count = s.signals
+    look_at_signals(s, p, low, s.signals_first)
+    look_at_signals(s, p, low + BETWEEN * (x - low), s.signals_middle)
+    look_at_signals(s, p, x, s.signals_last)
     still = True
     for k in range(count):
-        still = still and not stirs(k, count, (x - low) * s[STEP_H], own)
+        still = still and not stirs(s, k, (x - low) * s.step_h)
     return still
 
 
-def look(s: Floats, p: Floats, x: float) -> None:
+def look(s: State, p: Parameters, x: float) -> None:
     """Leave the margins at the fraction x of the last step."""
-    z = at(s, HEADER + 4 * int(s[SIZE]) + 2)
-    now = at(s, int(s[SEARCH_AT]))
-    t = s[STEP_T] + x * s[STEP_H]
+    z = s.work
+    now = s.margins
+    t = s.step_t + x * s.step_h
     interpolate(s, x, z)
     if SWITCHES:
         margins(t, z, p, now)
     if UNTIL:
         last = watched(p) - 1
         until(t, z, p, at(now, last))
-        now[last] *= s[ORIENTATION]
-        if s[ORIENTATION] == 0.0:
+        now[last] *= s.orientation
+        if s.orientation == 0.0:
             now[last] = 1.0
 
 
-def sample(s: Floats, p: Floats, x: float, beside: float, out: Floats) -> None:
+def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> None:
     """Give margins and slopes (2 C,) at the fraction x of the last step."""
     count = watched(p)
-    now = at(s, int(s[SEARCH_AT]))
+    now = s.margins
     look(s, p, x + beside)
     for k in range(count):
         out[count + k] = now[k]
@@ -217,12 +191,12 @@ def sample(s: Floats, p: Floats, x: float, beside: float, out: Floats) -> None:
         out[count + k] = (out[count + k] - now[k]) / beside
 
 
-def known(s: Floats, p: Floats, width: float) -> bool:
+def known(s: State, p: Parameters, width: float) -> bool:
     """Tell whether what all margins do on a stretch follows from its ends."""
     count = watched(p)
-    first = at(s, int(s[SEARCH_AT]) + count)
-    middle = at(first, 2 * count)
-    last = at(middle, 2 * count)
+    first = s.margins_first
+    middle = s.margins_middle
+    last = s.margins_last
     for k in range(count):
         a = first[k]
         m = middle[k]
@@ -242,17 +216,14 @@ def known(s: Floats, p: Floats, width: float) -> bool:
     return True
 
 
-def least_allowed(p: Floats, k: int) -> float:
+def least_allowed(p: Parameters, k: int) -> float:
     """Give the margin below which a mode is over beyond doubt; of `until` 0."""
-    if SWITCHES:
-        count = int(p[SURFACES])
-        if k < count:
-            kept = at(p, int(p[SWITCHING]) + 1)
-            return -max(float(kept[SLACK * count + k]), float(kept[BAND * count + k]))
+    if SWITCHES and k < p.surfaces:
+        return -max(float(p.slack[k]), float(p.band[k]))
     return 0.0
 
 
-def over(p: Floats, k: int, margin: float) -> bool:
+def over(p: Parameters, k: int, margin: float) -> bool:
     """Tell whether margin k says that the mode is over."""
     if UNTIL and k == watched(p) - 1:
         return not margin > 0.0
@@ -260,7 +231,7 @@ def over(p: Floats, k: int, margin: float) -> bool:
 
 
 def first_end(
-    s: Floats, p: Floats, low: float, x: float, before: Floats, after: Floats
+    s: State, p: Parameters, low: float, x: float, before: Floats, after: Floats
 ) -> float:
     """Give a point in (low, x] where something ends, or 0.
 
@@ -279,18 +250,17 @@ def first_end(
             if over(p, k, margin_at(s, p, k, least)):
                 high = least if high == 0.0 else min(high, least)
     if SWITCHES:
-        surfaces = int(p[SURFACES])
-        slack = at(p, int(p[SWITCHING]) + 1 + SLACK * surfaces)
-        for k in range(surfaces):
+        slack = p.slack
+        for k in range(p.surfaces):
             if after[k] > slack[k]:
                 slack[k] = 0.0
     return high
 
 
-def margin_at(s: Floats, p: Floats, k: int, x: float) -> float:
+def margin_at(s: State, p: Parameters, k: int, x: float) -> float:
     """Give one margin at the fraction x of the last step."""
     look(s, p, x)
-    return float(s[int(s[SEARCH_AT]) + k])
+    return float(s.margins[k])
 
 
 def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
@@ -304,7 +274,7 @@ def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
     return a + fall * meets < 0.0
 
 
-def least_margin(s: Floats, p: Floats, k: int, low: float, high: float) -> float:
+def least_margin(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     """Give where a margin is least, by golden section."""
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
@@ -327,7 +297,7 @@ def least_margin(s: Floats, p: Floats, k: int, low: float, high: float) -> float
     return 0.5 * (low + high)
 
 
-def cut(s: Floats, p: Floats, low: float, high: float) -> None:
+def cut(s: State, p: Parameters, low: float, high: float) -> None:
     """End the step at the first moment in (low, high] at which something ends.
 
     That is where its margin vanishes, also where only one well below 0 tells it.
@@ -342,14 +312,14 @@ def cut(s: Floats, p: Floats, low: float, high: float) -> None:
                 least = 0.0
             high = end_of(s, p, k, least, low, high)
     if UNTIL and first == count - 1:
-        s[EVENT] = 1.0
+        s.event = 1.0
     else:
-        s[SWITCHED] = first + 1.0
+        s.switched = first + 1.0
     shorten(s, high)
 
 
 def end_of(
-    s: Floats, p: Floats, k: int, least: float, low: float, high: float
+    s: State, p: Parameters, k: int, least: float, low: float, high: float
 ) -> float:
     """Give the first point in (low, high] at which margin k is below `least`."""
     middle = 0.5 * (low + high)
@@ -366,12 +336,12 @@ def end_of(
     return high
 
 
-def shorten(s: Floats, x: float) -> None:
+def shorten(s: State, x: float) -> None:
     """Let the last step end at its fraction x.
 
     Its state stays until the rows before that moment are written: methods may
     interpolate from it.
     """
-    s[CUT] = x
-    s[T] = s[STEP_T] + x * s[STEP_H]
-    s[ROW_LIMIT] = min(s[ROW_LIMIT], s[T])
+    s.cut = x
+    s.t = s.step_t + x * s.step_h
+    s.row_limit = min(s.row_limit, s.t)

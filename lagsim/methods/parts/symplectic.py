@@ -15,9 +15,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.fixed import Fixed
 from lagsim.methods.parts.interface import derivative, power
-from lagsim.methods.parts.state import HEADER, SIZE, N
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.words import at
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,9 +27,11 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
 
-# The arrays of these methods: those of `_fixed` (3 size), y' after the step (size),
-# the state on its way (size), and what rounding has cut off (size).
-ARRAYS = 6
+
+class Symplectic(Fixed):
+    """`new` is the state on its way."""
+
+    rest: Floats = array(lambda s: s.size)  # what rounding has cut off
 
 
 def refusal(scene: Structure) -> str:
@@ -86,43 +90,42 @@ def _composed(
     return q, v
 
 
-def clear(s: Floats) -> None:
+def clear(s: Symplectic) -> None:
     """Forget what rounding has cut off: a new arc begins."""
-    size = int(s[SIZE])
-    rest = at(s, HEADER + 11 * size + 6)
+    size = s.size
+    rest = s.rest
     for i in range(size):
         rest[i] = 0.0
 
 
-def depart(s: Floats) -> None:
+def depart(s: Symplectic) -> None:
     """Put the state where it is moved from stage to stage."""
-    size = int(s[SIZE])
-    y = at(s, HEADER)
-    new = at(s, HEADER + 10 * size + 6)
-    slope = at(s, HEADER + 9 * size + 6)
-    k = at(s, HEADER + 8 * size + 6)
+    size = s.size
+    y = s.y
+    new = s.new
+    slope = s.slope
+    k = s.k
     for i in range(size):
         new[i] = y[i]
         slope[i] = k[i]
 
 
-def drift(s: Floats, p: Floats, t: float, h: float) -> None:
+def drift(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     """Move the positions for a time h, to the time t, and look at the forces there."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    slope = at(s, HEADER + 9 * size + 6)
-    new = at(slope, size)
-    add(n, new, at(new, size), h, at(new, n))
+    n = s.n
+    slope = s.slope
+    new = s.new
+    add(n, new, s.rest, h, at(new, n))
     derivative(t, new, p, slope)
 
 
-def kick(s: Floats, p: Floats, t: float, h: float) -> None:
+def kick(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     """Move the velocities, and `work`, by the forces at the positions reached."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    slope = at(s, HEADER + 9 * size + 6)
-    new = at(slope, size)
-    rest = at(new, size)
+    size = s.size
+    n = s.n
+    slope = s.slope
+    new = s.new
+    rest = s.rest
     if size > 2 * n:
         add(n, at(new, n), at(rest, n), 0.5 * h, at(slope, n))
         power(t, new, p, at(slope, 2 * n))
@@ -141,12 +144,12 @@ def add(n: int, y: Floats, rest: Floats, h: float, rate: Floats) -> None:
         rest[i] += before - y[i]
 
 
-def arrive(s: Floats, p: Floats, t: float) -> None:
+def arrive(s: Symplectic, p: Parameters, t: float) -> None:
     """Make y' after the step: the velocities have moved since the forces were found."""
-    size = int(s[SIZE])
-    n = int(s[N])
-    slope = at(s, HEADER + 9 * size + 6)
-    new = at(slope, size)
+    size = s.size
+    n = s.n
+    slope = s.slope
+    new = s.new
     for i in range(n):
         slope[i] = new[n + i]
     if size > 2 * n:

@@ -1,10 +1,11 @@
 """Kernels: a small typed subset of Python as LLVM IR, and the same text in CPython.
 
-A kernel is a plain function of annotated parameters (int, float, bool, `Floats`) and
-result (the same, or None; not an array). It may hold
+A kernel is a plain function of annotated parameters (int, float, bool, `Floats`, or a
+`Memory`) and result (the same, or None; not an array). It may hold
 
 - numbers and conditions: `+ - * / // % **`, comparisons (chained too), `and or not`,
   `a if c else b`, `min max abs int float`, sqrt, floor, pow, sin, ... of `math`;
+- memory: `s.t`, `s.t = x`, `s.y` of a parameter annotated with a `layout.Memory`;
 - arrays: `a[i]`, `at(a, k)` for `a[k:]`, tuples of targets (`a, b = b, a`);
 - `if while for break continue return pass`, `for i in range(...)`, or `apart(n)` where
   no pass touches another's elements: they are then made several at once;
@@ -35,11 +36,13 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 
 from lagsim.native.kernels import words
 from lagsim.native.kernels.lines import PASSED, RETURNED
-from lagsim.native.kernels.source import KernelError, Source, is_static
+from lagsim.native.kernels.source import KernelError, Source, is_static, memories
 from lagsim.native.kernels.statements import Statements
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from lagsim.native.layout import Memory
 
 __all__ = ["KernelError", "bind", "fingerprint", "translate"]
 
@@ -129,10 +132,12 @@ def fingerprint(
     files = dict.fromkeys(sorted(map(str, own)))
     waiting = [_plain(function) for function in functions]
     seen = set(waiting)
+    layouts: dict[type[Memory], None] = {}
     for function in waiting:
         plain = inspect.unwrap(function)
         parts.append(f"{plain.__module__}.{plain.__qualname__}")
         files[plain.__code__.co_filename] = None
+        layouts |= dict.fromkeys(memories(function).values())
         if words.is_external(function):
             continue
         for name, value in _globals(function):
@@ -141,6 +146,8 @@ def fingerprint(
             elif _is_plain(value) and value not in seen:
                 seen.add(value)
                 waiting.append(value)
+    for memory in layouts:
+        parts += [f"{name} {f.kind} {f.word}" for name, f in memory.fields.items()]
     digest = hashlib.sha256("\n".join(parts).encode())
     for file in files:
         digest.update(Path(file).read_bytes())

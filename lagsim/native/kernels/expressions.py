@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from lagsim.native.kernels.lines import LLVM, Lines, Program, Value, stack_place
 from lagsim.native.kernels.source import Source, unsupported
+from lagsim.native.layout import NUMBER, SIZE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from lagsim.native.layout import Field
 
 _ARITHMETIC: Final[dict[type[ast.operator], str]] = {
     ast.Add: "add",
@@ -48,6 +51,7 @@ class Expressions(Lines):
         self.emitters: dict[type[ast.AST], Callable[[Any], Value]] = {
             ast.Name: self._load_name,
             ast.Subscript: self._load_element,
+            ast.Attribute: self._load_field,
             ast.UnaryOp: self._emit_unary,
             ast.BinOp: self._emit_binary,
             ast.Compare: self._emit_compare,
@@ -126,6 +130,40 @@ class Expressions(Lines):
 
     def _load_element(self, node: ast.Subscript) -> Value:
         return self.op("float", f"load double, ptr {self.element(node)}")
+
+    def word(self, node: ast.expr) -> tuple[str, str, Field]:
+        """Emit the address of a memory's word: the memory, the address, the field."""
+        found = self.source.field(node)
+        if found is None:
+            unsupported(self.source, node)
+        name, field = found
+        memory = self.op("Floats", f"load ptr, ptr {stack_place(name)}").text
+        place = f"getelementptr inbounds double, ptr {memory}, i64 {field.word}"
+        return memory, self.op("Floats", place).text, field
+
+    def number_place(self, node: ast.expr) -> str:
+        """Emit the address of a number that may be stored."""
+        found = self.source.field(node)
+        if found is None or found[1].kind != NUMBER:
+            raise self.source.error(
+                node,
+                f"`{ast.unparse(node)}` takes no value; a name, an element or a number "
+                "of a memory",
+            )
+        return self.word(node)[1]
+
+    def _load_field(self, node: ast.Attribute) -> Value:
+        memory, place, field = self.word(node)
+        if field.kind == NUMBER:
+            return self.op("float", f"load double, ptr {place}")
+        # Sizes and places stay: what is stored in between is no reason to load again.
+        value = self.op("float", f"load double, ptr {place}, !invariant.load !{{}}")
+        whole = self.op("int", f"fptosi double {value.text} to i64")
+        if field.kind == SIZE:
+            return whole
+        return self.op(
+            "Floats", f"getelementptr inbounds double, ptr {memory}, i64 {whole.text}"
+        )
 
     # Operators.
 

@@ -17,6 +17,7 @@ from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias, TypeGuard
 
 from lagsim.native.kernels.words import is_external
+from lagsim.native.layout import Field, Memory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -69,6 +70,8 @@ class Source:
         The symbol.
     parameters : tuple of (str, str)
         Name and kind of each parameter.
+    memories : dict
+        The classes of the parameters that are a `Memory`; their kind is Floats.
     result : str
         Kind of the result.
     node : ast.FunctionDef
@@ -99,6 +102,7 @@ class Source:
             raise self.error(
                 node, f"{names} of an enclosing function; pass as parameters or statics"
             )
+        self.memories = memories(function)
         self.parameters = self._parameters()
         self.result = self.kind(node.returns, node, "the result")
         code = plain.__code__
@@ -117,7 +121,12 @@ class Source:
         if arguments.defaults:
             raise self.error(self.node, "a parameter has no default; pass every value")
         return tuple(
-            (a.arg, self.kind(a.annotation, a, f"parameter `{a.arg}`"))
+            (
+                a.arg,
+                "Floats"
+                if a.arg in self.memories
+                else self.kind(a.annotation, a, f"parameter `{a.arg}`"),
+            )
             for a in (*arguments.posonlyargs, *arguments.args)
         )
 
@@ -134,8 +143,21 @@ class Source:
             return name
         found = "no annotation" if annotation is None else ast.unparse(annotation)
         raise self.error(
-            node, f"{what} has {found}; annotate with int, float, bool or Floats"
+            node,
+            f"{what} has {found}; annotate with int, float, bool, Floats or a Memory "
+            "that is imported for more than types",
         )
+
+    def field(self, node: ast.expr) -> tuple[str, Field] | None:
+        """Give the parameter and the field of its memory that `s.t` stands for."""
+        if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Name):
+            return None
+        memory = self.memories.get(node.value.id)
+        if memory is None:
+            return None
+        if node.attr not in memory.fields:
+            raise self.error(node, f"{memory.__name__} has no `{node.attr}`")
+        return node.value.id, memory.fields[node.attr]
 
     def meaning(self, node: ast.Name | ast.Attribute) -> object:
         """Give what a global name stands for."""
@@ -152,6 +174,17 @@ class Source:
             if node.id in names:
                 return names[node.id]
         raise self.error(node, f"`{node.id}` is not defined")
+
+
+def memories(function: FunctionType) -> dict[str, type[Memory]]:
+    """Give the classes of the parameters of a kernel that are a `Memory`."""
+    plain = inspect.unwrap(function)
+    found = {}
+    for name, annotation in plain.__annotations__.items():
+        meaning = plain.__globals__.get(str(annotation))
+        if isinstance(meaning, type) and issubclass(meaning, Memory):
+            found[name] = meaning
+    return found
 
 
 class Folding:
@@ -219,7 +252,10 @@ class Folding:
         return None if node.id in self.source.variables else self._global(node)
 
     def _global(self, node: ast.Name | ast.Attribute) -> Static | None:
-        if isinstance(node, ast.Attribute) and not isinstance(node.value, ast.Name):
+        if isinstance(node, ast.Attribute) and (
+            not isinstance(node.value, ast.Name)
+            or node.value.id in self.source.memories
+        ):
             return None
         name = ast.unparse(node) if isinstance(node, ast.Attribute) else node.id
         if name not in self._globals:

@@ -135,8 +135,8 @@ class Statements(Calls):
     def _augmented(self, node: ast.AugAssign) -> None:
         # The place is found once and read before the right side is evaluated.
         target = node.target
-        if isinstance(target, ast.Subscript):
-            place = self.element(target)
+        if isinstance(target, ast.Subscript) or self.source.field(target):
+            place = self._place(target)
             now = self.op("float", f"load double, ptr {place}")
             value = self.arithmetic(node, now, node.op, self.number(node.value))
             self.store(self.cast(value, "float", node, "the value"), place)
@@ -158,9 +158,14 @@ class Statements(Calls):
         what = f"the value of `{name}`"
         self._store(node.target, self.converted(node.value, kind, what))
 
-    def _store(self, target: ast.expr, value: Value) -> None:
+    def _place(self, target: ast.expr) -> str:
         if isinstance(target, ast.Subscript):
-            place = self.element(target)
+            return self.element(target)
+        return self.number_place(target)
+
+    def _store(self, target: ast.expr, value: Value) -> None:
+        if isinstance(target, ast.Subscript | ast.Attribute):
+            place = self._place(target)
             self.store(self.cast(value, "float", target, "the value"), place)
         elif isinstance(target, ast.Name):
             self._store_name(target, target.id, value)

@@ -11,11 +11,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts import state as at
 from lagsim.notes import Caution
 
 if TYPE_CHECKING:
-    from lagsim.run.arcs import Run
+    from lagsim.run.arc import Arc
 
 # An inertia below this part of its largest value is close to none: the lever arm is a
 # 300th of what it was. (Measured on an oscillator in polar coordinates that misses the
@@ -24,21 +23,23 @@ if TYPE_CHECKING:
 VANISHING = 1e-5
 
 
-def singularity_caution(run: Run) -> list[Caution]:
+def singularity_caution(arc: Arc) -> list[Caution]:
     """Warn of the coordinate that came closest to losing its meaning."""
-    count = int(run.state[at.INERTIAS])
-    if not count or not run.steps:
+    state = arc.state
+    if not state.inertias or not arc.steps:
         return []
-    kept = run.state[int(run.state[at.INERTIAS_AT]) :].tolist()  # numpy takes longer
+    # Lists: for so few numpy takes longer.
+    pairs = zip(
+        state.inertia_largest.tolist(), state.inertia_smallest.tolist(), strict=True
+    )
     parts = [
-        smallest / largest if largest > 0.0 else 1.0
-        for largest, smallest in zip(kept[:count], kept[count : 2 * count], strict=True)
+        smallest / largest if largest > 0.0 else 1.0 for largest, smallest in pairs
     ]
     part = min(parts)
     if not part < VANISHING:
         return []
     k = parts.index(part)
-    name, when = run.system.inertias[k], kept[2 * count + k]
+    name, when = arc.system.inertias[k], float(state.inertia_when[k])
     text = (
         f"at t = {when:.9g} the inertia of `{name}` falls to {part:.1g} of its "
         f"largest: there `{name}` is close to losing its meaning (polar coordinates at "

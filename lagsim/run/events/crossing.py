@@ -120,12 +120,12 @@ class Crossing:
 
     def _rate(self, rows: Rows, k: int) -> float:
         """Give the rate of a surface in positions; 0 where it is rounding."""
-        modes, n = self.modes, self.modes.run.system.n
+        modes, n = self.modes, self.modes.arc.system.n
         if modes.of_velocities[k] or k in self.at_rest:
             return 0.0
-        v = modes.run.y[n : 2 * n]
+        v = modes.arc.y[n : 2 * n]
         rate = float(rows.rates[k])
-        terms = np.abs(rows.J[k]) @ modes.seen()[n : 2 * n]
+        terms = np.abs(rows.J[k]) @ modes.arc.seen[n : 2 * n]
         terms += abs(rate - float(rows.J[k] @ v))
         return rate if abs(rate) > ON * terms else 0.0
 
@@ -157,12 +157,12 @@ class Crossing:
 
     def _settle(self, corner: Sequence[int]) -> None:
         """Put the open surfaces on these sides, and what hangs on them where it is."""
-        modes, run = self.modes, self.modes.run
+        modes, arc = self.modes, self.modes.arc
         for k, way in zip(self.open, corner, strict=True):
             modes.put(k, self.levels[k], way)
         for k in self.loose:
             modes.write()
-            value = float(modes.values(run.t, run.y)[k])
+            value = float(modes.values(arc.t, arc.y)[k])
             level = modes.level(k, value)
             if k not in self.levels and abs(value - level) > ON * self.sizes[k]:
                 modes.put_clear(k, value)
@@ -201,7 +201,7 @@ class Crossing:
                 steps = modes.value[k] != low[k]
                 if steps or (k in self.levels and k not in carried):
                     carried[k] = self.open[i], float(modes.value[k])
-        modes.value[:], modes.kind[:] = low, kind
+        modes.restore(low, kind)
         for k, (leader, high) in carried.items():
             modes.carry(k, leader, high)
         for i in along:
@@ -216,16 +216,16 @@ class Crossing:
 
     def _crossroads(self, held: dict[int, int]) -> Crossroads:
         """Give what the forces do with each of the surfaces below or above."""
-        modes, run = self.modes, self.modes.run
+        modes, arc = self.modes, self.modes.arc
         levels = np.array([self.levels[k] for k in self.open])
 
         def terms(corner: Sequence[int], y: Floats) -> tuple[Floats, Floats, Floats]:
             self._settle(corner)
             rows = modes.rows(y)
-            a = modes.rates(run.t, y)[run.system.n : 2 * run.system.n]
+            a = modes.rates(arc.t, y)[arc.system.n : 2 * arc.system.n]
             return rows.J[self.open], rows.b[self.open], a
 
-        def rates(corner: Sequence[int], y: Floats = run.y) -> Floats:
+        def rates(corner: Sequence[int], y: Floats = arc.y) -> Floats:
             J, b, a = terms(corner, y)
             # What has no value tells nothing.
             return np.nan_to_num(J @ a - b, nan=0.0, posinf=0.0, neginf=0.0)
@@ -236,16 +236,16 @@ class Crossing:
                 np.where(np.array(corner) == ABOVE, 1.0, -1.0),
                 modes.rates,
                 lambda t, y: modes.values(t, y)[self.open] - levels,
-                run.t,
-                run.y,
-                run.settings.duration,
+                arc.t,
+                arc.y,
+                arc.settings.duration,
                 ON * self.sizes[self.open],
             )
 
         scale, noise = np.zeros((2, len(self.open)))
-        reach = REACH * self.left * np.abs(modes.rates(run.t, run.y))
+        reach = REACH * self.left * np.abs(modes.rates(arc.t, arc.y))
         for corner in self._corners():
-            J, b, a = terms(corner, run.y)
+            J, b, a = terms(corner, arc.y)
             scale = np.fmax(scale, np.abs(J) @ np.abs(a) + np.abs(b))
             for aside in modes.asides(reach):
                 noise = np.fmax(noise, np.abs(rates(corner, aside) - rates(corner)))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -22,14 +23,16 @@ from lagsim.mechanics.switches import expression_text
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.looks import LARGE, LARGEST, NEAR_ZERO
 from lagsim.notes import Caution
+from lagsim.run.decisions import Decision, Source
 from lagsim.run.events.breaks import break_times
 from lagsim.run.events.crossings import Values
 from lagsim.run.system.sleepers import motion_nodes, timed_sleepers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
-    from lagsim.run.arcs import Run
+    from lagsim.language.arrays import Floats
+    from lagsim.run.arc import Arc
     from lagsim.run.system.sleepers import Sleeper
 
 # Distances are in powers of e, as in `methods._looks`. The width of what happens is the
@@ -57,76 +60,54 @@ class Feature(NamedTuple):
     reach: float
 
 
-class Features:
-    """What is still to come in a run, in order.
+class Features(Source):
+    """What is still to come in a run, in order."""
 
-    Attributes
-    ----------
-    any : bool
-        There may be something.
-    """
-
-    def __init__(self, run: Run) -> None:
-        equations = run.system.equations
+    def __init__(self, arc: Arc) -> None:
+        equations = arc.system.equations
         g = equations.graph
-        start, end = run.settings.start, run.settings.end
         nodes = motion_nodes(equations)
-        values = {p.name: p.value for p in equations.model.parameters}
-        found = [
-            sleeper
+        self._cautions: list[Caution] = []
+        lines = [
+            _Line(arc, sleeper, self._cautions.append)
             for sleeper in timed_sleepers(equations, nodes)
-            if g.depends([sleeper.node]) <= {"t", *values}
+            if g.depends([sleeper.node]) <= {"t", *arc.parameters}
         ]
-        self._lines = []
-        for sleeper in found:
-            line = _Line(run, sleeper, values, start, end)
-            if not line.shallow:
-                self._lines.append(line.features())
-        self.any = bool(self._lines)
-        self._coming = heapq.merge(*self._lines)
-        self._next = next(self._coming, None) if self.any else None
+        coming = [line.features() for line in lines if not line.shallow]
+        self._coming = heapq.merge(*coming)
+        self._next = next(self._coming, None)
         self._now: Feature | None = None
 
-    def advance(self, run: Run) -> None:
+    def set_out(self, arc: Arc) -> Decision:
         """Tell the kernel what comes first after the time reached."""
-        state = run.state
-        t = float(state[at.T])
-        while self._now is None or self._ends(self._now) <= t:
+        found = self._first(arc)
+        cautions = tuple(self._cautions)
+        self._cautions.clear()
+        return replace(found, cautions=cautions)
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Tell what comes after what is over."""
+        return self.set_out(arc) if code == at.FEATURE_PASSED else None
+
+    def _first(self, arc: Arc) -> Decision:
+        while self._now is None or self._ends(self._now) <= arc.t:
             if self._next is None:
                 self._now = None
                 break
             self._now, self._next = self._next, next(self._coming, None)
-        if self._now is None:
-            state[at.FEATURE_WIDTH] = 0.0
-            return
-        state[at.FEATURE] = self._now.time
-        state[at.FEATURE_WIDTH] = self._now.width
-        state[at.FEATURE_REACH] = self._now.reach
-        begins = self._now.time - self._now.reach
-        if t < begins - self._now.width:
-            state[at.FEATURE_END] = begins - self._now.width
-            self._expect(run, self._now, FORESEEN)
-            return
-        state[at.FEATURE_END] = self._ends(self._now)
-        self._expect(run, self._now, 1.0)
-
-    def _expect(self, run: Run, now: Feature, part: float) -> None:
-        """Take what is about to happen as a size of the motion.
-
-        Or the first traces of a pulse would be controlled against a body at rest, as
-        finely as rounding lets them be.
-        """
-        n = run.system.n
-        rates = run.runner.function("derivative", run.system.size)
-        sizes = run.sizes
-        for time in (now.time - now.width, now.time, now.time + now.width):
-            push = part * now.width * np.abs(rates(time, run.y)[n : 2 * n])
-            moved = run.y.copy()
-            moved[n : 2 * n] += push  # a body at rest takes no work
-            work = part * now.width * np.abs(rates(time, moved)[2 * n :])
-            change = np.concatenate([now.width * push, push, work])
-            if np.all(np.isfinite(change)):
-                sizes[:] = np.maximum(sizes, change)
+        now = self._now
+        if now is None:
+            return Decision(numbers={"feature_width": 0.0})
+        begins = now.time - now.reach - now.width
+        is_ahead = arc.t < begins
+        numbers = {
+            "feature": now.time,
+            "feature_width": now.width,
+            "feature_reach": now.reach,
+            "feature_end": begins if is_ahead else self._ends(now),
+        }
+        sizes = _expected(arc, now, FORESEEN if is_ahead else 1.0)
+        return Decision(numbers=numbers, sizes=sizes)
 
     def _ends(self, now: Feature) -> float:
         """Give when it is over, or when the next begins."""
@@ -136,20 +117,37 @@ class Features:
         return over
 
 
+def _expected(arc: Arc, now: Feature, part: float) -> Floats:
+    """Give sizes of the motion (size,) with what is about to happen.
+
+    Or the first traces of a pulse would be controlled against a body at rest, as
+    finely as rounding lets them be.
+    """
+    n = arc.system.n
+    rates = arc.runner.function("derivative", arc.system.size)
+    sizes = arc.sizes
+    for time in (now.time - now.width, now.time, now.time + now.width):
+        push = part * now.width * np.abs(rates(time, arc.y)[n : 2 * n])
+        moved = arc.y.copy()
+        moved[n : 2 * n] += push  # a body at rest takes no work
+        work = part * now.width * np.abs(rates(time, moved)[2 * n :])
+        change = np.concatenate([now.width * push, push, work])
+        if np.all(np.isfinite(change)):
+            sizes = np.maximum(sizes, change)
+    return sizes
+
+
 class _Line:
     """The moments at which one argument may wake something."""
 
     def __init__(
-        self,
-        run: Run,
-        sleeper: Sleeper,
-        values: dict[str, float],
-        start: float,
-        end: float,
+        self, arc: Arc, sleeper: Sleeper, tell: Callable[[Caution], None]
     ) -> None:
-        g = self.g = run.equations.graph
-        self.run, self.text = run, expression_text(g, sleeper.node)
-        self.sleeper, self.values, self.start, self.end = sleeper, values, start, end
+        g = self.g = arc.equations.graph
+        start, end = arc.settings.start, arc.settings.end
+        self.tell, self.text = tell, expression_text(g, sleeper.node)
+        values = self.values = arc.parameters
+        self.sleeper, self.start, self.end = sleeper, start, end
         self.argument = Values(g, [sleeper.node], values)
         # Below the least step of a run nothing happens.
         self.finest = 2.0**-40 * (end - start)
@@ -187,7 +185,7 @@ class _Line:
                 vain = 0
                 yield found
             if vain == PATIENCE:
-                self.run.warnings.append(self._given_up(time))
+                self.tell(self._given_up(time))
                 return
 
     def _given_up(self, time: float) -> Caution:

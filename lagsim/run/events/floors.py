@@ -6,9 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.methods.parts import interface as kept
-from lagsim.methods.parts import state as at
-
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.run.events.modes import Modes
@@ -33,7 +30,7 @@ def set_floors(modes: Modes) -> None:
     seen = _seen(modes)
     unseen = [k for k in rooted if not seen[k] > 0.0]
     sizes = _sizes(modes, seen) if unseen else seen
-    rtol = float(modes.run.state[at.RTOL]) or USUAL
+    rtol = modes.arc.state.rtol or USUAL
     floors = np.zeros(modes.count)
     for k in rooted:
         # What has no size yet, and no force on it, moves with the others, if at all.
@@ -47,38 +44,37 @@ def set_floors(modes: Modes) -> None:
 
 
 def _put(modes: Modes, floors: Floats) -> None:
-    modes.kept(kept.FLOOR)[:] = floors
-    modes.kept(kept.LEAST_ROOT)[:] = floors
+    modes.tell(floor=floors, least_root=floors)
 
 
 def _seen(modes: Modes) -> Floats:
     """Give how large the expression of each surface has been (K,)."""
-    run, n = modes.run, modes.run.system.n
+    arc, n = modes.arc, modes.arc.system.n
     slopes = np.abs(modes.rows().J)
-    here = np.abs(modes.values(run.t, run.y))
+    here = np.abs(modes.values(arc.t, arc.y))
     # The rounding of what cancels is no size.
-    least = 2.0**-44 * (slopes @ modes.seen()[n : 2 * n])
-    moved = slopes @ run.ranges[n : 2 * n]
+    least = 2.0**-44 * (slopes @ arc.seen[n : 2 * n])
+    moved = slopes @ arc.ranges[n : 2 * n]
     found = np.maximum(np.where(here > least, here, 0.0), moved)
     # What has not left its floor has not been seen.
-    return np.where(found > modes.kept(kept.LEAST_ROOT), found, 0.0)
+    return np.where(found > modes.p.least_root, found, 0.0)
 
 
 def _sizes(modes: Modes, found: Floats) -> Floats:
     """Give how large each is, or would become between two rows."""
-    step = float(modes.run.state[at.ROW_STEP])
+    step = modes.arc.state.row_step
     pushed = step * np.max(np.abs(_pushes(modes)), axis=0)
     return np.where(found > 0.0, found, pushed)
 
 
 def _pushes(modes: Modes) -> Floats:
     """Give the rates (LOOKS, K) of the surfaces by the forces at times to come."""
-    run, n = modes.run, modes.run.system.n
+    arc, n = modes.arc, modes.arc.system.n
     rows = modes.rows()
-    left = run.settings.end - run.t
-    first = min(float(run.state[at.ROW_STEP]), left)
+    left = arc.settings.end - arc.t
+    first = min(arc.state.row_step, left)
     spans = np.geomspace(first, left, LOOKS) if left > 0.0 else np.zeros(LOOKS)
-    rates = [modes.rates(run.t + span, run.y)[n : 2 * n] for span in spans]
+    rates = [modes.rates(arc.t + span, arc.y)[n : 2 * n] for span in spans]
     return np.array([np.nan_to_num(rows.J @ a - rows.b) for a in rates])
 
 
@@ -97,12 +93,12 @@ def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
 
 def _jump(modes: Modes, k: int) -> float:
     """Give half of what the sides of a surface differ in its rate."""
-    n, run = modes.run.system.n, modes.run
+    n, arc = modes.arc.system.n, modes.arc
     value, found = modes.value[k], []
     for side in (-1.0, 1.0):
         modes.value[k] = side
         modes.write()
-        found.append(float(modes.rows().J[k] @ modes.rates(run.t, run.y)[n : 2 * n]))
+        found.append(float(modes.rows().J[k] @ modes.rates(arc.t, arc.y)[n : 2 * n]))
     modes.value[k] = value
     modes.write()
     return 0.5 * abs(found[1] - found[0])

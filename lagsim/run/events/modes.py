@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.methods.parts import interface as kept
+from lagsim.methods.parts import parameters as kept
 from lagsim.run.events.shares import ABOVE, ALONG, LEVEL
 from lagsim.run.system.switching import on_velocities
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.switches import Side
-    from lagsim.run.arcs import Run
+    from lagsim.run.arc import Arc
 
 # A state this close to a surface, against the size of its terms, is on it.
 ON = 2.0**-47
@@ -50,16 +50,16 @@ class Modes:
         The surfaces whose sides each one's expression depends on.
     """
 
-    def __init__(self, run: Run) -> None:
-        self.run = run
-        system = run.system
+    def __init__(self, arc: Arc) -> None:
+        self.arc = arc
+        system = arc.system
         self.sides: tuple[Side, ...] = system.switches.sides
         self.count = len(self.sides)
         self.whole = np.array([s.whole for s in self.sides])
-        self.of_velocities = [on_velocities(run.equations, s) for s in self.sides]
+        self.of_velocities = [on_velocities(arc.equations, s) for s in self.sides]
         numbers = {s.variable: k for k, s in enumerate(self.sides)}
         nodes = system.switches.freeze([s.node for s in self.sides])
-        depends = run.equations.graph.depends
+        depends = arc.equations.graph.depends
         self.depends = [
             {numbers[name] for name in depends([node]) & numbers.keys()}
             for node in nodes
@@ -97,10 +97,23 @@ class Modes:
             if self.kind[k] == 0.0:
                 self.kind[k] = kept.CHOSEN
 
-    def kept(self, what: int) -> Floats:
-        """Give the K numbers of one kind: a view."""
-        p, first = self.run.system.p, self.run.system.switching + 1
-        return p[first + what * self.count :][: self.count]
+    @property
+    def p(self) -> kept.Parameters:
+        """The memory that the compiled functions read the modes from."""
+        return self.arc.system.p
+
+    def move_to(self, arc: Arc) -> None:
+        """Go on in another arc, or at another state."""
+        self.arc = arc
+
+    def tell(self, **numbers: Floats) -> None:
+        """Tell the compiled functions K numbers of some kinds, by their names in p."""
+        for name, each in numbers.items():
+            getattr(self.p, name)[:] = each
+
+    def restore(self, value: Floats, kind: Floats) -> None:
+        """Take sides as they were."""
+        self.value[:], self.kind[:] = value, kind
 
     def forget(self) -> None:
         """Slide along nothing."""
@@ -138,19 +151,17 @@ class Modes:
 
     def write(self) -> None:
         """Tell the compiled functions the mode."""
-        system = self.run.system
-        slides = self.slides
-        system.p[system.switching] = np.count_nonzero(slides)
-        self.kept(kept.SIDE)[:] = self.value
-        self.kept(kept.SLIDES)[:] = self.kind
-        value, whole = self.value, self.whole
+        p, slides, value, whole = self.p, self.slides, self.value, self.whole
+        p.sliding = float(np.count_nonzero(slides))
+        p.side[:] = value
+        p.slides[:] = self.kind
         up = value > 0.0
-        self.kept(kept.LOW)[:] = np.where(whole | self.bound, value, -1.0)
-        self.kept(kept.HIGH)[:] = np.where(whole, value + 1.0, 1.0)
-        self.kept(kept.LEADER)[:] = 0.0
+        p.low[:] = np.where(whole | self.bound, value, -1.0)
+        p.high[:] = np.where(whole, value + 1.0, 1.0)
+        p.leader[:] = 0.0
         for k, (leader, high) in self.carried.items():
-            self.kept(kept.LEADER)[k] = leader + 1
-            self.kept(kept.HIGH)[k] = high
+            p.leader[k] = leader + 1
+            p.high[k] = high
         least, most = np.where(up, 0.0, -math.inf), np.where(up, math.inf, 0.0)
         least = np.where(whole, value, least)
         most = np.where(whole, value + 1.0, most)
@@ -158,27 +169,27 @@ class Modes:
         moving = np.array(self.of_velocities, dtype=bool)
         least[slides] = np.where(moving, 0.0, self.levels)[slides]
         most[slides] = np.where(moving, self.levels, 0.0)[slides]
-        self.kept(kept.LEAST)[:] = least
-        self.kept(kept.MOST)[:] = most
+        p.least[:] = least
+        p.most[:] = most
 
     def rows(self, y: Floats | None = None) -> Rows:
         """Give what the surfaces do at the state reached, or at y."""
-        run, K = self.run, self.count
-        y = run.y if y is None else y
-        starts, columns = run.system.pattern
-        rows = run.runner.function("surface_rows", 4 * K + len(columns))(run.t, y)
-        J = np.zeros((K, run.system.n))
+        arc, K = self.arc, self.count
+        y = arc.y if y is None else y
+        starts, columns = arc.system.pattern
+        rows = arc.runner.function("surface_rows", 4 * K + len(columns))(arc.t, y)
+        J = np.zeros((K, arc.system.n))
         J[np.repeat(np.arange(K), np.diff(starts)), list(columns)] = rows[4 * K :]
         residuals, rates, b, scales = rows[: 4 * K].reshape(4, K)
         return Rows(residuals, rates, b, scales, J)
 
     def keeps(self, k: int) -> bool:
         """Tell whether an expression is constant hereabouts, not only level here."""
-        seen, reach = self.seen(), self.run.ranges
+        seen, reach = self.arc.seen, self.arc.ranges
         reach = np.where(reach > 0.0, np.maximum(reach, ON**0.5 * seen), seen)
         parts = ASIDE + ASIDE**2 * np.arange(len(seen))
         aside = parts * np.where(reach > 0.0, reach, 1.0)
-        here, there = self.rows(), self.rows(self.run.y + aside)
+        here, there = self.rows(), self.rows(self.arc.y + aside)
         if self.of_velocities[k]:
             still = abs(here.rates[k] - there.rates[k]) <= ON * abs(here.rates[k])
         else:
@@ -192,37 +203,33 @@ class Modes:
 
     def values(self, t: float, y: Floats) -> Floats:
         """Give the expressions of the surfaces (K,)."""
-        return self.run.runner.function("surfaces", self.count)(t, y)
+        return self.arc.runner.function("surfaces", self.count)(t, y)
 
     def rates(self, t: float, y: Floats) -> Floats:
         """Give y' with the sides as written."""
-        system = self.run.system
+        system = self.arc.system
         length = system.size + system.m
-        return self.run.runner.function("field", length)(t, y)[: system.size]
+        return self.arc.runner.function("field", length)(t, y)[: system.size]
 
     def field(self) -> Floats:
         """Give q'' with the sides as written."""
-        n = self.run.system.n
-        return self.rates(self.run.t, self.run.y)[n : 2 * n]
-
-    def seen(self) -> Floats:
-        """Give the largest sizes of the components so far."""
-        return np.maximum(np.abs(self.run.y), self.run.sizes)
+        n = self.arc.system.n
+        return self.rates(self.arc.t, self.arc.y)[n : 2 * n]
 
     def sizes(self, rows: Rows) -> Floats:
         """Give the size of the terms of each surface, with sizes seen so far.
 
         And by what the rounding of such a state does: slopes may vanish there.
         """
-        run, n = self.run, self.run.system.n
-        seen = self.seen()
+        arc, n = self.arc, self.arc.system.n
+        seen = self.arc.seen
         slopes = np.abs(rows.J)
         velocities = slopes @ seen[n : 2 * n]
         terms = np.where(self.of_velocities, velocities, slopes @ seen[:n])
         found = np.maximum(rows.scales, terms)
-        here = self.values(run.t, run.y)
+        here = self.values(arc.t, arc.y)
         for aside in self.asides():
-            found = np.fmax(found, np.abs(self.values(run.t, aside) - here) / ON)
+            found = np.fmax(found, np.abs(self.values(arc.t, aside) - here) / ON)
         return np.asarray(found)
 
     def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
@@ -230,7 +237,7 @@ class Modes:
 
         And that are no farther than `reach` (size,) besides.
         """
-        step = ON * self.seen() + reach
+        step = ON * self.arc.seen + reach
         i = np.arange(len(step))
         for k in range(DIRECTIONS):
-            yield self.run.y + np.where(i >> k & 1, -step, step)
+            yield self.arc.y + np.where(i >> k & 1, -step, step)

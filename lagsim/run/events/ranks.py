@@ -8,49 +8,76 @@ import numpy as np
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import weakest_rows
+from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
+from lagsim.plan import by_loops
 from lagsim.plan.lengths import usual_lengths
+from lagsim.run.decisions import Decision, Source
+from lagsim.run.system import System
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.run.arcs import Run
+    from lagsim.run.arc import Arc
 
 
-# A mechanism may pass the same dead point for ever: these events are kept up to this
-# many, the warning is given once.
-MOST_RANK_EVENTS = 10_000
+# Beyond so many multiplications, about a second, the loops are not gone on with.
+MOST_DENSE = 10**9
 
 
-class RankLosses:
+class Dependence(Source):
+    """Goes on with the QR decomposition where the rows lose their independence."""
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Go on with it, unless that is too much."""
+        if code != at.DEGENERATE:
+            return None
+        found = f"at t = {arc.t:.9g} the constraints come close to dependent"
+        if dense_operations(arc.system.n, arc.system.m) > MOST_DENSE:
+            text = (
+                f"{found}, and there are too many for a QR decomposition: from there "
+                "on multipliers may lose digits"
+            )
+            caution = Caution("nearly-dependent", text)
+            return Decision(cautions=(caution,), numbers={"degenerate_below": 0.0})
+        text = f"{found}; from there on they are solved by a QR decomposition"
+        plan = by_loops(arc.plan)
+        return Decision(
+            cautions=(Caution("nearly-dependent", text),),
+            arc=arc.by(plan, System(arc.equations, plan)),
+        )
+
+
+class RankLosses(Source):
     """The losses of rank of a run, and of which constraints it has been told."""
 
     def __init__(self) -> None:
         self._told: set[tuple[str, ...]] = set()
         self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
 
-    def note(self, run: Run) -> None:
-        """Record a loss of rank on the way, with the constraints in it."""
-        time = float(run.state[at.LOST_AT])
-        size = run.system.size
-        at_loss = run.state[at.HEADER + 4 * size + 2 :][:size]
-        full = len(run.equations.q)
-        row = run.runner.tabulate(np.array([[time, *at_loss]]))[0]
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Tell of a loss of rank on the way, with the constraints in it."""
+        if code != at.RANK_LOST:
+            return None
+        time = arc.state.lost_at
+        at_loss = arc.state.work[: arc.system.size]
+        full = len(arc.equations.q)
+        row = arc.runner.tabulate(np.array([[time, *at_loss]]))[0]
         q, v = row[1 : 1 + full], row[1 + full : 1 + 2 * full]
         if self._usual is None:
             self._usual = usual_lengths(
-                run.equations, run.start, run.settings.output_step
+                arc.equations, arc.start, arc.settings.output_step
             )
-        rank = run.plan.rank + len(run.plan.reduction.eliminated)
-        names, smallest = weakest(run.equations, rank, self._usual, time, q, v)
-        if len(run.events) < MOST_RANK_EVENTS:
-            run.events += [Event(time, "rank", name, smallest) for name in names]
-        if names not in self._told:
-            self._told.add(names)
-            run.warnings.append(rank_caution(time, names, smallest))
+        rank = arc.plan.rank + len(arc.plan.reduction.eliminated)
+        names, smallest = weakest(arc.equations, rank, self._usual, time, q, v)
+        events = tuple(Event(time, "rank", name, smallest) for name in names)
+        if names in self._told:
+            return Decision(events)
+        self._told.add(names)
+        return Decision(events, (rank_caution(time, names, smallest),))
 
 
 def weakest(

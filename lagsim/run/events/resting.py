@@ -42,7 +42,7 @@ def come_to_rest(modes: Modes, levels: Mapping[int, float], sizes: Floats) -> bo
             continue
         if _rests(modes, rows, k, others, levels, sizes[k]):
             return True
-        modes.value[:], modes.kind[:] = value, kind
+        modes.restore(value, kind)
         modes.write()
     return False
 
@@ -56,27 +56,27 @@ def _rests(
     size: float,
 ) -> bool:
     """Try rest on surface k; the modes are left at it."""
-    run, n, J = modes.run, modes.run.system.n, rows.J[k]
+    arc, n, J = modes.arc, modes.arc.system.n, rows.J[k]
     square = float(J @ J)
     if not square > 0.0 or modes.whole[k]:
         return False
     speed, moving = float(rows.rates[k]), modes.of_velocities[k]
     aside = ON * size
     if moving:
-        size = float(np.abs(J) @ modes.seen()[:n])
-        aside = SLOW * float(np.abs(J) @ modes.seen()[n : 2 * n])
+        size = float(np.abs(J) @ arc.seen[:n])
+        aside = SLOW * float(np.abs(J) @ arc.seen[n : 2 * n])
     found = {}
     for way, sign in ((BELOW, -1.0), (ABOVE, 1.0)):
-        beside = run.y.copy()
+        beside = arc.y.copy()
         beside[n : 2 * n] -= speed / square * J
         part = slice(n, 2 * n) if moving else slice(n)
         beside[part] += (sign * aside - rows.residuals[k]) / square * J
         modes.put(k, levels[k], way)
         for j in others:
             modes.write()
-            modes.put_clear(j, float(modes.values(run.t, beside)[j]))
+            modes.put_clear(j, float(modes.values(arc.t, beside)[j]))
         modes.write()
-        a = modes.rates(run.t, beside)[n : 2 * n]
+        a = modes.rates(arc.t, beside)[n : 2 * n]
         back = -sign * float(J @ a - rows.b[k])
         if not (back > 0.0 and speed**2 <= 2.0 * FEW * ON * size * back):
             return False

@@ -8,28 +8,30 @@ Filippov's conditions (`shares`) do: the motion leaves to a side or follows the 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.methods.parts import interface as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
+from lagsim.run.arc import NEAR
+from lagsim.run.decisions import Decision, Ending, Source, Turn
 from lagsim.run.events.crossing import Crossing
 from lagsim.run.events.floors import set_floors
-from lagsim.run.events.impacts import impact, row_before
 from lagsim.run.events.modes import ON, Modes
 from lagsim.run.events.resting import come_to_rest
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.events.shares import ABOVE, BELOW
+from lagsim.run.fallback import FAILED
 from lagsim.run.states import most_pulled, pulled
 from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
 
     from lagsim.language.arrays import Floats
-    from lagsim.run.arcs import Run
+    from lagsim.run.arc import Arc
     from lagsim.run.events.modes import Rows
 
 # Errors of what hardly moves, in parts of rtol and of its speeds and what forces add.
@@ -46,21 +48,17 @@ LEFT = 1e-4
 AHEAD = 0.9
 BACK = 0.25
 MOST_APPROACHES = 60
-# They are all counted, and so many kept.
-MOST_EVENTS = 10_000
 
 
-class Switching:
+class Switching(Source):
     """The switches of a run."""
 
-    def __init__(self, run: Run) -> None:
-        self.run = run
-        self.modes = Modes(run)
+    def __init__(self, arc: Arc) -> None:
+        self.modes = Modes(arc)
         self.sides = self.modes.sides
         self.of_velocities = self.modes.of_velocities
-        self.sequence = Sequence(run.settings.start, run.settings.duration)
+        self.sequence = Sequence(arc.settings.start, arc.settings.duration)
         self.told: set[str] = set()
-        self.time = run.t
         self.jumped = False
         self.approaches = 0
         self.reach = AHEAD
@@ -71,15 +69,34 @@ class Switching:
         """The surfaces that the motion follows (K,)."""
         return self.modes.slides
 
+    def begin(self, arc: Arc) -> Decision:
+        """Choose the mode at the state reached."""
+        return self._begin(arc)
+
+    def ask_at(self, arc: Arc) -> int:
+        """Give when it is asked next whether steps lead to a surface."""
+        return (arc.steps // NEAR + 1) * NEAR
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Go through a switch that was located, or towards one that is close by."""
+        self.modes.move_to(arc)
+        if code == at.SWITCH_FOUND:
+            return self._meet(arc, int(arc.state.switched) - 1)
+        if code == at.PAUSED:
+            return self._stuck(arc) if arc.is_looked_at else None
+        short = code == at.DONE and arc.t < arc.end
+        return self._approach(arc, short=short) if short or code in FAILED else None
+
     # The start of an arc
 
-    def begin(
+    def _begin(
         self,
+        arc: Arc,
         met: int | None = None,
         *,
         at_rest: Collection[int] = (),
         time: float | None = None,
-    ) -> None:
+    ) -> Decision:
         """Choose the mode at the state reached.
 
         Parameters
@@ -91,13 +108,14 @@ class Switching:
         time
             What events are dated, if not the time reached.
         """
-        run, modes = self.run, self.modes
-        self.time = run.t if time is None else time
+        modes = self.modes
+        modes.move_to(arc)
+        time = arc.t if time is None else time
         before = self.slides
         held = {}
         if met is not None and before[met]:
-            run.runner.margins(run.t, run.y)
-            share = modes.kept(kept.SHARE)[met]
+            arc.runner.margins(arc.t, arc.y)
+            share = modes.p.share[met]
             if share >= 0.0 - HELD and share <= 1.0 + HELD:
                 held[met] = ABOVE if share > 0.5 else BELOW
         modes.forget()
@@ -105,49 +123,52 @@ class Switching:
         on = set(at_rest) | ({met} if met is not None else set())
         levels, rows, sizes = self._find_sides(on)
         noise = np.zeros(modes.count)
+        cautions: tuple[Caution, ...] = ()
         rests = come_to_rest(modes, levels, sizes)
         if not rests:
             settled = bool(at_rest) or any(before[k] for k in levels)
-            left = max(0.0, self.time - run.t) if at_rest else 0.0
+            left = max(0.0, time - arc.t) if at_rest else 0.0
             crossing = Crossing(
                 modes, levels, sizes, at_rest, held, settled=settled, left=left
             )
             crossing.decide()
-            noise = crossing.noise
-            if crossing.undecided:
-                self._tell(crossing.undecided)
-                modes.choose(crossing.undecided)
+            noise, cautions = crossing.noise, self._undecided(crossing.undecided)
+            modes.choose(crossing.undecided)
         modes.write()
-        modes.kept(kept.NOISE)[:] = 2.0 * noise
+        modes.tell(noise=2.0 * noise)
         self._set_slack(levels, rows, sizes)
-        self._pull(resting=rests or bool(at_rest))
-        self._record(before, met, rests=rests)
+        return Decision(
+            y=self._pulled(resting=rests or bool(at_rest)),
+            events=tuple(self._changes(before, met, time, rests=rests)),
+            cautions=cautions,
+        )
 
-    def _pull(self, *, resting: bool) -> None:
-        """Take the state onto the surfaces that it follows; note if that is a jump."""
-        run, n = self.run, self.run.system.n
-        former, seen = run.y.copy(), self.modes.seen()
-        run.runner.pull(run.t, run.y)
-        masses = run.runner.function("measure")(run.t, former)[2 : 2 + n]
-        most = most_pulled(run.plan.rtol)
+    def _pulled(self, *, resting: bool) -> Floats | None:
+        """Give the state on the surfaces that it follows; note if that is a jump."""
+        arc, n = self.modes.arc, self.modes.arc.system.n
+        former, y = arc.y, arc.y.copy()
+        arc.runner.pull(arc.t, y)
+        masses = arc.runner.function("measure")(arc.t, former)[2 : 2 + n]
+        most = most_pulled(arc.plan.rtol)
         most = max(most, LEFT) if resting else most
         for part in (slice(n), slice(n, 2 * n)):
-            change = run.y[part] - former[part]
-            far = pulled(masses, change, self._reach()[part], seen[part])
+            change = y[part] - former[part]
+            far = pulled(masses, change, self._reach(y)[part], arc.seen[part])
             if not far <= most:
-                run.y[:] = former
                 self.jumped = True
+                return None
+        return y
 
     def _find_sides(self, on: set[int]) -> tuple[dict[int, float], Rows, Floats]:
         """Set the sides that are clear; give the level of each surface it is on.
 
         And the rows and the sizes of the terms. A surface may depend on others' sides.
         """
-        run, modes = self.run, self.modes
+        modes, arc = self.modes, self.modes.arc
         levels: dict[int, float] = {}
         for _ in range(modes.count + 2 if modes.nested else 1):
             modes.write()
-            values = modes.values(run.t, run.y)
+            values = modes.values(arc.t, arc.y)
             rows = modes.rows()
             sizes = modes.sizes(rows)
             old = modes.value.copy()
@@ -162,43 +183,43 @@ class Switching:
                 break
         return levels, rows, sizes
 
-    def _tell(self, several: list[int]) -> None:
+    def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
         """Warn of a choice that nothing decides, once."""
         names = self._names(several)
-        if names not in self.told:
-            self.told.add(names)
-            text = (
-                f"at t = {self.run.t:.9g} nothing decides how the motion goes on from "
-                f"{names}: one way of several was taken"
-            )
-            self.run.warnings.append(Caution("unresolved-switch", text))
+        if not several or names in self.told:
+            return ()
+        self.told.add(names)
+        text = (
+            f"at t = {self.modes.arc.t:.9g} nothing decides how the motion goes on "
+            f"from {names}: one way of several was taken"
+        )
+        return (Caution("unresolved-switch", text),)
 
     def _names(self, several: Collection[int]) -> str:
         return ", ".join(f"`{self.sides[k].text}`" for k in sorted(several))
 
     def _set_slack(self, levels: dict[int, float], rows: Rows, sizes: Floats) -> None:
         """Let rounding not end a mode that has just begun, and noise none at all."""
-        slides = self.slides
-        slack = self.modes.kept(kept.SLACK)
-        slack[:] = 0.0
-        margins = self.run.runner.margins(self.run.t, self.run.y)
+        slides, modes, arc = self.slides, self.modes, self.modes.arc
+        slack = np.zeros(modes.count)
+        modes.tell(slack=slack)
+        margins = arc.runner.margins(arc.t, arc.y)
         for k in levels:
             least = SHARE_SLACK if slides[k] else ON * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -margins[k])
         # Within its floor a root is the same to either side.
-        noise = np.maximum(self._noise(rows), 0.5 * self.modes.kept(kept.FLOOR))
-        self.modes.kept(kept.BAND)[:] = np.where(slides, 0.0, noise)
+        noise = np.maximum(self._noise(rows), 0.5 * modes.p.floor)
+        modes.tell(slack=slack, band=np.where(slides, 0.0, noise))
 
-    def _reach(self) -> Floats:
-        """Give how far positions and velocities (2 n,) have moved.
+    def _reach(self, y: Floats) -> Floats:
+        """Give how far positions and velocities (2 n,) have moved, also to y.
 
         And would in a step, by each term of their forces alone.
         """
-        run, n = self.run, self.run.system.n
-        first = int(run.state[at.EXTENTS_AT]) + 2 * run.system.size
-        step = run.t - float(run.state[at.STEP_T]) if run.steps else 0.0
-        ranges = run.ranges[: 2 * n].copy()
-        ranges[n:] += step * run.state[first : first + n]
+        arc, n = self.modes.arc, self.modes.arc.system.n
+        step = arc.t - arc.state.step_t if arc.steps else 0.0
+        ranges = arc.ranges_to(y)[: 2 * n]
+        ranges[n:] += step * arc.state.parts[:n]
         ranges[:n] += step * ranges[n:]
         return ranges
 
@@ -208,113 +229,103 @@ class Switching:
         Where a coordinate hardly moves they have any sign. The tolerance has a floor,
         see `methods._controller`.
         """
-        run, n = self.run, self.run.system.n
-        speeds = np.abs(rows.J) @ self._reach()[n:]
-        step = run.t - float(run.state[at.STEP_T]) if run.steps else 0.0
-        factor = NOISE * float(run.state[at.RTOL])
+        arc, n = self.modes.arc, self.modes.arc.system.n
+        speeds = np.abs(rows.J) @ self._reach(arc.y)[n:]
+        step = arc.t - arc.state.step_t if arc.steps else 0.0
+        factor = NOISE * arc.state.rtol
         return np.asarray(factor * np.where(self.of_velocities, speeds, step * speeds))
 
     # What a switch leads to
 
-    def _record(self, before: Floats, met: int | None, *, rests: bool) -> None:
+    def _changes(
+        self, before: Floats, met: int | None, time: float, *, rests: bool
+    ) -> Iterator[Event]:
         for k in np.flatnonzero(before != self.slides):
             kind = "switch"
             if self.of_velocities[k] or rests:
                 kind = "stick" if self.slides[k] else "slip"
             if self.slides[k] and kind == "switch" and self.sequence.ratio() < 1.0:
                 kind = "zeno"  # it has come to rest sooner than looked for
-            self._event(kind, int(k))
+            yield Event(time, kind, switch=self.sides[k].text)
         if met is not None and before[met] == self.slides[met]:
-            self._event("switch", met)
+            yield Event(time, "switch", switch=self.sides[met].text)
 
-    def _event(self, kind: str, k: int) -> None:
-        events = self.run.events
-        if len(events) < MOST_EVENTS:
-            events.append(Event(self.time, kind, switch=self.sides[k].text))
-
-    def cross(self) -> Outcome | None:
-        """Go through the switch that was located; give how the run ends there."""
-        run = self.run
-        before = row_before(run) if run.system.m else run.row()
-        goes_on = self.meet()
-        if self.jumped:
-            return Outcome.STATE_JUMPS
-        if not goes_on:
-            return Outcome.SWITCHES_ACCUMULATE
-        torn = run.system.m > 0 and impact(run, before)
-        return Outcome.CONSTRAINT_JUMPS if torn else None
-
-    def meet(self) -> bool:
-        """Go through the switch that was located; tell whether the motion goes on."""
-        run = self.run
-        k = int(run.state[at.SWITCHED]) - 1
-        run.state[at.SWITCHED] = 0.0
+    def _meet(self, arc: Arc, k: int) -> Decision:
+        """Go through the switch that was located."""
         self.approaches = 0
-        self.sequence.add(run.t, k)
+        self.sequence.add(arc.t, k)
         several = self.sequence.lately()
-        run.accumulating = self._names(several)
         limit = self.sequence.limit()
         if limit is None:
-            self.begin(k)
-            return not self.sequence.is_stuck()
-        self.time = limit
-        for k in several:
-            self._event("zeno", k)
-        self.sequence.recent.clear()
-        self.begin(at_rest=several, time=limit)
-        return bool(np.any(self.modes.kind[several] > 0.0))
+            found = self._begin(arc, k)
+            goes_on = not self.sequence.is_stuck()
+        else:
+            self.sequence.recent.clear()
+            found = self._begin(arc, at_rest=several, time=limit)
+            zeno = [Event(limit, "zeno", switch=self.sides[k].text) for k in several]
+            found = replace(found, events=(*zeno, *found.events))
+            goes_on = bool(np.any(self.modes.kind[several] > 0.0))
+        if self.jumped:
+            return replace(found, ending=Ending(Outcome.STATE_JUMPS))
+        if not goes_on:
+            names = self._names(several)
+            return replace(found, ending=Ending(Outcome.SWITCHES_ACCUMULATE, names))
+        return replace(found, turn=Turn.MODE)
 
-    def approach(self, end: float) -> float | None:
-        """Give a time at which to end an arc that cannot be stepped over its surface.
+    def _approach(self, arc: Arc, *, short: bool) -> Decision | None:
+        """End an arc ahead of a surface that it cannot be stepped over.
 
         On its other side what is frozen may have no finite value (a root, an inverse).
-        Gives None where no surface is near; the state may be on one already, which
-        counts as met.
+        The state may be on one already, which counts as met.
         """
-        run = self.run
+        found = self._time_ahead(arc)
+        if found is None:
+            return Decision(turn=Turn.ARC) if short else None
+        k, time = found
+        return Decision(turn=Turn.ARC, ahead=time) if k is None else self._meet(arc, k)
+
+    def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
+        """Give a time before the next surface, and its number if it is met already.
+
+        None where no surface is near.
+        """
         self.approaches += 1
         if self.approaches > MOST_APPROACHES:
             return None
-        self.reach = AHEAD if run.t != self.tried_at else self.reach * BACK
-        self.tried_at = run.t
-        k, ahead = self._next()
-        if not run.t + ahead < end:
+        self.reach = AHEAD if arc.t != self.tried_at else self.reach * BACK
+        self.tried_at = arc.t
+        k, ahead = self._next(arc)
+        if not arc.t + ahead < arc.end:
             return None
-        if self._is_on(k):
-            run.state[at.SWITCHED] = k + 1
-        return float(run.t + self.reach * ahead)
+        return k if self._is_on(arc, k) else None, float(arc.t + self.reach * ahead)
 
-    def is_stuck(self) -> bool:
-        """Tell whether the motion is as good as on a surface that it cannot step over.
+    def _stuck(self, arc: Arc) -> Decision | None:
+        """Go through a surface that the motion is as good as on, and cannot step over.
 
-        Then it counts as met: far from the origin a position has no value between, and
-        steps too short to change it lead nowhere.
+        It counts as met: far from the origin a position has no value between, and steps
+        too short to change it lead nowhere.
         """
-        k, ahead = self._next()
-        if not ahead < math.inf or not self._is_on(k):
-            return False
-        self.run.state[at.SWITCHED] = k + 1
-        return True
+        k, ahead = self._next(arc)
+        is_met = ahead < math.inf and self._is_on(arc, k)
+        return self._meet(arc, k) if is_met else None
 
-    def _next(self) -> tuple[int, float]:
+    def _next(self, arc: Arc) -> tuple[int, float]:
         """Give the surface that is met next, at the rates there are, and how soon."""
         modes = self.modes
         rows = modes.rows()
         forced = rows.J @ modes.field() - rows.b
         speeds = np.where(self.of_velocities, forced, rows.rates)
-        values = modes.values(self.run.t, self.run.y)
-        ends = np.where(speeds > 0, modes.kept(kept.MOST), modes.kept(kept.LEAST))
+        values = modes.values(arc.t, arc.y)
+        ends = np.where(speeds > 0, modes.p.most, modes.p.least)
         with np.errstate(divide="ignore", invalid="ignore"):
             ahead = np.where(modes.bound, math.inf, (ends - values) / speeds)
         ahead[~(ahead >= 0.0)] = math.inf
         k = int(np.argmin(ahead))
         return k, float(ahead[k])
 
-    def _is_on(self, k: int) -> bool:
+    def _is_on(self, arc: Arc, k: int) -> bool:
         """Tell whether rounding alone keeps the state from a surface's end."""
-        modes, run = self.modes, self.run
-        rows = modes.rows()
-        values = modes.values(run.t, run.y)
-        low, high = modes.kept(kept.LEAST)[k], modes.kept(kept.MOST)[k]
-        off = min(abs(low - values[k]), abs(high - values[k]))
-        return bool(off <= 8.0 * ON * modes.sizes(rows)[k])
+        modes = self.modes
+        value = modes.values(arc.t, arc.y)[k]
+        off = min(abs(modes.p.least[k] - value), abs(modes.p.most[k] - value))
+        return bool(off <= 8.0 * ON * modes.sizes(modes.rows())[k])

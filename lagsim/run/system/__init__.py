@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.methods import method
-from lagsim.methods.parts.interface import FLOOR, PER_SURFACE, SIDE, SLIDES
+from lagsim.methods.parts.parameters import KEPT, Parameters
 from lagsim.native.graph import keys, straight_line
 from lagsim.native.graph.straight_line import Layout
 from lagsim.native.link.cache import kernel_object, object_code
@@ -28,7 +28,6 @@ from lagsim.run.system.sleepers import (
     slope,
 )
 from lagsim.run.system.switching import surface_functions
-from lagsim.solve import _layout
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -127,26 +126,20 @@ class System:
         if self.wide and self.m:
             nodes_of["position_steps"] = nodes_of["position_step"]
             nodes_of["velocity_steps"] = nodes_of["velocity_step"]
-        layout = self._layout()
+        p = self._parameters()
+        layout = self._layout(p)
         found_code, p_size = object_code(
             keys.fingerprint(equations.graph, nodes_of, layout, plan.tape, MANNER),
             lambda: self._code(nodes_of, layout),
         )
-        self.p = np.zeros(p_size)
-        self.p[: _layout.HEADER] = [
-            self.n, self.m, self.motion, self.size - 2 * self.n, plan.augmented,
-            plan.rank, plan.independence, 1.0, 1.0, self._weak(), self.switching,
-            self.surfaces, plan.gain, plan.constant, 0.0, 0.0,
-        ]  # fmt: skip
+        # Behind what is declared lies what the code keeps for itself.
+        more = np.zeros(p_size - len(p.flat))
+        self.p = Parameters(np.concatenate([p.flat, more]))
         for row, length in zip(equations.rows, plan.lengths, strict=True):
-            self.p[layout.p[f"length.{row.name}"]] = length
+            self.p.flat[layout.p[f"length.{row.name}"]] = length
         for parameter in equations.model.parameters:
-            self.p[layout.p[parameter.name]] = parameter.value
+            self.p.flat[layout.p[parameter.name]] = parameter.value
         self._layout_of = layout.p
-        if self.surfaces:
-            where = self.switching + 1 + PER_SURFACE * self.surfaces
-            pattern = [*self.pattern[0], *self.pattern[1]]
-            self.p[where : where + len(pattern)] = pattern
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
@@ -180,12 +173,6 @@ class System:
         """Something is solved by the loops of `kkt`, so they need their workspace."""
         return self.plan.elimination is None or self.has_jacobian
 
-    def _weak(self) -> int:
-        """Give where loops note the weakest direction; 0 where none do."""
-        if not self.has_loops:
-            return 0
-        return self.motion + _layout.directions(self.n, self.m)
-
     def _sleepers(self, nodes_of: dict[str, list[int]]) -> list[Sleeper]:
         """Find what may sleep in the motion, and add the function that watches it."""
         e = self.equations
@@ -208,38 +195,51 @@ class System:
         loops = n * n * n // 6 + n * n * m // 2 + n * m * m
         return len(self.equations.graph.cone(nodes_of["dynamics"])) + loops
 
-    def _layout(self) -> Layout:
+    def _fixed(self) -> list[str]:
+        """Give what stays in an arc: parameters, modes, lengths of rows."""
+        names = [p.name for p in self.equations.model.parameters]
+        names += [mode.variable for mode in self.switches.modes]
+        return names + [f"length.{row.name}" for row in self.equations.rows]
+
+    def _parameters(self) -> Parameters:
+        starts, elements = self.pattern
+        plan = self.plan
+        p = Parameters.made(
+            n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
+            surfaces=self.surfaces, elements=len(elements), loops=self.has_loops,
+            slopes_known=self.has_jacobian,
+        )  # fmt: skip
+        p.augmented, p.expected, p.reference = (
+            plan.augmented,
+            plan.rank,
+            plan.independence,
+        )
+        p.health = p.least_health = 1.0
+        p.gain, p.constant = plan.gain, plan.constant
+        p.row_starts[:], p.row_columns[:] = starts, elements
+        return p
+
+    def _layout(self, memory: Parameters) -> Layout:
         e = self.equations
-        fixed = [p.name for p in e.model.parameters]
-        fixed += [mode.variable for mode in self.switches.modes]
-        fixed += [f"length.{row.name}" for row in e.rows]
-        p = {name: _layout.HEADER + k for k, name in enumerate(fixed)}
-        p[GAIN] = _layout.GAIN
+        fixed = self._fixed()
+        first = memory.place("fixed")
+        p = {name: first + k for k, name in enumerate(fixed)}
+        p[GAIN] = memory.fields["gain"].word
         # y' stands behind y where the arguments of sleepers are watched.
         slopes = [f"{name}'" for name in e.q]
         slopes += [slope(name) for name in e.velocities]
-        self.switching = _layout.HEADER + len(fixed)
-        elements = len(self.pattern[1])
-        kept = _layout.switching(self.m, self.size, self.surfaces, elements)
         for k, side in enumerate(self.switches.sides):
-            first = self.switching + 1 + k
-            p[side.variable] = first + SIDE * self.surfaces
-            p[side.sliding] = first + SLIDES * self.surfaces
+            p[side.variable] = memory.place("side") + k
+            p[side.sliding] = memory.place("slides") + k
             if side.floor:
-                p[side.floor] = first + FLOOR * self.surfaces
-        self.motion = self.switching + kept
+                p[side.floor] = memory.place("floor") + k
         motion = (*e.accelerations, *e.multipliers)
-        p |= {name: self.motion + k for k, name in enumerate(motion)}
-        loops = 0
-        if self.has_jacobian:
-            loops = _layout.jacobian_workspace(self.n, self.m)
-        elif self.has_loops:
-            loops = _layout.workspace(self.n, self.m)
+        p |= {name: memory.place("motion") + k for k, name in enumerate(motion)}
         return Layout(
             y={name: k for k, name in enumerate((*self.state, *slopes))},
             p=p,
             fixed=frozenset(fixed),
-            size=self.motion + max(loops, len(motion)),
+            size=len(memory.flat),
         )
 
     def link(self, name: str) -> Runner:
@@ -251,19 +251,19 @@ class System:
     def begin(self, start: State) -> Floats:
         """Give y at a start; sets what it determines for the whole run."""
         for name, value in self.plan.reduction.constants(start).items():
-            self.p[self._layout_of[name]] = value
+            self.p.flat[self._layout_of[name]] = value
         return self.plan.reduction.state(start)
 
     def set_modes(self, values: Sequence[float]) -> None:
         """Set the branch of each switch in time for the arc to come."""
-        self.p[self.modes_at] = values
+        self.p.flat[self.modes_at] = values
 
     def take_modes(self, other: System) -> None:
         """Take the branches of all switches from another system of the same model."""
-        self.set_modes(list(other.p[other.modes_at]))
-        length = 1 + PER_SURFACE * self.surfaces if self.surfaces else 0
-        mine, theirs = self.switching, other.switching
-        self.p[mine : mine + length] = other.p[theirs : theirs + length]
+        self.set_modes(list(other.p.flat[other.modes_at]))
+        self.p.sliding = other.p.sliding
+        for name in KEPT:
+            getattr(self.p, name)[:] = getattr(other.p, name)
 
     def units(self) -> dict[str, str]:
         """Give the unit of each column of the table, where it is known."""

@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import ctypes
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts import driver
-from lagsim.methods.parts.interface import LEAST_HEALTH
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.link.cache import kernel_object
 from lagsim.native.link.engine import Engine
-from lagsim.solve import _layout
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from lagsim.language.arrays import Floats
-    from lagsim.run.system import System
+    from lagsim.mechanics.equations import Equations
+    from lagsim.methods.parts.parameters import Parameters
+    from lagsim.methods.parts.state import State
+    from lagsim.plan import Plan
+    from lagsim.run.system.sleepers import Sleeper
 
 _POINTER = ctypes.c_void_p
 # Of the functions of a model: t, y, p, out.
@@ -38,6 +40,30 @@ _TABULATE = (
 )  # fmt: skip
 
 
+class Compiled(Protocol):
+    """What a method is linked with: a model's functions, and their memory.
+
+    See `System`.
+    """
+
+    plan: Plan
+    equations: Equations
+    n: int
+    m: int
+    size: int
+    surfaces: int
+    sleepers: list[Sleeper]
+    inertias: tuple[str, ...]
+    p: Parameters
+    objects: list[bytes]
+    wide: bool
+    rows_observed: int
+
+    @property
+    def has_loops(self) -> bool:
+        """Something is solved by loops."""
+
+
 class Runner:
     """A system linked with a method.
 
@@ -46,7 +72,7 @@ class Runner:
     method : module
     """
 
-    def __init__(self, system: System, name: str) -> None:
+    def __init__(self, system: Compiled, name: str) -> None:
         self.system = system
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
@@ -94,7 +120,7 @@ class Runner:
         def evaluate(t: float, y: Floats) -> Floats:
             out = np.zeros(length)
             y = np.ascontiguousarray(y, dtype=float)
-            call(t, y.ctypes.data, p.ctypes.data, out.ctypes.data)
+            call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
             return out
 
         return evaluate
@@ -105,7 +131,7 @@ class Runner:
 
     def pull(self, t: float, y: Floats) -> None:
         """Take y back, in place, onto the surfaces that the motion slides along."""
-        self._pull(t, y.ctypes.data, self.system.p.ctypes.data)
+        self._pull(t, y.ctypes.data, self.system.p.flat.ctypes.data)
 
     def prepare(self) -> None:
         """Compute what depends on parameters and modes alone, before each arc.
@@ -114,23 +140,25 @@ class Runner:
         """
         call = self.engine.function("prepare", *FUNCTION)
         p = self.system.p
-        p[_layout.REFERENCE] = self.system.plan.independence
-        p[_layout.FACTORED] = 0.0
-        p[_layout.HEALTH] = p[LEAST_HEALTH] = 1.0
-        p[self.system.motion :] = 0.0
+        p.reference = self.system.plan.independence
+        p.factored = p.noted = 0.0
+        p.health = p.least_health = 1.0
+        p.flat[p.place("motion") :] = 0.0
         if self.system.has_loops:
-            lengths = self.system.motion + self.system.n + self.system.m
-            p[lengths : lengths + self.system.m] = self.system.plan.lengths
-            aside = lengths + self.system.m
-            p[aside : aside + self.system.m] = self.system.plan.set_aside
-        call(0.0, None, p.ctypes.data, None)
+            p.lengths[:] = self.system.plan.lengths
+            p.aside[:] = self.system.plan.set_aside
+        call(0.0, None, p.flat.ctypes.data, None)
 
-    def advance(self, state: Floats, out: Floats, budget: int) -> int:
+    def advance(self, state: State, out: Floats, budget: int) -> int:
         """Run the method on; see `driver.advance`. out : (rows, 1 + size)."""
         p = self.system.p
         return int(
             self._advance(
-                state.ctypes.data, p.ctypes.data, out.ctypes.data, len(out), budget
+                state.flat.ctypes.data,
+                p.flat.ctypes.data,
+                out.ctypes.data,
+                len(out),
+                budget,
             )
         )
 
@@ -140,7 +168,7 @@ class Runner:
         states = np.ascontiguousarray(states)
         self._tabulate(
             states.ctypes.data, len(states), states.shape[1] - 1,
-            self.system.p.ctypes.data, out.ctypes.data, out.shape[1],
+            self.system.p.flat.ctypes.data, out.ctypes.data, out.shape[1],
             self._work.ctypes.data,
         )  # fmt: skip
         return out

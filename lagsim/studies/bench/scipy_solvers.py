@@ -58,7 +58,7 @@ class Counted:
         self._out = np.zeros(own.system.size + 2)
         self._pointers = [
             ctypes.c_void_p(array.ctypes.data)
-            for array in (self._y, own.system.p, self._out)
+            for array in (self._y, own.system.p.flat, self._out)
         ]
         self._size = own.system.size
         self._look = look

@@ -13,6 +13,7 @@ from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
 from lagsim.methods import dop853, euler, method, names, rk4
 from lagsim.methods.parts import state as at
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.model.reader import read
 from lagsim.plan import make_plan
 from lagsim.run.simulate import simulate
@@ -21,7 +22,7 @@ from tests.methods.plain import Plain, first_order, fresh_state, state_of
 from tests.methods.test_registry import refusal_of, swing
 from tests.support import Keep, run
 
-NO_PARAMETERS = np.zeros(1)
+NO_PARAMETERS = Parameters.made()
 
 
 def slope(steps, errors):
@@ -85,8 +86,8 @@ class Fixed:
         self.method, self.h = method, h
         # A row in every step, so that the dense output is made.
         self.s = fresh_state(
-            method, y, T=t, ARC_START=t, RTOL=1.0, FIXED_STEP=h,
-            ROW_START=t, ROW_LIMIT=1e9, ROW_STEP=1e-9, ROW=1.0,
+            method, y, t=t, arc_start=t, rtol=1.0, fixed_step=h,
+            row_start=t, row_limit=1e9, row_step=1e-9, row=1.0,
         )  # fmt: skip
         self.plain.kernel("start")(self.s, NO_PARAMETERS)
 
@@ -98,11 +99,11 @@ class Fixed:
             kernel("accept")(self.s, NO_PARAMETERS, self.h)
         else:
             assert kernel("step")(self.s, NO_PARAMETERS) == at.DONE
-        return self.s[at.T], state_of(self.s)
+        return self.s.t, state_of(self.s)
 
     def within(self, x):
         """Give y at the fraction x of the last step."""
-        out = np.zeros(int(self.s[at.SIZE]))
+        out = np.zeros(self.s.size)
         self.plain.kernel("interpolate")(self.s, x, out)
         return out
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from lagsim.methods import radau
-from lagsim.methods.parts import state as at
+from lagsim.methods.parts.parameters import Parameters
 from tests.methods.order.test_convergence import slope
 from tests.methods.plain import Plain, exact, fresh_state, state_of
 from tests.methods.test_registry import swing
 from tests.support import run
 
-NO_PARAMETERS = np.zeros(1)
+NO_PARAMETERS = Parameters.made()
 
 
 def accelerated(acceleration, slopes):
@@ -39,19 +39,15 @@ class Fixed:
     def __init__(self, model, y, t, h):
         self.plain, self.h = Plain(radau, model), h
         # Newton's method goes on to 0.03 of a tenth of the tolerance.
-        self.s = fresh_state(radau, y, N=1, T=t, ARC_START=t, RTOL=1e-12, ATOL=1e-12)
+        self.s = fresh_state(radau, y, n=1, t=t, arc_start=t, rtol=1e-12, atol=1e-12)
         self.plain.kernel("start")(self.s, NO_PARAMETERS)
 
     def step(self):
         kernel = self.plain.kernel
         assert kernel("attempt")(self.s, NO_PARAMETERS, self.h) >= 0.0
         kernel("accept")(self.s, NO_PARAMETERS, self.h)
-        self.s[self.words + 5] = 0.0  # the Jacobian is due
-        return self.s[at.T], state_of(self.s)
-
-    @property
-    def words(self):
-        return at.HEADER + 6 * int(self.s[at.SIZE]) + 6
+        self.s.jacobian = 0.0  # the Jacobian is due
+        return self.s.t, state_of(self.s)
 
     def within(self, x):
         out = np.zeros(2)

@@ -1,0 +1,154 @@
+"""What the functions of a model and the kernels share: parameters, and room to work."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.native.layout import Memory, array, part
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+
+# `least_health` at this has the directions of the rows noted.
+NOTE = 2.0
+
+# `slides` is this where the motion follows a surface and where one is carried along by
+# another; where the expression keeps its level on a whole stretch, or nothing but the
+# choice of a side tells on which it is, it is below 0.
+FOLLOWED = 2.0
+CARRIED = 1.0
+LEVEL = -1.0
+CHOSEN = -2.0
+
+# What is kept of each surface from arc to arc.
+KEPT = (
+    "side", "slides", "low", "high", "least", "most", "share", "slack", "band",
+    "leader", "noise", "floor", "least_root",
+)  # fmt: skip
+
+
+def each_surface(p: Parameters) -> int:
+    """Give the length of what each surface has one of."""
+    return p.surfaces
+
+
+def each_coordinate(p: Parameters) -> int:
+    """Give the length of what the loops have one of for each coordinate."""
+    return p.n if p.loops else 0
+
+
+def each_row(p: Parameters) -> int:
+    """Give the length of what the loops have one of for each constraint row."""
+    return p.m if p.loops else 0
+
+
+def columns(p: Parameters) -> int:
+    """Give the length of dr/dy, ds/dy and dpower/dy in `slopes`."""
+    return (p.n + p.m + 1) * 2 * p.n
+
+
+class Parameters(Memory):
+    """The parameters of a model, the modes of its switches, and working memory."""
+
+    n: int  # coordinates
+    m: int  # constraint rows
+    size: int  # components of y
+    values: int  # parameters, modes and lengths
+    surfaces: int  # that switches lie on
+    elements: int  # of J, their rows, that do not vanish
+    loops: int  # 1 where something is solved by loops: they need their room
+    slopes_known: int  # 1 where the Jacobian is asked for
+
+    augmented: float  # 1: M alone is singular
+    expected: float  # the rank that the rows have in general
+    reference: float  # the largest health so far: what is small is small against it
+    health: float  # size of the last independent column, now
+    least_health: float  # the smallest of it since a kernel set this to 1
+    gain: float  # of what pulls the state to the constraints
+    constant: float  # what does not change in an arc: 1 what is factored of M, 2 A too
+    factored: float  # what of that has been factored
+    ranked: float  # the rank that was found then
+    noted: float  # how many directions of the rows have been noted
+    sliding: float  # how many surfaces the motion slides along
+
+    fixed: Floats = array(lambda p: p.values)
+
+    side: Floats = array(each_surface)  # the mode variables
+    slides: Floats = array(each_surface)  # see FOLLOWED
+    # What the mode variable is on the two sides of what the motion slides along.
+    low: Floats = array(each_surface)
+    high: Floats = array(each_surface)
+    # Between these the expression of the surface stays; while it slides they are what
+    # the residual and the rate are kept at.
+    least: Floats = array(each_surface)
+    most: Floats = array(each_surface)
+    # Of the upper side, in the combination that stays on the surface.
+    share: Floats = array(each_surface)
+    slack: Floats = array(each_surface)  # how far past its end a mode still lasts ...
+    band: Floats = array(each_surface)  # ... and must be past it for more than noise
+    # The number, from 1, of the sliding surface that carries it along; or 0.
+    leader: Floats = array(each_surface)
+    noise: Floats = array(each_surface)  # a rate so small is rounding, while it slides
+    # Roots of it are taken of no less, in the motion; see `switches.roots`.
+    floor: Floats = array(each_surface)
+    least_root: Floats = array(each_surface)  # what that is set to between rows
+
+    # Where the rows of J begin among its elements, and the column of each.
+    row_starts: Floats = array(lambda p: p.surfaces + 1)
+    row_columns: Floats = array(lambda p: p.elements)
+    # What `surface_rows` gives: residuals, rates, b, scales, and the elements.
+    rows: Floats = array(lambda p: 4 * p.surfaces + p.elements)
+    residuals: Floats = part("rows", lambda _: 0, each_surface)
+    rates: Floats = part("rows", each_surface, each_surface)
+    asked: Floats = part("rows", lambda p: 2 * p.surfaces, each_surface)
+    J: Floats = part("rows", lambda p: 4 * p.surfaces, lambda p: p.elements)
+    # The fields on both sides, the equations for the shares, a state.
+    side_fields: Floats = array(
+        lambda p: (p.surfaces + 1) * (p.size + p.m) if p.surfaces else 0
+    )
+    B: Floats = array(lambda p: p.surfaces * p.surfaces)
+    right: Floats = array(lambda p: 3 * p.surfaces)
+    former: Floats = array(lambda p: p.size if p.surfaces else 0)
+
+    # From here on nothing outlasts an arc: q'' and lambda first, which the model reads.
+    motion: Floats = array(lambda p: p.n + p.m)
+    multipliers: Floats = part("motion", lambda p: p.n, lambda p: p.m)
+    lengths: Floats = array(each_row)  # the rows' largest
+    aside: Floats = array(each_row)  # which rows are set aside
+    # What `dynamics` gives, or `geometry`: with residuals, rates and the largest of
+    # both in the place of f and b.
+    terms: Floats = array(
+        lambda p: (p.n + p.m) * p.n + p.n + 3 * p.m + 2 if p.loops else 0
+    )
+    M: Floats = part("terms", lambda _: 0, lambda p: each_coordinate(p) * p.n)
+    A: Floats = part("terms", lambda p: p.n * p.n, lambda p: each_row(p) * p.n)
+    f: Floats = part("terms", lambda p: (p.n + p.m) * p.n, each_coordinate)
+    b: Floats = part("terms", lambda p: (p.n + p.m) * p.n + p.n, each_row)
+    gaps: Floats = part("terms", lambda p: (p.n + p.m) * p.n, each_row)
+    gap_rates: Floats = part("terms", lambda p: (p.n + p.m) * p.n + p.m, each_row)
+    largest: Floats = part(
+        "terms", lambda p: (p.n + p.m) * p.n + 2 * p.m, lambda p: 2 * p.loops
+    )
+    left: Floats = array(lambda p: 2 * p.loops)  # what Newton steps leave ...
+    tried: Floats = array(lambda p: 2 * each_coordinate(p))  # ... and at what
+    L: Floats = array(lambda p: each_coordinate(p) * p.n)
+    Y: Floats = array(lambda p: each_row(p) * p.n)
+    places: Floats = array(each_coordinate)  # where its columns were exchanged with
+    u: Floats = array(each_coordinate)
+    v: Floats = array(each_coordinate)
+    # Of each row, as they are ordered: its scale, the right side, and w of R^T w; the
+    # diagonal of R, the factor of its reflection, its index, and room.
+    scales: Floats = array(each_row)
+    w: Floats = array(each_row)
+    diagonal: Floats = array(each_row)
+    factors: Floats = array(each_row)
+    order: Floats = array(each_row)
+    x: Floats = array(each_row)
+    free: Floats = array(lambda p: each_row(p) * p.m)  # for `multipliers`
+    # The directions of the rows: z and M z of each, orthonormal in the metric of M.
+    mirrored: Floats = array(each_coordinate)
+    directions: Floats = array(lambda p: 2 * each_coordinate(p) * min(p.n, p.m))
+    # What `slopes` gives; last dpower/d(q'', lambda). A column of the Jacobian.
+    slopes: Floats = array(lambda p: (columns(p) + p.n + p.m) * p.slopes_known)
+    by_motion: Floats = part("slopes", columns, lambda p: (p.n + p.m) * p.slopes_known)
+    column: Floats = array(lambda p: (p.n + p.m) * p.slopes_known)

@@ -1,0 +1,160 @@
+"""The memory of a kernel, declared once: named numbers, sizes and arrays.
+
+    class Walk(Memory):
+        t: float  # a number
+        size: int  # a size: given when the memory is made; kernels only read it
+        stages: int = 4  # one that is always the same
+        y: Floats = array(lambda s: s.size)
+        slopes: Floats = array(lambda s: s.stages * s.size)
+        last: Floats = part("slopes", lambda s: 3 * s.size, lambda s: s.size)
+        low: Floats = array(lambda s: s.size, inf)  # what it is filled with at first
+
+All of it lies in one flat array of numbers, so that it can be copied, kept and handed
+to native code as it is: first a word for each name, in the order of the declarations
+(those of a base class before its own, which may give some another value), then the
+arrays. The word of a number or a size is its value, that of an array is where it
+begins; who knows the words needs no sizes.
+
+A kernel whose parameter `s` is annotated with such a class writes `s.t`, `s.y[i]`; the
+translator makes loads and stores of that. Under CPython, and beside numpy, an instance
+is a view of the flat array: arrays are views in it, of their exact length.
+"""
+
+from __future__ import annotations
+
+import inspect
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Self
+
+    from lagsim.language.arrays import Floats
+
+NUMBER: Final = "float"
+SIZE: Final = "int"
+ARRAY: Final = "Floats"
+
+
+class Field:
+    """A name in a memory, and its word; in an instance, what it stands for.
+
+    Attributes
+    ----------
+    kind : str
+        NUMBER, SIZE or ARRAY.
+    word : int
+        Its index in the flat array.
+    value
+        What is there at first.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        value: float | Sequence[float] = 0.0,
+        length: Callable[[Any], int] | None = None,
+        first: tuple[str, Callable[[Any], int]] | None = None,
+    ) -> None:
+        self.kind = kind
+        self.word = 0
+        self.value = value
+        self.length = length or (lambda _: 0)
+        self.first = first
+
+    def __get__(self, memory: Memory | None, _owner: type) -> Any:
+        if memory is None:
+            return self
+        value = memory.flat[self.word]
+        if self.kind == NUMBER:
+            return float(value)
+        begin = int(value)
+        if self.kind == SIZE:
+            return begin
+        return memory.flat[begin : begin + self.length(memory)]
+
+    def __set__(self, memory: Memory, value: float) -> None:
+        if self.kind != NUMBER:
+            raise AttributeError("only numbers are stored; sizes and arrays stay")
+        memory.flat[self.word] = value
+
+
+def array(length: Callable[[Any], int], value: float | Sequence[float] = 0.0) -> Any:
+    """Declare an array: its length from the memory's sizes, and its first content."""
+    return Field(ARRAY, value, length)
+
+
+def part(whole: str, first: Callable[[Any], int], length: Callable[[Any], int]) -> Any:
+    """Declare an array within the array `whole`, from its element `first` on."""
+    return Field(ARRAY, 0.0, length, (whole, first))
+
+
+class Memory:
+    """A view of a flat array by the names that its class declares.
+
+    Attributes
+    ----------
+    flat : (length,)
+        All of it.
+    fields : dict
+        The declarations, in the order of their words.
+    """
+
+    fields: ClassVar[dict[str, Field]] = {}
+
+    def __init__(self, flat: Floats) -> None:
+        self.flat = flat
+
+    def __init_subclass__(cls) -> None:
+        cls.fields = dict(cls.fields)
+        for name, kind in inspect.get_annotations(cls).items():
+            given = cls.__dict__.get(name, 0.0)
+            field = given if isinstance(given, Field) else Field(str(kind), given)
+            before = cls.fields.get(name)
+            field.word = before.word if before else len(cls.fields)
+            cls.fields[name] = field
+            setattr(cls, name, field)
+
+    @classmethod
+    def made(cls, **sizes: int) -> Self:
+        """Make a memory; sizes that are not given are what they are declared as."""
+        import numpy as np
+
+        end = len(cls.fields)
+        memory = cls(np.zeros(end))
+        for name, field in cls.fields.items():
+            if field.kind != ARRAY:
+                memory.flat[field.word] = sizes.get(name, field.value)
+        for field in cls.fields.values():
+            if field.kind != ARRAY:
+                continue
+            if field.first is None:
+                memory.flat[field.word] = end
+                end += field.length(memory)
+            else:
+                whole, first = field.first
+                memory.flat[field.word] = memory.place(whole) + first(memory)
+        memory = cls(np.concatenate([memory.flat, np.zeros(end - len(cls.fields))]))
+        for name, field in cls.fields.items():
+            if field.kind == ARRAY and field.value != 0.0:
+                getattr(memory, name)[:] = field.value
+        return memory
+
+    def place(self, name: str) -> int:
+        """Give where an array begins in the flat one."""
+        return int(self.flat[self.fields[name].word])
+
+    def copy(self) -> Self:
+        """Give another memory with the same content."""
+        return type(self)(self.flat.copy())
+
+    def take(self, other: Memory) -> None:
+        """Take the numbers, and the arrays of the same length, that both have."""
+        for name in self.fields.keys() & other.fields.keys():
+            field = self.fields[name]
+            if field.kind == NUMBER:
+                setattr(self, name, getattr(other, name))
+            elif field.kind == ARRAY and field.first is None:
+                mine, its = getattr(self, name), getattr(other, name)
+                if len(mine) == len(its):
+                    mine[:] = its

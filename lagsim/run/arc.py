@@ -1,0 +1,219 @@
+"""An arc: a stretch of a motion by one plan, and the state that it has reached."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.methods import method
+from lagsim.methods.parts import state as at
+from lagsim.methods.parts.singular import CLOSE
+from lagsim.plan.solve import WELL_CONDITIONED
+from lagsim.run.states import SLIDING, empty_state, taken_over
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
+    from lagsim.model.settings import Settings
+    from lagsim.plan import Plan
+    from lagsim.run.system import System
+    from lagsim.run.system.runner import Runner
+
+# The last row within this part of a row's spacing is the end's.
+SAME_ROW = 1e-9
+# A loss of rank is one where the rows' independence falls below this part of what it is
+# in general.
+LOST = 1e-5
+# Steps at the stability bound after which something may be done about it.
+AT_BOUND = 15
+# After so many steps each it is asked whether they lead to a surface or only up to it.
+NEAR = 500
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """A stretch of a motion, and the state that it has reached.
+
+    The state is the kernels' memory: arcs hand it on, and nothing but an arc writes it.
+
+    Attributes
+    ----------
+    equations : Equations
+        The full ones; `system.equations` are those that are integrated.
+    runner : Runner
+        By the method of the plan, or the one that slides.
+    state : ndarray
+        See `methods.parts.state`.
+    end : float
+        Where the arc ends, unless something happens before.
+    """
+
+    equations: Equations
+    start: State
+    plan: Plan
+    system: System
+    settings: Settings
+    runner: Runner
+    state: at.State
+    end: float
+
+    @property
+    def t(self) -> float:
+        """The time reached."""
+        return self.state.t
+
+    @property
+    def steps(self) -> int:
+        """The steps made."""
+        return int(self.state.steps)
+
+    @property
+    def y(self) -> Floats:
+        """The state at that time: a view."""
+        return self.state.y
+
+    @property
+    def sizes(self) -> Floats:
+        """The largest sizes of the components so far: a view."""
+        return self.state.sizes
+
+    @property
+    def seen(self) -> Floats:
+        """The same, with the state reached."""
+        return np.maximum(np.abs(self.y), self.sizes)
+
+    @property
+    def ranges(self) -> Floats:
+        """How far each component has moved, also to the state reached."""
+        return self.ranges_to(self.y)
+
+    @property
+    def masses(self) -> Floats:
+        """The diagonal of M (n,) where it was last measured."""
+        return np.maximum(self.state.masses[: self.system.n], 0.0)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The values of the parameters."""
+        return {p.name: p.value for p in self.equations.model.parameters}
+
+    @property
+    def slides(self) -> bool:
+        """Whether the motion follows a surface."""
+        return self.system.p.sliding > 0.0
+
+    @property
+    def is_looked_at(self) -> bool:
+        """Whether it is asked now if steps lead to a surface."""
+        return self.system.surfaces > 0 and self.steps % NEAR == 0
+
+    def ranges_to(self, y: Floats) -> Floats:
+        """Give how far each component has moved, also to y."""
+        state = self.state
+        return np.asarray(np.maximum(state.high, y) - np.minimum(state.low, y))
+
+    def row(self, y: Floats | None = None) -> Floats:
+        """Give time and state (1, 1 + size), the one reached or y."""
+        return np.concatenate([[self.t], self.y if y is None else y])[None, :]
+
+    def observed(self, y: Floats | None = None) -> Floats:
+        """Give the columns of the state reached, or of y."""
+        return np.asarray(self.runner.tabulate(self.row(y))[0])
+
+    def row_time(self, k: int) -> float:
+        """Give the time of the next row (k = 0), or of one before or after it."""
+        state = self.state
+        return float(state.row_start + (state.row + k) * state.row_step)
+
+    def advance(self, out: Floats, budget: int) -> int:
+        """Integrate on, by one call of the kernel; give what it says."""
+        return self.runner.advance(self.state, out, budget)
+
+    def put(self, y: Floats) -> None:
+        """Let the state jump."""
+        self.y[:] = y
+
+    def tell(self, numbers: Mapping[str, float]) -> None:
+        """Write numbers of the state's header, by their names."""
+        for name, number in numbers.items():
+            setattr(self.state, name, number)
+
+    def expect(self, sizes: Floats) -> None:
+        """Take it that components will have these sizes (size,)."""
+        self.sizes[:] = sizes
+
+    def next(self, end: float, ahead: float) -> Arc:
+        """Give the arc that begins at the state reached.
+
+        And is looked at again at the time `ahead`, if that comes before its end.
+        """
+        settings, runner, state = self.settings, self.runner, self.state
+        if self.system.surfaces:
+            name = self.plan.method
+            # Sliding is written for y' alone.
+            name = SLIDING if self.slides and method(name).NEEDS else name
+            runner = self.system.link(name)
+            if runner is not self.runner:
+                state = taken_over(state, runner)
+        state.end = ahead = min(end, ahead)
+        last = settings.end - SAME_ROW * settings.output_step
+        state.row_limit = min(ahead, last)
+        state.fresh = 1.0
+        state.arc_start = self.t
+        state.switched = 0.0
+        return replace(self, runner=runner, state=state, end=end)
+
+    def by(self, plan: Plan, system: System) -> Arc:
+        """Give the same arc by another method or another system, with its own state."""
+        runner = system.link(plan.method)
+        if system is not self.system:
+            system.begin(self.start)
+            system.take_modes(self.system)
+            runner.prepare()
+        state = taken_over(self.state, runner)
+        if plan.elimination is not self.plan.elimination:
+            _set_watch(state, plan)
+        return replace(self, plan=plan, system=system, runner=runner, state=state)
+
+
+def first_arc(
+    equations: Equations,
+    start: State,
+    plan: Plan,
+    system: System,
+    settings: Settings,
+    longest_step: float = 0.0,
+) -> Arc:
+    """Give the state at a start, on no way yet."""
+    runner = system.link(plan.method)
+    y = system.begin(start)
+    state = empty_state(runner)
+    state.t = state.row_start = state.arc_start = settings.start
+    state.row_step = settings.output_step
+    state.rtol = plan.tolerance
+    state.atol = -1.0 if plan.atol is None else plan.atol
+    state.fixed_step = plan.step or 0.0
+    state.longest = longest_step
+    radius = settings.spectral_radius
+    state.spectral_radius = at.USUAL_RADIUS if radius is None else radius
+    state.ask_at = AT_BOUND
+    state.health = state.previous_health = 1.0
+    _set_watch(state, plan)
+    until = equations.model.until
+    if until is not None:
+        state.equation = until.sense.value == "="
+    state.y[:] = y
+    return Arc(equations, start, plan, system, settings, runner, state, settings.end)
+
+
+def _set_watch(state: at.State, plan: Plan) -> None:
+    """Set when a loss of rank is looked for, and what counts as one."""
+    state.close_below = CLOSE * plan.independence
+    state.lost_below = LOST * plan.independence
+    straight = plan.elimination is not None
+    state.degenerate_below = WELL_CONDITIONED if straight else 0.0

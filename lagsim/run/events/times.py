@@ -1,0 +1,58 @@
+"""Breaks in time, as a source of arcs: the branch of each switch is fixed in one."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts import state as at
+from lagsim.notes import Event
+from lagsim.run.decisions import GO_ON, Decision, Source, Turn
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from lagsim.run.arc import Arc
+
+
+class TimeBreaks(Source):
+    """The breaks in time of a run."""
+
+    def __init__(self, arc: Arc) -> None:
+        self._times = _breaks(arc)
+        self._next = next(self._times, inf)
+
+    def begin(self, arc: Arc) -> Decision:
+        """Set the branches up to the next break."""
+        end = min(self._next, arc.settings.end)
+        switches = arc.system.switches
+        arc.system.set_modes(switches.mode_values(arc.t, end, arc.parameters))
+        arc.runner.prepare()
+        return GO_ON
+
+    def limit(self, arc: Arc) -> float:  # noqa: ARG002
+        """Give the next break."""
+        return self._next
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Go through a break that has been reached."""
+        if code != at.DONE or arc.t < self._next:
+            return None
+        self._next = next(self._times, inf)
+        return Decision(events=(Event(arc.t, "switch"),), turn=Turn.MODES)
+
+
+def _breaks(arc: Arc) -> Iterator[float]:
+    modes = arc.system.switches.modes
+    if not modes:
+        return iter(())
+    from lagsim.run.events.breaks import break_times
+
+    settings = arc.settings
+    return break_times(
+        arc.equations.graph,
+        [mode.discrete for mode in modes],
+        arc.parameters,
+        settings.start,
+        settings.end,
+    )

@@ -1,0 +1,181 @@
+"""The memory of a kernel: one declaration for native code, CPython and numpy."""
+
+from __future__ import annotations
+
+import ctypes
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from lagsim.methods import method, names
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.native.kernels.code import KernelError, bind, fingerprint, translate
+from lagsim.native.kernels.words import apart
+from lagsim.native.layout import ARRAY, SIZE, Memory, array, part
+from lagsim.native.link.engine import Engine, compile_object
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+
+
+class Walk(Memory):
+    """A little of everything."""
+
+    t: float
+    size: int
+    stages: int = 2
+    y: Floats = array(lambda s: s.size)
+    low: Floats = array(lambda s: s.size, inf)
+    slopes: Floats = array(lambda s: s.stages * s.size)
+    last: Floats = part("slopes", lambda s: s.size, lambda s: s.size)
+
+
+class Longer(Walk):
+    """The same with more stages, and memory of its own."""
+
+    stages: int = 3
+    weights: Floats = array(lambda s: s.stages, (0.5, 0.25, 0.25))
+    count: float
+
+
+def move(s: Longer, p: Walk, h: float) -> int:
+    y = s.y
+    for i in apart(s.size):
+        y[i] += h * s.weights[i] * p.last[i]
+    s.t += h
+    s.count = s.count + 1.0
+    p.t = s.t
+    return s.size + p.stages
+
+
+def stores_a_size(s: Walk) -> None:
+    s.size = 3  # type: ignore[misc]
+
+
+def stores_an_array(s: Walk) -> None:
+    s.y = s.low
+
+
+def asks_for_more(s: Walk) -> float:
+    return s.count  # type: ignore[attr-defined, no-any-return]
+
+
+def memories() -> tuple[Longer, Walk]:
+    s, p = Longer.made(size=3), Walk.made(size=3)
+    s.y[:] = 1.0, 2.0, 3.0
+    p.slopes[:] = np.arange(6.0)
+    return s, p
+
+
+def test_a_name_has_a_word_and_an_array_its_length() -> None:
+    s = Longer.made(size=4)
+    assert (s.t, s.size, s.stages, s.count) == (0.0, 4, 3, 0.0)
+    assert [len(a) for a in (s.y, s.low, s.slopes, s.last, s.weights)] == [
+        4,
+        4,
+        12,
+        4,
+        3,
+    ]
+    # Nine words, and 4 + 4 + 12 + 3 elements; what is a part has none of its own.
+    assert len(s.flat) == 9 + 23
+    assert s.weights.tolist() == [0.5, 0.25, 0.25]
+    assert s.low.tolist() == [inf] * 4
+
+
+def test_what_is_added_leaves_the_words_of_the_base() -> None:
+    words = {name: field.word for name, field in Walk.fields.items()}
+    assert sorted(words.values()) == list(range(7))
+    assert words.items() <= {n: f.word for n, f in Longer.fields.items()}.items()
+    assert Walk.made(size=1).stages == 2
+
+
+def test_views_share_the_flat_array() -> None:
+    s = Walk.made(size=2)
+    s.y[1] = 5.0
+    s.last[:] = 7.0
+    assert s.flat[s.place("y") + 1] == 5.0
+    assert s.slopes.tolist() == [0.0, 0.0, 7.0, 7.0]
+    again = Walk(s.flat.copy())  # the flat array is all there is to it
+    assert (again.size, again.y.tolist()) == (2, [0.0, 5.0])
+    again.y[1] = 6.0
+    assert s.y[1] == 5.0
+
+
+def test_another_memory_takes_what_both_have() -> None:
+    short, long = Walk.made(size=2), Longer.made(size=2)
+    short.t = 3.0
+    short.y[:] = 1.0, 2.0
+    short.slopes[:] = 9.0
+    long.take(short)
+    assert (long.t, long.stages) == (3.0, 3)
+    assert long.y.tolist() == [1.0, 2.0]
+    assert not long.slopes.any()  # of another length here
+
+
+def test_sizes_and_arrays_stay() -> None:
+    s: Any = Walk.made(size=2)
+    for name in ("size", "y"):
+        with pytest.raises(AttributeError, match="only numbers"):
+            setattr(s, name, 3)
+
+
+def test_a_kernel_writes_names_natively_and_in_python() -> None:
+    expected = [1.0 + 0.5 * 0.5 * 3.0, 2.0 + 0.5 * 0.25 * 4.0, 3.0 + 0.5 * 0.25 * 5.0]
+    engine = Engine([compile_object(translate([move]))])
+    pointer = ctypes.c_void_p
+    native = engine.function(
+        "move", ctypes.c_int64, (pointer, pointer, ctypes.c_double)
+    )
+    compiled, plain = memories(), memories()
+    assert native(*(m.flat.ctypes.data for m in compiled), 0.5) == 3 + 2
+    assert bind(move, {})(*plain, 0.5) == 3 + 2
+    for s, p in (compiled, plain):
+        assert s.y.tolist() == expected
+        assert (s.t, s.count, p.t) == (0.5, 1.0, 0.5)
+    for one, other in zip(compiled, plain, strict=True):
+        assert np.array_equal(one.flat, other.flat)
+
+
+@pytest.mark.parametrize(
+    ("kernel", "message"),
+    [
+        (stores_a_size, "`s.size` takes no value"),
+        (stores_an_array, "`s.y` takes no value"),
+        (asks_for_more, "Walk has no `count`"),
+    ],
+)
+def test_faults_of_memories(kernel: Any, message: str) -> None:
+    with pytest.raises(KernelError, match=message):
+        translate([kernel])
+
+
+def test_another_declaration_is_another_fingerprint(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before = fingerprint([move])
+    monkeypatch.setattr(Longer.fields["count"], "word", 20)
+    assert fingerprint([move]) != before
+
+
+MEMORIES = [method(name).STATE for name in names()] + [Parameters]
+
+
+@pytest.mark.parametrize("memory", MEMORIES)
+def test_no_array_lies_in_another(memory: type[Memory]) -> None:
+    every = {
+        name: 1 for name, f in memory.fields.items() if f.kind == SIZE and not f.value
+    }
+    s = memory.made(**every | {"n": 3, "size": 7, "surfaces": 2})
+    end = len(s.fields)
+    for key, field in s.fields.items():
+        if field.kind == ARRAY and field.first is None:
+            assert s.place(key) == end, key
+            end += len(getattr(s, key))
+        elif field.kind == ARRAY:
+            whole = s.place(field.first[0]), len(getattr(s, field.first[0]))
+            assert whole[0] <= s.place(key)
+            assert s.place(key) + len(getattr(s, key)) <= sum(whole), key
+    assert end == len(s.flat)
