@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import derivative, interpolate, signals
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
