@@ -237,7 +237,7 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
             a_new[i] += change[i]
             change[i] *= h * gamma
         advance(s, h)
-        moved = relative_size(n, change, masses, at(new, n), sizes, h * h * masses[n])
+        moved = relative_size(n, change, masses, at(new, n), sizes, h * h * s.pushes[0])
         state = progress(iteration, moved, previous)
         if state == CONVERGED:
             return DONE

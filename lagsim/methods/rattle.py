@@ -146,7 +146,7 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
     new = s.new
     work = s.change
     steps = s.history
-    least = h * h * h * h * masses[n]
+    least = h * h * h * h * s.pushes[0]
     previous = 1e300
     for made in range(MOST):
         position_step(after, new, p, work)

@@ -175,7 +175,7 @@ def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
             moved = max(
                 moved,
                 relative_size(
-                    n, part, masses, at(V, stage * n), sizes, h * h * masses[n]
+                    n, part, masses, at(V, stage * n), sizes, h * h * s.pushes[0]
                 ),
             )
         for k in range(unknowns):
@@ -321,7 +321,7 @@ def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
         for i in range(n):
             change[i] = momenta[i] - out[i]
         solve(n, M, s.M_pivots, change)
-        moved = relative_size(n, change, masses, at(new, n), sizes, h * h * masses[n])
+        moved = relative_size(n, change, masses, at(new, n), sizes, h * h * s.pushes[0])
         for i in range(n):
             new[n + i] += change[i]
         renewing = progress(iteration, moved, previous)

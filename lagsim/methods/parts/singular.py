@@ -130,9 +130,9 @@ def time_to_loss(s: State, p: Parameters, ahead: float) -> float:
     size = s.size
     n = s.n
     y = s.y
-    rates = s.work
-    z = at(rates, n)
-    out = at(z, size)
+    rates = s.spare
+    z = s.work
+    out = s.ahead
     derivative(s.t, y, p, rates)
     s.evaluations += 1.0
     for i in range(n):
@@ -167,7 +167,7 @@ def leave_loss(s: State, p: Parameters, h: float) -> float:
     n = s.n
     y = s.y
     z = s.work
-    out = at(z, size)
+    out = s.spare
     for i in range(size):
         z[i] = y[i]
     velocity_step(s.t, z, p, out)
@@ -184,11 +184,10 @@ def leave_loss(s: State, p: Parameters, h: float) -> float:
 
 def expect_loss(s: State, p: Parameters, h: float) -> None:
     """Note how fast the independence falls at the start of an arc."""
-    size = s.size
     n = s.n
     y = s.y
     z = s.work
-    out = at(z, size)
+    out = s.spare
     for i in range(n):
         z[i] = y[i] + GLANCE * h * y[n + i]
     velocity_step(s.t + GLANCE * h, z, p, out)
@@ -222,9 +221,8 @@ def watch(s: State, p: Parameters) -> int:
 
 def health_at(s: State, p: Parameters, x: float) -> float:
     """Give how independent the rows are at the fraction x of the last step."""
-    size = s.size
     z = s.work
-    out = at(z, size)
+    out = s.spare
     interpolate(s, x, z)
     velocity_step(s.step_t + x * s.step_h, z, p, out)
     return float(out[s.n + 1])
