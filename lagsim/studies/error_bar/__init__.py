@@ -197,9 +197,8 @@ def is_outlier(
     Two that are tighter agree better by far where the run has passed over something; by
     as much as their tolerances differ where motions part exponentially.
     """
-    other = next(
-        by_other_means(equations, start, settings, plan, system, trajectory), None
-    )
+    ways = by_other_means(equations, start, settings, plan, system, trajectory)
+    other = next(ways, None)
     if other is None:
         return False
     longest = GOLDEN * GOLDEN * other.longest_step
