@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.run.states import MOST_STEPS
 
@@ -27,8 +27,7 @@ class Turn(Enum):
     MODES = "another arc begins, and all sources set their modes"
 
 
-@dataclass(frozen=True, slots=True)
-class Ending:
+class Ending(NamedTuple):
     """How a run ends; `about` names the constraints or switches that end it."""
 
     outcome: Outcome

@@ -11,9 +11,9 @@ section IV.2, for when to ask.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -58,8 +58,7 @@ REVIEWED = 100
 CHEAPER = 0.5
 
 
-@dataclass(frozen=True, slots=True)
-class Fast:
+class Fast(NamedTuple):
     """The fastest motion of the scene, linearised.
 
     `excited` where it oscillates with energy that a stiff method would lose.

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import derivative, measure, rounding, terms
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import at, rare
+from lagsim.native.kernels.words import rare
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -66,10 +66,11 @@ def record_measured(s: State, p: Parameters) -> None:
     parts = s.parts
     terms(s.t, s.y, p, parts)
     # From here on as accelerations, and the whole in the metric of M.
-    masses[n] = 0.0
+    pushes = s.pushes
+    pushes[0] = 0.0
     for i in range(n):
         if masses[i] > 0.0:
-            masses[n] += parts[i] * parts[i] / masses[i]
+            pushes[0] += parts[i] * parts[i] / masses[i]
             parts[i] /= masses[i]
         else:
             parts[i] = 0.0
@@ -93,17 +94,16 @@ def record_extents(s: State) -> None:
 
 def take_measure(s: State, t: float, y: Floats, p: Parameters) -> None:
     """Leave what `measure` gives in the state."""
-    measured = s.measured
-    measure(t, y, p, measured)
+    measure(t, y, p, s.measured)
     if s.evaluations <= 1.0:
-        s.potential = measured[1]
+        s.potential = s.energies[1]
 
 
 def energy_scale(s: State) -> float:
     """Give the largest kinetic energy or change of potential, what is measured too."""
-    measured = s.measured
-    change = abs(measured[1] - s.potential)
-    return max(float(s.energy), abs(float(measured[0])), float(change))
+    energies = s.energies
+    change = abs(energies[1] - s.potential)
+    return max(float(s.energy), abs(float(energies[0])), float(change))
 
 
 def set_tolerances(
@@ -172,7 +172,7 @@ def limit_work(s: State, new: Floats) -> None:
     n = s.n
     tolerances = s.tolerances
     masses = s.masses
-    if masses[n + 1] < 0.0:
+    if s.works[0] < 0.0:
         energy = 0.0
         for i in range(n):
             off = tolerances[n + i]
@@ -244,7 +244,7 @@ def add_probe(s: State, p: Parameters, t: float, y: Floats, k: Floats) -> None:
     n = s.n
     noise = s.noise
     z = s.work
-    slopes = at(z, size)
+    slopes = s.spare
     for i in range(size):
         part = 0.618033988749895 * (i + 1)
         z[i] = y[i] * (1.0 + PROBE * (0.5 + part - int(part)))
@@ -267,7 +267,7 @@ def foresee(s: State, p: Parameters, k: Floats) -> None:
     noise = s.noise
     foreseen = s.foreseen
     z = s.work
-    slopes = at(z, size)
+    slopes = s.spare
     instant = INSTANT * (s.end - s.t)
     waiting = 0
     for i in range(size):
@@ -305,7 +305,7 @@ def first_step(s: State, p: Parameters, order: int, k: Floats) -> float:
     size = s.size
     y = s.y
     z = s.work
-    slopes = at(z, size)
+    slopes = s.spare
     look_at_rounding(s, p, s.t, y, k, 1.0)
     foresee(s, p, k)
     span = s.end - s.t

@@ -59,7 +59,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
     """Integrate until `rows` rows are written, `budget` steps made, or all is done.
 
     out : (rows, 1 + size), the time and the state of each row. Gives one of the codes
-    of `_state`; s.emitted says how many rows were written.
+    of `state`; s.emitted says how many rows were written.
     """
     s.emitted = 0.0
     begin(s, p)

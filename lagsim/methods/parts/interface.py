@@ -139,7 +139,7 @@ def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def signals(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the arguments that are watched and their rates (2 K,) at y and y' (2 size,).
 
-    y' stands behind y; see `_looks`.
+    y' stands behind y; see `looks`.
     """
 
 

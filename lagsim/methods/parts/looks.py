@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import derivative, interpolate, signals
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import at, rare
+from lagsim.native.kernels.words import rare
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -84,7 +84,7 @@ def suspect(
     n = s.n
     count = s.signals
     z = s.look
-    rates = at(z, size)
+    rates = s.look_rates
     for i in range(size):
         z[i] = old[i]
         rates[i] = old_rates[i]
@@ -256,19 +256,20 @@ def overlooked(s: State, p: Parameters) -> float:
 def look_at_signals(s: State, p: Parameters, x: float, out: Floats) -> None:
     """Give the signals and their rates (2 K,) at the fraction x of the last step."""
     z = s.look
-    slopes(s, x, z)
+    slopes(s, x)
     interpolate(s, x, z)
     signals(s.step_t + x * s.step_h, z, p, out)
 
 
 @rare
-def slopes(s: State, x: float, z: Floats) -> None:
-    """Leave the slope of the dense output in z[size:]; z : (6 size,)."""
+def slopes(s: State, x: float) -> None:
+    """Leave the slope of the dense output as that of the look."""
     size = s.size
-    rates = at(z, size)
-    a = at(z, 2 * size)
-    b = at(z, 3 * size)
-    c = at(z, 4 * size)
+    z = s.look
+    rates = s.look_rates
+    a = s.far_before
+    b = s.far_after
+    c = s.near_before
     interpolate(s, x - 2.0 * BESIDE, a)
     interpolate(s, x + 2.0 * BESIDE, b)
     interpolate(s, x - BESIDE, c)
@@ -368,10 +369,10 @@ def differs(s: State, p: Parameters, x: float) -> bool:
     """Tell whether y' is not the slope of the dense output, for all that is allowed."""
     size = s.size
     z = s.look
-    rates = at(z, size)
-    right = at(z, 2 * size)
+    rates = s.look_rates
+    right = s.asked
     tolerances = s.tolerances
-    slopes(s, x, z)
+    slopes(s, x)
     interpolate(s, x, z)
     derivative(s.step_t + x * s.step_h, z, p, right)
     s.evaluations += 1.0

@@ -2,7 +2,7 @@
 
 With Z the increments of the stages and W = T^-1 Z, the simplified Newton iteration
 falls apart into one real and one complex system of the size of the state, which
-`_linearised` makes half as large.
+`linearised` makes half as large.
 
 Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 section IV.8.

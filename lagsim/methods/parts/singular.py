@@ -133,9 +133,9 @@ def time_to_loss(s: State, p: Parameters, ahead: float) -> float:
     size = s.size
     n = s.n
     y = s.y
-    rates = s.work
-    z = at(rates, n)
-    out = at(z, size)
+    rates = s.spare
+    z = s.work
+    out = s.ahead
     derivative(s.t, y, p, rates)
     s.evaluations += 1.0
     for i in range(n):
@@ -171,7 +171,7 @@ def leave_loss(s: State, p: Parameters, h: float) -> float:
     n = s.n
     y = s.y
     z = s.work
-    out = at(z, size)
+    out = s.spare
     for i in range(size):
         z[i] = y[i]
     velocity_step(s.t, z, p, out)
@@ -189,11 +189,10 @@ def leave_loss(s: State, p: Parameters, h: float) -> float:
 @rare
 def expect_loss(s: State, p: Parameters, h: float) -> None:
     """Note how fast the independence falls at the start of an arc."""
-    size = s.size
     n = s.n
     y = s.y
     z = s.work
-    out = at(z, size)
+    out = s.spare
     for i in range(n):
         z[i] = y[i] + GLANCE * h * y[n + i]
     velocity_step(s.t + GLANCE * h, z, p, out)
@@ -250,9 +249,8 @@ def lowest_part(s: State, p: Parameters) -> float:
 
 def health_at(s: State, p: Parameters, x: float) -> float:
     """Give how independent the rows are at the fraction x of the last step."""
-    size = s.size
     z = s.work
-    out = at(z, size)
+    out = s.spare
     interpolate(s, x, z)
     velocity_step(s.step_t + x * s.step_h, z, p, out)
     return float(out[s.n + 1])

@@ -93,11 +93,16 @@ class State(Memory):
     y: Floats = array(lambda s: s.size)
     sizes: Floats = array(lambda s: s.size)  # the largest of y so far
     tolerances: Floats = array(lambda s: s.size)
-    # What `measure` gives: energies, then the diagonal of M; after that, in the place
-    # of its 0, the sum of M_ii a_i^2 that forces could make, and whether work counts.
+    # What `measure` gives: energies, the diagonal of M, a 0 in the place of which the
+    # sum of M_ii a_i^2 that forces could make is kept, and -1 where there is work.
     measured: Floats = array(lambda s: s.n + 4)
-    masses: Floats = part("measured", lambda _: 2, lambda s: s.n + 2)
-    work: Floats = array(lambda s: 2 * s.size + 4)
+    energies: Floats = part("measured", lambda _: 0, lambda _: 2)
+    masses: Floats = part("measured", lambda _: 2, lambda s: s.n)
+    pushes: Floats = part("measured", lambda s: s.n + 2, lambda _: 1)
+    works: Floats = part("measured", lambda s: s.n + 3, lambda _: 1)
+    work: Floats = array(lambda s: 2 * s.size + 4)  # for a state ...
+    spare: Floats = part("work", lambda s: s.size, lambda s: s.size + 4)  # ... and more
+    ahead: Floats = array(lambda s: s.n + 3)  # what `velocity_step` gives there
 
     # Scales of errors: the least and the largest value of each component, the terms of
     # its rate, the rounding of that, what becomes of one at rest in the first instant.
@@ -117,15 +122,20 @@ class State(Memory):
     lane_steps: Floats = array(lambda s: LANES * (s.n + 3))
 
     # Of each signal: its kind, the power that goes with it, the farthest it has been
-    # since it was close; at three looks values, then rates. A look: y and y' there, and
-    # room. See `looks`.
+    # since it was close; at three looks values, then rates. See `looks`.
     kinds: Floats = array(lambda s: s.signals)
     powers: Floats = array(lambda s: s.signals)
     farthest: Floats = array(lambda s: s.signals)
     signals_first: Floats = array(lambda s: 2 * s.signals)
     signals_middle: Floats = array(lambda s: 2 * s.signals)
     signals_last: Floats = array(lambda s: 2 * s.signals)
-    look: Floats = array(lambda s: 6 * s.size if s.signals else 0)
+    # A look: y and y' there; states beside it, and y' from the equations.
+    look: Floats = array(lambda s: 2 * s.size)
+    look_rates: Floats = part("look", lambda s: s.size, lambda s: s.size)
+    far_before: Floats = array(lambda s: s.size)
+    far_after: Floats = array(lambda s: s.size)
+    near_before: Floats = array(lambda s: s.size)
+    asked: Floats = array(lambda s: s.size)
 
     # Margins of surfaces and of `until` at a look; with their slopes, at the start of a
     # stretch, within it and at its end. See `switching`.

@@ -99,7 +99,7 @@ def until_at(s: State, p: Parameters, x: float) -> float:
     """Give the residual or gap of `until` at the fraction x of the last step."""
     z = s.work
     interpolate(s, x, z)
-    value = at(z, s.size)
+    value = s.spare
     until(s.step_t + x * s.step_h, z, p, value)
     return float(value[0])
 
