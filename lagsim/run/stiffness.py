@@ -113,7 +113,7 @@ def consider(run: Run) -> None:
 
 def _fastest(run: Run, J: Floats) -> Fast:
     """Analyse q' = v, v' = J (q, v)."""
-    n, _size = run.system.n, run.system.size
+    n = run.system.n
     whole = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), J])
     values, right = _fast_modes(whole)
     _, left = _fast_modes(whole.T)

@@ -91,7 +91,7 @@ def _is_far(run: Run) -> bool:
     Against the motion so far of what they move: at one place all terms of a residual
     may vanish.
     """
-    n, _size = run.system.n, run.system.size
+    n = run.system.n
     masses = np.maximum(run.state.masses[:n], 0.0)
     step = run.runner.function("position_step")(run.t, run.y)[:n]
     return pulled(masses, step, run.ranges[:n], run.sizes[:n]) > TORN
