@@ -106,10 +106,13 @@ class Memory:
         self.flat = flat
 
     def __init_subclass__(cls) -> None:
+        """Give each name that is annotated its word."""
         cls.fields = dict(cls.fields)
         for name, kind in inspect.get_annotations(cls).items():
             given = cls.__dict__.get(name, 0.0)
             field = given if isinstance(given, Field) else Field(str(kind), given)
+            if field.kind not in (NUMBER, SIZE) and field is not given:
+                raise TypeError(f"{name}: float, int, or an array with its length")
             before = cls.fields.get(name)
             field.word = before.word if before else len(cls.fields)
             cls.fields[name] = field
@@ -122,6 +125,8 @@ class Memory:
 
         end = len(cls.fields)
         memory = cls(np.zeros(end))
+        if unknown := sizes.keys() - cls.fields.keys():
+            raise TypeError(f"{cls.__name__} has no {', '.join(sorted(unknown))}")
         for name, field in cls.fields.items():
             if field.kind != ARRAY:
                 memory.flat[field.word] = sizes.get(name, field.value)

@@ -122,6 +122,13 @@ def test_sizes_and_arrays_stay() -> None:
             setattr(s, name, 3)
 
 
+def test_a_declaration_that_says_nothing_is_refused() -> None:
+    with pytest.raises(TypeError, match="y: float, int, or an array"):
+        type("Wrong", (Memory,), {"__annotations__": {"y": "Floats"}})
+    with pytest.raises(TypeError, match="Walk has no length"):
+        Walk.made(length=3)
+
+
 def test_a_kernel_writes_names_natively_and_in_python() -> None:
     expected = [1.0 + 0.5 * 0.5 * 3.0, 2.0 + 0.5 * 0.25 * 4.0, 3.0 + 0.5 * 0.25 * 5.0]
     engine = Engine([compile_object(translate([move]))])
