@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 
 from lagsim.outputs.scale import extent
 from lagsim.outputs.sheet import DPI, Pen, mark
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
     from lagsim.run.observers.thinning import Array
 
@@ -34,14 +36,19 @@ STROKE = 0.9 / 72
 TOO_COARSE, ENOUGH = 0.25, 1000
 
 
+def line(axes: Axes, x: ArrayLike, y: ArrayLike, pen: Pen, **more: Any) -> None:
+    """Add a line; `Axes.plot` would measure it, though the scales are known."""
+    axes.add_artist(Line2D(x, y, **pen, **more))
+
+
 def curve(axes: Axes, x: Array, y: Array, pen: Pen) -> None:
     """Draw y against x; a value between two gaps becomes a dot."""
-    axes.plot(x, y, **pen)
+    line(axes, x, y, pen)
     seen = np.isfinite(x) & np.isfinite(y)
     linked = np.append(seen[:-1] & seen[1:], False)
     alone = seen & ~linked & ~np.roll(linked, 1)
     if alone.any():
-        axes.plot(x[alone], y[alone], **mark("o", 2.5, pen["color"]), clip_on=False)
+        line(axes, x[alone], y[alone], mark("o", 2.5, pen["color"]), clip_on=False)
 
 
 def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
@@ -71,7 +78,7 @@ def path(axes: Axes, x: Array, y: Array, pen: Pen, trusted: int) -> None:
             axes, x[max(trusted - 1, 0) :], y[max(trusted - 1, 0) :], _pale(pen), len(x)
         )
     if "marker" in pen:
-        axes.plot(x[:trusted], y[:trusted], **pen | {"markersize": 1.2})
+        line(axes, x[:trusted], y[:trusted], pen | {"markersize": 1.2})
     else:
         curve(axes, x[:trusted], y[:trusted], pen)
 
@@ -82,7 +89,7 @@ def _pale(pen: Pen) -> Pen:
 
 def point(axes: Axes, x: float, y: float, pen: Pen) -> None:
     """Draw one mark above the curves, whole at the edge too."""
-    axes.plot([x], [y], **pen, zorder=2.5, clip_on=False)
+    line(axes, [x], [y], pen, zorder=2.5, clip_on=False)
 
 
 def marks(
@@ -101,7 +108,7 @@ def marks(
         x = np.stack((inside, inside, np.full_like(inside, np.nan)), axis=1).ravel()
         y = np.tile([1.0, 1.0 - reach, np.nan], len(inside))
         across = axes.get_xaxis_transform()
-        axes.plot(x, y, **EVENTS, transform=across, zorder=1.5)
+        line(axes, x, y, EVENTS, transform=across, zorder=1.5)
 
 
 def inches(axes: Axes, x: Array, y: Array) -> tuple[Array, Array]:

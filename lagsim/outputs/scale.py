@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.ticker import (
+    Formatter,
     FuncFormatter,
+    Locator,
     LogLocator,
     MaxNLocator,
+    NullFormatter,
     NullLocator,
     ScalarFormatter,
 )
@@ -53,34 +56,55 @@ class Scale:
     plain: tuple[int, int] = PLAIN
     log: bool = False
 
-    def put(self, axes: Axes, direction: Literal["x", "y"], most: int) -> Axis:
-        """Give Axes this range and about `most` ticks along x or y; return the axis."""
+    def put(
+        self,
+        axes: Axes,
+        direction: Literal["x", "y"],
+        most: int,
+        *,
+        bare: bool = False,
+    ) -> Array:
+        """Give Axes this range and about `most` ticks; return where. `bare`: no numbers."""
         axis: Axis = axes.xaxis if direction == "x" else axes.yaxis
         kind = "log" if self.log else "linear"
         if axis.get_scale() != kind:
             axes.set(**{f"{direction}scale": kind})
             axis.set_minor_locator(NullLocator())
-        axes.set(**{f"{direction}lim": (self.low, self.high)})
-        if self.log:
-            self._put_powers(axis, most)
-            return axis
+        limit = axes.set_xlim if direction == "x" else axes.set_ylim
+        limit(self.low, self.high)
+        locator, formatter = self._powers(most) if self.log else self._round(most)
+        axis.set_major_locator(locator)
+        axis.set_major_formatter(NullFormatter() if bare else formatter)
+        # Nothing asks where the numbers end; to measure them costs as much as they do.
+        places = axis.get_majorticklocs()
+        for tick in axis.get_major_ticks(len(places)):
+            tick.label1.set_in_layout(False)
+        return places
+
+    def _round(self, most: int) -> tuple[Locator, Formatter]:
         steps = [1, 2, 2.5, 5, 10]
         locator = MaxNLocator(max(2, most - 1), steps=steps, min_n_ticks=LEAST_TICKS)
-        axis.set_major_locator(locator)
-        formatter = ScalarFormatter()
+        formatter = Counting()
         formatter.set_powerlimits(self.plain)
-        axis.set_major_formatter(formatter)
-        return axis
+        return locator, formatter
 
-    def _put_powers(self, axis: Axis, most: int) -> None:
+    def _powers(self, most: int) -> tuple[Locator, Formatter]:
         low, high = sorted((math.log10(self.low), math.log10(self.high)))
-        subs: tuple[float, ...] = (1.0,)
         if math.floor(high) - math.ceil(low) + 1 >= LEAST_TICKS:
-            axis.set_major_formatter(FuncFormatter(_as_power))
-        else:
-            subs = (1.0, 2.0, 5.0) if high - low > 1.0 else (1, 1.5, 2, 3, 4, 5, 6, 8)
-            axis.set_major_formatter(FuncFormatter(_as_number))
-        axis.set_major_locator(LogLocator(subs=subs, numticks=most))
+            return LogLocator(numticks=most), FuncFormatter(_as_power)
+        subs = (1.0, 2.0, 5.0) if high - low > 1.0 else (1, 1.5, 2, 3, 4, 5, 6, 8)
+        return LogLocator(subs=subs, numticks=most), FuncFormatter(_as_number)
+
+
+class Counting(ScalarFormatter):
+    """Numbers that count from an offset in powers of ten, both told to the label."""
+
+    def counted(self) -> tuple[float, int]:
+        """Return the offset, and the power of ten that the numbers count in."""
+        # Its name of before 3.11 will go in 3.13.
+        name = "_orderOfMagnitude"
+        power = vars(self).get(name, vars(self).get("orderOfMagnitude", 0))
+        return float(self.offset), int(power)
 
 
 def _as_power(value: float, _: object) -> str:
@@ -95,13 +119,13 @@ def label(axis: Axis, name: str, unit: str = "") -> str:
     """Return what an axis shows, from where its ticks count, in what, and the unit."""
     formatter = axis.get_major_formatter()
     scale = ""
-    if isinstance(formatter, ScalarFormatter):
+    if isinstance(formatter, Counting):
         formatter.set_locs(list(axis.get_majorticklocs()))
-        if formatter.offset:
-            # Twelve digits hold it exactly: it is a multiple of the span's own size.
-            sign = "−" if formatter.offset > 0 else "+"
-            name = f"{name} {sign} {abs(formatter.offset):.12g}"
-        exponent = formatter.orderOfMagnitude
+        offset, exponent = formatter.counted()
+        if offset:
+            # Fifteen digits hold it exactly: it is a multiple of the span's own size.
+            sign = "−" if offset > 0 else "+"
+            name = f"{name} {sign} {abs(offset):.15g}"
         scale = power_of_ten(exponent) if exponent else ""
     inside = " ".join(part for part in (scale, unit) if part)
     return f"{name} ({inside})" if inside else name

@@ -82,8 +82,7 @@ def mark(marker: str, size: float, color: str = INK, fill: str = "") -> Pen:
 
 
 HOUSE: dict[Any, Any] = {
-    "axes.grid": True, "axes.axisbelow": True, "axes.linewidth": 0.6,
-    "axes.edgecolor": DIM, "grid.color": FAINT, "grid.linewidth": 0.4,
+    "axes.axisbelow": True,
     "xtick.bottom": False, "ytick.left": False, "xtick.major.size": 0.0,
     "ytick.major.size": 0.0, "ytick.alignment": "center_baseline",
     "lines.linewidth": 0.9, "text.parse_math": False,
@@ -162,9 +161,30 @@ def wrapped(notes: Sequence[str], room: float) -> list[str]:
 
 
 @functools.cache
-def _lent() -> tuple[Figure, Axes]:
+def _lent() -> tuple[Figure, Axes, tuple[Line2D, ...]]:
+    """Return the Axes for all panels; with grid and frame, by a line for a dozen."""
     figure = Figure(dpi=DPI)
-    return figure, figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    # The sheet is white already; the place of a title is known.
+    axes.patch.set_visible(False)
+    axes.spines[:].set_visible(False)
+    axes.set_title("", y=1.0)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.offsetText.set_visible(False)
+        axis.label.set(fontproperties=_font(NORMAL), va="baseline")
+        # All further ticks take after the first.
+        axis.get_major_ticks(1)[0].label1.set_fontproperties(_font(SMALL))
+    grid: Pen = {"color": FAINT, "linewidth": 0.4, "zorder": 0.6}
+    edge: Pen = {"color": DIM, "linewidth": 0.6, "zorder": 2.6, "clip_on": False}
+    corners = ([0, 1, 1, 0, 0], [0, 0, 1, 1, 0])
+    kept = (
+        Line2D([], [], transform=axes.get_xaxis_transform(), **grid),
+        Line2D([], [], transform=axes.get_yaxis_transform(), **grid),
+        Line2D(*corners, transform=axes.transAxes, **edge),
+    )
+    for line in kept:
+        axes.add_artist(line)
+    return figure, axes, kept
 
 
 class Sheet:
@@ -185,7 +205,7 @@ class Sheet:
         return png(self.pixels())
 
     def _draw(self, artist: Artist) -> None:
-        figure, _ = _lent()
+        figure, *_ = _lent()
         artist.set_figure(figure)
         artist.set_transform(figure.dpi_scale_trans)
         artist.draw(self.renderer)
@@ -267,9 +287,10 @@ class Sheet:
         ticks : how many at most, across and up; else as many as fit.
         """
         left, top, width, height = place
-        figure, axes = _lent()
+        figure, axes, kept = _lent()
         for artist in (*axes.lines, *axes.patches, *axes.collections, *axes.texts):
-            artist.remove()
+            if artist not in kept:
+                artist.remove()
         figure.set_size_inches(self.width, self.height)
         bottom = self.height - top - height
         across, up = 1.0 / self.width, 1.0 / self.height
@@ -278,29 +299,24 @@ class Sheet:
             max(3, int(1.5 * width)),
             max(3, min(7, math.ceil(3.4 * height))),
         )
-        _number(x.put(axes, "x", fit[0]))
-        _number(y.put(axes, "y", fit[1]))
-        axes.tick_params(labelbottom=bool(below[0]), labelleft=True)
-        font: Pen = {"fontproperties": _font(NORMAL), "va": "baseline"}
-        axes.set_xlabel(_label(axes.xaxis, below, width + 0.5), **font)
+        levels = np.repeat(x.put(axes, "x", fit[0], bare=not below[0]), 3)
+        kept[0].set_data(levels, np.resize([0.0, 1.0, np.nan], len(levels)))
+        levels = np.repeat(y.put(axes, "y", fit[1]), 3)
+        kept[1].set_data(np.resize([0.0, 1.0, np.nan], len(levels)), levels)
+        axes.set_xlabel(_label(axes.xaxis, below, width + 0.5))
         axes.xaxis.set_label_coords(0.5, -0.31 / height)
-        axes.set_ylabel(_label(axes.yaxis, side, height + spare), **font)
+        axes.set_ylabel(_label(axes.yaxis, side, height + spare))
         axes.yaxis.set_label_coords(-reach / width, 0.5)
-        font = {"fontproperties": _font(SMALL), "loc": "left", "pad": 0.06 * 72}
-        axes.set_title(_label(axes.yaxis, above, width, SMALL), y=1.0, **font)
+        title = _label(axes.yaxis, above, width, SMALL)
+        if title != axes.get_title(loc="left"):
+            look: Pen = {"fontproperties": _font(SMALL), "y": 1.0, "pad": 0.06 * 72}
+            axes.set_title(title, loc="left", **look)
         yield axes
         axes.draw(self.renderer)
 
 
 def _label(axis: Axis, named: Named, room: float, size: float = NORMAL) -> str:
     return fitted(label(axis, *named), room, size) if named[0] else ""
-
-
-def _number(axis: Axis) -> None:
-    """Have the numbers of an axis written small in matplotlib's own font."""
-    axis.offsetText.set_visible(False)
-    for tick in axis.get_major_ticks(len(axis.get_majorticklocs())):
-        tick.label1.set_fontproperties(_font(SMALL))
 
 
 def png(pixels: NDArray[np.uint8]) -> bytes:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.colors import to_rgba
+from matplotlib.ticker import NullFormatter
 
 from lagsim.outputs.curves import curve, point
 from lagsim.outputs.scale import Scale
@@ -132,7 +133,7 @@ def _strips(sheet: Sheet, found: Stability) -> None:
         with sheet.panel(
             place, across, Scale(-0.5, 0.5), below=(below, ""), ticks=(9, 3)
         ) as axes:
-            axes.tick_params(labelleft=False)
+            axes.yaxis.set_major_formatter(NullFormatter())
             _cells(axes, found, method, steps, np.array((-0.5, 0.5)))
             if border := borders.get(method):
                 if border.found is not None:
