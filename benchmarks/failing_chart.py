@@ -8,26 +8,28 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lagsim.outputs.axis import DecadeAxis, extent, square_axis, time_axis, value_axis
-from lagsim.outputs.panel import Panel, legend
-from lagsim.outputs.sheet import SMALL, Pen, Sheet, in_house_style
+from lagsim.outputs.curves import curve, point
+from lagsim.outputs.scale import Scale, extent, log_scale, time_scale, value_scale
+from lagsim.outputs.sheet import SMALL, Sheet, in_house_style, mark
 
 WIDTH, HEIGHT = 6.4, 2.6
 LEFT, RIGHT, TOP, BOTTOM, BETWEEN = 0.72, 0.14, 0.52, 0.42, 0.82
 
 # What fails is vermilion, what holds blue, the exact thin and black: told apart by
 # everyone, and by their dashes in print.
-FAILS, HOLDS = Pen("#D55E00", width=1.3), Pen("#0072B2", (5.0, 2.0), width=1.3)
-OTHER, EXACT = Pen("#009E73", (2.0, 1.5), width=1.2), Pen("#000000", width=0.7)
-MORE = Pen("#CC79A7", (6.0, 1.5, 1.5, 1.5), width=1.2)
+FAILS = {"color": "#D55E00", "linewidth": 1.3}
+HOLDS = {"color": "#0072B2", "dashes": (5.0, 2.0), "linewidth": 1.3}
+OTHER = {"color": "#009E73", "dashes": (2.0, 1.5), "linewidth": 1.2}
+EXACT = {"color": "#000000", "linewidth": 0.7}
+MORE = {"color": "#CC79A7", "dashes": (6.0, 1.5, 1.5, 1.5), "linewidth": 1.2}
 
 
 @dataclass
 class View:
     """One panel: title, labels, and curves of (name, x, y, pen).
 
-    With `log_x` or `log_y` the values are drawn by their decades; `marks` puts a dot at
-    every point; `square` gives both axes one scale.
+    With `log_x` or `log_y` a scale is logarithmic; `marks` puts a dot at every point;
+    `square` gives both axes one scale.
     """
 
     title: str
@@ -43,10 +45,8 @@ class View:
     def add(self, name, x, y, pen):
         """Add a curve."""
         x, y = np.asarray(x, float), np.asarray(y, float)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            x = np.log10(x) if self.log_x else x
-            y = np.log10(y) if self.log_y else y
-        self.curves.append((name, x, np.where(np.isfinite(y), y, np.nan), pen))
+        y = np.where(np.isfinite(y) & ((y > 0.0) | (not self.log_y)), y, np.nan)
+        self.curves.append((name, x, y, pen))
         return self
 
 
@@ -86,42 +86,32 @@ def small_png(pixels):
     )  # fmt: skip
 
 
-def _axes(view, width, height):
+def _scales(view, width, height):
     xs, ys = [c[1] for c in view.curves], [c[2] for c in view.curves]
     if view.square:
         (a, b), (c, d) = extent(*xs), extent(*ys)
-        unit = 1.1 * max((b - a) / width, (d - c) / height)
-        return square_axis(a, b, unit * width), square_axis(c, d, unit * height)
+        half = 0.55 * max((b - a) / width, (d - c) / height)
+        x, y = (a + b) / 2, (c + d) / 2
+        across = Scale(x - half * width, x + half * width)
+        return across, Scale(y - half * height, y + half * height)
+    x = time_scale(np.concatenate(xs)) if view.times else value_scale(*xs)
     if view.log_x:
-        low, high = extent(*xs)
-        x = DecadeAxis(low - 0.1, high + 0.1)
-    else:
-        x = time_axis(np.concatenate(xs)) if view.times else value_axis(*xs)
-    if view.log_y:
-        low, high = extent(*ys)
-        gap = 0.06 * max(1.0, high - low)
-        return x, DecadeAxis(low - gap, high + gap)
-    return x, value_axis(*ys)
+        x = log_scale(*xs, margin=0.0)
+    return x, log_scale(*ys, least=0.06) if view.log_y else value_scale(*ys)
 
 
 def _panel(sheet, view, place):
     left, top, width, height = place
-    x, y = _axes(view, width, height)
-    panel = Panel(sheet, place, x, y)
-    for _, across, down, pen in view.curves:
-        panel.curve(across, down, pen)
-        if view.marks:
-            for a, d in zip(across, down, strict=True):
-                if np.isfinite(d):
-                    panel.mark(a, d, Pen(marker="o", size=3.0), pen.colour)
-    panel.frame((6, 5))
+    with sheet.panel(
+        place, *_scales(view, width, height), below=(view.x, ""), side=(view.y, ""),
+        ticks=(6, 5), reach=0.48, spare=0.5,
+    ) as axes:  # fmt: skip
+        for _, x, y, pen in view.curves:
+            curve(axes, x, y, pen)
+            if view.marks:
+                for a, b in zip(x, y, strict=True):
+                    if np.isfinite(b):
+                        point(axes, a, b, mark("o", 3.0, pen["color"]))
     sheet.text(left, top - 0.27, view.title, size=SMALL, bold=True)
     named = [(name, pen) for name, _, _, pen in view.curves if name]
-    legend(sheet, left, top - 0.09, named, width)
-    middle = left + width / 2
-    label = x.label(view.x) if not view.log_x else view.x
-    sheet.text(middle, top + height + 0.31, label, size=SMALL, align="center")
-    label = y.label(view.y) if not view.log_y else view.y
-    sheet.text(
-        left - 0.48, top + height / 2, label, size=SMALL, align="center", turned=True
-    )
+    sheet.legend(left, top - 0.09, named, width)

@@ -3,32 +3,34 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from lagsim.outputs.axis import noise_axis, power_of_ten, value_axis
-from lagsim.outputs.panel import Panel
-from lagsim.outputs.scene_panel import Paths, ScenePanel, dotted
-from lagsim.outputs.sheet import BLACK, PENS, WIDTH, Sheet, fitted, in_house_style, png
+from lagsim.outputs.curves import dotted, inches, marks, path, series
+from lagsim.outputs.scale import noise_scale, power_of_ten, value_scale
+from lagsim.outputs.scene_panel import ScenePanel
+from lagsim.outputs.sheet import (
+    BLACK,
+    PENS,
+    SMALL,
+    WIDTH,
+    Place,
+    Sheet,
+    in_house_style,
+    mark,
+    png,
+)
 from lagsim.outputs.time_panels import (
     LEFT,
     MOST_PANELS,
+    REACH,
     RIGHT,
+    Panels,
     Record,
-    above,
     chosen,
     grouped,
     header,
     header_height,
     height_of,
-    layout,
-    legend_above,
-    marks,
-    panels,
-    side_label,
-    single,
-    ticks,
-    time_label,
 )
 from lagsim.run.observers.thinning import DRIFT
 
@@ -56,39 +58,38 @@ def energy(record: Record, *, is_sum: bool) -> Sheet:
     named = {"kinetic": "kinetic T", "potential": "potential V"}
     named |= {"lagrangian": "lagrangian L", "energy": total}
     names = [name for name in named if name in record.rows]
-    pens = [*PENS[: len(names) - 1], BLACK]
-    series = [record.rows.series(name) for name in names]
-    time = record.time()
-    upper = Panel(
-        sheet, (LEFT, top, width, 2.2), time, value_axis(*(v for _, v in series))
-    )
-    marks(upper, record)
-    for (t, values), pen in zip(series, pens, strict=True):
-        upper.series(t, values, pen)
-    upper.frame(ticks(width, 2.2), numbers_below=False)
-    side_label(upper, upper.y.label("energy", record.unit("energy")))
-    legend_above(upper, [(named[n], p) for n, p in zip(names, pens, strict=True)])
-    _drift(sheet, record, upper)
+    pens = dict(zip(names, (*PENS[: len(names) - 1], BLACK), strict=True))
+    drawn = {name: record.rows.series(name) for name in names}
+    values = value_scale(*(values for _, values in drawn.values()))
+    side = ("energy", record.unit("energy"))
+    place = (LEFT, top, width, 2.2)
+    with sheet.panel(place, record.time(), values, side=side, reach=REACH) as axes:
+        marks(axes, record.events, record.horizon)
+        for name in names:
+            series(axes, *drawn[name], pens[name])
+    entries = [(named[name], pens[name]) for name in names]
+    sheet.legend(LEFT, top - 0.06, entries, width)
+    _drift(sheet, record, (LEFT, top + 2.56, width, 1.1))
     return sheet
 
 
-def _drift(sheet: Sheet, record: Record, upper: Panel) -> None:
+def _drift(sheet: Sheet, record: Record, place: Place) -> None:
     ledger = DRIFT if DRIFT in record.rows else "energy"
     t, values = record.rows.series(ledger)
     drift = values - (values[0] if len(values) else 0.0)
     size = max(height_of(record.rows.series("energy")[1]), height_of(values))
-    place = (upper.left, upper.bottom + 0.36, upper.width, 1.1)
-    lower = Panel(sheet, place, upper.x, noise_axis(drift, size))
-    marks(lower, record)
-    lower.series(t, drift, BLACK)
-    lower.frame(ticks(place[2], place[3]))
-    side_label(lower, lower.y.label("drift", record.unit("energy")))
+    unit = record.unit("energy")
+    with sheet.panel(
+        place, record.time(), noise_scale(drift, size), below=record.named("t"),
+        side=("drift", unit), reach=REACH,
+    ) as axes:  # fmt: skip
+        marks(axes, record.events, record.horizon)
+        series(axes, t, drift, BLACK)
     what = "energy − work" if ledger == DRIFT else "energy"
     worst = height_of(drift)
-    most = f"at most {_written(worst)}" if worst else "0 in every row"
-    unit = record.unit("energy") if worst else ""
-    above(lower, f"{what} minus its first value: {most} {unit}".rstrip())
-    time_label(lower, record)
+    most = f"at most {_written(worst)} {unit}" if worst else "0 in every row"
+    text = f"{what} minus its first value: {most}".rstrip()
+    sheet.text(LEFT, place[1] - 0.06, text, size=SMALL, room=place[2])
 
 
 def _written(value: float) -> str:
@@ -102,16 +103,14 @@ def _written(value: float) -> str:
 def trajectory(record: Record, coordinates: Sequence[str], scene: Scene) -> Sheet:
     """Draw the coordinates against time, and the paths of the scene's points."""
     shown = chosen(coordinates, MOST_PANELS)
-    groups = grouped(record, shown)
-    paths = Paths.of(record, scene)
-    views = ScenePanel(paths) if paths else None
+    panels = Panels(record, grouped(record, shown))
+    views = ScenePanel(record, scene)
     top = header_height(record)
-    below = top + layout(groups).total
-    sheet = Sheet(WIDTH, below + (views.height if views else 0.0))
+    sheet = Sheet(WIDTH, top + panels.total + views.height)
     header(sheet, record, _counted("coordinates", len(shown), len(coordinates)))
-    panels(sheet, top, record, groups)
-    if views:
-        views.draw(sheet, below)
+    panels.draw(sheet, top)
+    if views.height:
+        views.draw(sheet, top + panels.total)
     return sheet
 
 
@@ -126,12 +125,12 @@ def constraint_forces(
     most = max(1, MOST_PANELS * len(forces) // total)
     shown = chosen(forces, MOST_PANELS if total <= MOST_PANELS else most)
     shown += chosen(multipliers, max(1, MOST_PANELS - len(shown)))
-    groups = [single(record, name) for name in shown]
+    panels = Panels(record, [(name,) for name in shown])
     top = header_height(record)
-    sheet = Sheet(WIDTH, top + layout(groups).total)
+    sheet = Sheet(WIDTH, top + panels.total)
     subject = "constraint forces Qc and multipliers lambda"
     header(sheet, record, _counted(subject, len(shown), total))
-    panels(sheet, top, record, groups)
+    panels.draw(sheet, top)
     return sheet
 
 
@@ -149,25 +148,26 @@ def plot(record: Record, number: int, wanted: Plot) -> Sheet:
         record.rows.series(y_name) if against_time else record.rows.path(x_name, y_name)
     )
     top = header_height(record) + (0.2 if wanted.title else 0.06)
-    size = (WIDTH - LEFT - RIGHT, 3.6)
-    sheet = Sheet(WIDTH, top + size[1] + 0.45)
+    place = (LEFT, top, WIDTH - LEFT - RIGHT, 3.6)
+    sheet = Sheet(WIDTH, top + 3.6 + 0.45)
     header(sheet, record, "", timed=against_time)
-    x_axis = record.time() if against_time else value_axis(x, margin=0.03)
-    panel = Panel(sheet, (LEFT, top, *size), x_axis, value_axis(y))
-    if against_time:
-        marks(panel, record)
-        panel.series(x, y, PENS[0])
-    elif dotted(panel.across(x), panel.down(y)):
-        panel.path(x, y, replace(PENS[0], marker="."), record.trusted())
-    else:
-        panel.path(x, y, PENS[0], record.trusted())
-    panel.frame(ticks(*size))
+    with sheet.panel(
+        place,
+        record.time() if against_time else value_scale(x, margin=0.03),
+        value_scale(y),
+        below=(wanted.x_text, record.unit("t" if against_time else x_name)),
+        side=(wanted.y_text, record.unit(y_name)),
+        reach=REACH,
+    ) as axes:
+        if against_time:
+            marks(axes, record.events, record.horizon)
+            series(axes, x, y, PENS[0])
+        else:
+            dots = mark(".", 1.2, PENS[0]["color"])
+            pen = dots if dotted(*inches(axes, x, y)) else PENS[0]
+            path(axes, x, y, pen, record.trusted())
     if wanted.title:
-        above(panel, wanted.title)
-    side_label(panel, panel.y.label(wanted.y_text, record.unit(y_name)))
-    unit = record.unit("t" if against_time else x_name)
-    label = fitted(panel.x.label(wanted.x_text, unit), panel.width)
-    sheet.text(LEFT + size[0] / 2, panel.bottom + 0.31, label, align="center")
+        sheet.text(LEFT, top - 0.06, wanted.title, size=SMALL, room=place[2])
     return sheet
 
 

@@ -1,42 +1,45 @@
-"""One picture: lines, marks and plain text on a sheet measured in inches.
+"""One picture: Axes and plain text on a sheet measured in inches.
 
-A figure of matplotlib's is used with its Agg canvas, without its axes: frame, grid and
-ticks placed by hand cost a fraction of theirs, and every size is known before anything
-is drawn. Lengths are inches from the upper left corner.
+To make an Axes with its ticks costs several times as much as to draw it. So there is
+one for all panels: it is moved to its place, filled, drawn and emptied again. A layout
+engine would cost as much as all the drawing, so places are in inches from the upper
+left corner, known before anything is drawn.
 """
 
 from __future__ import annotations
 
 import functools
+import math
 import struct
 import warnings
 import zlib
 from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Literal, ParamSpec, TypeAlias, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias, TypeVar
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
-from matplotlib.collections import PolyCollection
+from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
-from matplotlib.patches import PathPatch, Polygon
 from matplotlib.text import Text
-from matplotlib.transforms import Bbox, TransformedBbox
+
+from lagsim.outputs.scale import label
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
-    from matplotlib.path import Path
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from numpy.typing import NDArray
 
-    from lagsim.run.observers.thinning import Array
+    from lagsim.outputs.scale import Scale
 
 DPI = 200
-WIDTH = 7.0
+# Inches: of a sheet, its edge, from one line of small print to the next.
+WIDTH, EDGE, LINE = 7.0, 0.12, 0.14
 
 # Points, as printed.
 SMALL, NORMAL, HEADING = 7.5, 8.5, 9.5
@@ -45,69 +48,75 @@ INK, DIM, FAINT = "#000000", "#555555", "#d8d8d8"
 
 ELLIPSIS = "…"
 
+# Of a legend: the piece of line with the space after it, and the space between names.
+SAMPLE, GAP = 0.34, 0.18
 
-@dataclass(frozen=True, slots=True)
-class Pen:
-    """How a line looks; `dash` in line widths, empty for a solid line."""
-
-    colour: str = INK
-    dash: tuple[float, ...] = ()
-    width: float = 0.9
-    marker: str = ""
-    size: float = 4.0
-    fill: str | None = None
-
+# How lines and marks look, in matplotlib's words for a Line2D.
+Pen: TypeAlias = dict[str, Any]
+# What an axis shows, and its unit.
+Named: TypeAlias = tuple[str, str]
+NOTHING: Named = ("", "")
+# Left, top, width, height.
+Place: TypeAlias = tuple[float, float, float, float]
 
 # M. Okabe, K. Ito (2008), "Color Universal Design": told apart by the colour blind.
 # The dashes tell them apart in grey. Their yellow is left out: unreadable on white.
-PENS = (
-    Pen("#0072B2"),
-    Pen("#E69F00", (4.0, 1.4), width=1.1),
-    Pen("#D55E00", (1.2, 1.0)),
-    Pen("#009E73", (6.0, 1.4, 1.2, 1.4)),
-    Pen("#CC79A7", (9.0, 2.0)),
-    Pen("#56B4E9", (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)),
+PENS: tuple[Pen, ...] = (
+    {"color": "#0072B2"},
+    {"color": "#E69F00", "dashes": (4.0, 1.4), "linewidth": 1.1},
+    {"color": "#D55E00", "dashes": (1.2, 1.0)},
+    {"color": "#009E73", "dashes": (6.0, 1.4, 1.2, 1.4)},
+    {"color": "#CC79A7", "dashes": (9.0, 2.0)},
+    {"color": "#56B4E9", "dashes": (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)},
 )
-BLACK = Pen()
+BLACK: Pen = {"color": INK}
 
-Align: TypeAlias = Literal["left", "center", "right"]
-Stand: TypeAlias = Literal["baseline", "center_baseline"]
+
+def mark(marker: str, size: float, color: str = INK, fill: str = "") -> Pen:
+    """Return the pen of points that no line joins."""
+    edge = 0.0 if marker == "." else 0.8
+    return {
+        "color": color, "marker": marker, "markersize": size, "linestyle": "none",
+        "markerfacecolor": fill or color, "markeredgewidth": edge,
+    }  # fmt: skip
+
+
+HOUSE: dict[Any, Any] = {
+    "axes.axisbelow": True,
+    "xtick.bottom": False, "ytick.left": False, "xtick.major.size": 0.0,
+    "ytick.major.size": 0.0, "ytick.alignment": "center_baseline",
+    "lines.linewidth": 0.9, "text.parse_math": False,
+}  # fmt: skip
+_KINDS = (
+    "text.", "font.", "lines.", "path.", "agg.", "figure.", "patch.", "axes.", "grid.",
+    "xtick.", "ytick.", "markers.", "contour.", "pcolor",
+)  # fmt: skip
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
-@contextmanager
-def _defaults() -> Iterator[None]:
-    """Draw by matplotlib's defaults, whatever the user's matplotlibrc says."""
-    kinds = ("text.", "font.", "lines.", "path.", "agg.", "figure.", "patch.")
-    style = {
-        name: value
-        for name, value in mpl.rcParamsDefault.items()
-        if name.startswith(kinds)
-    }
-    with mpl.rc_context(style), warnings.catch_warnings():
-        # A letter that the font lacks becomes a box; that is no fault of the run.
-        warnings.simplefilter("ignore")
-        yield
-
-
 def in_house_style(draw: Callable[P, R]) -> Callable[P, R]:
-    """Let a function draw in a style that depends on nothing but lagsim."""
+    """Let a function draw as lagsim does, whatever the user's matplotlibrc says."""
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> R:
-        with _defaults():
+        style: dict[Any, Any] = mpl.rcParamsDefault | HOUSE
+        style = {k: v for k, v in style.items() if k.startswith(_KINDS)}
+        with mpl.rc_context(style), warnings.catch_warnings():
+            # A letter that the font lacks becomes a box; that is no fault of the run.
+            warnings.simplefilter("ignore")
             return draw(*args, **kwargs)
 
     return drawn
 
 
 @functools.cache
-def _font(*, bold: bool) -> FontProperties:
+def _font(size: float, *, bold: bool = False) -> FontProperties:
     # matplotlib's own file, so that the same rows give the same bytes everywhere.
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
-    return FontProperties(fname=FilePath(mpl.get_data_path(), "fonts", "ttf", name))
+    file = Path(mpl.get_data_path(), "fonts", "ttf", name)
+    return FontProperties(fname=file, size=size)
 
 
 @functools.cache
@@ -118,10 +127,8 @@ def _ruler() -> RendererAgg:
 @functools.lru_cache(maxsize=1024)
 def text_width(text: str, size: float = NORMAL, *, bold: bool = False) -> float:
     """Return the width of a text in inches."""
-    font = _font(bold=bold).copy()
-    font.set_size(size)
     measured = _ruler().get_text_width_height_descent(  # type: ignore[no-untyped-call]
-        text, font, ismath=False
+        text, _font(size, bold=bold), ismath=False
     )
     return float(measured[0]) / DPI
 
@@ -139,13 +146,69 @@ def fitted(text: str, room: float, size: float = NORMAL, *, bold: bool = False) 
     return shown
 
 
+def wrapped(notes: Sequence[str], room: float) -> list[str]:
+    """Break texts in small print into lines of at most `room` inches."""
+    lines = []
+    for note in notes:
+        lines.append("")
+        for word in note.split():
+            longer = f"{lines[-1]} {word}".strip()
+            if lines[-1] and text_width(longer, SMALL) > room:
+                lines.append(word)
+            else:
+                lines[-1] = longer
+    return lines
+
+
+@functools.cache
+def _lent() -> tuple[Figure, Axes, tuple[Line2D, ...]]:
+    """Return the Axes for all panels; with grid and frame, by a line for a dozen."""
+    figure = Figure(dpi=DPI)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    # The sheet is white already; the place of a title is known.
+    axes.patch.set_visible(False)
+    axes.spines[:].set_visible(False)
+    axes.set_title("", y=1.0)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.offsetText.set_visible(False)
+        axis.label.set(fontproperties=_font(NORMAL), va="baseline")
+        # All further ticks take after the first.
+        axis.get_major_ticks(1)[0].label1.set_fontproperties(_font(SMALL))
+    grid: Pen = {"color": FAINT, "linewidth": 0.4, "zorder": 0.6}
+    edge: Pen = {"color": DIM, "linewidth": 0.6, "zorder": 2.6, "clip_on": False}
+    corners = ([0, 1, 1, 0, 0], [0, 0, 1, 1, 0])
+    kept = (
+        Line2D([], [], transform=axes.get_xaxis_transform(), **grid),
+        Line2D([], [], transform=axes.get_yaxis_transform(), **grid),
+        Line2D(*corners, transform=axes.transAxes, **edge),
+    )
+    for line in kept:
+        axes.add_artist(line)
+    return figure, axes, kept
+
+
 class Sheet:
-    """A white sheet of a given size; artists are drawn in the order they come."""
+    """A white sheet of a given size; everything is drawn when it comes."""
 
     def __init__(self, width: float, height: float) -> None:
         self.width, self.height = width, height
-        self.figure = Figure(figsize=(width, height), dpi=DPI, facecolor="white")
-        self.canvas = FigureCanvasAgg(self.figure)
+        size = (round(width * DPI), round(height * DPI))
+        self.renderer = RendererAgg(*size, DPI)  # type: ignore[no-untyped-call]
+        self.pixels()[:] = 255
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """Return the picture: (height, width, 4), its last colour opaque."""
+        return np.asarray(self.renderer.buffer_rgba())  # type: ignore[no-untyped-call]
+
+    def png(self) -> bytes:
+        """Return the picture as a PNG file."""
+        return png(self.pixels())
+
+    def _draw(self, artist: Artist) -> None:
+        figure, *_ = _lent()
+        artist.set_figure(figure)
+        artist.set_transform(figure.dpi_scale_trans)
+        artist.draw(self.renderer)
 
     def text(
         self,
@@ -154,115 +217,106 @@ class Sheet:
         text: str,
         *,
         size: float = NORMAL,
-        align: Align = "left",
-        stand: Stand = "baseline",
-        turned: bool = False,
-        colour: str = INK,
         bold: bool = False,
-    ) -> Text:
-        """Write plain text: nothing in it is ever typeset."""
-        artist = Text(
-            x,
-            self.height - y,
-            text,
-            fontproperties=_font(bold=bold),
-            fontsize=size,
-            color=colour,
-            horizontalalignment=align,
-            verticalalignment=stand,
-            rotation=90.0 if turned else 0.0,
-            rotation_mode="anchor",
-            transform=self.figure.dpi_scale_trans,
-            parse_math=False,
-            usetex=False,
-        )
-        self.figure.add_artist(artist)
-        return artist
-
-    def line(
-        self, x: Array, y: Array, pen: Pen, clip: Bbox | None = None, layer: float = 2.0
-    ) -> Line2D:
-        """Draw a polyline, or the marks of a pen that has a marker; NaN is a gap."""
-        artist = Line2D(
-            x,
-            self.height - y,
-            color=pen.colour,
-            linewidth=pen.width,
-            linestyle="none" if pen.marker else ((0.0, pen.dash) if pen.dash else "-"),
-            marker=pen.marker or "none",
-            markersize=pen.size,
-            markerfacecolor=pen.fill or pen.colour,
-            markeredgewidth=0.0 if pen.marker == "." else 0.8,
-            solid_joinstyle="round",
-            transform=self.figure.dpi_scale_trans,
-            zorder=layer,
-        )
-        if clip is not None:
-            artist.set_clip_box(TransformedBbox(clip, self.figure.dpi_scale_trans))
-        self.figure.add_artist(artist)
-        return artist
-
-    def area(
-        self,
-        x: Array,
-        low: Array,
-        high: Array,
-        pen: Pen,
-        clip: Bbox,
-        layer: float = 1.8,
+        room: float = math.inf,
+        **more: Any,
     ) -> None:
-        """Fill what lies between two curves, so that others show through."""
-        outline = np.concatenate((low, high[::-1]))
-        corners = np.stack((np.concatenate((x, x[::-1])), self.height - outline), 1)
-        artist = Polygon(
-            corners,
-            facecolor=(pen.colour, 0.45),
-            edgecolor=pen.colour,
-            linewidth=0.5,
-            transform=self.figure.dpi_scale_trans,
-            zorder=layer,
+        """Write plain text, cut to `room` inches: nothing in it is ever typeset."""
+        shown = fitted(text, room, size, bold=bold)
+        font = _font(size, bold=bold)
+        self._draw(Text(x, self.height - y, shown, fontproperties=font, **more))
+
+    def heading(self, title: str, subject: str) -> None:
+        """Write a title at the left and what is shown at the right."""
+        self.text(EDGE, 0.22, title, size=HEADING, bold=True)
+        room = self.width - 2 * EDGE - text_width(title, HEADING, bold=True) - GAP
+        right = self.width - EDGE
+        self.text(right, 0.22, subject, room=room, ha="right", color=DIM)
+
+    def notes(self, top: float, lines: Sequence[str]) -> None:
+        """Write lines in small print."""
+        for k, line in enumerate(lines):
+            self.text(EDGE, top + k * LINE, line, size=SMALL, color=DIM)
+
+    def legend(
+        self,
+        x: float,
+        y: float,
+        entries: Sequence[tuple[str, Pen]],
+        room: float,
+        down: float = 0.0,
+    ) -> None:
+        """Name lines in a row of `room` inches; or `down` inches below each other."""
+        names = [fitted(name, room - SAMPLE, SMALL) for name, _ in entries]
+        if not down:
+            wanted = [SAMPLE + text_width(name, SMALL) + GAP for name in names]
+            if sum(wanted) > room:
+                share = room / len(names) - SAMPLE - GAP
+                names = [fitted(name, share, SMALL) for name in names]
+        for name, (_, pen) in zip(names, entries, strict=True):
+            dots = {None: 2, ".": 7}.get(pen.get("marker"), 1)
+            along = np.linspace(x, x + 0.28, dots) if dots > 1 else np.array([x + 0.14])
+            if pen:
+                level = np.full(dots, self.height - y + 0.04)
+                self._draw(Line2D(along, level, **pen))
+            self.text(x + SAMPLE if pen else x, y, name, size=SMALL)
+            x += 0.0 if down else SAMPLE + text_width(name, SMALL) + GAP
+            y += down
+
+    @contextmanager
+    def panel(
+        self,
+        place: Place,
+        x: Scale,
+        y: Scale,
+        *,
+        below: Named = NOTHING,
+        side: Named = NOTHING,
+        above: Named = NOTHING,
+        ticks: tuple[int, int] | None = None,
+        reach: float = 0.46,
+        spare: float = 0.1,
+    ) -> Iterator[Axes]:
+        """Give Axes at a place; they are drawn in the end, and then lent to the next.
+
+        Parameters
+        ----------
+        below, side, above : name and unit of what an axis shows, written below, at the
+            left (`reach` inches from the frame, and at most `spare` longer than it) and
+            above. Without `below` there are no numbers there either.
+        ticks : how many at most, across and up; else as many as fit.
+        """
+        left, top, width, height = place
+        figure, axes, kept = _lent()
+        for artist in (*axes.lines, *axes.patches, *axes.collections, *axes.texts):
+            if artist not in kept:
+                artist.remove()
+        figure.set_size_inches(self.width, self.height)
+        bottom = self.height - top - height
+        across, up = 1.0 / self.width, 1.0 / self.height
+        axes.set_position((left * across, bottom * up, width * across, height * up))
+        fit = ticks or (
+            max(3, int(1.5 * width)),
+            max(3, min(7, math.ceil(3.4 * height))),
         )
-        artist.set_clip_box(TransformedBbox(clip, self.figure.dpi_scale_trans))
-        self.figure.add_artist(artist)
+        levels = np.repeat(x.put(axes, "x", fit[0], bare=not below[0]), 3)
+        kept[0].set_data(levels, np.resize([0.0, 1.0, np.nan], len(levels)))
+        levels = np.repeat(y.put(axes, "y", fit[1]), 3)
+        kept[1].set_data(np.resize([0.0, 1.0, np.nan], len(levels)), levels)
+        axes.set_xlabel(_label(axes.xaxis, below, width + 0.5))
+        axes.xaxis.set_label_coords(0.5, -0.31 / height)
+        axes.set_ylabel(_label(axes.yaxis, side, height + spare))
+        axes.yaxis.set_label_coords(-reach / width, 0.5)
+        title = _label(axes.yaxis, above, width, SMALL)
+        if title != axes.get_title(loc="left"):
+            look: Pen = {"fontproperties": _font(SMALL), "y": 1.0, "pad": 0.06 * 72}
+            axes.set_title(title, loc="left", **look)
+        yield axes
+        axes.draw(self.renderer)
 
-    def boxes(self, corners: Array, colours: list[str], layer: float = 1.5) -> None:
-        """Fill boxes (k, 4) of left, top, right, bottom, one colour each."""
-        left, top, right, bottom = corners.T
-        top, bottom = self.height - top, self.height - bottom
-        across = np.stack((left, right, right, left), 1)
-        outlines = np.stack((across, np.stack((top, top, bottom, bottom), 1)), 2)
-        artist = PolyCollection(
-            list(outlines),
-            facecolors=colours,
-            edgecolors="none",
-            antialiaseds=False,
-            transform=self.figure.dpi_scale_trans,
-            zorder=layer,
-        )
-        self.figure.add_artist(artist)
 
-    def shape(self, outline: Path, pen: Pen, clip: Bbox, layer: float = 1.2) -> None:
-        """Fill an outline, given in inches from the lower left corner."""
-        artist = PathPatch(
-            outline,
-            facecolor=pen.fill or "none",
-            edgecolor=pen.colour,
-            linewidth=pen.width,
-            transform=self.figure.dpi_scale_trans,
-            zorder=layer,
-        )
-        artist.set_clip_box(TransformedBbox(clip, self.figure.dpi_scale_trans))
-        self.figure.add_artist(artist)
-
-    @in_house_style
-    def pixels(self) -> NDArray[np.uint8]:
-        """Draw, and return the picture: (height, width, 4), its last colour opaque."""
-        self.canvas.draw()  # type: ignore[no-untyped-call]
-        return np.asarray(self.canvas.buffer_rgba())  # type: ignore[no-untyped-call]
-
-    def png(self) -> bytes:
-        """Return the picture as a PNG file."""
-        return png(self.pixels())
+def _label(axis: Axis, named: Named, room: float, size: float = NORMAL) -> str:
+    return fitted(label(axis, *named), room, size) if named[0] else ""
 
 
 def png(pixels: NDArray[np.uint8]) -> bytes:

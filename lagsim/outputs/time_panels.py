@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.outputs.axis import Axis, extent, time_axis, value_axis
-from lagsim.outputs.panel import EVENTS, GAP, LOST, SAMPLE, Panel, legend
+from lagsim.outputs.curves import EVENTS, LOST, marks, series
+from lagsim.outputs.scale import Scale, extent, time_scale, value_scale
 from lagsim.outputs.sheet import (
     DIM,
+    EDGE,
+    GAP,
     HEADING,
-    NORMAL,
+    NOTHING,
     PENS,
+    SAMPLE,
     SMALL,
     WIDTH,
     Pen,
     Sheet,
-    fitted,
     text_width,
 )
 
@@ -28,8 +30,9 @@ if TYPE_CHECKING:
 
     from lagsim.run.observers.thinning import Array, Thinning
 
-# Inches at the sides of a sheet; and for the numbers at the left of a small panel.
-LEFT, RIGHT, EDGE, NUMBERS = 0.78, 0.18, 0.12, 0.46
+# Inches at the sides of a sheet; for the numbers at the left of a small panel; from the
+# frame of a wide one to its label.
+LEFT, RIGHT, NUMBERS, REACH = 0.78, 0.18, 0.46, 0.58
 
 # Coordinates of one unit share a panel while they are few, and while none of them
 # would be squeezed by the others into less than this part of it.
@@ -38,6 +41,12 @@ SQUEEZED = 0.05
 
 # More panels than this would be too small to read.
 MOST_PANELS = 40
+
+# Up to so many panels: how many stand beside each other, and their height.
+GRIDS = (
+    (1, 1, 2.4), (2, 1, 1.6), (3, 1, 1.25), (4, 1, 1.05), (5, 1, 0.95), (12, 2, 0.95),
+    (24, 3, 0.8), (MOST_PANELS, 5, 0.55),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,24 +74,19 @@ class Record:
         """Return the unit of a column, empty where none is known."""
         return self.units.get(column, "")
 
+    def named(self, column: str) -> tuple[str, str]:
+        """Return a column's name and unit."""
+        return column, self.unit(column)
+
     def trusted(self) -> int:
         """Return how many of the rows that paths show lie before the horizon."""
         if math.isinf(self.horizon):
             return self.rows.row_count
         return int(np.searchsorted(self.rows.sampled("t"), self.horizon, side="right"))
 
-    def time(self) -> Axis:
-        """Return the axis of time, from the first row to the last."""
-        return time_axis(np.array([self.rows.first("t"), self.rows.last("t")]))
-
-
-@dataclass(frozen=True, slots=True)
-class Group:
-    """Columns that share a panel."""
-
-    names: tuple[str, ...]
-    label: str
-    unit: str
+    def time(self) -> Scale:
+        """Return the scale of time, from the first row to the last."""
+        return time_scale(np.array([self.rows.first("t"), self.rows.last("t")]))
 
 
 def header_height(record: Record) -> float:
@@ -93,59 +97,38 @@ def header_height(record: Record) -> float:
 def header(sheet: Sheet, record: Record, subject: str, *, timed: bool = True) -> None:
     """Write the model's name, what the picture shows, and that a run is incomplete."""
     right = sheet.width - RIGHT
-    sheet.text(right, 0.22, subject, size=NORMAL, align="right", colour=DIM)
+    sheet.text(right, 0.22, subject, ha="right", color=DIM)
     right -= text_width(subject) + GAP
-    for name, pen in _marked(record, timed=timed):
-        right -= SAMPLE + text_width(name, SMALL) + GAP
-        legend(sheet, right, 0.22, [(name, pen)], sheet.width)
-    room = right - EDGE - GAP
-    title = fitted(record.title, room, HEADING, bold=True)
-    sheet.text(EDGE, 0.22, title, size=HEADING, bold=True)
-    if record.note:
-        note = fitted(record.note, sheet.width - 2 * EDGE, SMALL)
-        sheet.text(EDGE, 0.39, note, size=SMALL, colour=DIM)
-
-
-def _marked(record: Record, *, timed: bool) -> list[tuple[str, Pen]]:
-    found = [("events", EVENTS)] if record.events and timed else []
+    entries: list[tuple[str, Pen]] = []
+    if record.events and timed:
+        entries.append(("events", EVENTS))
     if record.horizon < record.rows.last("t"):
-        found.append(("past the horizon", replace(LOST, width=6.0)))
-    return found
+        entries.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
+    right -= sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
+    sheet.legend(right, 0.22, entries, sheet.width)
+    room = right - EDGE - GAP
+    sheet.text(EDGE, 0.22, record.title, size=HEADING, bold=True, room=room)
+    if record.note:
+        room = sheet.width - 2 * EDGE
+        sheet.text(EDGE, 0.39, record.note, size=SMALL, color=DIM, room=room)
 
 
-def marks(panel: Panel, record: Record) -> None:
-    """Mark in a panel with time across it: events, and what lies past the horizon."""
-    panel.beyond(record.horizon)
-    panel.times(record.events)
-
-
-def grouped(record: Record, names: Sequence[str]) -> list[Group]:
+def grouped(record: Record, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Put columns of one unit into one group where they fit, in the given order."""
     by_unit: dict[str, list[str]] = {}
     for name in names:
         by_unit.setdefault(record.unit(name), []).append(name)
-    groups: dict[str, Group] = {}
+    groups: dict[str, tuple[str, ...]] = {name: (name,) for name in names}
     for unit, alike in by_unit.items():
         if unit and 1 < len(alike) <= SHARING and _comparable(record, alike):
-            shared = Group(tuple(alike), ", ".join(alike), unit)
-            groups.update(dict.fromkeys(alike, shared))
-    alone = [groups.get(name) or single(record, name) for name in names]
-    return list(dict.fromkeys(alone))
-
-
-def single(record: Record, name: str) -> Group:
-    """Return the group of one column."""
-    return Group((name,), name, record.unit(name))
+            groups.update(dict.fromkeys(alike, tuple(alike)))
+    return list(dict.fromkeys(groups.values()))
 
 
 def _comparable(record: Record, names: Sequence[str]) -> bool:
-    spans = []
-    whole: list[float] = []
-    for name in names:
-        axis = value_axis(record.rows.series(name)[1], margin=0.0)
-        spans.append(axis.high - axis.low)
-        whole += [axis.low, axis.high]
-    return min(spans) >= SQUEEZED * (max(whole) - min(whole))
+    scales = [value_scale(record.rows.series(name)[1], margin=0.0) for name in names]
+    whole = max(s.high for s in scales) - min(s.low for s in scales)
+    return min(s.high - s.low for s in scales) >= SQUEEZED * whole
 
 
 def chosen(names: Sequence[str], most: int) -> list[str]:
@@ -157,119 +140,67 @@ def chosen(names: Sequence[str], most: int) -> list[str]:
     return [names[k * (len(names) - 1) // (most - 1)] for k in range(most)]
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """A grid of panels: how many columns of them, and their size in inches."""
+class Panels:
+    """A grid of panels, one for each group of columns.
 
-    count: int
-    columns: int
-    width: float
-    height: float
-    gap: float
+    Attributes
+    ----------
+    total : how much of a sheet the panels take, with the time axis below.
+    """
 
-    @property
-    def left(self) -> float:
-        """Where the first column begins."""
-        return LEFT if self.columns == 1 else EDGE + NUMBERS
+    def __init__(self, record: Record, groups: Sequence[tuple[str, ...]]) -> None:
+        self._record, self._groups = record, groups
+        self._columns, self._height = next(
+            size for most, *size in GRIDS if len(groups) <= most
+        )
+        self._wide = self._columns == 1
+        self._headed = [self._is_headed(group) for group in groups]
+        self._gap = 0.25
+        if self._wide:
+            self._gap = 0.24 if any(self._headed) else 0.12
+        rows = -(-len(groups) // self._columns)
+        self.total = rows * (self._height + self._gap) + 0.45
 
-    @property
-    def rows(self) -> int:
-        """How many panels stand below each other."""
-        return -(-self.count // self.columns)
+    def _is_headed(self, group: tuple[str, ...]) -> bool:
+        """Whether the name stands above the panel and not at its side."""
+        text = f"{group[0]} ({self._record.unit(group[0])})"
+        beside = self._wide and text_width(text) <= self._height - 0.05
+        return len(group) > 1 or not beside
 
-    @property
-    def total(self) -> float:
-        """How much of a sheet the panels take, with the time axis below."""
-        return self.rows * (self.height + self.gap) + 0.45
-
-
-def layout(groups: Sequence[Group]) -> Layout:
-    """Return the grid for these groups: one column while they are few."""
-    count = len(groups)
-    if count <= 5:
-        height = (2.4, 1.6, 1.25, 1.05, 0.95)[max(count, 1) - 1]
-        gap = 0.24 if any(_headed(group, height) for group in groups) else 0.12
-        return Layout(count, 1, WIDTH - LEFT - RIGHT, height, gap)
-    columns = 2 if count <= 12 else 3 if count <= 24 else 5
-    height = {2: 0.95, 3: 0.8, 5: 0.55}[columns]
-    width = (WIDTH - RIGHT - EDGE) / columns - NUMBERS
-    return Layout(count, columns, width, height, 0.25)
-
-
-def _headed(group: Group, height: float) -> bool:
-    """Whether the name stands above the panel and not at its side."""
-    room = height - 0.05
-    return len(group.names) > 1 or text_width(f"{group.label} ({group.unit})") > room
-
-
-def panels(sheet: Sheet, top: float, record: Record, groups: Sequence[Group]) -> None:
-    """Draw a panel for each group below `top`, as `layout` has them."""
-    grid = layout(groups)
-    time = record.time()
-    sizes: dict[str, float] = {}
-    for group in groups:
-        heights = [height_of(record.rows.series(name)[1]) for name in group.names]
-        sizes[group.unit] = max(sizes.get(group.unit, 0.0), *heights)
-    for k, group in enumerate(groups):
-        row, column = divmod(k, grid.columns)
-        left = grid.left + column * (grid.width + NUMBERS)
-        y = top + row * (grid.height + grid.gap) + grid.gap
-        place = (left, y, grid.width, grid.height)
-        lowest = k + grid.columns >= len(groups)
-        panel = Panel(sheet, place, time, _scale(record, group, sizes[group.unit]))
-        _fill(panel, record, group, stacked=grid.columns == 1)
-        panel.frame(ticks(grid.width, grid.height), numbers_below=lowest)
-        if lowest:
-            time_label(panel, record)
-
-
-def _scale(record: Record, group: Group, size: float) -> Axis:
-    values = [record.rows.series(name)[1] for name in group.names]
-    return value_axis(*values, size=size)
-
-
-def _fill(panel: Panel, record: Record, group: Group, *, stacked: bool) -> None:
-    marks(panel, record)
-    pens = PENS[: len(group.names)]
-    for name, pen in zip(group.names, pens, strict=True):
-        panel.series(*record.rows.series(name), pen)
-    if len(group.names) > 1:
-        side_label(panel, panel.y.label(group.label, group.unit))
-        legend_above(panel, list(zip(group.names, pens, strict=True)))
-    elif stacked and not _headed(group, panel.height):
-        side_label(panel, panel.y.label(group.label, group.unit))
-    else:
-        above(panel, panel.y.label(group.label, group.unit))
-
-
-def ticks(width: float, height: float) -> tuple[int, int]:
-    """Return how many ticks at most fit a panel of this size."""
-    return max(3, int(1.5 * width)), max(3, min(7, math.ceil(3.4 * height)))
-
-
-def time_label(panel: Panel, record: Record) -> None:
-    """Write what the time axis shows below it."""
-    text = panel.x.label("t", record.unit("t"))
-    middle = panel.left + panel.width / 2
-    panel.sheet.text(middle, panel.bottom + 0.31, text, align="center")
-
-
-def side_label(panel: Panel, text: str) -> None:
-    """Write upwards at the left edge of the sheet, beside the panel."""
-    middle = panel.top + panel.height / 2
-    shown = fitted(text, panel.height + 0.1)
-    panel.sheet.text(0.2, middle, shown, align="center", turned=True)
-
-
-def above(panel: Panel, text: str) -> None:
-    """Write above the panel, from its left edge."""
-    shown = fitted(text, panel.width, SMALL)
-    panel.sheet.text(panel.left, panel.top - 0.06, shown, size=SMALL)
-
-
-def legend_above(panel: Panel, entries: Sequence[tuple[str, Pen]]) -> None:
-    """Name the lines of a panel in a row above it."""
-    legend(panel.sheet, panel.left, panel.top - 0.06, entries, panel.width)
+    def draw(self, sheet: Sheet, top: float) -> None:
+        """Draw them below `top`."""
+        record = self._record
+        width = (WIDTH - RIGHT - EDGE) / self._columns - NUMBERS
+        left = EDGE + NUMBERS
+        if self._wide:
+            left, width = LEFT, WIDTH - LEFT - RIGHT
+        count = len(self._groups)
+        sizes: dict[str, float] = {}
+        for name in (name for group in self._groups for name in group):
+            unit, height = record.unit(name), height_of(record.rows.series(name)[1])
+            sizes[unit] = max(sizes.get(unit, 0.0), height)
+        for k, group in enumerate(self._groups):
+            row, column = divmod(k, self._columns)
+            x = left + column * (width + NUMBERS)
+            y = top + row * (self._height + self._gap) + self._gap
+            drawn = [record.rows.series(name) for name in group]
+            size = sizes[record.unit(group[0])]
+            scale = value_scale(*(values for _, values in drawn), size=size)
+            named = (", ".join(group), record.unit(group[0]))
+            above = self._headed[k] and len(group) == 1
+            with sheet.panel(
+                (x, y, width, self._height), record.time(), scale,
+                below=record.named("t") if k + self._columns >= count else NOTHING,
+                side=NOTHING if above else named,
+                above=named if above else NOTHING,
+                reach=REACH,
+            ) as axes:  # fmt: skip
+                marks(axes, record.events, record.horizon)
+                for (t, values), pen in zip(drawn, PENS, strict=False):
+                    series(axes, t, values, pen)
+            if len(group) > 1:
+                names = list(zip(group, PENS, strict=False))
+                sheet.legend(x, y - 0.06, names, width)
 
 
 def height_of(values: Array) -> float:

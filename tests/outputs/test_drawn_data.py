@@ -11,15 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
-from matplotlib.lines import Line2D
-from matplotlib.patches import Polygon
-from matplotlib.text import Text
 
 from lagsim.model.model import Plot, Scene
 from lagsim.outputs import plots
 from lagsim.outputs.time_panels import Record
 from lagsim.run.observers.thinning import DRIFT, Thinning
+from tests.outputs.drawn import drawn
 
 EVENT, SHADE = "#888888", "#dddddd"
 PLAIN = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
@@ -33,19 +30,19 @@ ACCURATE = 1e-6
 
 @dataclass
 class Scale:
-    """A scale on paper: value = slope * inches + start, of what, in which unit."""
+    """A scale on paper: value = slope * pixels + start, of what, in which unit."""
 
     name: str
     unit: str
     slope: float
     start: float
 
-    def __call__(self, inches):
-        return self.slope * np.asarray(inches, float) + self.start
+    def __call__(self, pixels):
+        return self.slope * np.asarray(pixels, float) + self.start
 
 
 def scale_of(label, ticks):
-    """Make a scale from an axis label and (inches, text) of its ticks."""
+    """Make a scale from an axis label and (pixels, text) of its ticks."""
     m = LABEL.fullmatch(label)
     assert m, label
     unit = 10.0 ** int((m["power"] or "0").translate(PLAIN))
@@ -71,77 +68,28 @@ class Read:
     shade: float | None
 
 
-def inside(box, x, y, slack=0.002):
-    left, right, low, high = box
-    return (
-        np.nanmin(x) >= left - slack
-        and np.nanmax(x) <= right + slack
-        and np.nanmin(y) >= low - slack
-        and np.nanmax(y) <= high + slack
-    )
-
-
-def panels(sheet, *, above=False):
-    """Read all panels of a sheet, in the order in which they are drawn."""
-    artists = sheet.figure.artists
-    lines = [a for a in artists if isinstance(a, Line2D)]
-    texts = [(*a.get_position(), a) for a in artists if isinstance(a, Text)]
+def panels(drawing):
+    """Read all panels of a drawing, in the order in which they are drawn."""
     found = []
-    boxes = [
-        (min(a.get_xdata()), max(a.get_xdata()), min(a.get_ydata()), max(a.get_ydata()))
-        for a in lines
-        if len(a.get_xdata()) == 5 and len(set(a.get_xdata())) == 2
-    ]
-    lowest = min(low for _, _, low, _ in boxes)
-    for box in boxes:
-        left, right, low, high = box
-        below = low
-        x_ticks = []
+    for panel in drawing.panels:
         # Panels above each other share the numbers of the lowest.
-        while not x_ticks:
-            x_ticks = [
-                (x, a.get_text())
-                for x, y, a in texts
-                if abs(y - (below - 0.13)) < 1e-6 and left - 0.01 <= x <= right + 0.01
-            ]
-            if not x_ticks:
-                below = max(b for _, _, b, _ in boxes if b < below - 1e-9)
-        y_ticks = [
-            (y, a.get_text())
-            for x, y, a in texts
-            if abs(x - (left - 0.05)) < 1e-6 and low - 0.01 <= y <= high + 0.01
-        ]
-        [x_label] = [
-            a.get_text()
-            for x, y, a in texts
-            if 0.25 < below - y < 0.35 and abs(x - (left + right) / 2) < 1e-6
-        ]
-        sides = [a for x, y, a in texts if a.get_rotation() == 90.0 and low < y < high]
-        if above or not sides:
-            sides = [
-                a for x, y, a in texts if abs(y - high - 0.06) < 1e-6 and x == left
-            ]
-        x_axis = scale_of(x_label, x_ticks)
-        y_axis = scale_of(sides[-1].get_text(), y_ticks)
-        drawn, events = {}, []
-        for a in lines:
-            x, y = (np.asarray(part, float) for part in (a.get_xdata(), a.get_ydata()))
-            if len(x) < 2 or not inside(box, x, y):
-                continue
-            colour = to_hex(a.get_color())
-            if colour == EVENT:
-                events = list(x_axis(x[::3]))
-            elif a.get_linewidth() >= 0.8:
-                drawn.setdefault(colour, []).append((x_axis(x), y_axis(y)))
-        shade = [
-            float(x_axis(a.get_xy()[:, 0].min()))
-            for a in artists
-            if isinstance(a, Polygon)
-            and to_hex(a.get_facecolor()) == SHADE
-            and inside(box, *a.get_xy().T)
-        ]
-        found.append(Read(x_axis, y_axis, drawn, events, shade[0] if shade else None))
-    assert lowest > 0.0
+        numbered = next(
+            p
+            for p in sorted(drawing.panels, key=lambda p: -p.box.y0)
+            if p.x and p.box.y0 <= panel.box.y0 and p.box.x0 == panel.box.x0
+        )
+        below, side, above = panel.labels
+        x_axis = scale_of(below or numbered.labels[0], numbered.x)
+        y_axis = scale_of(side or above, panel.y)
+        lines, events = {}, []
+        for line in panel.lines:
+            if line.colour == EVENT:
+                events = list(x_axis(line.x[::3]))
+            elif line.width >= 0.8 and len(line.x) > 1:
+                shown = (x_axis(line.x), y_axis(line.y))
+                lines.setdefault(line.colour, []).append(shown)
+        shade = [float(x_axis(c[:, 0].min())) for n, c in panel.areas if n == SHADE]
+        found.append(Read(x_axis, y_axis, lines, events, shade[0] if shade else None))
     return found
 
 
@@ -181,7 +129,7 @@ def test_coordinates_are_drawn_where_they_are(name, start):
     values = SERIES[name]
     t = start + T * (1e-6 if start == 1e-4 else 1.0)
     run = record({"t": t, "q": values}, units={"q": "m", "t": "s"})
-    [panel] = panels(plots.trajectory(run, ["q"], Scene({})))
+    [panel] = panels(drawn(plots.trajectory, run, ["q"], Scene({})))
     assert (panel.x.name, panel.x.unit) == ("t", "s")
     assert (panel.y.name, panel.y.unit) == ("q", "m")
     [[(x, y)]] = panel.lines.values()
@@ -193,11 +141,11 @@ def test_each_coordinate_has_the_unit_and_name_of_its_own():
     columns = {"t": T, "a": np.sin(T), "b": 2 * np.cos(T), "c": 1e-8 * T, "d": T**2}
     units = {"t": "s", "a": "m", "b": "m", "c": "rad"}
     run = record(columns, units=units)
-    shown = panels(plots.trajectory(run, list("abcd"), Scene({})))
+    shown = panels(drawn(plots.trajectory, run, list("abcd"), Scene({})))
     assert [p.y.name for p in shown] == ["a, b", "c", "d"]
     assert [p.y.unit for p in shown] == ["m", "rad", ""]
-    drawn = [line for p in shown for group in p.lines.values() for line in group]
-    for name, (x, y) in zip("abcd", drawn, strict=True):
+    curves = [line for p in shown for group in p.lines.values() for line in group]
+    for name, (x, y) in zip("abcd", curves, strict=True):
         same(x, T)
         same(y, columns[name])
     for p in shown:
@@ -216,19 +164,19 @@ def energies(**more):
 
 def test_energies_and_their_drift():
     columns, run = energies()
-    sheet = plots.energy(run, is_sum=True)
-    upper, lower = panels(sheet)
+    drawing = drawn(plots.energy, run, is_sum=True)
+    upper, lower = panels(drawing)
     assert (upper.y.name, upper.y.unit) == ("energy", "J")
     assert (lower.y.name, lower.y.unit) == ("drift", "J")
-    drawn = [lines[0] for lines in upper.lines.values()]
-    for name, (x, y) in zip(("kinetic", "potential", "energy"), drawn, strict=True):
+    curves = [lines[0] for lines in upper.lines.values()]
+    for name, (x, y) in zip(("kinetic", "potential", "energy"), curves, strict=True):
         same(x, T)
         same(y, columns[name])
     [[(x, y)]] = lower.lines.values()
     ledger = columns["energy"] - columns["work"]
     same(x, T)
     same(y, ledger - ledger[0], 1e-9)
-    said = [a.get_text() for a in sheet.figure.artists if isinstance(a, Text)]
+    said = drawing.written()
     worst = np.max(np.abs(ledger - ledger[0]))
     digits, power = f"{worst:.1e}".split("e-")
     raised = str(int(power)).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
@@ -239,32 +187,28 @@ def test_energies_and_their_drift():
 
 def test_legends_name_the_lines_by_their_colours():
     _, run = energies()
-    sheet = plots.energy(run, is_sum=True)
-    upper, _ = panels(sheet)
-    texts = [a for a in sheet.figure.artists if isinstance(a, Text)]
+    drawing = drawn(plots.energy, run, is_sum=True)
+    upper, _ = panels(drawing)
     names = ["kinetic T", "potential V", "energy T + V"]
     for name, colour in zip(names, upper.lines, strict=True):
-        [text] = [a for a in texts if a.get_text() == name]
-        x, y = text.get_position()
+        [text] = [t for t in drawing.texts if t.said == name]
+        x, y = text.place
         samples = [
-            a
-            for a in sheet.figure.artists
-            if isinstance(a, Line2D)
-            and len(a.get_xdata()) == 2
-            and abs(np.mean(a.get_ydata()) - y) < 0.06
-            and 0.0 < x - np.max(a.get_xdata()) < 0.12
+            line.colour
+            for line in drawing.samples
+            if abs(np.mean(line.y) - y) < 12 and 0 < x - np.max(line.x) < 24
         ]
-        assert [to_hex(a.get_color()) for a in samples] == [colour]
+        assert samples == [colour]
 
 
 def test_events_and_horizon_stand_at_their_times():
     events = (0.5, 3.25, 11.0)
     _, run = energies(events=events, horizon=7.5)
-    for panel in panels(plots.energy(run, is_sum=True)):
+    for panel in panels(drawn(plots.energy, run, is_sum=True)):
         assert panel.events == pytest.approx(events, abs=1e-6)
         assert panel.shade == pytest.approx(7.5, abs=1e-6)
     _, run = energies()
-    for panel in panels(plots.energy(run, is_sum=True)):
+    for panel in panels(drawn(plots.energy, run, is_sum=True)):
         assert panel.events == []
         assert panel.shade is None
 
@@ -272,7 +216,7 @@ def test_events_and_horizon_stand_at_their_times():
 def test_constraint_forces_and_multipliers():
     columns = {"t": T, "Qc_x": 1e4 * np.sin(T), "Qc_y": -3 * T, "lambda_rod": 2 + T}
     run = record(columns, units={"t": "s", "Qc_x": "N", "Qc_y": "N"})
-    shown = panels(plots.constraint_forces(run, ["x", "y"], ["rod"]))
+    shown = panels(drawn(plots.constraint_forces, run, ["x", "y"], ["rod"]))
     assert [p.y.name for p in shown] == ["Qc_x", "Qc_y", "lambda_rod"]
     assert [p.y.unit for p in shown] == ["N", "N", ""]
     for p, name in zip(shown, list(columns)[1:], strict=True):
@@ -285,7 +229,7 @@ def test_constraint_forces_and_multipliers():
 def test_a_plot_of_the_model(shift):
     x, y = shift + np.cos(T), 1e-5 * np.sin(3 * T)
     run = record({"t": T, "plot.0.x": x, "plot.0.y": y}, units={"plot.0.x": "m"})
-    [panel] = panels(plots.plot(run, 0, Plot(0, 0, "2*a", "b^2", "")))
+    [panel] = panels(drawn(plots.plot, run, 0, Plot(0, 0, "2*a", "b^2", "")))
     assert (panel.x.name, panel.x.unit) == ("2*a", "m")
     assert (panel.y.name, panel.y.unit) == ("b^2", "")
     [[(found_x, found_y)]] = panel.lines.values()
@@ -297,7 +241,7 @@ def test_a_plot_against_time():
     run = record(
         {"t": T, "plot.0.x": T, "plot.0.y": T**2}, units={"t": "s"}, events=(2.0,)
     )
-    [panel] = panels(plots.plot(run, 0, Plot(0, 0, " t ", "u", "")))
+    [panel] = panels(drawn(plots.plot, run, 0, Plot(0, 0, " t ", "u", "")))
     assert (panel.x.name, panel.x.unit) == (" t ", "s")
     [[(x, y)]] = panel.lines.values()
     same(x, T)
@@ -309,7 +253,9 @@ def test_paths_of_the_scene():
     x, y, z = 5 + np.cos(T), 0.25 * np.sin(T), -1e3 + 0.1 * T
     points = {"point.p.1": x, "point.p.2": y, "point.p.3": z}
     run = record({"t": T, "q": x, **points}, units=dict.fromkeys(points, "m"))
-    front, side, top = panels(plots.trajectory(run, ["q"], Scene({"p": (0, 0, 0)})))[1:]
+    front, side, top = panels(
+        drawn(plots.trajectory, run, ["q"], Scene({"p": (0, 0, 0)}))
+    )[1:]
     for panel, across, up, names in (
         (front, x, z, "xz"), (side, y, z, "yz"), (top, x, y, "xy"),
     ):  # fmt: skip
@@ -322,16 +268,15 @@ def test_paths_of_the_scene():
 
 def test_notes_say_what_they_are_given():
     _, run = energies(note="incomplete: until t = 3", events=(1.0,), horizon=4.0)
-    for sheet, subject in (
-        (plots.energy(run, is_sum=True), "energy"),
-        (plots.trajectory(run, ["kinetic"], Scene({})), "coordinates"),
+    for drawing, subject in (
+        (drawn(plots.energy, run, is_sum=True), "energy"),
+        (drawn(plots.trajectory, run, ["kinetic"], Scene({})), "coordinates"),
     ):
-        said = [a.get_text() for a in sheet.figure.artists if isinstance(a, Text)]
+        said = drawing.written()
         for text in ("a scene", subject, "incomplete: until t = 3", "events",
                      "past the horizon"):  # fmt: skip
             assert said.count(text) == 1
     _, plain = energies()
-    sheet = plots.energy(plain, is_sum=True)
-    said = [a.get_text() for a in sheet.figure.artists if isinstance(a, Text)]
+    said = drawn(plots.energy, plain, is_sum=True).written()
     assert "events" not in said
     assert "past the horizon" not in said

@@ -15,9 +15,6 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 import pytest
-from matplotlib.lines import Line2D
-from matplotlib.patches import Polygon
-from matplotlib.text import Text
 from PIL import Image
 
 from lagsim.language.graph import Graph
@@ -32,12 +29,12 @@ from lagsim.model.model import (
     Sense,
 )
 from lagsim.outputs import plots
-from lagsim.outputs.axis import value_axis
-from lagsim.outputs.panel import BAND, ink
-from lagsim.outputs.scene_panel import Paths, views
-from lagsim.outputs.sheet import DIM, DPI, fitted, text_width
+from lagsim.outputs.curves import BAND, ink
+from lagsim.outputs.scale import value_scale
+from lagsim.outputs.sheet import DPI, fitted, text_width
 from lagsim.outputs.time_panels import Record, chosen, grouped
 from lagsim.run.observers.thinning import DRIFT, Thinning, picture_thinning
+from tests.outputs.drawn import drawn, finite
 
 UNITS = {"t": "s", "theta": "rad", "u": "m", "energy": "J"}
 SWING = Scene({"pivot": (0, 0), "bob": (0, 0)}, (("pivot", "bob"),))
@@ -102,29 +99,25 @@ def helix():
 
 
 def all_sheets(run):
-    yield plots.energy(run, is_sum=True)
+    yield energies(run)
     yield plots.trajectory(run, ["theta", "u"], SWING)
     yield plots.constraint_forces(run, ["theta", "u"], ["path"])
     yield plots.plot(run, 0, Plot(0, 0, "theta", "u", "Path"))
 
 
-def texts(sheet):
-    return [a for a in sheet.figure.artists if isinstance(a, Text)]
+def all_drawings(run):
+    yield drawn(energies, run)
+    yield drawn(plots.trajectory, run, ["theta", "u"], SWING)
+    yield drawn(plots.constraint_forces, run, ["theta", "u"], ["path"])
+    yield drawn(plots.plot, run, 0, Plot(0, 0, "theta", "u", "Path"))
 
 
-def written(sheet):
-    return [text.get_text() for text in texts(sheet)]
+def energies(run, *, is_sum=True):
+    return plots.energy(run, is_sum=is_sum)
 
 
-def frames(sheet):
-    """Outlines of the panels in pixels."""
-    edges = [
-        a
-        for a in sheet.figure.artists
-        if isinstance(a, Line2D) and a.get_color() == DIM and len(a.get_xdata()) == 5
-    ]
-    assert edges
-    return [edge.get_window_extent() for edge in edges]
+def written(draw, *args, **kwargs):
+    return drawn(draw, *args, **kwargs).written()
 
 
 def chunks(png):
@@ -145,10 +138,9 @@ def test_a_picture_is_a_png_of_the_drawn_pixels():
         png = sheet.png()
         assert list(chunks(png)) == [b"IHDR", b"pHYs", b"IDAT", b"IEND"]
         image = Image.open(io.BytesIO(png))
-        assert image.size == (7 * DPI, int(sheet.height * DPI))
+        assert image.size == (7 * DPI, round(sheet.height * DPI))
         assert image.info["dpi"] == pytest.approx((DPI, DPI), abs=0.1)
-        drawn = np.asarray(sheet.canvas.buffer_rgba())[:, :, :3]
-        assert np.array_equal(np.asarray(image), drawn)
+        assert np.array_equal(np.asarray(image), sheet.pixels()[:, :, :3])
 
 
 SCRIPT = """
@@ -201,47 +193,45 @@ def test_names_units_and_titles_are_written_as_they_are():
     columns = {"t": t, "a_b": t, "$x$": t**2, "角": t**3}
     columns |= {"plot.0.x": t, "plot.0.y": t, "energy": t}
     run = record(columns, title=STRANGE, units={"a_b": "$m$", "$x$": "m^2"})
-    sheet = plots.trajectory(run, ["a_b", "$x$", "角"], Scene({}))
-    assert {STRANGE, "a_b ($m$)", "$x$ (m^2)", "角", "t"} <= set(written(sheet))
-    own = plots.plot(run, 0, Plot(0, 0, "$x$^2", "a_b*c", f"../{STRANGE}"))
-    assert {"$x$^2", "a_b*c", f"../{STRANGE}"} <= set(written(own))
-    for drawn in (sheet, own):
-        assert not any(text.get_parse_math() for text in texts(drawn))
-        assert not any(text.get_usetex() for text in texts(drawn))
-        drawn.png()
+    sheet = drawn(plots.trajectory, run, ["a_b", "$x$", "角"], Scene({}))
+    assert {STRANGE, "a_b ($m$)", "$x$ (m^2)", "角", "t"} <= set(sheet.written())
+    own = drawn(plots.plot, run, 0, Plot(0, 0, "$x$^2", "a_b*c", f"../{STRANGE}"))
+    assert {"$x$^2", "a_b*c", f"../{STRANGE}"} <= set(own.written())
+    for drawing in (sheet, own):
+        assert not any(text.typeset for text in drawing.texts)
 
 
-def sheets_of_every_kind():
+def drawings_of_every_kind():
     events = record(swing(), events=(1.0, 2.0, 5.5), note="step size too small " * 20)
-    yield from all_sheets(events)
-    yield from all_sheets(record(swing(), title="a very long name " * 20))
-    yield plots.energy(record({"t": [0.0, 1.0], "energy": [1.0, 2.0]}), is_sum=False)
+    yield from all_drawings(events)
+    yield from all_drawings(record(swing(), title="a very long name " * 20))
+    yield drawn(energies, record({"t": [0.0, 1.0], "energy": [1.0, 2.0]}), is_sum=False)
     for links in (2, 7, 10, 20, 45):
         run, names, scene = chain(links)
-        yield plots.trajectory(run, names, scene)
-        yield plots.constraint_forces(run, names, [])
+        yield drawn(plots.trajectory, run, names, scene)
+        yield drawn(plots.constraint_forces, run, names, [])
     run, scene = helix()
-    yield plots.trajectory(run, ["x", "y", "z"], scene)
+    yield drawn(plots.trajectory, run, ["x", "y", "z"], scene)
     t = np.linspace(1e6, 1e6 + 1e-3, 30)
     scales = {f"{'long_name_' * 9}{k}": 7e6 + 10.0**k * t for k in range(-9, 9)}
     run = record({"t": t, **scales}, units=dict.fromkeys(scales, "kg m^2/s^2"))
-    yield plots.trajectory(run, list(scales), Scene({}))
-    yield plots.trajectory(run, list(scales)[:2], Scene({}))
+    yield drawn(plots.trajectory, run, list(scales), Scene({}))
+    yield drawn(plots.trajectory, run, list(scales)[:2], Scene({}))
 
 
 @pytest.mark.slow
 def test_nothing_written_lies_over_data_or_over_other_text():
-    for sheet in sheets_of_every_kind():
-        sheet.png()
-        page = sheet.figure.bbox
-        boxes = [(t.get_window_extent(), t.get_text()) for t in texts(sheet)]
+    for drawing in drawings_of_every_kind():
+        height, width, _ = drawing.sheet.pixels().shape
+        assert drawing.panels
+        boxes = [(text.box, text.said) for text in drawing.texts]
         for box, text in boxes:
-            assert page.x0 <= box.x0, text
-            assert box.x1 <= page.x1, text
-            assert page.y0 <= box.y0, text
-            assert box.y1 <= page.y1, text
-            for frame in frames(sheet):
-                assert not box.overlaps(frame), text
+            assert box.x0 >= 0, text
+            assert box.x1 <= width, text
+            assert box.y0 >= 0, text
+            assert box.y1 <= height, text
+            for panel in drawing.panels:
+                assert not box.overlaps(panel.box), text
         for (one, text), (other, text2) in itertools.combinations(boxes, 2):
             # The frame of a letter is wider than its ink.
             assert not one.padded(-2).overlaps(other.padded(-2)), (text, text2)
@@ -249,12 +239,12 @@ def test_nothing_written_lies_over_data_or_over_other_text():
 
 def test_energy_says_which_energy_it_is():
     run = record(swing())
-    assert "energy T + V" in written(plots.energy(run, is_sum=True))
-    said = written(plots.energy(run, is_sum=False))
+    assert "energy T + V" in written(energies, run)
+    said = written(energies, run, is_sum=False)
     assert "energy function h = Σ q′ ∂L/∂q′ − L" in said
     t = np.linspace(0, 1, 9)
     other = record({"t": t, "lagrangian": t, "energy": t * 0 + 1})
-    said = written(plots.energy(other, is_sum=False))
+    said = written(energies, other, is_sum=False)
     assert "lagrangian L" in said
     assert not any(text.startswith(("kinetic", "potential")) for text in said)
 
@@ -264,18 +254,18 @@ def test_drift_is_of_energy_minus_work_from_its_start():
     energy = 4 + 100 * np.sin(50 * t) + 3e-7 * t
     columns = {"t": t, "energy": energy, "work": 100 * np.sin(50 * t)}
     run = record(columns, differences={DRIFT: ("energy", "work")})
-    said = written(plots.energy(run, is_sum=True))
+    said = written(energies, run)
     assert "energy − work minus its first value: at most 1.5 × 10⁻⁶ J" in said
     assert "drift (10⁻⁶ J)" in said
     still = record({"t": t, "energy": 0 * t + 2})
-    said = written(plots.energy(still, is_sum=True))
+    said = written(energies, still)
     assert "energy minus its first value: 0 in every row" in said
 
 
 def test_an_incomplete_run_says_so():
     run = record(swing(), note="incomplete: the step became too small")
-    for sheet in all_sheets(run):
-        assert "incomplete: the step became too small" in written(sheet)
+    for drawing in all_drawings(run):
+        assert "incomplete: the step became too small" in drawing.written()
 
 
 def test_coordinates_share_a_panel_only_where_it_stays_readable():
@@ -283,33 +273,43 @@ def test_coordinates_share_a_panel_only_where_it_stays_readable():
     columns = {"t": t, "a": t, "b": 2 * t, "c": 1000 * t, "d": t, "e": t, "f": 9 * t}
     units = {"a": "m", "b": "m", "c": "s", "d": "s"}
     groups = grouped(record(columns, units=units), list("abcdef"))
-    assert [" ".join(group.names) for group in groups] == ["a b", "c", "d", "e", "f"]
+    assert [" ".join(group) for group in groups] == ["a b", "c", "d", "e", "f"]
 
 
 def test_too_many_coordinates_are_chosen_and_counted():
     run, names, scene = chain(90)
-    said = written(plots.trajectory(run, names, scene))
+    said = written(plots.trajectory, run, names, scene)
     assert "coordinates, 40 of 90" in said
     assert {"theta_0 (rad)", "theta_89 (rad)"} <= set(said)
     assert chosen(list("abcdefg"), 3) == ["a", "d", "g"]
-    forces = written(plots.constraint_forces(run, names, []))
+    forces = written(plots.constraint_forces, run, names, [])
     assert "constraint forces Qc and multipliers lambda, 40 of 90" in forces
 
 
 def test_scenes_have_equal_scales():
     run, space = helix()
-    for scene, used in ((space, run), (SWING, record(swing()))):
-        for view in views(Paths.of(used, scene)):
-            inches = (view.x.high - view.x.low) / view.width
-            assert (view.y.high - view.y.low) / view.height == pytest.approx(inches)
+    for drawing, count in (
+        (drawn(plots.trajectory, run, ["x"], space), 3),
+        (drawn(plots.trajectory, record(swing()), ["u"], SWING), 1),
+    ):
+        views = drawing.panels[-count:]
+        units = set()
+        for view in views:
+            (left, right), (low, high) = view.limits
+            assert view.labels[0].startswith("scene")
+            units |= {(right - left) / view.box.width, (high - low) / view.box.height}
+        # All of them: the views stand side by side, to be measured with one ruler.
+        assert max(units) == pytest.approx(min(units))
 
 
 def test_a_circle_is_round_in_the_picture():
     t = np.linspace(0, 2 * np.pi, 400)
     columns = {"t": t, "q": t, "point.a.1": 5 + np.cos(t), "point.a.2": np.sin(t)}
-    sheet = plots.trajectory(record(columns), ["q"], Scene({"a": (0, 0)}))
-    pixels = np.asarray(Image.open(io.BytesIO(sheet.png()))).astype(int)
-    box = frames(sheet)[-1]
+    scene = Scene({"a": (0, 0)})
+    drawing = drawn(plots.trajectory, record(columns), ["q"], scene)
+    png = drawing.sheet.png()
+    pixels = np.asarray(Image.open(io.BytesIO(png))).astype(int)
+    box = drawing.panels[-1].box
     top = int(pixels.shape[0] - box.y1)
     inside = pixels[top : int(pixels.shape[0] - box.y0), int(box.x0) : int(box.x1)]
     blue = np.argwhere(np.abs(inside - (0x00, 0x72, 0xB2)).sum(axis=2) < 60)
@@ -327,13 +327,27 @@ def test_fast_oscillations_become_bands_that_keep_spikes():
     t = np.arange(100_000) * 0.01
     q = np.cos(t * 3)
     q[54_321] = 4.0
-    sheet = plots.trajectory(record({"t": t, "q": q}), ["q"], Scene({}))
-    (band,) = [a for a in sheet.figure.artists if isinstance(a, Polygon)]
-    assert value_axis(np.array([-1.0, 4.0])).high == pytest.approx(4.3)
-    heights = band.get_xy()[:, 1]
-    frame = frames(sheet)[0].transformed(sheet.figure.dpi_scale_trans.inverted())
-    assert heights.max() == pytest.approx(frame.y1 - frame.height * 0.3 / 5.6, abs=0.01)
+    drawing = drawn(plots.trajectory, record({"t": t, "q": q}), ["q"], Scene({}))
+    [panel] = drawing.panels
+    [(_, corners)] = panel.areas
+    assert not panel.lines
+    assert value_scale(np.array([-1.0, 4.0])).high == pytest.approx(4.3)
+    # Two hundred pixels are an inch.
+    top = panel.box.y1 - panel.box.height * 0.3 / 5.6
+    assert corners[:, 1].max() == pytest.approx(top, abs=2.0)
     assert ink(np.linspace(0, 6, 99), np.sin(np.arange(99.0))) < BAND
+
+
+def test_bands_end_at_gaps():
+    t = np.arange(100_000) * 0.01
+    q = np.where((t > 400) & (t < 600), np.nan, np.cos(t * 3))
+    drawing = drawn(plots.trajectory, record({"t": t, "q": q}), ["q"], Scene({}))
+    [panel] = drawing.panels
+    assert len(panel.areas) == 2
+    across = [(c[:, 0] - panel.box.x0) / panel.box.width for _, c in panel.areas]
+    # To a pixel, and to one of the buckets of rows.
+    assert across[0].max() == pytest.approx(0.4, abs=2e-3)
+    assert across[1].min() == pytest.approx(0.6, abs=2e-3)
 
 
 def test_gaps_and_single_values_are_drawn():
@@ -346,10 +360,14 @@ def test_gaps_and_single_values_are_drawn():
     columns |= {"d": 1e308 * np.cos(9 * t), "e": 1e-310 * t, "f": 1e200 * t}
     points = {f"point.p.{k}": alone for k in (1, 2)}
     run = record(columns | points)
-    sheet = plots.trajectory(run, list("abcdef"), Scene({"p": (0, 0)}))
-    dots = [a for a in sheet.figure.artists if isinstance(a, Line2D)]
-    assert any(a.get_marker() == "o" and len(a.get_xdata()) == 1 for a in dots)
-    sheet.png()
+    drawing = drawn(plots.trajectory, run, list("abcdef"), Scene({"p": (0, 0)}))
+    named = {panel.labels[2][:1]: panel for panel in drawing.panels}
+    assert not any(line.marker == "o" for line in named["a"].lines)
+    [dot] = [line for line in named["b"].lines if line.marker == "o"]
+    (x,), (y,) = finite(dot.x, dot.y)
+    box = named["b"].box
+    assert (x - box.x0) / box.width == pytest.approx(t[20])
+    assert box.y0 < y < box.y1
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
 from itertools import groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagsim.methods import names
-from lagsim.outputs.axis import DecadeAxis
-from lagsim.outputs.panel import Panel, legend
+from lagsim.outputs.curves import curve, inches, point
+from lagsim.outputs.scale import Scale, log_scale
 from lagsim.outputs.sheet import (
-    DIM,
-    HEADING,
-    NORMAL,
+    EDGE,
+    LINE,
     PENS,
     SMALL,
     Pen,
+    Place,
     Sheet,
     in_house_style,
-    text_width,
+    mark,
+    wrapped,
 )
 from lagsim.studies.bench.machine import described
 from lagsim.studies.bench.scipy_solvers import NAMES as SCIPY
@@ -30,17 +29,19 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from typing import Any
 
+    from matplotlib.axes import Axes
+
     from lagsim.studies.bench.work_precision import Entry, WorkPrecision
 
 # Inches: the sheet, its margins, the panels and what is between them.
-WIDTH, LEFT, RIGHT, EDGE = 7.6, 0.72, 1.55, 0.12
-TOP, HEIGHT, GAP, LINE = 0.62, 3.0, 0.42, 0.14
+WIDTH, LEFT, RIGHT = 7.6, 0.72, 1.55
+TOP, HEIGHT, GAP = 0.62, 3.0, 0.42
 # Between the names at the right.
 NAME_GAP = 0.135
 
-FRONT = Pen("#F0E442", width=6.0)
-CHOSEN = Pen("#000000", marker="o", size=8.0, fill="none")
-FLOOR = Pen("#888888", (3.0, 2.0), width=0.8)
+FRONT: Pen = {"color": "#F0E442", "linewidth": 6.0}
+CHOSEN = mark("o", 8.0, fill="none")
+FLOOR: Pen = {"color": "#888888", "dashes": (3.0, 2.0), "linewidth": 0.8}
 MARKERS = ("o", "s", "^", "D")
 SCIPY_MARKERS = ("x", "+", "1", "2", "3")
 
@@ -59,85 +60,64 @@ def chart(title: str, found: WorkPrecision, document: Mapping[str, Any]) -> byte
         if (drawn := [e for e in entries if e.error is not None and e.error <= WORST])
     }
     width = WIDTH - LEFT - RIGHT
-    notes = [
-        line
-        for note in _notes(found, document)
-        for line in wrapped(note, WIDTH - 2 * EDGE)
-    ]
+    notes = wrapped(_notes(found, document), WIDTH - 2 * EDGE)
     below = TOP + 2 * HEIGHT + GAP + 0.5
     sheet = Sheet(WIDTH, below + LINE * len(notes) + 0.1)
-    sheet.text(EDGE, 0.22, title, size=HEADING, bold=True)
-    subject = "what an error costs"
-    sheet.text(WIDTH - EDGE, 0.22, subject, size=NORMAL, align="right", colour=DIM)
-    errors = [_logarithm(e.error) for entries in curves.values() for e in entries]
-    floor = _logarithm(found.reference.floor)
-    across = DecadeAxis(
-        max(errors, default=0.0) + 0.3, min([*errors, floor, -3.0]) - 0.3
-    )
-    for k, (of, label) in enumerate(
-        (("seconds", "seconds"), ("evaluations", "evaluations"))
-    ):
-        place = (LEFT, TOP + k * (HEIGHT + GAP), width, HEIGHT)
-        panel = Panel(sheet, place, across, _costs(curves, of))
-        _fill(panel, found, curves, of)
-        panel.frame((9, 7))
-        middle = panel.top + HEIGHT / 2
-        sheet.text(0.2, middle, label, align="center", turned=True)
-        if k == 0:
-            _legend(panel)
+    sheet.heading(title, "what an error costs")
+    errors = [_error(e.error) for entries in curves.values() for e in entries]
+    least = min([*errors, _error(found.reference.floor), 1e-3])
+    across = Scale(2.0 * max(errors, default=1.0), 0.5 * least, log=True)
     label = "error: greatest of any coordinate or velocity, against its range"
-    sheet.text(LEFT + width / 2, below - 0.17, label, align="center")
-    for k, line in enumerate(notes):
-        sheet.text(EDGE, below + 0.1 + k * LINE, line, size=SMALL, colour=DIM)
+    for k, of in enumerate(("seconds", "evaluations")):
+        place = (LEFT, TOP + k * (HEIGHT + GAP), width, HEIGHT)
+        costs = [max(e.cost(of), LEAST) for row in curves.values() for e in row]
+        y = log_scale(np.array(costs), margin=0.05, least=0.05)
+        with sheet.panel(
+            place, across, y, below=(label if k else " ", ""), side=(of, ""),
+            ticks=(9, 7), reach=LEFT - 0.2,
+        ) as axes:  # fmt: skip
+            front = [found.entries[k] for k in found.front(of)]
+            curve(axes, *_points(front, of), FRONT)
+            axes.axvline(_error(found.reference.floor), **FLOOR)
+            for method, entries in curves.items():
+                line, look = pens(method)
+                points = _points(entries, of)
+                curve(axes, *points, line)
+                for entry, x, cost in zip(entries, *points, strict=True):
+                    point(axes, x, cost, look)
+                    if entry.chosen:
+                        point(axes, x, cost, CHOSEN)
+            _names(sheet, place, axes, curves, of)
+    named = [
+        ("Pareto front", FRONT | {"linewidth": 4.0}),
+        ("what `auto` takes", CHOSEN),
+        ("the reference is known to this", FLOOR),
+    ]
+    sheet.legend(LEFT, TOP - 0.1, named, width)
+    sheet.notes(below + 0.1, notes)
     return sheet.png()
 
 
-def _logarithm(value: float | None) -> float:
-    return math.log10(max(value or 0.0, LEAST))
-
-
-def _costs(curves: Curves, of: str) -> DecadeAxis:
-    costs = [_logarithm(e.cost(of)) for entries in curves.values() for e in entries]
-    low, high = min(costs, default=0.0), max(costs, default=1.0)
-    margin = 0.05 * (high - low) + 0.05
-    return DecadeAxis(low - margin, high + margin)
-
-
-def _fill(panel: Panel, found: WorkPrecision, curves: Curves, of: str) -> None:
-    front = [found.entries[k] for k in found.front(of)]
-    panel.curve(*_points(front, of), FRONT)
-    floor = _logarithm(found.reference.floor)
-    panel.curve(np.array([floor, floor]), np.array([panel.y.low, panel.y.high]), FLOOR)
-    ends = []
-    for curve, entries in curves.items():
-        x, y = _points(entries, of)
-        line, mark = pens(curve)
-        panel.curve(x, y, line)
-        for entry, across, down in zip(entries, x, y, strict=True):
-            panel.mark(across, down, mark, line.colour)
-            if entry.chosen:
-                panel.mark(across, down, CHOSEN, CHOSEN.colour)
-        best = int(np.argmin(x))
-        ends.append((float(x[best]), float(y[best]), _name(curve, curves), line))
-    _names(panel, ends)
+def _error(value: float | None) -> float:
+    return max(value or 0.0, LEAST)
 
 
 def _points(entries: Sequence[Entry], of: str) -> tuple[Any, Any]:
-    x = np.array([_logarithm(e.error) for e in entries])
-    return x, np.array([_logarithm(e.cost(of)) for e in entries])
+    x = np.array([_error(e.error) for e in entries])
+    return x, np.array([_error(e.cost(of)) for e in entries])
 
 
 def pens(curve: tuple[str, str]) -> tuple[Pen, Pen]:
     """Give line and mark of a method: the same in every chart."""
     method, formulation = curve
     if method in SCIPY:
-        mark = Pen(marker=SCIPY_MARKERS[SCIPY.index(method)], size=4.5)
-        return Pen("#777777", width=0.7), mark
+        marker = SCIPY_MARKERS[SCIPY.index(method)]
+        return {"color": "#777777", "linewidth": 0.7}, mark(marker, 4.5, "#777777")
     turn, colour = divmod(names().index(method), len(PENS))
     kinds = ("none", "projection", "velocity projection", "elimination", "baumgarte")
     shape = kinds.index(formulation) if formulation in kinds else len(kinds)
-    mark = Pen(marker=MARKERS[max(0, shape - 1) % len(MARKERS)], size=3.4)
-    return PENS[colour], replace(mark, fill="white") if turn else mark
+    marker, pen = MARKERS[max(0, shape - 1) % len(MARKERS)], PENS[colour]
+    return pen, mark(marker, 3.4, pen["color"], "white" if turn else "")
 
 
 def _name(curve: tuple[str, str], curves: Iterable[tuple[str, str]]) -> str:
@@ -146,29 +126,26 @@ def _name(curve: tuple[str, str], curves: Iterable[tuple[str, str]]) -> str:
     return method if alone else f"{method} {formulation}"
 
 
-def _names(panel: Panel, ends: list[tuple[float, float, str, Pen]]) -> None:
+def _names(sheet: Sheet, place: Place, axes: Axes, curves: Curves, of: str) -> None:
     """Write the names at the right, each level with its curve's end where it can be."""
-    ends.sort(key=lambda end: -end[1])
-    wanted = [float(panel.down(np.array([y]))[0]) for _, y, _, _ in ends]
-    places = spread(wanted, panel.top + 0.05, panel.bottom - 0.02, NAME_GAP)
-    right = panel.left + panel.width
-    for (x, _, name, pen), level, place in zip(ends, wanted, places, strict=True):
-        from_x = float(panel.across(np.array([x]))[0])
-        thread = Pen(pen.colour, width=0.35)
-        panel.sheet.line(
-            np.array([from_x, right, right + 0.13]),
-            np.array([level, level, place]),
-            thread,
-            layer=1.2,
-        )
-        panel.sheet.text(
-            right + 0.16,
-            place,
-            name,
-            size=SMALL,
-            stand="center_baseline",
-            colour=pen.colour,
-        )
+    left, top, width, height = place
+    ends = []
+    for method, entries in curves.items():
+        x, y = inches(axes, *_points(entries, of))
+        best = int(np.argmax(x))
+        ends.append((sheet.height - y[best], x[best], method))
+    ends.sort()
+    wanted = [level for level, _, _ in ends]
+    places = spread(wanted, top + 0.05, top + height - 0.02, NAME_GAP)
+    right, paper = left + width, axes.figure.dpi_scale_trans
+    for (level, x, method), at in zip(ends, places, strict=True):
+        look = {"color": pens(method)[0]["color"]}
+        across = [x, right, right + 0.13]
+        up = sheet.height - np.array([level, level, at])
+        thread = look | {"linewidth": 0.35, "zorder": 1.2, "clip_on": False}
+        axes.plot(across, up, **thread, transform=paper)
+        name = _name(method, curves)
+        sheet.text(right + 0.16, at, name, size=SMALL, va="center_baseline", **look)
 
 
 def spread(wanted: Sequence[float], low: float, high: float, gap: float) -> list[float]:
@@ -185,15 +162,6 @@ def spread(wanted: Sequence[float], low: float, high: float, gap: float) -> list
         places[k] = min(places[k], limit)
         limit = places[k] - gap
     return places
-
-
-def _legend(panel: Panel) -> None:
-    entries = [
-        ("Pareto front", replace(FRONT, width=4.0)),
-        ("what `auto` takes", CHOSEN),
-        ("the reference is known to this", FLOOR),
-    ]
-    legend(panel.sheet, panel.left, panel.top - 0.1, entries, panel.width)
 
 
 def _notes(found: WorkPrecision, document: Mapping[str, Any]) -> list[str]:
@@ -222,28 +190,16 @@ def _gaps(found: WorkPrecision) -> list[str]:
     """Say which settings gave nothing, and why, those next to each other together."""
     curves = found.curves()
     said = []
-    for curve, entries in curves.items():
+    for method, entries in curves.items():
         for outcome, group in groupby(entries, _without_answer):
             if outcome is not None:
                 missing = list(group)
                 ends = (missing[0], missing[-1])
                 values = dict.fromkeys(f"{e.value:.3g}" for e in ends)
-                where = f"{_name(curve, curves)} at {missing[0].setting}"
+                where = f"{_name(method, curves)} at {missing[0].setting}"
                 said.append(f"{where} {' to '.join(values)}: {outcome}")
     return said
 
 
 def _without_answer(entry: Entry) -> str | None:
     return entry.outcome if entry.error is None else None
-
-
-def wrapped(text: str, room: float) -> list[str]:
-    """Break a text in small print into lines of at most `room` inches."""
-    lines = [""]
-    for word in text.split():
-        longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and text_width(longer, SMALL) > room:
-            lines.append(word)
-        else:
-            lines[-1] = longer
-    return lines

@@ -2,76 +2,83 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.colors import to_rgba
+from matplotlib.ticker import NullFormatter
 
-from lagsim.outputs.axis import LogAxis
-from lagsim.outputs.panel import Panel, legend
+from lagsim.outputs.curves import curve, point
+from lagsim.outputs.scale import Scale
 from lagsim.outputs.sheet import (
-    DIM,
-    HEADING,
+    EDGE,
     INK,
-    NORMAL,
+    LINE,
     SMALL,
     Pen,
     Sheet,
     in_house_style,
-    text_width,
+    mark,
+    wrapped,
 )
-from lagsim.studies.bench.chart import wrapped
 from lagsim.studies.bench.stability_document import prediction
 from lagsim.studies.bench.stability_panels import (
     ALONG,
     AT_START,
-    EDGE,
-    FOUND,
-    LEFT,
     NUMBERS,
-    PREDICTED,
     RIGHT,
-    VERDICT_COLOURS,
     WIDTH,
-    parameter_axis,
     regions,
     regions_height,
-    spread_axis,
+    spread,
     work,
     work_height,
 )
-from lagsim.studies.bench.trial import KICK, VERDICTS
+from lagsim.studies.bench.trial import (
+    BREAKS,
+    DECAYS,
+    DIVERGES,
+    FAILS,
+    GROWS,
+    HOLDS,
+    KICK,
+    VERDICTS,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from matplotlib.axes import Axes
 
-    from lagsim.studies.bench.stability import Border, Stability
-    from lagsim.studies.bench.trial import Cell
+    from lagsim.studies.bench.stability import Stability
 
 # Inches: above the maps; a strip and its distance; a map, its gaps, in rows of so many.
-TOP, LINE = 0.82, 0.14
+TOP, LEFT = 0.82, 1.3
 STRIP, STRIP_GAP = 0.2, 0.06
 MAP_HEIGHT, MAP_GAP, MAP_ACROSS, MAPS = 1.5, 0.62, 0.5, 3
 BELOW = 0.5
 
-NO_BORDER = Pen(INK, width=0.9)
+# Okabe and Ito's colours, pale for what is well, told apart in grey too.
+VERDICT_COLOURS = {
+    HOLDS: "#BFE3F5",
+    DECAYS: "#F0E442",
+    GROWS: "#E69F00",
+    DIVERGES: "#D55E00",
+    BREAKS: "#CC79A7",
+    FAILS: "#777777",
+}
+FOUND: Pen = {"color": INK, "linewidth": 1.8}
+PREDICTED = (mark("D", 4.6, fill="white"), mark("v", 5.0, fill="#0072B2"))
+PREDICTED_LINE: Pen = {"color": "#0072B2", "dashes": (3.0, 1.5), "linewidth": 1.4}
 
 
 @in_house_style
 def chart(title: str, found: Stability, varied: str | None) -> bytes:
     """Draw what was found. Returns a PNG."""
-    notes = [
-        line
-        for note in _notes(found, varied)
-        for line in wrapped(note, WIDTH - 2 * EDGE)
-    ]
+    notes = wrapped(_notes(found, varied), WIDTH - 2 * EDGE)
     regions_at = TOP + _maps_height(found, varied)
     work_at = regions_at + regions_height(found)
     notes_at = work_at + work_height(found)
     sheet = Sheet(WIDTH, notes_at + LINE * len(notes) + 0.1)
-    sheet.text(EDGE, 0.22, title, size=HEADING, bold=True)
-    subject = "where methods hold and where they fail"
-    sheet.text(WIDTH - EDGE, 0.22, subject, size=NORMAL, align="right", colour=DIM)
+    sheet.heading(title, "where methods hold and where they fail")
     _legend(sheet, found, varied=varied is not None)
     if found.methods:
         if varied is None:
@@ -82,9 +89,7 @@ def chart(title: str, found: Stability, varied: str | None) -> bytes:
     if found.adaptive:
         assert varied is not None
         work(sheet, work_at, found, varied)
-    for k, line in enumerate(notes):
-        place = notes_at + 0.04 + k * LINE
-        sheet.text(EDGE, place, line, size=SMALL, colour=DIM)
+    sheet.notes(notes_at + 0.04, notes)
     return sheet.png()
 
 
@@ -100,133 +105,87 @@ def _maps_height(found: Stability, varied: str | None) -> float:
 def _legend(sheet: Sheet, found: Stability, *, varied: bool) -> None:
     """Name colours and marks."""
     seen = {cell.verdict for cell in found.cells}
-    x, y = EDGE, 0.45
-    for verdict in (v for v in VERDICTS if v in seen):
-        box = np.array([[x, y - 0.09, x + 0.2, y + 0.02]])
-        sheet.boxes(box, [VERDICT_COLOURS[verdict]])
-        sheet.text(x + 0.26, y, verdict, size=SMALL)
-        x += 0.26 + text_width(verdict, SMALL) + 0.2
+    verdicts = {v: VERDICT_COLOURS[v] for v in VERDICTS if v in seen}
+    bar = {"linewidth": 8.0, "solid_capstyle": "butt"}
+    bars = [(name, bar | {"color": colour}) for name, colour in verdicts.items()]
+    sheet.legend(EDGE, 0.45, bars, WIDTH - 2 * EDGE)
     if found.methods:
-        predicted = [
-            ("predicted: start", PREDICTED[0]),
-            ("predicted: motion", PREDICTED[1]),
-        ]
-        if varied:
-            predicted = [("predicted", PREDICTED[2])]
+        start, motion = PREDICTED
+        predicted = [("predicted: start", start), ("predicted: motion", motion)]
         entries = [
             ("border found", FOUND),
-            *predicted,
+            *([("predicted", PREDICTED_LINE)] if varied else predicted),
             ("h·λ: start", AT_START),
             ("h·λ: motion", ALONG),
         ]
-        legend(sheet, EDGE, 0.66, entries, WIDTH - 2 * EDGE)
+        sheet.legend(EDGE, 0.66, entries, WIDTH - 2 * EDGE)
 
 
 def _strips(sheet: Sheet, found: Stability) -> None:
     """Draw a strip of verdicts over steps for each method."""
     width = WIDTH - LEFT - RIGHT
-    axis = _step_axis(found)
+    across, steps = spread(found.steps)
     borders = {border.method: border for border in found.borders}
     for k, method in enumerate(found.methods):
-        place = (LEFT, TOP + k * (STRIP + STRIP_GAP), width, STRIP)
-        panel = Panel(sheet, place, axis, LogAxis(0.0, 1.0))
-        _cells(panel, found.of(method), None, found)
-        middle = panel.top + STRIP / 2
-        sheet.text(
-            LEFT - 0.08, middle, method, size=SMALL, align="right",
-            stand="center_baseline",
-        )  # fmt: skip
-        if method in borders:
-            _border_marks(panel, borders[method])
-    last = TOP + len(found.methods) * (STRIP + STRIP_GAP) - STRIP_GAP
-    frame = Panel(sheet, (LEFT, TOP, width, last - TOP), axis, LogAxis(0.0, 1.0))
-    places, texts = axis.ticks(9)
-    for x, text in zip(frame.across(np.array(places)), texts, strict=True):
-        sheet.line(np.array([x, x]), np.array([last, last + 0.04]), NO_BORDER)
-        sheet.text(float(x), last + 0.16, text, size=SMALL, align="center")
-    sheet.text(LEFT + width / 2, last + 0.32, "step h", size=SMALL, align="center")
-
-
-def _step_axis(found: Stability) -> LogAxis:
-    """Give the axis that the cells fill: half a cell past the outermost steps."""
-    return spread_axis([math.log10(step) for step in found.steps])
+        top = TOP + k * (STRIP + STRIP_GAP)
+        below = "step h" if k + 1 == len(found.methods) else ""
+        place = (LEFT, top, width, STRIP)
+        with sheet.panel(
+            place, across, Scale(-0.5, 0.5), below=(below, ""), ticks=(9, 3)
+        ) as axes:
+            axes.yaxis.set_major_formatter(NullFormatter())
+            _cells(axes, found, method, steps, np.array((-0.5, 0.5)))
+            if border := borders.get(method):
+                if border.found is not None:
+                    axes.axvline(border.found, **FOUND, zorder=2.4)
+                pairs = zip((border.at_start, border.along), PREDICTED, strict=True)
+                for predicted, look in pairs:
+                    if predicted and across.low < predicted < across.high:
+                        point(axes, predicted, 0.0, look)
+        look = {"ha": "right", "va": "center_baseline"}
+        sheet.text(LEFT - 0.08, top + STRIP / 2, method, size=SMALL, **look)
 
 
 def _cells(
-    panel: Panel,
-    cells: Sequence[Cell],
-    values: Sequence[float] | None,
-    found: Stability,
+    axes: Axes, found: Stability, method: str, x: np.ndarray, y: np.ndarray
 ) -> None:
-    """Fill the panel: over steps, or over values (as on its axis) and steps."""
-    if not cells:
-        return
+    """Fill the cells between borders in x and y with the colours of verdicts."""
     steps = {step: k for k, step in enumerate(found.steps)}
     columns = {value: k for k, value in enumerate(found.values)}
-    boxes, colours = [], []
-    for cell in cells:
+    colours = np.zeros((len(steps), len(columns), 4))
+    for cell in found.of(method):
         assert cell.step is not None
-        k = steps[cell.step]
-        if values is None:
-            size = panel.width / len(steps)
-            left, top = panel.left + k * size, panel.top
-            box = (left, top, left + size, panel.bottom)
-        else:
-            size = panel.width / len(columns)
-            left = panel.left + columns[cell.value] * size
-            tall = panel.height / len(steps)
-            bottom = panel.bottom - k * tall
-            box = (left, bottom - tall, left + size, bottom)
-        boxes.append(box)
-        colours.append(VERDICT_COLOURS[cell.verdict])
-    panel.sheet.boxes(np.array(boxes), colours)
-
-
-def _border_marks(panel: Panel, border: Border) -> None:
-    """Mark a border found by a bar, those predicted by marks."""
-    if border.found is not None:
-        x = panel.across(np.full(2, math.log10(border.found)))
-        panel.sheet.line(x, np.array([panel.top, panel.bottom]), FOUND, layer=2.4)
-    pairs = zip((border.at_start, border.along), PREDICTED[:2], strict=True)
-    for predicted, mark in pairs:
-        if predicted and panel.x.low < math.log10(predicted) < panel.x.high:
-            panel.mark(math.log10(predicted), 0.5, mark, mark.colour)
+        colour = to_rgba(VERDICT_COLOURS[cell.verdict])
+        colours[steps[cell.step], columns[cell.value]] = colour
+    if len(columns) != len(x) - 1:
+        colours = colours.swapaxes(0, 1)
+    axes.pcolormesh(x, y, colours, zorder=1.0)
 
 
 def _maps(sheet: Sheet, found: Stability, varied: str) -> None:
     """Draw a map over the parameter and the step for each method."""
-    values = [value for value in found.values if value is not None]
-    logarithmic = min(values) > 0.0
-    places = [math.log10(v) for v in values] if logarithmic else list(values)
-    x_axis = parameter_axis(values)
-    y_axis = _step_axis(found)
+    across, columns = spread([value for value in found.values if value is not None])
+    up, steps = spread(found.steps)
     room = WIDTH - NUMBERS - EDGE
     width = (room - (MAPS - 1) * MAP_ACROSS) / MAPS
     for k, method in enumerate(found.methods):
         row, column = divmod(k, MAPS)
         left = NUMBERS + column * (width + MAP_ACROSS)
         top = TOP + 0.12 + row * (MAP_HEIGHT + MAP_GAP)
-        panel = Panel(sheet, (left, top, width, MAP_HEIGHT), x_axis, y_axis)
-        _cells(panel, found.of(method), places, found)
-        panel.frame((4, 6))
+        with sheet.panel(
+            (left, top, width, MAP_HEIGHT), across, up, below=(varied, ""),
+            side=("" if column else "step h", ""), ticks=(4, 6), reach=NUMBERS - 0.2,
+        ) as axes:  # fmt: skip
+            _cells(axes, found, method, columns, steps)
+            borders = [b for b in found.borders if b.method == method]
+            x = np.array([b.value for b in borders], float)
+            for pen, y in (
+                (FOUND, [b.found for b in borders]),
+                (PREDICTED_LINE, [prediction(b) for b in borders]),
+            ):
+                levels = np.array([step or np.nan for step in y])
+                curve(axes, x, np.where(levels > up.low, levels, np.nan), pen)
         sheet.text(left, top - 0.06, method, size=SMALL, bold=True)
-        below = top + MAP_HEIGHT + 0.3
-        sheet.text(left + width / 2, below, varied, size=SMALL, align="center")
-        if column == 0:
-            middle = top + MAP_HEIGHT / 2
-            sheet.text(0.2, middle, "step h", align="center", turned=True)
-        borders = [b for b in found.borders if b.method == method]
-        at = dict(zip(values, places, strict=True))
-        x = np.array([at[b.value] for b in borders if b.value is not None])
-        _curve(panel, x, [b.found for b in borders], FOUND)
-        _curve(panel, x, [prediction(b) for b in borders], PREDICTED[2])
-
-
-def _curve(
-    panel: Panel, x: np.ndarray, steps: Sequence[float | None], pen: Pen
-) -> None:
-    y = np.array([math.log10(step) if step else math.nan for step in steps])
-    panel.curve(x, np.where(y > panel.y.low, y, math.nan), pen)
 
 
 def _notes(found: Stability, varied: str | None) -> list[str]:

@@ -1,0 +1,138 @@
+"""Curves on Axes: gaps and single values, bands, marks of events and of the horizon."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.lines import Line2D
+
+from lagsim.outputs.scale import extent
+from lagsim.outputs.sheet import DPI, Pen, mark
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+    from lagsim.run.observers.thinning import Array
+
+EVENTS: Pen = {"color": "#888888", "dashes": (1.0, 1.5), "linewidth": 0.6}
+# What lies past the horizon, where a row is no longer a forecast.
+LOST = "#dddddd"
+
+# Where a line covers this part of the area that it spans, its strokes lie a twentieth
+# of an inch apart: it is a band, in which neither strokes nor dashes would be seen.
+BAND = 0.5
+# Lines that cover more than the area they span leave nothing to see.
+BLOT = 1.5
+# Of a line that such areas are asked of, in inches.
+STROKE = 0.9 / 72
+
+# Successive directions of a curve that turn by more than a right angle so often mean
+# that its points are too far apart to be joined.
+TOO_COARSE, ENOUGH = 0.25, 1000
+
+
+def line(axes: Axes, x: ArrayLike, y: ArrayLike, pen: Pen, **more: Any) -> None:
+    """Add a line; `Axes.plot` would measure it, though the scales are known."""
+    axes.add_artist(Line2D(x, y, **pen, **more))
+
+
+def curve(axes: Axes, x: Array, y: Array, pen: Pen) -> None:
+    """Draw y against x; a value between two gaps becomes a dot."""
+    line(axes, x, y, pen)
+    seen = np.isfinite(x) & np.isfinite(y)
+    linked = np.append(seen[:-1] & seen[1:], False)
+    alone = seen & ~linked & ~np.roll(linked, 1)
+    if alone.any():
+        line(axes, x[alone], y[alone], mark("o", 2.5, pen["color"]), clip_on=False)
+
+
+def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
+    """Draw values against time: as a curve, or as the band that it fills."""
+    if not len(t) or ink(*inches(axes, t, values)) < BAND:
+        curve(axes, t, values, pen)
+        return
+    seen = np.flatnonzero(np.isfinite(values))
+    # A new piece begins at each gap, a new column at each pixel.
+    piece = np.cumsum(np.diff(seen, prepend=seen[0]) > 1)
+    pixel = np.floor(inches(axes, t[seen], values[seen])[0] * DPI)
+    columns = np.flatnonzero(np.diff(pixel + piece * 1e6, prepend=-1.0))
+    low = np.minimum.reduceat(values[seen], columns)
+    high = np.maximum.reduceat(values[seen], columns)
+    ends = np.flatnonzero(np.diff(piece[columns])) + 1
+    t, low, high = (
+        np.insert(part, ends, np.nan) for part in (t[seen][columns], low, high)
+    )
+    look = {"facecolor": (pen["color"], 0.45), "edgecolor": pen["color"]}
+    axes.fill_between(t, low, high, **look, linewidth=0.5, zorder=1.8)
+
+
+def path(axes: Axes, x: Array, y: Array, pen: Pen, trusted: int) -> None:
+    """Draw y against x, by dots or lines; pale after the first `trusted` values."""
+    if trusted < len(x):
+        path(
+            axes, x[max(trusted - 1, 0) :], y[max(trusted - 1, 0) :], _pale(pen), len(x)
+        )
+    if "marker" in pen:
+        line(axes, x[:trusted], y[:trusted], pen | {"markersize": 1.2})
+    else:
+        curve(axes, x[:trusted], y[:trusted], pen)
+
+
+def _pale(pen: Pen) -> Pen:
+    return {k: LOST if k in ("color", "markerfacecolor") else v for k, v in pen.items()}
+
+
+def point(axes: Axes, x: float, y: float, pen: Pen) -> None:
+    """Draw one mark above the curves, whole at the edge too."""
+    line(axes, [x], [y], pen, zorder=2.5, clip_on=False)
+
+
+def marks(
+    axes: Axes, events: Sequence[float], horizon: float, most_lines: int = 40
+) -> None:
+    """Mark events by thin lines, or ticks at the top where many; shade past a time."""
+    low, high = axes.get_xlim()
+    if horizon < high:
+        shade: Pen = {"facecolor": (LOST, 0.45), "edgecolor": LOST, "linewidth": 0.5}
+        axes.axvspan(max(horizon, low), high, **shade, zorder=0.2)
+    inside = np.array([t for t in events if low <= t <= high])
+    if len(inside):
+        reach = 1.0
+        if len(inside) > most_lines:
+            reach = 0.06 * DPI / axes.bbox.height
+        x = np.stack((inside, inside, np.full_like(inside, np.nan)), axis=1).ravel()
+        y = np.tile([1.0, 1.0 - reach, np.nan], len(inside))
+        across = axes.get_xaxis_transform()
+        line(axes, x, y, EVENTS, transform=across, zorder=1.5)
+
+
+def inches(axes: Axes, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return where values lie on the sheet."""
+    across, up = axes.transData.transform(np.column_stack((x, y))).T / DPI
+    return across, up
+
+
+def ink(x: Array, y: Array) -> float:
+    """Return which part of the area that it spans a line covers, if not over itself."""
+    found = extent(x), extent(y)
+    length = float(np.nansum(np.hypot(np.diff(x), np.diff(y))))
+    # A line along an axis spans no area, but has a width.
+    sides = [max(f[1] - f[0], 0.1) for f in found if f]
+    return length * STROKE / math.prod(sides)
+
+
+def dotted(x: Array, y: Array) -> bool:
+    """Whether a path, given in inches, is better shown by its points than by lines.
+
+    It is when lines would only fill an area, and when the points are too far apart, so
+    that chords would be seen and not the curve.
+    """
+    dx, dy = np.diff(x), np.diff(y)
+    turns = dx[1:] * dx[:-1] + dy[1:] * dy[:-1] < 0
+    coarse = len(turns) >= ENOUGH and float(np.mean(turns)) > TOO_COARSE
+    return coarse or ink(x, y) > BLOT

@@ -1,0 +1,192 @@
+"""What an axis shows: its range, in what its ticks count, and what it is called."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from matplotlib.ticker import (
+    Formatter,
+    FuncFormatter,
+    Locator,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    NullLocator,
+    ScalarFormatter,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+
+    from lagsim.run.observers.thinning import Array
+
+# A series that varies by less than this part of its size is rounding noise: flat.
+FLAT = 1e-9
+# What should be zero is often not quite; beside others of its unit it is if less than:
+NOISE = 1e-14
+
+# Powers of ten from which on they stand in the label and not at the ticks.
+PLAIN, PLAIN_TIMES = (-3, 4), (-3, 6)
+
+# With fewer ticks than this, a scale cannot be read off.
+LEAST_TICKS = 3
+
+# Past these, squares and differences leave the range of a double, or of an Axes.
+_HUGE, _TINY = 1e300, 1e-285
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """A range from `low` to `high`, linear or of powers of ten.
+
+    Attributes
+    ----------
+    plain : powers of ten beyond which numbers are counted in them.
+    log : whether it is logarithmic; then `low` may be the larger.
+    """
+
+    low: float
+    high: float
+    plain: tuple[int, int] = PLAIN
+    log: bool = False
+
+    def put(
+        self,
+        axes: Axes,
+        direction: Literal["x", "y"],
+        most: int,
+        *,
+        bare: bool = False,
+    ) -> Array:
+        """Give Axes this range and about `most` ticks; return where. `bare`: no numbers."""
+        axis: Axis = axes.xaxis if direction == "x" else axes.yaxis
+        kind = "log" if self.log else "linear"
+        if axis.get_scale() != kind:
+            axes.set(**{f"{direction}scale": kind})
+            axis.set_minor_locator(NullLocator())
+        limit = axes.set_xlim if direction == "x" else axes.set_ylim
+        limit(self.low, self.high)
+        locator, formatter = self._powers(most) if self.log else self._round(most)
+        axis.set_major_locator(locator)
+        axis.set_major_formatter(NullFormatter() if bare else formatter)
+        # Nothing asks where the numbers end; to measure them costs as much as they do.
+        places = axis.get_majorticklocs()
+        for tick in axis.get_major_ticks(len(places)):
+            tick.label1.set_in_layout(False)
+        return places
+
+    def _round(self, most: int) -> tuple[Locator, Formatter]:
+        steps = [1, 2, 2.5, 5, 10]
+        locator = MaxNLocator(max(2, most - 1), steps=steps, min_n_ticks=LEAST_TICKS)
+        formatter = Counting()
+        formatter.set_powerlimits(self.plain)
+        return locator, formatter
+
+    def _powers(self, most: int) -> tuple[Locator, Formatter]:
+        low, high = sorted((math.log10(self.low), math.log10(self.high)))
+        if math.floor(high) - math.ceil(low) + 1 >= LEAST_TICKS:
+            return LogLocator(numticks=most), FuncFormatter(_as_power)
+        subs = (1.0, 2.0, 5.0) if high - low > 1.0 else (1, 1.5, 2, 3, 4, 5, 6, 8)
+        return LogLocator(subs=subs, numticks=most), FuncFormatter(_as_number)
+
+
+class Counting(ScalarFormatter):
+    """Numbers that count from an offset in powers of ten, both told to the label."""
+
+    def counted(self) -> tuple[float, int]:
+        """Return the offset, and the power of ten that the numbers count in."""
+        # Its name of before 3.11 will go in 3.13.
+        name = "_orderOfMagnitude"
+        power = vars(self).get(name, vars(self).get("orderOfMagnitude", 0))
+        return float(self.offset), int(power)
+
+
+def _as_power(value: float, _: object) -> str:
+    return power_of_ten(round(math.log10(value)))
+
+
+def _as_number(value: float, _: object) -> str:
+    return f"{value:g}"
+
+
+def label(axis: Axis, name: str, unit: str = "") -> str:
+    """Return what an axis shows, from where its ticks count, in what, and the unit."""
+    formatter = axis.get_major_formatter()
+    scale = ""
+    if isinstance(formatter, Counting):
+        formatter.set_locs(list(axis.get_majorticklocs()))
+        offset, exponent = formatter.counted()
+        if offset:
+            # Fifteen digits hold it exactly: it is a multiple of the span's own size.
+            sign = "−" if offset > 0 else "+"
+            name = f"{name} {sign} {abs(offset):.15g}"
+        scale = power_of_ten(exponent) if exponent else ""
+    inside = " ".join(part for part in (scale, unit) if part)
+    return f"{name} ({inside})" if inside else name
+
+
+def power_of_ten(exponent: int) -> str:
+    """Return 10 with a raised exponent, in plain text."""
+    return "10" + str(exponent).translate(_SUPERSCRIPTS)
+
+
+def extent(*series: Array) -> tuple[float, float] | None:
+    """Return the least and the greatest finite value; None if there is none."""
+    usable = [s[np.abs(s) < _HUGE] for s in series]
+    usable = [s for s in usable if len(s)]
+    if not usable:
+        return None
+    low, high = min(s.min() for s in usable), max(s.max() for s in usable)
+    return float(low), float(high)
+
+
+def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scale:
+    """Return a scale for values: rounding noise of a constant is flat on it.
+
+    `size` is that of values they are compared with; what is nothing beside it is 0.
+    """
+    low, high = extent(*series) or (0.0, 1.0)
+    if max(abs(low), abs(high)) <= NOISE * size:
+        low = high = 0.0
+    else:
+        size = max(abs(low), abs(high))
+    if size < _TINY:
+        return Scale(-1.0, 1.0)
+    if high - low <= FLAT * size:
+        # A tenth to both sides: enough to see that it is level, and at which value.
+        low, high = low - 0.1 * size, high + 0.1 * size
+    free = margin * (high - low)
+    return Scale(low - free, high + free)
+
+
+def time_scale(t: Array) -> Scale:
+    """Return a scale that the times fill from edge to edge."""
+    low, high = extent(t) or (0.0, 1.0)
+    if high - low <= _TINY + 1e-14 * abs(high):
+        half = 0.5 * abs(low) or 0.5
+        low, high = low - half, high + half
+    return Scale(low, high, PLAIN_TIMES)
+
+
+def noise_scale(values: Array, size: float) -> Scale:
+    """Return a scale for what should be zero; `size` is that of what it comes from."""
+    low, high = extent(values) or (0.0, 0.0)
+    low, high = min(low, 0.0), max(high, 0.0)
+    if high - low < _TINY:
+        high = max(abs(size) * np.finfo(float).eps, _TINY)
+        low = -high
+    free = 0.08 * (high - low)
+    return Scale(low - free, high + free)
+
+
+def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale:
+    """Return a scale of powers of ten; of `margin` and `least` decades is left free."""
+    low, high = extent(*(s[s > 0.0] for s in series)) or (1.0, 10.0)
+    free = 10.0 ** (margin * math.log10(high / low) + least)
+    return Scale(low / free, high * free, log=True)

@@ -1,0 +1,135 @@
+"""What matplotlib is asked to draw while a picture is made, read off its artists.
+
+One Axes is lent to panel after panel, so everything is noted at the moment it is drawn:
+places in pixels from the lower left corner, as on the picture.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+
+EVENTS = ("#888888",)
+
+
+@dataclass
+class Panel:
+    """Axes as they were when they were drawn."""
+
+    box: object
+    x: list
+    y: list
+    labels: tuple
+    limits: tuple
+    lines: list = field(default_factory=list)
+    areas: list = field(default_factory=list)
+
+
+@dataclass
+class Drawing:
+    """A sheet, its panels, all texts on it, and the lines outside of panels."""
+
+    sheet: object = None
+    panels: list = field(default_factory=list)
+    texts: list = field(default_factory=list)
+    samples: list = field(default_factory=list)
+
+    def written(self):
+        return [text.said for text in self.texts]
+
+
+def numbers(axis, part):
+    """The numbers of an axis that are seen, with where they stand."""
+    ticks = axis.get_major_ticks()[: len(axis.get_majorticklocs())]
+    low, high = sorted(axis.get_view_interval())
+    slack = 1e-9 * (high - low)
+    return [
+        (float(t.label1.get_transform().transform(t.label1.get_position())[part]), said)
+        for t in ticks
+        if low - slack <= t.get_loc() <= high + slack
+        and t.label1.get_visible()
+        and (said := t.label1.get_text())
+    ]
+
+
+def line_of(line):
+    x, y = line.get_transform().transform(line.get_xydata()).T
+    return SimpleNamespace(
+        x=x, y=y, colour=to_hex(line.get_color()), width=line.get_linewidth(),
+        marker=line.get_marker(), dots=line.get_linestyle() == "None",
+    )  # fmt: skip
+
+
+def panel_of(axes):
+    panel = Panel(
+        axes.get_window_extent().frozen(),
+        numbers(axes.xaxis, 0),
+        numbers(axes.yaxis, 1),
+        (axes.get_xlabel(), axes.get_ylabel(), axes.get_title(loc="left")),
+        (axes.get_xlim(), axes.get_ylim()),
+    )
+    # Grid and frame are thin.
+    lines = [line_of(line) for line in axes.lines]
+    panel.lines = [line for line in lines if line.width > 0.6 or line.colour in EVENTS]
+    for patch in axes.patches:
+        corners = patch.get_transform().transform(patch.get_path().vertices)
+        panel.areas.append((to_hex(patch.get_facecolor()), corners))
+    for collection in axes.collections:
+        for path in collection.get_paths():
+            corners = collection.get_transform().transform(path.vertices)
+            panel.areas.append((to_hex(collection.get_facecolor()[0]), corners))
+    return panel
+
+
+@contextmanager
+def noted():
+    """Note what is drawn."""
+    drawing, inside = Drawing(), []
+    plain = {kind: kind.draw for kind in (Axes, Text, Line2D)}
+
+    def axes(self, renderer):
+        inside.append(self)
+        # The ticks are up to date after they have been drawn.
+        plain[Axes](self, renderer)
+        inside.pop()
+        drawing.panels.append(panel_of(self))
+
+    def text(self, renderer):
+        plain[Text](self, renderer)
+        if self.get_visible() and self.get_text():
+            place = self.get_transform().transform(self.get_position())
+            drawing.texts.append(SimpleNamespace(
+                said=self.get_text(), box=self.get_window_extent(renderer).frozen(),
+                place=place, typeset=self.get_parse_math() or self.get_usetex(),
+            ))  # fmt: skip
+
+    def line(self, renderer):
+        plain[Line2D](self, renderer)
+        if not inside:
+            drawing.samples.append(line_of(self))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Axes, "draw", axes)
+        patch.setattr(Text, "draw", text)
+        patch.setattr(Line2D, "draw", line)
+        yield drawing
+
+
+def drawn(draw, *args, **kwargs):
+    """Draw a sheet and give what was drawn on it."""
+    with noted() as drawing:
+        drawing.sheet = draw(*args, **kwargs)
+    return drawing
+
+
+def finite(x, y):
+    there = np.isfinite(x) & np.isfinite(y)
+    return x[there], y[there]
