@@ -74,8 +74,6 @@ class Plan:
     rtol, atol, step : float or None
     parts : tuple of Part
         Subsystems that are integrated apart; empty where all is in one piece.
-    mass_matrix : str
-        `constant`, or what it depends on.
     switches : Switches
     """
 
@@ -95,7 +93,6 @@ class Plan:
     rtol: float | None
     atol: float | None
     step: float | None
-    mass_matrix: str
     switches: Switches
     parts: tuple[Part, ...]
     choices: tuple[Choice, ...]
@@ -132,8 +129,9 @@ def make_plan(
     found = formulate(equations, start, formulation, partial(suits, simulation))
     equations, start = found.reduction.equations, found.start
     scene = structure(equations)
-    mass = _mass_matrix(scene)
-    choices = [Choice(f"mass matrix: {mass}", _mass_reason(equations, scene))]
+    choices = [
+        Choice(f"mass matrix: {_mass_matrix(scene)}", _mass_reason(equations, scene))
+    ]
     choices += found.choices
     choices += _told(parts)
     switches = _switches(equations, choices)
@@ -176,7 +174,6 @@ def make_plan(
         rtol=rtol,
         atol=atol,
         step=step,
-        mass_matrix=mass,
         switches=switches,
         parts=parts,
         choices=tuple(choices),
