@@ -14,7 +14,7 @@ import io
 import sys
 from pathlib import Path
 
-from measure import MODELS, Table
+from measure import MODELS, Table, cost_at
 from PIL import Image
 
 from lagsim.admissibility import examine
@@ -23,7 +23,6 @@ from lagsim.methods import names
 from lagsim.model.reader import read_file
 from lagsim.studies.bench.chart import chart
 from lagsim.studies.bench.document import document
-from lagsim.studies.bench.front import cost_at
 from lagsim.studies.bench.reference import NoReferenceError
 from lagsim.studies.bench.solving import Scene
 from lagsim.studies.bench.work_precision import Wish, measure

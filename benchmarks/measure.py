@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import statistics
@@ -12,6 +13,7 @@ import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -127,6 +129,20 @@ def read_rows(path):
     import numpy as np
 
     return np.loadtxt(path, delimiter=",", skiprows=1)
+
+
+def cost_at(curve, error):
+    """Give what an error costs on a curve; None where it does not get there.
+
+    The curve is in the order of the sweep, from loose to tight. Between two points next
+    to each other it is a straight line in logarithms.
+    """
+    costs = [cost for reached, cost in curve if reached <= error]
+    for (loose, less), (tight, more) in pairwise(curve):
+        if loose > error >= tight > 0.0 and less > 0.0 < more:
+            part = math.log(loose / error) / math.log(loose / tight)
+            costs.append(less * (more / less) ** part)
+    return min(costs, default=None)
 
 
 def ms(timed):

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 
 import numpy as np
-from measure import HERE, MODELS, Table
+from measure import HERE, MODELS, Table, cost_at
 
 DECADES = [float(f"1e-{k}") for k in range(4, 15)]
 REPORTED = (1e-8, 1e-12)
@@ -230,8 +230,6 @@ def by_tolerance(results):
 
 def by_error(results):
     """Give the table of times at equal errors, and the ratios."""
-    from lagsim.studies.bench.front import cost_at
-
     head = ["scene", "error", "lagsim, ms", "best rival, ms", "lagsim / rival"]
     head += ["lagsim without columns / rival"]
     rows = []

@@ -6,15 +6,17 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from lagsim.derivation.names import LatexNames, Name, plain_latex, upright_latex
+from lagsim.derivation.outline import DIGITS, Outline
 from lagsim.derivation.styles import LatexStyle
-from lagsim.derivation.writer import Writer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.derivation.content import Condition, Conserved, Content, Line
+    from lagsim.derivation.content import Condition, Conserved, Content, Force, Line
+    from lagsim.derivation.outline import Entry, Row, Rows
 
-DIGITS = 6
+    Typeset = tuple[str, list[tuple[str, str]]]  # a row, its terms with their signs
+
 # A line of display mathematics, in letters as they come out.
 LONGEST_LINE = 75
 _PREAMBLE = r"""\documentclass{article}
@@ -26,131 +28,117 @@ _PREAMBLE = r"""\documentclass{article}
 \setcounter{MaxMatrixCols}{30}
 \begin{document}
 """
-Row = tuple[str, list[tuple[str, str]]]
+_APART = r"(\ddot{\mathbf{q}} - \mathbf{a})"
+_LEAST = (
+    rf"accelerations make $LETTER = \frac{{1}}{{2}} {_APART}^{{\mathsf{{T}}}} "
+    rf"\mathbf{{M}} {_APART}$ least, with $\mathbf{{M}} \mathbf{{a}} = \mathbf{{f}}$."
+)
+_SIGNS = {
+    "minus": "-",
+    "slope": r"\frac{{\partial {}}}{{\partial {}}}",
+    "rate": r"\frac{{d}}{{dt}} \frac{{\partial {}}}{{\partial {}}}",
+    "Q": "Q_{{{}}}", "f": "f_{{{}}}", "b": "b_{{{}}}", "K": "K_{{{},{}}}",
+    "Qc": "Q_{{c,{}}}", "L": r"\mathcal{L}", "conserved": "Conserved quantities",
+    "matrix form": "Matrix form", "matrix form held": "Matrix form",
+    "motion": r"\[ \mathbf{M} \ddot{\mathbf{q}} = \mathbf{f} \]",
+    "motion held": r"\[ \mathbf{M} \ddot{\mathbf{q}} = \mathbf{f} + "
+    r"\mathbf{A}^{\mathsf{T}} \boldsymbol{\lambda}, \qquad "
+    r"\mathbf{A} \ddot{\mathbf{q}} = \mathbf{b} \]",
+    "symmetric": r", and $\mathbf{M}$ is symmetric",
+    "principle": f"The {_LEAST}",
+    "principle held":
+    rf"Subject to $\mathbf{{A}} \ddot{{\mathbf{{q}}}} = \mathbf{{b}}$, the {_LEAST}",
+    "gain": r"The constraint forces are $\mathbf{Q}_{c} = \mathbf{K} (\mathbf{A} "
+    r"\mathbf{a} - \mathbf{b})$ with the gain $\mathbf{K} = "
+    r"-\mathbf{A}^{\mathsf{T}} (\mathbf{A} \mathbf{M}^{-1} "
+    r"\mathbf{A}^{\mathsf{T}})^{-1}$.",
+}  # fmt: skip
 
 
 def as_latex(content: Content) -> str:
     """Give a derivation as a LaTeX document."""
-    return _Latex(content).whole()
+    plain = content.translation.own_names
+    names = LatexNames(plain)
+    shown = {names.show(Name(n)) for n in plain}
+    # The letters of mechanics give way to the file's names.
+    letters = {k: rf"\mathcal{{{k}}}" if k in shown else k for k in "TVFGh"}
+    signs = {k: text.replace("LETTER", letters["G"]) for k, text in _SIGNS.items()}
+    model = content.translation.equations.model
+    lines = [_PREAMBLE, rf"\section*{{{plain_latex(model.name)}}}"]
+    if model.description:
+        lines.append(plain_latex(" ".join(model.description.split())))
+    lines += _Latex(content, LatexStyle(names, DIGITS), signs | letters).told()
+    lines += [_note(note) for note in content.notes]
+    return "\n".join([*lines, r"\end{document}"]) + "\n"
 
 
-class _Latex:
-    def __init__(self, content: Content) -> None:
-        x = content.translation
-        self.c = content
-        self.names = LatexNames(x.own_names)
-        self.write = Writer(
-            LatexStyle(self.names, DIGITS), x.names, x.rank, decimals=x.substitute
-        )
-        shown = {self.names.show(Name(n)) for n in x.own_names}
-        # The letters of mechanics give way to the file's names.
-        letters = {k: rf"\mathcal{{{k}}}" if k in shown else k for k in "TVFGh"}
-        self.T, self.V, self.F, self.G, self.h = letters.values()
-        self.L = r"\mathcal{L}"
-        self.parts: list[str] = []
+def _note(note: str) -> str:
+    """Give a note; options in it are not dashes and quotes."""
+    text = plain_latex(note).replace("--", "-{}-")
+    return "Note: " + re.sub("`(.*?)`", r"\\texttt{\1}", text) + ".\n"
 
-    def whole(self) -> str:
-        model = self.c.translation.equations.model
-        self.parts += [_PREAMBLE, rf"\section*{{{plain_latex(model.name)}}}"]
-        if model.description:
-            self.parts.append(plain_latex(" ".join(model.description.split())))
-        self._energies()
-        self._forces()
-        self._equations()
-        self._matrix_form()
-        self._constraints()
-        self._solution()
-        self._conserved()
-        self._gauss()
-        self.parts += [_note(note) for note in self.c.notes]
-        self.parts.append(r"\end{document}")
-        return "\n".join(self.parts) + "\n"
 
-    # Pieces
+_COMMAND = re.compile(
+    r"\\(?:frac|left|right|mathrm|mathit|text|operatorname|dot|ddot|,)"
+)
+_LETTER = re.compile(r"\\[A-Za-z]+")
 
-    def title(self, text: str) -> None:
-        self.parts.append(f"\n\\subsection*{{{text}}}")
 
-    def equals(self, left: str, right: Any) -> Row:
+def _width(text: str) -> int:
+    """Estimate how many letters mathematics takes."""
+    text = _LETTER.sub("x", _COMMAND.sub("", text))
+    return sum(c not in "{}_^ " for c in text)
+
+
+class _Latex(Outline):
+    room, between = LONGEST_LINE, 2
+
+    def _label(self, name: str) -> str:
+        return upright_latex(name)
+
+    def _width(self, text: str) -> int:
+        return _width(text)
+
+    def _say(self, text: str) -> None:
+        self.lines.append(text)
+
+    def _title(self, text: str) -> None:
+        self.lines.append(f"\n\\subsection*{{{plain_latex(text)}}}")
+
+    def _rows(self, rows: Sequence[Row]) -> None:
+        self.align([self.equals(*row) for row in rows])
+
+    def _where(self, rows: Sequence[Row]) -> None:
+        self.lines.append("where")
+        self._rows(rows)
+
+    def equals(self, left: str, right: Any) -> Typeset:
         return left, self.write.terms(right)
 
-    def align(self, rows: Sequence[Row]) -> None:
+    def align(self, rows: Sequence[Typeset]) -> None:
         """Write rows left &= right; long ones are broken before a sign."""
         lines = [line for row in rows for line in _lines(*row)]
         if lines:
             body = " \\\\\n  ".join(lines)
-            self.parts.append(f"\\begin{{align*}}\n  {body}\n\\end{{align*}}")
-
-    def show(self, q: str, order: int = 0) -> str:
-        return str(self.names.show(Name(q, order)))
-
-    @staticmethod
-    def slope(of: str, by: str) -> str:
-        return rf"\frac{{\partial {of}}}{{\partial {by}}}"
-
-    def rate_of_slope(self, of: str, by: str) -> str:
-        return rf"\frac{{d}}{{dt}} {self.slope(of, by)}"
+            self.lines.append(f"\\begin{{align*}}\n  {body}\n\\end{{align*}}")
 
     # Sections
 
-    def _energies(self) -> None:
-        c = self.c
-        self.title("Energies")
-        rows = []
-        if c.kinetic is not None and c.potential is not None:
-            rows += [self.equals(self.T, c.kinetic), self.equals(self.V, c.potential)]
-            rows.append(self.equals(f"{self.L} = {self.T} - {self.V}", c.lagrangian))
-        else:
-            rows.append(self.equals(self.L, c.lagrangian))
-        if c.dissipation is not None:
-            rows.append(self.equals(self.F, c.dissipation))
-        self.align(rows)
-        kept = c.translation.kept
-        if kept:
-            self.parts.append("where")
-            self.align([self.equals(self.write(k.symbol), k.value) for k in kept])
+    def _force(self, force: Force) -> None:
+        text = f"The force ${self.write(force.force)}$ works on ${self.show(force.on)}"
+        if not force.direction.is_Symbol:
+            text += f" = {self.write(force.direction)}"
+        self.lines.append(text + "$.\n")
 
-    def _forces(self) -> None:
-        c = self.c
-        if not c.has_forces:
-            return
-        self.title("Generalized forces by virtual work")
-        for force in c.forces:
-            text = (
-                f"The force ${self.write(force.force)}$ works on ${self.show(force.on)}"
-            )
-            if not force.direction.is_Symbol:
-                text += f" = {self.write(force.direction)}"
-            self.parts.append(text + "$.\n")
-        self.align(
-            [
-                self.equals(f"Q_{{{self.show(line.coordinate)}}}", line.terms["Q"])
-                for line in c.lines
-            ]
-        )
-
-    def _equations(self) -> None:
-        self.title("Lagrange's equations")
-        for line in self.c.lines:
-            self.parts.append(f"For ${self.show(line.coordinate)}$:")
-            self.align(self._terms(line))
-        self.parts.append("The equations of motion are")
+    def _equations(self, lines: Sequence[tuple[Line, list[Row]]]) -> None:
+        self._title("Lagrange's equations")
+        for line, terms in lines:
+            self.lines.append(f"For ${self.show(line.coordinate)}$:")
+            self._rows(terms)
+        self.lines.append("The equations of motion are")
         self.align(self._motion())
 
-    def _terms(self, line: Line) -> list[Row]:
-        q, v = (self.show(line.coordinate, k) for k in (0, 1))
-        labels = {
-            "ddt_dT_dqdot": self.rate_of_slope(self.T, v),
-            "dT_dq": self.slope(self.T, q),
-            "ddt_dV_dqdot": self.rate_of_slope(self.V, v),
-            "dV_dq": self.slope(self.V, q),
-            "ddt_dL_dqdot": self.rate_of_slope(self.L, v),
-            "dL_dq": self.slope(self.L, q),
-            "Q": f"Q_{{{q}}}",
-        }
-        return [self.equals(labels[k], e) for k, e in line.terms.items()]
-
-    def _motion(self) -> list[Row]:
+    def _motion(self) -> list[Typeset]:
         """Give the equations, one = under the other where there is room."""
         rows = [self.equals(self.write(line.left), line.right) for line in self.c.lines]
         widths = [(_width(left), _width_of(right)) for left, right in rows]
@@ -161,72 +149,29 @@ class _Latex:
             for line, (_, right) in zip(self.c.lines, rows, strict=True)
         ]
 
-    def _matrix_form(self) -> None:
-        c = self.c
-        self.title("Matrix form")
-        held = (
-            r" + \mathbf{A}^{\mathsf{T}} \boldsymbol{\lambda}" if c.constraints else ""
+    def _square(self, letter: str, rows: Rows) -> None:
+        inside = " \\\\\n  ".join(" & ".join(row) for row in rows)
+        self.lines.append(
+            f"\\[ \\mathbf{{{letter}}} = \\begin{{bmatrix}}\n  {inside}\n"
+            "\\end{bmatrix} \\]"
         )
-        also = r", \qquad \mathbf{A} \ddot{\mathbf{q}} = \mathbf{b}"
-        also = also if c.constraints else ""
-        self.parts.append(
-            rf"\[ \mathbf{{M}} \ddot{{\mathbf{{q}}}} = \mathbf{{f}}{held}{also} \]"
-        )
-        rows = [[self.write(e) for e in row] for row in c.M]
-        names = [self.show(line.coordinate) for line in c.lines]
-        self._matrix(r"\mathbf{M}", rows, names, names)
-        self.align(
-            [self.equals(f"f_{{{q}}}", e) for q, e in zip(names, c.f, strict=True)]
-        )
-        if c.constraints:
-            labels = [upright_latex(k.name) for k in c.constraints]
-            rows = [[self.write(e) for e in k.A] for k in c.constraints]
-            self._matrix(r"\mathbf{A}", rows, labels, names)
-            self.align(
-                [
-                    self.equals(f"b_{{{label}}}", k.b)
-                    for label, k in zip(labels, c.constraints, strict=True)
-                ]
-            )
 
-    def _matrix(
-        self,
-        letter: str,
-        rows: list[list[str]],
-        labels: Sequence[str],
-        names: Sequence[str],
-    ) -> None:
-        """Write a matrix as a square where it fits, else entry by entry."""
-        widths = [max(map(_width, column)) for column in zip(*rows, strict=True)]
-        if sum(widths) + 2 * len(widths) <= LONGEST_LINE:
-            inside = " \\\\\n  ".join(" & ".join(row) for row in rows)
-            self.parts.append(
-                f"\\[ {letter} = \\begin{{bmatrix}}\n  {inside}\n\\end{{bmatrix}} \\]"
-            )
-            return
-        entries: list[Row] = [
-            (f"{letter}_{{{labels[i]},{names[j]}}}", [("+", e)])
-            for i, row in enumerate(rows)
-            for j, e in enumerate(row)
-            if e != "0" and (j >= i or labels is not names)
-        ]
-        self.align(entries)
-        also = r", and $\mathbf{M}$ is symmetric" if labels is names else ""
-        self.parts.append(f"Other entries of ${letter}$ are zero{also}.\n")
+    def _entries(self, letter: str, rows: Sequence[Entry], also: str) -> None:
+        bold = rf"\mathbf{{{letter}}}"
+        self.align([(f"{bold}_{{{row},{q}}}", [("+", e)]) for row, q, e in rows])
+        self.lines.append(f"Other entries of ${bold}$ are zero{also}.\n")
 
-    def _constraints(self) -> None:
-        for k in self.c.constraints:
-            self.title(f"Constraint {plain_latex(k.name)} ({k.kind})")
-            self.align(self._constraint(k))
-            if k.law:
-                parts = [f"restitution ${k.law['restitution']:g}$"]
-                if "friction" in k.law:
-                    slips = ", ".join(f"${self.write(s)}$" for s in k.law["slip"])
-                    parts.append(f"friction ${self.write(k.law['friction'])}$")
-                    parts.append(f"sliding velocity {slips}")
-                self.parts.append("With " + ", ".join(parts) + ".\n")
+    def _constraint(self, k: Condition) -> None:
+        self.align(self._derivatives(k))
+        if k.law:
+            parts = [f"restitution ${k.law['restitution']:g}$"]
+            if "friction" in k.law:
+                slips = ", ".join(f"${self.write(s)}$" for s in k.law["slip"])
+                parts.append(f"friction ${self.write(k.law['friction'])}$")
+                parts.append(f"sliding velocity {slips}")
+            self.lines.append("With " + ", ".join(parts) + ".\n")
 
-    def _constraint(self, k: Condition) -> list[Row]:
+    def _derivatives(self, k: Condition) -> list[Typeset]:
         name = upright_latex(k.name)
         if k.kind == "nonholonomic":
             phi = rf"\varphi_{{{name}}}"
@@ -242,47 +187,25 @@ class _Latex:
             self.equals(rf"\ddot{{g}}_{{{name}}}", k.acceleration),
         ]
 
-    def _solution(self) -> None:
-        solved = self.c.solution
-        if solved is None:
-            return
-        self.title("Accelerations")
-        rows = [self.equals(self.write(s), e) for s, e in solved.steps]
-        rows += [
-            self.equals(self.show(line.coordinate, 2), e)
-            for line, e in zip(self.c.lines, solved.accelerations, strict=True)
-        ]
-        multipliers = self.c.translation.multipliers
-        rows += [
-            self.equals(self.write(s), e)
-            for s, e in zip(multipliers, solved.multipliers, strict=False)
-        ]
-        self.align(rows)
-
-    def _conserved(self) -> None:
-        if not self.c.conserved:
-            return
-        self.title("Conserved quantities")
-        for item in self.c.conserved:
-            left, why = self._named(item)
-            if item.definition:
-                why += f"; the file calls it \\texttt{{{plain_latex(item.definition)}}}"
-            self.parts.append(f"{why}:")
-            self.align([self.equals(left, item.value)])
+    def _conserved(self, item: Conserved) -> None:
+        left, why = self._named(item)
+        if item.definition:
+            why += f"; the file calls it \\texttt{{{plain_latex(item.definition)}}}"
+        self.lines.append(f"{why}:")
+        self._rows([(left, item.value)])
 
     def _named(self, item: Conserved) -> tuple[str, str]:
+        T, V, L, h = (self.signs[k] for k in "TVLh")
         names = ", ".join(f"${self.show(q)}$" for q in item.of)
         below = self.show(item.of[0]) if item.of else ""
-        rate = rf"\partial {self.L} / \partial {below}"
-        function = (
-            rf"\sum \dot{{q}} \, \partial {self.L} / \partial \dot{{q}} - {self.L}"
-        )
-        still = rf"${self.L}$ does not depend on $t$"
+        rate = rf"\partial {L} / \partial {below}"
+        function = rf"\sum \dot{{q}} \, \partial {L} / \partial \dot{{q}} - {L}"
+        still = rf"${L}$ does not depend on $t$"
         if self.c.has_forces:
             still += ", and no force does work"
         return {
-            "energy": (f"{self.T} + {self.V}", f"Energy ({still})"),
-            "energy function": (self.h, f"Energy function ${function}$ ({still})"),
+            "energy": (f"{T} + {V}", f"Energy ({still})"),
+            "energy function": (h, f"Energy function ${function}$ ({still})"),
             "momentum": (f"p_{{{below}}}", f"Momentum of the ignorable {names}"),
             "shifted momentum": (
                 rf"\mathrm{{const}}_{{{below}}}",
@@ -291,56 +214,6 @@ class _Latex:
             "total momentum": (r"\mathrm{const}", f"Total momentum of {names}"),
             "angular momentum": (r"\mathrm{const}", f"Angular momentum of {names}"),
         }[item.kind]
-
-    def _gauss(self) -> None:
-        principle = self.c.gauss
-        if principle is None:
-            return
-        self.title("Gauss's principle")
-        apart = r"(\ddot{\mathbf{q}} - \mathbf{a})"
-        held = r"Subject to $\mathbf{A} \ddot{\mathbf{q}} = \mathbf{b}$, the "
-        self.parts.append(
-            (held if self.c.constraints else "The ")
-            + rf"accelerations make ${self.G} = "
-            rf"\frac{{1}}{{2}} {apart}^{{\mathsf{{T}}}} "
-            rf"\mathbf{{M}} {apart}$ least, with $\mathbf{{M}} \mathbf{{a}} = "
-            r"\mathbf{f}$."
-        )
-        x = self.c.translation
-        rows = [self.equals(self.G, principle.G)]
-        rows += [
-            self.equals(self.names.show(Name(q.name, 0, "unconstrained")), a)
-            for q, a in zip(x.q, principle.a or (), strict=False)
-        ]
-        self.align(rows)
-        if not self.c.constraints:
-            return
-        self.parts.append(
-            r"The constraint forces are $\mathbf{Q}_{c} = \mathbf{K} (\mathbf{A} "
-            r"\mathbf{a} - \mathbf{b})$ with the gain $\mathbf{K} = "
-            r"-\mathbf{A}^{\mathsf{T}} (\mathbf{A} \mathbf{M}^{-1} "
-            r"\mathbf{A}^{\mathsf{T}})^{-1}$."
-        )
-        names = [self.show(q.name) for q in x.q]
-        labels = [
-            upright_latex(k.name) for k in self.c.constraints if k.kind != "one-sided"
-        ]
-        rows = [
-            self.equals(rf"K_{{{q},{label}}}", e)
-            for q, row in zip(names, principle.K or (), strict=False)
-            for label, e in zip(labels, row, strict=True)
-        ]
-        rows += [
-            self.equals(rf"Q_{{c,{q}}}", e)
-            for q, e in zip(names, principle.Qc or (), strict=False)
-        ]
-        self.align(rows)
-
-
-def _note(note: str) -> str:
-    """Give a note; options in it are not dashes and quotes."""
-    text = plain_latex(note).replace("--", "-{}-")
-    return "Note: " + re.sub("`(.*?)`", r"\\texttt{\1}", text) + ".\n"
 
 
 def _lines(left: str, terms: list[tuple[str, str]]) -> list[str]:
@@ -361,12 +234,6 @@ def _lines(left: str, terms: list[tuple[str, str]]) -> list[str]:
     return [*lines, line.rstrip()]
 
 
-_COMMAND = re.compile(
-    r"\\(?:frac|left|right|mathrm|mathit|text|operatorname|dot|ddot|,)"
-)
-_LETTER = re.compile(r"\\[A-Za-z]+")
-
-
 def _related(relation: str, terms: list[tuple[str, str]]) -> list[tuple[str, str]]:
     """Give the terms that follow on a relation."""
     (sign, text), *rest = terms
@@ -375,9 +242,3 @@ def _related(relation: str, terms: list[tuple[str, str]]) -> list[tuple[str, str
 
 def _width_of(terms: list[tuple[str, str]]) -> int:
     return sum(_width(text) + 3 for _, text in terms)
-
-
-def _width(text: str) -> int:
-    """Estimate how many letters mathematics takes."""
-    text = _LETTER.sub("x", _COMMAND.sub("", text))
-    return sum(c not in "{}_^ " for c in text)

@@ -7,78 +7,74 @@ import unicodedata
 from typing import TYPE_CHECKING, Any
 
 from lagsim.derivation.names import ModelNames, Name, UnicodeNames
+from lagsim.derivation.outline import DIGITS, Outline
 from lagsim.derivation.styles import UnicodeStyle
-from lagsim.derivation.writer import Style, Writer
+from lagsim.derivation.writer import Style
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.derivation.content import Condition, Conserved, Content, Line
+    from lagsim.derivation.content import Condition, Conserved, Content, Force, Line
+    from lagsim.derivation.outline import Entry, Row, Rows
 
 WIDTH = 100
-DIGITS = 6
+_SIGNS = {
+    "minus": "−", "d": "∂", "slope": "∂{}/∂{}", "rate": "d/dt ∂{}/∂{}",
+    "sum": "Σ q̇", "q_dot": "q̇", "twice": "d²/dt²",
+    "F": "dissipation F", "G": "G", "Q": "Q_{}", "f": "f[{}]", "b": "b[{}]",
+    "K": "K[{}, {}]", "Qc": "Qc_{}", "conserved": "Conserved",
+    "matrix form": "Matrix form: M q̈ = f",
+    "matrix form held": "Matrix form: M q̈ = f + Aᵀ λ,  A q̈ = b",
+    "motion": "", "motion held": "", "symmetric": ", and M is symmetric",
+    "principle": "q̈ makes G = (q̈ − a)ᵀ M (q̈ − a)/2 least; "
+    "a = M⁻¹ f is the acceleration without constraints",
+    "principle held": "q̈ makes G = (q̈ − a)ᵀ M (q̈ − a)/2 least, subject to A q̈ = b; "
+    "a = M⁻¹ f is the acceleration without constraints",
+    "gain": "Qc = K (A a − b), K = −Aᵀ (A M⁻¹ Aᵀ)⁻¹",
+}  # fmt: skip
+_ASCII = {
+    "−": "-", "∂": "d", "Σ": "sum", "q̇": "q'", "q̈": "q''", "⁻¹": "^-1", "ᵀ": "^T",
+    "²": "^2", "λ": "lambda",
+}  # fmt: skip
 
 
 def as_text(content: Content, *, ascii_only: bool = False) -> str:
     """Give a derivation as plain text."""
-    return _Text(content, ascii_only=ascii_only).whole()
+    plain = content.translation.own_names
+    names: Any = ModelNames(plain) if ascii_only else UnicodeNames(plain)
+    style = Style(names, DIGITS) if ascii_only else UnicodeStyle(names, DIGITS)
+    signs = dict(_SIGNS)
+    for sign, letters in _ASCII.items() if ascii_only else ():
+        signs = {k: text.replace(sign, letters) for k, text in signs.items()}
+    shown = {names.show(Name(n)) for n in plain}
+    # The letters of mechanics give way to the file's names.
+    words = {"T": "kinetic", "V": "potential", "L": "lagrangian"}
+    signs |= {k: word if k in shown else k for k, word in words.items()}
+    model = content.translation.equations.model
+    head = f"{model.name}: {model.description}" if model.description else model.name
+    lines = textwrap.wrap(" ".join(head.split()), WIDTH)
+    lines += _Text(content, style, signs).told()
+    for note in content.notes:
+        lines += ["", *textwrap.wrap(f"Note: {note}.", WIDTH)]
+    # What cannot be told apart from composed letters is one: ü, not u and two dots.
+    return unicodedata.normalize("NFC", "\n".join(lines)) + "\n"
 
 
-class _Words:
-    """Signs that Unicode has and ASCII has not."""
-
-    def __init__(self, *, ascii_only: bool) -> None:
-        self.minus, self.partial, self.sum = "−", "∂", "Σ"
-        self.transposed, self.inverse, self.multiplier = "ᵀ", "⁻¹", "λ"
-        self.q_dot, self.a = "q̇", "q̈"
-        if ascii_only:
-            self.minus, self.partial, self.sum = "-", "d", "sum"
-            self.transposed, self.inverse, self.multiplier = "^T", "^-1", "lambda"
-            self.q_dot, self.a = "q'", "q''"
+def _width(text: str) -> int:
+    """Give how many columns a text takes; dots above take none."""
+    return sum(not unicodedata.combining(c) for c in text)
 
 
-class _Text:
-    def __init__(self, content: Content, *, ascii_only: bool) -> None:
-        x = content.translation
-        self.c, self.ascii_only = content, ascii_only
-        self.words = _Words(ascii_only=ascii_only)
-        plain = x.own_names
-        names: Any = ModelNames(plain) if ascii_only else UnicodeNames(plain)
-        style = Style(names, DIGITS) if ascii_only else UnicodeStyle(names, DIGITS)
-        self.write = Writer(style, x.names, x.rank, decimals=x.substitute)
-        self.names = names
-        shown = {names.show(Name(n)) for n in plain}
-        # The letters of mechanics give way to the file's names.
-        self.T = "kinetic" if "T" in shown else "T"
-        self.V = "potential" if "V" in shown else "V"
-        self.L = "lagrangian" if "L" in shown else "L"
-        self.lines: list[str] = []
+class _Text(Outline):
+    room, between = WIDTH - 8, 3
 
-    def whole(self) -> str:
-        model = self.c.translation.equations.model
-        head = f"{model.name}: {model.description}" if model.description else model.name
-        self.lines += [*textwrap.wrap(" ".join(head.split()), WIDTH)]
-        self._energies()
-        self._forces()
-        for line in self.c.lines:
-            self._coordinate(line)
-        self._matrix_form()
-        for condition in self.c.constraints:
-            self._constraint(condition)
-        self._solution()
-        self._conserved()
-        self._gauss()
-        for note in self.c.notes:
-            self.lines += ["", *textwrap.wrap(f"Note: {note}.", WIDTH)]
-        # What cannot be told apart from composed letters is one: ü, not u and two dots.
-        return unicodedata.normalize("NFC", "\n".join(self.lines)) + "\n"
+    def _width(self, text: str) -> int:
+        return _width(text)
 
-    # Pieces
-
-    def title(self, text: str) -> None:
+    def _title(self, text: str) -> None:
         self.lines += ["", text, "-" * len(text)]
 
-    def say(self, text: str) -> None:
+    def _say(self, text: str) -> None:
         self.lines += textwrap.wrap(text, WIDTH - 2, initial_indent="  ",
                                     subsequent_indent="  ")  # fmt: skip
 
@@ -101,65 +97,30 @@ class _Text:
                 line += part + text
         self.lines.append(line + tail)
 
-    def shown(self, q: str, order: int = 0) -> str:
-        return str(self.names.show(Name(q, order)))
+    def _rows(self, rows: Sequence[Row]) -> None:
+        for left, right in rows:
+            self.equals(left, right)
 
-    def slope(self, of: str, by: str) -> str:
-        d = self.words.partial
-        return f"{d}{of}/{d}{by}"
+    def _where(self, rows: Sequence[Row]) -> None:
+        for k, (name, value) in enumerate(rows):
+            self.equals(("where " if k == 0 else "      ") + name, value)
 
     # Sections
 
-    def _energies(self) -> None:
-        c = self.c
-        self.title("Energies")
-        if c.kinetic is not None:
-            self.equals(self.T, c.kinetic)
-        if c.potential is not None:
-            self.equals(self.V, c.potential)
-        between = f" {self.words.minus} "
-        head = self.L if c.potential is None else (
-            f"{self.L} = {self.T}{between}{self.V}"
-        )  # fmt: skip
-        self.equals(head, c.lagrangian)
-        if c.dissipation is not None:
-            self.equals("dissipation F", c.dissipation)
-        kept = c.translation.kept
-        for k, definition in enumerate(kept):
-            name = self.write(definition.symbol)
-            self.equals(("where " if k == 0 else "      ") + name, definition.value)
+    def _force(self, force: Force) -> None:
+        on = self.show(force.on)
+        self._say(f"force on {on}: {self.write(force.force)}")
+        if not force.direction.is_Symbol:
+            self.equals(f"  {on}", force.direction)
 
-    def _forces(self) -> None:
-        c = self.c
-        if not c.has_forces:
-            return
-        self.title("Generalized forces by virtual work")
-        for force in c.forces:
-            on = self.shown(force.on)
-            self.say(f"force on {on}: {self.write(force.force)}")
-            if not force.direction.is_Symbol:
-                self.equals(f"  {on}", force.direction)
-        for line in c.lines:
-            self.equals(f"Q_{self.shown(line.coordinate)}", line.terms["Q"])
-
-    def _coordinate(self, line: Line) -> None:
-        q, v = (self.shown(line.coordinate, k) for k in (0, 1))
-        self.title(f"Equation of {q}")
-        labels = {
-            "ddt_dT_dqdot": f"d/dt {self.slope(self.T, v)}",
-            "dT_dq": self.slope(self.T, q),
-            "ddt_dV_dqdot": f"d/dt {self.slope(self.V, v)}",
-            "dV_dq": self.slope(self.V, q),
-            "ddt_dL_dqdot": f"d/dt {self.slope(self.L, v)}",
-            "dL_dq": self.slope(self.L, q),
-            "Q": f"Q_{q}",
-        }
-        width = max(_width(labels[k]) for k in line.terms)
-        for key, value in line.terms.items():
-            label = labels[key]
-            self.equals(label + " " * (width - _width(label)), value)
-        self.lines.append("")
-        self._equation(line.left, line.right)
+    def _equations(self, lines: Sequence[tuple[Line, list[Row]]]) -> None:
+        for line, terms in lines:
+            self._title(f"Equation of {self.show(line.coordinate)}")
+            width = max(_width(label) for label, _ in terms)
+            for label, value in terms:
+                self.equals(label + " " * (width - _width(label)), value)
+            self.lines.append("")
+            self._equation(line.left, line.right)
 
     def _equation(self, left: Any, right: Any) -> None:
         terms = self.write.terms(left)
@@ -170,51 +131,21 @@ class _Text:
         else:
             self.broken("  ", terms, f" = {tail}")
 
-    def _matrix_form(self) -> None:
-        c, words = self.c, self.words
-        held = f" + A{words.transposed} {words.multiplier}" if c.constraints else ""
-        also = f",  A {words.a} = b" if c.constraints else ""
-        self.title(f"Matrix form: M {words.a} = f{held}{also}")
-        names = [self.shown(line.coordinate) for line in c.lines]
-        rows = [[self.write(e) for e in row] for row in c.M]
-        self._matrix("M", rows, names, names, symmetric=True)
-        for name, e in zip(names, c.f, strict=True):
-            self.equals(f"f[{name}]", e)
-        if c.constraints:
-            rows = [[self.write(e) for e in k.A] for k in c.constraints]
-            labels = [k.name for k in c.constraints]
-            self._matrix("A", rows, labels, names)
-            for k in c.constraints:
-                self.equals(f"b[{k.name}]", k.b)
-
-    def _matrix(
-        self,
-        letter: str,
-        rows: list[list[str]],
-        labels: Sequence[str],
-        names: Sequence[str],
-        *,
-        symmetric: bool = False,
-    ) -> None:
-        """Write a matrix as a square where it fits, else entry by entry."""
+    def _square(self, letter: str, rows: Rows) -> None:
         widths = [max(map(_width, column)) for column in zip(*rows, strict=True)]
-        if sum(widths) + 3 * len(widths) + 8 <= WIDTH:
-            for k, row in enumerate(rows):
-                cells = "   ".join(
-                    e + " " * (w - _width(e)) for e, w in zip(row, widths, strict=True)
-                )
-                head = f"{letter} = " if k == 0 else " " * (len(letter) + 3)
-                self.lines.append(f"  {head}[ {cells} ]")
-            return
-        for i, row in enumerate(rows):
-            for j, e in enumerate(row):
-                if e != "0" and (j >= i or not symmetric):
-                    self.say(f"{letter}[{labels[i]}, {names[j]}] = {e}")
-        also = ", and M is symmetric" if symmetric else ""
-        self.say(f"other entries of {letter} are zero{also}")
+        for k, row in enumerate(rows):
+            cells = "   ".join(
+                e + " " * (w - _width(e)) for e, w in zip(row, widths, strict=True)
+            )
+            head = f"{letter} = " if k == 0 else " " * (len(letter) + 3)
+            self.lines.append(f"  {head}[ {cells} ]")
+
+    def _entries(self, letter: str, rows: Sequence[Entry], also: str) -> None:
+        for row, column, e in rows:
+            self._say(f"{letter}[{row}, {column}] = {e}")
+        self._say(f"other entries of {letter} are zero{also}")
 
     def _constraint(self, k: Condition) -> None:
-        self.title(f"Constraint {k.name} ({k.kind})")
         if k.kind == "nonholonomic":
             self._equation(k.function, 0 * k.b)
         else:
@@ -223,102 +154,43 @@ class _Text:
                 letter, sign = "gap", self.write.style.comparisons[">="]
             self.equals(letter, k.function, f" {sign} 0")
             self.equals(f"d{letter}/dt", k.rate)
-        once = "d/dt of it" if k.kind == "nonholonomic" else "d^2/dt^2"
-        once = once if self.ascii_only else once.replace("^2", "²")
+        once = "d/dt of it" if k.kind == "nonholonomic" else self.signs["twice"]
         self.equals(once, k.acceleration)
         for word, value in k.law.items():
             parts = value if isinstance(value, tuple) else (value,)
             text = ", ".join(
                 f"{p:g}" if isinstance(p, float) else self.write(p) for p in parts
             )
-            self.say(f"{word}: {text}")
+            self._say(f"{word}: {text}")
 
-    def _solution(self) -> None:
-        solved = self.c.solution
-        if solved is None:
-            return
-        self.title("Accelerations")
-        for symbol, value in solved.steps:
-            self.equals(self.write(symbol), value)
-        for line, e in zip(self.c.lines, solved.accelerations, strict=True):
-            self.equals(self.shown(line.coordinate, 2), e)
-        x = self.c.translation
-        for s, e in zip(x.multipliers, solved.multipliers, strict=False):
-            self.equals(self.write(s), e)
+    def _conserved(self, item: Conserved) -> None:
+        left, why = self._named(item)
+        if item.definition:
+            why += f"; the file calls it {item.definition}"
+        self.equals(left, item.value)
+        self._say(f"  {why}")
 
-    def _conserved(self) -> None:
-        if not self.c.conserved:
-            return
-        self.title("Conserved")
-        for item in self.c.conserved:
-            self.equals(self._named(item), item.value)
-            self.say(f"  {self._why(item)}")
-
-    def _named(self, item: Conserved) -> str:
-        if item.kind == "energy":
-            return f"{self.T} + {self.V}"
-        if item.kind == "energy function":
-            return "h"
-        if item.kind == "momentum":
-            return f"p_{self.shown(item.of[0])}"
-        return item.kind
-
-    def _why(self, item: Conserved) -> str:
-        names = ", ".join(self.shown(q) for q in item.of)
-        d, q_dot = self.words.partial, self.words.q_dot
-        function = f"{self.words.sum} {q_dot} {d}{self.L}/{d}{q_dot}"
-        other = (
-            f", which is not {self.T} + {self.V}" if self.c.kinetic is not None else ""
-        )
-        still = f"{self.L} does not depend on t"
+    def _named(self, item: Conserved) -> tuple[str, str]:
+        s = self.signs
+        names = ", ".join(self.show(q) for q in item.of)
+        T, V, L, d, q_dot = (s[k] for k in ("T", "V", "L", "d", "q_dot"))
+        function = f"{s['sum']} {d}{L}/{d}{q_dot} {s['minus']} {L}"
+        other = f", which is not {T} + {V}" if self.c.kinetic is not None else ""
+        still = f"{L} does not depend on t"
         if self.c.has_forces:
             still += ", and no force does work"
-        why = {
-            "energy": f"energy: {still}",
-            "energy function": (
-                f"energy function {function} {self.words.minus} {self.L}{other}: "
-                f"{still}"
+        rate = self.sign("slope", L, names)
+        return {
+            "energy": (f"{T} + {V}", f"energy: {still}"),
+            "energy function": ("h", f"energy function {function}{other}: {still}"),
+            "momentum": (
+                f"p_{names}",
+                f"momentum of {names}: {names} is ignorable, it is not in {L}",
             ),
-            "momentum": f"momentum of {names}: {names} is ignorable, it is not in "
-            f"{self.L}",
-            "shifted momentum": f"momentum of {names} less a function whose rate is "
-            f"{self.slope(self.L, names)}",
-            "total momentum": f"a shift of {names} does not change {self.L}",
-            "angular momentum": f"a turn of {names} does not change {self.L}",
+            "shifted momentum": (
+                item.kind,
+                f"momentum of {names} less a function whose rate is {rate}",
+            ),
+            "total momentum": (item.kind, f"a shift of {names} does not change {L}"),
+            "angular momentum": (item.kind, f"a turn of {names} does not change {L}"),
         }[item.kind]
-        return why + (
-            f"; the file calls it {item.definition}" if item.definition else ""
-        )
-
-    def _gauss(self) -> None:
-        principle, words = self.c.gauss, self.words
-        if principle is None:
-            return
-        self.title("Gauss's principle")
-        apart = f"({words.a} {words.minus} a)"
-        held = f", subject to A {words.a} = b" if self.c.constraints else ""
-        self.say(
-            f"{words.a} makes G = {apart}{words.transposed} M {apart}/2 least{held}; "
-            f"a = M{words.inverse} f is the acceleration without constraints"
-        )
-        self.equals("G", principle.G)
-        x = self.c.translation
-        for q, a in zip(x.q, principle.a or (), strict=False):
-            self.equals(self.names.show(Name(q.name, 0, "unconstrained")), a)
-        if self.c.constraints:
-            self.say(
-                f"Qc = K (A a {words.minus} b), K = {words.minus}A{words.transposed} "
-                f"(A M{words.inverse} A{words.transposed}){words.inverse}"
-            )
-        names = [self.shown(q.name) for q in x.q]
-        labels = [k.name for k in self.c.constraints if k.kind != "one-sided"]
-        for name, row in zip(names, principle.K or (), strict=False):
-            for label, e in zip(labels, row, strict=True):
-                self.equals(f"K[{name}, {label}]", e)
-        for name, e in zip(names, principle.Qc or (), strict=False):
-            self.equals(f"Qc_{name}", e)
-
-
-def _width(text: str) -> int:
-    """Give how many columns a text takes; dots above take none."""
-    return sum(not unicodedata.combining(c) for c in text)

@@ -27,11 +27,6 @@ MOST_DEGREE = 32
 class Graph:
     """A store of expressions, shared wherever they are equal.
 
-    Parameters
-    ----------
-    simplify : bool
-        False keeps every operation as written, for running error analysis.
-
     Attributes
     ----------
     ops : list of str
@@ -41,8 +36,7 @@ class Graph:
         The arguments of each node.
     """
 
-    def __init__(self, *, simplify: bool = True) -> None:
-        self.simplify = simplify
+    def __init__(self) -> None:
         self.ops: list[str] = []
         self.args: list[tuple[int, ...]] = []
         self._payload: dict[int, float | str | bool] = {}
@@ -100,13 +94,12 @@ class Graph:
 
         Folding never raises: what has no finite value stays an operation.
         """
-        if self.simplify:
-            simple = _SIMPLER.get(op)
-            found = simple(self, *args) if simple else None
-            if found is None:
-                found = self._folded(op, args)
-            if found is not None:
-                return found
+        simple = _SIMPLER.get(op)
+        found = simple(self, *args) if simple else None
+        if found is None:
+            found = self._folded(op, args)
+        if found is not None:
+            return found
         if op in _COMMUTATIVE and args[0] > args[1]:
             args = (args[1], args[0])
         return self._node(op, args)

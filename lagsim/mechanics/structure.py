@@ -34,8 +34,6 @@ class Structure:
         `none`, `holonomic`, `nonholonomic` or `mixed`.
     forces_free_of_velocities : bool
         f is.
-    conservative : bool
-        Nothing does work: energy is constant.
     autonomous : bool
         Time does not stand in the equations.
     linear : bool
@@ -51,7 +49,6 @@ class Structure:
     constant_rows: bool
     constraints: str
     forces_free_of_velocities: bool
-    conservative: bool
     autonomous: bool
     linear: bool
     unknowns: int
@@ -98,7 +95,6 @@ def structure(equations: Equations) -> Structure:
         constraints=kinds.get(tuple(levels), "mixed"),
         forces_free_of_velocities=not g.depends(equations.f)
         & frozenset(equations.velocities),
-        conservative=equations.power is None,
         autonomous="t" not in g.depends([*everything, *power]),
         linear=not constants & moving
         and all(d is not None and d <= frozenset((0, 1)) for d in degrees)

@@ -76,8 +76,6 @@ class Plan:
     rtol, atol, step : float or None
     parts : tuple of Part
         Subsystems that are integrated apart; empty where all is in one piece.
-    mass_matrix : str
-        `constant`, or what it depends on.
     switches : Switches
     """
 
@@ -97,7 +95,6 @@ class Plan:
     rtol: float | None
     atol: float | None
     step: float | None
-    mass_matrix: str
     switches: Switches
     parts: tuple[Part, ...]
     choices: tuple[Choice, ...]
@@ -131,8 +128,9 @@ def make_plan(
     found = formulate(equations, start, settings, partial(suits, settings.method))
     equations, start = found.reduction.equations, found.start
     scene = structure(equations)
-    mass = _mass_matrix(scene)
-    choices = [Choice(f"mass matrix: {mass}", _mass_reason(equations, scene))]
+    choices = [
+        Choice(f"mass matrix: {_mass_matrix(scene)}", _mass_reason(equations, scene))
+    ]
     choices += found.choices
     choices += _told(parts)
     switches = _switches(equations, choices)
@@ -168,7 +166,6 @@ def make_plan(
         rtol=settings.tolerance if adaptive else None,
         atol=settings.atol if adaptive else None,
         step=None if adaptive else settings.fixed_step,
-        mass_matrix=mass,
         switches=switches,
         parts=parts,
         choices=tuple(choices),

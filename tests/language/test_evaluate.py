@@ -13,6 +13,7 @@ from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from tests.language._programs import (
     SMOOTH,
+    AsWritten,
     OutsideError,
     Program,
     exactly,
@@ -26,7 +27,7 @@ MARGIN = 4.0
 
 
 def with_error(text: str, **values: tuple[float, float]) -> tuple[float, float]:
-    g = Graph(simplify=False)
+    g = AsWritten()
     return evaluate_with_error(g, [parse(text).build(g, g.variable)], values)[0]
 
 
@@ -84,7 +85,7 @@ def test_the_bound_bounds(program: Program, state: dict[str, float]) -> None:
         exact = exactly(program, state)
     except OutsideError:
         assume(False)
-    g = Graph(simplify=False)
+    g = AsWritten()
     node = on_graph(g, program)
     errors = {name: (x, 0.0) for name, x in state.items()}
     value, bound = evaluate_with_error(g, [node], errors)[0]

@@ -20,6 +20,7 @@ from lagsim.language.symbolic import symbol, to_sympy
 from lagsim.native.graph.straight_line import Layout, generate
 from lagsim.native.link.engine import Engine, compile_object
 from tests.language._cases import CASES, DIGITS
+from tests.language._programs import AsWritten
 
 NAMES = ("x", "y", "z")
 EPS = 2.0**-52
@@ -156,7 +157,7 @@ def test_derivative_against_sympy(name: str) -> None:
 @pytest.fixture(scope="module")
 def compiled() -> Any:
     """Give all rows compiled: (x, y) -> values by name."""
-    g = Graph(simplify=False)
+    g = AsWritten()
     nodes = {name: call(g, name) for name in OPERATIONS}
     layout = Layout({n: k for k, n in enumerate(NAMES)}, {}, frozenset(), 0)
     code = generate(g, {"f": list(nodes.values())}, layout)

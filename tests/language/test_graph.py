@@ -15,6 +15,7 @@ from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.language.symbolic import symbol, to_sympy
 from tests.language._programs import (
+    AsWritten,
     OutsideError,
     Program,
     exactly,
@@ -208,7 +209,7 @@ def test_simplification_keeps_values(program: Program, state: dict[str, float]) 
         exact = exactly(program, state)
     except OutsideError:
         assume(False)
-    g, plain = Graph(), Graph(simplify=False)
+    g, plain = Graph(), AsWritten()
     node, as_written = on_graph(g, program), on_graph(plain, program)
     errors = {name: (x, 0.0) for name, x in state.items()}
     value, bound = evaluate_with_error(plain, [as_written], errors)[0]
@@ -222,7 +223,7 @@ def test_simplification_keeps_values(program: Program, state: dict[str, float]) 
 def test_substituting_is_evaluating_at_the_new_value(
     program: Program, inner: Program, state: dict[str, float]
 ) -> None:
-    g = Graph(simplify=False)
+    g = AsWritten()
     node, new = on_graph(g, program), on_graph(g, inner)
     replaced = g.substitute([node], {g.variable("x"): new})[0]
     value = evaluate(g, [new], state)[0]

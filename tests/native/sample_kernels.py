@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from math import copysign, exp, floor, isfinite, isnan, log, sqrt
+from math import copysign, exp, floor, inf, log, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.native.kernels.words import apart, at, external, total, unrolled
@@ -29,16 +29,8 @@ def true_quotient(a: int, b: int) -> float:
     return a / b
 
 
-def divide_floats(a: float, b: float) -> float:
-    return a // b
-
-
-def remainder_floats(a: float, b: float) -> float:
-    return a % b
-
-
 def mixed(a: float, b: int) -> float:
-    return -(a + b) * 3 - b / (a * a + 1) + (+a)
+    return -(a + b) * 3 - b / (a * a + 1) + a
 
 
 def power(a: float, b: float) -> float:
@@ -87,11 +79,11 @@ def comparisons(a: float, b: float) -> int:
 
 
 def logic(a: float, b: float) -> bool:
-    return (a > 0.0 and b > 0.0) or (not a < -5.0 and isnan(b)) or a == b
+    return (a > 0.0 and b > 0.0) or (not a < -5.0 and b != b) or a == b
 
 
 def choice(a: float, b: float) -> float:
-    return (a if a > b else 2) + (1 if isfinite(b) and b > 0.0 else 0)
+    return (a if a > b else 2.0) + (1 if abs(b) < inf and b > 0.0 else 0)
 
 
 def functions(a: float, b: float) -> float:
@@ -109,7 +101,7 @@ def functions(a: float, b: float) -> float:
 
 
 def conversions(a: float, b: float) -> int:
-    return int(a) + 10 * floor(b) + int(a < b) + int(float(int(a)) + float(a == b))
+    return int(a) + 10 * floor(b) + int(float(int(a)) / 3)
 
 
 def swap(a: float, b: float) -> float:
@@ -121,7 +113,7 @@ def swap(a: float, b: float) -> float:
 def widened(a: int, b: int) -> float:
     x = 0.5
     x = a
-    y: float = b
+    y = float(b)
     y /= 4
     return x / 8 + y
 
@@ -258,11 +250,6 @@ def side_by_side(n: int, y: Floats, out: Floats) -> None:
         middle[i] += i
 
 
-def filtered(n: int, y: Floats, out: Floats) -> None:
-    out[0] = total(WEIGHTS[s][0] / y[s] for s in unrolled(3) if WEIGHTS[s][0] != 0.0)
-    out[1] = n
-
-
 @external
 def rate(t: float, y: Floats, out: Floats) -> None:
     """Give the rate of change (2,)."""
@@ -306,8 +293,7 @@ FLOAT_KERNELS = [
     unrolled_loop,
     first_above,
 ]
-FINITE_KERNELS = [functions, conversions, squares, power, divide_floats]
-FINITE_KERNELS += [remainder_floats]
+FINITE_KERNELS = [functions, conversions, squares, power]
 INTEGER_KERNELS = [
     divide,
     remainder,
@@ -321,4 +307,4 @@ INTEGER_KERNELS = [
     endless,
     factorial,
 ]
-ARRAY_KERNELS = [fill, sums, side_by_side, filtered]
+ARRAY_KERNELS = [fill, sums, side_by_side]

@@ -25,12 +25,10 @@ from tests.native.sample_kernels import (
     conjunction,
     conversions,
     divide,
-    divide_floats,
     euler,
     last_of_loop,
     power,
     remainder,
-    remainder_floats,
     static_branch,
     sums,
 )
@@ -115,13 +113,6 @@ def test_finite_floats(everything: Engine, kernel: Callable[..., object]) -> Non
     assert agree(everything, kernel, cases) > 1000
 
 
-@pytest.mark.parametrize("kernel", [divide_floats, remainder_floats])
-def test_floored_floats(everything: Engine, kernel: Callable[..., object]) -> None:
-    divisors = [b for b in FLOATS if b != 0.0]
-    cases = list(itertools.product(FLOATS, divisors))
-    assert agree(everything, kernel, cases) == len(cases)
-
-
 @pytest.mark.parametrize("kernel", INTEGER_KERNELS)
 def test_integers(everything: Engine, kernel: Callable[..., object]) -> None:
     cases = [
@@ -136,15 +127,12 @@ def test_negative_operands_round_down(everything: Engine) -> None:
     assert native(everything, divide)(-7, 2) == -4
     assert native(everything, remainder)(-7, 2) == 1
     assert native(everything, remainder)(7, -2) == -1
-    assert native(everything, divide_floats)(-7.0, 2.0) == -4.0
-    assert native(everything, remainder_floats)(-1.0, 3.0) == 2.0
 
 
 def test_where_python_raises(everything: Engine) -> None:
     assert native(everything, divide)(7, 0) == 7
     assert native(everything, remainder)(7, 0) == 0
     assert native(everything, power)(0.0, -1.0) == math.inf
-    assert math.isnan(native(everything, remainder_floats)(1.0, 0.0))
     assert native(everything, conversions)(math.nan, 0.0) == 0
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 HEAD = """from __future__ import annotations
 import math
-from math import hypot, sqrt
+from math import hypot, isnan, sqrt
 from lagsim.native.kernels import words
 from lagsim.language.arrays import Floats
 from lagsim.native.kernels.words import at, external, total, unrolled
@@ -64,7 +64,7 @@ FAULTS = [
     ("!for i in unrolled(n):\n    pass\nreturn x", "not known at translation"),
     ("for i in unrolled(2):\n!    i = 3\nreturn x", "counts an unrolled loop"),
     ("!return total(x for i in range(3))", r"unrolled\(\.\.\.\)"),
-    ("!return total(x for i in unrolled(3) if x > i)", "not known at translation"),
+    ("!return total(x for i in unrolled(3) if i > 1)", "write total"),
     ("!while x > 1:\n    x -= 1\nelse:\n    x = 1\nreturn x", "no else"),
     ("!a, x = 1, 2, 3\nreturn x", "same number"),
     ("!x, n = g(x)\nreturn x", "same number"),
@@ -81,8 +81,11 @@ FAULTS = [
     ("!with x:\n    pass\nreturn x", "not of the subset"),
     ("!return 10**30 + n + x", "does not fit 64 bits"),
     ("!return TABLE[0] / 0", "division by zero"),
-    ("!y: int = x\nreturn x", "is float, not int"),
-    ("!y: str = x\nreturn x", "annotate with"),
+    ("!y: float = x\nreturn y", "gives its kind"),
+    ("!return x % 2", "of integers"),
+    ("!return x // n", "of integers"),
+    ("!return x if isnan(x) else -x", "write x != x"),
+    ("!return n if n > 1 else x", "values is float, not int"),
     ("!x = -at\nreturn x", "globals are int"),
     ("!return ~n + x", "not of the subset"),
     ("!return +a", "not a number"),
@@ -107,8 +110,6 @@ FAULTS = [
     ("!x = nothing()\nreturn x", "`x` is given no value"),
     ("!x.y = 2.0\nreturn x", "takes no value"),
     ("!x.y += 2.0\nreturn x", "not of the subset"),
-    ("x: float = 1\n!x: int = 2\nreturn x", "float already"),
-    ("!x: float\nreturn x", "gets a value at once"),
     ("!return int(a)", "is Floats, not float"),
     ("!x = words.at\nreturn x", "only modules|globals are|not of the subset"),
 ]

@@ -41,8 +41,6 @@ class Calls(Expressions):
             int: self._call_int,
             float: self._call_float,
             math.floor: self._call_floor,
-            math.isnan: self._call_isnan,
-            math.isfinite: self._call_isfinite,
             words.at: self._call_at,
             words.total: self._call_total,
         }
@@ -137,10 +135,6 @@ class Calls(Expressions):
 
     def _call_int(self, node: ast.Call) -> Value:
         value = self.expression(*self._arguments(node, 1))
-        if value.kind == "bool":
-            return self.op("int", f"zext i1 {value.text} to i64")
-        if value.kind == "int":
-            return value
         return self._truncated(self.cast(value, "float", node, "the argument"))
 
     def _truncated(self, value: Value) -> Value:
@@ -149,25 +143,11 @@ class Calls(Expressions):
         return self.op("int", f"call i64 @llvm.fptosi.sat.i64.f64(double {value.text})")
 
     def _call_float(self, node: ast.Call) -> Value:
-        value = self.expression(*self._arguments(node, 1))
-        if value.kind == "bool":
-            return self.op("float", f"uitofp i1 {value.text} to double")
-        return self.cast(value, "float", node, "the argument")
+        [argument] = self._arguments(node, 1)
+        return self.converted(argument, "float", "the argument")
 
     def _call_floor(self, node: ast.Call) -> Value:
-        value = self.number(*self._arguments(node, 1))
-        if value.kind == "int":
-            return value
-        return self._truncated(self.intrinsic("floor", value))
-
-    def _call_isnan(self, node: ast.Call) -> Value:
-        [value] = self._floats(node, 1)
-        return self.op("bool", f"fcmp uno double {value.text}, {value.text}")
-
-    def _call_isfinite(self, node: ast.Call) -> Value:
-        size = self.intrinsic("fabs", *self._floats(node, 1))
-        infinity = self.literal(node, math.inf).text
-        return self.op("bool", f"fcmp olt double {size.text}, {infinity}")
+        return self._truncated(self.intrinsic("floor", *self._floats(node, 1)))
 
     def _call_at(self, node: ast.Call) -> Value:
         array, index = self._arguments(node, 2)
@@ -176,15 +156,17 @@ class Calls(Expressions):
 
     def _call_total(self, node: ast.Call) -> Value:
         [terms] = self._arguments(node, 1)
-        if not isinstance(terms, ast.GeneratorExp) or len(terms.generators) != 1:
+        if (
+            not isinstance(terms, ast.GeneratorExp)
+            or len(terms.generators) != 1
+            or terms.generators[0].ifs
+        ):
             raise self.source.error(
                 node, "write total(expression for j in unrolled(...))"
             )
         loop = terms.generators[0]
         result: Value | None = None
         for _ in self.unrolled_values(loop.target, loop.iter):
-            if not all(self._holds(test) for test in loop.ifs):
-                continue
             if self.vanishes(terms.elt):
                 continue
             term = self.cast(self.number(terms.elt), "float", terms.elt, "a term")
@@ -194,14 +176,6 @@ class Calls(Expressions):
                 else self.op("float", f"fadd double {result.text}, {term.text}")
             )
         return self.literal(node, 0.0) if result is None else result
-
-    def _holds(self, test: ast.expr) -> bool:
-        value = self.fold(test)
-        if not isinstance(value, bool):
-            raise self.source.error(
-                test, f"`if {ast.unparse(test)}` is not known at translation"
-            )
-        return value
 
     def unrolled_values(self, target: ast.expr, iterable: ast.expr) -> Iterator[int]:
         """Go through the values of an `unrolled(...)`, its variable being static."""
@@ -248,7 +222,9 @@ _CALL_ADVICE: Final[dict[object, str]] = {
     math.hypot: "CPython's differs from the C library's; write sqrt(x*x + y*y)",
     math.fsum: "write total(...)",
     math.fmod: "write %, or what is meant with int(...)",
-    math.isinf: "write abs(x) == inf, or not isfinite(x)",
+    math.isinf: "write abs(x) == inf",
+    math.isnan: "write x != x",
+    math.isfinite: "write abs(x) < inf",
     math.ceil: "write -floor(-x)",
     builtins.round: "write floor(x + 0.5)",
 }

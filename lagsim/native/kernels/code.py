@@ -3,7 +3,7 @@
 A kernel is a plain function of annotated parameters (int, float, bool, `Floats`, or a
 `Memory`) and result (the same, or None; not an array). It may hold
 
-- numbers and conditions: `+ - * / // % **`, comparisons (chained too), `and or not`,
+- numbers and conditions: `+ - * / **`, `// %` of integers, comparisons, `and or not`,
   `a if c else b`, `min max abs int float`, sqrt, floor, pow, sin, ... of `math`;
 - memory: `s.t`, `s.t = x`, `s.y` of a parameter annotated with a `layout.Memory`;
 - arrays: `a[i]`, `at(a, k)` for `a[k:]`, tuples of targets (`a, b = b, a`);

@@ -20,8 +20,8 @@ _ARITHMETIC: Final[dict[type[ast.operator], str]] = {
     ast.Mult: "mul",
 }
 _FLOORED: Final[dict[type[ast.operator], str]] = {
-    ast.FloorDiv: "floordiv",
-    ast.Mod: "mod",
+    ast.FloorDiv: "int.floordiv",
+    ast.Mod: "int.mod",
 }
 _COMPARISONS: Final[dict[type[ast.cmpop], tuple[str, str]]] = {
     ast.Lt: ("slt", "olt"),
@@ -171,8 +171,6 @@ class Expressions(Lines):
         if isinstance(node.op, ast.Not):
             return self.op("bool", f"xor i1 {self.condition(node.operand).text}, true")
         value = self.number(node.operand)
-        if isinstance(node.op, ast.UAdd):
-            return value
         if not isinstance(node.op, ast.USub):
             unsupported(self.source, node)
         if value.kind == "float":
@@ -207,7 +205,11 @@ class Expressions(Lines):
             )
         if type(op) not in _FLOORED:
             unsupported(self.source, node)
-        return self.floored(f"{kind}.{_FLOORED[type(op)]}", kind, left, right)
+        if kind == "float":
+            raise self.source.error(
+                node, "`//` and `%` are of integers; write floor(...)"
+            )
+        return self.floored(_FLOORED[type(op)], left, right)
 
     def _emit_compare(self, node: ast.Compare) -> Value:
         operands = [node.left, *node.comparators]
@@ -279,8 +281,6 @@ class Expressions(Lines):
         with self.aside() as no_lines:
             no = self.expression(node.orelse)
         kind = yes.kind
-        if {yes.kind, no.kind} == {"int", "float"}:
-            kind = "float"
         place = self.allocate("choice", kind)
         yes_label, no_label, end = map(self.name, ("yes", "no", "end"))
         self.branch(test, yes_label, no_label)

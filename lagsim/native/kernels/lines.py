@@ -65,54 +65,6 @@ define internal i64 @int.mod(i64 %a, i64 %b) alwaysinline {
   ret i64 %result
 }
 """,
-    # CPython's float_rem and _float_div_mod (Objects/floatobject.c), without the error.
-    "float.mod": """
-define internal double @float.mod(double %a, double %b) {
-  %r = call double @fmod(double %a, double %b) nobuiltin nounwind memory(none)
-  %zero = fcmp oeq double %r, 0.0
-  %signed = call double @llvm.copysign.f64(double 0.0, double %b)
-  %low = fcmp olt double %r, 0.0
-  %below = fcmp olt double %b, 0.0
-  %other = xor i1 %low, %below
-  %moved = fadd double %r, %b
-  %kept = select i1 %other, double %moved, double %r
-  %result = select i1 %zero, double %signed, double %kept
-  ret double %result
-}
-""",
-    "float.floordiv": """
-define internal double @float.floordiv(double %a, double %b) {
-  %r = call double @fmod(double %a, double %b) nobuiltin nounwind memory(none)
-  %zero = fcmp oeq double %r, 0.0
-  %low = fcmp olt double %r, 0.0
-  %below = fcmp olt double %b, 0.0
-  %differ = xor i1 %low, %below
-  %exact = xor i1 %zero, true
-  %other = and i1 %exact, %differ
-  %whole = fsub double %a, %r
-  %quotient = fdiv double %whole, %b
-  %less = fsub double %quotient, 1.0
-  %div = select i1 %other, double %less, double %quotient
-  %floor = call double @llvm.floor.f64(double %div)
-  %rest = fsub double %div, %floor
-  %high = fcmp ogt double %rest, 0.5
-  %next = fadd double %floor, 1.0
-  %rounded = select i1 %high, double %next, double %floor
-  %ratio = fdiv double %a, %b
-  %signed = call double @llvm.copysign.f64(double 0.0, double %ratio)
-  %none = fcmp oeq double %div, 0.0
-  %result = select i1 %none, double %signed, double %rounded
-  ret double %result
-}
-""",
-}
-
-_FMOD: Final = "declare double @fmod(double, double) nounwind memory(none)"
-_COPYSIGN: Final = "declare double @llvm.copysign.f64(double, double)"
-_FLOOR: Final = "declare double @llvm.floor.f64(double)"
-_NEEDED: Final = {
-    "float.mod": (_FMOD, _COPYSIGN),
-    "float.floordiv": (_FMOD, _COPYSIGN, _FLOOR),
 }
 
 
@@ -208,8 +160,8 @@ class Lines(Folding):
         if (value.kind, kind) == ("int", "float"):
             return self.op("float", f"sitofp i64 {value.text} to double")
         advice = ""
-        if (value.kind, kind) in (("float", "int"), ("bool", "int"), ("bool", "float")):
-            advice = f"; write {kind}(...) if that is meant"
+        if (value.kind, kind) == ("float", "int"):
+            advice = "; write int(...) if that is meant"
         elif kind == "bool":
             advice = "; compare it"
         raise self.source.error(node, f"{what} is {value.kind}, not {kind}{advice}")
@@ -252,12 +204,7 @@ class Lines(Folding):
         passed = ", ".join(f"double {v.text}" for v in values)
         return self.op("float", f"call double @llvm.{name}.f64({passed})")
 
-    def floored(self, helper: str, kind: str, left: Value, right: Value) -> Value:
-        """Emit `//` or `%`."""
-        for line in _NEEDED.get(helper, ()):
-            self.program.declare(line)
+    def floored(self, helper: str, left: Value, right: Value) -> Value:
+        """Emit `//` or `%` of integers."""
         self.program.declare(_HELPERS[helper])
-        llvm = LLVM[kind]
-        return self.op(
-            kind, f"call {llvm} @{helper}({llvm} {left.text}, {llvm} {right.text})"
-        )
+        return self.op("int", f"call i64 @{helper}(i64 {left.text}, i64 {right.text})")

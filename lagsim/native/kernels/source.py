@@ -35,7 +35,6 @@ _OPERATORS: Final[dict[type[ast.AST], Callable[..., Any]]] = {
     ast.Mod: operator.mod,
     ast.Pow: operator.pow,
     ast.USub: operator.neg,
-    ast.UAdd: operator.pos,
     ast.Not: operator.not_,
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
@@ -137,8 +136,6 @@ class Source:
             name = str(annotation.value)
         elif isinstance(annotation, ast.Name):
             name = annotation.id
-        elif isinstance(annotation, ast.Attribute):
-            name = annotation.attr
         if name in KINDS:
             return name
         found = "no annotation" if annotation is None else ast.unparse(annotation)
@@ -237,10 +234,6 @@ class Folding:
         """Tell whether a term has a static factor of zero."""
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
             return self.vanishes(node.left) or self.vanishes(node.right)
-        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
-            return self.vanishes(node.left)
-        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-            return self.vanishes(node.operand)
         return self.fold(node) == 0
 
     def _constant(self, node: ast.Constant) -> Static | None:
@@ -369,6 +362,7 @@ _ADVICE: Final[dict[type[ast.AST], str]] = {
     ast.Tuple: "tables are global tuples; tuples stand only left and right of `=`",
     ast.GeneratorExp: "write total(... for j in unrolled(...)), or a loop",
     ast.Lambda: "write a function by `def`",
+    ast.AnnAssign: "the first value of a variable gives its kind",
     ast.Assert: "return a status",
     ast.Raise: "return a status",
     ast.Try: "return a status",

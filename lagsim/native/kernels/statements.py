@@ -44,7 +44,6 @@ class Statements(Calls):
             ast.Expr: self._expression_statement,
             ast.Assign: self._assign,
             ast.AugAssign: self._augmented,
-            ast.AnnAssign: self._annotated,
             ast.If: self._if,
             ast.While: self._while,
             ast.For: self._for,
@@ -147,16 +146,6 @@ class Statements(Calls):
         now = self.number(present)
         value = self.arithmetic(node, now, node.op, self.number(node.value))
         self._store(target, value)
-
-    def _annotated(self, node: ast.AnnAssign) -> None:
-        if node.value is None or not isinstance(node.target, ast.Name):
-            raise self.source.error(node, "an annotated variable gets a value at once")
-        name = node.target.id
-        kind = self.source.kind(node.annotation, node, f"`{name}`")
-        if self.kinds.get(name, kind) != kind:
-            raise self.source.error(node, f"`{name}` is {self.kinds[name]} already")
-        what = f"the value of `{name}`"
-        self._store(node.target, self.converted(node.value, kind, what))
 
     def _place(self, target: ast.expr) -> str:
         if isinstance(target, ast.Subscript):

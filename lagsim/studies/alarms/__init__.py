@@ -9,7 +9,7 @@ that choose their steps); the others are raised here, from what the rows have sh
 - `rows`: constraints not met, energy that nothing explains, the horizon of a forecast;
 - `steps`: a step past the stability bound, or one that damps what should go on.
 
-`MEANINGS` says of each code what it means.
+docs/failing.md says of each code what it means.
 """
 
 from __future__ import annotations
@@ -39,40 +39,7 @@ SEE_FOR_THEMSELVES = ("dop853", "exponential")
 # fastest that is to be seen (a series takes 0.5 to 1.5).
 FOLLOWS = 0.05
 
-__all__ = ["MEANINGS", "Doubt", "Witness", "alarms", "doubt_about"]
-
-MEANINGS = {
-    "constraint-not-held": "rows are off the constraints by more than 1e-6 of their "
-    "scale",
-    "coordinate-singularity": "an inertia of a coordinate all but vanished on the way",
-    "double-root": "a guess is at a double root of the constraints",
-    "end-in-doubt": "a repeat of the run comes to another end",
-    "energy-gained": "energy - work grew by more than 0.1 % of the energy in play",
-    "energy-lost": "energy - work fell by more than 0.1 % of the energy in play",
-    "fast-mode-damped": "the method takes energy out of an oscillation that has some",
-    "gain-unused": "`gain` is for the formulation baumgarte alone",
-    "horizon": "past this time the estimated error exceeds 0.1 of a coordinate's range",
-    "multiple-root": "a relation is a power of what it sets to zero, and is met as a "
-    "simple root",
-    "nearly-dependent": "constraints came close to dependent; a QR decomposition goes "
-    "on",
-    "multipliers-not-unique": "constraints are redundant: the least multipliers are "
-    "given",
-    "other-roots": "the guesses have other solutions than the one taken",
-    "rank": "constraints lost their independence: a singular configuration",
-    "redundant": "a constraint follows from others",
-    "rough-start": "the start was rounded, and meets the constraints only roughly",
-    "short-times": "a short pulse could be stepped over",
-    "spectral-radius-unused": "`spectral_radius` is for generalized-alpha alone",
-    "start-changed": "the run starts from the nearest exact state",
-    "step-at-stability-bound": "stability, not accuracy, decides how long a step may "
-    "be, and the step is near that bound or past it",
-    "step-unused": "`step` is for methods with a fixed step alone",
-    "tolerance-unused": "tolerances are for methods that choose their steps alone",
-    "undetermined-guess": "nothing determines a guess: it stays as given",
-    "unresolved-switch": "forces leave more than one way to go on from a switch",
-    "vanishing-gradient": "the gradient of a constraint vanishes at the start",
-}
+__all__ = ["Doubt", "Witness", "alarms", "doubt_about"]
 
 
 def alarms(

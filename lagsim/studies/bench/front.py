@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -25,20 +24,3 @@ def pareto(points: Sequence[Point]) -> list[int]:
             found.append(k)
             cheapest = points[k][1]
     return found[::-1]
-
-
-def cost_at(curve: Sequence[Point], error: float) -> float | None:
-    """Give what an error costs on a curve; None where it does not get there.
-
-    Parameters
-    ----------
-    curve
-        In the order of the sweep, from loose to tight. Between two points next to each
-        other it is a straight line in logarithms.
-    """
-    costs = [cost for reached, cost in curve if reached <= error]
-    for (loose, less), (tight, more) in pairwise(curve):
-        if loose > error >= tight > 0.0 and less > 0.0 < more:
-            part = math.log(loose / error) / math.log(loose / tight)
-            costs.append(less * (more / less) ** part)
-    return min(costs, default=None)

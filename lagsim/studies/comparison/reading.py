@@ -1,9 +1,7 @@
-"""Reading a table of results, fast where it is what lagsim writes.
+"""Reading a table of results, in blocks of whole lines, so that large ones fit.
 
-A block of text that holds nothing but plain numbers is read by SciPy's reader of Matrix
-Market files, which takes a sixth of the time of `float`. It is lenient, so that a block
-must look like rows of numbers first: by what may stand beside what. Any other block is
-read cell by cell, and the first cell that is no number is named.
+NumPy reads a block at a stroke. Where it finds fault with one, or passes over a line,
+the block is read cell by cell, and the first cell that is no number is named.
 """
 
 from __future__ import annotations
@@ -27,19 +25,12 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import BinaryIO
 
-    from numpy.typing import NDArray
-
     from lagsim.language.arrays import Floats
 
-# Bytes read at once, and of a file for which SciPy's reader is worth its import.
-BLOCK = 1 << 21
-LARGE = 1 << 21
+# Bytes read at once.
+BLOCK = 1 << 19
 # Bytes of a header at most: beyond, the file is something else.
 LONGEST_HEADER = 1 << 24
-
-_DIGITS = b"0123456789"
-_TO_LINES = bytes.maketrans(b",", b"\n")
-_COMMA, _LINE, _MINUS, _PLUS, _POINT, _E = b",\n-+.e"
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,12 +117,10 @@ def _read(file: BinaryIO, name: str) -> Table:
     rows, line = 0, 2
     file.seek(len(head))
     for block in _blocks(file):
-        part = _plain(block, len(columns)) if size > LARGE else None
+        part = _plain(block, len(columns))
         if part is None:
             part = _cells(block, columns, name, line)
-            line += block.count(b"\n")
-        else:
-            line += part.shape[1]  # plain rows have a line each
+        line += block.count(b"\n")
         data[:, rows : rows + part.shape[1]] = part
         rows += part.shape[1]
     if not rows:
@@ -181,88 +170,17 @@ def _blocks(file: BinaryIO) -> Iterator[bytes]:
 
 
 def _plain(block: bytes, count: int) -> Floats | None:
-    """Read rows of plain numbers (count, rows); None if there is anything else."""
-    marks = block.translate(None, _DIGITS)
-    rows = block.count(b"\n")
-    breaks = (b"," * (count - 1) + b"\n") * rows
-    if marks.translate(None, b"+-.e\r") != breaks or not block.endswith(b"\n"):
-        return None
-    if b"e-." in marks or b"e-e" in marks or not _adjacent(marks):
-        return None
-    characters = np.frombuffer(block, np.uint8)
-    minus = np.flatnonzero(characters == _MINUS)
-    if not np.all(_BEFORE_MINUS[characters[minus - 1]]):  # the last one is a line break
-        return None
-    if b"e" in marks and not _exponents(characters):
-        return None
-    from scipy.io import mmread
-
-    head = b"%%%%MatrixMarket matrix array real general\n%d %d\n" % (count, rows)
-    text = io.BytesIO(head + block.translate(_TO_LINES, b"\r"))
+    """Read a block that is all rows of numbers (count, rows); None if it is not."""
+    if not block.strip():
+        return None  # NumPy would warn
     try:
-        found = np.asarray(mmread(text), dtype=np.float64)
+        rows = np.loadtxt(
+            io.StringIO(block.decode()), delimiter=",", comments=None, ndmin=2
+        )
     except ValueError:
         return None
-    _restore_signs(found, block)
-    return found
-
-
-def _restore_signs(found: Floats, block: bytes) -> None:
-    """Make those zeros negative that are so in the text: SciPy adds them to 0."""
-    columns, rows = np.nonzero(found == 0.0)
-    if not len(rows):
-        return
-    characters = np.frombuffer(block, np.uint8)
-    ends = np.flatnonzero((characters == _COMMA) | (characters == _LINE))
-    cells = rows * len(found) + columns
-    starts = np.where(cells > 0, ends[cells - 1] + 1, 0)
-    negative = characters[starts] == _MINUS
-    found[columns[negative], rows[negative]] = -0.0
-
-
-def _adjacent(marks: bytes) -> bool:
-    """Tell whether each two bytes that follow each other may do so."""
-    for start in (0, 1):
-        pairs = np.frombuffer(marks, np.uint16, (len(marks) - start) // 2, start)
-        if not np.all(_MARKS[pairs]):
-            return False
-    return True
-
-
-def _exponents(characters: NDArray[np.uint8]) -> bool:
-    """Tell whether each e stands between a digit, or a point, and an exponent."""
-    e = np.flatnonzero(characters == _E)
-    after = characters[e + 1]  # the last character is a line break
-    digits = characters[e + 1 + ((after == _MINUS) | (after == _PLUS))]
-    before = characters[e - 1]
-    return bool(np.all(_DIGIT[digits]) and np.all(_DIGIT[before] | (before == _POINT)))
-
-
-def _set(characters: bytes) -> NDArray[np.bool_]:
-    """Give for each byte whether it is one of these."""
-    found = np.zeros(256, dtype=bool)
-    found[np.frombuffer(characters, np.uint8)] = True
-    return found
-
-
-def _table(pairs: str) -> NDArray[np.bool_]:
-    """Give for each two bytes, as one number in memory, whether they may be adjacent.
-
-    Of `pairs` each word is a character, then all that may follow it; `n` and `r` end a
-    line.
-    """
-    allowed = np.zeros(1 << 16, dtype=bool)
-    for word in pairs.replace("n", "\n").replace("r", "\r").split(" "):
-        first, others = word[0], word[1:]
-        for other in others:
-            allowed[np.frombuffer((first + other).encode(), np.uint16)] = True
-    return allowed
-
-
-_DIGIT = _set(_DIGITS)
-_BEFORE_MINUS = _set(b",\ne")
-# Of rows whose digits are left out: of -1.5e-7 there is -.e-
-_MARKS = _table("-.e,nr +,nr .e,nr e+-,nr ,-.e,nr n-.e,nr rn")
+    lines = block.count(b"\n") + (not block.endswith(b"\n"))
+    return rows.T if rows.shape == (lines, count) else None
 
 
 def _cells(block: bytes, columns: tuple[str, ...], name: str, line: int) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.studies.alarms import MEANINGS, Witness
+from lagsim.studies.alarms import Witness
 from lagsim.studies.error_bar import Checkpoints, repeat
 from tests.studies.alarms.alarmed import cautions, codes
 from tests.support import MODELS, ROOT, run
@@ -162,11 +162,11 @@ def test_what_counts_as_gained(balance, gained):
     assert witness.energy_gained == pytest.approx(gained, rel=0.02, abs=1e-12)
 
 
-def test_every_code_says_what_it_means():
+def test_of_every_code_the_documents_say_what_it_means():
     source = Path(lagsim.__file__).parent
     pattern = re.compile(r'(?:Caution\(|_warn\(|code =)\s*"([a-z-]+)"')
     texts = [path.read_text(encoding="utf-8") for path in source.rglob("*.py")]
     raised = {code for text in texts for code in pattern.findall(text)}
-    assert raised | {"energy-gained", "energy-lost"} == set(MEANINGS)
+    raised |= {"energy-gained", "energy-lost"}
     told = (ROOT / "docs" / "failing.md").read_text(encoding="utf-8")
-    assert [code for code in MEANINGS if f"`{code}`" not in told] == []
+    assert raised == set(re.findall(r"^\| `([a-z-]+)` \|", told, re.MULTILINE))

@@ -7,7 +7,8 @@ import random
 
 import pytest
 
-from lagsim.studies.bench.front import cost_at, pareto
+from benchmarks.measure import cost_at
+from lagsim.studies.bench.front import pareto
 
 
 def beaten(point, others):
