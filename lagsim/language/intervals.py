@@ -90,3 +90,13 @@ def interval(
 def point(x: float) -> Interval:
     """Give the interval of the one value `x`."""
     return interval(x, x)
+
+
+def select(which: Flags, x: Interval, y: Interval) -> Interval:
+    """Give x where `which` holds, else y."""
+    return Interval(
+        np.where(which, x.lo, y.lo),
+        np.where(which, x.hi, y.hi),
+        np.where(which, x.partial, y.partial),
+        np.where(which, x.jumps, y.jumps),
+    )
