@@ -17,5 +17,9 @@ _ROWS = (
 )  # fmt: skip
 OPERATIONS = {row.name: row for row in _ROWS}
 FUNCTIONS = {name: row for name, row in OPERATIONS.items() if not row.sign}
+# Operators that join conditions, and are words.
+JOINING = tuple(name for name, row in OPERATIONS.items() if row.sign.strip() == name)
+# What selects among its arguments.
+CHOOSING = frozenset(name for name, row in OPERATIONS.items() if row.branches)
 # What is flat but for its jumps.
 STEPS = frozenset(name for name, row in OPERATIONS.items() if row.step)
