@@ -13,10 +13,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.mechanics.eigenmodes import eigenmodes, weighted
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method
@@ -26,7 +27,7 @@ from lagsim.run.states import MOST_STEPS, SERIES, taken_over
 from lagsim.run.system import System
 
 if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.run.arcs import Run
 
@@ -117,21 +118,16 @@ def _fastest(run: Run, J: Floats) -> Fast:
     """Analyse q' = v, v' = J (q, v)."""
     n, size = run.system.n, run.system.size
     whole = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), J])
-    values, right = _fast_modes(whole)
-    _, left = _fast_modes(whole.T)
+    modes = eigenmodes(whole, _fast)
     masses = np.maximum(run.state[at.HEADER + 3 * size + 2 :][:n], 0.0)
-    shape = np.abs(right[:n]) * np.sqrt(masses)[:, None]
-    shape /= np.maximum(np.max(shape, axis=0), 1e-300)
-    heavy = np.max(shape, axis=1) > 0.5
+    heavy = np.max(weighted(modes.right[:n], masses), axis=1) > 0.5
     names = run.system.equations.q
     where = tuple(q for q, is_in in zip(names, heavy, strict=True) if is_in)
-    # Of y' itself: how fast the state moves along each of them. Left and right ones of
-    # equal eigenvalues need not come in pairs.
+    # Of y' itself: how fast the state moves along each of them.
     rates = run.runner.function("derivative")(run.t, run.y)[: 2 * n]
-    amplitudes = np.linalg.lstsq(left.T @ right, left.T @ rates, rcond=None)[0]
-    swinging = -values.real < OSCILLATING * np.abs(values)
-    moving = np.abs(right[:n]) @ np.abs(amplitudes * swinging)
-    rate = float(np.max(np.abs(values)))
+    swinging = np.abs(modes.amplitudes(rates)) * modes.swing(OSCILLATING)
+    moving = np.abs(modes.right[:n]) @ swinging
+    rate = float(np.max(np.abs(modes.values)))
     excited = rate > 0.0 and _is_excited(run, masses * moving**2, masses, J, rate)
     return Fast(rate, where, excited)
 
@@ -161,12 +157,10 @@ def _is_excited(
     return bool(np.any(linked @ fast > EXCITED * whole))
 
 
-def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
-    """Give the large eigenvalues (k,) and their vectors (2 n, k)."""
-    values, vectors = np.linalg.eig(matrix)
-    speeds = np.abs(values)
-    fast = speeds >= FAST * np.max(speeds)  # all of them where none moves
-    return values[fast], vectors[:, fast]
+def _fast(speeds: Floats) -> Flags:
+    """Tell which rates are large: all of them where none moves."""
+    fast: Flags = speeds >= FAST * np.max(speeds, initial=0.0)
+    return fast
 
 
 def review(run: Run) -> None:
@@ -193,7 +187,7 @@ def _review_series(run: Run) -> None:
         return
     values = linear.eigenvalues()
     speeds = np.abs(values)
-    fast = speeds >= FAST * np.max(speeds, initial=0.0)
+    fast = _fast(speeds)
     if np.any(values.real[fast] < -OSCILLATING * speeds[fast]):
         consider(run)
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods import method
 from lagsim.methods.parts.interface import FLOOR, PER_SURFACE, SIDE, SLIDES
 from lagsim.native.graph import keys, straight_line
@@ -203,10 +204,8 @@ class System:
         if self.plan.elimination is not None:
             solved = nodes_of["field" if self.surfaces else "derivative"]
             return len(self.equations.graph.cone(solved))
-        # Cholesky's decomposition of M, L^-1 A^T and its QR decomposition.
-        n, m = self.n, self.m
-        loops = n * n * n // 6 + n * n * m // 2 + n * m * m
-        return len(self.equations.graph.cone(nodes_of["dynamics"])) + loops
+        terms = len(self.equations.graph.cone(nodes_of["dynamics"]))
+        return terms + dense_operations(self.n, self.m)
 
     def _layout(self) -> Layout:
         e = self.equations
