@@ -37,7 +37,8 @@ class UnicodeStyle(Style):
 
     def call(self, name: str, args: Sequence[Piece], exponent: int = 1) -> Piece:
         """Give a function's value, or a power of it."""
-        shown = FUNCTIONS[name].text or name
+        row = FUNCTIONS.get(name)  # sympy may bring one of its own
+        shown = (row and row.text) or name
         inside = ", ".join(a.text for a in args)
         if isinstance(shown, tuple):
             return self._powered(Piece(inside.join(shown), ATOM), exponent)
@@ -94,7 +95,8 @@ class LatexStyle(Style):
     def call(self, name: str, args: Sequence[Piece], exponent: int = 1) -> Piece:
         """Give a function's value, or a power of it."""
         inside = ", ".join(a.text for a in args)
-        command = FUNCTIONS[name].latex or rf"\operatorname{{{name}}}"
+        row = FUNCTIONS.get(name)
+        command = (row and row.latex) or rf"\operatorname{{{name}}}"
         if isinstance(command, tuple):
             whole = Piece(inside.join(command), ATOM)
             power = Piece(str(exponent), ATOM)

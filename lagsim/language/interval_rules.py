@@ -13,34 +13,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.intervals import Flags, Floats, Interval, interval, select
+from lagsim.language.intervals import (
+    Flags,
+    Floats,
+    Interval,
+    exact_or_next,
+    interval,
+    outward,
+    outward_but_zero,
+    select,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from lagsim.language.functions.row import Function
-
-# Libraries differ in the last places of sin, pow, ...: four units are allowed for.
-SLACK = 2.0**-50
-TINY = math.ulp(0.0)
-LARGEST = np.finfo(np.float64).max
-
-
-def _outward(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
-    """Widen by the slack of library functions; an infinite overflow is undone."""
-    low = np.minimum(lo, LARGEST)
-    high = np.maximum(hi, -LARGEST)
-    return low - (np.abs(low) * SLACK + TINY), high + (np.abs(high) * SLACK + TINY)
-
-
-def _outward_but_zero(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
-    """Widen as `_outward`, for functions whose zeros are exact."""
-    low, high = _outward(lo, hi)
-    return np.where(lo == 0.0, 0.0, low), np.where(hi == 0.0, 0.0, high)
-
-
-def _exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
-    return np.where(exact, bound, np.nextafter(bound, toward))
 
 
 # ------------------------------------------------------------------- operators
@@ -58,8 +45,8 @@ def add(x: Interval, y: Interval) -> Interval:
     lo, hi = x.lo + y.lo, x.hi + y.hi
     clash = (x.hi == math.inf) & (y.lo == -math.inf)
     clash |= (x.lo == -math.inf) & (y.hi == math.inf)
-    lo = _exact_or_next(lo, _error_of_sum(x.lo, y.lo, lo) == 0.0, -math.inf)
-    hi = _exact_or_next(hi, _error_of_sum(x.hi, y.hi, hi) == 0.0, math.inf)
+    lo = exact_or_next(lo, _error_of_sum(x.lo, y.lo, lo) == 0.0, -math.inf)
+    hi = exact_or_next(hi, _error_of_sum(x.hi, y.hi, hi) == 0.0, math.inf)
     return interval(
         np.where(np.isnan(lo), -math.inf, lo),
         np.where(np.isnan(hi), math.inf, hi),
@@ -104,8 +91,8 @@ def _one_sided(
     opposite = (x.lo >= 0.0) & (y.hi <= 0.0) | (x.hi <= 0.0) & (y.lo >= 0.0)
     nothing = (x.lo == 0.0) & (x.hi == 0.0) | (y.lo == 0.0) & (y.hi == 0.0)
     return (
-        _exact_or_next(lo, nothing | (lo == 0.0) & alike, -math.inf),
-        _exact_or_next(hi, nothing | (hi == 0.0) & opposite, math.inf),
+        exact_or_next(lo, nothing | (lo == 0.0) & alike, -math.inf),
+        exact_or_next(hi, nothing | (hi == 0.0) & opposite, math.inf),
     )
 
 
@@ -150,7 +137,7 @@ def _whole_power(x: Interval, n: Floats) -> Interval:
     lo = np.where(even & inside & (n > 0.0), 0.0, np.minimum(a, b))
     lo = np.where(pole & ~even, -math.inf, lo)
     hi = np.where(pole, math.inf, np.maximum(a, b))
-    low, high = _outward(lo, hi)
+    low, high = outward(lo, hi)
     exact = _whole(x) & (n > 0.0) & (np.maximum(np.abs(lo), np.abs(hi)) < 2.0**52)
     low, high = np.where(exact, lo, low), np.where(exact, hi, high)
     ones = n == 0.0
@@ -161,14 +148,14 @@ def _whole_power(x: Interval, n: Floats) -> Interval:
 def _real_power(x: Interval, y: Interval) -> Interval:
     """Give x^y, a real number for x >= 0 only, or where y happens to be whole."""
     base = interval(np.maximum(x.lo, 0.0), np.maximum(x.hi, 0.0))
-    lo, hi = _outward(*_corners(np.power, base, y))
+    lo, hi = outward(*_corners(np.power, base, y))
     lo = np.maximum(lo, 0.0)
     negative = x.lo < 0.0
     pole = (x.lo <= 0.0) & (y.lo <= 0.0)
     moving = y.lo < y.hi
     # A negative base with a moving exponent: any whole exponent on the way counts.
     size = interval(np.zeros_like(x.lo), np.maximum(np.abs(x.lo), np.abs(x.hi)))
-    _, largest = _outward(*_corners(np.power, size, y))
+    _, largest = outward(*_corners(np.power, size, y))
     stray = negative & moving
     nowhere = (x.hi < 0.0) & ~moving
     return interval(
@@ -233,7 +220,7 @@ def choice(c: Interval, x: Interval, y: Interval) -> Interval:
 
 def increasing(f: Any) -> Callable[[Interval], Interval]:
     """Give the rule of an increasing function, defined everywhere, exact zeros."""
-    return lambda x: interval(*_outward_but_zero(f(x.lo), f(x.hi)))
+    return lambda x: interval(*outward_but_zero(f(x.lo), f(x.hi)))
 
 
 def on(
@@ -242,7 +229,7 @@ def on(
     """Give the rule of an increasing function defined from `least` to `most`."""
 
     def rule(x: Interval) -> Interval:
-        lo, hi = _outward_but_zero(
+        lo, hi = outward_but_zero(
             f(np.clip(x.lo, least, most)), f(np.clip(x.hi, least, most))
         )
         nowhere = (x.hi < least) | (x.lo > most)
@@ -270,14 +257,14 @@ def sqrt(x: Interval) -> Interval:
 
 def exp(x: Interval) -> Interval:
     """Enclose exp(x)."""
-    lo, hi = _outward(np.exp(x.lo), np.exp(x.hi))
+    lo, hi = outward(np.exp(x.lo), np.exp(x.hi))
     return interval(np.maximum(lo, 0.0), hi)
 
 
 def acos(x: Interval) -> Interval:
     """Enclose acos(x)."""
     mirrored = on(np.arccos, -1.0, 1.0)(x)
-    lo, hi = _outward_but_zero(
+    lo, hi = outward_but_zero(
         np.arccos(np.clip(x.hi, -1.0, 1.0)), np.arccos(np.clip(x.lo, -1.0, 1.0))
     )
     nowhere = mirrored.undefined
@@ -301,7 +288,7 @@ def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
 
     def rule(x: Interval) -> Interval:
         a, b = f(x.lo), f(x.hi)
-        lo, hi = _outward_but_zero(np.fmin(a, b), np.fmax(a, b))
+        lo, hi = outward_but_zero(np.fmin(a, b), np.fmax(a, b))
         return interval(
             np.where(_meets(x, trough, math.tau), -1.0, np.maximum(lo, -1.0)),
             np.where(_meets(x, crest, math.tau), 1.0, np.minimum(hi, 1.0)),
@@ -314,7 +301,7 @@ def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
 def tan(x: Interval) -> Interval:
     """Enclose tan(x)."""
     pole = _meets(x, math.pi / 2, math.pi)
-    lo, hi = _outward_but_zero(np.tan(x.lo), np.tan(x.hi))
+    lo, hi = outward_but_zero(np.tan(x.lo), np.tan(x.hi))
     return interval(
         np.where(pole, -math.inf, lo), np.where(pole, math.inf, hi), x.unbounded, pole
     )
@@ -329,14 +316,14 @@ def magnitude(x: Interval) -> Interval:
 def cosh(x: Interval) -> Interval:
     """Enclose cosh(x)."""
     size = magnitude(x)
-    lo, hi = _outward(np.cosh(size.lo), np.cosh(size.hi))
+    lo, hi = outward(np.cosh(size.lo), np.cosh(size.hi))
     return interval(np.maximum(lo, 1.0), hi)
 
 
 def hypot(x: Interval, y: Interval) -> Interval:
     """Enclose hypot(x, y)."""
     a, b = magnitude(x), magnitude(y)
-    lo, hi = _outward_but_zero(np.hypot(a.lo, b.lo), np.hypot(a.hi, b.hi))
+    lo, hi = outward_but_zero(np.hypot(a.lo, b.lo), np.hypot(a.hi, b.hi))
     return interval(lo, hi)
 
 
@@ -344,7 +331,7 @@ def atan2(y: Interval, x: Interval) -> Interval:
     """Enclose atan2(y, x)."""
     origin = y.has_zero & x.has_zero
     cut = (y.lo < 0.0) & (y.hi >= 0.0) & (x.lo <= 0.0) | origin
-    lo, hi = _outward(*_corners(np.arctan2, y, x))
+    lo, hi = outward(*_corners(np.arctan2, y, x))
     lo, hi = np.maximum(lo, -math.pi), np.minimum(hi, math.pi)
     return interval(np.where(cut, -math.pi, lo), np.where(cut, math.pi, hi), False, cut)
 

@@ -1,4 +1,4 @@
-"""Eigenmodes against the closed form of oscillators, and what of a motion is in each."""
+"""Eigenmodes against closed forms of oscillators, and what of a motion is in each."""
 
 from __future__ import annotations
 

@@ -49,6 +49,9 @@ class Function:
         May be one operation with another: a*b + c.
     sympy
         `(sympy module, *arguments)`.
+    spelled
+        For people it stays as written: sympy's would be rewritten, or differentiated
+        otherwise.
     python
         The value as Python code with numpy; `{0}`, `{1}` are the arguments.
     text, latex
@@ -88,6 +91,7 @@ class Function:
     partials: Partials | None = None
     branches: Callable[[Builder, Arguments], int] | None = None
     condition: bool = False
+    spelled: bool = False
     declares: tuple[str, ...] = ()
     wide: bool = False
     contracts: bool = False

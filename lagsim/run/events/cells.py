@@ -20,8 +20,8 @@ from lagsim.language.derivatives import tangent
 from lagsim.language.enclosures import Enclosures
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import STEPS
-from lagsim.language.interval_rules import RULES, SLACK
-from lagsim.language.intervals import Flags, Floats, Interval, interval, point
+from lagsim.language.interval_rules import RULES
+from lagsim.language.intervals import SLACK, Flags, Floats, Interval, interval, point
 from lagsim.mechanics.switches import joined_conditions
 
 if TYPE_CHECKING:
