@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.mechanics.constraints import Flow, constraint_row
 
@@ -22,27 +23,6 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
 
-_SAME = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "log10", "sqrt",
-         "cbrt", "abs", "sign", "hypot", "floor", "ceil")  # fmt: skip
-_FUNCTIONS = {name: f"np.{name}" for name in _SAME} | {
-    "asin": "np.arcsin", "acos": "np.arccos", "atan": "np.arctan",
-    "atan2": "np.arctan2", "asinh": "np.arcsinh", "acosh": "np.arccosh",
-    "atanh": "np.arctanh",
-}  # fmt: skip
-# {0}, {1}, {2}: the arguments, which are names, numbers, or in parentheses.
-CODE: dict[str, str] = {
-    "add": "{0} + {1}", "sub": "{0} - {1}", "mul": "{0} * {1}", "div": "{0} / {1}",
-    "neg": "-{0}", "pow": "{0} ** {1}",
-    "lt": "{0} < {1}", "le": "{0} <= {1}", "gt": "{0} > {1}", "ge": "{0} >= {1}",
-    "and": "{0} and {1}", "or": "{0} or {1}", "not": "not {0}",
-    "if": "{1} if {0} else {2}",
-    "heaviside": "np.heaviside({0}, 1.0)",
-    "min": "{1} if {1} < {0} else {0}", "max": "{1} if {1} > {0} else {0}",
-}  # fmt: skip
-CODE |= {
-    name: f"{f}({{0}}, {{1}})" if name in ("hypot", "atan2") else f"{f}({{0}})"
-    for name, f in _FUNCTIONS.items()
-}
 _OWN = ("np", "t", "q", "q_dot", "out", "COORDINATES", "CONSTRAINTS", "ONE_SIDED")
 _TAKEN = frozenset((*keyword.kwlist, *_OWN, "PARAMETERS"))
 _HEAD = '''"""Equations of motion of {name}, written by lagsim {version}.
@@ -186,7 +166,9 @@ class _Steps:
         held = [text if _is_atom(text) else f"({text})" for text, _ in parts]
         if op in ("div", "pow") and all(g.ops[a] == CONSTANT for a in g.args[n]):
             held[0] = f"np.float64({held[0]})"  # which divides by 0 without raising
-        return CODE[op].format(*held), 1 + sum(operations for _, operations in parts)
+        return OPERATIONS[op].python.format(*held), 1 + sum(
+            operations for _, operations in parts
+        )
 
 
 _ATOM = re.compile(r"[\w.]+(\([^()]*\))?\Z")

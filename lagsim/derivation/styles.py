@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from lagsim.derivation.writer import ATOM, POWER, PRODUCT, Piece, Style
+from lagsim.language.functions import FUNCTIONS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,30 +37,19 @@ class UnicodeStyle(Style):
 
     def call(self, name: str, args: Sequence[Piece], exponent: int = 1) -> Piece:
         """Give a function's value, or a power of it."""
-        name = {"log": "ln", "log10": "log₁₀"}.get(name, name)
+        row = FUNCTIONS.get(name)  # sympy may bring one of its own
+        shown = (row and row.text) or name
         inside = ", ".join(a.text for a in args)
-        if name == "abs":
-            return self._powered(Piece(f"|{inside}|", ATOM), exponent)
+        if isinstance(shown, tuple):
+            return self._powered(Piece(inside.join(shown), ATOM), exponent)
         if exponent > 1:
-            return Piece(f"{name}{str(exponent).translate(_RAISED)}({inside})", POWER)
-        return self._powered(Piece(f"{name}({inside})", ATOM), exponent)
+            return Piece(f"{shown}{str(exponent).translate(_RAISED)}({inside})", POWER)
+        return self._powered(Piece(f"{shown}({inside})", ATOM), exponent)
 
     def _powered(self, value: Piece, exponent: int) -> Piece:
         if exponent == 1:
             return value
         return self.raised(value, Piece(str(exponent), ATOM))
-
-
-_COMMANDS = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "min", "max")
-_SPECIAL = {
-    "asin": r"\arcsin", "acos": r"\arccos", "atan": r"\arctan", "log": r"\ln",
-    "log10": r"\log_{10}", "sign": r"\operatorname{sgn}",
-}  # fmt: skip
-_BRACKETS = {
-    "abs": (r"\left|", r"\right|"),
-    "floor": (r"\left\lfloor ", r"\right\rfloor "),
-    "ceil": (r"\left\lceil ", r"\right\rceil "),
-}
 
 
 class LatexStyle(Style):
@@ -105,14 +95,12 @@ class LatexStyle(Style):
     def call(self, name: str, args: Sequence[Piece], exponent: int = 1) -> Piece:
         """Give a function's value, or a power of it."""
         inside = ", ".join(a.text for a in args)
-        if name in _BRACKETS or name == "cbrt":
-            left, right = _BRACKETS.get(name, (r"\sqrt[3]{", "}"))
-            whole = Piece(left + inside + right, ATOM)
+        row = FUNCTIONS.get(name)
+        command = (row and row.latex) or rf"\operatorname{{{name}}}"
+        if isinstance(command, tuple):
+            whole = Piece(inside.join(command), ATOM)
             power = Piece(str(exponent), ATOM)
             return whole if exponent == 1 else self.raised(whole, power)
-        command = _SPECIAL.get(name) or (
-            f"\\{name}" if name in _COMMANDS else rf"\operatorname{{{name}}}"
-        )
         if exponent != 1:
             command += f"^{{{exponent}}}"
         bare = len(args) == 1 and args[0].power == ATOM and "(" not in inside

@@ -10,3 +10,5 @@ if TYPE_CHECKING:
 
 Floats: TypeAlias = "npt.NDArray[np.float64]"
 """A one-dimensional array of doubles, where nothing else is said."""
+Flags: TypeAlias = "npt.NDArray[np.bool_]"
+Complexes: TypeAlias = "npt.NDArray[np.complex128]"

@@ -43,7 +43,7 @@ class _Reverse:
         # Inner selections come first, so none needs recursion.
         self.selections: dict[int, Gradient] = {}
         for n in cone:
-            if n in self.active and OPERATIONS_BRANCHES.get(g.ops[n]):
+            if n in self.active and g.args[n] and OPERATIONS[g.ops[n]].branches:
                 self.selections[n] = self._selection(n)
 
     def _selection(self, n: int) -> Gradient:
@@ -96,9 +96,6 @@ class _Reverse:
                     seen.add(a)
                     stack.append(a)
         return sorted(seen, reverse=True)
-
-
-OPERATIONS_BRANCHES = {n: row.branches for n, row in OPERATIONS.items() if row.branches}
 
 
 def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int]:

@@ -9,14 +9,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from lagsim.language.graph import Graph
+    from lagsim.language.builder import Builder
 
 # Factors are looked for so far down: shared products would be walked through again and
 # again.
 DEEP = 5
 
 
-def direction(g: Graph, x: int, y: int) -> int | None:
+def direction(g: Builder, x: int, y: int) -> int | None:
     """Give x/y where y is a size of a factor of x, or x of y, else None."""
     if g.ops[x] == "abs" and y in _either(g, g.args[x][0]):
         return g.call("sign", y)
@@ -31,7 +31,7 @@ def direction(g: Graph, x: int, y: int) -> int | None:
     return None
 
 
-def directed_product(g: Graph, x: int, y: int) -> int | None:
+def directed_product(g: Builder, x: int, y: int) -> int | None:
     """Give x y where one of them divides by a size of a factor of the other."""
     for a, b in ((x, y), (y, x)):
         op, args = g.ops[b], g.args[b]
@@ -47,11 +47,11 @@ def directed_product(g: Graph, x: int, y: int) -> int | None:
     return None
 
 
-def _either(g: Graph, u: int) -> tuple[int, int]:
+def _either(g: Builder, u: int) -> tuple[int, int]:
     return u, g.call("neg", u)
 
 
-def _signed(g: Graph, u: int, q: float) -> int:
+def _signed(g: Builder, u: int, q: float) -> int:
     """Give u/|u|^q."""
     sign = g.call("sign", u)
     if q == 1.0:
@@ -60,7 +60,7 @@ def _signed(g: Graph, u: int, q: float) -> int:
     return g.call("mul", sign, power)
 
 
-def _size_in(g: Graph, y: int, depth: int = DEEP) -> tuple[int, int | None, float]:
+def _size_in(g: Builder, y: int, depth: int = DEEP) -> tuple[int, int | None, float]:
     """Give what else is a factor of y, u, and q where |u|^q is one."""
     op, args = g.ops[y], g.args[y]
     if op == "mul" and depth:
@@ -84,7 +84,7 @@ def _size_in(g: Graph, y: int, depth: int = DEEP) -> tuple[int, int | None, floa
     return g.one, None, 0.0
 
 
-def _without(g: Graph, x: int, u: int, depth: int = DEEP) -> int | None:
+def _without(g: Builder, x: int, u: int, depth: int = DEEP) -> int | None:
     """Give x/u where u is seen to be a factor of x."""
     if x == u:
         return g.one

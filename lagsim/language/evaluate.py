@@ -82,6 +82,5 @@ def _with_error(op: str, args: list[tuple[Any, float]]) -> tuple[Any, float]:
         for corner in product(*((x - e, x + e) if e else (x,) for x, e in args)):
             change = abs(row(*corner) - value)
             inherited = max(inherited, change if change == change else 0.0)
-    exact = op in ("neg", "abs", "sign", "if", "min", "max", "floor", "ceil")
-    fresh = 0.0 if exact else 2.0 * UNIT_ROUNDOFF * abs(value)
+    fresh = 2.0 * UNIT_ROUNDOFF * abs(value) if row.rounds else 0.0
     return value, inherited + (fresh if math.isfinite(fresh) else 0.0)

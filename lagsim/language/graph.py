@@ -8,14 +8,14 @@ no algorithm on the graph recurses.
 from __future__ import annotations
 
 import math
-import sys
 from typing import TYPE_CHECKING
 
-from lagsim.language.directions import directed_product, direction
 from lagsim.language.functions import OPERATIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping
+    from collections.abc import Collection, Iterable, Mapping
+
+    from lagsim.language.functions.row import Function
 
 CONSTANT = "constant"
 VARIABLE = "variable"
@@ -47,12 +47,13 @@ class Graph:
     def __len__(self) -> int:
         return len(self.ops)
 
-    def _node(
+    def kept(
         self,
         op: str,
         args: tuple[int, ...] = (),
         payload: float | str | bool | None = None,
     ) -> int:
+        """Give the node of `op` on `args` as it is, or of a leaf."""
         key = (op, *args) if payload is None else (op, payload)
         known = self._known.get(key)
         if known is not None:
@@ -67,15 +68,15 @@ class Graph:
 
     def constant(self, x: float) -> int:
         """Give the node of the number `x`."""
-        return self._node(CONSTANT, payload=float(x) + 0.0)  # -0.0 becomes 0.0
+        return self.kept(CONSTANT, payload=float(x) + 0.0)  # -0.0 becomes 0.0
 
     def truth(self, x: bool) -> int:
         """Give the node of a truth value."""
-        return self._node(TRUTH, payload=bool(x))
+        return self.kept(TRUTH, payload=bool(x))
 
     def variable(self, name: str) -> int:
         """Give the node of the variable `name`, the same one each time."""
-        return self._node(VARIABLE, payload=name)
+        return self.kept(VARIABLE, payload=name)
 
     def value(self, node: int) -> float | None:
         """Give the number that `node` is, or None if it is not a constant."""
@@ -94,21 +95,21 @@ class Graph:
 
         Folding never raises: what has no finite value stays an operation.
         """
-        simple = _SIMPLER.get(op)
-        found = simple(self, *args) if simple else None
+        row = OPERATIONS[op]
+        found = row.simpler(self, *args) if row.simpler else None
         if found is None:
-            found = self._folded(op, args)
+            found = self._folded(row, args)
         if found is not None:
             return found
-        if op in _COMMUTATIVE and args[0] > args[1]:
+        if row.commutes and args[0] > args[1]:
             args = (args[1], args[0])
-        return self._node(op, args)
+        return self.kept(op, args)
 
-    def _folded(self, op: str, args: tuple[int, ...]) -> int | None:
+    def _folded(self, row: Function, args: tuple[int, ...]) -> int | None:
         if any(self.ops[a] not in (CONSTANT, TRUTH) for a in args):
             return None
-        value = OPERATIONS[op](*(self._payload[a] for a in args))
-        if OPERATIONS[op].condition:
+        value = row(*(self._payload[a] for a in args))
+        if row.condition:
             return self.truth(value)
         return self.constant(value) if math.isfinite(value) else None
 
@@ -225,135 +226,3 @@ def _summed(one: frozenset[int], other: frozenset[int]) -> frozenset[int]:
         return sums
     beyond = (MOST_DEGREE + 1, MOST_DEGREE + 2)
     return frozenset(i for i in sums if i <= MOST_DEGREE).union(beyond)
-
-
-_COMMUTATIVE = frozenset(("add", "mul", "and", "or", "hypot"))
-
-
-def _add(g: Graph, x: int, y: int) -> int | None:
-    if x == g.zero:
-        return y
-    if y == g.zero:
-        return x
-    if g.ops[y] == "neg":
-        return g.call("sub", x, g.args[y][0])
-    if g.ops[x] == "neg":
-        return g.call("sub", y, g.args[x][0])
-    return None
-
-
-def _sub(g: Graph, x: int, y: int) -> int | None:
-    if y == g.zero:
-        return x
-    if x == g.zero:
-        return g.call("neg", y)
-    if x == y:
-        return g.zero
-    if g.ops[y] == "neg":
-        return g.call("add", x, g.args[y][0])
-    return None
-
-
-def _mul(g: Graph, x: int, y: int) -> int | None:
-    if g.value(x) is None:
-        x, y = y, x
-    c = g.value(x)
-    if c is not None:
-        return _scaled(g, c, x, y)
-    if g.ops[x] == "neg":
-        return g.call("neg", g.call("mul", g.args[x][0], y))
-    if g.ops[y] == "neg":
-        return g.call("neg", g.call("mul", x, g.args[y][0]))
-    return directed_product(g, x, y)
-
-
-def _scaled(g: Graph, c: float, x: int, y: int) -> int | None:
-    """Simplify c * y, where `x` is the node of c."""
-    if c == 0.0:
-        return g.zero
-    if c == 1.0:
-        return y
-    if c == -1.0:
-        return g.call("neg", y)
-    if g.ops[y] == "neg":
-        return g.call("mul", g.constant(-c), g.args[y][0])
-    if g.ops[y] == "mul":
-        inner = g.value(g.args[y][0])
-        if inner is not None and _is_normal(c * inner):
-            return g.call("mul", g.constant(c * inner), g.args[y][1])
-    if g.ops[y] not in (CONSTANT, TRUTH) and y < x:
-        return g._node("mul", (x, y))  # noqa: SLF001  the constant comes first
-    return None
-
-
-def _is_normal(x: float) -> bool:
-    """Tell whether `x` has all its digits, neither overflown nor underflown."""
-    return sys.float_info.min <= abs(x) <= sys.float_info.max
-
-
-def _div(g: Graph, x: int, y: int) -> int | None:
-    if x == g.zero and y != g.zero:
-        return g.zero
-    if x == y and x != g.zero:
-        return g.one
-    signed = direction(g, x, y)
-    if signed is not None:
-        return signed
-    if g.ops[x] == "neg":
-        return g.call("neg", g.call("div", g.args[x][0], y))
-    if g.ops[y] == "neg":
-        return g.call("neg", g.call("div", x, g.args[y][0]))
-    c = g.value(y)
-    if c is not None and c != 0.0 and math.frexp(c)[0] in (0.5, -0.5):
-        reciprocal = 1.0 / c
-        if math.isfinite(reciprocal):  # exact for a power of two
-            return g.call("mul", g.constant(reciprocal), x)
-    return None
-
-
-def _neg(g: Graph, x: int) -> int | None:
-    if g.ops[x] == "neg":
-        return g.args[x][0]
-    if g.ops[x] == "sub":
-        return g.call("sub", g.args[x][1], g.args[x][0])
-    if g.ops[x] == "mul":
-        c = g.value(g.args[x][0])
-        if c is not None:
-            return g.call("mul", g.constant(-c), g.args[x][1])
-    return None
-
-
-def _pow(g: Graph, x: int, y: int) -> int | None:
-    exponent = g.value(y)
-    if exponent == 0.0 or x == g.one:
-        return g.one
-    if exponent == 1.0:
-        return x
-    if exponent == 0.5:
-        return g.call("sqrt", x)
-    if exponent is not None and exponent % 2 == 0 and g.ops[x] == "neg":
-        return g.call("pow", g.args[x][0], y)
-    return None
-
-
-def _if(g: Graph, condition: int, x: int, y: int) -> int | None:
-    if g.ops[condition] == TRUTH:
-        return x if g.payload(condition) else y
-    return x if x == y else None
-
-
-def _extreme(_: Graph, x: int, y: int) -> int | None:
-    return x if x == y else None
-
-
-_SIMPLER: dict[str, Callable[..., int | None]] = {
-    "add": _add,
-    "sub": _sub,
-    "mul": _mul,
-    "div": _div,
-    "neg": _neg,
-    "pow": _pow,
-    "if": _if,
-    "min": _extreme,
-    "max": _extreme,
-}

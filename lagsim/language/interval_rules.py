@@ -1,41 +1,33 @@
-"""The interval rule of each row of the functions table, over many intervals at once.
+"""Enclosures of each function's values, over many intervals at once.
 
-A rule gives an enclosure of the function's values; what is rounded is rounded outward.
+The rows of the table make their rules of these, and of numpy, which is not needed
+before. What is rounded is rounded outward.
 """
 
 from __future__ import annotations
 
 import math
+import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.language.intervals import Flags, Floats, Interval, interval
+from lagsim.language.functions import OPERATIONS
+from lagsim.language.intervals import (
+    Flags,
+    Floats,
+    Interval,
+    exact_or_next,
+    interval,
+    outward,
+    outward_but_zero,
+    select,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-# Libraries differ in the last places of sin, pow, ...: four units are allowed for.
-SLACK = 2.0**-50
-TINY = math.ulp(0.0)
-LARGEST = np.finfo(np.float64).max
-
-
-def _outward(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
-    """Widen by the slack of library functions; an infinite overflow is undone."""
-    low = np.minimum(lo, LARGEST)
-    high = np.maximum(hi, -LARGEST)
-    return low - (np.abs(low) * SLACK + TINY), high + (np.abs(high) * SLACK + TINY)
-
-
-def _outward_but_zero(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
-    """Widen as `_outward`, for functions whose zeros are exact."""
-    low, high = _outward(lo, hi)
-    return np.where(lo == 0.0, 0.0, low), np.where(hi == 0.0, 0.0, high)
-
-
-def _exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
-    return np.where(exact, bound, np.nextafter(bound, toward))
+    from lagsim.language.functions.row import Function
 
 
 # ------------------------------------------------------------------- operators
@@ -48,12 +40,13 @@ def _error_of_sum(a: Floats, b: Floats, total: Floats) -> Floats:
     return error
 
 
-def _add(x: Interval, y: Interval) -> Interval:
+def add(x: Interval, y: Interval) -> Interval:
+    """Enclose x + y."""
     lo, hi = x.lo + y.lo, x.hi + y.hi
     clash = (x.hi == math.inf) & (y.lo == -math.inf)
     clash |= (x.lo == -math.inf) & (y.hi == math.inf)
-    lo = _exact_or_next(lo, _error_of_sum(x.lo, y.lo, lo) == 0.0, -math.inf)
-    hi = _exact_or_next(hi, _error_of_sum(x.hi, y.hi, hi) == 0.0, math.inf)
+    lo = exact_or_next(lo, _error_of_sum(x.lo, y.lo, lo) == 0.0, -math.inf)
+    hi = exact_or_next(hi, _error_of_sum(x.hi, y.hi, hi) == 0.0, math.inf)
     return interval(
         np.where(np.isnan(lo), -math.inf, lo),
         np.where(np.isnan(hi), math.inf, hi),
@@ -61,8 +54,14 @@ def _add(x: Interval, y: Interval) -> Interval:
     )
 
 
-def _neg(x: Interval) -> Interval:
+def neg(x: Interval) -> Interval:
+    """Enclose -x."""
     return interval(-x.hi, -x.lo)
+
+
+def sub(x: Interval, y: Interval) -> Interval:
+    """Enclose x - y."""
+    return add(x, neg(y))
 
 
 def _corners(
@@ -92,12 +91,13 @@ def _one_sided(
     opposite = (x.lo >= 0.0) & (y.hi <= 0.0) | (x.hi <= 0.0) & (y.lo >= 0.0)
     nothing = (x.lo == 0.0) & (x.hi == 0.0) | (y.lo == 0.0) & (y.hi == 0.0)
     return (
-        _exact_or_next(lo, nothing | (lo == 0.0) & alike, -math.inf),
-        _exact_or_next(hi, nothing | (hi == 0.0) & opposite, math.inf),
+        exact_or_next(lo, nothing | (lo == 0.0) & alike, -math.inf),
+        exact_or_next(hi, nothing | (hi == 0.0) & opposite, math.inf),
     )
 
 
-def _mul(x: Interval, y: Interval) -> Interval:
+def mul(x: Interval, y: Interval) -> Interval:
+    """Enclose x*y."""
     lo, hi = _corners(np.multiply, x, y)
     whole = _whole(x) & _whole(y)
     low, high = _one_sided(lo, hi, x, y)
@@ -106,11 +106,12 @@ def _mul(x: Interval, y: Interval) -> Interval:
 
 
 def _square(x: Interval) -> Interval:
-    size = _abs(x)
-    return _strict(_mul)(size, size)
+    size = magnitude(x)
+    return _strict(mul)(size, size)
 
 
-def _div(x: Interval, y: Interval) -> Interval:
+def div(x: Interval, y: Interval) -> Interval:
+    """Enclose x/y."""
     pole = y.has_zero  # also at an end: x / 0 is infinite with either sign
     lo, hi = _one_sided(*_corners(np.divide, x, y), x, y)
     return interval(
@@ -121,10 +122,11 @@ def _div(x: Interval, y: Interval) -> Interval:
     )
 
 
-def _pow(x: Interval, y: Interval) -> Interval:
+def power(x: Interval, y: Interval) -> Interval:
+    """Enclose x^y."""
     whole = (y.lo == y.hi) & (np.floor(y.lo) == y.lo) & np.isfinite(y.lo)
     by_whole, by_real = _whole_power(x, y.lo), _real_power(x, y)
-    return _select(whole, by_whole, by_real)
+    return select(whole, by_whole, by_real)
 
 
 def _whole_power(x: Interval, n: Floats) -> Interval:
@@ -135,7 +137,7 @@ def _whole_power(x: Interval, n: Floats) -> Interval:
     lo = np.where(even & inside & (n > 0.0), 0.0, np.minimum(a, b))
     lo = np.where(pole & ~even, -math.inf, lo)
     hi = np.where(pole, math.inf, np.maximum(a, b))
-    low, high = _outward(lo, hi)
+    low, high = outward(lo, hi)
     exact = _whole(x) & (n > 0.0) & (np.maximum(np.abs(lo), np.abs(hi)) < 2.0**52)
     low, high = np.where(exact, lo, low), np.where(exact, hi, high)
     ones = n == 0.0
@@ -146,14 +148,14 @@ def _whole_power(x: Interval, n: Floats) -> Interval:
 def _real_power(x: Interval, y: Interval) -> Interval:
     """Give x^y, a real number for x >= 0 only, or where y happens to be whole."""
     base = interval(np.maximum(x.lo, 0.0), np.maximum(x.hi, 0.0))
-    lo, hi = _outward(*_corners(np.power, base, y))
+    lo, hi = outward(*_corners(np.power, base, y))
     lo = np.maximum(lo, 0.0)
     negative = x.lo < 0.0
     pole = (x.lo <= 0.0) & (y.lo <= 0.0)
     moving = y.lo < y.hi
     # A negative base with a moving exponent: any whole exponent on the way counts.
     size = interval(np.zeros_like(x.lo), np.maximum(np.abs(x.lo), np.abs(x.hi)))
-    _, largest = _outward(*_corners(np.power, size, y))
+    _, largest = outward(*_corners(np.power, size, y))
     stray = negative & moving
     nowhere = (x.hi < 0.0) & ~moving
     return interval(
@@ -181,40 +183,53 @@ def _comparison(
     return rule
 
 
-def _if(c: Interval, x: Interval, y: Interval) -> Interval:
+lt = _comparison(lambda x, y: x.hi < y.lo, lambda x, y: x.lo >= y.hi)
+le = _comparison(lambda x, y: x.hi <= y.lo, lambda x, y: x.lo > y.hi)
+gt = _comparison(lambda x, y: x.lo > y.hi, lambda x, y: x.hi <= y.lo)
+ge = _comparison(lambda x, y: x.lo >= y.hi, lambda x, y: x.hi < y.lo)
+
+
+def both(x: Interval, y: Interval) -> Interval:
+    """Enclose `x and y`."""
+    return interval(np.minimum(x.lo, y.lo), np.minimum(x.hi, y.hi))
+
+
+def either(x: Interval, y: Interval) -> Interval:
+    """Enclose `x or y`."""
+    return interval(np.maximum(x.lo, y.lo), np.maximum(x.hi, y.hi))
+
+
+def contrary(x: Interval) -> Interval:
+    """Enclose `not x`."""
+    return interval(1.0 - x.hi, 1.0 - x.lo)
+
+
+def choice(c: Interval, x: Interval, y: Interval) -> Interval:
+    """Enclose if(c, x, y)."""
     hull = interval(
         np.fmin(x.lo, y.lo),
         np.fmax(x.hi, y.hi),
         x.partial | y.partial | (x.undefined ^ y.undefined),
         jumps=True,
     )
-    return _select(c.lo == 1.0, x, _select(c.hi == 0.0, y, hull))
-
-
-def _select(which: Flags, x: Interval, y: Interval) -> Interval:
-    return Interval(
-        np.where(which, x.lo, y.lo),
-        np.where(which, x.hi, y.hi),
-        np.where(which, x.partial, y.partial),
-        np.where(which, x.jumps, y.jumps),
-    )
+    return select(c.lo == 1.0, x, select(c.hi == 0.0, y, hull))
 
 
 # ------------------------------------------------------------------- functions
 
 
-def _increasing(f: Any) -> Callable[[Interval], Interval]:
+def increasing(f: Any) -> Callable[[Interval], Interval]:
     """Give the rule of an increasing function, defined everywhere, exact zeros."""
-    return lambda x: interval(*_outward_but_zero(f(x.lo), f(x.hi)))
+    return lambda x: interval(*outward_but_zero(f(x.lo), f(x.hi)))
 
 
-def _on(
+def on(
     f: Any, least: float, most: float = math.inf, *, open_end: bool = False
 ) -> Callable[[Interval], Interval]:
     """Give the rule of an increasing function defined from `least` to `most`."""
 
     def rule(x: Interval) -> Interval:
-        lo, hi = _outward_but_zero(
+        lo, hi = outward_but_zero(
             f(np.clip(x.lo, least, most)), f(np.clip(x.hi, least, most))
         )
         nowhere = (x.hi < least) | (x.lo > most)
@@ -228,9 +243,9 @@ def _on(
     return rule
 
 
-def _sqrt(x: Interval) -> Interval:
+def sqrt(x: Interval) -> Interval:
     """Give the root, exact where it is a whole number."""
-    root = _on(np.sqrt, 0.0)(x)
+    root = on(np.sqrt, 0.0)(x)
     lo, hi = np.sqrt(np.maximum(x.lo, 0.0)), np.sqrt(np.maximum(x.hi, 0.0))
     exact_lo = (np.floor(lo) == lo) & (lo < 2.0**26) & (lo * lo == x.lo)
     exact_hi = (np.floor(hi) == hi) & (hi < 2.0**26) & (hi * hi == x.hi)
@@ -240,14 +255,16 @@ def _sqrt(x: Interval) -> Interval:
     )  # fmt: skip
 
 
-def _exp(x: Interval) -> Interval:
-    lo, hi = _outward(np.exp(x.lo), np.exp(x.hi))
+def exp(x: Interval) -> Interval:
+    """Enclose exp(x)."""
+    lo, hi = outward(np.exp(x.lo), np.exp(x.hi))
     return interval(np.maximum(lo, 0.0), hi)
 
 
-def _acos(x: Interval) -> Interval:
-    mirrored = _on(np.arccos, -1.0, 1.0)(x)
-    lo, hi = _outward_but_zero(
+def acos(x: Interval) -> Interval:
+    """Enclose acos(x)."""
+    mirrored = on(np.arccos, -1.0, 1.0)(x)
+    lo, hi = outward_but_zero(
         np.arccos(np.clip(x.hi, -1.0, 1.0)), np.arccos(np.clip(x.lo, -1.0, 1.0))
     )
     nowhere = mirrored.undefined
@@ -266,10 +283,12 @@ def _meets(x: Interval, first: float, period: float) -> Flags:
     return flags
 
 
-def _wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
+def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
+    """Give the rule of a wave between -1 and 1, with a crest and a trough there."""
+
     def rule(x: Interval) -> Interval:
         a, b = f(x.lo), f(x.hi)
-        lo, hi = _outward_but_zero(np.fmin(a, b), np.fmax(a, b))
+        lo, hi = outward_but_zero(np.fmin(a, b), np.fmax(a, b))
         return interval(
             np.where(_meets(x, trough, math.tau), -1.0, np.maximum(lo, -1.0)),
             np.where(_meets(x, crest, math.tau), 1.0, np.minimum(hi, 1.0)),
@@ -279,40 +298,45 @@ def _wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]
     return rule
 
 
-def _tan(x: Interval) -> Interval:
+def tan(x: Interval) -> Interval:
+    """Enclose tan(x)."""
     pole = _meets(x, math.pi / 2, math.pi)
-    lo, hi = _outward_but_zero(np.tan(x.lo), np.tan(x.hi))
+    lo, hi = outward_but_zero(np.tan(x.lo), np.tan(x.hi))
     return interval(
         np.where(pole, -math.inf, lo), np.where(pole, math.inf, hi), x.unbounded, pole
     )
 
 
-def _abs(x: Interval) -> Interval:
+def magnitude(x: Interval) -> Interval:
+    """Enclose |x|."""
     least = np.where(x.has_zero, 0.0, np.minimum(np.abs(x.lo), np.abs(x.hi)))
     return interval(least, np.maximum(np.abs(x.lo), np.abs(x.hi)))
 
 
-def _cosh(x: Interval) -> Interval:
-    size = _abs(x)
-    lo, hi = _outward(np.cosh(size.lo), np.cosh(size.hi))
+def cosh(x: Interval) -> Interval:
+    """Enclose cosh(x)."""
+    size = magnitude(x)
+    lo, hi = outward(np.cosh(size.lo), np.cosh(size.hi))
     return interval(np.maximum(lo, 1.0), hi)
 
 
-def _hypot(x: Interval, y: Interval) -> Interval:
-    a, b = _abs(x), _abs(y)
-    lo, hi = _outward_but_zero(np.hypot(a.lo, b.lo), np.hypot(a.hi, b.hi))
+def hypot(x: Interval, y: Interval) -> Interval:
+    """Enclose hypot(x, y)."""
+    a, b = magnitude(x), magnitude(y)
+    lo, hi = outward_but_zero(np.hypot(a.lo, b.lo), np.hypot(a.hi, b.hi))
     return interval(lo, hi)
 
 
-def _atan2(y: Interval, x: Interval) -> Interval:
+def atan2(y: Interval, x: Interval) -> Interval:
+    """Enclose atan2(y, x)."""
     origin = y.has_zero & x.has_zero
     cut = (y.lo < 0.0) & (y.hi >= 0.0) & (x.lo <= 0.0) | origin
-    lo, hi = _outward(*_corners(np.arctan2, y, x))
+    lo, hi = outward(*_corners(np.arctan2, y, x))
     lo, hi = np.maximum(lo, -math.pi), np.minimum(hi, math.pi)
     return interval(np.where(cut, -math.pi, lo), np.where(cut, math.pi, hi), False, cut)
 
 
-def _step(f: Any) -> Callable[[Interval], Interval]:
+def step(f: Any) -> Callable[[Interval], Interval]:
     """Give the rule of an increasing function of steps."""
 
     def rule(x: Interval) -> Interval:
@@ -322,7 +346,7 @@ def _step(f: Any) -> Callable[[Interval], Interval]:
     return rule
 
 
-def _extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
+def extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
     """Give the rule of min or max: y where it wins, and x where either is nan."""
 
     def rule(x: Interval, y: Interval) -> Interval:
@@ -330,7 +354,7 @@ def _extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
         lo = np.where(y.partial, np.fmin(lo, x.lo), lo)
         hi = np.where(y.partial, np.fmax(hi, x.hi), hi)
         decided = interval(lo, hi, x.partial, x.jumps | y.jumps | y.partial)
-        return _select(y.undefined | x.undefined, x, decided)
+        return select(y.undefined | x.undefined, x, decided)
 
     return rule
 
@@ -351,49 +375,10 @@ def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
     return whole
 
 
-RULES: dict[str, Callable[..., Interval]] = {
-    "lt": _comparison(lambda x, y: x.hi < y.lo, lambda x, y: x.lo >= y.hi),
-    "le": _comparison(lambda x, y: x.hi <= y.lo, lambda x, y: x.lo > y.hi),
-    "gt": _comparison(lambda x, y: x.lo > y.hi, lambda x, y: x.hi <= y.lo),
-    "ge": _comparison(lambda x, y: x.lo >= y.hi, lambda x, y: x.hi < y.lo),
-    "and": lambda x, y: interval(np.minimum(x.lo, y.lo), np.minimum(x.hi, y.hi)),
-    "or": lambda x, y: interval(np.maximum(x.lo, y.lo), np.maximum(x.hi, y.hi)),
-    "not": lambda x: interval(1.0 - x.hi, 1.0 - x.lo),
-    "if": _if,
-    "min": _extreme(np.minimum),
-    "max": _extreme(np.maximum),
-}
-_STRICT: dict[str, Callable[..., Interval]] = {
-    "add": _add,
-    "sub": lambda x, y: _add(x, _neg(y)),
-    "mul": _mul,
-    "div": _div,
-    "neg": _neg,
-    "pow": _pow,
-    "sin": _wave(np.sin, math.pi / 2, -math.pi / 2),
-    "cos": _wave(np.cos, 0.0, math.pi),
-    "tan": _tan,
-    "asin": _on(np.arcsin, -1.0, 1.0),
-    "acos": _acos,
-    "atan": _increasing(np.arctan),
-    "atan2": _atan2,
-    "sinh": _increasing(np.sinh),
-    "cosh": _cosh,
-    "tanh": _increasing(np.tanh),
-    "asinh": _increasing(np.arcsinh),
-    "acosh": _on(np.arccosh, 1.0),
-    "atanh": _on(np.arctanh, -1.0, 1.0, open_end=True),
-    "exp": _exp,
-    "log": _on(np.log, 0.0, open_end=True),
-    "log10": _on(np.log10, 0.0, open_end=True),
-    "sqrt": _sqrt,
-    "cbrt": _increasing(np.cbrt),
-    "hypot": _hypot,
-    "abs": _abs,
-    "sign": _step(np.sign),
-    "heaviside": _step(lambda x: np.heaviside(x, 1.0)),
-    "floor": _step(np.floor),
-    "ceil": _step(np.ceil),
-}
-RULES.update((name, _strict(rule)) for name, rule in _STRICT.items())
+def _rule(row: Function) -> Callable[..., Interval]:
+    rule: Callable[..., Interval] = row.interval(sys.modules[__name__])
+    return rule if row.condition or row.branches else _strict(rule)
+
+
+RULES = {name: _rule(row) for name, row in OPERATIONS.items()}
 square = _strict(_square)

@@ -9,6 +9,7 @@ SIAM 2009.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,11 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+
+# Libraries differ in the last places of sin, pow, ...: four units are allowed for.
+SLACK = 2.0**-50
+TINY = math.ulp(0.0)
+LARGEST = np.finfo(np.float64).max
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,3 +96,31 @@ def interval(
 def point(x: float) -> Interval:
     """Give the interval of the one value `x`."""
     return interval(x, x)
+
+
+def select(which: Flags, x: Interval, y: Interval) -> Interval:
+    """Give x where `which` holds, else y."""
+    return Interval(
+        np.where(which, x.lo, y.lo),
+        np.where(which, x.hi, y.hi),
+        np.where(which, x.partial, y.partial),
+        np.where(which, x.jumps, y.jumps),
+    )
+
+
+def outward(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
+    """Widen by the slack of library functions; an infinite overflow is undone."""
+    low = np.minimum(lo, LARGEST)
+    high = np.maximum(hi, -LARGEST)
+    return low - (np.abs(low) * SLACK + TINY), high + (np.abs(high) * SLACK + TINY)
+
+
+def outward_but_zero(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
+    """Widen as `outward`, for functions whose zeros are exact."""
+    low, high = outward(lo, hi)
+    return np.where(lo == 0.0, 0.0, low), np.where(hi == 0.0, 0.0, high)
+
+
+def exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
+    """Give a bound, moved to the next number where it is not exact."""
+    return np.where(exact, bound, np.nextafter(bound, toward))

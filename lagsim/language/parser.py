@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from lagsim.language.functions import FUNCTIONS
+from lagsim.language.functions import FUNCTIONS, JOINING, OPERATIONS
 from lagsim.language.tokens import ExpressionError, Token, tokens
 
 if TYPE_CHECKING:
@@ -67,22 +67,16 @@ class ParsedRelation:
         return self.left.names + (self.right.names if self.right else ())
 
 
-# Binding powers, weakest first. Unary minus binds weaker than `^` and tighter than `*`.
+# Binding powers. Unary minus binds weaker than `^` and tighter than `*`.
 _BINARY = {
-    "or": (1, "or"),
-    "and": (2, "and"),
-    "<": (4, "lt"),
-    "<=": (4, "le"),
-    ">": (4, "gt"),
-    ">=": (4, "ge"),
-    "+": (5, "add"),
-    "-": (5, "sub"),
-    "*": (6, "mul"),
-    "/": (6, "div"),
-    "^": (8, "pow"),
-    "**": (8, "pow"),
+    row.sign.strip(): (row.binds, name)
+    for name, row in OPERATIONS.items()
+    if row.sign and row.arity == 2
 }
-_NOT, _COMPARES, _UNARY, _POWER = 3, 4, 7, 8
+_BINARY["**"] = _BINARY["^"]
+_NOT, _COMPARES, _UNARY, _POWER = (
+    OPERATIONS[name].binds for name in ("not", "lt", "neg", "pow")
+)
 
 
 @dataclass(slots=True)
@@ -234,7 +228,7 @@ class _Parser:
 
     def _apply(self, top: _Pending) -> None:
         args = self.kinds[-top.arity :]
-        wants_conditions = top.op in ("and", "or", "not")
+        wants_conditions = top.op in JOINING
         for condition, at in args:
             if condition != wants_conditions:
                 raise _wrong_kind(top.token, at, wants_conditions)

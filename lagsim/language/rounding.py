@@ -18,12 +18,6 @@ if TYPE_CHECKING:
 
     from lagsim.language.graph import Graph
 
-# What gives the digits of its argument back as they are, or none of them.
-EXACT = frozenset(("neg", "abs"))
-STEPS = frozenset(("sign", "heaviside", "floor", "ceil"))
-# Functions whose slopes are finite: elsewhere an infinite one meets an error of 0.
-STEEP = frozenset(("div", "pow", "log", "log10", "cbrt", "asin", "acos", "hypot"))
-
 
 def roundings(g: Graph, nodes: Iterable[int], moving: Collection[str]) -> list[int]:
     """Give the bound of each of `nodes`, 0 where nothing of it is `moving`."""
@@ -51,9 +45,9 @@ def addends(g: Graph, node: int) -> list[int]:
 def _bound(g: Graph, n: int, errors: Sequence[int]) -> int:
     op, args = g.ops[n], g.args[n]
     row = OPERATIONS[op]
-    if op in EXACT:
+    if row.exact:
         return errors[0]
-    if op in STEPS or row.condition:
+    if row.step or row.condition:
         return g.zero
     if row.branches:
         return g.call("if", row.branches(g, args), errors[-2], errors[-1])
@@ -66,7 +60,7 @@ def _bound(g: Graph, n: int, errors: Sequence[int]) -> int:
         if error == g.zero:
             continue
         part = g.call("mul", g.call("abs", slope), error)
-        if op in STEEP:
+        if row.steep:
             some = g.call("gt", error, g.zero)
             part = g.call("if", some, part, g.zero)
         inherited = g.call("add", inherited, part)

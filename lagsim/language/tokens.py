@@ -8,6 +8,8 @@ import unicodedata
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from lagsim.language.functions import JOINING
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -48,7 +50,6 @@ _TOKEN = re.compile(
 
 _CALL = re.compile(r"\s*\(")
 _WORD = re.compile(r"\w+")
-_WORDS = ("and", "or", "not")
 
 _WRONG = {
     "==": "write a single `=`",
@@ -86,7 +87,7 @@ def tokens(text: str) -> Iterator[Token]:
             _check_number(text, offset, word, end)
         elif kind == "name":
             _check_name(offset, word)
-            if word in _WORDS:
+            if word in JOINING:
                 kind = "operator"
             elif _CALL.match(text, end):
                 kind = "function"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.eigenmodes import eigenmodes
 from lagsim.mechanics.structure import structure
 
 if TYPE_CHECKING:
@@ -75,12 +76,11 @@ class Mode:
 
 def modes(linear: Linear) -> tuple[Mode, ...]:
     """Give the modes by rising frequency; neutral directions are left out."""
-    values, vectors = np.linalg.eig(linear.R)
-    largest = float(np.max(np.abs(values), initial=0.0))
+    moving = eigenmodes(linear.R, lambda x: x > ZERO * np.max(x, initial=0.0))
     found = []
     k = linear.Zh.shape[1]
-    for value, vector in zip(values, vectors.T, strict=True):
-        if abs(value) <= ZERO * largest or value.imag < 0.0:
+    for value, vector in zip(moving.values, moving.right.T, strict=True):
+        if value.imag < 0.0:
             continue
         shape = linear.Zh @ vector[:k].astype(complex)
         top = shape[np.argmax(np.abs(shape))] if len(shape) else 1.0

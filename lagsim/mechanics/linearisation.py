@@ -17,7 +17,7 @@ local coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,12 +25,8 @@ from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import evaluate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Complexes, Floats
     from lagsim.mechanics.equations import Equations
-
-    Complexes: TypeAlias = NDArray[np.complex128]
 
 # Rows more dependent than this count as dependent.
 DEPENDENT = 1e-10

@@ -64,7 +64,7 @@ class Scale:
         *,
         bare: bool = False,
     ) -> Array:
-        """Give Axes this range and about `most` ticks; return where. `bare`: no numbers."""
+        """Give Axes this range and about `most` ticks, where they are; `bare`: unnumbered."""
         axis: Axis = axes.xaxis if direction == "x" else axes.yaxis
         kind = "log" if self.log else "linear"
         if axis.get_scale() != kind:

@@ -54,9 +54,6 @@ STAGES = 12
 SOLVES = 4
 # Operations of a step on each component of the state, per evaluation.
 PER_COMPONENT = 16
-# What operations cost, in additions (measured: sin 18, exp 15, a division 4).
-WEIGHTS = {"div": 4, "sqrt": 4, "pow": 3}
-TRANSCENDENTAL = 16
 # A reduction is taken where the cost of a step falls below this part of the whole's.
 # Without constraints less is saved than operations tell (the heavy top, two of three
 # coordinates ignorable: 0.7 of the operations, 0.95 of the time).
@@ -305,10 +302,7 @@ def _varying(equations: Equations, nodes: list[int]) -> set[int]:
 
 def _weight(op: str) -> int:
     row = OPERATIONS.get(op)
-    if row is None:
-        return 0  # a number or a variable
-    simple = row.condition or row.switch or op in ("add", "sub", "mul", "neg")
-    return WEIGHTS.get(op, 1 if simple else TRANSCENDENTAL)
+    return row.cost if row else 0  # a number or a variable
 
 
 def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:

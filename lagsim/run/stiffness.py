@@ -13,10 +13,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.mechanics.eigenmodes import eigenmodes, weighted
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method
@@ -27,7 +28,7 @@ from lagsim.run.states import LONG, MOST_STEPS, SERIES
 from lagsim.run.system import System
 
 if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.run.arc import Arc
 
@@ -167,7 +168,7 @@ class Stiffness(Source):
             return GO_ON
         values = linear.eigenvalues()
         speeds = np.abs(values)
-        fast = speeds >= FAST * np.max(speeds, initial=0.0)
+        fast = _fast(speeds)
         damped = np.any(values.real[fast] < -OSCILLATING * speeds[fast])
         return self._considered(arc) if damped else GO_ON
 
@@ -207,21 +208,16 @@ def _fastest(arc: Arc) -> Fast | None:
     if not np.all(np.isfinite(J)):
         return None
     whole = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), J])
-    values, right = _fast_modes(whole)
-    _, left = _fast_modes(whole.T)
+    modes = eigenmodes(whole, _fast)
     masses = arc.masses
-    shape = np.abs(right[:n]) * np.sqrt(masses)[:, None]
-    shape /= np.maximum(np.max(shape, axis=0), 1e-300)
-    heavy = np.max(shape, axis=1) > 0.5
+    heavy = np.max(weighted(modes.right[:n], masses), axis=1) > 0.5
     names = arc.system.equations.q
     where = tuple(q for q, is_in in zip(names, heavy, strict=True) if is_in)
-    # Of y' itself: how fast the state moves along each of them. Left and right ones of
-    # equal eigenvalues need not come in pairs.
+    # Of y' itself: how fast the state moves along each of them.
     rates = arc.runner.function("derivative")(arc.t, arc.y)[: 2 * n]
-    amplitudes = np.linalg.lstsq(left.T @ right, left.T @ rates, rcond=None)[0]
-    swinging = -values.real < OSCILLATING * np.abs(values)
-    moving = np.abs(right[:n]) @ np.abs(amplitudes * swinging)
-    rate = float(np.max(np.abs(values)))
+    swinging = np.abs(modes.amplitudes(rates)) * modes.swing(OSCILLATING)
+    moving = np.abs(modes.right[:n]) @ swinging
+    rate = float(np.max(np.abs(modes.values)))
     excited = rate > 0.0 and _is_excited(arc, masses * moving**2, masses, J, rate)
     return Fast(rate, where, excited)
 
@@ -251,12 +247,10 @@ def _is_excited(
     return bool(np.any(linked @ fast > EXCITED * whole))
 
 
-def _fast_modes(matrix: Floats) -> tuple[Any, Any]:
-    """Give the large eigenvalues (k,) and their vectors (2 n, k)."""
-    values, vectors = np.linalg.eig(matrix)
-    speeds = np.abs(values)
-    fast = speeds >= FAST * np.max(speeds)  # all of them where none moves
-    return values[fast], vectors[:, fast]
+def _fast(speeds: Floats) -> Flags:
+    """Tell which rates are large: all of them where none moves."""
+    fast: Flags = speeds >= FAST * np.max(speeds, initial=0.0)
+    return fast
 
 
 def _trial(arc: Arc) -> tuple[at.State, at.State]:

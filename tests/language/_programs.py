@@ -31,7 +31,7 @@ class AsWritten(Graph):
     """A graph that keeps every operation as written, for running error analysis."""
 
     def call(self, op: str, *args: int) -> int:
-        return self._node(op, args)
+        return self.kept(op, args)
 
 
 class OutsideError(Exception):

@@ -31,21 +31,18 @@ if TYPE_CHECKING:
 
     from lagsim.mechanics.equations import Equations
 
+# The momentum of a coordinate becomes a parameter, or a column, of this name.
+MOMENTUM = "momentum."
+
 
 def momentum_of(coordinate: str) -> str:
     """Give the name of the parameter that the momentum of a coordinate becomes."""
-    return f"momentum.{coordinate}"
+    return MOMENTUM + coordinate
 
 
-def ignorable(equations: Equations) -> list[int]:
-    """Give the coordinates whose momentum is conserved, as far as the graph shows it.
-
-    At least one other coordinate is left. None where the action is integrated, which
-    needs all velocities.
-    """
+def conserved(equations: Equations) -> list[int]:
+    """Give the coordinates whose momentum is kept, as far as the graph shows it."""
     e, g = equations, equations.graph
-    if e.quadratures:
-        return []
     nodes = [*e.mass_entries.values(), *e.f, e.energy, *e.momenta]
     nodes += [] if e.power is None else [e.power]
     for row in e.rows:
@@ -62,11 +59,21 @@ def ignorable(equations: Equations) -> list[int]:
     # f = -(d/dt dL/dq' at q'' = 0) there, and nothing else.
     flow = Flow(g, e.q, e.velocities).forward
     flows = tangent(g, [e.momenta[c] for c in found], flow)
-    free = [
+    return [
         c
         for c, rate in zip(found, flows, strict=True)
         if e.f[c] == g.call("sub", g.zero, rate)
     ]
+
+
+def ignorable(equations: Equations) -> list[int]:
+    """Give the coordinates that the motion of the others can do without.
+
+    At least one other coordinate is left. None where the action is integrated, which
+    needs all velocities.
+    """
+    e, g = equations, equations.graph
+    free = [] if e.quadratures else conserved(e)
     among = frozenset(e.velocities[c] for c in free)
     if g.depends([e.M[c][d] for c in free for d in free]) & among:
         return []

@@ -20,13 +20,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from lagsim.language.evaluate import evaluate
-from lagsim.language.functions import OPERATIONS
+from lagsim.language.functions import JOINING, OPERATIONS, STEPS
 from lagsim.mechanics.switches.roots import ROOTS, Roots
 from lagsim.mechanics.switches.shown import Shown
 from lagsim.mechanics.switches.surfaces import (
-    DECIDED_BY,
-    JOINING,
-    STEPS,
     WHOLE,
     Side,
     oriented,
@@ -134,8 +131,8 @@ class Switches:
         op, args = self.graph.ops[n], self.graph.args[n]
         if not self._sides_of or not args:
             return None
-        if op in DECIDED_BY:
-            n = self.graph.call(DECIDED_BY[op], *args)
+        if step := OPERATIONS[op].decided_by:
+            n = self.graph.call(step, *args)
         return self._sides_of.get(n)
 
     def _on_a_side(
@@ -143,7 +140,7 @@ class Switches:
     ) -> int:
         """Give switch `n` on the frozen `args`, decided by its side."""
         g, op = self.graph, self.graph.ops[n]
-        value = stepped(g, DECIDED_BY.get(op, op), variable, sign)
+        value = stepped(g, OPERATIONS[op].decided_by or op, variable, sign)
         if op == "abs":
             return g.call("mul", value, args[0])
         if op == "cbrt":
@@ -178,7 +175,8 @@ class Switches:
         g = self.graph
         op = g.ops[n]
         args = (self._roots.floored(n, args[0]), *args[1:])
-        inside = _domain(g, op, args)
+        domain = OPERATIONS[op].domain
+        inside = domain(g, args) if domain else None
         if inside is None or self._roots.floor(n) is not None:
             return g.call(op, *args)
         (plain,) = replace(self, _sides_of={}).freeze([g.args[n][0]])
@@ -225,20 +223,6 @@ def prevailing(
 
 def _same(a: float, b: float) -> bool:
     return a == b or (math.isnan(a) and math.isnan(b))
-
-
-def _domain(g: Graph, op: str, args: tuple[int, ...]) -> int | None:
-    """Give the condition under which a function has a value; None: always has one."""
-    x = args[0]
-    if op == "pow":
-        exponent = g.value(args[1])
-        if exponent is not None and exponent == math.floor(exponent):
-            return None
-    if op in ("pow", "sqrt", "log", "log10"):
-        return g.call("ge", x, g.zero)
-    if op in ("asin", "acos", "atanh"):
-        return g.call("le", g.call("abs", x), g.one)
-    return g.call("ge", x, g.one) if op == "acosh" else None
 
 
 def _frozen(g: Graph, op: str, args: tuple[int, ...], mode: int) -> int:
@@ -373,7 +357,7 @@ class _Finder:
         return args
 
     def _discrete(self, n: int, op: str, args: tuple[int, ...]) -> int:
-        return n if op in STEPS else self.g.call(DECIDED_BY[op], *args)
+        return n if op in STEPS else self.g.call(OPERATIONS[op].decided_by, *args)
 
 
 def _is_guard(g: Graph, n: int) -> bool:

@@ -13,6 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from lagsim.language.functions import CHOOSING
+
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
 
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
 
 # What has no derivatives at 0.
 ROOTS = ("pow", "sqrt", "cbrt")
-CHOOSING = ("min", "max", "if")
 
 
 @dataclass(frozen=True, slots=True)

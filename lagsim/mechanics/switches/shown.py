@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.mechanics.switches.roots import CHOOSING
+from lagsim.language.functions import CHOOSING, JOINING, OPERATIONS, STEPS
 from lagsim.mechanics.switches.surfaces import (
-    DECIDED_BY,
-    JOINING,
-    STEPS,
     Side,
     between,
     share,
@@ -97,7 +94,7 @@ class Shown:
         condition, *branches = g.args[inner]
         if op != "if":
             branches = list(g.args[inner])
-            condition = g.call(DECIDED_BY[op], *branches)
+            condition = g.call(OPERATIONS[op].decided_by, *branches)
         roots = [
             g.call(g.ops[n], self.roots.floored(n, self.done[x]), *args[1:])
             for x in branches

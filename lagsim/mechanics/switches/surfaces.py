@@ -12,14 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from lagsim.language.functions import JOINING, STEPS
+
 if TYPE_CHECKING:
     from lagsim.language.graph import Graph
 
-JOINING = ("and", "or", "not")
-STEPS = ("sign", "heaviside", "floor", "ceil")
 WHOLE = ("floor", "ceil")
-# For a function that is not a step itself: the discrete function that decides it.
-DECIDED_BY = {"abs": "sign", "cbrt": "sign", "min": "le", "max": "ge"}
 
 
 @dataclass(frozen=True, slots=True)

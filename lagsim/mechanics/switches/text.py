@@ -4,25 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 
 if TYPE_CHECKING:
     from lagsim.language.graph import Graph
-
-_SYMBOLS = {
-    "or": (1, " or "),
-    "and": (2, " and "),
-    "lt": (4, " < "),
-    "le": (4, " <= "),
-    "gt": (4, " > "),
-    "ge": (4, " >= "),
-    "add": (5, " + "),
-    "sub": (5, " - "),
-    "mul": (6, "*"),
-    "div": (6, "/"),
-    "pow": (8, "^"),
-}
-_PREFIXES = {"not": (3, "not "), "neg": (7, "-")}
 
 
 def expression_text(g: Graph, *nodes: int, depth: int = 6) -> str:
@@ -41,8 +27,9 @@ def _text(g: Graph, n: int, depth: int) -> tuple[int, str]:
         return (9 if x >= 0.0 else 7), f"{x:.12g}"
     if depth == 0:
         return 9, "..."
-    if op in _SYMBOLS or op in _PREFIXES:
-        power, symbol = (_SYMBOLS | _PREFIXES)[op]
+    row = OPERATIONS[op]
+    if row.sign:
+        power, sign = row.binds, row.sign
         parts = [_text(g, a, depth - 1) for a in args]
         # The right operand of -, / and comparisons, and the base of ^, bind tighter.
         least = [power + (op == "pow"), power + (op in ("sub", "div"))][-len(parts) :]
@@ -50,5 +37,5 @@ def _text(g: Graph, n: int, depth: int) -> tuple[int, str]:
             f"({text})" if p < q else text
             for (p, text), q in zip(parts, least, strict=True)
         ]
-        return power, symbol + shown[0] if op in _PREFIXES else symbol.join(shown)
+        return power, sign + shown[0] if row.arity == 1 else sign.join(shown)
     return 9, f"{op}({expression_text(g, *args, depth=depth - 1)})"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from lagsim.language.functions import FUNCTIONS
+from lagsim.language.functions import FUNCTIONS, JOINING
 from lagsim.model.reader.fields import shortened
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 RESERVED = (
     "t", "pi", "kinetic", "potential", "lagrangian", "energy", "work",
 )  # fmt: skip
-OPERATORS = ("and", "or", "not")
 
 
 class Kind(Enum):
@@ -199,7 +198,7 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
         hint = "it is built in" if name in ("t", "pi") else "it is a column of results"
         faults.add("reserved-name", text, key.place, hint)
         return False
-    if name in OPERATORS:
+    if name in JOINING:
         text = f"`{name}` is an operator and cannot be the name of {what}"
         faults.add("reserved-name", text, key.place)
         return False

@@ -16,19 +16,10 @@ if TYPE_CHECKING:
 # Which result of `sincos` they are.
 CIRCULAR = {"sin": 0, "cos": 1}
 
-_CONTRACTED = ("add", "sub", "mul")
-
 # Twice the exponents that are written out: products are exact to an ulp or two up to
 # the 6th power, and faster than `pow`.
 _HALVES = frozenset(k for k in range(-12, 13) if k not in (0, 2))
 
-# What takes vectors as it takes numbers: all else is done lane by lane.
-_SIDE_BY_SIDE = frozenset(
-    (
-        "add", "sub", "mul", "div", "neg", "lt", "le", "gt", "ge", "and", "or", "not",
-        "sqrt", "abs", "floor", "ceil", "min", "max", "if",
-    )
-)  # fmt: skip
 _WIDER = (
     ("double", sincos.VECTOR),
     ("i1", f"<{sincos.LANES} x i1>"),
@@ -74,12 +65,12 @@ class Lines:
         if op in CIRCULAR:
             return self.circular(operands, [(op, 0)])[0]
         row = OPERATIONS[op]
-        if self.wide and op not in _SIDE_BY_SIDE:
+        if self.wide and not row.wide:
             return self._lane_by_lane(op, exponent, operands)
         self.declared.update(map(self.widened, row.declares))
         fresh = {key: self._name() for key in "abcdef"}
         native = self.widened(row.native)
-        if self.contract and op in _CONTRACTED:
+        if self.contract and row.contracts:
             native = native.replace(" ", " contract ", 1)
         *before, last = native.format(*operands, **fresh).split("\n")
         self.lines += before

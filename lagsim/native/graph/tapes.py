@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.language.functions import OPERATIONS
+from lagsim.language.functions import JOINING, OPERATIONS
 from lagsim.language.graph import VARIABLE
 from lagsim.native.graph.lines import Lines, exponent_of
 from lagsim.native.graph.straight_line import Code, fixed_nodes
@@ -245,7 +245,7 @@ class _Machine(Lines):
             factors = [self._load("p", length + i) for i in range(1 + product)]
             length += len(factors)
             value = self.operation("mul", None, factors) if product else factors[0]
-            if op in ("and", "or", "not") or (op == "if" and k == 0):
+            if op in JOINING or (op == "if" and k == 0):
                 value = self.line(f"fcmp one double {value}, 0.0")
             operands.append(value)
         value = self.operation(op, exponent, operands)

@@ -19,8 +19,9 @@ import numpy.typing as npt
 from lagsim.language.derivatives import tangent
 from lagsim.language.enclosures import Enclosures
 from lagsim.language.evaluate import evaluate
-from lagsim.language.interval_rules import RULES, SLACK
-from lagsim.language.intervals import Flags, Floats, Interval, interval, point
+from lagsim.language.functions import STEPS
+from lagsim.language.interval_rules import RULES
+from lagsim.language.intervals import SLACK, Flags, Floats, Interval, interval, point
 from lagsim.mechanics.switches import joined_conditions
 
 if TYPE_CHECKING:
@@ -256,7 +257,4 @@ class _Look:
 
 def _steps(op: str, s: Interval) -> Interval:
     """Give the values of the discrete function `op` of a surface."""
-    return RULES[op](s, interval(0.0, 0.0)) if op in _COMPARISONS else RULES[op](s)
-
-
-_COMPARISONS = ("lt", "le", "gt", "ge")
+    return RULES[op](s) if op in STEPS else RULES[op](s, interval(0.0, 0.0))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods import method
 from lagsim.methods.parts.parameters import KEPT, Parameters
 from lagsim.native.graph import keys, straight_line
@@ -190,10 +191,8 @@ class System:
         if self.plan.elimination is not None:
             solved = nodes_of["field" if self.surfaces else "derivative"]
             return len(self.equations.graph.cone(solved))
-        # Cholesky's decomposition of M, L^-1 A^T and its QR decomposition.
-        n, m = self.n, self.m
-        loops = n * n * n // 6 + n * n * m // 2 + n * m * m
-        return len(self.equations.graph.cone(nodes_of["dynamics"])) + loops
+        terms = len(self.equations.graph.cone(nodes_of["dynamics"]))
+        return terms + dense_operations(self.n, self.m)
 
     def _fixed(self) -> list[str]:
         """Give what stays in an arc: parameters, modes, lengths of rows."""

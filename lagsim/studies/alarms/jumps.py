@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
+from lagsim.language.functions import STEPS
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from lagsim.run.observers.witness import Witness
 
 # Functions that take one value or another, and nothing in between.
-SWITCHES = frozenset(("sign", "heaviside", "floor", "ceil", "if"))
+SWITCHES = STEPS | {"if"}
 # An energy changes by no more than rounding between neighbours: by this part of what is
 # in play, or of its own size.
 ROUNDING = 1e-9

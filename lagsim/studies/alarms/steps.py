@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.mechanics.eigenmodes import eigenmodes, weighted
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method
 from lagsim.notes import Caution
@@ -24,7 +25,7 @@ from lagsim.studies.bench.borders import exceeds, predicted
 if TYPE_CHECKING:
     from types import ModuleType
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Complexes, Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.linearisation import Linear
     from lagsim.plan import Plan
@@ -69,7 +70,7 @@ class Seen:
     """
 
     t: float
-    eigenvalues: Floats
+    eigenvalues: Complexes
     shapes: Floats
     energies: Floats
 
@@ -110,22 +111,16 @@ def _seen(equations: Equations, witness: Witness, h: float) -> list[Seen]:
 
 def _analysed(t: float, linear: Linear, v: Floats, a: Floats, h: float) -> Seen:
     """Give the modes, and what of y' = (v, a) is in each."""
-    values, right = np.linalg.eig(linear.R)
-    others, left = np.linalg.eig(linear.R.T)
-    kept = np.abs(values) * h > SLOW
-    values, right = values[kept], right[:, kept]
-    left = left[:, np.abs(others) * h > SLOW]
+    modes = eigenmodes(linear.R, lambda speeds: speeds * h > SLOW)
     G = linear.lengths.T @ linear.lengths
     rates = np.concatenate([linear.Zh.T @ G @ v, linear.Z.T @ G @ a])
-    # Left and right vectors of equal eigenvalues need not come in pairs.
-    amplitudes = np.linalg.lstsq(left.T @ right, left.T @ rates, rcond=None)[0]
-    moved = right[: linear.Zh.shape[1]]
-    swings = -values.real < OSCILLATING * np.abs(values)
+    moved = modes.right[: linear.Zh.shape[1]]
     # v = 2 Re(c x e^(L t)) of a pair, whose kinetic energy is |2 c x|^2/2 at most.
-    energies = 2.0 * np.abs(amplitudes) ** 2 * np.sum(np.abs(moved) ** 2, axis=0)
-    shapes = np.abs(linear.Zh @ moved) * np.sqrt(np.diag(G))[:, None]
-    shapes /= np.maximum(np.max(shapes, axis=0, initial=0.0), 1e-300)
-    return Seen(t, values, shapes, energies * swings * (values.imag > 0.0))
+    amplitudes = np.abs(modes.amplitudes(rates))
+    energies = 2.0 * amplitudes**2 * np.sum(np.abs(moved) ** 2, axis=0)
+    energies *= modes.swing(OSCILLATING) * (modes.values.imag > 0.0)
+    shapes = weighted(linear.Zh @ moved, np.diag(G))
+    return Seen(t, modes.values, shapes, energies)
 
 
 def _penalty(
@@ -210,7 +205,7 @@ def _unstable(
     return [Caution("step-at-stability-bound", text)]
 
 
-def _first(module: ModuleType, eigenvalues: Floats, span: float) -> int:
+def _first(module: ModuleType, eigenvalues: Complexes, span: float) -> int:
     """Give the eigenvalue whose bound is the smallest."""
     bounds = [predicted(module.amplification, [x], span) for x in eigenvalues]
     return int(np.argmin([math.inf if b is None else b for b in bounds]))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.reduction.ignorable import conserved, momentum_of
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from lagsim.studies.golden.motion import Motion
 
 LEDGER = "energy - work"
-MOMENTUM = "momentum."
 
 
 def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
@@ -30,7 +30,7 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
     else:
         found["energy"] = column["energy"]
     found |= {n: values for n, values in column.items() if n.startswith("residual_")}
-    free = _ignorable(equations)
+    free = conserved(equations)
     if free:
         states = [
             {"t": row[0]} | dict(zip(motion.columns[1:], row[1:], strict=True))
@@ -42,21 +42,5 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
             [evaluate(equations.graph, nodes, parameters | s) for s in states]
         )
         for place, k in enumerate(free):
-            found[MOMENTUM + equations.q[k]] = values[:, place]
+            found[momentum_of(equations.q[k])] = values[:, place]
     return found
-
-
-def _ignorable(equations: Equations) -> list[int]:
-    """Give the numbers of the coordinates whose momenta are constant."""
-    e, g = equations, equations.graph
-    directions = [force.direction for force in e.model.forces]
-    lost = [] if e.model.dissipation is None else [e.model.dissipation]
-    # A force may act on a coordinate that only its direction names.
-    pushed = g.depends([*directions, *lost])
-    known = g.depends([e.model.lagrangian])
-    held = {k for row in e.rows for k, node in enumerate(row.A) if node != g.zero}
-    return [
-        k
-        for k, (q, v) in enumerate(zip(e.q, e.velocities, strict=True))
-        if k not in held and q not in known and not pushed & {q, v}
-    ]

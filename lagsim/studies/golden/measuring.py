@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.evaluate import evaluate_with_error
+from lagsim.mechanics.reduction.ignorable import MOMENTUM
 from lagsim.model.settings import DEFAULT_RTOL
 from lagsim.studies.comparison.scales import kind, scales
-from lagsim.studies.golden.invariants import MOMENTUM, invariants
+from lagsim.studies.golden.invariants import invariants
 from lagsim.studies.golden.motion import (
     LEAST_ROWS,
     MOST_CELLS,
