@@ -64,7 +64,7 @@ class Scale:
         *,
         bare: bool = False,
     ) -> Array:
-        """Give Axes this range and about `most` ticks; return where. `bare`: no numbers."""
+        """Give Axes this range and some `most` ticks, `bare` or not; return where."""
         axis: Axis = axes.xaxis if direction == "x" else axes.yaxis
         kind = "log" if self.log else "linear"
         if axis.get_scale() != kind:
@@ -188,5 +188,7 @@ def noise_scale(values: Array, size: float) -> Scale:
 def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale:
     """Return a scale of powers of ten; of `margin` and `least` decades is left free."""
     low, high = extent(*(s[s > 0.0] for s in series)) or (1.0, 10.0)
-    free = 10.0 ** (margin * math.log10(high / low) + least)
+    low = max(low, _TINY)
+    high = max(low, high)
+    free = 10.0 ** (margin * (math.log10(high) - math.log10(low)) + least)
     return Scale(low / free, high * free, log=True)
