@@ -108,7 +108,8 @@ class Counting(ScalarFormatter):
 
 
 def _as_power(value: float, _: object) -> str:
-    return power_of_ten(round(math.log10(value)))
+    # A locator looks for ticks past the ends too, where there may be no number left.
+    return power_of_ten(round(math.log10(value))) if value > 0.0 else ""
 
 
 def _as_number(value: float, _: object) -> str:
