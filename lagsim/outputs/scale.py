@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.ticker import (
+    FixedLocator,
     Formatter,
     FuncFormatter,
     Locator,
@@ -77,6 +78,7 @@ class Scale:
         axis.set_major_formatter(NullFormatter() if bare else formatter)
         # Nothing asks where the numbers end; to measure them costs as much as they do.
         places = axis.get_majorticklocs()
+        axis.set_major_locator(FixedLocator(list(places)))
         for tick in axis.get_major_ticks(len(places)):
             tick.label1.set_in_layout(False)
         return places
