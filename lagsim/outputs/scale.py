@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.ticker import (
+    FixedLocator,
     Formatter,
     FuncFormatter,
     Locator,
@@ -64,7 +65,7 @@ class Scale:
         *,
         bare: bool = False,
     ) -> Array:
-        """Give Axes this range and about `most` ticks, where they are; `bare`: unnumbered."""
+        """Give Axes this range and some `most` ticks, `bare` or not; return where."""
         axis: Axis = axes.xaxis if direction == "x" else axes.yaxis
         kind = "log" if self.log else "linear"
         if axis.get_scale() != kind:
@@ -77,6 +78,7 @@ class Scale:
         axis.set_major_formatter(NullFormatter() if bare else formatter)
         # Nothing asks where the numbers end; to measure them costs as much as they do.
         places = axis.get_majorticklocs()
+        axis.set_major_locator(FixedLocator(list(places)))
         for tick in axis.get_major_ticks(len(places)):
             tick.label1.set_in_layout(False)
         return places
@@ -108,7 +110,8 @@ class Counting(ScalarFormatter):
 
 
 def _as_power(value: float, _: object) -> str:
-    return power_of_ten(round(math.log10(value)))
+    # A locator looks for ticks past the ends too, where there may be no number left.
+    return power_of_ten(round(math.log10(value))) if value > 0.0 else ""
 
 
 def _as_number(value: float, _: object) -> str:
@@ -188,5 +191,7 @@ def noise_scale(values: Array, size: float) -> Scale:
 def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale:
     """Return a scale of powers of ten; of `margin` and `least` decades is left free."""
     low, high = extent(*(s[s > 0.0] for s in series)) or (1.0, 10.0)
-    free = 10.0 ** (margin * math.log10(high / low) + least)
+    low = max(low, _TINY)
+    high = max(low, high)
+    free = 10.0 ** (margin * (math.log10(high) - math.log10(low)) + least)
     return Scale(low / free, high * free, log=True)

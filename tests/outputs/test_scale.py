@@ -115,3 +115,13 @@ def test_powers_of_ten_stand_where_they_say(low, high, least):
     expected = np.log(np.array(worth) / low) / np.log(high / low)
     # Half a pixel of three hundred.
     assert places == pytest.approx(list(expected), abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    "values", [[], [0.0], [5e-324, 1.0], [np.nan, np.inf, 3.0], [1e-320, 5e-324]]
+)
+def test_a_scale_of_powers_can_be_drawn_whatever_it_is_given(values):
+    scale = log_scale(np.array(values, float))
+    assert 0.0 < scale.low < scale.high < np.inf
+    places, numbers, _ = read(scale)
+    assert len(places) == len(numbers) >= 2
