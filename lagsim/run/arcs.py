@@ -349,7 +349,7 @@ class Run:
         self.emit(self.block[: int(state[at.EMITTED])])
         over = code == at.EVENT_FOUND or self.t >= self.settings.end
         over |= state[at.CUT] > 0.0  # the state is that of the step as it was
-        pressed = self.interrupt is not None and self.interrupt.signal is not None
+        pressed = self.interrupt is not None and self.interrupt.asked
         if pressed and not over:
             return Outcome.INTERRUPTED
         if not state[at.PULLED] <= most_pulled(self.plan.rtol):

@@ -1,4 +1,4 @@
-"""SIGINT and SIGTERM as something noted, so that nothing computed is lost."""
+"""An end that is asked for in order, so that nothing computed is lost."""
 
 from __future__ import annotations
 
@@ -12,10 +12,26 @@ if TYPE_CHECKING:
 
 
 class Interrupt:
-    """Notes SIGINT and SIGTERM instead of raising, so that nothing computed is lost."""
+    """Ends runs in order: notes SIGINT and SIGTERM instead of raising.
+
+    Attributes
+    ----------
+    signal : int or None
+        What the user has sent.
+    """
 
     def __init__(self) -> None:
         self.signal: int | None = None
+        self._stopped = False
+
+    @property
+    def asked(self) -> bool:
+        """Whether somebody wants an end."""
+        return self._stopped or self.signal is not None
+
+    def stop(self) -> None:
+        """Ask for an end, as one does who takes rows and can take no more."""
+        self._stopped = True
 
     @contextlib.contextmanager
     def noted(self) -> Iterator[Interrupt]:
