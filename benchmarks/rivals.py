@@ -272,7 +272,7 @@ def compared(result, error, costs):
 
 def report(results):
     """Give the page."""
-    from lagsim import __version__
+    from lagsim.version import __version__
     from lagsim.studies.bench.machine import described, machine
 
     packages = ("heyoka", "scikit-sundae", "scipy", "numpy", "llvmlite")

@@ -6,9 +6,8 @@ import contextlib
 from typing import TYPE_CHECKING, Any
 
 from lagsim.cli._streams import complain
-from lagsim.cli._verdict import document, report
 from lagsim.errors import InputError, LagsimError, Problem
-from lagsim.run.session import InadmissibleError
+from lagsim.run.session import StartError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -32,12 +31,15 @@ def faults_shown(
     code: list[int] = []
     try:
         yield code
-    except InadmissibleError as error:
+    except StartError as error:
         code.append(error.exit_code)
+        from lagsim.cli._verdict import report
+        from lagsim.outputs.examined import document
+
         if documents is None:
-            complain(report(error.equations, error.examination))
+            complain(report(error.equations, error.examined))
         else:
-            documents.append(document(error.equations, error.examination))
+            documents.append(document(error.equations, error.examined))
     except LagsimError as error:
         code.append(error.exit_code)
         problems = [Problem("failed", str(error))]
@@ -67,13 +69,12 @@ _OUTSIDE = ("usage", "output-folder", "failed")
 
 
 def _as_mapping(problem: Problem, file: str | None) -> Mapping[str, Any]:
-    place = problem.place
-    if place is None and problem.code in _OUTSIDE:
+    if problem.code in _OUTSIDE:
         file = None
     return {
-        "file": place.file if place else file,
-        "line": place.line if place else None,
-        "column": place.column if place else None,
+        "file": problem.file or file,
+        "line": problem.line,
+        "column": problem.column,
         "code": problem.code,
         "text": problem.text,
         "hint": problem.hint,

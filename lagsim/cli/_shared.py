@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim import __version__
 from lagsim.cli._streams import put, say
 from lagsim.errors import InputError, Problem
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -1,9 +1,10 @@
-"""What is said of the start of a model: for people, and as JSON."""
+"""What people read of the start of a model."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from lagsim.admissibility.verdict import START_VALUE
 from lagsim.cli._shared import coloured, counted, table
 
 if TYPE_CHECKING:
@@ -12,95 +13,6 @@ if TYPE_CHECKING:
     from lagsim.admissibility import Examination, Verdict
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Choice
-
-# The kind of a verdict on the start value of a definition, which is no constraint.
-_START_VALUE = "start value"
-
-
-def document(
-    equations: Equations, start: Examination, choices: Sequence[Choice] = ()
-) -> dict[str, Any]:
-    """Give the content of `check --json`."""
-    model, ranks, reach = equations.model, start.ranks, start.reach
-    missed = [v for v in start.verdicts if v.kind == _START_VALUE]
-    return {
-        "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
-        "admissible": start.admissible,
-        "degrees_of_freedom": start.degrees_of_freedom,
-        "rank": ranks.rank,
-        "generic_rank": ranks.generic_rank,
-        "conditioning": ranks.smallest,
-        "generic_conditioning": ranks.generic_smallest,
-        "multipliers_not_unique": list(ranks.not_unique),
-        "mass_matrix": "singular alone" if start.augmented else "regular",
-        "constraints": [
-            _constraint(v) for v in start.verdicts if v.kind != _START_VALUE
-        ],
-        "contradictions": [
-            {
-                "name": d.name,
-                "combination": dict(d.combination),
-                "levels": d.contradictions,
-            }
-            for d in start.contradictions
-        ],
-        "start_values": [
-            {"name": v.name, "residual": v.position.value, "bound": v.position.bound}
-            for v in missed
-        ],
-        "dependences": [
-            {
-                "name": d.name,
-                "combination": dict(d.combination),
-                "everywhere": d.everywhere,
-            }
-            for d in ranks.dependences
-        ],
-        "thin_set": None
-        if start.thin is None
-        else {
-            "names": list(start.thin.names),
-            "dimension": start.thin.dimension,
-        },
-        "reach": None
-        if reach is None
-        else {
-            "dimension": reach.dimension,
-            "hidden": reach.hidden,
-            "entering": list(reach.entering),
-            "reason": reach.reason,
-        },
-        "changes": {
-            name: {"stated": old, "exact": new}
-            for name, (old, new) in start.changes.items()
-        },
-        "repair": start.repair,
-        "unsolved": start.unsolved,
-        "plan": [{"choice": c.choice, "reason": c.reason} for c in choices],
-        "warnings": [{"code": w.code, "text": w.text} for w in start.warnings],
-    }
-
-
-def _constraint(verdict: Verdict) -> dict[str, Any]:
-    position, velocity = verdict.position, verdict.velocity
-    return {
-        "name": verdict.name,
-        "kind": verdict.kind,
-        "scleronomic": verdict.scleronomic,
-        "pfaffian": verdict.pfaffian,
-        "integrable": verdict.integrable,
-        "undecided": verdict.undecided,
-        "residual": position.value,
-        "scale": position.scale,
-        "bound": position.bound,
-        "bound_reason": position.why,
-        "velocity_residual": velocity.value if velocity else None,
-        "velocity_scale": velocity.scale if velocity else None,
-        "velocity_bound": velocity.bound if velocity else None,
-        "velocity_bound_reason": velocity.why if velocity else None,
-        "satisfied": verdict.satisfied,
-        "redundant": verdict.redundant,
-    }
 
 
 def report(
@@ -150,7 +62,7 @@ def _faults(start: Examination) -> list[str]:
 
 def _violation(verdict: Verdict) -> str:
     position, velocity = verdict.position, verdict.velocity
-    if verdict.kind == _START_VALUE:
+    if verdict.kind == START_VALUE:
         return f"the start value `{verdict.name}` is missed by {position.value:.6g}"
     if velocity is not None and position.met:
         text = f"the rate of constraint `{verdict.name}` is {velocity.value:.6g}"
@@ -161,7 +73,7 @@ def _violation(verdict: Verdict) -> str:
 
 def _described(verdict: Verdict) -> str:
     residual = verdict.position.value + 0.0  # no -0
-    if verdict.kind == _START_VALUE:
+    if verdict.kind == START_VALUE:
         return f"start value, missed by {residual:.3g}"
     words = [verdict.kind, "scleronomic" if verdict.scleronomic else "rheonomic"]
     if verdict.pfaffian is not None:

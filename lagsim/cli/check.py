@@ -9,7 +9,6 @@ import typer
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import AsJson, Sets, assignments, show_json
 from lagsim.cli._streams import say
-from lagsim.cli._verdict import document, report
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,7 +43,9 @@ def _one(
     documents: list[Any] | None,
 ) -> int:
     """Check one model; give the exit code."""
+    from lagsim.cli._verdict import report
     from lagsim.model.reader import read_file
+    from lagsim.outputs.examined import document
     from lagsim.run.session import check
 
     with faults_shown(documents, file=path) as code:

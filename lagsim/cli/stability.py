@@ -99,7 +99,7 @@ class _Job:
     def run(self, folder: Path | None) -> int:
         """Do it; give the exit code."""
         from lagsim.model.reader import read_file
-        from lagsim.run.session import InadmissibleError, open_case, wanted
+        from lagsim.run.session import StartError, open_case, wanted
 
         model = read_file(self.path, self.overrides)
         settings = wanted(model, "stability")
@@ -117,7 +117,7 @@ class _Job:
             assert self.wish.name is not None
             try:
                 return usual.bind({self.wish.name: value})
-            except InadmissibleError:
+            except StartError:
                 problem = Problem("inadmissible", "the start is not admissible")
                 raise InputError([problem]) from None
 

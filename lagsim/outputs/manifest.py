@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import orjson
 
-from lagsim import __version__
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -47,24 +47,23 @@ class Clock:
         self._last = now
 
 
-class InadmissibleError(LagsimError):
-    """No run begins at this start (exit 1); `examination` says why.
+class StartError(LagsimError):
+    """No run begins at this start (exit 1); `examined` says why.
 
     Attributes
     ----------
     equations : Equations
-    examination : Examination
+    examined : Examination
     """
 
     exit_code = 1
 
-    def __init__(self, equations: Equations, examination: Examination) -> None:
+    def __init__(self, equations: Equations, examined: Examination) -> None:
         super().__init__()
-        self.equations, self.examination = equations, examination
+        self.equations, self.examined = equations, examined
 
     def __str__(self) -> str:
-        found = self.examination
-        missed = [v.name for v in found.verdicts if not v.satisfied]
+        missed = [v.name for v in self.examined.verdicts if not v.satisfied]
         name = self.equations.model.name
         text = f"the start of {name} is not admissible"
         return f"{text}: {', '.join(missed)}" if missed else text
@@ -88,7 +87,7 @@ class Case:
 
         Raises
         ------
-        InputError, InadmissibleError
+        InputError, StartError
         """
         equations = self.equations.of(self.equations.model.bind(parameters))
         return _examined(equations, equations.model.settings(), Clock())
@@ -142,8 +141,8 @@ class Session:
     ----------
     longest_step : float
         No step of a method that chooses its steps is longer, if it is not 0.
-    most_steps : int
-        As many as usual, if it is 0.
+    most_steps : int or None
+        As many as usual, if it is None.
     arc_steps : float
         How many of the most steps an arc counts as, besides its own.
     """
@@ -152,7 +151,7 @@ class Session:
     plan: Plan
     system: System
     longest_step: float = 0.0
-    most_steps: int = 0
+    most_steps: int | None = None
     arc_steps: float = 0.0
 
     def by(self, plan: Plan) -> Session:
@@ -180,12 +179,12 @@ class Session:
         from lagsim.run.simulate import simulate
         from lagsim.run.states import MOST_STEPS
 
-        case = self.case
+        case, most = self.case, self.most_steps
         return simulate(
             case.equations, case.start, self.plan, self.system, case.settings,
             observers, interrupt=interrupt, progress=progress,
             longest_step=self.longest_step, arc_steps=self.arc_steps,
-            most_steps=self.most_steps or MOST_STEPS,
+            most_steps=MOST_STEPS if most is None else most,
         )  # fmt: skip
 
 
@@ -203,7 +202,7 @@ def open_case(
 
     Raises
     ------
-    InputError, InadmissibleError
+    InputError, StartError
     """
     from lagsim.mechanics.equations import derive
 
@@ -221,7 +220,7 @@ def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
     examined = examine(equations, settings.start)
     clock.lap("derive")
     if not examined.admissible:
-        raise InadmissibleError(equations, examined)
+        raise StartError(equations, examined)
     return Case(equations, examined, settings)
 
 

@@ -15,11 +15,12 @@ from lagsim.methods.parts import composition
 from lagsim.methods.parts import state as at
 from lagsim.model.reader import read
 from lagsim.plan import make_plan
+from lagsim.run.observers import Keep
 from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 from tests.methods.plain import fresh_state, state_of
 from tests.methods.test_registry import refusal_of
-from tests.support import Keep, run
+from tests.support import run
 
 FREE = """
 coordinates: {a: {}, b: {}}
@@ -180,10 +181,10 @@ def reversed_error(text, name, step, duration, **options):
             equations.model.settings(),
             [keep],
         )
-        last = keep.blocks[-1][-1]
+        last = keep.table[-1]
         turned = replace(start, q=last[1 : 1 + n], v=-last[1 + n : 1 + 2 * n])
     ends = [*turned.q - start.q, *turned.v - start.v]
-    assert np.max(np.abs(last[1 : 1 + n] - keep.blocks[0][0][1 : 1 + n])) > 0.1
+    assert np.max(np.abs(last[1 : 1 + n] - keep.table[0][1 : 1 + n])) > 0.1
     return np.max(np.abs(ends))
 
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim import __version__
 from lagsim.methods import method as method_named
 from lagsim.outputs.manifest import versions
 from lagsim.studies.comparison.judging import Deviation, deviations, ordered
 from lagsim.studies.golden.invariants import invariants
 from lagsim.studies.golden.measuring import SAME_TIME
-from lagsim.studies.golden.motion import Motion, motion
+from lagsim.studies.golden.motion import Motion, motion_of
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -56,7 +56,7 @@ def run(case: Case, stored: Stored) -> Motion:
     plan = case.plan()
     step = None if method_named(plan.method).ADAPTIVE else plan.step
     other = case.asking(output_step=spacing, step=step)
-    return motion(other, stored.golden.stride)
+    return motion_of(other, stored.golden.stride)
 
 
 def judge(case: Case, motion: Motion, stored: Stored) -> Judgement:

@@ -21,7 +21,7 @@ from lagsim.studies.golden.motion import (
     MOST_CELLS,
     MOST_ROWS,
     Motion,
-    motion,
+    motion_of,
     variants,
 )
 
@@ -101,10 +101,10 @@ def measure(case: Case) -> tuple[Golden, Motion]:
     spacing = case.settings.output_step
     span = case.settings.duration / spacing
     stride = _stride(int(span) + 2, _columns(case))
-    base = motion(case, stride)
+    base = motion_of(case, stride)
     if stride > 1 and len(base.rows) < LEAST_ROWS:  # it ended early
         stride = _stride(base.trajectory.rows, len(base.columns))
-        base = motion(case, stride)
+        base = motion_of(case, stride)
     others = list(variants(case, base, stride))
     rows = base.rows[_clear(base.rows[:, 0], base.trajectory, spacing)]
     near = SAME_TIME * spacing

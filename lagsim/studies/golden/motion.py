@@ -98,7 +98,7 @@ def perturbed(case: Case, seed: int) -> Case:
     return replace(case, equations=equations).at(state)
 
 
-def motion(case: Case, stride: int) -> Motion:
+def motion_of(case: Case, stride: int) -> Motion:
     """Run it.
 
     Raises
@@ -124,7 +124,7 @@ def variants(case: Case, base: Motion, stride: int) -> Iterator[tuple[str, Motio
     """
     for kind, other in _asked(case, base.plan):
         try:
-            found = motion(other, stride)
+            found = motion_of(other, stride)
         except InputError:
             continue
         if found.trajectory.outcome is base.trajectory.outcome:

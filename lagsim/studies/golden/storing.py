@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import orjson
 
-from lagsim import __version__
 from lagsim.errors import InputError, Problem
 from lagsim.outputs.manifest import encode, versions
 from lagsim.studies.comparison.reading import read_table
 from lagsim.studies.golden.measuring import DIGITS, Golden, Invariant
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -11,9 +11,9 @@ from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
 from lagsim.plan import make_plan
+from lagsim.run.observers import Keep
 from lagsim.run.simulate import simulate
 from lagsim.run.system import System
-from tests.support import Keep
 
 # Masses that pull on one another, coupled in M; `ROWS` holds some of them.
 PULLING = """
@@ -46,7 +46,7 @@ def rows(text, *, loops, constant=None):
     trajectory = simulate(
         equations, start, plan, system, equations.model.settings(), [keep]
     )
-    return found, trajectory.statistics, np.concatenate(keep.blocks)
+    return found, trajectory.statistics, keep.table
 
 
 @pytest.mark.parametrize(

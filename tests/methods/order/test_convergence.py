@@ -15,11 +15,12 @@ from lagsim.methods import dop853, euler, method, names, rk4
 from lagsim.methods.parts import state as at
 from lagsim.model.reader import read
 from lagsim.plan import make_plan
+from lagsim.run.observers import Keep
 from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 from tests.methods.plain import Plain, first_order, fresh_state, state_of
 from tests.methods.test_registry import refusal_of, swing
-from tests.support import Keep, run
+from tests.support import run
 
 NO_PARAMETERS = np.zeros(1)
 
@@ -308,7 +309,7 @@ def test_time_reversal_brings_the_state_back(text, options, off):
             equations.model.settings(),
             [keep],
         )
-        last = keep.blocks[-1][-1]
+        last = keep.table[-1]
         n = len(equations.q)
         ends.append(last[1 : 1 + 2 * n])
         turned = replace(start, q=last[1 : 1 + n], v=-last[1 + n : 1 + 2 * n])

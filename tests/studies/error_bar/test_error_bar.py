@@ -7,13 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
-from lagsim.plan import make_plan
 from lagsim.run.error import ErrorBar
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
+from lagsim.run.session import open_case
 from lagsim.studies import error_bar
 from lagsim.studies.error_bar import Checkpoints, repeat
 from tests.methods.test_registry import swing
@@ -23,17 +19,10 @@ from tests.support import MODELS
 
 def barred(model, **keywords):
     """Run a model and its repeat; give the checkpoints and the bar."""
-    equations = derive(model)
-    settings = model.settings()
-    start = examine(equations, settings.start).start
-    plan = make_plan(equations, start, settings)
-    system = System(equations, plan)
-    checkpoints = Checkpoints(len(equations.q), settings)
-    trajectory = simulate(equations, start, plan, system, settings, [checkpoints])
-    bar = repeat(
-        equations, start, settings, plan, system, trajectory, checkpoints, **keywords
-    )
-    return checkpoints, bar
+    session = open_case(model).ready()
+    checkpoints = Checkpoints(len(model.coordinates), session.case.settings)
+    trajectory = session.run([checkpoints])
+    return checkpoints, repeat(session, trajectory, checkpoints, **keywords)
 
 
 def shipped(name, **options):
