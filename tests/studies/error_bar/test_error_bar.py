@@ -180,7 +180,7 @@ class Strict:
     def add(self, rows):
         self.rows += len(rows)
 
-    def fault(self, plan, trajectory):
+    def fault(self, trajectory):
         assert plan.rtol < 1e-11
         assert trajectory.outcome.complete
         return self.text if self.rows else "no rows"
