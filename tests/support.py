@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.model.reader import read, read_file
+from lagsim.plan import by_loops
 from lagsim.run.observers import Keep
 from lagsim.run.session import Session, open_case
 
@@ -82,7 +83,9 @@ def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
     """
     limits = {k: keywords.pop(k) for k in LIMITS & keywords.keys()}
     heard = {k: keywords.pop(k) for k in HEARD & keywords.keys()}
-    session = replace(case_of(model, **keywords).ready(loops=loops), **limits)
+    case = case_of(model, **keywords)
+    session = case.ready(by_loops(case.plan()) if loops else None)
+    session = replace(session, **limits)
     keep = Keep()
     trajectory = session.run([keep], **heard)
     return Run(session, trajectory, keep.table)

@@ -1,4 +1,4 @@
-"""The Python interface: its page, its bytes, its faults, and what importing it loads."""
+"""The Python interface: its page, its bytes, its faults, and what it loads."""
 
 from __future__ import annotations
 

@@ -112,20 +112,18 @@ class Case:
 
         return make_plan(self.equations, self.start, self.settings)
 
-    def ready(self, *, loops: bool = False, clock: Clock | None = None) -> Session:
-        """Plan and compile; `loops` insists on solving by loops.
+    def ready(self, plan: Plan | None = None, *, clock: Clock | None = None) -> Session:
+        """Plan, unless there is a plan, and compile.
 
         Raises
         ------
         InputError
         """
-        from lagsim.plan import by_loops
         from lagsim.run.system import System
 
         clock = clock or Clock()
         clock.lap("import")
-        plan = self.plan()
-        plan = by_loops(plan) if loops else plan
+        plan = plan or self.plan()
         clock.lap("derive")
         session = Session(self, plan, System(self.equations, plan))
         session.system.link(plan.method)

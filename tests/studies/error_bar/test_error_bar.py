@@ -174,23 +174,22 @@ def test_a_run_that_ends_by_itself_is_compared_as_far_as_both_go():
 class Strict:
     """Judges a repeat by its number alone."""
 
-    def __init__(self, text):
-        self.text, self.rows = text, 0
+    def __init__(self, text, session):
+        self.text, self.plan, self.rows = text, session.plan, 0
 
     def add(self, rows):
         self.rows += len(rows)
 
     def fault(self, trajectory):
-        assert plan.rtol < 1e-11
+        assert self.plan.rtol < 1e-11
         assert trajectory.outcome.complete
         return self.text if self.rows else "no rows"
 
 
 def test_a_repeat_that_fails_by_its_own_ledger_says_nothing():
-    judges = [Strict("it lost energy"), Strict("")]
-    left = iter(judges)
-    bar = barred(read(PENDULUM, "m.yaml"), account=lambda _system: next(left))[1]
+    texts = iter(["it lost energy", ""])
+    bar = barred(read(PENDULUM, "m.yaml"), account=lambda x: Strict(next(texts), x))[1]
     assert bar.rtol == pytest.approx(1e-11 / error_bar.LOOSER)  # the second one
     assert bar.horizon is None
-    told = barred(read(PENDULUM, "m.yaml"), account=lambda _system: Strict("lost"))[1]
+    told = barred(read(PENDULUM, "m.yaml"), account=lambda x: Strict("lost", x))[1]
     assert "no answer itself: lost" in told
