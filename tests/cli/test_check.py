@@ -71,6 +71,21 @@ def test_the_document(lagsim, write):
     assert isinstance(document["warnings"], list)
 
 
+@pytest.mark.parametrize(
+    ("simulation", "code"),
+    [
+        ("start: 2", 0),
+        ("start: 2, duration: 1", 0),
+        ("start: 1", 1),
+        ("start: 2, method: rk5", 2),
+    ],
+)
+def test_what_the_file_says_of_a_run_without_an_end(lagsim, write, simulation, code):
+    text = NONHOLONOMIC.replace("phi_dot: 1", "phi_dot: cos(2)")
+    called = lagsim("check", write(text.replace("duration: 1", simulation)))
+    assert called.code == code
+
+
 def test_what_is_inferred_of_velocity_relations(lagsim, write):
     document = lagsim("check", write(NONHOLONOMIC), "--json").json
     edge, driven = document["constraints"]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 from lagsim.errors import InputError
-from lagsim.model.reader import read
+from lagsim.model.reader import read, read_file
 from tests.model._files import completed, model, problems
+from tests.support import MODELS
 
 TEXT = """
 parameters:
@@ -46,6 +47,27 @@ def test_parameters_and_all_that_follows_from_them(values):
         assert (mine.name, mine.value, mine.error, mine.guess) == (
             other.name, other.value, other.error, other.guess,
         )  # fmt: skip
+
+
+def told(make):
+    """Give what a model is made of in numbers, or the faults that keep it from it."""
+    try:
+        found = make()
+        starts = [(v.name, v.value, v.error, v.guess) for v in found.initial]
+        return found.parameters, starts, found.settings()
+    except InputError as error:
+        return list(map(str, error.problems))
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_models(path):
+    base = read_file(str(path))
+    for parameter in base.parameters[-2:]:
+        for value in (1.01 * parameter.value, 0.0):
+            values = {parameter.name: value}
+            again = told(lambda v=values: read_file(str(path), texts(v)))
+            assert told(lambda v=values: base.bind(v)) == again
+    assert told(base.bind) == told(lambda: base)
 
 
 def test_nothing_is_built_for_a_number():

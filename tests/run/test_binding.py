@@ -55,9 +55,9 @@ def rows(equations, case):
 def test_rows_are_those_of_the_text_read_again(case, monkeypatch):
     compiled = []
 
-    def noted(ir):
-        compiled.append(ir)
-        return object_code(ir)
+    def noted(made_from, generate):
+        compiled.append(made_from)
+        return object_code(made_from, generate)
 
     monkeypatch.setattr("lagsim.run.system.object_code", noted)
     text, changes = CASES[case]
@@ -75,5 +75,5 @@ def test_rows_are_those_of_the_text_read_again(case, monkeypatch):
         assert np.array_equal(found, expected)
         assert work == same
         assert found.shape != first.shape or not np.array_equal(found, first)
-        # Object code is kept by the text that it is compiled from.
+        # Object code is kept by a digest of the graph that it is compiled from.
         assert compiled == [own]

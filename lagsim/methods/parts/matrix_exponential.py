@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 TERMS = 14
 FORM_TERMS = 20
 SWEEPS = 64
+# Beyond, or if not finite, nothing is balanced.
+LARGEST = 1e300
 
 
 def norm(m: int, columns: int, a: Floats) -> float:
@@ -67,7 +69,7 @@ def balancing(m: int, a: Floats, i: int) -> float:
         if j != i:
             column += abs(a[j * m + i])
             row += abs(a[i * m + j])
-    if column == 0.0 or row == 0.0:
+    if column == 0.0 or row == 0.0 or not column + row < LARGEST:
         return 1.0
     before = column + row
     factor = 1.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
@@ -86,10 +87,8 @@ class Expressions:
 
     def over(self, faults: Faults, values: Mapping[str, float]) -> Expressions:
         """Give the same with other faults and other values of the parameters."""
-        other = Expressions(self.graph, self.names, faults)
-        other.values = dict(values)
-        other.definitions, other.energies = self.definitions, self.energies
-        other._rates = self._rates
+        other = copy(self)
+        other.faults, other.values = faults, dict(values)
         return other
 
     # Reading a text
