@@ -43,7 +43,7 @@ def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     unit = document["columns"]["energy"]
     drift = f"{document['energy_drift']:.2g} {unit}".rstrip()
     ledger = "energy - work" if "work" in document["columns"] else "energy"
-    start = f"(energy {made.ledger.first_energy:.7g} at the start)"
+    start = f"(energy {made.account.ledger.first_energy:.7g} at the start)"
     rows.append(("error", _error(made.bar)))
     rows.append(("energy drift", f"{drift} in {ledger} {start}"))
     if m:

@@ -1,12 +1,14 @@
-"""The table of a run while it is written, and what is said where the disk is full."""
+"""Results while they are written, and what is said where the disk is full."""
 
 from __future__ import annotations
 
 import contextlib
 from typing import TYPE_CHECKING, Any
 
+from lagsim.cli._streams import UnwritableError
+
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.outputs.results import Results
     from lagsim.outputs.table import TableWriter
@@ -23,6 +25,25 @@ def open_table(
         return contextlib.closing(table.TableWriter(results.part(table.NAME), columns))
     except OSError as error:
         raise results.unusable(error) from None
+
+
+def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
+    """Write files and the document that lists them, and put all in their places.
+
+    Raises
+    ------
+    UnwritableError
+        Where there is no room.
+    """
+    from lagsim.outputs.manifest import encode
+
+    try:
+        for name, content in files.items():
+            results.write(name, content)
+        results.commit(encode(document))
+    except OSError as error:
+        text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
+        raise UnwritableError(text) from None
 
 
 def cut_short(writer: TableWriter, made: Attempt, full: OSError) -> dict[str, Any]:

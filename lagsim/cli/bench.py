@@ -18,7 +18,8 @@ from lagsim.cli._shared import (
     show_json,
     table,
 )
-from lagsim.cli._streams import UnwritableError, say
+from lagsim.cli._streams import say
+from lagsim.cli._writing import commit
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 
@@ -114,7 +115,6 @@ class _Job:
             return self._measure(case, wish, results)
 
     def _measure(self, case: Case, wish: Wish, results: Any) -> int:
-        from lagsim.outputs.manifest import encode
         from lagsim.run.interrupt import Interrupt
         from lagsim.studies.bench.chart import chart
         from lagsim.studies.bench.document import CHART, MANIFEST, TABLE, document
@@ -130,13 +130,8 @@ class _Job:
                 return 128 + (interrupt.signal or 0)
         model = case.equations.model
         content = document(model, case.settings, found, [TABLE, CHART, MANIFEST])
-        try:
-            results.write(TABLE, entries_table(found.entries))
-            results.write(CHART, chart(model.name, found, content))
-            results.commit(encode(content))
-        except OSError as error:
-            text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
-            raise UnwritableError(text) from None
+        drawn = chart(model.name, found, content)
+        commit(results, content, {TABLE: entries_table(found.entries), CHART: drawn})
         self.documents.append(content)
         if not self.quiet and not self.as_json:
             say(_summary(model, found, results.folder))

@@ -13,7 +13,7 @@ from lagsim.cli._closing import progress_bar, summary
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import AsJson, ModelPath, Sets, assignments, show_json
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import cut_short, open_table
+from lagsim.cli._writing import commit, cut_short, open_table
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
@@ -161,7 +161,6 @@ class _Job:
             return self._integrate(session, results)
 
     def _integrate(self, session: Session, results: Results) -> int:
-        from lagsim.outputs.manifest import encode
         from lagsim.outputs.results import MANIFEST
         from lagsim.run.interrupt import Interrupt
         from lagsim.studies.attempts import Attempts
@@ -181,11 +180,7 @@ class _Job:
             document = found.record(cautions, self.clock.timings, files)
             if full:
                 document |= cut_short(writer, found, full)
-            try:
-                results.commit(encode(document))
-            except OSError as error:
-                text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
-                raise UnwritableError(text) from None
+            commit(results, document, {})
         self._report(found, document, results.folder)
         if full:
             return UnwritableError.exit_code

@@ -20,7 +20,8 @@ from lagsim.cli._shared import (
     show_json,
     table,
 )
-from lagsim.cli._streams import UnwritableError, say
+from lagsim.cli._streams import say
+from lagsim.cli._writing import commit
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -135,7 +136,6 @@ class _Job:
         raise InputError([Problem("unknown-parameter", text, hint=hint)])
 
     def _measure(self, case: Any, model: Model, results: Results) -> int:
-        from lagsim.outputs.manifest import encode
         from lagsim.run.interrupt import Interrupt
         from lagsim.studies.bench import stability_document as written
         from lagsim.studies.bench.stability import measure
@@ -147,13 +147,9 @@ class _Job:
         name = self.wish.name
         files = [written.TABLE, written.CHART, written.MANIFEST]
         content = written.document(found, self.wish, files)
-        try:
-            results.write(written.TABLE, written.table(found.cells, name))
-            results.write(written.CHART, chart(model.name, found, name))
-            results.commit(encode(content))
-        except OSError as error:
-            text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
-            raise UnwritableError(text) from None
+        drawn = chart(model.name, found, name)
+        contents = {written.TABLE: written.table(found.cells, name)}
+        commit(results, content, contents | {written.CHART: drawn})
         self.documents.append(content)
         if not self.quiet and not self.as_json:
             say(_summary(model, found, name))

@@ -56,6 +56,35 @@ class ErrorBars(Enum):
     NEVER = "never"
 
 
+class Account:
+    """What the rows of a run are judged by: their ledger, and a witness of the motion.
+
+    A repeat has one as well: what is no answer itself accuses no run.
+    """
+
+    def __init__(self, session: Session) -> None:
+        names = session.system.columns.names
+        self.session = session
+        self.ledger = Ledger(names)
+        self.witness = Witness(names, len(session.case.equations.q))
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+        self.ledger.add(rows)
+        self.witness.add(rows)
+
+    def doubt(self, trajectory: Trajectory, bar: ErrorBar | str) -> Doubt | None:
+        """Give why they are in doubt, if they are."""
+        from lagsim.studies.alarms import doubt_about
+
+        return doubt_about(self.session, trajectory, self.ledger, self.witness, bar)
+
+    def fault(self, trajectory: Trajectory) -> str:
+        """Say why they are no answer; "" where they may be one."""
+        doubt = self.doubt(trajectory, "a repeat has none")
+        return "" if doubt is None else f"from t = {doubt.time:.6g} on, {doubt.text}"
+
+
 class Attempt(NamedTuple):
     """The rows of a run, as far as they are known afterwards.
 
@@ -64,8 +93,7 @@ class Attempt(NamedTuple):
 
     session: Session
     trajectory: Trajectory
-    ledger: Ledger
-    witness: Witness
+    account: Account
     checkpoints: Checkpoints
     thin: Thinning | None
     bar: ErrorBar | str
@@ -75,9 +103,8 @@ class Attempt(NamedTuple):
         """Give all that there is to know about it."""
         from lagsim.studies.alarms import alarms
 
-        return alarms(
-            self.session, self.trajectory, self.ledger, self.witness, self.bar
-        )
+        own = self.account
+        return alarms(self.session, self.trajectory, own.ledger, own.witness, self.bar)
 
     def record(
         self,
@@ -89,7 +116,7 @@ class Attempt(NamedTuple):
         from lagsim.outputs.manifest import manifest
 
         return manifest(
-            self.session, self.trajectory, self.ledger, self.bar, cautions,
+            self.session, self.trajectory, self.account.ledger, self.bar, cautions,
             {name: round(t, 6) for name, t in timings.items()}, files,
         )  # fmt: skip
 
@@ -114,30 +141,6 @@ class Attempt(NamedTuple):
         yield from pictures(
             record, equations.model, energy_is_sum=equations.energy_is_sum
         )
-
-
-class Account:
-    """The ledger of a repeat: what is no answer itself accuses no run."""
-
-    def __init__(self, session: Session) -> None:
-        names = session.system.columns.names
-        self.session = session
-        self.ledger = Ledger(names)
-        self.witness = Witness(names, len(session.case.equations.q))
-
-    def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
-        self.ledger.add(rows)
-        self.witness.add(rows)
-
-    def fault(self, trajectory: Trajectory) -> str:
-        """Say why they are no answer; "" where they may be one."""
-        from lagsim.studies.alarms import doubt_about
-
-        doubt = doubt_about(
-            self.session, trajectory, self.ledger, self.witness, "a repeat has none"
-        )
-        return "" if doubt is None else f"from t = {doubt.time:.6g} on, {doubt.text}"
 
 
 class Attempts:
@@ -188,9 +191,8 @@ class Attempts:
         `bar` is what a repeat says of it, where one has been made before.
         """
         case, names = session.case, session.system.columns.names
-        n = len(case.equations.q)
-        ledger, witness = Ledger(names), Witness(names, n)
-        checkpoints = Checkpoints(n, case.settings)
+        account = Account(session)
+        checkpoints = Checkpoints(len(case.equations.q), case.settings)
         thin = None
         if self.thinned:
             from lagsim.run.observers.thinning import picture_thinning
@@ -198,7 +200,7 @@ class Attempts:
             thin = picture_thinning(case.equations.model, names)
         if self.store.rows:
             self.store.begin_anew()
-        others: list[Observer] = [ledger, checkpoints, witness]
+        others: list[Observer] = [account, checkpoints]
         others += [thin] if thin else []
         relay = Relay(self.store, others, self.interrupt)
         clock = self.clock
@@ -214,7 +216,7 @@ class Attempts:
             self._charge(session, trajectory)
             bar = self._error_bar(session, trajectory, checkpoints)
         return Attempt(
-            session, trajectory, ledger, witness, checkpoints, thin, bar, relay.fault
+            session, trajectory, account, checkpoints, thin, bar, relay.fault
         )
 
     def _charge(self, session: Session, trajectory: Trajectory) -> None:
@@ -247,14 +249,9 @@ class Attempts:
         return bar
 
     def _doubt(self, attempt: Attempt) -> Doubt | None:
-        from lagsim.studies.alarms import doubt_about
-
         if self.interrupt.asked:
             return None
-        return doubt_about(
-            attempt.session, attempt.trajectory, attempt.ledger, attempt.witness,
-            attempt.bar,
-        )  # fmt: skip
+        return attempt.account.doubt(attempt.trajectory, attempt.bar)
 
     def _is_outlier(self, attempt: Attempt) -> bool:
         """Ask a third run which of two is off."""
