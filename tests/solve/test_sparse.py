@@ -15,7 +15,6 @@ from lagsim.model.reader import read, read_file
 from lagsim.native.graph import tapes
 from lagsim.plan import make_plan
 from lagsim.run.observers import Keep
-from lagsim.run.simulate import simulate
 from lagsim.run.system import System
 from tests.support import MODELS, run
 
@@ -105,10 +104,10 @@ def test_a_run_is_that_of_the_full_form(n):
     full = run(text, loops=True)
     e = full.equations
     keep = Keep()
-    plan = replace(make_plan(e, full.start, e.model.settings()), tape=True)
-    system = System(e, plan)
-    trajectory = simulate(e, full.start, plan, system, e.model.settings(), [keep])
-    assert trajectory.outcome.complete
+    case = full.session.case
+    session = case.ready(replace(case.plan(), tape=True))
+    system = session.system
+    assert session.run([keep]).outcome.complete
     rows = keep.table
     names = system.columns.names
     state = [names.index(name) for name in (*e.q, *e.velocities)]
