@@ -9,12 +9,8 @@ import sympy as sp
 from measure import HERE, MODELS, Table, alternate, ms, ratio
 from scipy.integrate import solve_ivp
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read_file
-from lagsim.plan import make_plan
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
+from lagsim.run.session import open_case
 
 PROBLEMS = HERE.parent / "tests" / "data" / "problems.json"
 WANTED = 1e-9
@@ -78,24 +74,19 @@ class Ours:
     def __init__(self, rtol):
         path = str(MODELS / "andrews.yaml")
         options = {"rtol": repr(rtol), "duration": "0.03", "output_step": "3e-5"}
-        self.equations = derive(read_file(path, options=options))
-        self.settings = self.equations.model.settings()
-        self.start = examine(self.equations, self.settings.start).start
-        self.plan = make_plan(self.equations, self.start, self.settings)
-        self.system = System(self.equations, self.plan)
+        self.session = open_case(read_file(path, options=options)).ready()
         # Linking is part of preparing a model, not of integrating it.
-        runner = self.system.link(self.plan.method)
-        self.system.link = lambda _name: runner
+        system = self.session.system
+        runner = system.link(self.session.plan.method)
+        system.link = lambda _name: runner
 
     def add(self, rows):
-        """Take rows of `simulate`."""
+        """Take rows of the run."""
         self.last = rows[-1]
 
     def run(self):
         """Integrate with rows, lambda and all; give the last state and evaluations."""
-        done = simulate(
-            self.equations, self.start, self.plan, self.system, self.settings, [self]
-        )
+        done = self.session.run([self])
         return self.last[1:15].copy(), done.statistics.evaluations
 
 

@@ -39,12 +39,12 @@ def chain(n, duration):
 
 PREPARE = """
 import json, sys, time
-from lagsim.reader import read_file
-from lagsim.equations import derive
+from lagsim.model.reader import read_file
+from lagsim.mechanics.equations import derive
 from lagsim.admissibility import examine
 from lagsim.plan import make_plan
-from lagsim.system import System
-from lagsim.native import engine
+from lagsim.run.system import System
+from lagsim.native.link import engine
 engine.target()
 laps, last = {}, time.perf_counter()
 def lap(name):

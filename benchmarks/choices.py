@@ -17,14 +17,12 @@ from pathlib import Path
 from measure import MODELS, Table, cost_at
 from PIL import Image
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.methods import names
 from lagsim.model.reader import read_file
+from lagsim.run.session import open_case
 from lagsim.studies.bench.chart import chart
 from lagsim.studies.bench.document import document
 from lagsim.studies.bench.reference import NoReferenceError
-from lagsim.studies.bench.solving import Scene
 from lagsim.studies.bench.work_precision import Wish, measure
 
 ERRORS = (1e-6, 1e-9, 1e-12)
@@ -56,21 +54,20 @@ def points(entries, of):
 
 def rows_of(model, charts=None):
     """Give the rows of the table for one model; draw its chart where one is wanted."""
-    equations = derive(read_file(str(MODELS / f"{model}.yaml")))
-    scene = Scene(equations, examine(equations).start, equations.model.settings())
+    case = open_case(read_file(str(MODELS / f"{model}.yaml")))
     try:
-        found = measure(scene, Wish(methods=None if charts else names()))
+        found = measure(case, Wish(methods=None if charts else names()))
     except NoReferenceError as why:
         return [[model, "", "", str(why), "", ""]]
     if charts:
-        draw(model, found, scene, charts)
+        draw(model, found, case, charts)
     return [row_of(model, found, error) for error in ERRORS]
 
 
-def draw(model, found, scene, folder):
+def draw(model, found, case, folder):
     """Draw the chart of a model, in a palette of colours: a tenth of the bytes."""
     folder.mkdir(parents=True, exist_ok=True)
-    content = document(scene.equations.model, scene.settings, found, [])
+    content = document(case.equations.model, case.settings, found, [])
     picture = Image.open(io.BytesIO(chart(model, found, content)))
     picture.convert("RGB").quantize(48).save(folder / f"{model}.png", optimize=True)
 

@@ -93,22 +93,19 @@ def measured(case, method):
     """Measure everything on one scene; gives a JSON document."""
     from rival_heyoka import equations_of
 
-    from lagsim.admissibility import examine
-    from lagsim.mechanics.equations import derive
     from lagsim.model.reader import read_file
+    from lagsim.run.session import open_case
     from lagsim.studies.bench.reference import state_sizes
     from lagsim.studies.bench.scipy_solvers import Scipy
-    from lagsim.studies.bench.solving import Own, Patience, Scene, least
+    from lagsim.studies.bench.solving import Own, Patience, least
 
-    equations = derive(
-        read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)
-    )
-    scene = Scene(equations, examine(equations).start, equations.model.settings())
+    model = read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)
+    scene = open_case(model)
     own = Own(scene, "dop853")
     patience = Patience(60.0)
     rows = own.solve(1e-12, patience).rows
     times, sizes = rows[:, 0], state_sizes(own, rows)
-    parameters = {p.name: p.value for p in equations.model.parameters}
+    parameters = {p.name: p.value for p in model.parameters}
     theirs = equations_of(scene, own.plan, parameters)
     start = [*scene.start.q, *scene.start.v]
     judge = Judge(theirs, start, times)
@@ -270,8 +267,8 @@ def compared(result, error, costs):
 
 def report(results):
     """Give the page."""
-    from lagsim import __version__
     from lagsim.studies.bench.machine import described, machine
+    from lagsim.version import __version__
 
     packages = ("heyoka", "scikit-sundae", "scipy", "numpy", "llvmlite")
     versions = ", ".join(f"{p} {version(p)}" for p in packages)

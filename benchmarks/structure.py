@@ -10,12 +10,9 @@ import numpy as np
 from measure import MODELS, Table, alternate, ms, ratio
 from rod_chain import rod_chain
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
-from lagsim.plan import make_plan
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
+from lagsim.run.observers import Keep
+from lagsim.run.session import open_case
 
 
 class Scene:
@@ -29,27 +26,19 @@ class Scene:
         else:
             path = MODELS / f"{model}.yaml"
             read_model = read_file(str(path), options=texts)
-        self.equations = derive(read_model)
-        self.start = examine(self.equations).start
-        self.settings = read_model.settings({"formulation": formulation})
-        plan = make_plan(self.equations, self.start, self.settings)
-        self.plan = replace(plan, **(change or {}))
+        case = open_case(read_model, read_model.settings({"formulation": formulation}))
+        plan = replace(case.plan(), **(change or {}))
         self.planned = time.perf_counter() - began
-        self.system = System(self.equations, self.plan)
+        self.session = case.ready(plan)
 
     def run(self):
         """Integrate, and keep the rows."""
-        self.blocks = []
-        self.trajectory = simulate(
-            self.equations, self.start, self.plan, self.system, self.settings, [self]
-        )
-
-    def add(self, rows):
-        self.blocks.append(rows.copy())
+        self.keep = Keep()
+        self.trajectory = self.session.run([self.keep])
 
     def columns(self):
         """Give the table of the last run."""
-        return np.concatenate(self.blocks)[:, : self.system.columns.table]
+        return self.keep.table[:, : self.session.system.columns.table]
 
 
 def difference(scene, other):

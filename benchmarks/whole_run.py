@@ -20,14 +20,11 @@ from measure import (
 )
 from scipy.integrate import solve_ivp
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.methods.parts import state as at
 from lagsim.model.reader import read_file
-from lagsim.plan import make_plan
-from lagsim.run.simulate import simulate
+from lagsim.run.observers import Keep
+from lagsim.run.session import open_case
 from lagsim.run.states import empty_state
-from lagsim.run.system import System
 
 MODEL = MODELS / "elastic-pendulum.yaml"
 # Tolerances tried for scipy, four to a decade.
@@ -40,22 +37,19 @@ class Pendulum:
 
     def __init__(self, **options):
         texts = {name: str(value) for name, value in options.items()}
-        self.equations = derive(read_file(str(MODEL), options=texts))
-        self.settings = self.equations.model.settings()
-        self.start = examine(self.equations, self.settings.start).start
-        self.plan = make_plan(self.equations, self.start, self.settings)
-        self.system = System(self.equations, self.plan)
-        self.runner = self.system.link(self.plan.method)
-        self.blocks = []
-        size = self.system.size
+        self.session = open_case(read_file(str(MODEL), options=texts)).ready()
+        system, plan = self.session.system, self.session.plan
+        start, settings = self.session.case.start, self.session.case.settings
+        self.runner = system.link(plan.method)
+        size = system.size
         self.out = np.empty((2048, 1 + size))
         self.first = empty_state(self.runner)
-        self.first.end = self.settings.end
-        self.first.row_step = self.settings.output_step
-        self.first.row_limit = self.settings.end * (1 + 1e-12)
-        self.first.rtol, self.first.atol = self.plan.rtol, -1.0
+        self.first.end = settings.end
+        self.first.row_step = settings.output_step
+        self.first.row_limit = settings.end * (1 + 1e-12)
+        self.first.rtol, self.first.atol = plan.rtol, -1.0
         self.first.fresh = self.first.health = 1.0
-        y = np.concatenate([self.start.q, self.start.v])
+        y = np.concatenate([start.q, start.v])
         self.first.y[:] = y
 
     def integrate(self):
@@ -71,16 +65,11 @@ class Pendulum:
         self.integrate()
         return self.runner.tabulate(self.out[: self.rows])
 
-    def add(self, rows):
-        """Take rows of `simulate`."""
-        self.blocks.append(rows.copy())
-
     def simulate(self):
         """Run the loop over arcs; give theta, u and their rates in every row."""
-        simulate(
-            self.equations, self.start, self.plan, self.system, self.settings, [self]
-        )
-        return np.concatenate(self.blocks)[:, 1:5]
+        keep = Keep()
+        self.session.run([keep])
+        return keep.table[:, 1:5]
 
 
 def error(y, exact):

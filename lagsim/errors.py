@@ -36,6 +36,21 @@ class Problem:
     place: Place | None = None
     hint: str = ""
 
+    @property
+    def file(self) -> str | None:
+        """The file it is in, where it is in one."""
+        return self.place.file if self.place else None
+
+    @property
+    def line(self) -> int | None:
+        """Its line, from 1."""
+        return self.place.line if self.place else None
+
+    @property
+    def column(self) -> int | None:
+        """Its column, from 1."""
+        return self.place.column if self.place else None
+
     def __str__(self) -> str:
         """Give the fault as FILE:LINE:COLUMN, the source line, a caret and the hint."""
         lines = [f"{self.place}: {self.text}" if self.place else self.text]

@@ -2,47 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.admissibility import Examination, Start, examine
-from lagsim.mechanics.equations import Equations, derive
 from lagsim.model.reader import read, read_file
-from lagsim.plan import Plan, make_plan
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
+from lagsim.plan import by_loops
+from lagsim.run.observers import Keep
+from lagsim.run.session import Session, open_case
 
 if TYPE_CHECKING:
-    from lagsim.model.settings import Settings
+    from lagsim.admissibility import Start
+    from lagsim.mechanics.equations import Equations
+    from lagsim.plan import Plan
+    from lagsim.run.session import Case
+    from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 
 ROOT = Path(__file__).parent.parent
 MODELS = ROOT / "models"
 DATA = Path(__file__).parent / "data"
-
-
-class Keep:
-    """A consumer that keeps all rows."""
-
-    def __init__(self) -> None:
-        self.blocks: list[Any] = []
-
-    def add(self, rows: Any) -> None:
-        self.blocks.append(rows.copy())
+LIMITS = {"most_steps", "arc_steps", "longest_step"}
+HEARD = {"interrupt", "progress"}
 
 
 @dataclass(frozen=True)
 class Run:
     """A finished run; `run["theta"]` is a column."""
 
-    equations: Equations
-    examined: Examination
-    settings: Settings
-    plan: Plan
-    system: System
+    session: Session
     trajectory: Trajectory
     rows: Any
 
@@ -50,9 +40,21 @@ class Run:
         return self.rows[:, self.system.columns.names.index(name)]
 
     @property
+    def equations(self) -> Equations:
+        return self.session.case.equations
+
+    @property
     def start(self) -> Start:
         """What it began with."""
-        return self.examined.start
+        return self.session.case.start
+
+    @property
+    def plan(self) -> Plan:
+        return self.session.plan
+
+    @property
+    def system(self) -> System:
+        return self.session.system
 
     @property
     def drift(self) -> float:
@@ -62,28 +64,28 @@ class Run:
         return float(np.max(np.abs(balance - balance[0])))
 
 
-def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
-    """Run a Model, the text of one, or the name of a shipped one.
-
-    `loops` insists on the dense solve; other keywords are those of `simulate`, or
-    options of `simulation` such as rtol="1e-12".
-    """
-    passed = {"interrupt", "progress", "most_steps", "arc_steps"}
-    options = {k: str(v) for k, v in keywords.items() if k not in passed}
-    rest = {k: v for k, v in keywords.items() if k in passed}
+def case_of(model: Any, **options: Any) -> Case:
+    """Open a Model, the text of one, or the name of a shipped one."""
+    options = {k: str(v) for k, v in options.items()}
     if isinstance(model, str):
         if "\n" in model:
             model = read(model, "model.yaml", options=options)
         else:
             model = read_file(str(MODELS / f"{model}.yaml"), options=options)
-    equations = derive(model)
-    settings = model.settings()
-    examined = examine(equations, settings.start)
-    assert examined.admissible, examined.verdicts
-    start = examined.start
-    plan = make_plan(equations, start, settings, loops=loops)
-    system = System(equations, plan)
+    return open_case(model)
+
+
+def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
+    """Run a Model, the text of one, or the name of a shipped one.
+
+    `loops` insists on the dense solve; other keywords are those of `Session`, or of its
+    run, or options of `simulation` such as rtol="1e-12".
+    """
+    limits = {k: keywords.pop(k) for k in LIMITS & keywords.keys()}
+    heard = {k: keywords.pop(k) for k in HEARD & keywords.keys()}
+    case = case_of(model, **keywords)
+    session = case.ready(by_loops(case.plan()) if loops else None)
+    session = replace(session, **limits)
     keep = Keep()
-    trajectory = simulate(equations, start, plan, system, settings, [keep], **rest)
-    rows = np.concatenate(keep.blocks)
-    return Run(equations, examined, settings, plan, system, trajectory, rows)
+    trajectory = session.run([keep], **heard)
+    return Run(session, trajectory, keep.table)

@@ -97,7 +97,8 @@ def _guarded(app: typer.Typer) -> int:
 
 def _usage(error: Exception) -> int:
     """Tell what is wrong with the command line."""
-    from lagsim.cli._shared import errors_document, show_json
+    from lagsim.cli._faults import errors_document
+    from lagsim.cli._shared import show_json
     from lagsim.errors import Problem
 
     if "--json" in sys.argv[1:]:

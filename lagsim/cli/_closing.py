@@ -15,20 +15,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
-    from lagsim.mechanics.equations import Equations
     from lagsim.run.error import ErrorBar
+    from lagsim.studies.attempts import Attempt
 
 # Runs that last longer than this show a progress bar on a terminal.
 PATIENCE_SECONDS = 1.0
 
 
-def summary(
-    equations: Equations,
-    document: Mapping[str, Any],
-    folder: Path,
-    first_energy: float,
-    bar: ErrorBar | str,
-) -> str:
+def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     """Give the closing lines of the run that `document`, its run.json, records."""
     colour = "32" if document["complete"] else "31"
     head = (
@@ -36,6 +30,7 @@ def summary(
         f"t = {document['start']:g} to {document['end']:.9g}, "
         f"{counted(document['rows'], 'row')}"
     )
+    equations = made.session.case.equations
     n, m = len(equations.q), len(equations.rows)
     held = f", {counted(m, 'constraint')}" if m else ""
     rows = [("system", counted(n, "coordinate") + held)]
@@ -48,8 +43,8 @@ def summary(
     unit = document["columns"]["energy"]
     drift = f"{document['energy_drift']:.2g} {unit}".rstrip()
     ledger = "energy - work" if "work" in document["columns"] else "energy"
-    start = f"(energy {first_energy:.7g} at the start)"
-    rows.append(("error", _error(bar)))
+    start = f"(energy {made.account.ledger.first_energy:.7g} at the start)"
+    rows.append(("error", _error(made.bar)))
     rows.append(("energy drift", f"{drift} in {ledger} {start}"))
     if m:
         residual = document["constraint_residual"]

@@ -1,18 +1,18 @@
-"""The table of a run while it is written, and what is said where the disk is full."""
+"""Results while they are written, and what is said where the disk is full."""
 
 from __future__ import annotations
 
 import contextlib
-import time
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from lagsim.cli._streams import UnwritableError
 
-    from lagsim.language.arrays import Floats
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from lagsim.outputs.results import Results
     from lagsim.outputs.table import TableWriter
-    from lagsim.run.interrupt import Interrupt
+    from lagsim.studies.attempts import Attempt
 
 
 def open_table(
@@ -27,50 +27,36 @@ def open_table(
         raise results.unusable(error) from None
 
 
-def cut_short(output: Output, full: OSError, start: float) -> dict[str, Any]:
+def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
+    """Write files and the document that lists them, and put all in their places.
+
+    Raises
+    ------
+    UnwritableError
+        Where there is no room.
+    """
+    from lagsim.outputs.manifest import encode
+
+    try:
+        for name, content in files.items():
+            results.write(name, content)
+        results.commit(encode(document))
+    except OSError as error:
+        text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
+        raise UnwritableError(text) from None
+
+
+def cut_short(writer: TableWriter, made: Attempt, full: OSError) -> dict[str, Any]:
     """Give what run.json says of a run whose results did not fit on the disk."""
     found: dict[str, Any] = {"outcome": "failed", "complete": False}
-    if output.fault is None:
+    if made.fault is None:
         found["reason"] = (
             f"a picture could not be written: {full.strerror}; the table is whole"
         )
         return found
-    end = start if output.writer.last is None else output.writer.last
+    end = made.trajectory.start if writer.last is None else writer.last
     found["reason"] = (
         f"the table could not be written beyond t = {end!r}: {full.strerror}; the rows "
         "up to there were kept"
     )
-    return found | {"end": end, "rows": output.writer.rows}
-
-
-class Output:
-    """Hands rows on, and keeps the time that takes; a full disk ends the run."""
-
-    def __init__(
-        self,
-        consumers: Sequence[Any],
-        writer: TableWriter,
-        interrupt: Interrupt,
-    ) -> None:
-        self.consumers = consumers
-        self.writer = writer
-        self.interrupt = interrupt
-        self.seconds = 0.0
-        self.fault: OSError | None = None
-
-    def add(self, rows: Floats) -> None:
-        """Take rows; all consumers get those that the disk could hold."""
-        if self.fault is not None:
-            return
-        began = time.perf_counter()
-        before = self.writer.rows
-        try:
-            self.writer.add(rows)
-        except OSError as error:
-            self.fault = error
-            self.interrupt.stop()
-        kept = rows[: self.writer.rows - before]
-        if len(kept):
-            for consumer in self.consumers:
-                consumer.add(kept)
-        self.seconds += time.perf_counter() - began
+    return found | {"end": end, "rows": writer.rows}

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lagsim.cli._closing import progress_bar
+from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
     Sets,
     assignments,
     coloured,
     counted,
-    faults_shown,
     show_json,
     table,
 )
-from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.cli._streams import say
+from lagsim.cli._writing import commit
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.model.model import Model
-    from lagsim.studies.bench.solving import Scene
+    from lagsim.run.session import Case
     from lagsim.studies.bench.work_precision import Wish, WorkPrecision
 
 
@@ -84,6 +85,8 @@ def command(
             code.append(job.run(path, overrides, wish))
             documents += job.documents
         codes += code
+        documents += [x for x in faults if "errors" not in x]  # inadmissible starts
+        faults = [x for x in faults if "errors" in x]
     if as_json:
         problems = [problem for fault in faults for problem in fault["errors"]]
         show_json({"errors": problems} if problems else documents)
@@ -99,34 +102,19 @@ class _Job:
 
     def run(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
         """Do it; give the exit code."""
-        from lagsim.admissibility import examine
-        from lagsim.cli import check
-        from lagsim.cli.run import wanted
-        from lagsim.mechanics.equations import derive
         from lagsim.model.reader import read_file
-        from lagsim.studies.bench.solving import Scene
+        from lagsim.run.session import open_case, wanted
 
         model = read_file(path, overrides)
-        settings = wanted(model, "bench")
-        equations = derive(model)
-        examined = examine(equations, settings.start)
-        if not examined.admissible:
-            if self.as_json:
-                self.documents.append(check.document(equations, examined))
-            else:
-                complain(check.report(equations, examined))
-            return 1
+        case = open_case(model, wanted(model, "bench"))
         from lagsim.outputs.results import open_results
         from lagsim.studies.bench.document import MANIFEST
 
         folder = self.folder or Path("results") / model.name / "bench"
         with open_results(folder, MANIFEST) as results:
-            return self._measure(
-                Scene(equations, examined.start, settings), wish, results
-            )
+            return self._measure(case, wish, results)
 
-    def _measure(self, scene: Scene, wish: Wish, results: Any) -> int:
-        from lagsim.outputs.manifest import encode
+    def _measure(self, case: Case, wish: Wish, results: Any) -> int:
         from lagsim.run.interrupt import Interrupt
         from lagsim.studies.bench.chart import chart
         from lagsim.studies.bench.document import CHART, MANIFEST, TABLE, document
@@ -137,18 +125,13 @@ class _Job:
         interrupt = Interrupt()
         with interrupt.noted(), progress_bar(quiet=self.quiet) as progress:
             try:
-                found = measure(scene, wish, interrupt=interrupt, progress=progress)
+                found = measure(case, wish, interrupt=interrupt, progress=progress)
             except GivenUpError:
                 return 128 + (interrupt.signal or 0)
-        model = scene.equations.model
-        content = document(model, scene.settings, found, [TABLE, CHART, MANIFEST])
-        try:
-            results.write(TABLE, entries_table(found.entries))
-            results.write(CHART, chart(model.name, found, content))
-            results.commit(encode(content))
-        except OSError as error:
-            text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
-            raise UnwritableError(text) from None
+        model = case.equations.model
+        content = document(model, case.settings, found, [TABLE, CHART, MANIFEST])
+        drawn = chart(model.name, found, content)
+        commit(results, content, {TABLE: entries_table(found.entries), CHART: drawn})
         self.documents.append(content)
         if not self.quiet and not self.as_json:
             say(_summary(model, found, results.folder))

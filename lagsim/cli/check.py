@@ -6,29 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._shared import (
-    AsJson,
-    Sets,
-    assignments,
-    coloured,
-    counted,
-    faults_shown,
-    show_json,
-    table,
-    unknown_names,
-)
+from lagsim.cli._faults import faults_shown
+from lagsim.cli._shared import AsJson, Sets, assignments, show_json
 from lagsim.cli._streams import say
-from lagsim.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from lagsim.admissibility import Examination, Verdict
-    from lagsim.mechanics.equations import Equations
-    from lagsim.notes import Choice
-
-# The kind of a verdict on the start value of a definition, which is no constraint.
-_START_VALUE = "start value"
+    from collections.abc import Sequence
 
 
 def command(
@@ -60,226 +43,17 @@ def _one(
     documents: list[Any] | None,
 ) -> int:
     """Check one model; give the exit code."""
-    from lagsim.admissibility import examine
-    from lagsim.mechanics.equations import derive
+    from lagsim.cli._verdict import report
     from lagsim.model.reader import read_file
-    from lagsim.plan import make_plan
+    from lagsim.outputs.examined import document
+    from lagsim.run.session import check
 
     with faults_shown(documents, file=path) as code:
         model = read_file(path, assignments(sets))
-        settings = model.settings()
-        problems = unknown_names(settings)
-        if problems:
-            raise InputError(problems)
-        equations = derive(model)
-        start = examine(equations, settings.start, classify=True)
-        choices: Sequence[Choice] = ()
-        if start.admissible:
-            choices = make_plan(equations, start.start, settings).choices
+        case, choices = check(model)
         if documents is not None:
-            documents.append(document(equations, start, choices))
+            documents.append(document(case.equations, case.examined, choices))
         else:
-            say(report(equations, start, choices, repair=repair))
-        code.append(0 if start.admissible else 1)
+            say(report(case.equations, case.examined, choices, repair=repair))
+        code.append(0 if case.examined.admissible else 1)
     return code[-1]
-
-
-def document(
-    equations: Equations, start: Examination, choices: Sequence[Choice] = ()
-) -> dict[str, Any]:
-    """Give the content of `check --json`."""
-    model, ranks, reach = equations.model, start.ranks, start.reach
-    missed = [v for v in start.verdicts if v.kind == _START_VALUE]
-    return {
-        "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
-        "admissible": start.admissible,
-        "degrees_of_freedom": start.degrees_of_freedom,
-        "rank": ranks.rank,
-        "generic_rank": ranks.generic_rank,
-        "conditioning": ranks.smallest,
-        "generic_conditioning": ranks.generic_smallest,
-        "multipliers_not_unique": list(ranks.not_unique),
-        "mass_matrix": "singular alone" if start.augmented else "regular",
-        "constraints": [
-            _constraint(v) for v in start.verdicts if v.kind != _START_VALUE
-        ],
-        "contradictions": [
-            {
-                "name": d.name,
-                "combination": dict(d.combination),
-                "levels": d.contradictions,
-            }
-            for d in start.contradictions
-        ],
-        "start_values": [
-            {"name": v.name, "residual": v.position.value, "bound": v.position.bound}
-            for v in missed
-        ],
-        "dependences": [
-            {
-                "name": d.name,
-                "combination": dict(d.combination),
-                "everywhere": d.everywhere,
-            }
-            for d in ranks.dependences
-        ],
-        "thin_set": None
-        if start.thin is None
-        else {
-            "names": list(start.thin.names),
-            "dimension": start.thin.dimension,
-        },
-        "reach": None
-        if reach is None
-        else {
-            "dimension": reach.dimension,
-            "hidden": reach.hidden,
-            "entering": list(reach.entering),
-            "reason": reach.reason,
-        },
-        "changes": {
-            name: {"stated": old, "exact": new}
-            for name, (old, new) in start.changes.items()
-        },
-        "repair": start.repair,
-        "unsolved": start.unsolved,
-        "plan": [{"choice": c.choice, "reason": c.reason} for c in choices],
-        "warnings": [{"code": w.code, "text": w.text} for w in start.warnings],
-    }
-
-
-def _constraint(verdict: Verdict) -> dict[str, Any]:
-    position, velocity = verdict.position, verdict.velocity
-    return {
-        "name": verdict.name,
-        "kind": verdict.kind,
-        "scleronomic": verdict.scleronomic,
-        "pfaffian": verdict.pfaffian,
-        "integrable": verdict.integrable,
-        "undecided": verdict.undecided,
-        "residual": position.value,
-        "scale": position.scale,
-        "bound": position.bound,
-        "bound_reason": position.why,
-        "velocity_residual": velocity.value if velocity else None,
-        "velocity_scale": velocity.scale if velocity else None,
-        "velocity_bound": velocity.bound if velocity else None,
-        "velocity_bound_reason": velocity.why if velocity else None,
-        "satisfied": verdict.satisfied,
-        "redundant": verdict.redundant,
-    }
-
-
-def report(
-    equations: Equations,
-    start: Examination,
-    choices: Sequence[Choice] = (),
-    *,
-    repair: bool = False,
-) -> str:
-    """Give the report for people; its first line is the verdict."""
-    name, rows = equations.model.name, equations.rows
-    rank = f" of rank {start.ranks.rank}" if rows else ""
-    freedom = counted(start.degrees_of_freedom, "degree")
-    if start.admissible:
-        head = coloured("admissible", "32") + f": {name}"
-    else:
-        head = coloured("inadmissible", "31") + f": {name}: {'; '.join(_faults(start))}"
-    lines = [
-        head,
-        (
-            f"  {counted(len(equations.q), 'coordinate')}, "
-            f"{counted(len(rows), 'constraint')}{rank}, {freedom} of freedom"
-        ),
-    ]
-    if start.verdicts:
-        lines.append(table((v.name, _described(v)) for v in start.verdicts))
-    lines += _reached(equations, start)
-    lines += [f"  {c.choice} ({c.reason})" for c in choices]
-    lines += [f"  warning: {w.text}" for w in start.warnings]
-    if not start.admissible or repair:
-        lines += _repair(start)
-    return "\n".join(lines)
-
-
-def _faults(start: Examination) -> list[str]:
-    """Say what keeps a start from being admissible."""
-    faults = [d.contradiction() for d in start.contradictions]
-    if start.thin is not None:
-        faults.append(str(start.thin))
-    told = {d.name for d in start.contradictions}
-    told |= {name for d in start.contradictions for name, _ in d.combination}
-    faults += [
-        _violation(v) for v in start.verdicts if not v.satisfied and v.name not in told
-    ]
-    return faults
-
-
-def _violation(verdict: Verdict) -> str:
-    position, velocity = verdict.position, verdict.velocity
-    if verdict.kind == _START_VALUE:
-        return f"the start value `{verdict.name}` is missed by {position.value:.6g}"
-    if velocity is not None and position.met:
-        text = f"the rate of constraint `{verdict.name}` is {velocity.value:.6g}"
-        return f"{text} (bound {velocity.bound:.2g}, {velocity.why})"
-    text = f"constraint `{verdict.name}` has the residual {position.value:.6g}"
-    return f"{text} (bound {position.bound:.2g}, {position.why})"
-
-
-def _described(verdict: Verdict) -> str:
-    residual = verdict.position.value + 0.0  # no -0
-    if verdict.kind == _START_VALUE:
-        return f"start value, missed by {residual:.3g}"
-    words = [verdict.kind, "scleronomic" if verdict.scleronomic else "rheonomic"]
-    if verdict.pfaffian is not None:
-        words.append("Pfaffian" if verdict.pfaffian else "not Pfaffian")
-    if verdict.integrable is not None:
-        words.append("integrable" if verdict.integrable else "not integrable")
-    if verdict.redundant:
-        words.append("redundant")
-    text = f"{', '.join(words)}; residual {residual:.3g}"
-    if verdict.velocity is not None:
-        text += f", of its rate {verdict.velocity.value + 0.0:.3g}"
-    return text + ("" if verdict.satisfied else "  <- violated")
-
-
-def _reached(equations: Equations, start: Examination) -> list[str]:
-    """Say what inertia and velocity constraints mean for the motion."""
-    lines = []
-    if start.augmented:
-        lines.append("  the mass matrix is singular alone; the constraints complete it")
-    reach = start.reach
-    if reach is None:
-        return lines
-    if reach.dimension is None:
-        lines.append(f"  what the motion can reach is undecided: {reach.reason}")
-        return lines
-    text = f"  the motion can reach {reach.dimension} of {len(equations.q)} dimensions"
-    if reach.hidden:
-        names = ", ".join(reach.entering)
-        what = counted(reach.hidden, "hidden holonomic combination")
-        text += f"; {what} of {names}"
-    return [*lines, text]
-
-
-def _repair(start: Examination) -> list[str]:
-    """Give what to write into `initial:`, or why there is nothing to write."""
-    if start.admissible:
-        if not start.changes:
-            return ["  nothing to repair"]
-        exact = {name: new for name, (_, new) in start.changes.items()}
-        return ["  the exact state, for `initial:`", *_pasteable(exact)]
-    if not start.repair:
-        return [f"  no admissible state was found: {start.unsolved}"]
-    lines = []
-    if start.unsolved:
-        lines.append(f"  the guesses alone do not suffice: {start.unsolved}")
-    lines += ["  the nearest admissible state, for `initial:`"]
-    lines += _pasteable(start.repair)
-    guesses = ", ".join(f"{name}: {{guess: ...}}" for name in start.repair)
-    lines.append(f"  or have them solved, or some of them: {guesses}")
-    return lines
-
-
-def _pasteable(values: Mapping[str, float]) -> list[str]:
-    return [f"    {name}: {value!r}" for name, value in values.items()]

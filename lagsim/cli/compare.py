@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
     coloured,
     counted,
-    faults_shown,
     show_json,
 )
 from lagsim.cli._streams import UnwritableError, say

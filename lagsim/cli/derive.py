@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim import __version__
-from lagsim.cli._shared import ModelPath, Sets, assignments, faults_shown, show_json
+from lagsim.cli._faults import faults_shown
+from lagsim.cli._shared import ModelPath, Sets, assignments, show_json
 from lagsim.cli._streams import UnwritableError, put
 from lagsim.errors import InputError, Problem
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
     coloured,
     counted,
-    faults_shown,
     show_json,
 )
 from lagsim.cli._streams import UnwritableError, complain, say
@@ -19,9 +19,9 @@ from lagsim.cli.compare import LISTED, as_mapping, listing
 
 if TYPE_CHECKING:
     from lagsim.model.model import Model
+    from lagsim.run.session import Case
     from lagsim.studies.golden.judging import Judgement
     from lagsim.studies.golden.measuring import Golden
-    from lagsim.studies.golden.motion import Scene
 
 
 def command(
@@ -51,7 +51,11 @@ def command(
         documents: list[Any] = []
         with faults_shown(documents if as_json else None, file=path) as code:
             code.append(job.run(path))
-        faults += [problem for found in documents for problem in found["errors"]]
+        for found in documents:
+            faults += found.get("errors", [])
+            if "errors" not in found:  # an inadmissible start
+                name, file = found["model"]["name"], found["model"]["file"]
+                job.documents.append(found | {"model": name, "file": file})
         codes += code
     told += job.documents
     code_of_all = max(codes)
@@ -73,47 +77,36 @@ class _Job:
 
     def run(self, path: str) -> int:
         """Do it for one model; give the exit code."""
-        from lagsim.admissibility import examine
-        from lagsim.cli import check
-        from lagsim.cli.run import wanted
-        from lagsim.mechanics.equations import derive
         from lagsim.model.reader import read_file
-        from lagsim.studies.golden.motion import Scene
+        from lagsim.run.session import open_case, wanted
         from lagsim.studies.golden.storing import folder_of, load
 
         model = read_file(path)
         settings = wanted(model, "golden")
         folder = self.folder or folder_of(path)
         stored = None if self.update else load(folder, model.name)
-        equations = derive(model)
-        examined = examine(equations, settings.start)
-        if not examined.admissible:
-            self.documents.append(check.document(equations, examined) | _name(model))
-            if not self.as_json:
-                complain(check.report(equations, examined))
-            return 1
-        scene = Scene(equations, examined.start, settings)
+        case = open_case(model, settings)
         if stored is None:
-            return self._store(scene, folder)
+            return self._store(case, folder)
         from lagsim.studies.golden.judging import judge, run
 
-        judgement = judge(scene, run(scene, stored), stored)
+        judgement = judge(case, run(case, stored), stored)
         self.documents.append(document(model, judgement, stored.golden))
         if not self.as_json and not (self.quiet and judgement.passed):
             say(report(model, judgement, stored.golden))
         return 0 if judgement.passed else 1
 
-    def _store(self, scene: Scene, folder: Path) -> int:
+    def _store(self, case: Case, folder: Path) -> int:
         from lagsim.studies.golden.measuring import measure
         from lagsim.studies.golden.storing import document, names, table
 
-        model = scene.equations.model
-        golden, base = measure(scene)
+        model = case.equations.model
+        golden, base = measure(case)
         if not base.trajectory.outcome.complete:
             complain(f"lagsim: no golden of {model.name}: {base.trajectory.reason}")
             self.documents.append(_name(model) | {"pass": False})
             return UnwritableError.exit_code
-        contents = table(golden), document(scene, golden, base)
+        contents = table(golden), document(case, golden, base)
         try:
             folder.mkdir(parents=True, exist_ok=True)
             for name, content in zip(names(model.name), contents, strict=True):

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._shared import AsJson, faults_shown, method_problems, show_json
+from lagsim.cli._faults import faults_shown
+from lagsim.cli._shared import AsJson, show_json
 from lagsim.cli._streams import say
 from lagsim.errors import InputError
-from lagsim.methods import method, names
+from lagsim.methods import method, method_problems, names
 
 if TYPE_CHECKING:
     from types import ModuleType

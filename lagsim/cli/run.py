@@ -2,49 +2,28 @@
 
 from __future__ import annotations
 
-import math
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._closing import summary
-from lagsim.cli._shared import (
-    AsJson,
-    ModelPath,
-    Sets,
-    assignments,
-    faults_shown,
-    show_json,
-    unknown_names,
-)
+from lagsim.cli._closing import progress_bar, summary
+from lagsim.cli._faults import faults_shown
+from lagsim.cli._shared import AsJson, ModelPath, Sets, assignments, show_json
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import cut_short, open_table
-from lagsim.errors import InputError, Problem
+from lagsim.cli._writing import commit, cut_short, open_table
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
+from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
-    from lagsim.admissibility import Examination
-    from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Model
-    from lagsim.model.settings import Settings
-    from lagsim.notes import Caution
     from lagsim.outputs.results import Results
-    from lagsim.plan import Plan
-    from lagsim.run.error import ErrorBar
-    from lagsim.run.interrupt import Interrupt
-    from lagsim.run.observers.ledger import Ledger
-    from lagsim.run.observers.thinning import Thinning
-    from lagsim.run.system import System
-    from lagsim.run.trajectory import Trajectory
-
-LAPS = (
-    "import", "read", "derive", "compile", "integrate", "error_bar", "output", "plots",
-)  # fmt: skip
+    from lagsim.run.session import Session
+    from lagsim.studies.attempts import Attempt
 
 
 def command(
@@ -161,189 +140,76 @@ class _Job:
         self.as_json = as_json
         self.quiet = quiet
         # The processor time so far is close to what starting and importing took.
-        self.timings = dict.fromkeys(LAPS, 0.0) | {"import": time.process_time()}
-        self._last = time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        """Record the time since the last lap."""
-        now = time.perf_counter()
-        self.timings[name] += now - self._last
-        self._last = now
+        self.clock = Clock()
+        self.clock.timings["import"] = time.process_time()
 
     def run(
         self, path: str, overrides: Mapping[str, str], options: Mapping[str, str]
     ) -> int:
         """Do it; give the exit code."""
-        from lagsim.admissibility import examine
-        from lagsim.cli import check
-        from lagsim.mechanics.equations import derive
         from lagsim.model.reader import read_file
-        from lagsim.plan import make_plan
-        from lagsim.run.system import System
 
-        self.lap("import")
+        clock = self.clock
+        clock.lap("import")
         model = read_file(path, overrides, options)
-        settings = wanted(model)
-        self.lap("read")
-        equations = derive(model)
-        examined = examine(equations, settings.start)
-        if not examined.admissible:
-            if self.as_json:
-                show_json(check.document(equations, examined))
-            else:
-                complain(check.report(equations, examined))
-            return 1
-        plan = make_plan(equations, examined.start, settings)
-        self.lap("derive")
-        system = System(equations, plan)
-        system.link(plan.method)
-        self.lap("compile")
+        settings = wanted(model, "run", hint="add it, or give --duration")
+        clock.lap("read")
+        session = open_case(model, settings, clock=clock).ready(clock=clock)
         from lagsim.outputs.results import open_results
 
-        folder = self.folder or Path("results") / model.name
-        with open_results(folder) as results:
-            return self._integrate(equations, examined, settings, plan, system, results)
+        with open_results(self.folder or Path("results") / model.name) as results:
+            return self._integrate(session, results)
 
-    def _integrate(
-        self,
-        equations: Equations,
-        examined: Examination,
-        settings: Settings,
-        plan: Plan,
-        system: System,
-        results: Results,
-    ) -> int:
-        from lagsim.outputs.manifest import encode, manifest
+    def _integrate(self, session: Session, results: Results) -> int:
         from lagsim.outputs.results import MANIFEST
         from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.alarms import alarms
-        from lagsim.studies.attempts import Attempts, Means
+        from lagsim.studies.attempts import Attempts
 
-        names = system.columns.names
-        interrupt = Interrupt()
-        with open_table(results, names[: system.columns.table]) as writer, (
+        columns, interrupt = session.system.columns, Interrupt()
+        with open_table(results, columns.names[: columns.table]) as writer, (
             interrupt.noted()
         ):  # fmt: skip
-            attempts = Attempts(
-                self, equations, examined.start, settings, writer, interrupt
-            )
-            found = attempts.best(Means(plan, system))
-            plan, system, trajectory = found.plan, found.system, found.trajectory
-            ledger, bar, full = found.ledger, found.bar, found.output.fault
-            if found.thin and not full:
-                full = self._draw(system, trajectory, found.thin, bar, results)
-            cautions = alarms(
-                equations, examined, settings, plan, trajectory, ledger, found.witness,
-                bar,
-            )  # fmt: skip
-            self.lap("output")
-            timings = {name: round(t, 6) for name, t in self.timings.items()}
-            document = manifest(
-                system, plan, trajectory, ledger, bar, cautions, timings,
-                [*results.names, MANIFEST],
-            )  # fmt: skip
+            found = Attempts(
+                writer, interrupt, self.clock, error_bars=self.error_bars,
+                thinned=self.plots, progress=partial(progress_bar, quiet=self.quiet),
+            ).best(session)  # fmt: skip
+            full = found.fault or self._draw(found, results)
+            cautions = found.cautions()
+            self.clock.lap("output")
+            files = [*results.names, MANIFEST]
+            document = found.record(cautions, self.clock.timings, files)
             if full:
-                document |= cut_short(found.output, full, trajectory.start)
-            try:
-                results.commit(encode(document))
-            except OSError as error:
-                text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
-                raise UnwritableError(text) from None
-        self._report(equations, document, results.folder, cautions, ledger, bar)
+                document |= cut_short(writer, found, full)
+            commit(results, document, {})
+        self._report(found, document, results.folder)
         if full:
             return UnwritableError.exit_code
-        return _exit_code(trajectory, interrupt)
+        if interrupt.signal is not None:
+            return 128 + interrupt.signal
+        return 0 if found.trajectory.outcome.complete else 3
 
-    def _draw(
-        self,
-        system: System,
-        trajectory: Trajectory,
-        thin: Thinning,
-        bar: ErrorBar | str,
-        results: Results,
-    ) -> OSError | None:
+    def _draw(self, found: Attempt, results: Results) -> OSError | None:
         """Draw the pictures; give what kept one from being written."""
-        import logging
-
-        # It tells on stderr of a home that it cannot write to, which is no news.
-        logging.getLogger("matplotlib").setLevel(logging.ERROR)
-        from lagsim.outputs.plots import pictures
-        from lagsim.outputs.time_panels import Record
-
-        model = system.equations.model
-        marked = [e.time for e in trajectory.events if e.kind != "until"]
-        complete = trajectory.outcome.complete
-        note = "" if complete else f"incomplete: {trajectory.reason}"
-        horizon = None if isinstance(bar, str) else bar.horizon
-        record = Record(
-            model.name, thin, system.units(), marked[:200], note,
-            math.inf if horizon is None else horizon,
-        )  # fmt: skip
-        is_sum = system.equations.energy_is_sum
+        if found.thin is None:
+            return None
         try:
-            for name, content in pictures(record, model, energy_is_sum=is_sum):
+            for name, content in found.pictures(found.thin):
                 results.write(name, content)
         except OSError as error:
             return error
         finally:
-            self.lap("plots")
+            self.clock.lap("plots")
         return None
 
     def _report(
-        self,
-        equations: Equations,
-        document: Mapping[str, Any],
-        folder: Path,
-        cautions: Sequence[Caution],
-        ledger: Ledger,
-        bar: ErrorBar | str,
+        self, found: Attempt, document: Mapping[str, Any], folder: Path
     ) -> None:
         if not document["complete"]:
             complain(f"lagsim: {document['reason']}")
         if not self.quiet:
-            for caution in cautions:
-                complain(f"warning: {caution.text}")
+            for caution in document["warnings"]:
+                complain(f"warning: {caution['text']}")
         if self.as_json:
             show_json(document)
         elif not self.quiet:
-            say(summary(equations, document, folder, ledger.first_energy, bar))
-
-
-def wanted(model: Model, command: str = "run") -> Settings:
-    """Give how the file wants to be run; refuse what this version cannot run.
-
-    Raises
-    ------
-    InputError
-    """
-    settings = model.settings()
-    problems = [
-        Problem(
-            "one-sided",
-            f"constraint `{c.name}` is one-sided, and `{command}` has no contact yet",
-            c.relation.place,
-            "`check` reads it; an equality `=` holds both ways",
-        )
-        for c in model.constraints
-        if c.law is not None
-    ]
-    if not settings.duration:
-        problems.append(
-            Problem(
-                "missing-key",
-                f"{model.file}: `{command}` needs to know how long: there is no "
-                "`simulation.duration` (or `end`)",
-                hint="add it, or give --duration" if command == "run" else "add it",
-            )
-        )
-    else:
-        problems += unknown_names(settings)
-    if problems:
-        raise InputError(problems)
-    return settings
-
-
-def _exit_code(trajectory: Trajectory, interrupt: Interrupt) -> int:
-    if interrupt.signal is not None:
-        return 128 + interrupt.signal
-    return 0 if trajectory.outcome.complete else 3
+            say(summary(found, document, folder))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lagsim.cli._closing import progress_bar
+from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
     ModelPath,
@@ -16,12 +17,11 @@ from lagsim.cli._shared import (
     assignments,
     coloured,
     counted,
-    faults_shown,
-    method_problems,
     show_json,
     table,
 )
-from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.cli._streams import say
+from lagsim.cli._writing import commit
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
     from lagsim.model.model import Model
     from lagsim.outputs.results import Results
+    from lagsim.run.session import Case
     from lagsim.studies.bench.scope import Wish
-    from lagsim.studies.bench.solving import Scene
     from lagsim.studies.bench.stability import Border, Stability
 
 
@@ -99,46 +99,32 @@ class _Job:
 
     def run(self, folder: Path | None) -> int:
         """Do it; give the exit code."""
-        from lagsim.admissibility import examine
-        from lagsim.cli import check
-        from lagsim.cli.run import wanted
-        from lagsim.mechanics.equations import derive
         from lagsim.model.reader import read_file
-        from lagsim.studies.bench.solving import Scene
+        from lagsim.run.session import StartError, open_case, wanted
 
         model = read_file(self.path, self.overrides)
         settings = wanted(model, "stability")
         self._check_parameter(model)
-        equations = derive(model)
-        examined = examine(equations, settings.start)
-        if not examined.admissible:
-            if self.as_json:
-                self.documents.append(check.document(equations, examined))
-            else:
-                complain(check.report(equations, examined))
-            return 1
+        usual = open_case(model, settings)
         from lagsim.outputs.results import open_results
         from lagsim.studies.bench.scope import methods_for
         from lagsim.studies.bench.stability_document import MANIFEST
 
-        usual = Scene(equations, examined.start, settings)
         methods_for(usual, self.wish)
 
-        def scene(value: float | None) -> Scene:
+        def case(value: float | None) -> Case:
             if value is None:
                 return usual
             assert self.wish.name is not None
-            bound = equations.of(model.bind({self.wish.name: value}))
-            settings = bound.model.settings()
-            examined = examine(bound, settings.start)
-            if not examined.admissible:
+            try:
+                return usual.bind({self.wish.name: value})
+            except StartError:
                 problem = Problem("inadmissible", "the start is not admissible")
-                raise InputError([problem])
-            return Scene(bound, examined.start, settings)
+                raise InputError([problem]) from None
 
         folder = folder or Path("results") / model.name / "stability"
         with open_results(folder, MANIFEST) as results:
-            return self._measure(scene, model, results)
+            return self._measure(case, model, results)
 
     def _check_parameter(self, model: Model) -> None:
         name = self.wish.name
@@ -149,8 +135,7 @@ class _Job:
         hint = f"of {', '.join(known)}" if known else "it has no parameters"
         raise InputError([Problem("unknown-parameter", text, hint=hint)])
 
-    def _measure(self, scene: Any, model: Model, results: Results) -> int:
-        from lagsim.outputs.manifest import encode
+    def _measure(self, case: Any, model: Model, results: Results) -> int:
         from lagsim.run.interrupt import Interrupt
         from lagsim.studies.bench import stability_document as written
         from lagsim.studies.bench.stability import measure
@@ -158,17 +143,13 @@ class _Job:
 
         interrupt = Interrupt()
         with interrupt.noted(), progress_bar(quiet=self.quiet) as progress:
-            found = measure(scene, self.wish, interrupt=interrupt, progress=progress)
+            found = measure(case, self.wish, interrupt=interrupt, progress=progress)
         name = self.wish.name
         files = [written.TABLE, written.CHART, written.MANIFEST]
         content = written.document(found, self.wish, files)
-        try:
-            results.write(written.TABLE, written.table(found.cells, name))
-            results.write(written.CHART, chart(model.name, found, name))
-            results.commit(encode(content))
-        except OSError as error:
-            text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
-            raise UnwritableError(text) from None
+        drawn = chart(model.name, found, name)
+        contents = {written.TABLE: written.table(found.cells, name)}
+        commit(results, content, contents | {written.CHART: drawn})
         self.documents.append(content)
         if not self.quiet and not self.as_json:
             say(_summary(model, found, name))
@@ -183,6 +164,7 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
     ------
     InputError
     """
+    from lagsim.methods import method_problems
     from lagsim.studies.bench.scope import Wish
 
     problems: list[Problem] = []
@@ -353,7 +335,7 @@ def _modes(found: Stability) -> list[str]:
     if rest.at is None:
         lines = [table([("equilibrium", f"none: {rest.reason}")])]
     else:
-        sizes = (*map(abs, rest.at.values()), *abs(found.subject.scene.start.q))
+        sizes = (*map(abs, rest.at.values()), *abs(found.subject.case.start.q))
         rounding = 1e-10 * max(sizes, default=0.0)
         at = [
             f"{name} = {x if abs(x) > rounding else 0.0:.6g}"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from lagsim import __version__
 from lagsim.derivation.names import ModelNames, Name
 from lagsim.derivation.writer import Style, Writer
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -7,8 +7,12 @@ from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from lagsim.errors import Problem
+
 if TYPE_CHECKING:
     from types import ModuleType
+
+    from lagsim.errors import Place
 
 
 @cache
@@ -38,3 +42,14 @@ def method(name: str) -> ModuleType:
       `interpolate`.
     """
     return import_module(f"{__name__}.{name.replace('-', '_')}")
+
+
+def method_problems(
+    asked: str, place: Place | None = None, *, auto: bool = True
+) -> list[Problem]:
+    """Give the fault of a method that does not exist; `auto` may leave the choice."""
+    known = [*(["auto"] if auto else []), *names()]
+    if asked in known:
+        return []
+    hint = f"one of {', '.join(known)}; `lagsim methods` describes them"
+    return [Problem("unknown-method", f"there is no method `{asked}`", place, hint)]

@@ -217,6 +217,8 @@ class Model:
         self,
         parameters: Mapping[str, float | str] | None = None,
         initial: Mapping[str, float | str] | None = None,
+        /,
+        **values: float | str,
     ) -> Model:
         """Give the model with other values of parameters, or start values.
 
@@ -228,13 +230,22 @@ class Model:
         parameters, initial
             Numbers, or expressions, that stand for those of the file. A start value
             that is a guess stays one.
+        **values
+            The same, of whichever has the name.
 
         Raises
         ------
         InputError
             As where the file said so.
         """
-        return self.stated.bound(self, _texts(parameters), _texts(initial))
+        known = {p.name for p in self.parameters}
+        own = {k: v for k, v in values.items() if k in known}
+        others = {k: v for k, v in values.items() if k not in known}
+        return self.stated.bound(
+            self,
+            _texts({**(parameters or {}), **own}),
+            _texts({**(initial or {}), **others}),
+        )
 
     def settings(self, options: Mapping[str, float | str] | None = None) -> Settings:
         """Give how the file wants to be run, at the values of the parameters.
@@ -249,11 +260,11 @@ class Model:
         InputError
             As where the file said so.
         """
-        return self.stated.settings(_texts(options))
+        return self.stated.settings(_texts(options or {}))
 
 
-def _texts(values: Mapping[str, float | str] | None) -> dict[str, str]:
+def _texts(values: Mapping[str, float | str]) -> dict[str, str]:
     return {
         name: value if isinstance(value, str) else repr(float(value))
-        for name, value in (values or {}).items()
+        for name, value in values.items()
     }

@@ -8,24 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 import orjson
 
-from lagsim import __version__
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.notes import Caution
-    from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
-    from lagsim.run.system import System
+    from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
 
 PACKAGES = ("numpy", "llvmlite", "yaml", "matplotlib")
 
 
 def manifest(
-    system: System,
-    plan: Plan,
+    session: Session,
     trajectory: Trajectory,
     ledger: Ledger,
     error_bar: ErrorBar | str,
@@ -34,7 +32,7 @@ def manifest(
     files: Sequence[str],
 ) -> dict[str, Any]:
     """Give the content of run.json; keys are only ever added."""
-    model = system.model
+    model, plan = session.case.equations.model, session.plan
     counts = trajectory.statistics
     return {
         "lagsim": __version__,
@@ -75,7 +73,7 @@ def manifest(
         "error": _error(error_bar),
         "warnings": [{"code": c.code, "text": c.text} for c in cautions],
         "timings": dict(timings),
-        "columns": system.units(),
+        "columns": session.system.units(),
         "files": list(files),
     }
 

@@ -8,32 +8,34 @@ time on that the verdict names, and says so.
 
 from __future__ import annotations
 
+import contextlib
+import math
 from dataclasses import replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from lagsim.cli._closing import progress_bar
-from lagsim.cli._writing import Output
+from lagsim.run.observers import Relay
+from lagsim.run.observers.checkpoints import Checkpoints
+from lagsim.run.observers.ledger import Ledger
+from lagsim.run.observers.witness import Witness
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
-    from lagsim.model.model import Model
-    from lagsim.model.settings import Settings
-    from lagsim.outputs.table import TableWriter
-    from lagsim.plan import Plan
+    from lagsim.notes import Caution
     from lagsim.run.error import ErrorBar
     from lagsim.run.interrupt import Interrupt
-    from lagsim.run.observers.ledger import Ledger
+    from lagsim.run.observers import Observer, Store
     from lagsim.run.observers.thinning import Thinning
-    from lagsim.run.system import System
+    from lagsim.run.session import Clock, Session
     from lagsim.run.trajectory import Trajectory
-    from lagsim.studies.alarms import Doubt, Witness
-    from lagsim.studies.error_bar import Allowance, Checkpoints
+    from lagsim.studies.alarms import Doubt
+    from lagsim.studies.error_bar import Allowance
+
+    Progress: TypeAlias = Callable[
+        [], contextlib.AbstractContextManager[Callable[[float], None] | None]
+    ]
 
 # The steps of a second attempt are shorter than those of the repeat that failed to
 # confirm the first: by this part, which no small whole numbers give.
@@ -54,100 +56,124 @@ class ErrorBars(Enum):
     NEVER = "never"
 
 
-class Job(Protocol):
-    """What an attempt asks of the run that it belongs to."""
-
-    error_bars: ErrorBars
-    plots: bool
-    quiet: bool
-    timings: dict[str, float]
-
-    def lap(self, name: str) -> None:
-        """Record the time since the last lap."""
-
-
-class Means(NamedTuple):
-    """How an attempt is made; `longest_step` and `most_steps` 0: as usual."""
-
-    plan: Plan
-    system: System
-    longest_step: float = 0.0
-    most_steps: int = 0
-    arc_steps: float = 0.0
-
-
-class Attempt(NamedTuple):
-    """The rows of a run, as far as they are known afterwards."""
-
-    means: Means
-    trajectory: Trajectory
-    ledger: Ledger
-    witness: Witness
-    thin: Thinning | None
-    checkpoints: Checkpoints
-    bar: ErrorBar | str
-    output: Output
-
-    @property
-    def plan(self) -> Plan:
-        """The plan by which they were made."""
-        return self.means.plan
-
-    @property
-    def system(self) -> System:
-        """The system by which they were made."""
-        return self.means.system
-
-
 class Account:
-    """The ledger of a repeat: what is no answer itself accuses no run."""
+    """What the rows of a run are judged by: their ledger, and a witness of the motion.
 
-    def __init__(self, equations: Equations, start: State, system: System) -> None:
-        from lagsim.run.observers.ledger import Ledger
-        from lagsim.studies.alarms import Witness
+    A repeat has one as well: what is no answer itself accuses no run.
+    """
 
-        names = system.columns.names
-        self.equations, self.start = equations, start
+    def __init__(self, session: Session) -> None:
+        names = session.system.columns.names
+        self.session = session
         self.ledger = Ledger(names)
-        self.witness = Witness(names, len(equations.q))
+        self.witness = Witness(names, len(session.case.equations.q))
 
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
         self.ledger.add(rows)
         self.witness.add(rows)
 
-    def fault(self, plan: Plan, trajectory: Trajectory) -> str:
-        """Say why they are no answer; "" where they may be one."""
+    def doubt(self, trajectory: Trajectory, bar: ErrorBar | str) -> Doubt | None:
+        """Give why they are in doubt, if they are."""
         from lagsim.studies.alarms import doubt_about
 
-        doubt = doubt_about(
-            self.equations, self.start, plan, trajectory, self.ledger, self.witness,
-            "a repeat has none",
-        )  # fmt: skip
+        return doubt_about(self.session, trajectory, self.ledger, self.witness, bar)
+
+    def fault(self, trajectory: Trajectory) -> str:
+        """Say why they are no answer; "" where they may be one."""
+        doubt = self.doubt(trajectory, "a repeat has none")
         return "" if doubt is None else f"from t = {doubt.time:.6g} on, {doubt.text}"
 
 
+class Attempt(NamedTuple):
+    """The rows of a run, as far as they are known afterwards.
+
+    `fault` is why not all of them could be stored.
+    """
+
+    session: Session
+    trajectory: Trajectory
+    account: Account
+    checkpoints: Checkpoints
+    thin: Thinning | None
+    bar: ErrorBar | str
+    fault: OSError | None
+
+    def cautions(self) -> list[Caution]:
+        """Give all that there is to know about it."""
+        from lagsim.studies.alarms import alarms
+
+        own = self.account
+        return alarms(self.session, self.trajectory, own.ledger, own.witness, self.bar)
+
+    def record(
+        self,
+        cautions: Sequence[Caution],
+        timings: Mapping[str, float],
+        files: Sequence[str],
+    ) -> dict[str, Any]:
+        """Give the content of run.json."""
+        from lagsim.outputs.manifest import manifest
+
+        return manifest(
+            self.session, self.trajectory, self.account.ledger, self.bar, cautions,
+            {name: round(t, 6) for name, t in timings.items()}, files,
+        )  # fmt: skip
+
+    def pictures(self, rows: Thinning) -> Iterator[tuple[str, bytes]]:
+        """Give the pictures of its rows: name and content of each file."""
+        import logging
+
+        # It tells on stderr of a home that it cannot write to, which is no news.
+        logging.getLogger("matplotlib").setLevel(logging.ERROR)
+        from lagsim.outputs.plots import pictures
+        from lagsim.outputs.time_panels import Record
+
+        equations, trajectory = self.session.case.equations, self.trajectory
+        marked = [e.time for e in trajectory.events if e.kind != "until"]
+        complete = trajectory.outcome.complete
+        note = "" if complete else f"incomplete: {trajectory.reason}"
+        horizon = None if isinstance(self.bar, str) else self.bar.horizon
+        record = Record(
+            equations.model.name, rows, self.session.system.units(), marked[:200], note,
+            math.inf if horizon is None else horizon,
+        )  # fmt: skip
+        yield from pictures(
+            record, equations.model, energy_is_sum=equations.energy_is_sum
+        )
+
+
 class Attempts:
-    """Makes the rows of a run."""
+    """Makes the rows of a run.
+
+    Parameters
+    ----------
+    store
+        Gets the rows.
+    thinned
+        They are kept for pictures, too.
+    progress
+        Gives what is to be called with the fraction done.
+    """
 
     def __init__(
         self,
-        job: Job,
-        equations: Equations,
-        start: Start,
-        settings: Settings,
-        writer: TableWriter,
+        store: Store,
         interrupt: Interrupt,
+        clock: Clock,
+        *,
+        error_bars: ErrorBars = ErrorBars.AUTO,
+        thinned: bool = False,
+        progress: Progress = contextlib.nullcontext,
     ) -> None:
-        self.job, self.equations, self.start = job, equations, start
-        self.settings = settings
-        self.writer, self.interrupt = writer, interrupt
+        self.store, self.interrupt, self.clock = store, interrupt, clock
+        self.error_bars, self.thinned, self.progress = error_bars, thinned, progress
         # What all that judges the first attempt may cost.
         self.allowance: Allowance | None = None
 
-    def best(self, means: Means) -> Attempt:
+    def best(self, session: Session) -> Attempt:
         """Make the rows, anew where they are in doubt."""
-        first = self._made(means)
+        first = self._made(session)
         doubt = self._doubt(first)
         if doubt is None or not (doubt.refutes or self._is_outlier(first)):
             return first
@@ -157,98 +183,75 @@ class Attempts:
         second = self._made(others)
         if second.trajectory.outcome.complete or self.interrupt.asked:
             return _judged(second, self._doubt(second))
-        return _judged(self._made(means, first.bar), doubt)
+        return _judged(self._made(session, first.bar), doubt)
 
-    def _made(self, means: Means, bar: ErrorBar | str | None = None) -> Attempt:
-        """Make one attempt; the table and all that rows go to begin anew.
+    def _made(self, session: Session, bar: ErrorBar | str | None = None) -> Attempt:
+        """Make one attempt; the store and all that rows go to begin anew.
 
         `bar` is what a repeat says of it, where one has been made before.
         """
-        from lagsim.run.observers.ledger import Ledger
-        from lagsim.run.simulate import simulate
-        from lagsim.run.states import MOST_STEPS
-        from lagsim.studies.alarms import Witness
-        from lagsim.studies.error_bar import Checkpoints
+        case, names = session.case, session.system.columns.names
+        account = Account(session)
+        checkpoints = Checkpoints(len(case.equations.q), case.settings)
+        thin = None
+        if self.thinned:
+            from lagsim.run.observers.thinning import picture_thinning
 
-        job, equations, system = self.job, self.equations, means.system
-        names = system.columns.names
-        ledger, thin = Ledger(names), self._thinning(names)
-        checkpoints = Checkpoints(len(equations.q), self.settings)
-        witness = Witness(names, len(equations.q))
-        consumers: list[Any] = [ledger, checkpoints, witness, *([thin] if thin else [])]
-        if self.writer.rows:
-            self.writer.begin_anew()
-        output = Output(consumers, self.writer, self.interrupt)
-        with progress_bar(quiet=job.quiet) as progress:
-            job.lap("output")
-            trajectory = simulate(
-                equations, self.start, means.plan, system, self.settings, [output],
-                interrupt=self.interrupt, progress=progress,
-                longest_step=means.longest_step,
-                most_steps=means.most_steps or MOST_STEPS,
-                arc_steps=means.arc_steps,
-            )  # fmt: skip
-            job.lap("integrate")
-        job.timings["integrate"] -= output.seconds
-        job.timings["output"] += output.seconds
+            thin = picture_thinning(case.equations.model, names)
+        if self.store.rows:
+            self.store.begin_anew()
+        others: list[Observer] = [account, checkpoints]
+        others += [thin] if thin else []
+        relay = Relay(self.store, others, self.interrupt)
+        clock = self.clock
+        with self.progress() as progress:
+            clock.lap("output")
+            trajectory = session.run(
+                [relay], interrupt=self.interrupt, progress=progress
+            )
+            clock.lap("integrate")
+        clock.timings["integrate"] -= relay.seconds
+        clock.timings["output"] += relay.seconds
         if bar is None:
-            self._charge(means, trajectory)
-            bar = self._error_bar(means, trajectory, checkpoints)
+            self._charge(session, trajectory)
+            bar = self._error_bar(session, trajectory, checkpoints)
         return Attempt(
-            means, trajectory, ledger, witness, thin, checkpoints, bar, output
+            session, trajectory, account, checkpoints, thin, bar, relay.fault
         )
 
-    def _charge(self, means: Means, trajectory: Trajectory) -> None:
+    def _charge(self, session: Session, trajectory: Trajectory) -> None:
         """Let the first attempt set the allowance; take from it what others cost."""
         from lagsim.studies.error_bar import Allowance, Price
 
         if self.allowance is None:
-            self.allowance = Allowance(means.system, trajectory)
+            self.allowance = Allowance(session.system, trajectory)
         else:
-            price = Price(means.system, means.plan.method, PER_STEP)
+            price = Price(session.system, session.plan.method, PER_STEP)
             self.allowance.take(price, trajectory)
 
-    def _thinning(self, names: Sequence[str]) -> Thinning | None:
-        if not self.job.plots:
-            return None
-        from lagsim.run.observers.thinning import picture_thinning
-
-        model: Model = self.equations.model
-        return picture_thinning(model, names)
-
     def _error_bar(
-        self, means: Means, trajectory: Trajectory, checkpoints: Checkpoints
+        self, session: Session, trajectory: Trajectory, checkpoints: Checkpoints
     ) -> ErrorBar | str:
         """Estimate the error of the run, or say why not."""
         from lagsim.studies.error_bar import repeat
 
-        if self.job.error_bars is ErrorBars.NEVER:
+        if self.error_bars is ErrorBars.NEVER:
             return "not asked for"
         if self.interrupt.asked:
             return "the run was cut short"
-        always = self.job.error_bars is ErrorBars.ALWAYS
-        with progress_bar(quiet=self.job.quiet) as progress:
+        always = self.error_bars is ErrorBars.ALWAYS
+        with self.progress() as progress:
             bar = repeat(
-                self.equations, self.start, self.settings, means.plan, means.system,
-                trajectory, checkpoints, always=always, account=self._account,
-                allowance=self.allowance, interrupt=self.interrupt,
-                progress=progress,
+                session, trajectory, checkpoints, always=always, account=Account,
+                allowance=self.allowance, interrupt=self.interrupt, progress=progress,
             )  # fmt: skip
-        self.job.lap("error_bar")
+        self.clock.lap("error_bar")
         return bar
 
-    def _account(self, system: System) -> Account:
-        return Account(self.equations, self.start, system)
-
     def _doubt(self, attempt: Attempt) -> Doubt | None:
-        from lagsim.studies.alarms import doubt_about
-
         if self.interrupt.asked:
             return None
-        return doubt_about(
-            self.equations, self.start, attempt.plan, attempt.trajectory,
-            attempt.ledger, attempt.witness, attempt.bar,
-        )  # fmt: skip
+        return attempt.account.doubt(attempt.trajectory, attempt.bar)
 
     def _is_outlier(self, attempt: Attempt) -> bool:
         """Ask a third run which of two is off."""
@@ -257,40 +260,38 @@ class Attempts:
         bar = attempt.bar
         assert not isinstance(bar, str)
         found = bool(bar.parted) or is_outlier(
-            self.equations, self.start, self.settings, attempt.plan,
-            attempt.system, attempt.trajectory, attempt.checkpoints, bar,
-            account=self._account, allowance=self.allowance, interrupt=self.interrupt,
+            attempt.session, attempt.trajectory, attempt.checkpoints, bar,
+            account=Account, allowance=self.allowance, interrupt=self.interrupt,
         )  # fmt: skip
-        self.job.lap("error_bar")
+        self.clock.lap("error_bar")
         return found
 
-    def _others(self, first: Attempt, doubt: Doubt) -> Means | None:
+    def _others(self, first: Attempt, doubt: Doubt) -> Session | None:
         """Give other means than those of an attempt that is in doubt."""
         from lagsim.notes import Choice
         from lagsim.studies.error_bar import Price, by_other_means
 
         trajectory = first.trajectory
-        ways = by_other_means(
-            self.equations, self.start, self.settings, first.plan, first.system,
-            trajectory,
-        )  # fmt: skip
-        other = next(ways, None)
+        other = next(by_other_means(first.session, trajectory), None)
         if other is None:
             return None
-        longest = SHORTER * other.longest_step
+        way, before = other.session, first.session.plan
+        longest = SHORTER * way.longest_step
         least = (trajectory.end - trajectory.start) / longest
         worth = trajectory.statistics.evaluations / PER_STEP
         most = max(ENOUGH, int(MORE * worth + AT_LEAST * least))
-        price = Price(other.system, other.plan.method, PER_STEP)
+        price = Price(way.system, way.plan.method, PER_STEP)
         assert self.allowance is not None
         most = max(1, self.allowance.most(price, most))
-        rtol = "" if other.plan.rtol is None else f" at rtol {other.plan.rtol:.2g}"
+        rtol = "" if way.plan.rtol is None else f" at rtol {way.plan.rtol:.2g}"
         choice = Choice(
-            f"made anew: {other.plan.method}{rtol}, steps up to {longest:.3g}",
-            f"by {first.plan.method}, from t = {doubt.time:.9g} on, {doubt.text}",
+            f"made anew: {way.plan.method}{rtol}, steps up to {longest:.3g}",
+            f"by {before.method}, from t = {doubt.time:.9g} on, {doubt.text}",
         )
-        plan = replace(other.plan, choices=(*first.plan.choices, choice))
-        return Means(plan, other.system, longest, most, price.arc)
+        plan = replace(way.plan, choices=(*before.choices, choice))
+        return replace(
+            way, plan=plan, longest_step=longest, most_steps=most, arc_steps=price.arc
+        )
 
 
 def _judged(attempt: Attempt, doubt: Doubt | None) -> Attempt:

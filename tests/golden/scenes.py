@@ -5,11 +5,9 @@ from __future__ import annotations
 import functools
 from dataclasses import replace
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read_file
+from lagsim.run.session import open_case
 from lagsim.studies.golden.judging import judge, run
-from lagsim.studies.golden.motion import Scene
 from lagsim.studies.golden.storing import load
 from tests.support import MODELS, ROOT
 
@@ -24,12 +22,7 @@ def scene(name, **overrides):
 
 
 def scene_of(model):
-    equations = derive(model)
-    settings = model.settings()
-    examined = examine(equations, settings.start)
-    assert examined.admissible, examined.verdicts
-    start = examined.start
-    return Scene(equations, start, settings)
+    return open_case(model)
 
 
 @functools.cache

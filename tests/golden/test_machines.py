@@ -12,6 +12,7 @@ from lagsim.native.graph import straight_line, tapes
 from lagsim.native.graph.sincos import BOTH, LANES, NAME, VECTOR
 from lagsim.studies.golden.judging import judge, run
 from lagsim.studies.golden.measuring import measure
+from lagsim.studies.golden.motion import motion_of
 from lagsim.studies.golden.storing import Stored
 from tests.golden.scenes import SHIPPED, judged, scene, told
 
@@ -93,9 +94,9 @@ def test_functions_that_round_otherwise(name):
 
 
 def test_functions_do_round_otherwise(request):
-    usual = scene("double-pendulum").motion(1).rows
+    usual = motion_of(scene("double-pendulum"), 1).rows
     request.getfixturevalue("rounding_otherwise")
-    other = scene("double-pendulum").motion(1).rows
+    other = motion_of(scene("double-pendulum"), 1).rows
     assert 0.0 < abs(other[1, 5] - usual[1, 5]) < 1e-13
 
 

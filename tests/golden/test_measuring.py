@@ -14,7 +14,7 @@ from lagsim.model.reader import read
 from lagsim.studies.golden import measuring
 from lagsim.studies.golden.judging import judge
 from lagsim.studies.golden.measuring import measure, rounded_up
-from lagsim.studies.golden.motion import _asked
+from lagsim.studies.golden.motion import _asked, motion_of, perturbed
 from lagsim.studies.golden.storing import Stored, certain, load
 from tests.golden.scenes import replaced, scene, scene_of
 
@@ -164,16 +164,15 @@ def test_without_any_spread_a_bound_is_tolerance_and_rounding(measured):
     assert golden.steps["t"] == [(0.0, 0.0)]
 
 
-def test_rows_beside_events_are_left_out(measured, pendulum, monkeypatch):
+def test_rows_beside_events_are_left_out(measured, monkeypatch):
     event = SimpleNamespace(time=5.0 + 1e-5, kind="switch")
     end = SimpleNamespace(time=3.0, kind="until")
-    motion = type(pendulum).motion
 
-    def with_events(self, stride):
-        base = motion(self, stride)
+    def with_events(case, stride):
+        base = motion_of(case, stride)
         return replace(base, trajectory=replace(base.trajectory, events=(event, end)))
 
-    monkeypatch.setattr(type(pendulum), "motion", with_events)
+    monkeypatch.setattr("lagsim.studies.golden.measuring.motion_of", with_events)
     golden, _ = measured()
     times = golden.rows[:, 0]
     assert not np.any(np.abs(times - 5.0) < 1e-6)
@@ -182,7 +181,7 @@ def test_rows_beside_events_are_left_out(measured, pendulum, monkeypatch):
 
 
 def test_what_is_run_besides(pendulum):
-    base = pendulum.motion(10)
+    base = motion_of(pendulum, 10)
     asked = [
         (kind, s.settings.method, s.settings.rtol)
         for kind, s in _asked(pendulum, base.plan)
@@ -200,7 +199,7 @@ def test_what_is_run_besides(pendulum):
 
 def test_fixed_steps_are_doubled_and_halved(pendulum):
     fixed = pendulum.asking(method="rk4", step=0.01)
-    asked = list(_asked(fixed, fixed.motion(10).plan))
+    asked = list(_asked(fixed, motion_of(fixed, 10).plan))
     steps = [
         (kind, s.settings.step)
         for kind, s in asked
@@ -212,7 +211,7 @@ def test_fixed_steps_are_doubled_and_halved(pendulum):
 def test_perturbed_by_one_unit_in_the_last_place(pendulum):
     directions = set()
     for seed in range(6):
-        other = pendulum.perturbed(seed)
+        other = perturbed(pendulum, seed)
         old = {p.name: p.value for p in pendulum.equations.model.parameters}
         new = {p.name: p.value for p in other.equations.model.parameters}
         assert new["zero"] == 0.0
@@ -267,7 +266,7 @@ def test_what_helps_where_there_is_no_golden(tmp_path, broken):
 
 @pytest.mark.parametrize("ends", [True, False])
 def test_rows_are_found_by_their_times(pendulum, ends):
-    motion = pendulum.motion(10)
+    motion = motion_of(pendulum, 10)
     t = motion.rows[:, 0]
     assert np.array_equal(motion.at(t, 1e-9, ends=ends), motion.rows)
     assert np.array_equal(motion.at(t + 1e-10, 1e-9, ends=ends), motion.rows)

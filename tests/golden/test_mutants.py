@@ -10,7 +10,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.studies.golden.judging import run
-from lagsim.studies.golden.motion import METHODS
+from lagsim.studies.golden.motion import METHODS, motion_of, perturbed
 from tests.golden.scenes import SHIPPED, judged, replaced, scene, stored, told
 
 SEEN = 200
@@ -23,7 +23,7 @@ def whole(name):
     """Give the unchanged motion in all its rows, and where the golden's rows are."""
     golden = stored(name).golden
     other = scene(name)
-    motion = other.motion(1)
+    motion = motion_of(other, 1)
     place = np.searchsorted(motion.rows[:, 0], golden.rows[:, 0] - 1e-9)
     return other, motion, place
 
@@ -144,8 +144,8 @@ def variants(name):
     """Give what is not to be flagged: label, scene."""
     other = scene(name)
     for seed in (101, 102):
-        yield f"one ulp, seed {seed}", other.perturbed(seed)
-    plan = other.motion(1).plan
+        yield f"one ulp, seed {seed}", perturbed(other, seed)
+    plan = motion_of(other, 1).plan
     # What has no tolerance is solved by a method that has.
     method = plan.method if plan.rtol else "dop853"
     for rtol in (1e-12, 1e-10):

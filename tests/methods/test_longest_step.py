@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from lagsim.run.simulate import simulate
-from tests.support import Keep, run
+from tests.support import run
 
 SPRING = """
 coordinates: {x: {}}
@@ -19,12 +19,7 @@ simulation: {duration: 6, output_step: 2, rtol: 1e-8}
 
 def forced(method, longest):
     found = run(SPRING, method=method)
-    keep = Keep()
-    again = simulate(
-        found.equations, found.start, found.plan, found.system, found.settings, [keep],
-        longest_step=longest,
-    )  # fmt: skip
-    return found.trajectory, again
+    return found.trajectory, replace(found.session, longest_step=longest).run([])
 
 
 @pytest.mark.parametrize("method", ["taylor", "dop853", "radau"])

@@ -10,16 +10,17 @@ import pytest
 
 from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
+from lagsim.mechanics.state import State
 from lagsim.methods import kahan_li6, kahan_li8, method
 from lagsim.methods.parts import composition
 from lagsim.methods.parts import state as at
 from lagsim.model.reader import read
-from lagsim.plan import make_plan
-from lagsim.run.simulate import simulate
+from lagsim.plan import by_loops, make_plan
+from lagsim.run.observers import Keep
 from lagsim.run.system import System
 from tests.methods.plain import fresh_state, state_of
 from tests.methods.test_registry import refusal_of
-from tests.support import Keep, run
+from tests.support import case_of, run
 
 FREE = """
 coordinates: {a: {}, b: {}}
@@ -163,27 +164,19 @@ def test_rattle_meets_the_constraints_to_rounding(loops):
         assert abs(far @ more) < 1e-15 * 4
 
 
-def reversed_error(text, name, step, duration, **options):
+def reversed_error(text, name, step, duration, *, loops=False):
     simulation = f"duration: {duration}, output_step: 1, method: {name}, step: {step}"
-    equations = derive(read(f"{text}simulation: {{{simulation}}}", "m.yaml"))
-    start = examine(equations).start
-    plan = make_plan(equations, start, equations.model.settings(), **options)
-    n = len(equations.q)
-    turned = start
+    case = case_of(f"{text}simulation: {{{simulation}}}")
+    session = case.ready(by_loops(case.plan()) if loops else None)
+    start, n = case.start, len(case.equations.q)
     for _ in range(2):
         keep = Keep()
-        simulate(
-            equations,
-            turned,
-            plan,
-            System(equations, plan),
-            equations.model.settings(),
-            [keep],
-        )
-        last = keep.blocks[-1][-1]
-        turned = replace(start, q=last[1 : 1 + n], v=-last[1 + n : 1 + 2 * n])
+        session.run([keep])
+        last = keep.table[-1]
+        turned = State(start.t, last[1 : 1 + n], -last[1 + n : 1 + 2 * n])
+        session = replace(session, case=case.at(turned))
     ends = [*turned.q - start.q, *turned.v - start.v]
-    assert np.max(np.abs(last[1 : 1 + n] - keep.blocks[0][0][1 : 1 + n])) > 0.1
+    assert np.max(np.abs(last[1 : 1 + n] - keep.table[0][1 : 1 + n])) > 0.1
     return np.max(np.abs(ends))
 
 

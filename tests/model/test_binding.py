@@ -122,20 +122,20 @@ initial: {x: l, y: {guess: x/2}}
 """
 
     def test_what_follows_a_start_value(self):
-        bound = model(self.TEXT).bind(initial={"x": 0.3})
+        bound = model(self.TEXT).bind({}, {"x": 0.3})
         assert starts(bound) == {"x": 0.3, "y": 0.15, "x_dot": 0.0, "y_dot": 0.0}
         [y] = [v for v in bound.initial if v.name == "y"]
         assert y.guess
 
     def test_another_guess_is_a_guess(self):
-        found = model(self.TEXT).bind(initial={"y": "l*x"}).initial
+        found = model(self.TEXT).bind({}, {"y": "l*x"}).initial
         assert [(v.name, v.value, v.guess) for v in found[:2]] == [
             ("x", 2.0, False),
             ("y", 4.0, True),
         ]
 
     def test_what_the_file_does_not_name(self):
-        bound = model(self.TEXT).bind(initial={"y_dot": -2, "s_dot": "l"})
+        bound = model(self.TEXT).bind({}, {"y_dot": -2, "s_dot": "l"})
         assert starts(bound)["y_dot"] == -2.0
         assert starts(bound)["s_dot"] == 2.0
         written = model(self.TEXT.replace("x/2}", "x/2}, y_dot: -2, s_dot: l"))
@@ -155,7 +155,7 @@ initial: {x: l, y: {guess: x/2}}
     )
     def test_faults(self, initial, code):
         with pytest.raises(InputError) as error:
-            model(self.TEXT).bind(initial=initial)
+            model(self.TEXT).bind({}, initial)
         assert [p.code for p in error.value.problems] == [code]
 
 

@@ -31,7 +31,7 @@ def document_of(text, bar="not asked for"):
     ledger = Ledger(done.system.columns.names)
     ledger.add(done.rows)
     return manifest(
-        done.system, done.plan, done.trajectory, ledger, bar, [], {"read": 1.0},
+        done.session, done.trajectory, ledger, bar, [], {"read": 1.0},
         ["run.json"],
     )  # fmt: skip
 

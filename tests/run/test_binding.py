@@ -10,9 +10,9 @@ from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
 from lagsim.native.link.cache import object_code
 from lagsim.plan import make_plan
+from lagsim.run.observers import Keep
 from lagsim.run.simulate import simulate
 from lagsim.run.system import System
-from tests.support import Keep
 
 # Derived parameters, a start that follows them, `if` in the time and in the state.
 SWITCHED = """
@@ -48,7 +48,7 @@ def rows(equations, case):
     keep = Keep()
     system = System(equations, plan)
     trajectory = simulate(equations, start, plan, system, settings, [keep])
-    return np.concatenate(keep.blocks), trajectory.statistics
+    return keep.table, trajectory.statistics
 
 
 @pytest.mark.parametrize("case", CASES)

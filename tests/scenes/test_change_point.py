@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
 
-from lagsim.run.simulate import simulate
-from tests.support import Keep, run
+from lagsim.run.observers import Keep
+from tests.support import run
 
 # Crank 1, coupler 2, rocker 1.5 on a base of 2.5: 1 + 2.5 = 2 + 1.5, so that all of it
 # can lie in a line. Height is measured from the pivots: the energy in play is no more
@@ -85,9 +87,6 @@ def test_steps_that_are_capped_pass_as_well(longest):
     """A cap must not make the step over the loss too short to pass it."""
     found = run(LINKAGE.format(offset=0))
     keep = Keep()
-    simulate(
-        found.equations, found.start, found.plan, found.system, found.settings, [keep],
-        longest_step=longest,
-    )  # fmt: skip
-    rows = np.concatenate(keep.blocks)
+    replace(found.session, longest_step=longest).run([keep])
+    rows = keep.table
     assert deviation(rows[:, 0], rows[:, 1:5]) < 1e-7

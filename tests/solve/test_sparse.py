@@ -14,9 +14,9 @@ from lagsim.mechanics.ldl import BUDGET, Elimination
 from lagsim.model.reader import read, read_file
 from lagsim.native.graph import tapes
 from lagsim.plan import make_plan
-from lagsim.run.simulate import simulate
+from lagsim.run.observers import Keep
 from lagsim.run.system import System
-from tests.support import MODELS, Keep, run
+from tests.support import MODELS, run
 
 ALL = sorted(MODELS.glob("*.yaml"))
 
@@ -104,11 +104,11 @@ def test_a_run_is_that_of_the_full_form(n):
     full = run(text, loops=True)
     e = full.equations
     keep = Keep()
-    plan = replace(make_plan(e, full.start, e.model.settings()), tape=True)
-    system = System(e, plan)
-    trajectory = simulate(e, full.start, plan, system, e.model.settings(), [keep])
-    assert trajectory.outcome.complete
-    rows = np.concatenate(keep.blocks)
+    case = full.session.case
+    session = case.ready(replace(case.plan(), tape=True))
+    system = session.system
+    assert session.run([keep]).outcome.complete
+    rows = keep.table
     names = system.columns.names
     state = [names.index(name) for name in (*e.q, *e.velocities)]
     size = np.max(np.abs(full.rows[:, state]), axis=0)

@@ -47,6 +47,8 @@ SECTIONS = (
 STANDARD_INPUT = "-"
 
 _STDIN = "<stdin>"
+# What a model is called that comes from no file.
+TEXT = "<model>"
 _NO_FILE_NAMES = ("", ".", "..")
 _NAMING = {
     "parameters": Kind.PARAMETER,
@@ -261,8 +263,8 @@ class _File:
     def _name(self) -> str:
         node = self.top.value("name")
         if node is None:
-            if self.file == _STDIN:
-                return "stdin"
+            if self.file in (_STDIN, TEXT):
+                return self.file.strip("<>")
             stem = PurePath(self.file).stem
             return stem if stem not in _NO_FILE_NAMES else "model"
         name = self.top.text("name", self.faults)

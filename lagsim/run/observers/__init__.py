@@ -1,1 +1,116 @@
-"""What follows the rows of a run while they pass, in bounded memory."""
+"""What follows the rows of a run while they pass.
+
+An observer takes rows, block by block, and is asked afterwards for what it has kept:
+in bounded memory, but for `Keep`. `Relay` hands rows to a store first, and to the
+others what the store could take; where it can take no more, the run is asked to stop.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.language.arrays import Floats
+    from lagsim.run.interrupt import Interrupt
+
+
+class Observer(Protocol):
+    """Takes the rows of a run, block by block."""
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns) in the order of `System.columns.names`."""
+
+
+class Store(Observer, Protocol):
+    """Where rows go to stay; OSError where there is no room for all of them.
+
+    Attributes
+    ----------
+    rows : int
+        Stored so far.
+    last : float or None
+        The time of the last of them.
+    """
+
+    rows: int
+    last: float | None
+
+    def begin_anew(self) -> None:
+        """Take all rows back."""
+
+
+class Keep:
+    """Keeps one row of each `stride`, and the last; or the first columns of them."""
+
+    def __init__(self, stride: int = 1, columns: int | None = None) -> None:
+        self._stride, self._columns = stride, columns
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Take all rows back."""
+        self._blocks: list[Floats] = []
+        self._end: Floats | None = None
+        self.rows = 0
+        self.last: float | None = None
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+        if not len(rows):
+            return
+        first = -self.rows % self._stride
+        kept = rows[first :: self._stride, : self._columns]
+        cut = self._stride > 1 or self._columns is not None
+        self._blocks.append(kept.copy() if cut else kept)
+        self._end = rows[-1:, : self._columns].copy()
+        self.rows += len(rows)
+        self.last = float(rows[-1, 0])
+
+    @property
+    def table(self) -> Floats:
+        """What is kept (k, columns)."""
+        if self._end is None:
+            return np.empty((0, self._columns or 0))
+        table = np.concatenate(self._blocks)
+        if self._stride > 1 and table[-1, 0] != self._end[0, 0]:
+            table = np.append(table, self._end, 0)
+        return table
+
+
+class Relay:
+    """Hands rows on, and keeps the time that takes.
+
+    Attributes
+    ----------
+    seconds : float
+    fault : OSError or None
+        Why the store could not take all rows.
+    """
+
+    def __init__(
+        self, store: Store, others: Sequence[Observer], interrupt: Interrupt
+    ) -> None:
+        self.store, self.others, self.interrupt = store, others, interrupt
+        self.seconds = 0.0
+        self.fault: OSError | None = None
+
+    def add(self, rows: Floats) -> None:
+        """Take rows; the others get those that the store could hold."""
+        if self.fault is not None:
+            return
+        began = time.perf_counter()
+        before = self.store.rows
+        try:
+            self.store.add(rows)
+        except OSError as error:
+            self.fault = error
+            self.interrupt.stop()
+        kept = rows[: self.store.rows - before]
+        if len(kept):
+            for other in self.others:
+                other.add(kept)
+        self.seconds += time.perf_counter() - began

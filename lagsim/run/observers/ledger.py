@@ -143,6 +143,11 @@ class Ledger:
                 found.append((self._names[k], own, float(ratios[k]), row))
         return found
 
+    @property
+    def scales(self) -> dict[str, float]:
+        """The largest scale of each constraint."""
+        return dict(zip(self._names, self._scales.tolist(), strict=True))
+
     def _ratios(self) -> Floats:
         some = ~(self._scales <= 0)
         return np.divide(

@@ -24,13 +24,12 @@ from lagsim.studies.alarms.rows import about_constraints, about_energy, about_er
 from lagsim.studies.alarms.verdict import Doubt, doubt_about
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Examination
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.settings import Settings
     from lagsim.notes import Caution
     from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
+    from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
 
 # Methods with nothing to look for: they notice on the way, or are exact.
@@ -43,16 +42,15 @@ __all__ = ["Doubt", "Witness", "alarms", "doubt_about"]
 
 
 def alarms(
-    equations: Equations,
-    examined: Examination,
-    settings: Settings,
-    plan: Plan,
+    session: Session,
     trajectory: Trajectory,
     ledger: Ledger,
     witness: Witness,
     bar: ErrorBar | str,
 ) -> list[Caution]:
     """Give all that there is to know about a run, in the order of its stages."""
+    case, plan = session.case, session.plan
+    equations, examined, settings = case.equations, case.examined, case.settings
     return [
         *examined.warnings,
         *about_inputs(examined, settings, plan),

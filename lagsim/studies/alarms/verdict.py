@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
     from lagsim.run.observers.witness import Witness
+    from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
 
 # By far: so many times what the errors of the state explain, to first order and with
@@ -61,20 +62,19 @@ class Doubt(NamedTuple):
 
 
 def doubt_about(
-    equations: Equations,
-    start: State,
-    plan: Plan,
+    session: Session,
     trajectory: Trajectory,
     ledger: Ledger,
     witness: Witness,
     bar: ErrorBar | str,
 ) -> Doubt | None:
     """Give why a run that came to its end is in doubt, if it is."""
+    plan, equations = session.plan, session.case.equations
     judged = plan.rtol is not None or math.isinf(method(plan.method).ORDER)
     if not judged or not trajectory.outcome.complete or plan.formulation in LOOSE:
         return None
     return (
-        _about_constraints(equations, start, ledger, witness)
+        _about_constraints(equations, session.case.examined.state, ledger, witness)
         or _about_energy(equations, plan, ledger, witness, bar)
         or _about_repeat(plan, bar)
     )

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim import __version__
 from lagsim.outputs.manifest import versions
 from lagsim.studies.bench.machine import machine
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

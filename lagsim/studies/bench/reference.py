@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.run.interrupt import Interrupt
-    from lagsim.studies.bench.solving import Scene
+    from lagsim.run.session import Case
 
 # The first of these that a scene lets through makes the reference ...
 FIRST = ("exponential", "taylor", "dop853")
@@ -117,7 +117,7 @@ class Reference:
         return worst, float(np.max(lam)) if len(lam) else None
 
 
-def make_reference(scene: Scene, interrupt: Interrupt | None = None) -> Reference:
+def make_reference(case: Case, interrupt: Interrupt | None = None) -> Reference:
     """Solve as tightly as can be, by different means, and compare.
 
     Raises
@@ -126,14 +126,14 @@ def make_reference(scene: Scene, interrupt: Interrupt | None = None) -> Referenc
         Where not two solutions can be had, or they have nothing in common.
     """
     patience = Patience(SECONDS, interrupt)
-    first = next(_first(scene, patience), None)
+    first = next(_first(case, patience), None)
     if first is None:
         text = "nothing to measure errors against: the motion cannot be solved to its "
         text += "end as tightly as double precision allows"
         raise NoReferenceError(text)
     best: Reference | None = None
-    for second in _verifiers(scene, first, patience):
-        found = _compared(scene.equations, first, second)
+    for second in _verifiers(case, first, patience):
+        found = _compared(case.equations, first, second)
         if best is None or (found.known, -found.floor) > (best.known, -best.floor):
             best = found
         if best.horizon is None and best.floor <= GOOD:
@@ -173,44 +173,44 @@ def difference(rows: Floats, others: Floats, scales: Floats) -> Floats:
     return np.asarray(np.max(np.abs(rows - others), axis=0) / scales)
 
 
-def _first(scene: Scene, patience: Patience) -> Iterator[Solution]:
+def _first(case: Case, patience: Patience) -> Iterator[Solution]:
     for name in FIRST:
-        if own := _able(scene, name):
+        if own := _able(case, name):
             yield from _solved(own, TOLERANCES, patience)
 
 
-def _able(scene: Scene, name: str) -> Own | None:
+def _able(case: Case, name: str) -> Own | None:
     """Give a method that is there and can handle the scene."""
     try:
-        return Own(scene, name)
+        return Own(case, name)
     except InputError:
         return None
 
 
-def _verifiers(scene: Scene, first: Solution, patience: Patience) -> Iterator[Solution]:
+def _verifiers(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
     for name in SECOND:
-        if name != first.method and (own := _able(scene, name)):
+        if name != first.method and (own := _able(case, name)):
             values = _steps(own) if own.setting == "step" else TOLERANCES
             yield from _solved(own, values, patience)
-    yield from _by_scipy(scene, first, patience)
+    yield from _by_scipy(case, first, patience)
 
 
-def _by_scipy(scene: Scene, first: Solution, patience: Patience) -> Iterator[Solution]:
-    own = index_one(scene)
+def _by_scipy(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
+    own = index_one(case)
     if not scipy_refusal(own):
         sizes = state_sizes(own, first.rows)
         solver = Scipy(own, f"{PREFIX}DOP853", first.rows[:, 0], sizes)
         yield from _solved(solver, (SCIPY_TOLERANCE,), patience)
 
 
-def index_one(scene: Scene) -> Own:
+def index_one(case: Case) -> Own:
     """Give what has the right-hand side with lambda solved away, and nothing else."""
-    return Own(scene, "dop853", "drift" if scene.equations.rows else "full")
+    return Own(case, "dop853", "drift" if case.equations.rows else "full")
 
 
 def state_sizes(own: Own, rows: Floats) -> Floats:
     """Give the largest size of each component of y, none of them 0."""
-    wanted = [*own.equations.q, *own.equations.velocities]
+    wanted = [*own.case.equations.q, *own.case.equations.velocities]
     wanted += ["work"] if own.system.has_work else []
     sizes = [float(np.max(np.abs(rows[:, own.names.index(name)]))) for name in wanted]
     whole = max(sizes) or 1.0
@@ -239,7 +239,7 @@ def _solved(
 
 def _steps(own: Own) -> list[float]:
     """Give steps for a method that has no tolerance, each half the one before."""
-    return [own.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
+    return [own.case.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
 
 
 def _scales(

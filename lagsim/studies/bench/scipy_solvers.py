@@ -37,7 +37,7 @@ def refusal(own: Own) -> str:
     switches = own.system.switches
     if switches.modes or switches.state:
         return "they would step over the scene's switches"
-    if own.equations.model.until:
+    if own.case.equations.model.until:
         return "the end of the run is an event"
     return ""
 
@@ -100,7 +100,7 @@ class Scipy:
         """Solve once with the tolerance `value`."""
         from scipy.integrate import solve_ivp
 
-        start = self.own.scene.start
+        start = self.own.case.start
         work = np.zeros(int(self.own.system.has_work))
         y = np.concatenate([start.q, start.v, work])
         f = Counted(self.own, patience.check)

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from lagsim.run.interrupt import Interrupt
-    from lagsim.studies.bench.solving import Scene
+    from lagsim.run.session import Case
 
-    SceneAt = Callable[[float | None], Scene]
+    CaseAt = Callable[[float | None], Case]
 
 # Cells of a strip, and of a map: steps, values of the parameter.
 STRIP = 48
@@ -81,7 +81,7 @@ class Refused(NamedTuple):
 
 
 def methods_for(
-    scene: Scene, wish: Wish
+    case: Case, wish: Wish
 ) -> tuple[tuple[str, ...], tuple[str, ...], list[Refused]]:
     """Give those of fixed steps, those of chosen steps, and those that refuse.
 
@@ -93,7 +93,7 @@ def methods_for(
     found: dict[bool, list[str]] = {False: [], True: []}
     refused = []
     problems = []
-    kind = structure(scene.equations)
+    kind = structure(case.equations)
     for name in wish.methods or names():
         module = method_named(name)
         reason = module.refusal(kind)
@@ -140,20 +140,20 @@ def spaced(between: tuple[float, float], count: int) -> Iterator[float]:
         yield from (float(f"{x:.6g}") for x in np.linspace(first, last, count))
 
 
-def usual_value(scene: Scene, name: str | None) -> float | None:
+def usual_value(case: Case, name: str | None) -> float | None:
     """Give the value that the file gives a parameter."""
-    known = {p.name: p.value for p in scene.equations.model.parameters}
+    known = {p.name: p.value for p in case.equations.model.parameters}
     return None if name is None else known[name]
 
 
 def subjects_at_ends(
-    scene_at: SceneAt, values: list[float | None], interrupt: Interrupt | None
+    case_at: CaseAt, values: list[float | None], interrupt: Interrupt | None
 ) -> Iterator[Subject]:
     """Give the scene at both ends of the parameter's range, where it can be had."""
     for value in (values[0], values[-1]):
         if value is not None:
             with contextlib.suppress(LagsimError):
-                yield Subject(scene_at(value), interrupt)
+                yield Subject(case_at(value), interrupt)
 
 
 def steps_for(

@@ -10,19 +10,14 @@ import numpy as np
 
 from lagsim.errors import InputError
 from lagsim.methods import method as method_named
-from lagsim.plan import make_plan
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
+from lagsim.run.observers import Keep
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
-    from lagsim.model.settings import Settings
-    from lagsim.plan import Plan
     from lagsim.run.interrupt import Interrupt
+    from lagsim.run.session import Case
 
 # Solves are repeated while they last together less than this, but not more often than
 # that: a millisecond is measured well by the least of twenty, a second by itself.
@@ -60,7 +55,7 @@ class Patience:
     @property
     def pressed(self) -> bool:
         """Whether the user wants an end."""
-        return self.interrupt is not None and self.interrupt.signal is not None
+        return self.interrupt is not None and self.interrupt.asked
 
     def check(self, _fraction: float = 0.0) -> None:
         """Raise GivenUpError where patience has run out."""
@@ -111,36 +106,16 @@ class Solver(Protocol):
         """
 
 
-@dataclass(frozen=True, slots=True)
-class Scene:
-    """A model with an admissible start, and what can be asked of the plan for it."""
-
-    equations: Equations
-    start: Start
-    settings: Settings
-
-    def asking(
-        self,
-        method: str = "auto",
-        formulation: str = "auto",
-        rtol: float | None = None,
-    ) -> tuple[Settings, Plan]:
-        """Plan as if the file said so.
-
-        Raises
-        ------
-        InputError
-            Where the method or the formulation cannot handle the scene.
-        """
-        asked = replace(
-            self.settings,
-            method=method,
-            formulation=formulation,
-            rtol=rtol,
-            atol=None,
-            step=None,
-        )
-        return asked, make_plan(self.equations, self.start, asked)
+def asking(
+    case: Case,
+    method: str = "auto",
+    formulation: str = "auto",
+    rtol: float | None = None,
+) -> Case:
+    """Give the case as if the file asked for this, and for nothing else."""
+    return case.asking(
+        method=method, formulation=formulation, rtol=rtol, atol=None, step=None
+    )
 
 
 class Own:
@@ -154,18 +129,16 @@ class Own:
 
     def __init__(
         self,
-        scene: Scene,
+        case: Case,
         method: str,
         formulation: str = "auto",
         rtol: float | None = None,
     ) -> None:
         began = time.perf_counter()
-        self.scene = scene
-        self.equations = scene.equations
-        self.settings, self.plan = scene.asking(method, formulation, rtol)
-        self.system = System(self.equations, self.plan)
-        self.system.link(self.plan.method)
+        self.session = asking(case, method, formulation, rtol).ready()
         self.compile_seconds = time.perf_counter() - began
+        self.case, self.plan = self.session.case, self.session.plan
+        self.system = self.session.system
         self.method, self.formulation = self.plan.method, self.plan.formulation
         adaptive = bool(method_named(self.method).ADAPTIVE)
         self.setting = "rtol" if adaptive else "step"
@@ -187,17 +160,9 @@ class Own:
         kept = Keep()
         patience.begin()
         began = time.perf_counter()
-        trajectory = simulate(
-            self.equations,
-            self.scene.start,
-            plan,
-            self.system,
-            self.settings,
-            [kept],
-            progress=patience.check,
-        )
+        trajectory = self.session.by(plan).run([kept], progress=patience.check)
         seconds = time.perf_counter() - began
-        rows = kept.rows() if trajectory.outcome.complete else None
+        rows = kept.table if trajectory.outcome.complete else None
         if rows is not None and not np.all(np.isfinite(rows)):
             rows = None
         return Solved(
@@ -209,34 +174,19 @@ class Own:
         )
 
 
-class Keep:
-    """A consumer that keeps every row."""
-
-    def __init__(self) -> None:
-        self._blocks: list[Floats] = []
-
-    def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
-        self._blocks.append(rows)
-
-    def rows(self) -> Floats:
-        """Give all of them."""
-        return np.concatenate(self._blocks)
-
-
-def formulations(scene: Scene, method: str) -> tuple[list[Own], dict[str, str]]:
+def formulations(case: Case, method: str) -> tuple[list[Own], dict[str, str]]:
     """Give a solver for each formulation that a method can take.
 
     And by formulation why another cannot be had.
     """
     found: dict[str, Own] = {}
     refused: dict[str, str] = {}
-    constrained = bool(scene.equations.rows)
+    constrained = bool(case.equations.rows)
     for formulation in (*FORMULATIONS, *(OF_CONSTRAINTS if constrained else ())):
         try:
-            plan = scene.asking(method, formulation)[1]
+            plan = asking(case, method, formulation).plan()
             if plan.formulation not in found:
-                found[plan.formulation] = Own(scene, method, formulation)
+                found[plan.formulation] = Own(case, method, formulation)
         except InputError as fault:
             said = f"`{method}` cannot handle this model: "
             refused[formulation] = fault.problems[0].text.removeprefix(said)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from lagsim.run.interrupt import Interrupt
-    from lagsim.studies.bench.scope import Refused, SceneAt, Wish
+    from lagsim.studies.bench.scope import CaseAt, Refused, Wish
 
 # A border is known to three digits; around one that is predicted more is looked at.
 DIGITS = 2e-4
@@ -121,7 +121,7 @@ class Stability:
 
 
 def measure(
-    scene_at: SceneAt,
+    case_at: CaseAt,
     wish: Wish,
     *,
     interrupt: Interrupt | None = None,
@@ -131,32 +131,32 @@ def measure(
 
     Parameters
     ----------
-    scene_at
+    case_at
         Gives the scene at a value of the parameter; with None as the file has it.
 
     Raises
     ------
     InputError
     """
-    scene = scene_at(None)
-    subject = Subject(scene, interrupt)
-    fixed, adaptive, refused = methods_for(scene, wish)
+    case = case_at(None)
+    subject = Subject(case, interrupt)
+    fixed, adaptive, refused = methods_for(case, wish)
     values: list[float | None] = [None]
     if wish.between is not None:
         values = list(spaced(wish.between, wish.map[1]))
-    subjects = [subject, *subjects_at_ends(scene_at, values, interrupt)]
+    subjects = [subject, *subjects_at_ends(case_at, values, interrupt)]
     steps = steps_for(subjects, fixed, wish)
     count = len(values) * len(fixed) * (len(steps) + SEARCH)
     runs = {name: runs_for(subject, name, steps, count) for name in fixed}
     found = Stability(
         subject, _rest(subject), fixed, adaptive, steps, values,
-        usual_value(scene, wish.name), runs, refused=refused,
+        usual_value(case, wish.name), runs, refused=refused,
     )  # fmt: skip
     work = _Work(found, interrupt, progress, count + len(values) * len(adaptive))
     for value in values:
         if work.pressed:
             break
-        work.column(scene_at, subject, value)
+        work.column(case_at, subject, value)
     found.interrupted = work.pressed
     order = {name: k for k, name in enumerate((*fixed, *adaptive))}
     found.cells.sort(key=lambda cell: order[cell.method])
@@ -179,15 +179,15 @@ class _Work:
 
     @property
     def pressed(self) -> bool:
-        return self.interrupt is not None and self.interrupt.signal is not None
+        return self.interrupt is not None and self.interrupt.asked
 
-    def column(self, scene_at: SceneAt, usual: Subject, value: float | None) -> None:
+    def column(self, case_at: CaseAt, usual: Subject, value: float | None) -> None:
         """Run every method at one value of the parameter."""
         found = self.found
         subject = usual
         if value is not None:
             try:
-                subject = Subject(scene_at(value), self.interrupt)
+                subject = Subject(case_at(value), self.interrupt)
             except LagsimError as fault:
                 self._without(value, fault)
                 return
@@ -301,7 +301,8 @@ def _step_of(cell: Cell) -> float:
 
 def _rest(subject: Subject) -> Rest:
     """Look for an equilibrium, and the modes about it."""
-    e, start, linearisation = subject.equations, subject.start, subject.linearisation
+    e, start = subject.equations, subject.endless.start
+    linearisation = subject.linearisation
     if linearisation is None:
         return Rest(None, subject.unknown, is_start=False, modes=())
     try:
@@ -312,7 +313,7 @@ def _rest(subject: Subject) -> Rest:
             linear = modes(linearisation.at(start.t, start.q, start.v))
         return Rest(None, str(fault), is_start=False, modes=linear)
     about = linearisation.at(start.t, q, np.zeros_like(q))
-    change = float(np.max(np.abs(q - subject.scene.start.q), initial=0.0))
-    at_rest = not np.any(subject.scene.start.v)
+    change = float(np.max(np.abs(q - subject.case.start.q), initial=0.0))
+    at_rest = not np.any(subject.case.start.v)
     near = change <= 1e-9 * float(np.max(np.abs(q), initial=0.0))
     return Rest(named(e.q, q), "", is_start=bool(near and at_rest), modes=modes(about))

@@ -10,20 +10,20 @@ import numpy as np
 
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.linearisation import Linearisation
+from lagsim.mechanics.state import State
 from lagsim.methods import method as method_named
-from lagsim.plan import make_plan
-from lagsim.run.simulate import simulate
+from lagsim.run.observers import Keep
+from lagsim.run.session import Session
 from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
+from lagsim.studies.bench.solving import asking
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.model.settings import Settings
-    from lagsim.plan import Plan
     from lagsim.run.interrupt import Interrupt
-    from lagsim.studies.bench.solving import Scene
+    from lagsim.run.session import Case
 
 HOLDS, GROWS, DECAYS = "holds", "grows", "decays"
 DIVERGES, BREAKS, FAILS = "diverges", "breaks the constraint", "fails"
@@ -113,13 +113,12 @@ class Subject:
         Why there are no eigenvalues; "" where there are.
     """
 
-    def __init__(self, scene: Scene, interrupt: Interrupt | None = None) -> None:
-        self.scene, self.interrupt = scene, interrupt
-        self.equations, self.start = scene.equations, scene.start
+    def __init__(self, case: Case, interrupt: Interrupt | None = None) -> None:
+        self.case, self.interrupt = case, interrupt
+        self.equations = case.equations
         endless = replace(self.equations.model, until=None)
-        self.endless = self.equations.of(endless)
-        self.settings = scene.settings
-        self.span = self.settings.duration
+        self.endless = replace(case, equations=self.equations.of(endless))
+        self.span = case.settings.duration
         self._systems: dict[tuple[object, ...], System] = {}
         self.motion = self._trusted()
         self._measure()
@@ -134,28 +133,15 @@ class Subject:
 
     def _trusted(self) -> Floats:
         """Give rows (t, q, q') of the motion, by what `auto` takes."""
-        equations = self.equations
-        settings = replace(
-            self.settings,
-            output_step=self.span / TRUSTED_ROWS,
-            method="auto",
-            formulation="auto",
-            step=None,
-            rtol=None,
-            atol=None,
-        )
-        plan = make_plan(equations, self.start, settings)
-        system = System(equations, plan)
-        self.switches = system.surfaces > 0
-        kept = _Kept(1 + 2 * len(equations.q))
+        trusted = asking(self.case).asking(output_step=self.span / TRUSTED_ROWS)
+        session = replace(trusted.ready(), most_steps=TRUSTED_STEPS)
+        self.switches = session.system.surfaces > 0
+        kept = Keep(columns=1 + 2 * len(self.equations.q))
         with np.errstate(all="ignore"):
-            trajectory = simulate(
-                equations, self.start, plan, system, settings, [kept],
-                interrupt=self.interrupt, most_steps=TRUSTED_STEPS,
-            )  # fmt: skip
+            trajectory = session.run([kept], interrupt=self.interrupt)
         switched = sum(event.kind == "switch" for event in trajectory.events)
         self.arcs = switched / self.span
-        rows = np.concatenate(kept.blocks)
+        rows = kept.table
         return np.asarray(rows[np.all(np.isfinite(rows), axis=1)])
 
     def _measure(self) -> None:
@@ -193,7 +179,7 @@ class Subject:
             return
         self.at_start, self.along = found[0], np.concatenate(found)
         self.states = len(found)
-        start = self.start
+        start = self.case.start
         linear = linearisation.at(start.t, start.q, start.v)
         sizes = np.linalg.norm(linear.lengths @ self.motion[:, 1 : 1 + n].T, axis=0)
         self.size = float(np.max(sizes))
@@ -205,24 +191,23 @@ class Subject:
         drawn = np.random.default_rng(SEED).standard_normal(linear.Z.shape[1])
         length = float(np.linalg.norm(drawn)) or 1.0
         change = linear.Z @ (drawn * math.sqrt(2.0 * kick) / length)
-        self.start = replace(start, v=start.v + change)
+        self.endless = self.endless.at(State(start.t, start.q, start.v + change))
 
     def run(
         self, name: str, step: float | None, steps: int, value: float | None
     ) -> Cell:
         """Run `steps` steps, or with None as long as the model says; judge."""
-        asked = replace(self.settings, method=name, step=step)
+        asked = self.endless.asking(method=name, step=step)
+        most = ADAPTIVE_STEPS
         if step is not None:
-            end = asked.start + steps * step
-            asked = replace(asked, output_step=step, end=end, rtol=None, atol=None)
-        plan, system = self._ready(name, asked)
-        watch = _Watch(system.columns.names)
+            end = asked.settings.start + steps * step
+            asked = asked.asking(output_step=step, end=end, rtol=None, atol=None)
+            most = 2 * steps + 1000
+        session = replace(self._ready(name, asked), most_steps=most)
+        watch = _Watch(session.system.columns.names)
         with np.errstate(all="ignore"):
-            trajectory = simulate(
-                self.endless, self.start, replace(plan, step=step), system, asked,
-                [watch], interrupt=self.interrupt,
-                most_steps=ADAPTIVE_STEPS if step is None else 2 * steps + 1000,
-            )  # fmt: skip
+            session = session.by(replace(session.plan, step=step))
+            trajectory = session.run([watch], interrupt=self.interrupt)
             verdict, growth = watch.verdict(
                 trajectory.outcome, self.energy, self.highest
             )
@@ -234,22 +219,22 @@ class Subject:
             trajectory.end - trajectory.start, "" if complete else trajectory.reason,
         )  # fmt: skip
 
-    def _ready(self, name: str, settings: Settings) -> tuple[Plan, System]:
-        """Plan as if the file asked for the method.
+    def _ready(self, name: str, case: Case) -> Session:
+        """Plan; systems are shared by methods that need the same.
 
         Raises
         ------
         InputError
             Where it cannot handle the scene.
         """
-        plan = make_plan(self.endless, self.start, settings)
+        plan = case.plan()
         key = (
             method_named(name).NEEDS, plan.formulation, plan.elimination is None,
             plan.projected, plan.tape, plan.constant,
         )  # fmt: skip
         if key not in self._systems:
-            self._systems[key] = System(self.endless, plan)
-        return plan, self._systems[key]
+            self._systems[key] = System(case.equations, plan)
+        return Session(case, plan, self._systems[key])
 
     def evaluation(self) -> int:
         """Give about how many operations an evaluation of the equations takes."""
@@ -257,17 +242,6 @@ class Subject:
         nodes = [*e.mass_entries.values(), *e.f]
         nodes += [x for row in e.rows for x in (*row.A.entries.values(), row.b)]
         return len(e.graph.cone(nodes)) + 10 * (len(e.q) + len(e.rows))
-
-
-class _Kept:
-    """A consumer that keeps the first columns."""
-
-    def __init__(self, columns: int) -> None:
-        self.columns = columns
-        self.blocks: list[Floats] = []
-
-    def add(self, rows: Floats) -> None:
-        self.blocks.append(rows[:, : self.columns].copy())
 
 
 class _Watch:

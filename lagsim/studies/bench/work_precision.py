@@ -20,6 +20,7 @@ from lagsim.studies.bench.solving import (
     GivenUpError,
     Own,
     Patience,
+    asking,
     formulations,
     least,
 )
@@ -29,8 +30,9 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.run.interrupt import Interrupt
+    from lagsim.run.session import Case
     from lagsim.studies.bench.reference import Reference
-    from lagsim.studies.bench.solving import Scene, Solver
+    from lagsim.studies.bench.solving import Solver
 
 # A solve may last this long, and what `auto` takes for the tightest may take this many
 # times: past it, a curve has left the picture.
@@ -171,7 +173,7 @@ class WorkPrecision:
 
 
 def measure(
-    scene: Scene,
+    case: Case,
     wish: Wish,
     *,
     interrupt: Interrupt | None = None,
@@ -185,10 +187,10 @@ def measure(
     GivenUpError
         Interrupted before anything was measured.
     """
-    reference = make_reference(scene, interrupt)
+    reference = make_reference(case, interrupt)
     found = WorkPrecision(reference)
-    auto = Auto(scene, decades(wish.tolerances))
-    curves = list(_curves(scene, wish, found, auto))
+    auto = Auto(case, decades(wish.tolerances))
+    curves = list(_curves(case, wish, found, auto))
     total = sum(len(values) for _, values in curves) or 1
     bound = _patience(auto)
     done = 0
@@ -214,12 +216,12 @@ def measure(
 class Auto:
     """What `auto` takes at each tolerance."""
 
-    def __init__(self, scene: Scene, tolerances: Sequence[float]) -> None:
-        self.scene = scene
+    def __init__(self, case: Case, tolerances: Sequence[float]) -> None:
+        self.case = case
         self.tolerances = tolerances
         self.chosen: dict[tuple[str, str], dict[float, float]] = defaultdict(dict)
         for rtol in tolerances:
-            plan = scene.asking(rtol=rtol)[1]
+            plan = asking(case, rtol=rtol).plan()
             value = plan.rtol if plan.step is None else plan.step
             assert value is not None
             self.chosen[plan.method, plan.formulation][value] = rtol
@@ -231,7 +233,7 @@ class Auto:
         if rtol is None:
             return None
         if curve not in self._solvers:
-            self._solvers[curve] = Own(self.scene, "auto", "auto", rtol)
+            self._solvers[curve] = Own(self.case, "auto", "auto", rtol)
         return self._solvers[curve]
 
 
@@ -342,32 +344,32 @@ def halvings(between: tuple[float, float]) -> list[float]:
 
 
 def _curves(
-    scene: Scene, wish: Wish, found: WorkPrecision, auto: Auto
+    case: Case, wish: Wish, found: WorkPrecision, auto: Auto
 ) -> Iterator[Curve]:
     """Give everything that applies; note what does not."""
     tolerances = decades(wish.tolerances)
-    largest = LARGEST_STEP * scene.settings.output_step
-    largest = min(largest, scene.settings.duration / 2)
+    largest = LARGEST_STEP * case.settings.output_step
+    largest = min(largest, case.settings.duration / 2)
     steps = halvings(wish.steps or (largest, largest / 2**MOST_HALVINGS))
     for name in names():
         if not wish.wants(name):
             continue
-        solvers, refused = formulations(scene, name)
+        solvers, refused = formulations(case, name)
         found.refused += [Refused(name, *why) for why in refused.items()]
         for own in solvers:
             values = tolerances if own.setting == "rtol" else steps
             more = auto.chosen.get((own.method, own.formulation), {})
             yield Curve(own, sorted({*values, *more}, reverse=True))
-    yield from _scipy(scene, wish, found, tolerances)
+    yield from _scipy(case, wish, found, tolerances)
 
 
 def _scipy(
-    scene: Scene, wish: Wish, found: WorkPrecision, tolerances: list[float]
+    case: Case, wish: Wish, found: WorkPrecision, tolerances: list[float]
 ) -> Iterator[Curve]:
     wanted = [name for name in SCIPY if wish.wants(name)]
     if not wanted:
         return
-    own = index_one(scene)
+    own = index_one(case)
     if refusal := scipy_refusal(own):
         found.refused += [Refused(name, "auto", refusal) for name in wanted]
         return

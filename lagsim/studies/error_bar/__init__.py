@@ -19,13 +19,11 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from lagsim.plan import make_plan
 from lagsim.plan.integration import ANY
 from lagsim.run.error import LOST, TIMES, CoordinateError, ErrorBar
+from lagsim.run.observers import Observer
 from lagsim.run.observers.checkpoints import MOST_ROWS, Checkpoints
-from lagsim.run.simulate import simulate
 from lagsim.run.states import MOST_STEPS, SERIES
-from lagsim.run.system import System
 from lagsim.run.system.sleepers import timed
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.error_bar.allowance import BUDGET, Allowance, Price, cost, own_cost
@@ -34,13 +32,11 @@ from lagsim.studies.error_bar.scales import STILL, beside, ranges, scales_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
-    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.interrupt import Interrupt
+    from lagsim.run.session import Case, Session
+    from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 
 __all__ = [
@@ -88,41 +84,32 @@ ALIKE = 1e-4
 ROUNDED = 2.0**-53
 
 
-class Account(Protocol):
+class Account(Observer, Protocol):
     """What the rows of a repeat are judged by before it may accuse a run."""
 
-    def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
-
-    def fault(self, plan: Plan, trajectory: Trajectory) -> str:
+    def fault(self, trajectory: Trajectory) -> str:
         """Say why they are no answer; "" where they may be one."""
 
 
 class Repeat(NamedTuple):
-    """Other means of making a run: its plan, its system, and its longest step."""
+    """Other means of making a run, and the evaluations that a step takes."""
 
-    plan: Plan
-    system: System
-    longest_step: float
+    session: Session
     per_step: float = PER_STEP
 
     @property
     def price(self) -> Price:
         """What it costs."""
-        return Price(self.system, self.plan.method, self.per_step)
+        return Price(self.session.system, self.session.plan.method, self.per_step)
 
 
 def repeat(
-    equations: Equations,
-    start: Start,
-    settings: Settings,
-    plan: Plan,
-    system: System,
+    session: Session,
     trajectory: Trajectory,
     checkpoints: Checkpoints,
     *,
     always: bool = False,
-    account: Callable[[System], Account] | None = None,
+    account: Callable[[Session], Account] | None = None,
     allowance: Allowance | None = None,
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
@@ -131,7 +118,7 @@ def repeat(
 
     Parameters
     ----------
-    plan, system, trajectory, checkpoints
+    session, trajectory, checkpoints
         Of the run.
     always
         Whatever it costs.
@@ -144,55 +131,48 @@ def repeat(
     """
     if len(checkpoints.rows) < 2:
         return "there are too few rows to compare"
-    expected = 2.0 * trajectory.statistics.evaluations * cost(system, plan.method)
+    system, case = session.system, session.case
+    evaluations = trajectory.statistics.evaluations
+    expected = 2.0 * evaluations * cost(system, session.plan.method)
     if expected > BUDGET and not always:
         return (
             f"a repeat would take about {expected:.1e} operations "
             "(--error-bar always makes it)"
         )
-    n = len(equations.model.coordinates)
     allowance = allowance or Allowance(system, trajectory)
     found: ErrorBar | str = "nothing else can repeat it"
-    for other in by_other_means(equations, start, settings, plan, system, trajectory):
-        fine, stride = _spaced(settings, checkpoints)
-        again = Checkpoints(n, fine, stride)
-        price = other.price
+    for other in by_other_means(session, trajectory):
+        price, way = other.price, other.session
         most = allowance.steps(price, system, trajectory)
-        own = None if account is None else account(other.system)
-        repeated = simulate(
-            equations, start, other.plan, other.system, fine,
-            [again, *([own] if own else [])], interrupt=interrupt, progress=progress,
-            most_steps=MOST_STEPS if always else most,
-            longest_step=other.longest_step, arc_steps=0.0 if always else price.arc,
-        )  # fmt: skip
+        way, again = _spaced(way, checkpoints)
+        limits = (MOST_STEPS, 0.0) if always else (most, price.arc)
+        way = replace(way, most_steps=limits[0], arc_steps=limits[1])
+        own = None if account is None else account(way)
+        repeated = way.run(
+            [again, *([own] if own else [])], interrupt=interrupt, progress=progress
+        )
         allowance.take(price, repeated)
         if repeated.outcome is Outcome.INTERRUPTED:
             return "the repeat was interrupted"
-        fault = own.fault(other.plan, repeated) if own else ""
+        fault = own.fault(repeated) if own else ""
         if fault:
-            found = f"a repeat by {other.plan.method} is no answer itself: {fault}"
+            found = f"a repeat by {way.plan.method} is no answer itself: {fault}"
             continue
         if _is_comparable(trajectory, repeated):
             runs = trajectory, repeated
-            return _compared(
-                equations, start, settings, runs, other.plan, checkpoints, again
-            )
-        where = f"{other.plan.method} ended at t = {repeated.end:.6g}"
+            return _compared(case, runs, way.plan, checkpoints, again)
+        where = f"{way.plan.method} ended at t = {repeated.end:.6g}"
         found = f"a repeat did not finish: {where}"
     return found
 
 
 def is_outlier(
-    equations: Equations,
-    start: Start,
-    settings: Settings,
-    plan: Plan,
-    system: System,
+    session: Session,
     trajectory: Trajectory,
     checkpoints: Checkpoints,
     bar: ErrorBar,
     *,
-    account: Callable[[System], Account] | None = None,
+    account: Callable[[Session], Account] | None = None,
     allowance: Allowance | None = None,
     interrupt: Interrupt | None = None,
 ) -> bool:
@@ -201,61 +181,56 @@ def is_outlier(
     Two that are tighter agree better by far where the run has passed over something; by
     as much as their tolerances differ where motions part exponentially.
     """
-    ways = by_other_means(equations, start, settings, plan, system, trajectory)
-    other = next(ways, None)
+    other = next(by_other_means(session, trajectory), None)
     if other is None:
         return False
-    longest = GOLDEN * GOLDEN * other.longest_step
-    plan = _tighter(other.plan, TIGHTER)
-    if plan.rtol == other.plan.rtol:  # equal ones may take the same steps
+    system, price = session.system, other.price
+    way, third = _spaced(other.session, checkpoints)
+    plan = _tighter(way.plan, TIGHTER)
+    if plan.rtol == way.plan.rtol:  # equal ones may take the same steps
         plan = replace(plan, rtol=LOOSER * (plan.rtol or 0.0))
-    fine, stride = _spaced(settings, checkpoints)
-    third = Checkpoints(len(equations.q), fine, stride)
-    own = None if account is None else account(other.system)
-    allowance, price = allowance or Allowance(system, trajectory), other.price
-    made = simulate(
-        equations, start, plan, other.system, fine, [third, *([own] if own else [])],
-        interrupt=interrupt, longest_step=longest, arc_steps=price.arc,
-        most_steps=allowance.steps(price, system, trajectory),
+    allowance = allowance or Allowance(system, trajectory)
+    way = replace(
+        way, plan=plan, longest_step=GOLDEN * GOLDEN * way.longest_step,
+        most_steps=allowance.steps(price, system, trajectory), arc_steps=price.arc,
     )  # fmt: skip
+    own = None if account is None else account(way)
+    made = way.run([third, *([own] if own else [])], interrupt=interrupt)
     allowance.take(price, made)
-    if own and own.fault(plan, made):
+    if own and own.fault(made):
         return False
     found = third.numbered
     alike = [np.abs(found[k] - row) for k, row in bar.repeated.items() if k in found]
     if len(alike) < len(bar.repeated):
         return False
-    n = len(equations.q)
+    n = len(session.case.equations.q)
     scales = bar.scales if bar.still is None else np.fmax(bar.scales, bar.still)
     apart = np.max(np.array(alike)[:, 1 : 1 + n], axis=0)
     parts = np.divide(apart, scales, out=np.zeros(n), where=scales > 0.0)
     return bool(np.max(parts) < ALIKE * np.max(bar.lost))
 
 
-def by_other_means(
-    equations: Equations,
-    start: Start,
-    settings: Settings,
-    plan: Plan,
-    system: System,
-    trajectory: Trajectory,
-) -> Iterator[Repeat]:
+def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]:
     """Give the ways to make a run again, the best first."""
+
+    def way(plan: Plan, longest: float) -> Session:
+        return replace(session, plan=plan, longest_step=longest)
+
+    plan, system, settings = session.plan, session.system, session.case.settings
     steps = max(trajectory.statistics.steps, 1)
     mean = (trajectory.end - trajectory.start) / steps
     within = WITHIN * settings.output_step
     if plan.rtol is None and plan.method == EXACT:
         tight = replace(plan, method=ANY, rtol=TIGHTEST, step=None)
-        yield Repeat(tight, system, _affordable(within, system, ANY, trajectory))
+        yield Repeat(way(tight, _affordable(within, system, ANY, trajectory)))
         assert plan.step is not None
         others = replace(plan, step=GOLDEN * plan.step)
-        yield Repeat(others, system, within, 1.0)
+        yield Repeat(way(others, within), 1.0)
         return
     if plan.rtol is None:
-        free = _free(equations, start, settings)
-        system = System(equations, free)
-        within = _affordable(within, system, free.method, trajectory)
-        yield Repeat(free, system, within)
+        free = _free(session.case)
+        within = _affordable(within, free.system, free.plan.method, trajectory)
+        yield Repeat(replace(free, longest_step=within))
         return
     same = GOLDEN * min(mean, settings.output_step)
     for tighter in (_tighter(plan, TIGHTER), _tighter(plan, LOOSER)):
@@ -264,10 +239,10 @@ def by_other_means(
         )
         if plan.method != ANY and not alike:
             longest = _affordable(within, system, ANY, trajectory)
-            yield Repeat(replace(tighter, method=ANY), system, longest)
+            yield Repeat(way(replace(tighter, method=ANY), longest))
         if plan.method == ANY or alike or plan.method != SERIES:
             longest = _affordable(same, system, plan.method, trajectory)
-            yield Repeat(tighter, system, longest)
+            yield Repeat(way(tighter, longest))
 
 
 def _sees_all(system: System) -> bool:
@@ -294,10 +269,10 @@ def _tighter(plan: Plan, times: float) -> Plan:
     return replace(plan, rtol=rtol, atol=atol)
 
 
-def _free(equations: Equations, start: Start, settings: Settings) -> Plan:
-    """Give the plan that repeats a method without error control."""
-    free = replace(settings, method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None)
-    return make_plan(equations, start, free)
+def _free(case: Case) -> Session:
+    """Give what repeats a method without error control."""
+    free = case.asking(method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None)
+    return replace(free.ready(), case=case)
 
 
 def _affordable(
@@ -317,24 +292,25 @@ def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
     return repeated.end >= trajectory.end - 1e-6 * span
 
 
-def _spaced(settings: Settings, checkpoints: Checkpoints) -> tuple[Settings, int]:
-    """Give the settings with the rows of a repeat, of which one in k is compared."""
+def _spaced(session: Session, checkpoints: Checkpoints) -> tuple[Session, Checkpoints]:
+    """Give a session with the rows of a repeat, and what keeps those to compare."""
     count = len(checkpoints.rows)
     finer = -(-LEAST_ROWS // count) if checkpoints.stride == 1 else 1
-    spacing = checkpoints.stride * settings.output_step / finer
-    return replace(settings, output_step=spacing), finer
+    spacing = checkpoints.stride * session.case.settings.output_step / finer
+    fine = session.asking(output_step=spacing)
+    n = len(fine.case.equations.q)
+    return fine, Checkpoints(n, fine.case.settings, finer)
 
 
 def _compared(
-    equations: Equations,
-    start: State,
-    settings: Settings,
+    case: Case,
     runs: tuple[Trajectory, Trajectory],
     plan: Plan,
     checkpoints: Checkpoints,
     again: Checkpoints,
 ) -> ErrorBar:
     """Compare rows of the same numbers, as far as both go, and ends alike."""
+    equations, start = case.equations, case.start
     n = len(equations.q)
     rows, others = [], []
     repeats = again.numbered
@@ -347,7 +323,7 @@ def _compared(
     assert again.last is not None
     run, repeated = runs
     apart = abs(run.end - repeated.end)
-    alike = run.outcome is repeated.outcome and apart < settings.output_step
+    alike = run.outcome is repeated.outcome and apart < case.settings.output_step
     if alike and checkpoints.last[0] > rows[-1][0]:
         rows.append(checkpoints.last)
         others.append(again.last)

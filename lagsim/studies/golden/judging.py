@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim import __version__
 from lagsim.methods import method as method_named
 from lagsim.outputs.manifest import versions
-from lagsim.plan import make_plan
 from lagsim.studies.comparison.judging import Deviation, deviations, ordered
 from lagsim.studies.golden.invariants import invariants
 from lagsim.studies.golden.measuring import SAME_TIME
+from lagsim.studies.golden.motion import Motion, motion_of
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
+    from lagsim.run.session import Case
     from lagsim.studies.golden.measuring import Golden
-    from lagsim.studies.golden.motion import Motion, Scene
     from lagsim.studies.golden.storing import Stored
 
 
@@ -50,23 +50,23 @@ class Judgement:
         return not (self.missing or self.faults) and all(d.passed for d in self.worst)
 
 
-def run(scene: Scene, stored: Stored) -> Motion:
+def run(case: Case, stored: Stored) -> Motion:
     """Run a model so that its rows lie at the golden's times."""
     spacing = float(stored.about["output_step"])
-    plan = make_plan(scene.equations, scene.start, scene.settings)
+    plan = case.plan()
     step = None if method_named(plan.method).ADAPTIVE else plan.step
-    other = scene.asking(output_step=spacing, step=step)
-    return other.motion(stored.golden.stride)
+    other = case.asking(output_step=spacing, step=step)
+    return motion_of(other, stored.golden.stride)
 
 
-def judge(scene: Scene, motion: Motion, stored: Stored) -> Judgement:
+def judge(case: Case, motion: Motion, stored: Stored) -> Judgement:
     """Hold a motion against the golden of its model."""
     golden, about = stored.golden, stored.about
     found = _columns(motion, golden, float(about["output_step"]))
-    found += _invariants(scene, motion, golden)
+    found += _invariants(case, motion, golden)
     missing = tuple(c for c in golden.columns if c not in motion.columns)
     known = about.get("columns", golden.columns)
-    notes = _notes(scene, motion, about)
+    notes = _notes(case, motion, about)
     return Judgement(
         worst=ordered(found),
         missing=missing,
@@ -91,8 +91,8 @@ def _columns(motion: Motion, golden: Golden, spacing: float) -> list[Deviation]:
     return found
 
 
-def _invariants(scene: Scene, motion: Motion, golden: Golden) -> list[Deviation]:
-    now = invariants(scene.equations, motion)
+def _invariants(case: Case, motion: Motion, golden: Golden) -> list[Deviation]:
+    now = invariants(case.equations, motion)
     found = []
     for name, kept in golden.invariants.items():
         values = now.get(name)
@@ -113,10 +113,10 @@ def _faults(motion: Motion, about: Mapping[str, Any]) -> list[str]:
     return []
 
 
-def _notes(scene: Scene, motion: Motion, about: Mapping[str, Any]) -> list[str]:
+def _notes(case: Case, motion: Motion, about: Mapping[str, Any]) -> list[str]:
     """Tell what has changed besides the motion."""
     notes = []
-    model = scene.equations.model
+    model = case.equations.model
     if model.sha256 != about.get("model_sha256"):
         notes.append("the model file has changed since its golden was stored")
     for what in ("method", "formulation"):
@@ -128,7 +128,7 @@ def _notes(scene: Scene, motion: Motion, about: Mapping[str, Any]) -> list[str]:
     changed += [f"{k} {was[k]}" for k in now if k in was and was[k] != now[k]]
     if changed:
         notes.append(f"the golden is from {', '.join(changed)}")
-    if scene.settings.output_step != float(about["output_step"]):
+    if case.settings.output_step != float(about["output_step"]):
         notes.append(f"rows every {about['output_step']!r}, as in the golden")
     end = float(about["end"])
     apart = abs(motion.trajectory.end - end)

@@ -22,7 +22,7 @@ from lagsim.studies.golden.motion import (
     MOST_CELLS,
     MOST_ROWS,
     Motion,
-    Scene,
+    motion_of,
     variants,
 )
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.run.session import Case
     from lagsim.run.trajectory import Trajectory
 
 # The looser run is farther away than any that should pass, and counts once: at ten
@@ -96,41 +97,41 @@ class Golden:
         return np.asarray(bounds[np.maximum(place, 0)])
 
 
-def measure(scene: Scene) -> tuple[Golden, Motion]:
+def measure(case: Case) -> tuple[Golden, Motion]:
     """Run a model and its variants; give its golden, and the run it was made from."""
-    spacing = scene.settings.output_step
-    span = scene.settings.duration / spacing
-    stride = _stride(int(span) + 2, _columns(scene))
-    base = scene.motion(stride)
+    spacing = case.settings.output_step
+    span = case.settings.duration / spacing
+    stride = _stride(int(span) + 2, _columns(case))
+    base = motion_of(case, stride)
     if stride > 1 and len(base.rows) < LEAST_ROWS:  # it ended early
         stride = _stride(base.trajectory.rows, len(base.columns))
-        base = scene.motion(stride)
-    others = list(variants(scene, base, stride))
+        base = motion_of(case, stride)
+    others = list(variants(case, base, stride))
     rows = base.rows[_clear(base.rows[:, 0], base.trajectory, spacing)]
     near = SAME_TIME * spacing
-    envelope = _envelope(rows, base, others, near, _floors(scene, base, rows))
-    sizes = scales(base.columns, rows.T, units(scene))
+    envelope = _envelope(rows, base, others, near, _floors(case, base, rows))
+    sizes = scales(base.columns, rows.T, units(case))
     moving = [
         base.columns.index(name)
-        for name in (*scene.equations.q, *scene.equations.velocities)
+        for name in (*case.equations.q, *case.equations.velocities)
     ]
     lost = np.flatnonzero((envelope > LOST * sizes)[:, moving].any(axis=1))
     horizon = float(rows[lost[0], 0]) if len(lost) else None
     if horizon is not None:
         rows, envelope = rows[: lost[0]], envelope[: lost[0]]
-    names = _kept(base.columns, scene)
+    names = _kept(base.columns, case)
     chosen = [base.columns.index(name) for name in names]
     steps = {
         n: _steps(rows[:, 0], envelope[:, k])
         for n, k in zip(names, chosen, strict=True)
     }
-    kept = _invariants(scene, base, others)
+    kept = _invariants(case, base, others)
     return Golden(names, rows[:, chosen], steps, horizon, kept, stride), base
 
 
-def units(scene: Scene) -> dict[str, str]:
+def units(case: Case) -> dict[str, str]:
     """Give the units of coordinates and definitions, and of their rates."""
-    model = scene.equations.model
+    model = case.equations.model
     found = {d.name: d.unit for d in model.definitions}
     for c in model.coordinates:
         rates = {f"{c.name}_dot": f"{c.unit}/s", f"{c.name}_ddot": f"{c.unit}/s^2"}
@@ -138,9 +139,9 @@ def units(scene: Scene) -> dict[str, str]:
     return found
 
 
-def _columns(scene: Scene) -> int:
+def _columns(case: Case) -> int:
     """Give about how many columns the table has."""
-    e = scene.equations
+    e = case.equations
     n, m = len(e.q), len(e.rows)
     return 4 + 3 * n + len(e.model.output.columns) + (2 * m + n if m else 0)
 
@@ -150,11 +151,11 @@ def _stride(rows: int, columns: int) -> int:
     return max(1, -(-rows // wanted))
 
 
-def _kept(columns: Sequence[str], scene: Scene) -> tuple[str, ...]:
+def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
     """Give the columns to keep: of a long table what the others follow from first."""
     if len(columns) <= MOST_COLUMNS:
         return tuple(columns)
-    e = scene.equations
+    e = case.equations
     derived = {
         *e.accelerations,
         *(n for n in columns if n.startswith(("Qc_", "resid"))),
@@ -181,10 +182,10 @@ def _clear(t: Floats, trajectory: Trajectory, spacing: float) -> list[int]:
     ]
 
 
-def _floors(scene: Scene, base: Motion, rows: Floats) -> Floats:
+def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
     """Give what no bound is below, (k, columns): the tolerance, and rounding errors."""
     rtol = base.plan.rtol or DEFAULT_RTOL
-    of = units(scene)
+    of = units(case)
     sizes = scales(base.columns, rows.T, of)
     alone = sizes.copy()
     for k, name in enumerate(base.columns):
@@ -195,12 +196,12 @@ def _floors(scene: Scene, base: Motion, rows: Floats) -> Floats:
             sizes[k] = np.max(alone[alike])
     floors = rtol * sizes + ULPS * np.max(np.abs(rows), axis=0)
     floors[base.columns.index("t")] = 0.0
-    return np.asarray(floors + _roundings(scene, base, rows))
+    return np.asarray(floors + _roundings(case, base, rows))
 
 
-def _roundings(scene: Scene, base: Motion, rows: Floats) -> Floats:
+def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
     """Give what rounding may change of the definitions in each row (k, columns)."""
-    model = scene.equations.model
+    model = case.equations.model
     shown = [d for d in model.definitions if d.name in base.columns]
     found = np.zeros_like(rows)
     if not shown:
@@ -255,15 +256,15 @@ def rounded_up(x: float) -> float:
 
 
 def _invariants(
-    scene: Scene, base: Motion, others: Sequence[tuple[str, Motion]]
+    case: Case, base: Motion, others: Sequence[tuple[str, Motion]]
 ) -> dict[str, Invariant]:
     """Give what is kept, and how well the runs kept it."""
     found = {}
     rtol = base.plan.rtol or DEFAULT_RTOL
-    kept = invariants(scene.equations, base)
+    kept = invariants(case.equations, base)
     runs = [(1.0 if kind == "looser" else SAFETY, motion) for kind, motion in others]
     apart = [
-        (weight, invariants(scene.equations, m))
+        (weight, invariants(case.equations, m))
         for weight, m in [(SAFETY, base), *runs]
         if m.columns == base.columns
     ]

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagsim.errors import InputError
+from lagsim.mechanics.state import State
 from lagsim.methods import method as method_named
 from lagsim.model.settings import DEFAULT_RTOL
-from lagsim.plan import make_plan
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
+from lagsim.run.observers import Keep
+from lagsim.run.observers.ledger import Ledger
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
-    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
+    from lagsim.run.session import Case
     from lagsim.run.trajectory import Trajectory
 
 # Rows are kept at every so-many-th, and these are the most that are kept.
@@ -77,129 +75,80 @@ class Motion:
         return found
 
 
-class Few:
-    """A consumer that keeps one row of each `stride`, and the last."""
+def perturbed(case: Case, seed: int) -> Case:
+    """Give the case with start and parameters moved by one unit in the last place.
 
-    def __init__(self, stride: int) -> None:
-        self._stride = stride
-        self._seen = 0
-        self._kept: list[Floats] = []
-        self._last: Floats | None = None
-        self.largest: Floats | None = None
+    What is zero stays, since its neighbours are no rounding errors.
+    """
+    random = np.random.default_rng(seed)
 
-    def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
-        first = -self._seen % self._stride
-        self._kept.append(rows[first :: self._stride].copy())
-        self._seen += len(rows)
-        self._last = rows[-1:].copy()
-        largest = np.max(np.abs(rows), axis=0)
-        self.largest = (
-            largest if self.largest is None else np.maximum(largest, self.largest)
-        )
+    def moved(x: Floats) -> Floats:
+        other = np.nextafter(x, np.where(random.random(x.shape) < 0.5, -1, 1) * np.inf)
+        return np.where(x == 0.0, 0.0, other)
 
-    def rows(self) -> Floats:
-        """Give them."""
-        kept = np.concatenate(self._kept)
-        assert self._last is not None
-        return (
-            kept if kept[-1, 0] == self._last[0, 0] else np.append(kept, self._last, 0)
-        )
+    model = case.equations.model
+    values = moved(np.array([p.value for p in model.parameters]))
+    parameters = tuple(
+        replace(p, value=float(v))
+        for p, v in zip(model.parameters, values, strict=True)
+    )
+    equations = case.equations.of(replace(model, parameters=parameters))
+    start = case.start
+    state = State(start.t, moved(start.q), moved(start.v))
+    return replace(case, equations=equations).at(state)
 
 
-@dataclass(frozen=True, slots=True)
-class Scene:
-    """A model with an admissible start."""
+def motion_of(case: Case, stride: int) -> Motion:
+    """Run it.
 
-    equations: Equations
-    start: Start
-    settings: Settings
-
-    def asking(self, **other: Any) -> Scene:
-        """Give the scene with other settings."""
-        return replace(self, settings=replace(self.settings, **other))
-
-    def perturbed(self, seed: int) -> Scene:
-        """Give the scene with start and parameters moved by one unit in the last place.
-
-        What is zero stays, since its neighbours are no rounding errors.
-        """
-        random = np.random.default_rng(seed)
-
-        def moved(x: Floats) -> Floats:
-            other = np.nextafter(
-                x, np.where(random.random(x.shape) < 0.5, -1, 1) * np.inf
-            )
-            return np.where(x == 0.0, 0.0, other)
-
-        model = self.equations.model
-        values = moved(np.array([p.value for p in model.parameters]))
-        parameters = tuple(
-            replace(p, value=float(v))
-            for p, v in zip(model.parameters, values, strict=True)
-        )
-        model = replace(model, parameters=parameters)
-        start = replace(self.start, q=moved(self.start.q), v=moved(self.start.v))
-        return replace(self, equations=self.equations.of(model), start=start)
-
-    def motion(self, stride: int) -> Motion:
-        """Run it.
-
-        Raises
-        ------
-        InputError
-            Where the method cannot handle the scene.
-        """
-        plan = make_plan(self.equations, self.start, self.settings)
-        system = System(self.equations, plan)
-        few = Few(stride)
-        trajectory = simulate(
-            self.equations, self.start, plan, system, self.settings, [few]
-        )
-        names = system.columns.names
-        assert few.largest is not None
-        scales = {
-            "residual_" + name.removeprefix("scale."): float(few.largest[k])
-            for k, name in enumerate(names)
-            if name.startswith("scale.")
-        }
-        table = system.columns.table
-        return Motion(names[:table], few.rows()[:, :table], scales, trajectory, plan)
+    Raises
+    ------
+    InputError
+        Where the method cannot handle the case.
+    """
+    session = case.ready()
+    names = session.system.columns.names
+    kept, ledger = Keep(stride), Ledger(names)
+    trajectory = session.run([kept, ledger])
+    scales = {f"residual_{name}": scale for name, scale in ledger.scales.items()}
+    table = session.system.columns.table
+    rows = kept.table[:, :table]
+    return Motion(names[:table], rows, scales, trajectory, session.plan)
 
 
-def variants(scene: Scene, base: Motion, stride: int) -> Iterator[tuple[str, Motion]]:
+def variants(case: Case, base: Motion, stride: int) -> Iterator[tuple[str, Motion]]:
     """Give runs that differ from the golden one as far as one may, with their kinds.
 
     The kinds are `looser`, `tighter`, `perturbed` and `method`. One that does not come
     to the end is left out.
     """
-    for kind, other in _asked(scene, base.plan):
+    for kind, other in _asked(case, base.plan):
         try:
-            motion = other.motion(stride)
+            found = motion_of(other, stride)
         except InputError:
             continue
-        if motion.trajectory.outcome is base.trajectory.outcome:
-            yield kind, motion
+        if found.trajectory.outcome is base.trajectory.outcome:
+            yield kind, found
 
 
-def _asked(scene: Scene, plan: Plan) -> Iterator[tuple[str, Scene]]:
+def _asked(case: Case, plan: Plan) -> Iterator[tuple[str, Case]]:
     name = plan.method
     if method_named(name).ADAPTIVE:
         assert plan.rtol is not None
         for kind, factor in (("looser", LOOSER), ("tighter", TIGHTER)):
             rtol = max(plan.rtol * factor, TIGHTEST)
             atol = None if plan.atol is None else plan.atol * factor
-            yield kind, scene.asking(method=name, rtol=rtol, atol=atol)
+            yield kind, case.asking(method=name, rtol=rtol, atol=atol)
     else:
         assert plan.step is not None
         # An error of order p becomes 2^p times larger, one of order 4 16 times.
-        yield "looser", scene.asking(method=name, step=2.0 * plan.step)
-        yield "tighter", scene.asking(method=name, step=0.5 * plan.step)
+        yield "looser", case.asking(method=name, step=2.0 * plan.step)
+        yield "tighter", case.asking(method=name, step=0.5 * plan.step)
         # Some are exact at any step: what a method with a tolerance may err by.
         rtol = LOOSER * DEFAULT_RTOL
-        yield "looser", scene.asking(method=METHODS[0], rtol=rtol, atol=None)
+        yield "looser", case.asking(method=METHODS[0], rtol=rtol, atol=None)
     for seed in range(SEEDS):
-        yield "perturbed", scene.perturbed(seed)
+        yield "perturbed", perturbed(case, seed)
     for other in METHODS:
         if other != name:
-            yield "method", scene.asking(method=other, formulation="auto")
+            yield "method", case.asking(method=other, formulation="auto")

@@ -10,17 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import orjson
 
-from lagsim import __version__
 from lagsim.errors import InputError, Problem
 from lagsim.outputs.manifest import encode, versions
 from lagsim.studies.comparison.reading import read_table
 from lagsim.studies.golden.measuring import DIGITS, Golden, Invariant
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.studies.golden.motion import Motion, Scene
+    from lagsim.run.session import Case
+    from lagsim.studies.golden.motion import Motion
 
 FOLDER = "golden"
 # What a double holds, whatever its bound.
@@ -71,9 +72,9 @@ def certain(value: float, bound: float) -> str:
     return text.removesuffix(".0") if len(text) > 3 else text
 
 
-def document(scene: Scene, golden: Golden, base: Motion) -> bytes:
+def document(case: Case, golden: Golden, base: Motion) -> bytes:
     """Give the JSON; keys are only ever added."""
-    model = scene.equations.model
+    model = case.equations.model
     plan = base.plan
     content = {
         "lagsim": __version__,
@@ -85,10 +86,10 @@ def document(scene: Scene, golden: Golden, base: Motion) -> bytes:
         "rtol": plan.rtol,
         "atol": plan.atol,
         "step": plan.step,
-        "start": scene.settings.start,
+        "start": case.settings.start,
         "end": base.trajectory.end,
         "outcome": base.trajectory.outcome.word,
-        "output_step": scene.settings.output_step,
+        "output_step": case.settings.output_step,
         "stride": golden.stride,
         "horizon": golden.horizon,
         "invariants": {

@@ -10,10 +10,9 @@ import pytest
 from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
-from lagsim.plan import make_plan
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
-from tests.support import Keep
+from lagsim.plan import by_loops, make_plan
+from lagsim.run.observers import Keep
+from tests.support import case_of
 
 # Masses that pull on one another, coupled in M; `ROWS` holds some of them.
 PULLING = """
@@ -33,20 +32,14 @@ MOVING = 'constraints: {one: "a + 2*b = c^2 + c", two: "b^2 - 0.5*d = 0"}'
 
 
 def rows(text, *, loops, constant=None):
-    equations = derive(read(text, "model.yaml"))
-    start = examine(equations).start
-    plan = make_plan(
-        equations, start, equations.model.settings({"formulation": "full"}), loops=loops
-    )
+    case = case_of(text, formulation="full")
+    plan = by_loops(case.plan()) if loops else case.plan()
     found = plan.constant
     if constant is not None:
         plan = replace(plan, constant=constant)
     keep = Keep()
-    system = System(equations, plan)
-    trajectory = simulate(
-        equations, start, plan, system, equations.model.settings(), [keep]
-    )
-    return found, trajectory.statistics, np.concatenate(keep.blocks)
+    trajectory = case.ready(plan).run([keep])
+    return found, trajectory.statistics, keep.table
 
 
 @pytest.mark.parametrize(

@@ -9,18 +9,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.state import State
 from lagsim.methods import dop853, euler, method, names, rk4
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.model.reader import read
-from lagsim.plan import make_plan
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
+from lagsim.run.observers import Keep
 from tests.methods.plain import Plain, first_order, fresh_state, state_of
 from tests.methods.test_registry import refusal_of, swing
-from tests.support import Keep, run
+from tests.support import case_of, run
 
 NO_PARAMETERS = Parameters.made()
 
@@ -294,24 +290,15 @@ STEERED = FREE.replace(
     ],
 )
 def test_time_reversal_brings_the_state_back(text, options, off):
-    equations = derive(read(text, "model.yaml", options=options))
-    start = examine(equations).start
-    plan = make_plan(equations, start, equations.model.settings())
+    session = case_of(text, **options).ready()
+    start, n = session.case.start, len(session.case.equations.q)
     ends = []
-    turned = start
     for _ in range(2):
         keep = Keep()
-        simulate(
-            equations,
-            turned,
-            plan,
-            System(equations, plan),
-            equations.model.settings(),
-            [keep],
-        )
-        last = keep.blocks[-1][-1]
-        n = len(equations.q)
+        session.run([keep])
+        last = keep.table[-1]
         ends.append(last[1 : 1 + 2 * n])
-        turned = replace(start, q=last[1 : 1 + n], v=-last[1 + n : 1 + 2 * n])
+        turned = State(start.t, last[1 : 1 + n], -last[1 + n : 1 + 2 * n])
+        session = replace(session, case=session.case.at(turned))
     assert np.max(np.abs(ends[0] - [*start.q, *start.v])) > 0.1
     assert np.max(np.abs(ends[1] - [*start.q, *-start.v])) < off

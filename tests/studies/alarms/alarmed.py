@@ -12,10 +12,7 @@ def cautions(found, bar="not estimated"):
     ledger, witness = Ledger(names), Witness(names, len(found.equations.q))
     ledger.add(found.rows)
     witness.add(found.rows)
-    return alarms(
-        found.equations, found.examined, found.settings, found.plan, found.trajectory,
-        ledger, witness, bar,
-    )  # fmt: skip
+    return alarms(found.session, found.trajectory, ledger, witness, bar)
 
 
 def codes(found, bar="not estimated"):

@@ -117,10 +117,7 @@ def test_chaos_has_a_horizon_and_nothing_else():
     found = run("failing/chaos", duration=25)
     checkpoints = Checkpoints(2)
     checkpoints.add(found.rows)
-    bar = repeat(
-        found.equations, found.start, found.settings, found.plan, found.system,
-        found.trajectory, checkpoints,
-    )  # fmt: skip
+    bar = repeat(found.session, found.trajectory, checkpoints)
     assert codes(found, bar) == ["horizon"]
     # Errors grow tenfold in 2 s from about 1e-12: 0.1 of the range some 22 s later.
     assert 18.0 < bar.horizon < 25.0

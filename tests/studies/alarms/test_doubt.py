@@ -35,10 +35,7 @@ def doubt(found, bar="not estimated"):
     for block in np.array_split(found.rows, 7):
         ledger.add(block)
         witness.add(block)
-    return doubt_about(
-        found.equations, found.start, found.plan, found.trajectory, ledger, witness,
-        bar,
-    )  # fmt: skip
+    return doubt_about(found.session, found.trajectory, ledger, witness, bar)
 
 
 def spoilt(found, column, change):

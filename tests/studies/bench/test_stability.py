@@ -15,9 +15,9 @@ from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method
 from lagsim.model.reader import read, read_file
 from lagsim.run.interrupt import Interrupt
+from lagsim.run.session import open_case
 from lagsim.studies.bench.borders import predicted
 from lagsim.studies.bench.scope import Wish
-from lagsim.studies.bench.solving import Scene
 from lagsim.studies.bench.stability import measure
 from lagsim.studies.bench.trial import Subject
 from tests.small_scenes import oscillator
@@ -62,8 +62,7 @@ LIMITS = {"rk4": math.sqrt(8.0), "verlet": 2.0, "rattle": 2.0}
 
 
 def scene(text, overrides=None):
-    equations = derive(read(text, "model.yaml", overrides))
-    return Scene(equations, examine(equations).start, equations.model.settings())
+    return open_case(read(text, "model.yaml", overrides))
 
 
 def looked_at(text, *methods, steps, strip=6):

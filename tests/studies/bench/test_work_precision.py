@@ -8,12 +8,11 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
 from lagsim.run.interrupt import Interrupt
+from lagsim.run.session import open_case
 from lagsim.studies.bench.reference import Solution, _compared, make_reference
-from lagsim.studies.bench.solving import GivenUpError, Own, Patience, Scene
+from lagsim.studies.bench.solving import GivenUpError, Own, Patience
 from lagsim.studies.bench.work_precision import Wish, decades, halvings, measure
 from tests.small_scenes import fall, oscillator
 from tests.support import MODELS
@@ -22,8 +21,7 @@ ROWS = "duration: 20, output_step: 0.1"
 
 
 def scene(text):
-    equations = derive(read(text, "model.yaml"))
-    return Scene(equations, examine(equations).start, equations.model.settings())
+    return open_case(read(text, "model.yaml"))
 
 
 @pytest.fixture(scope="module")
@@ -182,10 +180,7 @@ def test_what_only_one_solution_says_is_not_known():
 @pytest.mark.slow
 def test_the_reference_of_chaos_ends_where_solutions_part():
     model = read_file(str(MODELS / "double-pendulum.yaml"))
-    equations = derive(model)
-    reference = make_reference(
-        Scene(equations, examine(equations).start, equations.model.settings())
-    )
+    reference = make_reference(open_case(model))
     # At rtol 1e-14 the error is 2e-4 after 20 s (numerics): growth by about e^1.2 each
     # second from rounding leaves 1e-10 somewhere before 15 s.
     assert reference.horizon is not None

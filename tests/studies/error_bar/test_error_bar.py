@@ -7,13 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
-from lagsim.plan import make_plan
 from lagsim.run.error import ErrorBar
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
+from lagsim.run.session import open_case
 from lagsim.studies import error_bar
 from lagsim.studies.error_bar import Checkpoints, repeat
 from tests.methods.test_registry import swing
@@ -23,17 +19,10 @@ from tests.support import MODELS
 
 def barred(model, **keywords):
     """Run a model and its repeat; give the checkpoints and the bar."""
-    equations = derive(model)
-    settings = model.settings()
-    start = examine(equations, settings.start).start
-    plan = make_plan(equations, start, settings)
-    system = System(equations, plan)
-    checkpoints = Checkpoints(len(equations.q), settings)
-    trajectory = simulate(equations, start, plan, system, settings, [checkpoints])
-    bar = repeat(
-        equations, start, settings, plan, system, trajectory, checkpoints, **keywords
-    )
-    return checkpoints, bar
+    session = open_case(model).ready()
+    checkpoints = Checkpoints(len(model.coordinates), session.case.settings)
+    trajectory = session.run([checkpoints])
+    return checkpoints, repeat(session, trajectory, checkpoints, **keywords)
 
 
 def shipped(name, **options):
@@ -185,23 +174,22 @@ def test_a_run_that_ends_by_itself_is_compared_as_far_as_both_go():
 class Strict:
     """Judges a repeat by its number alone."""
 
-    def __init__(self, text):
-        self.text, self.rows = text, 0
+    def __init__(self, text, session):
+        self.text, self.plan, self.rows = text, session.plan, 0
 
     def add(self, rows):
         self.rows += len(rows)
 
-    def fault(self, plan, trajectory):
-        assert plan.rtol < 1e-11
+    def fault(self, trajectory):
+        assert self.plan.rtol < 1e-11
         assert trajectory.outcome.complete
         return self.text if self.rows else "no rows"
 
 
 def test_a_repeat_that_fails_by_its_own_ledger_says_nothing():
-    judges = [Strict("it lost energy"), Strict("")]
-    left = iter(judges)
-    bar = barred(read(PENDULUM, "m.yaml"), account=lambda _system: next(left))[1]
+    texts = iter(["it lost energy", ""])
+    bar = barred(read(PENDULUM, "m.yaml"), account=lambda x: Strict(next(texts), x))[1]
     assert bar.rtol == pytest.approx(1e-11 / error_bar.LOOSER)  # the second one
     assert bar.horizon is None
-    told = barred(read(PENDULUM, "m.yaml"), account=lambda _system: Strict("lost"))[1]
+    told = barred(read(PENDULUM, "m.yaml"), account=lambda x: Strict("lost", x))[1]
     assert "no answer itself: lost" in told

@@ -1,0 +1,81 @@
+"""Faults of what a command was given: printed, or as the document of `--json`."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Any
+
+from lagsim.cli._streams import complain
+from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.run.session import StartError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+
+@contextlib.contextmanager
+def faults_shown(
+    documents: list[Any] | None = None, *, file: str | None = None
+) -> Iterator[list[int]]:
+    """Print the faults of the input, or why a start is not admissible.
+
+    The list that is given gets the exit code.
+
+    Parameters
+    ----------
+    documents
+        Gets them instead, as the document that `--json` prints.
+    file
+        Named with faults that have no place in it.
+    """
+    code: list[int] = []
+    try:
+        yield code
+    except StartError as error:
+        code.append(error.exit_code)
+        from lagsim.cli._verdict import report
+        from lagsim.outputs.examined import document
+
+        if documents is None:
+            complain(report(error.equations, error.examined))
+        else:
+            documents.append(document(error.equations, error.examined))
+    except LagsimError as error:
+        code.append(error.exit_code)
+        problems = [Problem("failed", str(error))]
+        if isinstance(error, InputError):
+            problems = list(error.problems)
+        if documents is None:
+            _print_problems(problems)
+        else:
+            documents.append(errors_document(problems, file))
+
+
+def _print_problems(problems: list[Problem]) -> None:
+    complain("\n\n".join(map(str, problems)))
+    if len(problems) > 1:
+        complain(f"\n{len(problems)} problems")
+
+
+def errors_document(
+    problems: Iterable[Problem], file: str | None = None
+) -> dict[str, Any]:
+    """Give the document that unusable input gives."""
+    return {"errors": [_as_mapping(problem, file) for problem in problems]}
+
+
+# Their faults are not the model's.
+_OUTSIDE = ("usage", "output-folder", "failed")
+
+
+def _as_mapping(problem: Problem, file: str | None) -> Mapping[str, Any]:
+    if problem.code in _OUTSIDE:
+        file = None
+    return {
+        "file": problem.file or file,
+        "line": problem.line,
+        "column": problem.column,
+        "code": problem.code,
+        "text": problem.text,
+        "hint": problem.hint,
+    }

@@ -1,0 +1,130 @@
+"""What people read of the start of a model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.admissibility.verdict import START_VALUE
+from lagsim.cli._shared import coloured, counted, table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lagsim.admissibility import Examination, Verdict
+    from lagsim.mechanics.equations import Equations
+    from lagsim.notes import Choice
+
+
+def report(
+    equations: Equations,
+    start: Examination,
+    choices: Sequence[Choice] = (),
+    *,
+    repair: bool = False,
+) -> str:
+    """Give the report for people; its first line is the verdict."""
+    name, rows = equations.model.name, equations.rows
+    rank = f" of rank {start.ranks.rank}" if rows else ""
+    freedom = counted(start.degrees_of_freedom, "degree")
+    if start.admissible:
+        head = coloured("admissible", "32") + f": {name}"
+    else:
+        head = coloured("inadmissible", "31") + f": {name}: {'; '.join(_faults(start))}"
+    lines = [
+        head,
+        (
+            f"  {counted(len(equations.q), 'coordinate')}, "
+            f"{counted(len(rows), 'constraint')}{rank}, {freedom} of freedom"
+        ),
+    ]
+    if start.verdicts:
+        lines.append(table((v.name, _described(v)) for v in start.verdicts))
+    lines += _reached(equations, start)
+    lines += [f"  {c.choice} ({c.reason})" for c in choices]
+    lines += [f"  warning: {w.text}" for w in start.warnings]
+    if not start.admissible or repair:
+        lines += _repair(start)
+    return "\n".join(lines)
+
+
+def _faults(start: Examination) -> list[str]:
+    """Say what keeps a start from being admissible."""
+    faults = [d.contradiction() for d in start.contradictions]
+    if start.thin is not None:
+        faults.append(str(start.thin))
+    told = {d.name for d in start.contradictions}
+    told |= {name for d in start.contradictions for name, _ in d.combination}
+    faults += [
+        _violation(v) for v in start.verdicts if not v.satisfied and v.name not in told
+    ]
+    return faults
+
+
+def _violation(verdict: Verdict) -> str:
+    position, velocity = verdict.position, verdict.velocity
+    if verdict.kind == START_VALUE:
+        return f"the start value `{verdict.name}` is missed by {position.value:.6g}"
+    if velocity is not None and position.met:
+        text = f"the rate of constraint `{verdict.name}` is {velocity.value:.6g}"
+        return f"{text} (bound {velocity.bound:.2g}, {velocity.why})"
+    text = f"constraint `{verdict.name}` has the residual {position.value:.6g}"
+    return f"{text} (bound {position.bound:.2g}, {position.why})"
+
+
+def _described(verdict: Verdict) -> str:
+    residual = verdict.position.value + 0.0  # no -0
+    if verdict.kind == START_VALUE:
+        return f"start value, missed by {residual:.3g}"
+    words = [verdict.kind, "scleronomic" if verdict.scleronomic else "rheonomic"]
+    if verdict.pfaffian is not None:
+        words.append("Pfaffian" if verdict.pfaffian else "not Pfaffian")
+    if verdict.integrable is not None:
+        words.append("integrable" if verdict.integrable else "not integrable")
+    if verdict.redundant:
+        words.append("redundant")
+    text = f"{', '.join(words)}; residual {residual:.3g}"
+    if verdict.velocity is not None:
+        text += f", of its rate {verdict.velocity.value + 0.0:.3g}"
+    return text + ("" if verdict.satisfied else "  <- violated")
+
+
+def _reached(equations: Equations, start: Examination) -> list[str]:
+    """Say what inertia and velocity constraints mean for the motion."""
+    lines = []
+    if start.augmented:
+        lines.append("  the mass matrix is singular alone; the constraints complete it")
+    reach = start.reach
+    if reach is None:
+        return lines
+    if reach.dimension is None:
+        lines.append(f"  what the motion can reach is undecided: {reach.reason}")
+        return lines
+    text = f"  the motion can reach {reach.dimension} of {len(equations.q)} dimensions"
+    if reach.hidden:
+        names = ", ".join(reach.entering)
+        what = counted(reach.hidden, "hidden holonomic combination")
+        text += f"; {what} of {names}"
+    return [*lines, text]
+
+
+def _repair(start: Examination) -> list[str]:
+    """Give what to write into `initial:`, or why there is nothing to write."""
+    if start.admissible:
+        if not start.changes:
+            return ["  nothing to repair"]
+        exact = {name: new for name, (_, new) in start.changes.items()}
+        return ["  the exact state, for `initial:`", *_pasteable(exact)]
+    if not start.repair:
+        return [f"  no admissible state was found: {start.unsolved}"]
+    lines = []
+    if start.unsolved:
+        lines.append(f"  the guesses alone do not suffice: {start.unsolved}")
+    lines += ["  the nearest admissible state, for `initial:`"]
+    lines += _pasteable(start.repair)
+    guesses = ", ".join(f"{name}: {{guess: ...}}" for name in start.repair)
+    lines.append(f"  or have them solved, or some of them: {guesses}")
+    return lines
+
+
+def _pasteable(values: Mapping[str, float]) -> list[str]:
+    return [f"    {name}: {value!r}" for name, value in values.items()]

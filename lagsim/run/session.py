@@ -1,0 +1,294 @@
+"""The way of a model to its rows: read, derive, examine, plan, compile, integrate.
+
+A `Case` is what to simulate, and how; a `Session` one that is planned and compiled, and
+runs as often as it is asked to. Whatever runs models goes this way: commands, studies,
+and the Python interface. What is heavy to import is imported at its stage.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from lagsim.errors import InputError, LagsimError, Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from lagsim.admissibility import Examination, Start
+    from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.state import State
+    from lagsim.model.model import Model
+    from lagsim.model.settings import Settings
+    from lagsim.notes import Choice
+    from lagsim.plan import Plan
+    from lagsim.run.interrupt import Interrupt
+    from lagsim.run.observers import Observer
+    from lagsim.run.system import System
+    from lagsim.run.trajectory import Trajectory
+
+LAPS = (
+    "import", "read", "derive", "compile", "integrate", "error_bar", "output", "plots",
+)  # fmt: skip
+
+
+class Clock:
+    """What each stage has taken, in seconds."""
+
+    def __init__(self) -> None:
+        self.timings = dict.fromkeys(LAPS, 0.0)
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        """Record the time since the last lap."""
+        now = time.perf_counter()
+        self.timings[name] += now - self._last
+        self._last = now
+
+
+class StartError(LagsimError):
+    """No run begins at this start (exit 1); `examined` says why.
+
+    Attributes
+    ----------
+    equations : Equations
+    examined : Examination
+    """
+
+    exit_code = 1
+
+    def __init__(self, equations: Equations, examined: Examination) -> None:
+        super().__init__()
+        self.equations, self.examined = equations, examined
+
+    def __str__(self) -> str:
+        missed = [v.name for v in self.examined.verdicts if not v.satisfied]
+        name = self.equations.model.name
+        text = f"the start of {name} is not admissible"
+        return f"{text}: {', '.join(missed)}" if missed else text
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What to simulate, and how: equations, their start, settings."""
+
+    equations: Equations
+    examined: Examination
+    settings: Settings
+
+    @property
+    def start(self) -> Start:
+        """What a run begins with."""
+        return self.examined.start
+
+    def bind(self, parameters: Mapping[str, float | str]) -> Case:
+        """Give the case with other values of parameters, derived no more.
+
+        Raises
+        ------
+        InputError, StartError
+        """
+        equations = self.equations.of(self.equations.model.bind(parameters))
+        return _examined(equations, equations.model.settings(), Clock())
+
+    def asking(self, **other: Any) -> Case:
+        """Give the case with other settings."""
+        return replace(self, settings=replace(self.settings, **other))
+
+    def at(self, state: State) -> Case:
+        """Give the case with another start, as admissible as its own."""
+        return replace(self, examined=replace(self.examined, state=state))
+
+    def plan(self) -> Plan:
+        """Choose how to integrate.
+
+        Raises
+        ------
+        InputError
+            Where what was asked for cannot handle the model.
+        """
+        from lagsim.plan import make_plan
+
+        return make_plan(self.equations, self.start, self.settings)
+
+    def ready(self, plan: Plan | None = None, *, clock: Clock | None = None) -> Session:
+        """Plan, unless there is a plan, and compile.
+
+        Raises
+        ------
+        InputError
+        """
+        from lagsim.run.system import System
+
+        clock = clock or Clock()
+        clock.lap("import")
+        plan = plan or self.plan()
+        clock.lap("derive")
+        session = Session(self, plan, System(self.equations, plan))
+        session.system.link(plan.method)
+        clock.lap("compile")
+        return session
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """A case, planned and compiled.
+
+    Attributes
+    ----------
+    longest_step : float
+        No step of a method that chooses its steps is longer, if it is not 0.
+    most_steps : int or None
+        As many as usual, if it is None.
+    arc_steps : float
+        How many of the most steps an arc counts as, besides its own.
+    """
+
+    case: Case
+    plan: Plan
+    system: System
+    longest_step: float = 0.0
+    most_steps: int | None = None
+    arc_steps: float = 0.0
+
+    def by(self, plan: Plan) -> Session:
+        """Give the same system integrated otherwise: at other tolerances, say."""
+        return replace(self, plan=plan)
+
+    def asking(self, **other: Any) -> Session:
+        """Give the same with settings that change neither plan nor system."""
+        return replace(self, case=self.case.asking(**other))
+
+    def run(
+        self,
+        observers: Sequence[Observer],
+        *,
+        interrupt: Interrupt | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> Trajectory:
+        """Integrate, handing every row to the observers.
+
+        Parameters
+        ----------
+        progress
+            Called with the fraction of the run that is done.
+        """
+        from lagsim.run.simulate import simulate
+        from lagsim.run.states import MOST_STEPS
+
+        case, most = self.case, self.most_steps
+        return simulate(
+            case.equations, case.start, self.plan, self.system, case.settings,
+            observers, interrupt=interrupt, progress=progress,
+            longest_step=self.longest_step, arc_steps=self.arc_steps,
+            most_steps=MOST_STEPS if most is None else most,
+        )  # fmt: skip
+
+
+def open_case(
+    model: Model,
+    settings: Settings | None = None,
+    clock: Clock | None = None,
+) -> Case:
+    """Derive the equations of a model and examine its start.
+
+    Parameters
+    ----------
+    settings
+        By default those of the file.
+
+    Raises
+    ------
+    InputError, StartError
+    """
+    from lagsim.mechanics.equations import derive
+
+    clock = clock or Clock()
+    clock.lap("import")
+    equations = derive(model)
+    clock.lap("derive")
+    return _examined(equations, settings or model.settings(), clock)
+
+
+def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
+    from lagsim.admissibility import examine
+
+    clock.lap("import")
+    examined = examine(equations, settings.start)
+    clock.lap("derive")
+    if not examined.admissible:
+        raise StartError(equations, examined)
+    return Case(equations, examined, settings)
+
+
+def check(model: Model) -> tuple[Case, Sequence[Choice]]:
+    """Look at a start, admissible or not, and at how it would be integrated.
+
+    Raises
+    ------
+    InputError
+    """
+    from lagsim.admissibility import examine
+    from lagsim.mechanics.equations import derive
+
+    settings = model.settings()
+    problems = unknown_names(settings)
+    if problems:
+        raise InputError(problems)
+    equations = derive(model)
+    examined = examine(equations, settings.start, classify=True)
+    case = Case(equations, examined, settings)
+    return case, case.plan().choices if examined.admissible else ()
+
+
+def wanted(
+    model: Model,
+    who: str,
+    options: Mapping[str, float | str] | None = None,
+    hint: str = "add it",
+) -> Settings:
+    """Give how the file wants to be run; refuse what this version cannot run.
+
+    Parameters
+    ----------
+    who
+        Who wants to run it, for messages.
+    hint
+        Where no duration is given.
+
+    Raises
+    ------
+    InputError
+    """
+    settings = model.settings(options)
+    problems = [
+        Problem(
+            "one-sided",
+            f"constraint `{c.name}` is one-sided, and `{who}` has no contact yet",
+            c.relation.place,
+            "`check` reads it; an equality `=` holds both ways",
+        )
+        for c in model.constraints
+        if c.law is not None
+    ]
+    if settings.duration:
+        problems += unknown_names(settings)
+    else:
+        text = f"{model.file}: `{who}` needs to know how long: there is no "
+        text += "`simulation.duration` (or `end`)"
+        problems.append(Problem("missing-key", text, hint=hint))
+    if problems:
+        raise InputError(problems)
+    return settings
+
+
+def unknown_names(settings: Settings) -> list[Problem]:
+    """Give the faults of a method, and a formulation, that do not exist."""
+    from lagsim.methods import method_problems
+    from lagsim.plan.formulation import formulation_problems
+
+    return [
+        *method_problems(settings.method, settings.method_place),
+        *formulation_problems(settings.formulation, settings.formulation_place),
+    ]

@@ -1,0 +1,83 @@
+"""Rows that are kept, and rows that a store has no room for."""
+
+from __future__ import annotations
+
+import errno
+import os
+
+import numpy as np
+import pytest
+
+from lagsim.run.interrupt import Interrupt
+from lagsim.run.observers import Keep, Relay
+from lagsim.run.trajectory import Outcome
+from tests.small_scenes import oscillator
+from tests.support import case_of
+
+
+def table(count, columns=3):
+    return np.arange(float(count * columns)).reshape(count, columns)
+
+
+@pytest.mark.parametrize("cuts", [[], [1], [4, 5], [3, 3, 9]])
+@pytest.mark.parametrize("stride", [1, 2, 3, 11, 12])
+@pytest.mark.parametrize("columns", [None, 2])
+def test_one_row_of_each_stride_and_the_last(cuts, stride, columns):
+    rows, keep = table(12), Keep(stride, columns)
+    for block in np.split(rows, cuts):
+        keep.add(block)
+    places = sorted({*range(0, 12, stride), 11})
+    assert np.array_equal(keep.table, rows[places, :columns])
+    assert (keep.rows, keep.last) == (12, rows[-1, 0])
+    keep.begin_anew()
+    assert (keep.rows, keep.last, len(keep.table)) == (0, None, 0)
+
+
+class Full(Keep):
+    """A store with room for so many rows."""
+
+    def __init__(self, room):
+        super().__init__()
+        self.room = room
+
+    def add(self, rows):
+        fitting = rows[: self.room - self.rows]
+        super().add(fitting)
+        if len(fitting) < len(rows):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_others_get_the_rows_that_are_stored():
+    store, other, interrupt = Full(7), Keep(), Interrupt()
+    relay = Relay(store, [other], interrupt)
+    rows = table(12)
+    for block in np.split(rows, [5, 10]):
+        relay.add(block)
+    assert np.array_equal(store.table, rows[:7])
+    assert np.array_equal(other.table, rows[:7])
+    assert relay.fault.errno == errno.ENOSPC
+    assert interrupt.asked
+    assert interrupt.signal is None  # nobody has sent one
+    assert relay.seconds > 0.0
+
+
+def test_a_run_ends_where_its_store_is_full():
+    interrupt = Interrupt()
+    session = case_of(oscillator("duration: 1e4, output_step: 0.01")).ready()
+    store = Full(10_000)
+    relay = Relay(store, [], interrupt)
+    made = session.run([relay], interrupt=interrupt)
+    assert made.outcome is Outcome.INTERRUPTED
+    assert store.rows == 10_000
+    assert made.rows < 100_000  # of a million
+    # cos(t), the rows of a run that nothing stops.
+    assert np.max(np.abs(store.table[:, 1] - np.cos(store.table[:, 0]))) < 1e-9
+
+
+def test_an_end_may_be_asked_for_before_the_first_row():
+    interrupt, keep = Interrupt(), Keep()
+    interrupt.stop()
+    session = case_of(oscillator("duration: 1e6, output_step: 0.1")).ready()
+    made = session.run([keep], interrupt=interrupt)
+    assert made.outcome is Outcome.INTERRUPTED
+    assert len(keep.table) == made.rows < 100_000
