@@ -244,7 +244,7 @@ def test_no_block_is_forgotten():
     left = [
         b
         for b in BLOCKS
-        if b.page != "docs/failing.md"
+        if b.page not in ("docs/failing.md", "docs/architecture.md")
         and (b.page, b.kind) != ("docs/python.md", "pycon")
         and b.text not in known
         and not any(word in b.text for word in words)

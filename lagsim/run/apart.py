@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from lagsim.plan import Plan
     from lagsim.plan.subsystems import Subsystem
     from lagsim.run.interrupt import Interrupt
-    from lagsim.run.recorder import Consumer
+    from lagsim.run.observers import Observer
     from lagsim.run.system import System
 
 
@@ -96,14 +96,14 @@ class Apart:
         plan: Plan,
         system: System,
         settings: Settings,
-        consumers: Sequence[Consumer],
+        observers: Sequence[Observer],
         *,
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
         longest_step: float = 0.0,
     ) -> None:
         self.settings, self.system = settings, system
-        self.recorder, self.progress = Recorder(consumers), progress
+        self.recorder, self.progress = Recorder(observers), progress
         self.runner = system.link(system.plan.method)
         self.runner.prepare()
         self.parts = []

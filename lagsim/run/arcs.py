@@ -2,7 +2,7 @@
 
 What ends an arc or pauses it is a source: breaks in time, surfaces, losses of rank,
 steps held at the stability bound. A source is handed the arc and gives a decision; the
-loop acts on it, and nothing else does. Blocks of rows go to the consumers and are
+loop acts on it, and nothing else does. Blocks of rows go to the observers and are
 forgotten, so memory does not grow with their number.
 """
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from lagsim.run.arc import Arc
     from lagsim.run.decisions import Source
     from lagsim.run.interrupt import Interrupt
-    from lagsim.run.recorder import Consumer
+    from lagsim.run.observers import Observer
     from lagsim.run.system import System
 
 # Rows in one block: a few hundred kilobytes; fewer where there are many columns.
@@ -59,7 +59,7 @@ class Run:
         plan: Plan,
         system: System,
         settings: Settings,
-        consumers: Sequence[Consumer],
+        observers: Sequence[Observer],
         *,
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
@@ -67,7 +67,7 @@ class Run:
     ) -> None:
         self.arc = first_arc(equations, start, plan, system, settings, longest_step)
         self.sources = list(_sources(self.arc))
-        self.recorder = Recorder(consumers)
+        self.recorder = Recorder(observers)
         self.interrupt, self.progress = interrupt, progress
         self.pace = Pace()
         self.arcs = 0

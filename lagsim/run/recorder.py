@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -10,16 +10,10 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.notes import Caution, Choice, Event
     from lagsim.run.decisions import Decision
+    from lagsim.run.observers import Observer
 
 # A switch or a dead point may be passed for ever: of such events so many are kept.
 MOST_EVENTS = 10_000
-
-
-class Consumer(Protocol):
-    """Takes the rows of a run, block by block."""
-
-    def add(self, rows: Floats) -> None:
-        """Take rows (k, columns) in the order of `System.columns.names`."""
 
 
 class Recorder:
@@ -31,8 +25,8 @@ class Recorder:
         Handed on so far.
     """
 
-    def __init__(self, consumers: Sequence[Consumer]) -> None:
-        self.consumers = consumers
+    def __init__(self, observers: Sequence[Observer]) -> None:
+        self.observers = observers
         self.events: list[Event] = []
         self.cautions: list[Caution] = []
         self.choices: list[Choice] = []
@@ -50,5 +44,5 @@ class Recorder:
     def hand_on(self, rows: Floats) -> None:
         """Hand rows of columns on."""
         self.rows += len(rows)
-        for consumer in self.consumers:
-            consumer.add(rows)
+        for observer in self.observers:
+            observer.add(rows)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from lagsim.plan import Plan
     from lagsim.run.apart import Apart
     from lagsim.run.interrupt import Interrupt
-    from lagsim.run.recorder import Consumer
+    from lagsim.run.observers import Observer
     from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 
@@ -27,7 +27,7 @@ def simulate(
     plan: Plan,
     system: System,
     settings: Settings,
-    consumers: Sequence[Consumer],
+    observers: Sequence[Observer],
     *,
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
@@ -35,7 +35,7 @@ def simulate(
     arc_steps: float = 0.0,
     longest_step: float = 0.0,
 ) -> Trajectory:
-    """Integrate from `start`, handing every row to the consumers.
+    """Integrate from `start`, handing every row to the observers.
 
     Parameters
     ----------
@@ -52,12 +52,12 @@ def simulate(
         from lagsim.run.apart import Apart
 
         run = Apart(
-            start, plan, system, settings, consumers, interrupt=interrupt,
+            start, plan, system, settings, observers, interrupt=interrupt,
             progress=progress, longest_step=longest_step,
         )  # fmt: skip
     else:
         run = Run(
-            equations, start, plan, system, settings, consumers, interrupt=interrupt,
+            equations, start, plan, system, settings, observers, interrupt=interrupt,
             progress=progress, longest_step=longest_step,
         )  # fmt: skip
     return run.whole(most_steps, arc_steps)

@@ -94,7 +94,7 @@ class Statistics:
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """The result of a run; its rows have gone to the consumers.
+    """The result of a run; its rows have gone to the observers.
 
     `reason` says in words why it ended where it did; `end` is the time reached;
     `choices` are those made on the way; `extents` the least and the greatest value of

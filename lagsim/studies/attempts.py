@@ -1,6 +1,6 @@
 """The rows of a run: made, judged, and made anew by other means where they fail.
 
-One attempt goes the whole way: rows to their consumers, the repeat that estimates their
+One attempt goes the whole way: rows to their observers, the repeat that estimates their
 error, the verdict on both. Where that leaves a doubt, a second attempt by other means
 takes the place of the first; where it fails as well, the run has no answer from the
 time on that the verdict names, and says so.

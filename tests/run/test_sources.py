@@ -17,12 +17,12 @@ from lagsim.plan import make_plan
 from lagsim.run.arcs import Run
 from lagsim.run.decisions import Decision, Ending, Source, Turn
 from lagsim.run.interrupt import Interrupt
+from lagsim.run.observers import Keep
 from lagsim.run.recorder import MOST_EVENTS, Recorder
 from lagsim.run.states import MOST_STEPS
 from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
 from tests.small_scenes import oscillator
-from tests.support import Keep
 
 
 class Begun:
@@ -41,12 +41,12 @@ class Begun:
             [keep, *consumers], **keywords,
         )  # fmt: skip
         self.run.sources[:0] = sources
-        self.blocks = keep.blocks
+        self.keep = keep
 
     def whole(self):
         """Go to the end; give rows (k, columns) and the trajectory."""
         trajectory = self.run.whole(MOST_STEPS)
-        return np.concatenate(self.blocks), trajectory
+        return self.keep.table, trajectory
 
 
 class Kicks(Source):

@@ -245,7 +245,7 @@ class Subject:
 
 
 class _Watch:
-    """A consumer that keeps what a verdict needs."""
+    """An observer that keeps what a verdict needs."""
 
     def __init__(self, columns: Sequence[str]) -> None:
         self._energy = columns.index("energy")
