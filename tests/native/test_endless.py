@@ -12,7 +12,7 @@ from tests.support import ROOT
 # Machine code, in which no signal is looked at: `while x < 1: x = x * 0.5`.
 TEST = """
 import ctypes
-from lagsim.native.engine import Engine, compile_object
+from lagsim.native.link.engine import Engine, compile_object
 
 IR = '''
 define double @endless(double %start) {
