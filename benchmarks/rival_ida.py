@@ -14,8 +14,7 @@ from sksundae.ida import IDA
 
 from lagsim.language.derivatives import gradient
 from lagsim.native.graph.straight_line import Layout, generate
-from lagsim.native.link.cache import object_code
-from lagsim.native.link.engine import Engine
+from lagsim.native.link.engine import Engine, compile_object
 from lagsim.run.system.runner import FUNCTION
 from lagsim.studies.bench.solving import Solved
 
@@ -62,7 +61,7 @@ class Problem:
             size=len(parameters),
         )
         code = generate(g, {"residual": nodes, "jacobian": jacobian}, layout)
-        self.engine = Engine([object_code(code.ir)])
+        self.engine = Engine([compile_object(code.ir, optimise=False)])
         self.p = np.zeros(code.p_size)
         self.p[: len(parameters)] = [p.value for p in parameters]
         self.engine.function("prepare", *FUNCTION)(0.0, None, self.p.ctypes.data, None)
