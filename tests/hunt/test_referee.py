@@ -175,7 +175,8 @@ def test_the_verdict_sees_what_is_wrong_and_grants_what_is_told():
         rows = np.stack([times, np.cos(times) + shift * times, -np.sin(times)], axis=1)
         record = {
             "complete": True, "outcome": outcome, "warnings": list(warnings),
-            "method": "m", "error": {"coordinates": {"x": {"largest": told}}},
+            "method": "m", "rtol": 1e-11,
+            "error": {"coordinates": {"x": {"largest": told}}},
         }  # fmt: skip
         answer = Answer(code, "", record, ["t", "x", "x_dot"], rows)
         return judge(scene, answer, exact)
