@@ -48,7 +48,7 @@ def as_python(equations: Equations, version: str) -> str:
     e, g = equations, equations.graph
     model = e.model
     flow = Flow(g, e.q, e.velocities)
-    rows = [constraint_row(g, c, flow) for c in model.constraints]
+    rows = [constraint_row(g, c.name, c.relation.node, flow) for c in model.constraints]
     head = _HEAD.format(
         name=model.name.replace("\\", "/").replace('"', "'"),
         version=version,

@@ -17,12 +17,11 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.model.model import Constraint
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One equality constraint, as nodes.
+    """One constraint where it holds as an equality, as nodes.
 
     Attributes
     ----------
@@ -85,9 +84,8 @@ class Flow:
         return SparseVector(g, len(index), entries)
 
 
-def constraint_row(g: Graph, constraint: Constraint, flow: Flow) -> Row:
-    """Derive the row of an equality constraint."""
-    node = constraint.relation.node
+def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
+    """Derive the row of an equality constraint `node` = 0."""
     names = g.depends([node])
     holonomic = not names & flow.velocities
     A = flow.gradient(g, node, by_rates=not holonomic)
@@ -105,7 +103,7 @@ def constraint_row(g: Graph, constraint: Constraint, flow: Flow) -> Row:
         residual_scale = scale_of(g, node, flow.rates, A.entries)
     degrees = g.degree(rate, flow.velocities)
     return Row(
-        name=constraint.name,
+        name=name,
         holonomic=holonomic,
         residual=node,
         rate=rate,

@@ -17,6 +17,7 @@ from lagsim.language.derivatives import gradient, rate_of, tangent
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.constraints import Flow, Row, constraint_row
+from lagsim.mechanics.laws import Law, laws_of
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
@@ -53,7 +54,9 @@ class Equations:
         Symmetric; entries that vanish identically are `graph.zero`.
     f : tuple of int, shape (n,)
     rows : tuple of Row, length m
-        The equality constraints.
+        The equality constraints that always hold.
+    laws : tuple of Law
+        The rows that hold at times, each with its law.
     momenta : tuple of int, shape (n,)
         dL/dq'.
     energy : int
@@ -83,6 +86,7 @@ class Equations:
     kinetic_form: int
     power: int | None
     quadratures: tuple[Quadrature, ...] = ()
+    laws: tuple[Law, ...] = ()
 
     def of(self, model: Model) -> Equations:
         """Give the same equations of the model bound to other values."""
@@ -101,8 +105,9 @@ class Equations:
 
     @property
     def multipliers(self) -> tuple[str, ...]:
-        """The names of the variables lambda."""
-        return tuple(f"lambda_{row.name}" for row in self.rows)
+        """The names of the variables lambda: of the rows, then of the laws."""
+        names = (f"lambda_{row.name}" for row in self.rows)
+        return (*names, *(law.multiplier for law in self.laws))
 
     @property
     def mass_entries(self) -> dict[tuple[int, int], int]:
@@ -117,7 +122,8 @@ class Equations:
         """Give Qc = A^T lambda, with the multipliers as variables."""
         g = self.graph
         forces = [g.zero] * len(self.q)
-        for row, name in zip(self.rows, self.multipliers, strict=True):
+        rows = (*self.rows, *(law.row for law in self.laws))
+        for row, name in zip(rows, self.multipliers, strict=True):
             lam = g.variable(name)
             for j, entry in row.A.entries.items():
                 forces[j] = g.call("add", forces[j], g.call("mul", entry, lam))
@@ -142,7 +148,9 @@ def derive(model: Model) -> Equations:
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
     ]
-    rows = tuple(constraint_row(g, c, flow) for c in model.constraints if c.law is None)
+    plain = [c for c in model.constraints if c.always]
+    rows = tuple(constraint_row(g, c.name, c.relation.node, flow) for c in plain)
+    laws = tuple(laws_of(g, model.constraints, flow))
     energy, is_sum = _energy(g, model, momenta, rates, flow.velocities)
     half = g.constant(0.5)
     kinetic_form = g.call(
@@ -165,8 +173,9 @@ def derive(model: Model) -> Equations:
         energy=energy,
         energy_is_sum=is_sum,
         kinetic_form=kinetic_form,
-        power=_power(g, model, Q, rates, rows, dL_dt),
+        power=_power(g, model, Q, rates, rows, laws, dL_dt),
         quadratures=_action(g, model),
+        laws=laws,
     )
 
 
@@ -258,14 +267,18 @@ def _power(
     Q: Sequence[int],
     rates: Sequence[int],
     rows: Sequence[Row],
+    laws: Sequence[Law],
     dL_dt: int,
 ) -> int | None:
     moved = [row for row in rows if row.transport != g.zero]
     has_forces = bool(model.forces) or model.dissipation is not None
-    if not (has_forces or moved or dL_dt != g.zero or _may_strike(g, rows)):
+    if not (has_forces or moved or laws or dL_dt != g.zero or _may_strike(g, rows)):
         return None
     power = g.call("sub", g.product_sum(zip(Q, rates, strict=True)), dL_dt)
     for row in moved:
         term = g.call("mul", g.variable(f"lambda_{row.name}"), row.transport)
+        power = g.call("add", power, term)
+    for law in laws:
+        term = g.call("mul", g.variable(law.multiplier), law.moved(g, rates))
         power = g.call("add", power, term)
     return power

@@ -96,21 +96,38 @@ class Relation:
 
 @dataclass(frozen=True, slots=True)
 class OneSided:
-    """The law of a contact: Newton's restitution and Coulomb's friction."""
+    """The law of a relation that pushes and does not pull.
+
+    Newton's restitution, and Coulomb's friction: `friction` while it slides, `static`
+    while it sticks, both on the velocities `slips`. A relation between velocities has
+    restitution 0 and no friction.
+    """
 
     restitution: float
     friction: int | None = None
     slips: tuple[int, ...] = ()
+    static: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Constraint:
-    """A relation and its law; `law` is None for an equality."""
+    """A relation and its law; `law` is None for an equality.
+
+    `limit`: an equality of velocities holds while its multiplier is no larger. `when`:
+    it is in force while this condition of t and parameters is not 0.
+    """
 
     name: str
     relation: Relation
     law: OneSided | None = None
     description: str = ""
+    limit: int | None = None
+    when: int | None = None
+
+    @property
+    def always(self) -> bool:
+        """Whether it is an equality that holds all the time."""
+        return self.law is None and self.limit is None and self.when is None
 
 
 class Target(Enum):

@@ -11,6 +11,7 @@ import sympy as sp
 
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import Equations, derive
+from lagsim.mechanics.laws import Kind
 from lagsim.model.reader import read
 from tests.sympy_oracle import expression
 
@@ -194,7 +195,7 @@ def test_scales_follow_the_units() -> None:
         assert there[part] / there[scale] == pytest.approx(ratio, rel=1e-14)
 
 
-def test_one_sided_relations_give_no_row() -> None:
+def test_one_sided_relations_give_a_law_and_no_row() -> None:
     e = derive(
         read(
             "coordinates: {x: {}}\n"
@@ -206,4 +207,5 @@ def test_one_sided_relations_give_no_row() -> None:
         )
     )
     assert e.rows == ()
-    assert e.multipliers == ()
+    assert [law.kind for law in e.laws] == [Kind.CONTACT]
+    assert e.multipliers == ("lambda_floor",)
