@@ -72,20 +72,24 @@ def generate(
     hoisted = fixed_nodes(g, functions, layout)
     places = {node: layout.size + k for k, node in enumerate(hoisted)}
     scratch = layout.size + len(hoisted)
-    writer = _Writer(g, layout, scratch)
-    writer.function("prepare", [(node, "p", k) for node, k in places.items()], {})
+    writers = [_Writer(g, layout, scratch)]
+    writers[0].function("prepare", [(node, "p", k) for node, k in places.items()], {})
     for name, nodes in functions.items():
         stores = [
             (node, "out", k)
             for k, node in enumerate(nodes)
             if node != g.zero or name not in sparse
         ]
-        writer.contract = name in contracted
-        writer.wide = name in wide
-        writer.manner = f" {UNOPTIMISED}" if name in rare else ""
-        writer.function(name, stores, places)
-    ir = "\n".join([*sorted(writer.declared), *writer.lines, ""])
-    return Code(ir, scratch + writer.scratch_used)
+        writer = _Writer(
+            g, layout, scratch, contract=name in contracted, wide=name in wide
+        )
+        manner = f" {UNOPTIMISED}" if name in rare else ""
+        writer.function(name, stores, places, manner)
+        writers.append(writer)
+    declared = sorted(set().union(*(writer.declared for writer in writers)))
+    lines = [line for writer in writers for line in writer.lines]
+    used = max(writer.scratch_used for writer in writers)
+    return Code("\n".join([*declared, *lines, ""]), scratch + used)
 
 
 def fixed_nodes(
@@ -122,21 +126,23 @@ def _hoisted(g: Graph, roots: Sequence[int], varying: set[int]) -> list[int]:
 
 
 class _Writer(Lines):
-    def __init__(self, g: Graph, layout: Layout, scratch: int) -> None:
-        super().__init__()
+    """Writes one function."""
+
+    def __init__(self, g: Graph, layout: Layout, scratch: int, **how: bool) -> None:
+        super().__init__(**how)
         self.g = g
         self.layout = layout
         self.scratch = scratch
         self.scratch_used = 0
-        self.manner = ""
 
     def function(
         self,
         name: str,
         stores: Sequence[tuple[int, str, int]],
         places: Mapping[int, int],
+        manner: str = "",
     ) -> None:
-        """Write one function: each of `stores` is (node, array, index)."""
+        """Write it: each of `stores` is (node, array, index)."""
         order = self._order([node for node, _, _ in stores], places)
         pieces = [order[i : i + PIECE] for i in range(0, len(order), PIECE)] or [[]]
         at_end: dict[int, list[tuple[str, int]]] = {}
@@ -148,7 +154,7 @@ class _Writer(Lines):
         ]  # fmt: skip
         for piece_name, piece in zip(names, pieces, strict=True):
             linkage = "" if piece_name == name else "internal "
-            head = f"define {linkage}void @{piece_name}({_SIGNATURE}){self.manner} {{"
+            head = f"define {linkage}void @{piece_name}({_SIGNATURE}){manner} {{"
             self.lines.append(head)
             self._piece(piece, places, passed, at_end)
             self.lines += ["ret void", "}"]
@@ -207,7 +213,7 @@ class _Writer(Lines):
                     earlier = home.get(a, i) < i and a not in places
                     if earlier and self.g.args[a] and a not in passed:
                         passed[a] = self.scratch + width * len(passed)
-        self.scratch_used = max(self.scratch_used, width * len(passed))
+        self.scratch_used = width * len(passed)
         return passed
 
     def _piece(
