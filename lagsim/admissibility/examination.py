@@ -22,7 +22,7 @@ from lagsim.admissibility.solving import Solver
 from lagsim.admissibility.start import Start
 from lagsim.admissibility.verdict import Verdict, judge, judge_gaps, judge_starts
 from lagsim.errors import InputError, Problem
-from lagsim.mechanics.state import State
+from lagsim.mechanics.instant import Instant
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,12 +40,12 @@ SIMPLE = "write the relations that it amounts to, each with a gradient"
 
 
 @dataclass(frozen=True, slots=True)
-class Examination:
+class StartReport:
     """What there is to say of an initial state.
 
     Attributes
     ----------
-    state : State
+    state : Instant
         The nearest exact state where the start is admissible, else the stated one.
     verdicts : tuple of Verdict
         The two-sided constraints, then the start values of definitions that are not
@@ -73,7 +73,7 @@ class Examination:
         What the exact state changes by more than rounding: name -> (stated, exact).
     """
 
-    state: State
+    state: Instant
     verdicts: tuple[Verdict, ...]
     ranks: RankReport
     augmented: bool
@@ -111,7 +111,7 @@ class Examination:
 
 def examine(
     equations: Equations, time: float = 0.0, *, classify: bool = False
-) -> Examination:
+) -> StartReport:
     """Judge the initial state of a model.
 
     Parameters
@@ -127,7 +127,7 @@ def examine(
         Where energies or forces are not finite, or a coordinate has no inertia that no
         constraint determines (exit 2).
     """
-    return _Examiner(equations, time).examination(classify=classify)
+    return _Examiner(equations, time).report(classify=classify)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +157,7 @@ class _Examiner:
         self.free_q = [j for j in range(n) if guessed[j]]
         self.free_v = [j for j in range(n) if guessed[n + j]]
 
-    def examination(self, *, classify: bool) -> Examination:
+    def report(self, *, classify: bool) -> StartReport:
         point = self.point
         guessed = bool(self.free_q or self.free_v)
         self._finite(self.q0, self.v0, rows=not guessed)
@@ -187,8 +187,8 @@ class _Examiner:
         verdicts = [replace(x, redundant=x.name in redundant) for x in verdicts]
         if reachable is not None:
             verdicts = [self._classified(x, judged.q, reachable) for x in verdicts]
-        return Examination(
-            state=State(point.t, q, v),
+        return StartReport(
+            state=Instant(point.t, q, v),
             verdicts=(*verdicts, *unmet),
             ranks=judged.ranks,
             augmented=augmented,

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.arc import Arc
@@ -55,7 +55,7 @@ class Run:
     def __init__(
         self,
         equations: Equations,
-        start: State,
+        start: Instant,
         plan: Plan,
         system: System,
         settings: Settings,

@@ -16,9 +16,9 @@ from lagsim.errors import InputError, LagsimError, Problem
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.admissibility import Examination, Start
+    from lagsim.admissibility import Start, StartReport
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.model.model import Model
     from lagsim.model.settings import Settings
     from lagsim.notes import Choice
@@ -53,12 +53,12 @@ class StartError(LagsimError):
     Attributes
     ----------
     equations : Equations
-    examined : Examination
+    examined : StartReport
     """
 
     exit_code = 1
 
-    def __init__(self, equations: Equations, examined: Examination) -> None:
+    def __init__(self, equations: Equations, examined: StartReport) -> None:
         super().__init__()
         self.equations, self.examined = equations, examined
 
@@ -74,7 +74,7 @@ class Case:
     """What to simulate, and how: equations, their start, settings."""
 
     equations: Equations
-    examined: Examination
+    examined: StartReport
     settings: Settings
 
     @property
@@ -96,7 +96,7 @@ class Case:
         """Give the case with other settings."""
         return replace(self, settings=replace(self.settings, **other))
 
-    def at(self, state: State) -> Case:
+    def at(self, state: Instant) -> Case:
         """Give the case with another start, as admissible as its own."""
         return replace(self, examined=replace(self.examined, state=state))
 

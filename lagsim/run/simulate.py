@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.apart import Apart
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def simulate(
     equations: Equations,
-    start: State,
+    start: Instant,
     plan: Plan,
     system: System,
     settings: Settings,

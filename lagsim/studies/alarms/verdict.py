@@ -22,7 +22,7 @@ from lagsim.studies.alarms.rows import HELD, UNEXPLAINED, not_held
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
@@ -81,7 +81,7 @@ def doubt_about(
 
 
 def _about_constraints(
-    equations: Equations, start: State, ledger: Ledger, witness: Witness
+    equations: Equations, start: Instant, ledger: Ledger, witness: Witness
 ) -> Doubt | None:
     found = not_held(equations, start, ledger, witness)
     if found is None:
