@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from lagsim.model.settings import Settings
     from lagsim.notes import Choice
     from lagsim.plan import Plan
+    from lagsim.run.apart import Apart
+    from lagsim.run.arcs import Run
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer
     from lagsim.run.system import System
@@ -138,7 +140,8 @@ class Session:
     Attributes
     ----------
     longest_step : float
-        No step of a method that chooses its steps is longer, if it is not 0.
+        No step of a method that chooses its steps is longer, if it is not 0; the ranges
+        of the coordinates over the steps are then noted, too.
     most_steps : int or None
         As many as usual, if it is None.
     arc_steps : float
@@ -174,16 +177,26 @@ class Session:
         progress
             Called with the fraction of the run that is done.
         """
-        from lagsim.run.simulate import simulate
         from lagsim.run.states import MOST_STEPS
 
         case, most = self.case, self.most_steps
-        return simulate(
-            case.equations, case.start, self.plan, self.system, case.settings,
-            observers, interrupt=interrupt, progress=progress,
-            longest_step=self.longest_step, arc_steps=self.arc_steps,
-            most_steps=MOST_STEPS if most is None else most,
-        )  # fmt: skip
+        run: Run | Apart
+        if self.plan.parts:
+            from lagsim.run.apart import Apart
+
+            run = Apart(
+                case.start, self.plan, self.system, case.settings, observers,
+                interrupt=interrupt, progress=progress, longest_step=self.longest_step,
+            )  # fmt: skip
+        else:
+            from lagsim.run.arcs import Run
+
+            run = Run(
+                case.equations, case.start, self.plan, self.system, case.settings,
+                observers, interrupt=interrupt, progress=progress,
+                longest_step=self.longest_step,
+            )  # fmt: skip
+        return run.whole(MOST_STEPS if most is None else most, self.arc_steps)
 
 
 def open_case(
