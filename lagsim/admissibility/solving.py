@@ -67,11 +67,7 @@ class Solver:
     def asked(self, *, velocities: bool, definitions: bool = True) -> Asked:
         """Give what is asked of positions, or of velocities."""
         asked, g = Asked(), self.e.graph
-        for row in self.e.rows:
-            if velocities:
-                asked.add(row.name, row.rate, row.rate_scale)
-            elif row.holonomic:
-                asked.add(row.name, row.residual, row.residual_scale)
+        asked.add_rows(self.e.rows, velocities=velocities)
         if not velocities:
             for name, gap in self.touching.items():
                 asked.add(name, gap, g.call("abs", gap))

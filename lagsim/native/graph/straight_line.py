@@ -170,7 +170,7 @@ class _Writer(Lines):
         for none, then those that wait for these.
         """
         g = self.g
-        order = self._cone(roots, places)
+        order = g.cone(roots, places)
         depth: dict[int, int] = {}
         rounds: dict[int, list[int]] = {}
         for n in order:
@@ -182,23 +182,9 @@ class _Writer(Lines):
         sorted_: dict[int, None] = {}
         for k in sorted(rounds):
             angles = [g.args[n][0] for n in rounds[k]]
-            sorted_ |= dict.fromkeys(self._cone(angles, {**places, **sorted_}))
+            sorted_ |= dict.fromkeys(g.cone(angles, {**places, **sorted_}))
             sorted_ |= dict.fromkeys(rounds[k])
         return list(sorted_ | dict.fromkeys(order))
-
-    def _cone(self, roots: Sequence[int], ends: Collection[int]) -> list[int]:
-        """Give what `roots` are made of, from the leaves up, as far as the `ends`."""
-        seen = set(roots)
-        stack = list(seen)
-        while stack:
-            n = stack.pop()
-            if n in ends:
-                continue
-            for a in self.g.args[n]:
-                if a not in seen:
-                    seen.add(a)
-                    stack.append(a)
-        return sorted(seen)
 
     def _passed(
         self, pieces: Sequence[Sequence[int]], places: Mapping[int, int]
