@@ -22,7 +22,7 @@ from lagsim.admissibility.solving import Solver
 from lagsim.admissibility.start import Start
 from lagsim.admissibility.verdict import Verdict, judge, judge_gaps, judge_starts
 from lagsim.errors import InputError, Problem
-from lagsim.mechanics.state import State
+from lagsim.mechanics.instant import Instant
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,12 +40,12 @@ SIMPLE = "write the relations that it amounts to, each with a gradient"
 
 
 @dataclass(frozen=True, slots=True)
-class Examination:
+class StartReport:
     """What there is to say of an initial state.
 
     Attributes
     ----------
-    state : State
+    state : Instant
         The nearest exact state where the start is admissible, else the stated one.
     verdicts : tuple of Verdict
         The two-sided constraints, then the start values of definitions that are not
@@ -73,7 +73,7 @@ class Examination:
         What the exact state changes by more than rounding: name -> (stated, exact).
     """
 
-    state: State
+    state: Instant
     verdicts: tuple[Verdict, ...]
     ranks: RankReport
     augmented: bool
@@ -111,7 +111,7 @@ class Examination:
 
 def examine(
     equations: Equations, time: float = 0.0, *, classify: bool = False
-) -> Examination:
+) -> StartReport:
     """Judge the initial state of a model.
 
     Parameters
@@ -127,7 +127,7 @@ def examine(
         Where energies or forces are not finite, or a coordinate has no inertia that no
         constraint determines (exit 2).
     """
-    return _Examiner(equations, time).examination(classify=classify)
+    return _Examiner(equations, time).report(classify=classify)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +140,7 @@ class _Judged:
     contradictions: tuple[Dependence, ...]
     repair: dict[str, float] | None = None
     thin: ThinSet | None = None
+    unsolved: str = ""
 
 
 class _Examiner:
@@ -156,12 +157,12 @@ class _Examiner:
         self.free_q = [j for j in range(n) if guessed[j]]
         self.free_v = [j for j in range(n) if guessed[n + j]]
 
-    def examination(self, *, classify: bool) -> Examination:
+    def report(self, *, classify: bool) -> StartReport:
         point = self.point
         guessed = bool(self.free_q or self.free_v)
         self._finite(self.q0, self.v0, rows=not guessed)
         self.solver = Solver(point, self.q0, self.v0, self.errors)
-        q, v = self._guessed()
+        q, v, unsolved = self._guessed()
         if guessed:
             self._finite(q, v, rows=True)
         verdicts = judge(point, q, v, self.errors)
@@ -186,15 +187,15 @@ class _Examiner:
         verdicts = [replace(x, redundant=x.name in redundant) for x in verdicts]
         if reachable is not None:
             verdicts = [self._classified(x, judged.q, reachable) for x in verdicts]
-        return Examination(
-            state=State(point.t, q, v),
+        return StartReport(
+            state=Instant(point.t, q, v),
             verdicts=(*verdicts, *unmet),
             ranks=judged.ranks,
             augmented=augmented,
             reach=reachable,
             repair=judged.repair,
             contradictions=judged.contradictions,
-            unsolved=self.solver.unsolved,
+            unsolved=judged.unsolved or unsolved,
             changes=self._changes(stated, (q, v)),
             warnings=tuple(warnings),
             thin=judged.thin,
@@ -232,8 +233,8 @@ class _Examiner:
         if problems:
             raise InputError(problems)
 
-    def _guessed(self) -> tuple[Floats, Floats]:
-        """Solve the guesses: positions first, then velocities."""
+    def _guessed(self) -> tuple[Floats, Floats, str]:
+        """Solve the guesses, positions first, then velocities; say why they fail."""
         q, v = self.q0.copy(), self.v0.copy()
         for free, x, velocities in ((self.free_q, q, False), (self.free_v, v, True)):
             if not free:
@@ -241,7 +242,7 @@ class _Examiner:
             before = x[free]
             found = self.solver.guesses(free, q, v, velocities=velocities)
             if not found.met:
-                break
+                return q, v, found.reason
             x[free] = found.x
             errors = self.point.solved_errors(q, v, (self.q0, self.v0))
             names = self.solver.names(free, velocities=velocities)
@@ -249,7 +250,7 @@ class _Examiner:
             self.errors.update(
                 {n: errors[n] for n, m in zip(names, moved, strict=True) if m}
             )
-        return q, v
+        return q, v, ""
 
     def _errors(self, judged: _Judged) -> dict[str, float]:
         """Give the errors of a state: as stated, or of values solved for."""
@@ -297,10 +298,10 @@ class _Examiner:
         v = self.solver.exact(everything, q, v, velocities=True)
         judged = self._analysed(q, v, LEVELS)
         if judged.contradictions:
-            text = "; ".join(d.contradiction() for d in judged.contradictions)
-            self.solver.unsolved = f"{text}: no motion can begin here"
-        elif judged.thin:
-            self.solver.unsolved = f"{judged.thin}: {SIMPLE}"
+            unsolved = f"{_told(judged.contradictions)}: no motion can begin here"
+            return replace(judged, unsolved=unsolved)
+        if judged.thin:
+            return replace(judged, unsolved=f"{judged.thin}: {SIMPLE}")
         return judged
 
     def _repaired(self, q: Floats, v: Floats) -> _Judged:
@@ -317,34 +318,20 @@ class _Examiner:
             state[k] = found.x
             if not found.met:
                 least = self._analysed(state[0], state[1], LEVELS[: k + 1])
-                if least.contradictions:
-                    text = "; ".join(d.contradiction() for d in least.contradictions)
-                    self.solver.unsolved = f"{text}; {self.solver.least}"
+                against = least.contradictions
+                told = f"{_told(against)}; {found.least}" if against else found.reason
                 judged = self._analysed(q, v, ())
-                return replace(judged, contradictions=least.contradictions)
-            if not velocities and self._touch(state[0], state[1]):
+                return replace(judged, contradictions=against, unsolved=told)
+            if not velocities and self.solver.touch(*state):
                 return self._repaired(q, v)
         changed = self._changes((self.q0, self.v0), (state[0], state[1]))
         judged = self._analysed(state[0], state[1], LEVELS)
         if judged.contradictions:
             return judged
         if judged.thin:
-            self.solver.unsolved = f"{judged.thin}: {SIMPLE}"
-            return judged
+            return replace(judged, unsolved=f"{judged.thin}: {SIMPLE}")
         repair = {name: new for name, (_, new) in changed.items()}
         return replace(judged, repair=repair)
-
-    def _touch(self, q: Floats, v: Floats) -> bool:
-        """Ask of contacts that are penetrated that they touch; tell if any are new."""
-        errors = self.point.solved_errors(q, v, (self.q0, self.v0))
-        gaps = {c.name: c.relation.node for c in self.e.model.constraints}
-        new = {
-            gap.name: gaps[gap.name]
-            for gap in judge_gaps(self.point, q, v, errors)
-            if not gap.satisfied and gap.name not in self.solver.touching
-        }
-        self.solver.touching |= new
-        return bool(new)
 
     def _changes(
         self, old: tuple[Floats, Floats], new: tuple[Floats, Floats]
@@ -379,3 +366,7 @@ class _Examiner:
         if alone.hidden is None:
             return replace(verdict, undecided=alone.reason)
         return replace(verdict, integrable=alone.hidden == 1)
+
+
+def _told(against: tuple[Dependence, ...]) -> str:
+    return "; ".join(d.contradiction() for d in against)

@@ -56,11 +56,16 @@ class Trouble(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Where the iteration ended, and whether the relations are met there."""
+    """Where the iteration ended, and whether the relations are met there.
+
+    Where they are not, also in words: why, and the least residual.
+    """
 
     x: Floats
     met: bool
     trouble: Trouble = Trouble.NONE
+    reason: str = ""
+    least: str = ""
 
 
 class Relations(Protocol):

@@ -304,11 +304,7 @@ def admissible_near(
     double = False
     for velocities in (False, True) if moving else (False,):
         asked = Asked()
-        for row in point.e.rows:
-            if velocities:
-                asked.add(row.name, row.rate, row.rate_scale)
-            elif row.holonomic:
-                asked.add(row.name, row.residual, row.residual_scale)
+        asked.add_rows(point.e.rows, velocities=velocities)
         if not asked.nodes:
             continue
         relations = point.relations(

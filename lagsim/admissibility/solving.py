@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from lagsim.admissibility.lengths import Form, Lengths
 from lagsim.admissibility.metric import metric_of
 from lagsim.admissibility.newton import Found, Trouble, nearest, reach
 from lagsim.admissibility.point import Asked
+from lagsim.admissibility.verdict import judge_gaps
 from lagsim.language.derivatives import slopes
 from lagsim.notes import Caution
 
@@ -37,7 +39,6 @@ class Solver:
         self.point, self.e = point, point.e
         self.stated, self.errors = (q, v), errors
         self.warnings: list[Caution] = []
-        self.unsolved = self.least = ""
         # Positions were found as a double root, and are known to half of the digits.
         self.double = False
         # One-sided relations that are to be met as equalities: name -> gap.
@@ -66,11 +67,7 @@ class Solver:
     def asked(self, *, velocities: bool, definitions: bool = True) -> Asked:
         """Give what is asked of positions, or of velocities."""
         asked, g = Asked(), self.e.graph
-        for row in self.e.rows:
-            if velocities:
-                asked.add(row.name, row.rate, row.rate_scale)
-            elif row.holonomic:
-                asked.add(row.name, row.residual, row.residual_scale)
+        asked.add_rows(self.e.rows, velocities=velocities)
         if not velocities:
             for name, gap in self.touching.items():
                 asked.add(name, gap, g.call("abs", gap))
@@ -84,6 +81,18 @@ class Solver:
                 f"{wanted.name}: {wanted.text}", node, size, wanted.value, wanted.error
             )
         return asked
+
+    def touch(self, q: Floats, v: Floats) -> bool:
+        """Ask of contacts that are penetrated that they touch; tell if any are new."""
+        errors = self.point.solved_errors(q, v, self.stated)
+        gaps = {c.name: c.relation.node for c in self.e.model.constraints}
+        new = {
+            gap.name: gaps[gap.name]
+            for gap in judge_gaps(self.point, q, v, errors)
+            if not gap.satisfied and gap.name not in self.touching
+        }
+        self.touching |= new
+        return bool(new)
 
     def relations(
         self,
@@ -114,8 +123,7 @@ class Solver:
             return Found(x, met=True)
         relations = self.relations(free, q, v, velocities=velocities)
         found = self._nearest(relations, x)
-        self._note(found, relations, asked.names, free, velocities)
-        return found
+        return self._noted(found, relations, asked.names, free, velocities)
 
     def guesses(
         self, free: Sequence[int], q: Floats, v: Floats, *, velocities: bool
@@ -212,14 +220,14 @@ class Solver:
         spread = Lengths(self.point, forms, q, v).spread
         return np.asarray(spread[relations.free])
 
-    def _note(
+    def _noted(
         self,
         found: Found,
         relations: AtState,
         asked: Sequence[str],
         free: Sequence[int],
         velocities: bool,
-    ) -> None:
+    ) -> Found:
         """Say what was odd about a root, or why there is none."""
         where = _listed(self.names(free, velocities=velocities), found.x)
         residual, J = relations(found.x)
@@ -234,9 +242,8 @@ class Solver:
                     f"`{name}`, or a singular configuration; its multiplier means "
                     "little",
                 )
-            return
+            return found
         least = f"the least |residual| is {abs(residual[worst]):.6g}, at {where}"
-        self.least = least
         if found.trouble is Trouble.MINIMUM:
             lengths = np.linalg.norm(J, axis=1)
             lengths[lengths == 0] = 1.0
@@ -245,14 +252,15 @@ class Solver:
             named = [f"`{x}`" for x, is_in in zip(asked, shared, strict=True) if is_in]
             what = " and ".join(named)
             together = " together" if len(named) > 1 else ""
-            self.unsolved = f"{what} cannot be satisfied{together} near there: {least}"
+            reason = f"{what} cannot be satisfied{together} near there: {least}"
         elif found.trouble is Trouble.RANK_LOSS:
-            self.unsolved = (
+            reason = (
                 f"the constraints lose their independence on the way to meeting "
                 f"`{name}`: {least}"
             )
         else:
-            self.unsolved = f"`{name}` has no finite value on the way, near {where}"
+            reason = f"`{name}` has no finite value on the way, near {where}"
+        return replace(found, reason=reason, least=least)
 
     def _warn(self, code: str, text: str) -> None:
         self.warnings.append(Caution(code, text))

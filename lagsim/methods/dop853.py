@@ -62,6 +62,7 @@ ADAPTIVE = True
 IMAGINARY_LIMIT = 5.96
 HANDLES = "any model; equality constraints by projection"
 TABLEAU = Tableau(A[:12], B, C[:12], ORDER)
+amplification = TABLEAU.amplification
 
 NEEDS = ()
 QUADRATURES = True
@@ -86,11 +87,6 @@ ASIDE = 0.85
 def refusal(_scene: Structure) -> str:
     """Give "": it handles everything."""
     return ""
-
-
-def amplification(z: complex) -> float:
-    """Give the size of the stability function at z = h * eigenvalue."""
-    return TABLEAU.amplification(z)
 
 
 class Dop853(State):

@@ -105,14 +105,8 @@ class Plan:
         return DEFAULT_RTOL if self.rtol is None else self.rtol
 
 
-def make_plan(
-    equations: Equations,
-    start: Start,
-    settings: Settings,
-    *,
-    loops: bool = False,
-) -> Plan:
-    """Choose for the model; `loops` insists on solving by loops.
+def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
+    """Choose for the model.
 
     Raises
     ------
@@ -149,7 +143,7 @@ def make_plan(
     switching = bool(switches.sides)
     name = choose(equations, scene, solved, settings, choices, switching=switching)
     adaptive = bool(method(name).ADAPTIVE)
-    plan = Plan(
+    return Plan(
         method=name,
         formulation=found.name,
         reduction=found.reduction,
@@ -170,7 +164,6 @@ def make_plan(
         parts=parts,
         choices=tuple(choices),
     )
-    return by_loops(plan) if loops else plan
 
 
 def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part, ...]:

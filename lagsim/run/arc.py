@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.system import System
@@ -54,7 +54,7 @@ class Arc:
     """
 
     equations: Equations
-    start: State
+    start: Instant
     plan: Plan
     system: System
     settings: Settings
@@ -183,7 +183,7 @@ class Arc:
 
 def first_arc(
     equations: Equations,
-    start: State,
+    start: Instant,
     plan: Plan,
     system: System,
     settings: Settings,

@@ -114,7 +114,7 @@ class _Writer:
             where it is told.
         """
         g = self.g
-        order = _order(g, results, known)
+        order = g.cone(results, known)
         uses = Counter(a for n in order if n not in known for a in g.args[n])
         uses.update({n: len(wanted) for n, wanted in results.items()})
         inner = self._inner(order, uses, {*results, *known})
@@ -189,21 +189,6 @@ class _Writer:
     def _opcode(self, n: int, products: tuple[bool, ...]) -> int:
         operation = self.g.ops[n], exponent_of(self.g, n), products
         return self.opcodes.setdefault(operation, FIRST + len(self.opcodes))
-
-
-def _order(
-    g: Graph, roots: Mapping[int, object], known: Mapping[int, int]
-) -> list[int]:
-    """Give the nodes to evaluate, in order, and those of `roots` that need none."""
-    seen = set(roots)
-    stack = list(seen)
-    while stack:
-        n = stack.pop()
-        for a in g.args[n] if n not in known else ():
-            if a not in seen:
-                seen.add(a)
-                stack.append(a)
-    return sorted(seen)
 
 
 def _machine(opcodes: Mapping[Operation, int]) -> str:

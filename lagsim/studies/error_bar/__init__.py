@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from lagsim.language.evaluate import UNIT_ROUNDOFF
 from lagsim.plan.integration import ANY
 from lagsim.run.error import LOST, TIMES, CoordinateError, ErrorBar
 from lagsim.run.observers import Observer
@@ -80,8 +81,6 @@ PER_STEP = 15.0
 LEAST_ROWS = 64
 # Two repeats agree by far where they are apart by this part of what the run is off.
 ALIKE = 1e-4
-# Values are rounded by this part, in either run.
-ROUNDED = 2.0**-53
 
 
 class Account(Observer, Protocol):
@@ -329,9 +328,9 @@ def _compared(
         others.append(again.last)
     mine, theirs = np.array(rows), np.array(others)
     errors = np.abs(theirs[:, 1:] - mine[:, 1:])
-    errors = np.fmax(errors, ROUNDED * _largest(mine[:, 1:]))
+    errors = np.fmax(errors, UNIT_ROUNDOFF * _largest(mine[:, 1:]))
     # Times are rounded, too, also those at which forces step.
-    late = ROUNDED * _largest(mine[:, :1] * mine[:, 1 + n :])
+    late = UNIT_ROUNDOFF * _largest(mine[:, :1] * mine[:, 1 + n :])
     errors[:, :n] = np.fmax(errors[:, :n], late)
     own = checkpoints.high - checkpoints.low
     sizes = ranges(equations.q, checkpoints, again, repeated.extents)

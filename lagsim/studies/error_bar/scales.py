@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.run.observers.checkpoints import Checkpoints
 
 # A coordinate that should stay at rest is moved by the rounding of what moves beside
@@ -46,7 +46,7 @@ def ranges(
     return np.asarray(high - low)
 
 
-def beside(equations: Equations, start: State, found: Floats) -> Floats:
+def beside(equations: Equations, start: Instant, found: Floats) -> Floats:
     """Give the largest motion beside that of each coordinate, in its own unit (n,).
 
     As far as its inertia may be moved by it: of a heavier body no more than that body's
