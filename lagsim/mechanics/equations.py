@@ -11,7 +11,7 @@ eqs 47 and 61; Arnold, Mathematical Methods of Classical Mechanics, sections 12 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient, rate_of, tangent
 from lagsim.language.functions import OPERATIONS
@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 ACTION = "action.S"
 
 
-@dataclass(frozen=True, slots=True)
-class Quadrature:
+class Quadrature(NamedTuple):
     """What stands in no equation: only its rate is integrated.
 
     A coordinate, or the action. `rate` and `mass` (its entry of M's diagonal; zero for

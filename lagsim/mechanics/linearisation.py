@@ -16,8 +16,7 @@ local coordinates.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -49,8 +48,7 @@ def motion_residuals(equations: Equations) -> list[int]:
     return residuals
 
 
-@dataclass(frozen=True, slots=True)
-class Linear:
+class Linear(NamedTuple):
     """The linearised motion (a, w)' = R (a, w) about a state.
 
     Attributes

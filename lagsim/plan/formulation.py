@@ -20,9 +20,9 @@ others see `reduction` and `methods._projection`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.start import start_at
@@ -61,8 +61,7 @@ PAYS = 0.8
 PAYS_IGNORING = 0.6
 
 
-@dataclass(frozen=True, slots=True)
-class Formulation:
+class Formulation(NamedTuple):
     """What is integrated, and how constraints are met.
 
     Attributes
@@ -188,7 +187,7 @@ def _baumgarte(equations: Equations, start: Start, gain: float) -> Formulation:
     _constrained(equations)
     reason = f"asked for; gain {gain:g} per unit of time"
     found = _whole(equations, start, "baumgarte", reason, gain=gain)
-    return replace(found, reduction=Reduction(_stabilised(equations)))
+    return found._replace(reduction=Reduction(_stabilised(equations)))
 
 
 def _stabilised(equations: Equations) -> Equations:

@@ -8,7 +8,7 @@ file can still be read and all its faults be told at once.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from lagsim.errors import Problem
 from lagsim.model.nodes.tree import Broken, Node, Scalar, Source
@@ -38,16 +38,14 @@ _BEGINS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Repair:
+class Repair(NamedTuple):
     """The text without the faulty value, and line and column of what stands for it."""
 
     text: str
     spoilt: tuple[int, int]
 
 
-@dataclass(frozen=True, slots=True)
-class Diagnosis:
+class Diagnosis(NamedTuple):
     """A fault that stopped the YAML parser; `line` counts from 0."""
 
     problem: Problem
@@ -105,8 +103,7 @@ def _inside(source: Source, at: tuple[int, int]) -> tuple[int, int]:
     return line, min(column, len(source.line(line)))
 
 
-@dataclass(frozen=True, slots=True)
-class _Case:
+class _Case(NamedTuple):
     source: Source
     problem: str
     at: tuple[int, int]
