@@ -122,6 +122,22 @@ class Equations:
                 forces[j] = g.call("add", forces[j], g.call("mul", entry, lam))
         return forces
 
+    def motion_residuals(self) -> list[int]:
+        """Give M q'' - f - A^T lambda (n,) and A q'' - b (m,).
+
+        With q'' and lambda as variables.
+        """
+        g = self.graph
+        accelerations = [g.variable(name) for name in self.accelerations]
+        residuals = []
+        for M, f, held in zip(self.M, self.f, self.constraint_forces(), strict=True):
+            inertia = g.product_sum(zip(M, accelerations, strict=True))
+            residuals.append(g.call("sub", inertia, g.call("add", f, held)))
+        for row in self.rows:
+            moved = g.product_sum(zip(row.A, accelerations, strict=True))
+            residuals.append(g.call("sub", moved, row.b))
+        return residuals
+
 
 def derive(model: Model) -> Equations:
     """Derive the equations of motion of `model`."""

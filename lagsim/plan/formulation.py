@@ -30,7 +30,6 @@ from lagsim.errors import InputError, Problem
 from lagsim.language.functions import OPERATIONS
 from lagsim.mechanics.ldl import Elimination, TooLongError, affordable, dense_operations
 from lagsim.mechanics.reduction import Reduction
-from lagsim.mechanics.reduction.elimination import pairs
 from lagsim.mechanics.reduction.ignorable import ignorable
 from lagsim.mechanics.state import State
 from lagsim.notes import Choice
@@ -349,6 +348,8 @@ def _eliminated(
     e = reduction.equations
     q, v = reduction.kept(start.q), reduction.kept(start.v)
     point = Point(e, start.t)
+    from lagsim.mechanics.reduction.elimination import pairs  # with constraints only
+
     found = pairs(e, point.values(q, v), point.sizes(q, v))
     if found:
         return reduction.eliminate(found), ""
