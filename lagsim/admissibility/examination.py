@@ -7,8 +7,7 @@ the rounding error of the expressions that gave the start.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -39,8 +38,7 @@ REPORTED = 225.0
 SIMPLE = "write the relations that it amounts to, each with a gradient"
 
 
-@dataclass(frozen=True, slots=True)
-class StartReport:
+class StartReport(NamedTuple):
     """What there is to say of an initial state.
 
     Attributes
@@ -130,8 +128,7 @@ def examine(
     return _Examiner(equations, time).report(classify=classify)
 
 
-@dataclass(frozen=True, slots=True)
-class _Judged:
+class _Judged(NamedTuple):
     """Where the rows are looked at, what is met there, and what contradicts."""
 
     q: Floats
@@ -184,7 +181,7 @@ class _Examiner:
         warnings += about_ranks(self.e, judged.ranks, thin, sound=sound)
         reachable = self._reach(judged.q) if classify else None
         redundant = {d.name for d in judged.ranks.dependences}
-        verdicts = [replace(x, redundant=x.name in redundant) for x in verdicts]
+        verdicts = [x._replace(redundant=x.name in redundant) for x in verdicts]
         if reachable is not None:
             verdicts = [self._classified(x, judged.q, reachable) for x in verdicts]
         return StartReport(
@@ -278,18 +275,17 @@ class _Examiner:
         if levels == LEVELS:
             ways = (np.zeros_like(q) if double is None else double, way_v)
             thin, real = thin_set(self.point, q, v, ranks.dependences, ways)
-            ranks = replace(
-                ranks,
+            ranks = ranks._replace(
                 dependences=tuple(
                     # It is not one too many, though no state nearby was found.
-                    replace(d, everywhere=False)
+                    d._replace(everywhere=False)
                     if d.name in real and d.everywhere is None
                     else d
                     for d in ranks.dependences
                 ),
             )
         against = tuple(d for d in ranks.dependences if d.contradictions)
-        return replace(judged, ranks=ranks, contradictions=against, thin=thin)
+        return judged._replace(ranks=ranks, contradictions=against, thin=thin)
 
     def _exact(self, q: Floats, v: Floats) -> _Judged:
         """Give the nearest exact state; one that is exact to rounding stays."""
@@ -299,9 +295,9 @@ class _Examiner:
         judged = self._analysed(q, v, LEVELS)
         if judged.contradictions:
             unsolved = f"{_told(judged.contradictions)}: no motion can begin here"
-            return replace(judged, unsolved=unsolved)
+            return judged._replace(unsolved=unsolved)
         if judged.thin:
-            return replace(judged, unsolved=f"{judged.thin}: {SIMPLE}")
+            return judged._replace(unsolved=f"{judged.thin}: {SIMPLE}")
         return judged
 
     def _repaired(self, q: Floats, v: Floats) -> _Judged:
@@ -321,7 +317,7 @@ class _Examiner:
                 against = least.contradictions
                 told = f"{_told(against)}; {found.least}" if against else found.reason
                 judged = self._analysed(q, v, ())
-                return replace(judged, contradictions=against, unsolved=told)
+                return judged._replace(contradictions=against, unsolved=told)
             if not velocities and self.solver.touch(*state):
                 return self._repaired(q, v)
         changed = self._changes((self.q0, self.v0), (state[0], state[1]))
@@ -329,9 +325,9 @@ class _Examiner:
         if judged.contradictions:
             return judged
         if judged.thin:
-            return replace(judged, unsolved=f"{judged.thin}: {SIMPLE}")
+            return judged._replace(unsolved=f"{judged.thin}: {SIMPLE}")
         repair = {name: new for name, (_, new) in changed.items()}
-        return replace(judged, repair=repair)
+        return judged._replace(repair=repair)
 
     def _changes(
         self, old: tuple[Floats, Floats], new: tuple[Floats, Floats]
@@ -364,8 +360,8 @@ class _Examiner:
 
         alone = all_rows if len(self.e.rows) == 1 else reach_of(self.point, [row], q)
         if alone.hidden is None:
-            return replace(verdict, undecided=alone.reason)
-        return replace(verdict, integrable=alone.hidden == 1)
+            return verdict._replace(undecided=alone.reason)
+        return verdict._replace(integrable=alone.hidden == 1)
 
 
 def _told(against: tuple[Dependence, ...]) -> str:

@@ -9,8 +9,7 @@ taken on the graph and evaluated at generic points.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -40,8 +39,7 @@ TRIALS = 8
 MOST_NODES = 40_000
 
 
-@dataclass(frozen=True, slots=True)
-class Reach:
+class Reach(NamedTuple):
     """What the motion can reach.
 
     Attributes

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -260,7 +259,7 @@ class Solver:
             )
         else:
             reason = f"`{name}` has no finite value on the way, near {where}"
-        return replace(found, reason=reason, least=least)
+        return found._replace(reason=reason, least=least)
 
     def _warn(self, code: str, text: str) -> None:
         self.warnings.append(Caution(code, text))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.errors import InputError, Problem
 from lagsim.mechanics.structure import structure
@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from lagsim.model.settings import Settings
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
+class Part(NamedTuple):
     """A subsystem that is integrated apart, and its own plan."""
 
     subsystem: Subsystem

@@ -20,16 +20,15 @@ others see `reduction` and `methods._projection`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.start import start_at
 from lagsim.errors import InputError, Problem
 from lagsim.mechanics.instant import Instant
 from lagsim.mechanics.reduction import Reduction
-from lagsim.mechanics.reduction.elimination import pairs
 from lagsim.mechanics.reduction.ignorable import ignorable
 from lagsim.notes import Choice
 from lagsim.plan.cost import step_cost
@@ -55,8 +54,7 @@ PAYS = 0.8
 PAYS_IGNORING = 0.6
 
 
-@dataclass(frozen=True, slots=True)
-class Formulation:
+class Formulation(NamedTuple):
     """What is integrated, and how constraints are met.
 
     Attributes
@@ -182,7 +180,7 @@ def _baumgarte(equations: Equations, start: Start, gain: float) -> Formulation:
     _constrained(equations)
     reason = f"asked for; gain {gain:g} per unit of time"
     found = _whole(equations, start, "baumgarte", reason, gain=gain)
-    return replace(found, reduction=Reduction(_stabilised(equations)))
+    return found._replace(reduction=Reduction(_stabilised(equations)))
 
 
 def _stabilised(equations: Equations) -> Equations:
@@ -315,6 +313,8 @@ def _eliminated(
     e = reduction.equations
     q, v = reduction.kept(start.q), reduction.kept(start.v)
     point = Point(e, start.t)
+    from lagsim.mechanics.reduction.elimination import pairs  # with constraints only
+
     found = pairs(e, point.values(q, v), point.sizes(q, v))
     if found:
         return reduction.eliminate(found), ""

@@ -6,10 +6,10 @@ other. Groups that do not are integrated apart, each with its own steps.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 from operator import or_
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -41,8 +41,7 @@ RADIANS = 1.0
 NUDGE = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class Subsystem:
+class Subsystem(NamedTuple):
     """A group of coordinates with its equations.
 
     Attributes

@@ -100,7 +100,7 @@ class Case:
 
     def at(self, state: Instant) -> Case:
         """Give the case with another start, as admissible as its own."""
-        return replace(self, examined=replace(self.examined, state=state))
+        return replace(self, examined=self.examined._replace(state=state))
 
     def plan(self) -> Plan:
         """Choose how to integrate.

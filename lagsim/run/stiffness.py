@@ -17,8 +17,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.eigenmodes import eigenmodes, weighted
-from lagsim.mechanics.linearisation import Linearisation
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
@@ -160,6 +158,8 @@ class Stiffness(Source):
         n, equations = arc.system.n, arc.system.equations
         if equations.quadratures:
             return GO_ON
+        from lagsim.mechanics.linearisation import Linearisation  # of long runs
+
         try:
             linear = Linearisation(equations).at(arc.t, arc.y[:n], arc.y[n : 2 * n])
         except ValueError:  # not finite there
@@ -205,6 +205,8 @@ def _fastest(arc: Arc) -> Fast | None:
     J = jacobian(arc.t, arc.y)[: 2 * n * n].reshape(n, 2 * n)
     if not np.all(np.isfinite(J)):
         return None
+    from lagsim.mechanics.eigenmodes import eigenmodes, weighted  # few come here
+
     whole = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), J])
     modes = eigenmodes(whole, _fast)
     masses = arc.masses

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.reduction.elimination import Pair, eliminated
 from lagsim.mechanics.reduction.ignorable import ignored, momentum_of
 from lagsim.model.model import Parameter
 
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
+    from lagsim.mechanics.reduction.elimination import Pair
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +47,8 @@ class Reduction:
 
     def eliminate(self, found: Sequence[Pair]) -> Reduction:
         """Express coordinates by the others; of `elimination.pairs`."""
+        from lagsim.mechanics.reduction.elimination import eliminated
+
         e = self.equations
         equations, recovered = eliminated(e, found)
         names = [(e.q[pair.coordinate], e.rows[pair.row].name) for pair in found]

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import JOINING, OPERATIONS, STEPS
@@ -38,16 +38,14 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
 
 
-@dataclass(frozen=True, slots=True)
-class Mode:
+class Mode(NamedTuple):
     """A time switch: the mode variable's name and the node of its discrete function."""
 
     variable: str
     discrete: int
 
 
-@dataclass(frozen=True, slots=True)
-class StateSwitch:
+class StateSwitch(NamedTuple):
     """A switch that depends on the state.
 
     Attributes

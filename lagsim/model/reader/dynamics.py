@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.model.model import Force, Level
 from lagsim.model.reader.expressions import STATE
@@ -20,8 +19,7 @@ if TYPE_CHECKING:
 ENERGY_KEYS = ("kinetic", "potential", "lagrangian", "dissipation")
 
 
-@dataclass(frozen=True, slots=True)
-class Energies:
+class Energies(NamedTuple):
     """Nodes of the energies; None where the file has none, or a faulty one."""
 
     lagrangian: int | None

@@ -6,7 +6,7 @@ import re
 import unicodedata
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import FUNCTIONS, JOINING
 from lagsim.model.nodes import Mapping, Scalar
@@ -47,8 +47,7 @@ _SECOND_RATES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Meaning:
+class Meaning(NamedTuple):
     """What a name stands for, and whose it is: `x` for `x_dot`, `c` for `lambda_c`."""
 
     kind: Kind

@@ -7,7 +7,7 @@ every expression on it, stays.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.model.reader.faults import Faults
 from lagsim.model.reader.initial import Initial
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from lagsim.model.settings import Settings
 
 
-@dataclass(frozen=True, slots=True)
-class Sections:
+class Sections(NamedTuple):
     """The sections of a file that hold numbers, and where the file begins."""
 
     parameters: list[Entry]
@@ -91,7 +90,7 @@ class Stated:
         values, known = new.parameters()
         constraints = zip(model.constraints, self.sections.constraints, strict=True)
         laws = tuple(
-            c if c.law is None else replace(c, law=read_law(entry, new.x))
+            c if c.law is None else c._replace(law=read_law(entry, new.x))
             for c, entry in constraints
         )
         starts = new.initial(known)

@@ -8,12 +8,11 @@ compile time grows in proportion to length.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
-from lagsim.native.graph import sincos
+from lagsim.native.graph import keys, sincos
 from lagsim.native.graph.lines import CIRCULAR, Lines, exponent_of
 from lagsim.native.kernels.lines import UNOPTIMISED
 
@@ -21,31 +20,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
     from lagsim.language.graph import Graph
-
-# Nodes in one piece: LLVM's time per instruction grows with the length of a function
-# (a 40-link chain: 0.9 s at 800, 0.7 s at 400, and little less below).
-PIECE = 400
+    from lagsim.native.graph.keys import Layout
 
 _SIGNATURE = "double %t, ptr %y, ptr %p, ptr %out"
 _ARGUMENTS = "double %t, ptr %y, ptr %p, ptr %out"
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """Where the variables are: name -> index in y, name -> index in p.
-
-    `fixed` names those in p that do not change while a kernel runs (parameters,
-    modes); `size` is how much of p is used before what this module adds.
-    """
-
-    y: Mapping[str, int]
-    p: Mapping[str, int]
-    fixed: frozenset[str]
-    size: int
-
-
-@dataclass(frozen=True, slots=True)
-class Code:
+class Code(NamedTuple):
     """LLVM IR of all functions, and the length of p that they need."""
 
     ir: str
@@ -144,7 +125,9 @@ class _Writer(Lines):
     ) -> None:
         """Write it: each of `stores` is (node, array, index)."""
         order = self._order([node for node, _, _ in stores], places)
-        pieces = [order[i : i + PIECE] for i in range(0, len(order), PIECE)] or [[]]
+        pieces = [
+            order[i : i + keys.PIECE] for i in range(0, len(order), keys.PIECE)
+        ] or [[]]
         at_end: dict[int, list[tuple[str, int]]] = {}
         for node, array, k in stores:
             at_end.setdefault(node, []).append((array, k))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.native.graph.straight_line import Layout
+    from lagsim.native.graph.keys import Layout
 
 # The operation, the exponent of a power, and which of its operands are products that
 # the same instruction makes: most of an elimination is a - b*c.

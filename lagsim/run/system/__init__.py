@@ -13,8 +13,8 @@ import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts.parameters import KEPT, Parameters
-from lagsim.native.graph import keys, straight_line
-from lagsim.native.graph.straight_line import Layout
+from lagsim.native.graph import keys
+from lagsim.native.graph.keys import Layout
 from lagsim.native.link.cache import kernel_object, object_code
 from lagsim.plan.cost import evaluation_cost
 from lagsim.plan.formulation import GAIN
@@ -161,12 +161,14 @@ class System:
             )
 
     def _code(self, nodes_of: Mapping[str, Sequence[int]], layout: Layout) -> Code:
-        """Write the code of all functions."""
+        """Write the code of all functions; only first runs do."""
         g = self.equations.graph
         if self.plan.tape:
             from lagsim.native.graph import tapes
 
             return tapes.generate(g, nodes_of, layout)
+        from lagsim.native.graph import straight_line
+
         return straight_line.generate(g, nodes_of, layout, **MANNER)
 
     @property

@@ -12,9 +12,7 @@ from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.rounding import addends, roundings
 from lagsim.mechanics.constraints import Flow
 from lagsim.mechanics.equations import generalized_forces
-from lagsim.mechanics.linearisation import motion_residuals
 from lagsim.plan.formulation import GAIN
-from lagsim.solve.linear import linear_form
 from lagsim.solve.series import motion_rates
 
 if TYPE_CHECKING:
@@ -271,7 +269,7 @@ def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
 def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     """Give what `kkt.jacobian` begins with."""
     e, g = equations, equations.graph
-    residuals = motion_residuals(e)
+    residuals = e.motion_residuals()
     state = [g.variable(name) for name in (*e.q, *e.velocities)]
     motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]
     work = [] if e.power is None else [e.power]
@@ -306,6 +304,8 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
 
 def _linear(equations: Equations, plan: Plan) -> dict[str, list[int]]:
     """Give the matrices of a linear scene."""
+    from lagsim.solve.linear import linear_form  # of one method
+
     assert plan.elimination is not None
     return {"linear": linear_form(equations, plan.elimination)}
 

@@ -11,8 +11,7 @@ Source: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996),
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -56,8 +55,7 @@ RESOLVED = 2.5
 SLOW = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
+class Seen(NamedTuple):
     """The scene linearised at one state of the motion.
 
     Attributes

@@ -89,7 +89,7 @@ def perturbed(case: Case, seed: int) -> Case:
     model = case.equations.model
     values = moved(np.array([p.value for p in model.parameters]))
     parameters = tuple(
-        replace(p, value=float(v))
+        p._replace(value=float(v))
         for p, v in zip(model.parameters, values, strict=True)
     )
     equations = case.equations.of(replace(model, parameters=parameters))
