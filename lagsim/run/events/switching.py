@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts import state as at
+from lagsim.methods.parts.adaptive import SMALLEST
 from lagsim.notes import Caution, Event
 from lagsim.run.arc import NEAR
 from lagsim.run.decisions import Decision, Ending, Source, Turn
@@ -276,7 +277,7 @@ class Switching(Source):
         """End an arc ahead of a surface that it cannot be stepped over.
 
         On its other side what is frozen may have no finite value (a root, an inverse).
-        The state may be on one already, which counts as met.
+        The state may be on one already, or no step leads to it: it counts as met.
         """
         found = self._time_ahead(arc)
         if found is None:
@@ -297,7 +298,8 @@ class Switching(Source):
         k, ahead = self._next(arc)
         if not arc.t + ahead < arc.end:
             return None
-        return k if self._is_on(arc, k) else None, float(arc.t + self.reach * ahead)
+        met = self._is_on(arc, k) or ahead <= SMALLEST * abs(arc.t)
+        return k if met else None, float(arc.t + self.reach * ahead)
 
     def _stuck(self, arc: Arc) -> Decision | None:
         """Go through a surface that the motion is as good as on, and cannot step over.
