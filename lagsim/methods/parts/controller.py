@@ -39,7 +39,7 @@ PROBED = 0.5
 PROBE = 2.0**-36
 # And so does one of some last places. A step that moves by fewer than so many is short.
 ROUNDED = 2.0**-50
-FEW_PLACES = 2.0**-38
+FEW_PLACES = 2.0**-30
 # Below this a number has no digits to control: some of the smallest steps between two.
 UNDERFLOW = 2.0**-1068
 # The square of this is finite.

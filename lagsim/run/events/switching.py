@@ -24,8 +24,8 @@ from lagsim.run.events.modes import ON, Modes
 from lagsim.run.events.resting import come_to_rest
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.events.shares import ABOVE, BELOW
-from lagsim.run.fallback import FAILED
-from lagsim.run.states import most_pulled, pulled
+from lagsim.run.fallback import FAILED, handed_over
+from lagsim.run.states import SERIES, most_pulled, pulled
 from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ LEFT = 1e-4
 AHEAD = 0.9
 BACK = 0.25
 MOST_APPROACHES = 60
+BENT = "{} gets no farther beside a switch: its steps are shorter than positions tell"
 
 
 class Switching(Source):
@@ -305,11 +306,15 @@ class Switching(Source):
         """Go through a surface that the motion is as good as on, and cannot step over.
 
         It counts as met: far from the origin a position has no value between, and steps
-        too short to change it lead nowhere.
+        too short to change it lead nowhere. A series comes no better off the surface.
         """
         k, ahead = self._next(arc)
-        is_met = ahead < math.inf and self._is_on(arc, k)
-        return self._meet(arc, k) if is_met else None
+        if ahead < math.inf and self._is_on(arc, k):
+            return self._meet(arc, k)
+        on = any(self._is_on(arc, k) for k in range(self.modes.count))
+        if not on or arc.runner.method.NAME != SERIES:
+            return None
+        return replace(handed_over(arc, BENT, {}), turn=Turn.MODE)
 
     def _next(self, arc: Arc) -> tuple[int, float]:
         """Give the surface that is met next, at the rates there are, and how soon."""
