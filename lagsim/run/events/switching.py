@@ -121,7 +121,7 @@ class Switching(Source):
             if share >= 0.0 - HELD and share <= 1.0 + HELD:
                 held[met] = ABOVE if share > 0.5 else BELOW
         modes.forget()
-        set_floors(modes)
+        set_floors(modes, met, slipping=met is not None and bool(before[met]))
         on = set(at_rest) | ({met} if met is not None else set())
         levels, rows, sizes = self._find_sides(on)
         noise = np.zeros(modes.count)
