@@ -184,8 +184,9 @@ def varies_by_rounding(s: State, p: Parameters, k: int, x: float) -> bool:
     z = s.look
     move_aside(s.size, z, ROUNDED, z)
     signals(s.step_t + x * s.step_h, z, p, s.signals_beside)
-    noise = abs(s.signals_beside[k] - b)
-    return max(abs(m - a), abs(b - m)) <= noise
+    noise = float(abs(s.signals_beside[k] - b))
+    change = float(max(abs(m - a), abs(b - m)))
+    return change <= noise
 
 
 def look(s: State, p: Parameters, x: float) -> None:
