@@ -42,6 +42,7 @@ class Series:
         self._known: dict[int, list[int]] = {}
         self._moves: dict[int, bool] = {}
         self._twins: dict[int, int | None] = {}
+        self._growing: dict[int, bool] = {}
         self._slopes: dict[int, list[tuple[int, int]]] = {}
 
     def __call__(self, n: int, k: int) -> int:
@@ -84,11 +85,15 @@ class Series:
         if row.branches is not None:
             first, second = (self(a, k) for a in args[-2:])
             return g.call("if", row.branches(g, args), first, second)
-        # A divisor that overflows has a logarithm that does not.
-        overflows = op == "div" and bool(log_slopes(g, args[1]))
-        if row.series is None or overflows:
+        if row.series is None or (op == "div" and self._overflows(args[1])):
             return self.chain(n, k)
         return row.series(self, n, k)
+
+    def _overflows(self, n: int) -> bool:
+        """Tell whether a divisor may overflow, and has a logarithm that does not."""
+        if n not in self._growing:
+            self._growing[n] = bool(log_slopes(self.g, n))
+        return self._growing[n]
 
     def chain(self, n: int, k: int) -> int:
         """Give the coefficient from f' = sum of slope * argument'.
