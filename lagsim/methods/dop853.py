@@ -18,6 +18,7 @@ from lagsim.methods.parts.adaptive import usable_step
 from lagsim.methods.parts.controller import (
     against,
     first_step,
+    hardly_moves,
     look_again,
     record_measured,
     record_sizes,
@@ -70,6 +71,7 @@ QUADRATURES = True
 CONSTRAINED = True
 UNTIL = True
 SLEEPERS = True
+SWITCHES = True
 
 STAGES = 16
 SAFETY = 0.9
@@ -77,6 +79,9 @@ BETA = 0.04
 EXPONENT = 0.125 - 0.2 * BETA
 SHRINK = 3.0  # a step shrinks at most by this, and grows at most by the next
 GROW = 6.0
+# An error from which on steps shrink. Beside a switch far from the origin it may be all
+# rounding, and steps so short that nothing moves.
+SHRINKING = 0.25
 # Where a stage meets a loss of rank by accident, a step a little shorter passes it; one
 # much shorter ends before it. A stage does where the rows are this much less
 # independent there than at the start.
@@ -180,7 +185,10 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     tolerances = s.tolerances
     error = error_norm(size, h, errors, tolerances)
     # Perhaps it is nothing but rounding.
-    if error >= 1.0 and look_again(s, p, h, new, k, health) > 0:
+    doubtful = error >= 1.0
+    if SWITCHES:
+        doubtful = doubtful or (error >= SHRINKING and hardly_moves(s, h, k))
+    if doubtful and look_again(s, p, h, new, k, health) > 0:
         error = error_norm(size, h, errors, tolerances)
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, t + h, new)

@@ -37,6 +37,9 @@ RATE_NOISE = 32.0 * 2.0**-53
 PROBED = 0.5
 # A relative change of the state this small shows what its rounding does to y'.
 PROBE = 2.0**-36
+# And so does one of some last places. A step that moves by fewer than so many is short.
+ROUNDED = 2.0**-50
+FEW_PLACES = 2.0**-30
 # Below this a number has no digits to control: some of the smallest steps between two.
 UNDERFLOW = 2.0**-1068
 # The square of this is finite.
@@ -49,6 +52,8 @@ MOST_GUESSES = 20
 # The part of the tolerance that one step may use: errors of many steps add up, and the
 # tolerance is meant for the motion (Kepler's, e = 0.6, 100 orbits: 6 digits at 1e-11).
 LOCAL = 0.1
+
+SWITCHES = True
 
 
 def record_sizes(s: State, p: Parameters) -> None:
@@ -194,6 +199,8 @@ def look_again(
     n = s.n
     t = s.t
     look_at_rounding(s, p, t, s.y, k, health)
+    if SWITCHES and hardly_moves(s, h, k):
+        look_between(s, p, h, k)
     if size > 2 * n:
         # The power of forces has no rounding where everything rests, at the start.
         noise = s.noise
@@ -205,6 +212,46 @@ def look_again(
     set_tolerances(s, p, t + h, new, k, h)
     s.looked = 1.0
     return 1
+
+
+def hardly_moves(s: State, h: float, k: Floats) -> bool:
+    """Tell whether a step moves a position by few of its last places."""
+    sizes = s.sizes
+    for i in range(s.n):
+        moved = h * abs(k[i])
+        if moved > 0.0 and moved < FEW_PLACES * sizes[i]:
+            return True
+    return False
+
+
+@rare
+def look_between(s: State, p: Parameters, h: float, k: Floats) -> None:
+    """Take what rounding does to the rates in the middle of a step h for noise too.
+
+    Beside a switch forces may have no slope that tells: those of Hertz, or a root. The
+    step itself may lead anywhere. k : (size,), y' at its start.
+    """
+    size = s.size
+    n = s.n
+    y = s.y
+    noise = s.noise
+    z = s.work
+    slopes = s.spare
+    middle = s.look
+    rates = s.look_rates
+    t = s.t + 0.5 * h
+    for i in range(size):
+        middle[i] = y[i] + 0.5 * h * k[i] if i < n else y[i]
+    derivative(t, middle, p, rates)
+    s.evaluations += 3.0
+    for way in range(2):
+        change = ROUNDED if way == 0 else -ROUNDED
+        move_aside(size, middle, change, z)
+        derivative(t, z, p, slopes)
+        for i in range(n, size):
+            found = RATE_NOISE * PROBED / ROUNDED * abs(slopes[i] - rates[i])
+            if found < 1e300:
+                noise[i] = max(noise[i], found)
 
 
 @rare
@@ -235,23 +282,29 @@ def look_at_rounding(
 
 @rare
 def add_probe(s: State, p: Parameters, t: float, y: Floats, k: Floats) -> None:
-    """Add what the rounding of the state does to its rates k.
-
-    Components change by different parts, or a change of the whole scene's size or
-    place would hide what cancels.
-    """
+    """Add what the rounding of the state does to its rates k."""
     size = s.size
     n = s.n
     noise = s.noise
     z = s.work
     slopes = s.spare
-    for i in range(size):
-        part = 0.618033988749895 * (i + 1)
-        z[i] = y[i] * (1.0 + PROBE * (0.5 + part - int(part)))
+    move_aside(size, y, PROBE, z)
     derivative(t * (1.0 + PROBE), z, p, slopes)
     s.evaluations += 1.0
     for i in range(n, size):
         noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
+
+
+@rare
+def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
+    """Give y with a relative change.
+
+    Components change by different parts, or a change of the whole scene's size or
+    place would hide what cancels.
+    """
+    for i in range(size):
+        part = 0.618033988749895 * (i + 1)
+        out[i] = y[i] * (1.0 + change * (0.5 + part - int(part)))
 
 
 @rare

@@ -122,13 +122,14 @@ class State(Memory):
     lane_steps: Floats = array(lambda s: LANES * (s.n + 3))
 
     # Of each signal: its kind, the power that goes with it, the farthest it has been
-    # since it was close; at three looks values, then rates. See `looks`.
+    # since it was close; at three looks and beside one values, then rates. See `looks`.
     kinds: Floats = array(lambda s: s.signals)
     powers: Floats = array(lambda s: s.signals)
     farthest: Floats = array(lambda s: s.signals)
     signals_first: Floats = array(lambda s: 2 * s.signals)
     signals_middle: Floats = array(lambda s: 2 * s.signals)
     signals_last: Floats = array(lambda s: 2 * s.signals)
+    signals_beside: Floats = array(lambda s: 2 * s.signals)  # a rounded state's
     # A look: y and y' there; states beside it, and y' from the equations.
     look: Floats = array(lambda s: 2 * s.size)
     look_rates: Floats = part("look", lambda s: s.size, lambda s: s.size)

@@ -83,8 +83,7 @@ class Runner:
         statics["WIDE"] = system.wide
         statics["SLEEPERS"] = bool(system.sleepers)
         # What a method must make ready for `until` it must for switches.
-        watched = {"CONSTRAINED": held, "UNTIL": until or switches}
-        watched["SLEEPERS"] = bool(system.sleepers)
+        watched = statics | {"UNTIL": until or switches}
         kernels = [self.method.start, self.method.step, self.method.interpolate]
         self.engine = Engine(
             [
