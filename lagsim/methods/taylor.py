@@ -345,3 +345,10 @@ def interpolate(s: Taylor, x: float, out: Floats) -> None:
     size = s.size
     before = at(s.series, buffer(size, 1.0 - s.which))
     sum_series(size, before, x * s.step_h, out)
+
+
+def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
+    """Give the slope (size,) of that."""
+    size = s.size
+    before = at(s.series, buffer(size, 1.0 - s.which))
+    sum_rates(size, before, x * s.step_h, out)
