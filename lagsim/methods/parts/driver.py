@@ -19,10 +19,9 @@ from lagsim.methods.parts.interface import (
     step,
     until,
 )
-from lagsim.methods.parts.looks import overlooked, take_back
+from lagsim.methods.parts.looks import overlooked
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project, project_rows
-from lagsim.methods.parts.rows import strayed
 from lagsim.methods.parts.singular import watch
 from lagsim.methods.parts.state import (
     BLOCK_FULL,
@@ -36,6 +35,7 @@ from lagsim.methods.parts.state import (
     SWITCH_FOUND,
     State,
 )
+from lagsim.methods.parts.strays import strayed, take_back
 from lagsim.methods.parts.switching import find_end
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.kernels.words import at, rare, unrolled
@@ -78,7 +78,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
         if made >= budget:
             return PAUSED
         made += 1
-        if SWITCHES:
+        if SWITCHES or ADAPTIVE:
             keep_sizes(s)
         code = step(s, p)
         if code != DONE:
@@ -163,7 +163,7 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
 
 
 def keep_sizes(s: State) -> None:
-    """Note the largest sizes: a step may go far past the switch that will cut it."""
+    """Note the largest sizes: a step may go far past where it will end."""
     size = s.size
     sizes = s.sizes
     low = s.low
