@@ -133,7 +133,9 @@ def start(s: Taylor, p: Parameters) -> None:
     # Tolerances depend on the step, and on where it leads what is at rest: some looks
     # settle both well enough.
     new = s.new
-    s.h = min(float(s.row_step), s.end - s.t)
+    # One that was taken back has a length to begin with.
+    first = s.most_step if s.most_step > 0.0 else s.row_step
+    s.h = min(float(first), s.end - s.t)
     for _ in range(LOOKS):
         before = s.h
         lead(size, c, before, new)
