@@ -30,6 +30,8 @@ LEAST = 2.0**-4
 # shipped models, all their rows and five tolerances it was up to 14 (taylor), 100
 # (dop853) and 80 (radau), but for what `is_off` explains.
 LEFT = 1e3
+# Of what a force does in an output step.
+EXPECTED = 1e-2
 # Multiples of it, less their whole parts, are spread evenly.
 GOLDEN = 0.6180339887498949
 
@@ -49,9 +51,29 @@ def strayed(s: State, p: Parameters) -> float:
         x = place(s, k)
         if is_off(s, p, x):
             s.doubted = k
+            expect(s)
             return x
         k += APART
     return 0.0
+
+
+@rare
+def expect(s: State) -> None:
+    """Let what a row shows count as a size of the motion, before it is there.
+
+    Or the first traces of it would be controlled as finely as denormal numbers are.
+    """
+    n = s.n
+    delta = s.row_step
+    right = s.asked
+    slope = s.look_rates
+    sizes = s.sizes_before
+    for i in range(n, s.size):
+        push = EXPECTED * delta * abs(right[i] - slope[i])
+        if push < 1e300:
+            sizes[i] = max(sizes[i], push)
+            if i < 2 * n:
+                sizes[i - n] = max(sizes[i - n], delta * push)
 
 
 def time_of(s: State, k: float) -> float:
