@@ -55,7 +55,7 @@ def test_a_pulse_late_in_a_long_rest(name, method):
 HIGH = {
     "hill": "10*exp(-x^2/2)",
     "thin hill": "10*exp(-(2*x)^2/2)",
-    "ramp": "5*(1 + tanh(x/2))",
+    "ramp": "5*(1 + tanh((x - 100)/2))",
 }
 
 
@@ -63,10 +63,10 @@ HIGH = {
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", HIGH)
 def test_a_hill_turns_the_motion_back(name, method):
-    text = line(HIGH[name], x=-900, v=1, duration=1700, step=0.5, method=method)
+    text = line(HIGH[name], x=-900, v=1, duration=2200, step=0.5, method=method)
     found = run(text)
     assert found["x_dot"][-1] == pytest.approx(-1, abs=1e-8)
-    assert np.max(found["x"]) < 1
+    assert np.max(found["x"]) < 100
 
 
 @pytest.mark.usefixtures("by_rows_alone")
@@ -82,7 +82,7 @@ def test_a_patch_of_drag(method):
 @pytest.mark.parametrize("method", METHODS)
 def test_what_wakes_at_a_speed(method):
     """A fall that is damped about one speed only: the time that it takes to pass it."""
-    force = "1 - exp(-((x_dot - 700)/2)^2/2)/2"
+    force = "1 - exp(-((x_dot - 770)/2)^2/2)/2"
     found = run(line(force=force, duration=1000, step=1, method=method))
 
     def lag(z):
@@ -95,15 +95,15 @@ def test_what_wakes_at_a_speed(method):
 @pytest.mark.usefixtures("by_rows_alone")
 @pytest.mark.parametrize("method", METHODS)
 def test_a_hill_beside_the_way_in_the_plane(method):
-    potential = "0.3*exp(-((x - 60)^2 + (y - 1)^2)/2)"
-    text = plane(potential, (0, 0, 1, 0), duration=90, step=0.1, method=method)
+    potential = "0.3*exp(-((x - 200)^2 + (y - 1)^2)/2)"
+    text = plane(potential, (0, 0, 1, 0.001), duration=400, step=0.5, method=method)
     found = run(text)
 
     def field(_t, y):
-        away = y[:2] - (60, 1)
+        away = y[:2] - (200, 1)
         return [*y[2:], *(0.3 * away * math.exp(-(away @ away) / 2))]
 
-    end = stepped(field, (0, 0, 1, 0), 90, 0.3)
+    end = stepped(field, (0, 0, 1, 0.001), 400, 0.3)
     for name, expected in zip(("x", "y", "x_dot", "y_dot"), end, strict=True):
         assert found[name][-1] == pytest.approx(expected, abs=1e-8)
 
@@ -112,7 +112,10 @@ def test_a_hill_beside_the_way_in_the_plane(method):
 UNKNOWN = {
     "squares of squares": ("((cos(0.3*x)^4)^4)^4", lambda x: math.cos(0.3 * x) ** 64),
     "more of them": ("(((cos(x/10)^4)^5)^5)^5", lambda x: math.cos(x / 10) ** 500),
-    "many factors": ("*".join(["cos(x/4)^5"] * 8), lambda x: math.cos(x / 4) ** 40),
+    "many factors": (
+        "*".join(["(1 - sin(x/8)^2)^5"] * 4),
+        lambda x: math.cos(x / 8) ** 40,
+    ),
 }
 
 
