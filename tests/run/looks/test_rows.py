@@ -113,8 +113,8 @@ UNKNOWN = {
     "squares of squares": ("((cos(0.3*x)^4)^4)^4", lambda x: math.cos(0.3 * x) ** 64),
     "more of them": ("(((cos(x/10)^4)^5)^5)^5", lambda x: math.cos(x / 10) ** 500),
     "many factors": (
-        "*".join(["(1 - sin(x/8)^2)^5"] * 4),
-        lambda x: math.cos(x / 8) ** 40,
+        "*".join(["(1 - sin(x/8)^2)^5"] * 8),
+        lambda x: math.cos(x / 8) ** 80,
     ),
 }
 
