@@ -331,10 +331,10 @@ def interpolate(s: Radau, x: float, out: Floats) -> None:
 
 
 def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
-    """Give the slope (size,) of that."""
+    """Give the slope of that, from the velocities on."""
     size = s.size
     dense = s.dense
-    for i in range(size):
+    for i in range(s.n, size):
         slope = 0.0
         for m in unrolled(4):
             slope = slope * x + (4 - m) * dense[(4 - m) * size + i]

@@ -243,11 +243,11 @@ def sum_series(size: int, c: Floats, h: float, out: Floats) -> None:
             out[i] = out[i] * h + c[1 + i]
 
 
-def sum_rates(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Give the sum of k y_k h^(k - 1) in the same way."""
+def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
+    """Give the sum of k y_k h^(k - 1) in the same way, from component `first` on."""
     order = int(c[0])
     square = h * h
-    for i in range(size):
+    for i in range(first, size):
         high = order * c[1 + order * size + i]
         low = (order - 1) * c[1 + (order - 1) * size + i]
         for back in range(1, order // 2):
@@ -304,7 +304,7 @@ def misfit(s: Taylor, c: Floats, slope: Floats, h: float) -> float:
     size = s.size
     tolerances = s.tolerances
     rates = s.work
-    sum_rates(size, c, h, rates)
+    sum_rates(size, 0, c, h, rates)
     worst = 0.0
     for i in range(size):
         if tolerances[i] > 0.0:
@@ -350,7 +350,7 @@ def interpolate(s: Taylor, x: float, out: Floats) -> None:
 
 
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
-    """Give the slope (size,) of that."""
+    """Give the slope of that, from the velocities on."""
     size = s.size
     before = at(s.series, buffer(size, 1.0 - s.which))
-    sum_rates(size, before, x * s.step_h, out)
+    sum_rates(size, s.n, before, x * s.step_h, out)

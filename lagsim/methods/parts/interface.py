@@ -166,7 +166,7 @@ def interpolate(s: State, x: float, out: Floats) -> None:
 
 @external
 def interpolate_rates(s: State, x: float, out: Floats) -> None:
-    """Give the slope (size,) of that; of methods that choose their steps."""
+    """Give its slope (size,), from the velocities on, by methods that choose steps."""
 
 
 @external

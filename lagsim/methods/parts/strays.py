@@ -23,12 +23,12 @@ from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import rare
 
-# In output steps. To ask costs less than half of what a row does.
+# In output steps. To ask costs about as much as a row.
 APART = 10.0
 LEAST = 2.0**-4
 # What y' and the dense output's slope differ by in a step, in tolerances. Over the
 # shipped models, all their rows and five tolerances it was up to 14 (taylor), 100
-# (dop853) and 80 (radau), but for what `is_off` explains.
+# (dop853) and 80 (radau), but for what `is_beyond` allows.
 LEFT = 1e3
 # Of what a force does in an output step.
 EXPECTED = 1e-2
@@ -86,15 +86,18 @@ def place(s: State, k: float) -> float:
     return (time_of(s, k) - s.step_t) / s.step_h
 
 
-@rare
 def is_off(s: State, p: Parameters, x: float) -> bool:
-    """Tell whether y' is not the slope of the dense output, for all that it may be.
+    """Tell whether y' is not the slope of the dense output, for all that may be."""
+    return differs(s, p, x, LEFT) and is_beyond(s, p, x)
+
+
+@rare
+def is_beyond(s: State, p: Parameters, x: float) -> bool:
+    """Tell whether y', as `differs` has left it, is off by more than may be.
 
     The state is not known better than to as many tolerances. What a change by that does
     to y' is no sign, where it is stiff or close to a loss of rank; nor is its rounding.
     """
-    if not differs(s, p, x, LEFT):
-        return False
     size = s.size
     n = s.n
     t = s.step_t + x * s.step_h
@@ -119,7 +122,6 @@ def is_off(s: State, p: Parameters, x: float) -> bool:
     return False
 
 
-@rare
 def differs(s: State, p: Parameters, x: float, most: float) -> bool:
     """Tell whether y' is not the slope of the dense output: by more than that.
 

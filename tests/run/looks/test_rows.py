@@ -193,7 +193,8 @@ def test_the_slope_is_that_of_the_dense_output(method):
             for b in (1e-3, 2e-3)
         )
         slope = (8 * near - far) / 12e-3 / state.step_h
-        assert call("interpolate_rates", x) == pytest.approx(slope, rel=1e-8)
+        given = call("interpolate_rates", x)
+        assert given[system.n :] == pytest.approx(slope[system.n :], rel=1e-8)
 
 
 def test_what_no_step_resolves_does_not_hold_the_run_up():
