@@ -284,3 +284,22 @@ def interpolate(s: Dop853, x: float, out: Floats) -> None:
         for m in unrolled(7):
             value = (value + dense[(7 - m) * size + i]) * (x if m % 2 == 0 else u)
         out[i] = dense[i] + value
+
+
+def interpolate_rates(s: Dop853, x: float, out: Floats) -> None:
+    """Give the slope of that, from the velocities on."""
+    size = s.size
+    dense = s.dense
+    u = 1.0 - x
+    for i in range(s.n, size):
+        value = 0.0
+        slope = 0.0
+        for m in unrolled(7):
+            value = value + dense[(7 - m) * size + i]
+            if m % 2 == 0:
+                slope = slope * x + value
+                value = value * x
+            else:
+                slope = slope * u - value
+                value = value * u
+        out[i] = slope / s.step_h

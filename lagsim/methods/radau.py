@@ -319,3 +319,14 @@ def accept(s: Radau, p: Parameters, h: float) -> None:
 def interpolate(s: Radau, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step."""
     polynomial(s, x, out)
+
+
+def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
+    """Give the slope of that, from the velocities on."""
+    size = s.size
+    dense = s.dense
+    for i in range(s.n, size):
+        slope = 0.0
+        for m in unrolled(4):
+            slope = slope * x + (4 - m) * dense[(4 - m) * size + i]
+        out[i] = slope / s.step_h

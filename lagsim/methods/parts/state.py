@@ -84,6 +84,7 @@ class State(Memory):
     feature_reach: float  # it counts from so far before it ...
     feature_end: float  # ... to this time
     longest: float  # no step is longer than this; 0: any
+    doubted: float  # the row at which a step differed last, see `strays`
     planned: float  # the step that will pass a loss of rank, once it has room; or 0
     planned_at: float  # when that was planned
     tried: float  # the error of the last step that was to pass and could not; or 0
