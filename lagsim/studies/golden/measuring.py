@@ -250,7 +250,7 @@ def _steps(t: Floats, bounds: Floats) -> list[tuple[float, float]]:
 def rounded_up(x: float) -> float:
     """Give a number of two digits that is no smaller."""
     if not 0.0 < x < np.inf:
-        return x
+        return float(x)
     unit = 10.0 ** (np.floor(np.log10(x)) - 1)
     return float(f"{np.ceil(x / unit) * unit:.1e}")
 
