@@ -103,6 +103,6 @@ def scales_of(
         with, and the largest value.
     """
     scales = np.fmax(found, SEED * moving)
-    scales = np.where(scales > RESOLVED * largest, scales, largest)
-    scales = np.where(found > RESOLVED * linked, scales, np.fmax(scales, linked))
+    for size in (largest, linked):
+        scales = np.where(found > RESOLVED * size, scales, np.fmax(scales, size))
     return scales, np.fmax(STILL * moving, RESOLVED * largest / LOST)

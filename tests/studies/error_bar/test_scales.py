@@ -106,3 +106,16 @@ simulation: {duration: 10, output_step: 0.1, method: dop853}
 """
     bar = barred(read(text, "m.yaml"))[1]
     assert bar.scales[0] < 1e-8
+
+
+def test_what_rests_at_its_place_is_told_as_a_part_of_that():
+    # Rounding of its value alone, beside what moves ten times as far.
+    text = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+initial: {x: 1, y: 0}
+simulation: {duration: 1.4, output_step: 0.1, method: dop853}
+"""
+    told = barred(read(text, "m.yaml"))[1].coordinates["x"]
+    assert 0.0 < told.largest < 1e-15
+    assert told.relative < 1e-15
