@@ -181,7 +181,7 @@ class Solver:
         if double or not np.all(np.isfinite(J)) or np.linalg.matrix_rank(J) < len(free):
             return found  # a family of roots: the nearest of them has been found
         random = np.random.default_rng(3)  # the same starts each time
-        size = self._spread(relations, found.x, velocities=velocities)
+        size = self._spread(relations, x0, found.x, velocities=velocities)
         size = np.maximum(size, np.abs(x0 - found.x))
         size[size == 0] = 1.0
         metric = self.metric(free)
@@ -204,10 +204,12 @@ class Solver:
         )
         return Found(roots[0], met=True)
 
-    def _spread(self, relations: AtState, x: Floats, *, velocities: bool) -> Floats:
-        """Give how far around a root others are looked for."""
-        if velocities:
-            return np.asarray(np.maximum(np.abs(x), np.max(np.abs(x), initial=0.0)))
+    def _spread(
+        self, relations: AtState, x0: Floats, x: Floats, *, velocities: bool
+    ) -> Floats:
+        """Give how far around a root x, found from x0, others are looked for."""
+        if velocities:  # 0 may be found as 1e-60
+            return np.full(len(x), np.max(np.abs([x0, x]), initial=0.0))
         q, v = relations.state(x)
         g, places = self.e.graph, {}
         for j, name in enumerate(self.e.q):

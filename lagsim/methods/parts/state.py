@@ -113,6 +113,9 @@ class State(Memory):
     noise: Floats = array(lambda s: s.size)
     foreseen: Floats = array(lambda s: s.size)
     joined: Floats = array(lambda s: s.n)  # to which mechanism a coordinate belongs
+    linked: Floats = array(lambda s: s.n)  # ... where rows alone count, and not M
+    # The largest tolerance of what is linked, at the place of its first coordinate.
+    shared: Floats = array(lambda s: s.n)
     # Sizes, least and largest values before the last step; see `driver.keep_sizes`.
     sizes_before: Floats = array(lambda s: s.size)
     low_before: Floats = array(lambda s: s.size)

@@ -170,17 +170,48 @@ def _loads(e: Equations) -> list[int]:
     found = roundings(g, (*e.f, *e.quadrature_rates), moving)
     loads = []
     for k, (force, error) in enumerate(zip(e.f, found, strict=False)):
-        part = (1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2))
         whole = g.call("add", g.call("abs", force), error)
-        loads.append(g.call("mul", g.constant(part), whole))
+        loads.append(g.call("mul", g.constant(_part(k)), whole))
     return [*loads, *found[len(loads) :]]
+
+
+def _inertial(e: Equations, elimination: Elimination) -> list[int]:
+    """Give the rounding of M q'', where M varies and is no diagonal (n,).
+
+    Where M is close to singular (angles near gimbal lock) it is all that there is.
+    Signs are those of `_loads`.
+    """
+    g, moving = e.graph, frozenset((*e.q, "t"))
+    rates = elimination.motion()[0]
+    found = []
+    for k, row in enumerate(e.M):
+        entries = row.entries
+        parts = []
+        if len(entries) > 1:
+            for j, error in zip(
+                entries, roundings(g, entries.values(), moving), strict=True
+            ):
+                if g.depends([entries[j]]) & moving:
+                    size = g.call("add", g.call("abs", entries[j]), error)
+                    parts.append(g.call("mul", size, g.call("abs", rates[j])))
+        found.append(g.call("mul", g.constant(_part(k)), g.sum(parts)))
+    return found
+
+
+def _part(k: int) -> float:
+    """Give the sign and the part with which the rounding of a force is taken."""
+    return (1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2))
 
 
 def _rounding(e: Equations, elimination: Elimination) -> list[int]:
     """Give what rounding does to the accelerations, as `kkt.dense.rounding` does."""
     g, n = e.graph, len(e.q)
     loads = _loads(e)
-    found = [g.call("abs", x) for x in elimination.response(loads[:n])]
+    forces = [
+        g.call("add", load, load_of_mass)
+        for load, load_of_mass in zip(loads, _inertial(e, elimination), strict=False)
+    ]
+    found = [g.call("abs", x) for x in elimination.response(forces)]
     label = joined(n, [*(row.A for row in e.rows), *e.M])
     shares: dict[int, int] = {}
     squares = elimination.reactions()

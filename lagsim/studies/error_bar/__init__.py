@@ -28,7 +28,7 @@ from lagsim.run.states import MOST_STEPS, SERIES
 from lagsim.run.system.sleepers import timed
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.error_bar.allowance import BUDGET, Allowance, Price, cost, own_cost
-from lagsim.studies.error_bar.scales import STILL, beside, ranges, scales_of
+from lagsim.studies.error_bar.scales import STILL, beside, linked, ranges, scales_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -340,8 +340,9 @@ def _compared(
     parted_ways &= own > LOST * sizes
     sizes = np.where(parted_ways, own, sizes)
     moving = beside(equations, start, sizes)
+    mechanism = linked(equations, start, sizes)
     largest = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0)
-    scales, still = scales_of(sizes, moving, largest)
+    scales, still = scales_of(sizes, moving, mechanism, largest)
     return ErrorBar(
         method=plan.method,
         rtol=plan.rtol,
