@@ -58,7 +58,7 @@ def beside(equations: Equations, start: Instant, found: Floats) -> Floats:
     return _largest(_roots(equations, start), found)
 
 
-def linked(equations: Equations, start: State, found: Floats) -> Floats:
+def linked(equations: Equations, start: Instant, found: Floats) -> Floats:
     """Give `beside` of what the rows of constraints link each coordinate with (n,)."""
     labels = np.array(joined(len(found), [row.A for row in equations.rows]))
     roots = _roots(equations, start)
@@ -69,7 +69,7 @@ def linked(equations: Equations, start: State, found: Floats) -> Floats:
     return whole
 
 
-def _roots(equations: Equations, start: State) -> Floats:
+def _roots(equations: Equations, start: Instant) -> Floats:
     """Give the roots of the diagonal of M at the start (n,)."""
     values = {p.name: p.value for p in equations.model.parameters} | {"t": start.t}
     values |= dict(zip(equations.q, start.q, strict=True))
