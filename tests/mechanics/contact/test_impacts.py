@@ -87,8 +87,8 @@ def test_a_rod_that_falls_flat_without_rebound_is_not_open():
 
 
 def test_a_spinning_sphere_slips_or_rolls():
-    # It slips if mu times the impulse of the fall is less than what rolling takes, which
-    # leaves two sevenths of the spin.
+    # It slips if mu times the impulse of the fall is less than what rolling takes,
+    # which leaves two sevenths of the spin.
     r, inertia, fall = 0.1, 0.4 * 0.1**2, np.sqrt(2 * G * 0.9)
     masses, rows = [1.0, 1.0, inertia], np.array([[0.0, 1.0, 0.0], [1.0, 0.0, r]])
     body = closed(masses, rows, [CONTACT, SLIP], [-1, 0], mu=0.2)

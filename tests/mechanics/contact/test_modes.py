@@ -104,18 +104,16 @@ def rod(angle, mu):
 @pytest.mark.parametrize(("mu", "paradox"), [(1.32, False), (1.35, True)])
 def test_painleve_begins_at_four_thirds(mu, paradox):
     # The effective mass is 1 + 3 cos(a)^2 - 3 mu sin(a) cos(a): first 0 at tan a = 2.
-    rates = np.array([0.0, 1.0])
-    found = modes(rod(np.arctan(2.0), mu), np.array([-G, 0.0]), rates, none(2), none(2))
+    body, free = rod(np.arctan(2.0), mu), np.array([-G, 0.0])
+    found = modes(body, free, np.array([0.0, -1.0]), none(2), none(2))
     assert found.paradox is paradox
     if not paradox:
         force = G / (1 + 0.6 - 3 * mu * 0.4)
-        assert found.multipliers == pytest.approx([force, -mu * force], rel=1e-12)
+        assert found.multipliers == pytest.approx([force, mu * force], rel=1e-12)
 
 
 def test_it_is_no_paradox_the_other_way():
-    rates = np.array([0.0, -1.0])
-    found = modes(
-        rod(np.arctan(2.0), 2.0), np.array([-G, 0.0]), rates, none(2), none(2)
-    )
+    body, free = rod(np.arctan(2.0), 2.0), np.array([-G, 0.0])
+    found = modes(body, free, np.array([0.0, 1.0]), none(2), none(2))
     assert not found.paradox
-    assert found.multipliers[0] == pytest.approx(G / (1.6 + 2.4), rel=1e-14)
+    assert found.multipliers == pytest.approx([G / 4.0, -G / 2.0], rel=1e-14)
