@@ -106,12 +106,16 @@ def formulate(
         Where the formulation asked for is not known or cannot be had.
     """
     asked, place = settings.formulation, settings.formulation_place
+    if equations.laws and asked in ("auto", "full", "projection"):
+        return _at_times(equations, start)
     if asked == "auto":
         return _chosen(equations, start, suits)
     problems = formulation_problems(asked, place)
     if problems:
         raise InputError(problems)
     try:
+        if equations.laws:
+            raise _CannotError("the model has constraints that hold at times")
         return _ways(settings.decay)[asked](equations, start)
     except _CannotError as error:
         text = f"formulation `{asked}` cannot be had: {error}"
@@ -145,6 +149,13 @@ def _whole(
     """Give a formulation with the equations as they are."""
     choices = (Choice(f"formulation: {name}", reason),)
     return Formulation(name, Reduction(equations), start, projected, gain, choices)
+
+
+def _at_times(equations: Equations, start: Start) -> Formulation:
+    """Project onto the constraints while they hold."""
+    count = len({law.constraint for law in equations.laws})
+    reason = f"{count} constraint{'s' * (count != 1)} that hold at times"
+    return _whole(equations, start, "projection", reason, projected=True)
 
 
 def _constrained(equations: Equations) -> None:
