@@ -106,7 +106,7 @@ def formulate(
         Where the formulation asked for is not known or cannot be had.
     """
     asked, place = settings.formulation, settings.formulation_place
-    if equations.laws and asked in ("auto", "full", "projection"):
+    if equations.laws and asked == "auto":
         return _at_times(equations, start)
     if asked == "auto":
         return _chosen(equations, start, suits)
@@ -114,9 +114,11 @@ def formulate(
     if problems:
         raise InputError(problems)
     try:
+        ways = _ways(settings.decay)
         if equations.laws:
-            raise _CannotError("the model has constraints that hold at times")
-        return _ways(settings.decay)[asked](equations, start)
+            ways = {**dict.fromkeys(ways, _refused), "full": _at_times}
+            ways["projection"] = _at_times
+        return ways[asked](equations, start)
     except _CannotError as error:
         text = f"formulation `{asked}` cannot be had: {error}"
         hint = "`auto` chooses one that can be had"
@@ -156,6 +158,10 @@ def _at_times(equations: Equations, start: Start) -> Formulation:
     count = len({law.constraint for law in equations.laws})
     reason = f"{count} constraint{'s' * (count != 1)} that hold at times"
     return _whole(equations, start, "projection", reason, projected=True)
+
+
+def _refused(equations: Equations, start: Start) -> Formulation:  # noqa: ARG001
+    raise _CannotError("the model has constraints that hold at times")
 
 
 def _constrained(equations: Equations) -> None:

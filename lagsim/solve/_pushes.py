@@ -111,20 +111,22 @@ def solve(size: int, S: Floats, x: Floats) -> None:
             if abs(S[i * size + k]) > abs(S[best * size + k]):
                 best = i
         if best != k:
-            for j in range(k, size):
-                S[k * size + j], S[best * size + j] = (
-                    S[best * size + j],
-                    S[k * size + j],
-                )
-            x[k], x[best] = x[best], x[k]
+            exchange(size, k, best, S, x)
         for i in range(k + 1, size):
-            factor_i = S[i * size + k] / S[k * size + k]
-            if factor_i != 0.0:
+            share = S[i * size + k] / S[k * size + k]
+            if share != 0.0:
                 for j in range(k + 1, size):
-                    S[i * size + j] -= factor_i * S[k * size + j]
-                x[i] -= factor_i * x[k]
+                    S[i * size + j] -= share * S[k * size + j]
+                x[i] -= share * x[k]
     for back in range(size):
         k = size - 1 - back
         for j in range(k + 1, size):
             x[k] -= S[k * size + j] * x[j]
         x[k] /= S[k * size + k]
+
+
+def exchange(size: int, k: int, i: int, S: Floats, x: Floats) -> None:
+    """Exchange two rows."""
+    for j in range(k, size):
+        S[k * size + j], S[i * size + j] = S[i * size + j], S[k * size + j]
+    x[k], x[i] = x[i], x[k]

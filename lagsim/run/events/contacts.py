@@ -9,7 +9,6 @@ the time at which it comes to rest is that of the geometric series.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -18,7 +17,6 @@ import numpy as np
 from lagsim.errors import InputError, Problem
 from lagsim.mechanics.contact import impact
 from lagsim.mechanics.laws import Kind
-from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.run.decisions import Decision, Ending, Source, Turn
@@ -28,7 +26,8 @@ from lagsim.run.events.touching import Touching
 from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence as Some
+    from collections.abc import Collection
+    from collections.abc import Sequence as Some
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
@@ -186,10 +185,10 @@ class Contacts(Source):
                 if self.bounces[k] > SERIES:
                     found.events.append(Event(ends[k], "zeno", name))
                 self.bounces[k] = 0
-        found.cautions += self._told_of(here, some, change, after, result.open)
+        found.cautions += self._told_of(here, some, change, result.open)
 
     def _told_of(
-        self, here: Touching, some: Some[int], change: float, after: Floats, open_: bool
+        self, here: Touching, some: Some[int], change: float, open_: bool
     ) -> list[Caution]:
         """Warn of what the law of impacts leaves open, or gets wrong."""
         told: list[Caution] = []

@@ -19,8 +19,8 @@ from lagsim.native.graph.straight_line import Layout
 from lagsim.native.link.cache import kernel_object, object_code
 from lagsim.plan.formulation import GAIN
 from lagsim.run.system.columns import Columns
-from lagsim.run.system.laws import CODES
 from lagsim.run.system.functions import AFTER_FREEZING, functions, varying_inertias
+from lagsim.run.system.laws import CODES
 from lagsim.run.system.runner import Runner
 from lagsim.run.system.sleepers import (
     Sleeper,
@@ -217,8 +217,8 @@ class System:
         plan = self.plan
         p = Parameters.made(
             n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
-            laws=len(self.laws), surfaces=self.surfaces, elements=len(elements), loops=self.has_loops,
-            slopes_known=self.has_jacobian,
+            laws=len(self.laws), surfaces=self.surfaces, elements=len(elements),
+            loops=self.has_loops, slopes_known=self.has_jacobian,
         )  # fmt: skip
         p.augmented, p.expected, p.reference = (
             plan.augmented,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.language.derivatives import tangent
-from lagsim.methods.parts import parameters as kept
 from lagsim.mechanics.laws import Kind
+from lagsim.methods.parts import parameters as kept
 
 if TYPE_CHECKING:
     from lagsim.language.graph import Graph
