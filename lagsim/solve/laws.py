@@ -291,7 +291,8 @@ def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def is_one_sided(p: Parameters, k: int) -> bool:
     """Tell whether a law's multiplier pushes and does not pull."""
     kind = p.law_kind
-    return bool(kind[k] == CONTACT or kind[k] == FREEWHEEL)
+    code = float(kind[k])
+    return code == CONTACT or code == FREEWHEEL
 
 
 def hold_left(p: Parameters, k: int) -> float:
