@@ -20,7 +20,6 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import (
-    CONTACT,
     DRIVEN,
     FREEWHEEL,
     HELD,
@@ -291,8 +290,8 @@ def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def is_one_sided(p: Parameters, k: int) -> bool:
     """Tell whether a law's multiplier pushes and does not pull."""
     kind = p.law_kind
-    code = float(kind[k])
-    return code == CONTACT or code == FREEWHEEL
+    # These two are the first kinds.
+    return float(kind[k]) <= FREEWHEEL
 
 
 def hold_left(p: Parameters, k: int) -> float:
