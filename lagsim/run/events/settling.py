@@ -22,7 +22,7 @@ ONE_SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
 BOUNDED = (Kind.SLIP, Kind.LIMITED)
 # What opens again slowly is told from errors of the steps by this part of the tolerance
 # of its motion.
-OPENED = 1.0
+OPENED = 0.05
 
 
 class Settled(NamedTuple):
@@ -45,7 +45,8 @@ def settle(here: Touching, met: int | None, also: Collection[int]) -> Settled:
     """
     arc, p = here.arc, here.arc.system.p
     before = p.law_mode.copy()
-    leaning = np.zeros(here.count)
+    # What touches without a force may part: its gap is watched then.
+    leaning = np.array([float(law.kind in ONE_SIDED) for law in here.laws])
     if met is not None and before[met] == kept.HELD:
         leaning[met] = 1.0
         if (pair := here.laws[met].pair) >= 0:
@@ -89,11 +90,13 @@ def _chosen(here: Touching, leaning: Floats, also: Collection[int]) -> Chosen:
     if not some:
         return Chosen(mode, way, some, np.empty(0), np.empty(0), False, True)
     problem, _ = here.problem(some, np.zeros(len(some)))
+    noise = ROUNDED * here.forces[some]
+    asked = here.accelerations[some]
     found = modes(
         problem,
-        here.accelerations[some],
+        np.where(np.abs(asked) <= noise, 0.0, asked),
         rates[some],
-        ROUNDED * here.forces[some],
+        noise,
         np.maximum(here.still, 2.0 * here.arc.system.p.law_still)[some],
         leaning[some],
     )
@@ -111,17 +114,19 @@ def _set_slack(here: Touching, found: Chosen) -> None:
     slack = p.slack[K:]
     slack[:] = 0.0
     size = np.zeros(here.count)
-    for i, k in enumerate(found.some):
-        kind, mode = here.laws[k].kind, found.mode[k]
-        if mode == kept.HELD and found.D[i] > 0.0:
-            size[k] = ROUNDED * here.forces[k] / found.D[i]
+    push = dict(zip(found.some, found.D, strict=True))
+    for k, law in enumerate(here.laws):
+        mode = found.mode[k]
+        if mode == kept.HELD and push[k] > 0.0:
+            size[k] = ROUNDED * here.forces[k] / push[k]
         elif mode == kept.DRIVEN:
             size[k] = here.still[k]
-        elif kind in ONE_SIDED:
-            position = kind is Kind.CONTACT
-            reach = here.reach[0 if position else 1][k]
+        elif mode == kept.OFF and law.kind in ONE_SIDED:
+            position = law.kind is Kind.CONTACT
             noise = here.slack[k] if position else here.still[k]
-            size[k] = noise + OPENED * rtol * reach
+            size[k] = noise if here.gaps[k] <= noise else 0.0
+            if k in push:  # it touches, and parts without a speed
+                size[k] += OPENED * rtol * here.reach[0 if position else 1][k]
     p.law_still[:] = 0.0
     for k, law in enumerate(here.laws):
         if law.pair >= 0:

@@ -83,8 +83,10 @@ class Touching:
             found[m + 2 * L :],
         )  # fmt: skip
         self.accelerations = self.rows @ a - b
-        # What a force could do to each row, whatever it is balanced by.
-        self.forces = np.abs(self.rows) @ np.abs(a) + np.abs(b)
+        # What forces do to each row, or have done in the last step: where they balance,
+        # or vanish, rounding is that of their terms.
+        pushed = np.maximum(np.abs(a), arc.state.parts[:n])
+        self.forces = np.abs(self.rows) @ pushed + np.abs(b)
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Tell which laws could act: a slip with its contact.
