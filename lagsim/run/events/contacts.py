@@ -94,7 +94,8 @@ class Contacts(Source):
             raise InputError([_impossible(found.ending)])
         return Decision(
             events=tuple(found.events), cautions=tuple(found.cautions), y=found.y,
-            rows=found.rows, ending=found.ending,
+            sizes=np.maximum(arc.sizes, np.abs(found.y)), rows=found.rows,
+            ending=found.ending,
         )  # fmt: skip
 
     def _names(self, some: Collection[int]) -> str:
@@ -166,6 +167,12 @@ class Contacts(Source):
                     ends[k], e[i] = arc.t + left, 0.0
         problem, response = here.problem(some, e)
         result = impact(problem, here.rates[list(some)], here.still[list(some)])
+        # A flight that begins a rounding below the ground would end one farther below.
+        deep = [i for i, k in enumerate(some) if here.is_below(k)]
+        if deep:
+            D = problem.D[np.ix_(deep, deep)]
+            gaps = here.gaps[[some[i] for i in deep]]
+            found.y[:n] -= response[:, deep] @ np.linalg.lstsq(D, gaps, rcond=None)[0]
         found.y[n : 2 * n] += response @ result.impulses
         change = arc.observed(found.y)[energy] - found.rows[0, energy]
         found.y[2 * n] += change

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 # What rounding leaves of a sum of terms of this size.
 ROUNDED = 2.0**-46
+# A flight this many times higher than rounding is one.
+HIGHER = 16.0
 # Units in the last place of the time within which two events are at one time.
 MOMENTS = 8.0
 
@@ -62,7 +64,9 @@ class Touching:
         moment = MOMENTS * np.spacing(abs(arc.t))
         sizes = np.maximum(rate_scales[first:], slopes @ seen[n : 2 * n])
         self.still = ROUNDED * sizes
-        held = np.maximum(gap_scales[first:], slopes @ seen[:n])
+        # Of what has not moved yet: by where it will soon be.
+        soon = seen[:n] + arc.settings.output_step * np.abs(y[n : 2 * n])
+        held = np.maximum(gap_scales[first:], slopes @ soon)
         self.slack = ROUNDED * held + moment * np.abs(self.rates)
         self.reach = slopes @ ranges[:n], slopes @ ranges[n : 2 * n]
         self._let_go()
@@ -113,6 +117,10 @@ class Touching:
             return bool(abs(rate) > self.still[k])
         return kind is not Kind.SLIP and bool(rate < -self.still[k])
 
+    def is_below(self, k: int) -> bool:
+        """Tell whether rounding has left a contact's gap below 0."""
+        return self.laws[k].kind is Kind.CONTACT and bool(self.gaps[k] < 0.0)
+
     def is_off(self, k: int, part: float) -> bool:
         """Tell whether a residual is off by more than a part of how it has moved."""
         residual = self.residuals[k]
@@ -121,13 +129,15 @@ class Touching:
     def rest(self, k: int, restitution: float) -> float | None:
         """Give the time for which a contact goes on to bounce if that is no motion.
 
-        Its next flight is no higher than the tolerance of how far it has moved.
+        Its next flight is no higher than the tolerance of how far it has moved, or than
+        rounding.
         """
         speed, fall = -restitution * self.rates[k], -self.accelerations[k]
         if not fall > 0.0:
             return None
         height = speed * speed / (2.0 * fall)
-        if height > self.arc.plan.tolerance * self.reach[0][k]:
+        told = self.arc.plan.tolerance * self.reach[0][k]
+        if height > max(told, HIGHER * self.slack[k]):
             return None
         left = 2.0 * speed / fall
         return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
