@@ -1,0 +1,208 @@
+"""Which rows hold, slide or let go: from accelerations at rates that are known.
+
+What slides is driven by a force of known direction. What rests holds if a multiplier
+within its bound does it, and otherwise begins to slide against it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.mechanics.contact.closed import Mode
+from lagsim.mechanics.contact.edges import ROUNDING, on_edges
+from lagsim.mechanics.contact.problem import (
+    Problem,
+    Role,
+    Solution,
+    expressed,
+    polished,
+    residual,
+    solve,
+)
+from lagsim.mechanics.laws import Kind
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.contact.closed import Closed
+
+
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """What all rows do, r of them.
+
+    Attributes
+    ----------
+    mode : tuple of Mode
+        Held rows are independent of each other.
+    way : ndarray, shape (r,)
+        Of a driven row: its multiplier is way times its bound. An implied row
+        without a way has none; with a way, it stays at its (static) bound.
+    multipliers, accelerations : ndarray, shape (r,)
+    paradox : bool
+        Painlevé's: no solution, or a sliding contact whose effective mass is not
+        positive, so that more than one may be.
+    unique : bool
+        The multipliers are determined.
+    residual : float
+        Of the laws, relative to the accelerations.
+    """
+
+    mode: tuple[Mode, ...]
+    way: Floats
+    multipliers: Floats
+    accelerations: Floats
+    paradox: bool
+    unique: bool
+    residual: float
+
+
+def modes(
+    closed: Closed,
+    accelerations: Floats,
+    rates: Floats,
+    noise: Floats,
+    slip_noise: Floats,
+    leaning: Floats | None = None,
+) -> Modes:
+    """Decide what the rows do.
+
+    Parameters
+    ----------
+    accelerations : ndarray, shape (r,)
+        Of the rows, with no multiplier of theirs.
+    rates : ndarray, shape (r,)
+        Of slips and limited rows; those larger than slip_noise (r,) slide.
+    noise : ndarray, shape (r,)
+        Accelerations that are smaller count as 0.
+    leaning : ndarray, shape (r,), optional
+        What decides about rows on an edge, which would hold: a contact with neither
+        force nor acceleration is let go where this is > 0, and a row that rests at its
+        bound begins to slide where this is not 0.
+    """
+    lean = np.zeros(len(noise)) if leaning is None else leaning
+    problem = _problem(closed, accelerations, rates, slip_noise)
+    solution = solve(problem)
+    if not solution.found:
+        return _none(solution, len(noise))
+    modes, ways = on_edges(closed, problem, solution, noise, lean)
+    while sliding := _begins(closed, problem, modes):
+        problem = _sliding(closed, problem, sliding, ways)
+        solution = solve(problem)
+        if not solution.found:
+            return _none(solution, len(noise))
+        modes, ways = on_edges(closed, problem, solution, noise, lean)
+    p = polished(problem, modes, ways, closed.factor)
+    return Modes(
+        tuple(modes),
+        np.array(ways),
+        p,
+        closed.D @ p + accelerations,
+        _jams(closed, problem, modes, ways),
+        Mode.IMPLIED not in modes,
+        residual(problem, p),
+    )
+
+
+def _none(solution: Solution, r: int) -> Modes:
+    """Say that the laws contradict each other."""
+    nothing, off = np.zeros(r), (Mode.OFF,) * r
+    return Modes(off, nothing, nothing, solution.w, True, False, solution.residual)
+
+
+def _jams(
+    closed: Closed, problem: Problem, modes: list[Mode], ways: list[float]
+) -> bool:
+    """Tell whether a contact that slides has an effective mass that is not positive.
+
+    Pressing on it then does not push it away: each alone, and those that hold together.
+    """
+    sliding = [mode if ways[k] else Mode.OFF for k, mode in enumerate(modes)]
+    if Mode.DRIVEN not in sliding:
+        return False
+    touching = [
+        Mode.HELD if role in (Role.SIGNED, Role.FREE) else mode
+        for role, mode in zip(problem.roles, sliding, strict=True)
+    ]
+    free = [k for k, role in enumerate(problem.roles) if role is Role.FREE]
+    G = closed.D @ expressed(problem, touching, ways)[0]
+    masses = G.diagonal()
+    if free:
+        X = np.linalg.lstsq(G[np.ix_(free, free)], G[free], rcond=None)[0]
+        masses = masses - np.einsum("ij,ji->i", G[:, free], X)
+    for k, role in enumerate(problem.roles):
+        if role is Role.SIGNED and masses[k] <= ROUNDING * closed.D[k, k]:
+            return bool(closed.D[k, k])
+    held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
+    B = (closed.D @ expressed(problem, modes, ways)[0])[np.ix_(held, held)]
+    s = np.sqrt(closed.D.diagonal()[held])
+    return bool(np.linalg.det(B / np.outer(s, s)) < 0.0)
+
+
+def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> list[int]:
+    """Give the rows that begin to slide under a bound that is not the one at rest."""
+    return [
+        k
+        for k, mode in enumerate(modes)
+        if mode is Mode.DRIVEN
+        and problem.roles[k] is Role.BOXED
+        and closed.statics[k] != closed.bounds[k]
+    ]
+
+
+def _problem(
+    closed: Closed, accelerations: Floats, rates: Floats, slip_noise: Floats
+) -> Problem:
+    """Make what slides a given force against its slip, what rests a bounded one."""
+    ways, roles, sizes = [], [], []
+    quiet = np.broadcast_to(slip_noise, rates.shape)
+    for k, kind in enumerate(closed.kinds):
+        role, way = _ROLES[kind], 0.0
+        if role is Role.BOXED:
+            j = closed.pairs[k]
+            slip = abs(rates[k]) if j < 0 else float(np.hypot(rates[k], rates[j]))
+            if slip > quiet[k]:
+                role, way = Role.GIVEN, -rates[k] / slip
+        ways.append(way)
+        roles.append(role)
+        sizes.append(closed.statics[k] if role is Role.BOXED else closed.bounds[k])
+    touching = closed.normals
+    return Problem(
+        closed.D,
+        list(accelerations),
+        roles,
+        [x if n < 0 else 0.0 for x, n in zip(sizes, touching, strict=True)],
+        [x if n >= 0 else 0.0 for x, n in zip(sizes, touching, strict=True)],
+        ways,
+        touching,
+        closed.pairs,
+    )
+
+
+_ROLES = {
+    Kind.CONTACT: Role.SIGNED,
+    Kind.FREEWHEEL: Role.SIGNED,
+    Kind.SLIP: Role.BOXED,
+    Kind.LIMITED: Role.BOXED,
+    Kind.TIMED: Role.FREE,
+}
+
+
+def _sliding(
+    closed: Closed, problem: Problem, rows: list[int], ways: list[float]
+) -> Problem:
+    """Give the problem where boxed rows have begun to slide."""
+    changed = replace(
+        problem,
+        roles=list(problem.roles),
+        ways=list(problem.ways),
+        limits=list(problem.limits),
+        mus=list(problem.mus),
+    )
+    for k in rows:
+        changed.roles[k], changed.ways[k] = Role.GIVEN, ways[k]
+        sizes = changed.limits if problem.normals[k] < 0 else changed.mus
+        sizes[k] = float(closed.bounds[k])
+    return changed
