@@ -153,7 +153,7 @@ class Arc:
         And is looked at again at the time `ahead`, if that comes before its end.
         """
         settings, runner, state = self.settings, self.runner, self.state
-        if self.system.surfaces:
+        if self.system.watched:
             name = self.plan.method
             # Sliding is written for y' alone.
             name = SLIDING if self.slides and method(name).NEEDS else name

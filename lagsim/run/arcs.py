@@ -144,7 +144,7 @@ class Run:
         arc = self.arc
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
         ends |= code == at.PAUSED and arc.is_looked_at
-        more = arc.t < arc.settings.end or arc.system.surfaces
+        more = arc.t < arc.settings.end or arc.system.watched
         if not (ends and more and arc.system.m):
             return None
         from lagsim.run.events.impacts import row_before
@@ -184,8 +184,10 @@ class Run:
             self.recorder.hand_on(decision.rows)
         if decision.y is not None:
             arc.put(decision.y)
-        if decision.rows is not None and arc.row_time(0) > arc.t:
+        if decision.rows is not None:
             self._emit(arc.row())
+            if arc.row_time(0) == arc.t:
+                arc.tell({"row": arc.state.row + 1.0})
 
     def _set_out(self, ahead: float) -> None:
         """Begin an arc at the state reached, to be looked at again at `ahead`."""
@@ -241,6 +243,10 @@ def _sources(arc: Arc) -> Iterator[Source]:
         from lagsim.run.events.switching import Switching
 
         yield Switching(arc)
+    if arc.system.laws:
+        from lagsim.run.events.contacts import Contacts
+
+        yield Contacts(arc)
     yield Dependence()
     yield RankLosses()
     yield Stiffness(arc)

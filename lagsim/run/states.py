@@ -59,14 +59,12 @@ def empty_state(runner: Runner) -> State:
         n=system.n,
         size=system.size,
         signals=len(system.sleepers),
-        surfaces=system.surfaces,
+        surfaces=system.watched,
         inertias=len(system.inertias),
     )
     state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
     state.powers[:] = [sleeper.power for sleeper in system.sleepers]
-    state.joined[:] = joined(
-        system.n, [*(row.A for row in system.equations.rows), *system.equations.M]
-    )
+    state.joined[:] = joined(system.n, [*system.equations.slopes, *system.equations.M])
     return state
 
 

@@ -58,7 +58,12 @@ def functions(
     found["inertias"] = list(varying_inertias(equations, plan).values())
     if equations.model.until:
         found["until"] = [equations.model.until.node]
-    if plan.elimination is None:
+    if equations.laws:
+        from lagsim.run.system.laws import law_functions
+
+        found |= law_functions(equations, columns)
+        found["loads"] = _loads(equations)
+    elif plan.elimination is None:
         found |= _terms(equations, columns)
         found["loads"] = _loads(equations)
     else:
@@ -183,7 +188,7 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
     g, n = e.graph, len(e.q)
     loads = _loads(e)
     found = [g.call("abs", x) for x in elimination.response(loads[:n])]
-    label = joined(n, [*(row.A for row in e.rows), *e.M])
+    label = joined(n, [*e.slopes, *e.M])
     shares: dict[int, int] = {}
     squares = elimination.reactions()
     for row, square in zip(e.rows, squares, strict=True):

@@ -81,7 +81,7 @@ def not_held(
     for name, residual, part, values in ledger.constraints_off(HELD):
         if not math.isfinite(residual):
             return name, part
-        row = next(r for r in equations.rows if r.name == name)
+        row = equations.row(name)
         moved = witness.ranges[1 : 1 + n]
         seed = NEIGHBOURS * beside(equations, start, moved)
         if not row.holonomic:

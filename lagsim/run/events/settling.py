@@ -1,0 +1,153 @@
+"""Which laws hold from a state on, nothing striking: decided by the accelerations."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.mechanics.contact import modes
+from lagsim.mechanics.laws import Kind
+from lagsim.methods.parts import parameters as kept
+from lagsim.notes import Event
+from lagsim.run.events.touching import ROUNDED
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
+    from lagsim.language.arrays import Floats
+    from lagsim.run.events.touching import Touching
+
+ONE_SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
+BOUNDED = (Kind.SLIP, Kind.LIMITED)
+# What opens again slowly is told from errors of the steps by this part of the tolerance
+# of its motion.
+OPENED = 0.05
+
+
+class Settled(NamedTuple):
+    """What has changed; whether there is no way on, or one of several."""
+
+    events: tuple[Event, ...]
+    paradox: bool
+    unique: bool
+
+
+def settle(here: Touching, met: int | None, also: Collection[int]) -> Settled:
+    """Set the modes at a state.
+
+    Parameters
+    ----------
+    met
+        The law whose mode has just ended: on the edge, it does not go on.
+    also
+        Laws that are closed whatever their gaps are.
+    """
+    arc, p = here.arc, here.arc.system.p
+    before = p.law_mode.copy()
+    # What touches without a force may part: its gap is watched then.
+    leaning = np.array([float(law.kind in ONE_SIDED) for law in here.laws])
+    if met is not None and before[met] == kept.HELD:
+        leaning[met] = 1.0
+        if (pair := here.laws[met].pair) >= 0:
+            leaning[pair] = 1.0
+    found = _chosen(here, leaning, also)
+    p.law_mode[:], p.law_way[:] = found.mode, found.way
+    on = (found.mode == kept.HELD) | (found.mode == kept.DRIVEN)
+    p.law_forces = float(np.any(on))
+    _set_slack(here, found)
+    events = tuple(_changes(here, before)) if arc.steps else ()
+    return Settled(events, found.paradox, found.unique)
+
+
+class Chosen(NamedTuple):
+    """The modes of all laws, and how they came about.
+
+    some : the laws that could act; multipliers : theirs; D : their diagonal of D.
+    """
+
+    mode: Floats
+    way: Floats
+    some: list[int]
+    multipliers: Floats
+    D: Floats
+    paradox: bool
+    unique: bool
+
+
+def _chosen(here: Touching, leaning: Floats, also: Collection[int]) -> Chosen:
+    """Let the accelerations choose among what is closed and does not separate."""
+    laws, L, rates = here.laws, here.count, here.rates
+    closed = here.is_closed(also)
+    some: list[int] = []
+    for k, law in enumerate(laws):
+        leaves = law.kind in ONE_SIDED and rates[k] > here.still[k]
+        if law.kind is Kind.SLIP:
+            leaves = law.normal not in some
+        if closed[k] and not leaves:
+            some.append(k)
+    mode, way = np.zeros(L), np.zeros(L)
+    if not some:
+        return Chosen(mode, way, some, np.empty(0), np.empty(0), False, True)
+    problem, _ = here.problem(some, np.zeros(len(some)))
+    noise = ROUNDED * here.forces[some]
+    asked = here.accelerations[some]
+    found = modes(
+        problem,
+        np.where(np.abs(asked) <= noise, 0.0, asked),
+        rates[some],
+        noise,
+        np.maximum(here.still, 2.0 * here.arc.system.p.law_still)[some],
+        leaning[some],
+    )
+    mode[some], way[some] = [float(x) for x in found.mode], found.way
+    diagonal = np.diag(problem.D).copy()
+    return Chosen(
+        mode, way, some, found.multipliers, diagonal, found.paradox, found.unique
+    )
+
+
+def _set_slack(here: Touching, found: Chosen) -> None:
+    """Let rounding not end a mode that has just begun."""
+    arc, p, K = here.arc, here.arc.system.p, here.arc.system.surfaces
+    rtol = arc.plan.tolerance
+    slack = p.slack[K:]
+    slack[:] = 0.0
+    size = np.zeros(here.count)
+    push = dict(zip(found.some, found.D, strict=True))
+    for k, law in enumerate(here.laws):
+        mode = found.mode[k]
+        if mode == kept.HELD and push[k] > 0.0:
+            size[k] = ROUNDED * here.forces[k] / push[k]
+        elif mode == kept.DRIVEN:
+            size[k] = here.still[k]
+        elif mode == kept.OFF and law.kind in ONE_SIDED:
+            position = law.kind is Kind.CONTACT
+            noise = here.slack[k] if position else here.still[k]
+            size[k] = noise if here.gaps[k] <= noise else 0.0
+            if k in push:  # it touches, and parts without a speed
+                size[k] += OPENED * rtol * here.reach[0 if position else 1][k]
+    p.law_still[:] = 0.0
+    for k, law in enumerate(here.laws):
+        if law.pair >= 0:
+            p.law_still[k] = max(4.0 * here.still[k], rtol * here.reach[1][k])
+    margins = arc.runner.margins(arc.t, here.y)[K:]
+    slack[:] = size + 2.0 * np.maximum(0.0, -margins)
+    p.band[K:] = 0.0
+
+
+def _changes(here: Touching, before: Floats) -> Iterator[Event]:
+    """Tell what holds now and did not, and the other way round."""
+    t, now = here.arc.t, here.arc.system.p.law_mode
+    for k, law in enumerate(here.laws):
+        name = law.constraint
+        if law.kind in BOUNDED:
+            twice = 0 <= law.pair < k
+            if before[k] == kept.HELD and now[k] == kept.DRIVEN and not twice:
+                yield Event(t, "slip", name)
+            elif before[k] == kept.DRIVEN and now[k] == kept.HELD and not twice:
+                yield Event(t, "stick", name)
+        elif before[k] == kept.OFF and now[k] != kept.OFF:
+            yield Event(t, "contact", name)
+        elif before[k] != kept.OFF and now[k] == kept.OFF:
+            yield Event(t, "release", name)
