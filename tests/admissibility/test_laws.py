@@ -85,6 +85,19 @@ class TestContacts:
             -1.0, "impact", False,
         )  # fmt: skip
 
+    @pytest.mark.parametrize(("off", "mode"), [(1e-13, "sticks"), (1e-11, "slides")])
+    def test_a_slip_of_numbers_computed_elsewhere_is_none(self, off, mode):
+        """A wheel that rolls, its rates known to 1e-12 of its motion."""
+        text = """
+coordinates: {x: {}, y: {}, q: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2 + q_dot^2)/2, potential: 9.81*y}
+constraints:
+  floor: {relation: y >= 0, restitution: 0, friction: 0.5, slip: x_dot - q_dot}
+initial: {x: 0, y: 0, q: 0, x_dot: 3, q_dot: SPIN}
+"""
+        found = only(looked_at(text.replace("SPIN", repr(3 * (1 + off)))))
+        assert found.mode == mode
+
     def test_contacts_take_no_freedom(self):
         assert looked_at(block()).degrees_of_freedom == 2
 
