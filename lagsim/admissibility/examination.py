@@ -360,6 +360,8 @@ class _Examiner:
 
         Of positions, or of velocities; with `free`, only where these values matter.
         """
+        if not self.e.laws:
+            return False
         errors = self.point.solved_errors(q, v, (self.q0, self.v0))
         missed = {
             x.name

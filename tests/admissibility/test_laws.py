@@ -77,6 +77,18 @@ class TestContacts:
         found = only(looked_at(text))
         assert (found.position.value, found.rate.value) == (0.25, -2.0)
 
+    # The disc of friction, mu g = 2.943, not the square around it.
+    @pytest.mark.parametrize(("pull", "mode"), [(2.0, "sticks"), (2.2, "slides")])
+    def test_two_slips(self, pull, mode):
+        text = """
+coordinates: {x: {}, y: {}, z: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*y - F*(x + z)}
+constraints:
+  floor: {relation: y >= 0, restitution: 0, friction: 0.3, slip: [x_dot, z_dot]}
+initial: {x: 0, y: 0, z: 0}
+""".replace("F", repr(pull))
+        assert only(looked_at(text)).mode == mode
+
     def test_a_moving_obstacle_counts_in_the_rate(self):
         # The floor rises at 3 sin(0) + 1: the gap closes, though the block is at rest.
         text = block().replace("y >= 0,", "'y >= t + 3*(1 - cos(t))',")
