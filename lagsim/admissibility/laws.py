@@ -104,7 +104,7 @@ def _verdict(law: Law, value: Residual, rate: Residual, *, in_force: bool) -> Ve
     signed = law.kind in _ONE_SIDED
     kind = "holonomic" if row.holonomic else "nonholonomic"
     active = in_force
-    if signed:
+    if signed and in_force:
         active = value.value <= max(value.rounding, value.floor)
     return Verdict(
         name=law.constraint,
@@ -113,7 +113,7 @@ def _verdict(law: Law, value: Residual, rate: Residual, *, in_force: bool) -> Ve
         pfaffian=None if row.holonomic else row.pfaffian,
         position=value,
         velocity=rate if row.holonomic and not signed else None,
-        judged=signed,
+        judged=signed and in_force,
         rate=rate,
         active=active,
         holds=None if in_force else False,

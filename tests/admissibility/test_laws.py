@@ -305,6 +305,22 @@ class TestTimes:
         assert found.velocity.value == 1.0
         assert start.degrees_of_freedom == 2
 
+    @pytest.mark.parametrize(("condition", "mode"), [("<", "closed"), (">", "")])
+    def test_contacts(self, condition, mode):
+        """A floor that is taken away; below it nothing is judged when it is."""
+        text = """
+coordinates: {y: {}}
+energy: {kinetic: y_dot^2/2, potential: 9.81*y}
+constraints: {floor: {relation: y >= 0, restitution: 0, when: t < 1}}
+initial: {y: START}
+"""
+        text = text.replace("t <", f"t {condition}")
+        touching = only(looked_at(text.replace("START", "0")))
+        assert touching.mode == (mode or "out of force")
+        assert touching.active is bool(mode)
+        below = looked_at(text.replace("START", "-1"))
+        assert below.admissible is not bool(mode)
+
     def test_beside_rows_that_always_hold(self):
         text = SHAFTS.replace(
             "{c: LAW}", "{c: {relation: a = b, when: t < T}, d: 2*a = 2*b}"
