@@ -159,7 +159,10 @@ class Run:
             return decision.ending
         if turn is Turn.MODES:
             for source in self.sources:
-                self._take(source.begin(self.arc))
+                begun = source.begin(self.arc)
+                self._take(begun)
+                if begun.ending is not None:
+                    return begun.ending
         held = self.arc.plan.projected or turn is Turn.MODE
         if before is not None and held and turn is not Turn.ARC:
             from lagsim.run.events.impacts import impact

@@ -181,7 +181,7 @@ class Contacts(Source):
         largest = np.max(np.abs(result.impulses), initial=0.0)
         for i, k in enumerate(some):
             kind, name = self.laws[k].kind, self.laws[k].constraint
-            if kind is Kind.SLIP or result.impulses[i] <= NO_IMPULSE * largest:
+            if kind is Kind.SLIP or abs(result.impulses[i]) <= NO_IMPULSE * largest:
                 continue
             rates = float(here.rates[k]), float(after[i])
             found.events.append(
