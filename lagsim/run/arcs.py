@@ -198,7 +198,7 @@ class Run:
         arc.tell(decision.numbers)
         if decision.sizes is not None:
             arc.expect(decision.sizes)
-        if decision.rows is not None:
+        if decision.rows is not None and arc.row_time(-1) < arc.t:
             self.recorder.hand_on(decision.rows)
         if decision.y is not None:
             arc.put(decision.y)

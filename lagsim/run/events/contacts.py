@@ -81,6 +81,7 @@ class Contacts(Source):
         k = int(arc.state.switched) - 1 - arc.system.surfaces
         if code != at.SWITCH_FOUND or k < 0:
             return None
+        arc.meet_row()
         self.sequence.add(arc.t, k)
         found = self._through(arc, k)
         if self.sequence.is_stuck() and found.ending is None:

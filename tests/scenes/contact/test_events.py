@@ -207,7 +207,8 @@ def test_a_contact_on_a_switch_of_a_force():
     )  # fmt: skip
     found = play(text)
     assert found.times("impact", "stop")[:3] == pytest.approx([1, 2, 2.5], abs=GLOBAL)
-    assert found.times("zeno", "stop") == pytest.approx([3], abs=GLOBAL)
+    # Which of the two comes to rest first, contact or switch, does not matter.
+    assert found.times("zeno") == pytest.approx([3], abs=GLOBAL)
     rests = found.t > 3 + 1e-6
     assert np.max(np.abs(found["x"][rests])) < 1e-12
     assert np.all(found["lambda_stop"] >= 0)
