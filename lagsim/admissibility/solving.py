@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility.point import AtState, Point
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.constraints import Row
 
 # Other roots are looked for from this many starts around the guess, this far away.
 OTHER_STARTS = 16
@@ -40,8 +41,8 @@ class Solver:
         self.unsolved = self.least = ""
         # Positions were found as a double root, and are known to half of the digits.
         self.double = False
-        # One-sided relations that are to be met as equalities: name -> gap.
-        self.touching: dict[str, int] = {}
+        # One-sided relations that are to be met as equalities.
+        self.touching: dict[str, Row] = {}
 
     def metric(self, free: Sequence[int]) -> Floats:
         """Give the metric of least change on the values `free`: M as it was stated."""
@@ -66,14 +67,11 @@ class Solver:
     def asked(self, *, velocities: bool, definitions: bool = True) -> Asked:
         """Give what is asked of positions, or of velocities."""
         asked, g = Asked(), self.e.graph
-        for row in self.e.rows:
-            if velocities:
-                asked.add(row.name, row.rate, row.rate_scale)
-            elif row.holonomic:
+        for row in (*self.e.rows, *self.touching.values()):
+            if not velocities and row.holonomic:
                 asked.add(row.name, row.residual, row.residual_scale)
-        if not velocities:
-            for name, gap in self.touching.items():
-                asked.add(name, gap, g.call("abs", gap))
+            elif velocities and (not row.holonomic or row.name not in self.touching):
+                asked.add(row.name, row.rate, row.rate_scale)
         names = frozenset(self.e.velocities)
         for wanted in self.e.model.initial if definitions else ():
             node = wanted.node

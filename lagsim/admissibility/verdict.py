@@ -108,6 +108,17 @@ class Verdict:
         Of a Pfaffian relation alone; None where it is undecided, or is no question.
     undecided : str
         Why `integrable` is None, where it is a question.
+    judged : bool
+        Whether a start has to meet it.
+    rate : Residual or None
+        Of what holds only at times: the rate of a gap, a slip.
+    active : bool or None
+        Whether a contact touches, a freewheel may engage, another one is in force; None
+        of equalities that always are.
+    holds : bool or None
+        Whether it acts there; None where that was not decided.
+    mode : str
+        What it does.
     """
 
     name: str
@@ -119,10 +130,17 @@ class Verdict:
     redundant: bool = False
     integrable: bool | None = None
     undecided: str = ""
+    judged: bool = True
+    rate: Residual | None = None
+    active: bool | None = None
+    holds: bool | None = None
+    mode: str = ""
 
     @property
     def satisfied(self) -> bool:
         """Whether position and velocity meet the relation."""
+        if not self.judged:
+            return True
         if self.kind == ONE_SIDED:
             return self.position.value >= -self.position.bound
         return self.position.met and (self.velocity is None or self.velocity.met)
@@ -249,19 +267,6 @@ class _Bodies:
         return sorted(seen)
 
 
-def judge_gaps(
-    point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
-) -> list[Verdict]:
-    """Judge the one-sided constraints: their gaps must not be negative."""
-    contacts = [c for c in point.e.model.constraints if c.law is not None]
-    nodes = [c.relation.node for c in contacts]
-    gaps = _measured(point, nodes, [0.0] * len(nodes), (q, v), errors)
-    return [
-        Verdict(c.name, ONE_SIDED, "t" not in point.g.depends([node]), None, gap, None)
-        for c, node, gap in zip(contacts, nodes, gaps, strict=True)
-    ]
-
-
 def judge_starts(
     point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
 ) -> list[Verdict]:
@@ -269,15 +274,15 @@ def judge_starts(
     found = []
     values = [w for w in point.e.model.initial if w.node is not None]
     nodes = [w.node for w in values if w.node is not None]
-    measured = _measured(point, nodes, [w.value for w in values], (q, v), errors)
-    for wanted, residual in zip(values, measured, strict=True):
+    left = measured(point, nodes, [w.value for w in values], (q, v), errors)
+    for wanted, residual in zip(values, left, strict=True):
         missed = replace(residual, rounding=residual.rounding + CAUTION * wanted.error)
         name = f"{wanted.name}: {wanted.text}"
         found.append(Verdict(name, START_VALUE, True, None, missed, None))
     return found
 
 
-def _measured(
+def measured(
     point: Point,
     nodes: Sequence[int],
     targets: Sequence[float],

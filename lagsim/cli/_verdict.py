@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.admissibility.verdict import START_VALUE
+from lagsim.admissibility.verdict import ONE_SIDED, START_VALUE
 from lagsim.cli._shared import coloured, counted, table
 
 if TYPE_CHECKING:
@@ -23,8 +23,11 @@ def report(
     repair: bool = False,
 ) -> str:
     """Give the report for people; its first line is the verdict."""
-    name, rows = equations.model.name, equations.rows
-    rank = f" of rank {start.ranks.rank}" if rows else ""
+    name = equations.model.name
+    rows: Sequence[object] = equations.rows
+    if equations.laws:
+        rows = equations.model.constraints
+    rank = f" of rank {start.rank}" if rows else ""
     freedom = counted(start.degrees_of_freedom, "degree")
     if start.admissible:
         head = coloured("admissible", "32") + f": {name}"
@@ -85,7 +88,21 @@ def _described(verdict: Verdict) -> str:
     text = f"{', '.join(words)}; residual {residual:.3g}"
     if verdict.velocity is not None:
         text += f", of its rate {verdict.velocity.value + 0.0:.3g}"
+    if verdict.active is not None:
+        text = f"{', '.join(words)}; {_standing(verdict, residual)}"
     return text + ("" if verdict.satisfied else "  <- violated")
+
+
+def _standing(verdict: Verdict, residual: float) -> str:
+    """Say what a constraint does that holds only at times."""
+    what = "residual"
+    if verdict.kind == ONE_SIDED:
+        what = "rate" if verdict.pfaffian is not None else "gap"
+    text = f"{what} {residual:.3g}"
+    if what == "gap" and verdict.rate is not None:
+        text += f", its rate {verdict.rate.value + 0.0:.3g}"
+        text += "; touches" if verdict.active else ""
+    return f"{text}; {verdict.mode}" if verdict.mode else text
 
 
 def _reached(equations: Equations, start: Examination) -> list[str]:
