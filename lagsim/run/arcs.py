@@ -95,8 +95,7 @@ class Run:
 
     def begin(self) -> None:
         """Begin the first arc."""
-        for source in self.sources:
-            self._take(source.begin(self.arc))
+        self._set_modes()
         self._set_out(self.arc.settings.end)
 
     def advance(self, most_steps: int, arc_steps: float = 0.0) -> Ending | None:
@@ -132,7 +131,7 @@ class Run:
         for source in self.sources:
             decision = source.decide(arc, code)
             if decision is not None:
-                return self._act(decision, before)
+                return self._act(source, decision, before)
         if code == at.DONE:
             return Ending(Outcome.DONE)
         if code == at.EVENT_FOUND:
@@ -151,15 +150,18 @@ class Run:
 
         return row_before(arc)
 
-    def _act(self, decision: Decision, before: Floats | None) -> Ending | None:
+    def _act(
+        self, source: Source, decision: Decision, before: Floats | None
+    ) -> Ending | None:
         """Do what a source has decided."""
         self._take(decision)
         turn = decision.turn
         if decision.ending is not None or turn is Turn.NONE:
             return decision.ending
-        if turn is Turn.MODES:
-            for source in self.sources:
-                self._take(source.begin(self.arc))
+        if turn is Turn.MODES or (turn is Turn.MODE and self.arc.system.laws):
+            ending = self._set_modes(source if turn is Turn.MODE else None)
+            if ending is not None:
+                return ending
         held = self.arc.plan.projected or turn is Turn.MODE
         if before is not None and held and turn is not Turn.ARC:
             from lagsim.run.events.impacts import impact
@@ -171,6 +173,22 @@ class Run:
         self._set_out(decision.ahead)
         return None
 
+    def _set_modes(self, but: Source | None = None) -> Ending | None:
+        """Let all sources set their modes, but for one; all where something strikes."""
+        struck = True
+        while struck:
+            struck = False
+            for source in self.sources:
+                if source is but:
+                    continue
+                begun = source.begin(self.arc)
+                self._take(begun)
+                if begun.ending is not None:
+                    return begun.ending
+                struck |= begun.rows is not None
+            but = None
+        return None
+
     def _take(self, decision: Decision) -> None:
         """Take over what a decision says of the arc, and keep the rest."""
         self.recorder.keep(decision)
@@ -180,7 +198,7 @@ class Run:
         arc.tell(decision.numbers)
         if decision.sizes is not None:
             arc.expect(decision.sizes)
-        if decision.rows is not None:
+        if decision.rows is not None and arc.row_time(-1) < arc.t:
             self.recorder.hand_on(decision.rows)
         if decision.y is not None:
             arc.put(decision.y)

@@ -81,6 +81,7 @@ class Contacts(Source):
         k = int(arc.state.switched) - 1 - arc.system.surfaces
         if code != at.SWITCH_FOUND or k < 0:
             return None
+        arc.meet_row()
         self.sequence.add(arc.t, k)
         found = self._through(arc, k)
         if self.sequence.is_stuck() and found.ending is None:
@@ -181,7 +182,7 @@ class Contacts(Source):
         largest = np.max(np.abs(result.impulses), initial=0.0)
         for i, k in enumerate(some):
             kind, name = self.laws[k].kind, self.laws[k].constraint
-            if kind is Kind.SLIP or result.impulses[i] <= NO_IMPULSE * largest:
+            if kind is Kind.SLIP or abs(result.impulses[i]) <= NO_IMPULSE * largest:
                 continue
             rates = float(here.rates[k]), float(after[i])
             found.events.append(

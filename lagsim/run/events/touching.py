@@ -13,6 +13,7 @@ import numpy as np
 from lagsim.mechanics.contact import Closed, delassus
 from lagsim.mechanics.laws import Kind
 from lagsim.methods.parts import parameters as kept
+from lagsim.run.arc import MOMENTS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 ROUNDED = 2.0**-46
 # A flight this many times higher than rounding is one.
 HIGHER = 16.0
-# Units in the last place of the time within which two events are at one time.
-MOMENTS = 8.0
 
 
 class Touching:

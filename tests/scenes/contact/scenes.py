@@ -143,11 +143,13 @@ def clutch(torque: str = "0") -> str:
     )  # fmt: skip
 
 
-def table(e: float, amplitude: float, w: float, y: float, **simulation: Any) -> str:
-    """A ball on a table that moves up and down."""
+def table(
+    e: float, amplitude: float, w: float, y: Any = 0, v: Any = "A*w", **simulation: Any
+) -> str:
+    """A ball on a table that moves up and down; on it at the start, or above it."""
     return scene(
         "y", "m*y_dot^2/2", "m*g*y",
-        {"table": contact("y >= A*sin(w*t)", e)}, {"y": y},
+        {"table": contact("y >= A*sin(w*t)", e)}, {"y": y, "y_dot": v},
         parameters={"m": 1, "A": amplitude, "w": w}, **simulation,
     )  # fmt: skip
 
@@ -232,8 +234,8 @@ EVERY: dict[str, str] = {
     "dome": dome(),
     "string": string(3.0),
     "freewheel": freewheel("10*sin(2*pi*t)"),
-    "table": table(0.5, 0.01, 40, 0.2, duration=2, output_step=0.01),
-    "dead table": table(0.0, 0.01, 40, 0, duration=0.5, output_step=0.001),
+    "table": table(0.5, 0.01, 40, 0.2, 0, duration=2, output_step=0.01),
+    "dead table": table(0.0, 0.01, 40, duration=0.5, output_step=0.001),
     "swing": swing(0.7),
     "rocking block": block(),
     "legs": legs(0.1, -0.2),

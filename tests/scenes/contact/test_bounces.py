@@ -162,7 +162,7 @@ def test_an_oscillator_against_a_stop():
     close(found["x"], found.piecewise(pieces))
 
 
-@pytest.mark.parametrize("method", ["auto", "radau5", "rk4"])
+@pytest.mark.parametrize("method", ["auto", "radau", "rk4"])
 def test_every_kind_of_method_bounces(method):
     # Steps of rk4 are a thousandth of the period: an error of 1e-11.
     options = {"step": 1e-3} if method == "rk4" else {}
@@ -188,8 +188,7 @@ def test_a_pendulum_held_by_an_equality_strikes_a_wall():
     assert found.times("impact", "wall") == pytest.approx(times, abs=GLOBAL)
     assert np.max(np.abs(found["residual_rod"])) < 1e-12
     # What remains after the last is what a swing from there on has.
-    depth = k / e
-    close(found["energy"][-1] / (2 * g * length) + 1, 2 * depth * depth)
+    close(found["energy"][-1] / (2 * g * length) + 1, 2 * k * k)
 
 
 def test_a_start_at_the_stop_that_is_let_go():

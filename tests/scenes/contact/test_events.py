@@ -16,22 +16,22 @@ DEPTH = 1e-8
 
 
 def grazed(e, depth):
-    """Give the motion of sin(t) under a ceiling at 1 - depth, and when they meet."""
+    """Give the motion of sin(t) under a ceiling at 1 - depth."""
     text = scenes.oscillator(
         f"x <= 1 - {depth}", e, 0, 1, duration=2.5, output_step=0.1
     )  # fmt: skip
-    return play(text), math.asin(1 - depth)
+    return play(text)
 
 
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
 def test_a_graze_of_depth_1e_8_is_found(e):
-    found, t = grazed(e, DEPTH)
-    v = math.sqrt(2 * DEPTH)
-    # A speed of v known to 1e-10 leaves the time to 1e-6.
-    assert found.times("impact") == pytest.approx([t], abs=1e-6)
+    found, t = grazed(e, DEPTH), math.asin(1 - DEPTH)
+    v = math.sqrt(2 * DEPTH - DEPTH**2)
+    # A place known to 1e-12 leaves v known to 1e-12/v, and the time too.
+    assert found.times("impact") == pytest.approx([t], abs=1e-7)
     before, after = found.pair("x_dot", found.times("impact")[0])
-    assert before == pytest.approx(v, rel=1e-5)
-    assert after == pytest.approx(-e * v, abs=1e-5 * v)
+    assert before == pytest.approx(v, rel=1e-4)
+    assert after == pytest.approx(-e * v, abs=1e-4 * v)
     s = found.t[found.t > t] - t
     expected = (1 - DEPTH) * np.cos(s) - e * v * np.sin(s)
     # What it gains in phase is 1e-4: found to a thousandth.
@@ -39,7 +39,7 @@ def test_a_graze_of_depth_1e_8_is_found(e):
 
 
 def test_a_graze_of_height_1e_8_is_not_invented():
-    found, _ = grazed(0.5, -DEPTH)
+    found = grazed(0.5, -DEPTH)
     assert not found.result.events
     assert not np.any(found.shared())
     close(found["x"], np.sin(found.t))
@@ -59,7 +59,7 @@ def test_a_graze_after_twenty_swings(depth, hits):
 @pytest.mark.parametrize("e", [0.2, 0.9])
 def test_a_table_that_vibrates(e):
     amplitude, w, t, y, v = 0.01, 40, 0.0, 0.2, 0.0
-    found = play(scenes.table(e, amplitude, w, y, duration=1.0, output_step=0.02))
+    found = play(scenes.table(e, amplitude, w, y, v, duration=1.0, output_step=0.02))
 
     def above(s, t, y, v):
         return y + v * s - G * s * s / 2 - amplitude * math.sin(w * (t + s))
@@ -83,9 +83,9 @@ def test_a_table_that_vibrates(e):
 
 def test_an_impact_exactly_at_an_output_time():
     # With g = 2 m/s^2 it falls from 1 m in 1 s, is back after 1 s, and after 1/2 s.
-    found = play(scenes.ball(0.5, g=2, duration=2.75, output_step=0.25))
+    found = play(scenes.ball(0.5, g=2, duration=2.7, output_step=0.25))
     assert found.times("impact") == pytest.approx([1, 2, 2.5], abs=1e-14)
-    rows = [*expected_times(0, 2.75, 0.25), 1, 2, 2.5]
+    rows = [*expected_times(0, 2.7, 0.25), 1, 2, 2.5]
     close(found.t, sorted(rows), 1e-14)
     assert found.pair("y_dot", 1) == pytest.approx((-2, 1), abs=1e-13)
     assert found.pair("y_dot", 2) == pytest.approx((-1, 0.5), abs=1e-13)
@@ -207,7 +207,8 @@ def test_a_contact_on_a_switch_of_a_force():
     )  # fmt: skip
     found = play(text)
     assert found.times("impact", "stop")[:3] == pytest.approx([1, 2, 2.5], abs=GLOBAL)
-    assert found.times("zeno", "stop") == pytest.approx([3], abs=GLOBAL)
+    # Which of the two comes to rest first, contact or switch, does not matter.
+    assert found.times("zeno") == pytest.approx([3], abs=GLOBAL)
     rests = found.t > 3 + 1e-6
     assert np.max(np.abs(found["x"][rests])) < 1e-12
     assert np.all(found["lambda_stop"] >= 0)
