@@ -25,13 +25,13 @@ from tests.derivation.cases import (
     known,
     numbers,
 )
+from tests.mechanics.test_equations import rows_of
 from tests.support import MODELS, run
 from tests.sympy_oracle import DIGITS, Oracle, random_values
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
 
 # Whose accelerations are no longer than a few lines.
@@ -57,12 +57,6 @@ OPERATIONS = {
 @functools.cache
 def oracle_of(name: str) -> Oracle:
     return Oracle.of(MODELS / f"{name}.yaml")
-
-
-def rows_of(e: Equations) -> list[Row]:
-    """Give the row of each constraint, in the order of the file."""
-    rows = {row.name: row for row in (*e.rows, *(law.row for law in e.laws))}
-    return [rows[c.name] for c in e.model.constraints]
 
 
 def state_of(name: str, seed: int) -> dict[str, float]:
