@@ -36,12 +36,15 @@ def on_edges(
         n = problem.normals[k]
         if n >= 0 and modes[n] is Mode.OFF and n not in tied:
             modes[k], ways[k] = Mode.OFF, 0.0
-        elif problem.roles[k] is not Role.BOXED:
             continue
-        elif abs(w[k]) > quiet[k]:
-            modes[k], ways[k] = Mode.DRIVEN, ways[k] or -float(np.sign(w[k]))
-        elif lean[k] and bound > small[k] and abs(p[k]) >= bound - small[k]:
-            modes[k], ways[k] = Mode.DRIVEN, float(np.sign(p[k]))
+        if problem.roles[k] is not Role.BOXED:
+            continue
+        rows = [k] if problem.pairs[k] < 0 else [k, problem.pairs[k]]
+        slip, force = np.linalg.norm(w[rows]), np.linalg.norm(p[rows])
+        if slip > quiet[rows].max():
+            modes[k], ways[k] = Mode.DRIVEN, ways[k] or -float(w[k] / slip)
+        elif lean[rows].any() and bound > small[k] and force >= bound - small[k]:
+            modes[k], ways[k] = Mode.DRIVEN, float(p[k] / force)
         elif modes[k] is not Mode.HELD:
             tied.append(k)
     return _independent(closed, problem, modes, ways, tied)

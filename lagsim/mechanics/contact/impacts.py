@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.mechanics.contact.problem import Problem, Role, solve
+from lagsim.mechanics.contact.problem import Problem, Role
+from lagsim.mechanics.contact.solving import solve
 from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:

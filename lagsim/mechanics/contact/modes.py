@@ -13,15 +13,9 @@ import numpy as np
 
 from lagsim.mechanics.contact.closed import Mode
 from lagsim.mechanics.contact.edges import ROUNDING, on_edges
-from lagsim.mechanics.contact.problem import (
-    Problem,
-    Role,
-    Solution,
-    expressed,
-    polished,
-    residual,
-    solve,
-)
+from lagsim.mechanics.contact.polish import expressed, polished
+from lagsim.mechanics.contact.problem import Problem, Role, Solution, residual, scaled
+from lagsim.mechanics.contact.solving import solve
 from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:
@@ -95,6 +89,7 @@ def modes(
             return _none(solution, len(noise))
         modes, ways = on_edges(closed, problem, solution, noise, lean)
     p = polished(problem, modes, ways, closed.factor)
+    unit, s = scaled(problem)
     return Modes(
         tuple(modes),
         np.array(ways),
@@ -102,7 +97,7 @@ def modes(
         closed.D @ p + accelerations,
         _jams(closed, problem, modes, ways),
         Mode.IMPLIED not in modes,
-        residual(problem, p),
+        residual(unit, p / s),
     )
 
 
