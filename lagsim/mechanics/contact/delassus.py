@@ -39,7 +39,7 @@ def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
     by powers of two. A row on which nothing can act has zeros.
     """
     s = _scales(M, A)
-    Z = _free(A * s)
+    Z = freedom(A * s)
     L = np.linalg.cholesky(Z.T @ (M * np.outer(s, s)) @ Z)
     scaled = rows * s
     seen = scaled @ Z
@@ -66,7 +66,7 @@ def _scales(M: Floats, A: Floats) -> Floats:
     return s
 
 
-def _free(A: Floats) -> Floats:
+def freedom(A: Floats) -> Floats:
     """Give an orthonormal basis (n, n - rank) of what rows A let through."""
     lengths = np.linalg.norm(A, axis=1)
     A = A[lengths > 0.0] / lengths[lengths > 0.0, None]

@@ -67,7 +67,10 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     an impact is inelastic.
     """
     before = np.where(np.abs(rates) <= noise, 0.0, rates)
-    target = closed.restitutions * np.maximum(-before, 0.0)
+    target = np.maximum(-before, 0.0) * [
+        e if kind is Kind.CONTACT else 0.0
+        for e, kind in zip(closed.restitutions, closed.kinds, strict=True)
+    ]
     solution = solve(_problem(closed, before - target))
     locked = not solution.found and bool(target.any())
     if locked:

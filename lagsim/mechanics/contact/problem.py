@@ -130,6 +130,6 @@ def residual(problem: Problem, p: Floats) -> float:
         elif role is Role.BOXED:
             j = problem.pairs[k]
             z = p[k] - w[k]
-            size = abs(z) if j < 0 else float(np.hypot(z, p[j] - w[j]))
-            worst = max(worst, abs(p[k] - z * min(1.0, bound / (size or 1.0))))
+            length = abs(z) if j < 0 else float(np.hypot(z, p[j] - w[j]))
+            worst = max(worst, abs(p[k] - z * min(1.0, bound / (length or 1.0))))
     return worst / size

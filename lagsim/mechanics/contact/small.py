@@ -25,7 +25,7 @@ Case = tuple[Mode, float]
 
 _CASES: dict[Role, tuple[Case, ...]] = {
     Role.ABSENT: ((Mode.OFF, 0.0),),
-    Role.SIGNED: ((Mode.OFF, 0.0), (Mode.HELD, 0.0)),
+    Role.SIGNED: ((Mode.HELD, 0.0), (Mode.OFF, 0.0)),
     Role.BOXED: ((Mode.HELD, 0.0), (Mode.DRIVEN, -1.0), (Mode.DRIVEN, 1.0)),
     Role.FREE: ((Mode.HELD, 0.0),),
 }
