@@ -174,7 +174,7 @@ class Run:
         return None
 
     def _set_modes(self, but: Source | None = None) -> Ending | None:
-        """Let all sources but one set their modes; all anew, where something struck."""
+        """Let all sources set their modes, but for one; all where something strikes."""
         struck = True
         while struck:
             struck = False

@@ -54,7 +54,9 @@ def settle(here: Touching, met: int | None, also: Collection[int]) -> Settled:
     found = _chosen(here, leaning, also)
     idle = _idle(here, found)
     if idle:
-        leaning[idle] += _parting(here, found, idle, also)
+        # Nor does it hold where that is a paradox.
+        parts = 1.0 if found.paradox else _parting(here, found, idle, also)
+        leaning[idle] += parts
         found = _chosen(here, leaning, also)
     p.law_mode[:], p.law_way[:] = found.mode, found.way
     on = (found.mode == kept.HELD) | (found.mode == kept.DRIVEN)

@@ -136,7 +136,7 @@ class Witness:
         """The largest constraint force on each coordinate (n,)."""
         if not self._held:
             return np.zeros(self.count)
-        return np.maximum(np.abs(self._low), np.abs(self._high))[self._held]
+        return np.asarray(np.fmax(np.abs(self._low), np.abs(self._high))[self._held])
 
     @property
     def work_range(self) -> float:

@@ -12,6 +12,7 @@ from lagsim.notes import Caution
 from lagsim.studies.error_bar import beside
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.state import State
     from lagsim.model.settings import Settings
