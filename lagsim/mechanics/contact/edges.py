@@ -50,6 +50,30 @@ def on_edges(
     return _independent(closed, problem, modes, ways, tied, apart)
 
 
+def is_plain(problem: Problem, found: Solution, noise: Floats) -> bool:
+    """Tell that of one or two rows, which are independent, none is near an edge."""
+    D: list[list[float]] = problem.D.tolist()
+    p, w = found.p.tolist(), found.w.tolist()
+    limits = bounds(problem, found.p)
+    for k, (role, mode) in enumerate(zip(problem.roles, found.modes, strict=True)):
+        terms = sum(abs(x * y) for x, y in zip(D[k], p, strict=True))
+        quiet = max(noise.item(k), ROUNDING * (terms + abs(problem.c[k])))
+        n = problem.normals[k]
+        if n >= 0 and found.modes[n] is Mode.OFF:
+            return False
+        if role is Role.SIGNED:
+            inside = p[k] * D[k][k] if mode is Mode.HELD else w[k]
+        elif role is Role.BOXED and mode is Mode.HELD:
+            inside = (limits[k] - abs(p[k])) * D[k][k]
+        elif role is Role.BOXED:
+            inside = -w[k] * found.ways[k]
+        else:
+            continue
+        if inside <= quiet:
+            return False
+    return True
+
+
 def _tied_contacts(
     problem: Problem,
     solution: Solution,
