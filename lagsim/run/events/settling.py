@@ -54,7 +54,7 @@ def settle(here: Touching, met: int | None, also: Collection[int]) -> Settled:
     found = _chosen(here, leaning, also)
     idle = _idle(here, found)
     if idle:
-        # Nor does it hold where that is a paradox.
+        # Where it would slide without a solution it need not touch at all.
         parts = 1.0 if found.paradox else _parting(here, found, idle, also)
         leaning[idle] += parts
         found = _chosen(here, leaning, also)

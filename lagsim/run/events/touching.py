@@ -142,6 +142,17 @@ class Touching:
         left = 2.0 * speed / fall
         return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
 
+    def is_spent(self, k: int) -> bool:
+        """Tell whether a contact, or a slip, could go no farther than the tolerance.
+
+        With all the speed that it has, against the forces that there are.
+        """
+        kind, force = self.laws[k].kind, self.forces[k]
+        least = self.arc.plan.tolerance * self.reach[0][k]
+        near = kind is Kind.SLIP or self.gaps[k] <= max(least, self.slack[k])
+        way = self.rates[k] ** 2 / (2.0 * force) if force > 0.0 else 0.0
+        return bool(kind in (Kind.CONTACT, Kind.SLIP) and near and way <= least)
+
     def problem(
         self, some: Sequence[int], restitutions: Floats
     ) -> tuple[Closed, Floats]:
