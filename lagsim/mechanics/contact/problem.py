@@ -65,6 +65,8 @@ class Solution:
         Of the laws, relative to c, in the units of the rows.
     found : bool
         A solution at all.
+    apart : bool
+        One or two rows, which are far from being dependent.
     """
 
     p: Floats
@@ -73,6 +75,7 @@ class Solution:
     ways: list[float]
     residual: float
     found: bool
+    apart: bool = False
 
 
 def scaled(problem: Problem) -> tuple[Problem, Floats]:

@@ -6,26 +6,36 @@ A bouncing ball asks ten thousand times.
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
 from lagsim.mechanics.contact.closed import Mode
 from lagsim.mechanics.contact.problem import Problem, Role, Solution
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
 # A case that breaks its laws by more, in parts of the terms, is not the one.
 ROUNDING = 1e-14
-# Determinants below this part of the diagonal: rows that are nearly the same.
-DEPENDENT = 1e-8
+# Rows that leave less than this part of themselves ask for more than Cramer's rule.
+CLOSE = 1e-2
 
-Case = tuple[Mode, float]
 
-_CASES: dict[Role, tuple[Case, ...]] = {
+class Row(NamedTuple):
+    """One of two rows: its law, and its own entry of D."""
+
+    role: Role
+    own: float
+    c: float
+    limit: float
+    mu: float
+    way: float
+
+
+# What stands in for a second row.
+_NOBODY = Row(Role.ABSENT, 1.0, 0.0, 0.0, 0.0, 0.0)
+
+_CASES = {
     Role.ABSENT: ((Mode.OFF, 0.0),),
-    Role.SIGNED: ((Mode.OFF, 0.0), (Mode.HELD, 0.0)),
+    Role.SIGNED: ((Mode.HELD, 0.0), (Mode.OFF, 0.0)),
     Role.BOXED: ((Mode.HELD, 0.0), (Mode.DRIVEN, -1.0), (Mode.DRIVEN, 1.0)),
     Role.FREE: ((Mode.HELD, 0.0),),
 }
@@ -33,77 +43,81 @@ _CASES: dict[Role, tuple[Case, ...]] = {
 
 def solve_small(problem: Problem) -> Solution | None:
     """Give the solution, or None where that takes more than plain numbers."""
-    D: list[list[float]] = problem.D.tolist()
-    if max(problem.pairs) >= 0 or min(D[k][k] for k in range(len(D))) <= 0.0:
+    r, D = len(problem.c), problem.D
+    first = _row(problem, 0, D.item(0))
+    second, b = (_row(problem, 1, D.item(3)), D.item(1)) if r == 2 else (_NOBODY, 0.0)
+    mu = second.mu if r == 2 and problem.normals[1] == 0 else 0.0
+    if first.own <= 0.0 or second.own <= 0.0 or max(problem.pairs) >= 0:
         return None
-    cases = [
-        ((Mode.DRIVEN, way),) if role is Role.GIVEN else _CASES[role]
-        for role, way in zip(problem.roles, problem.ways, strict=True)
-    ]
-    for case in product(*cases):
-        p = _on_edges(problem, D, case)
-        if p is None:
+    for (m, up), (n, down) in product(_cases(first), _cases(second)):
+        found = _multipliers(first, second, b, mu * down, (m, up), (n, down))
+        if found is None:
             continue
-        w = [
-            0.0 if mode is Mode.HELD else _dot(row, p) + c
-            for (mode, _), row, c in zip(case, D, problem.c, strict=True)
-        ]
-        amiss = max(_amiss(problem, D, p, w, k, way) for k, (_, way) in enumerate(case))
+        p, q = found
+        w = 0.0 if m is Mode.HELD else first.own * p + b * q + first.c
+        z = 0.0 if n is Mode.HELD else b * p + second.own * q + second.c
+        amiss = max(
+            _amiss(first, p, w, first.limit, up, abs(b * q)),
+            _amiss(second, q, z, second.limit + mu * max(p, 0.0), down, abs(b * p)),
+        )
         if amiss <= ROUNDING:
-            modes, ways = [mode for mode, _ in case], [way for _, way in case]
-            return Solution(np.array(p), np.array(w), modes, ways, amiss, True)
+            return Solution(
+                np.array((p, q)[:r]),
+                np.array((w, z)[:r]),
+                [m, n][:r],
+                [up, down][:r],
+                amiss,
+                found=True,
+                apart=True,
+            )
     return None
 
 
-def _on_edges(
-    problem: Problem, D: list[list[float]], case: Sequence[Case]
-) -> list[float] | None:
-    """Give the multipliers of a case, or None if its rows are not independent."""
-    p = [way * limit for (_, way), limit in zip(case, problem.limits, strict=True)]
-    slopes = [0.0] * len(p)
-    held = [k for k, (mode, _) in enumerate(case) if mode is Mode.HELD]
-    for k, (mode, way) in enumerate(case):
-        if mode is Mode.DRIVEN and problem.normals[k] in held:
-            slopes[k] = way * problem.mus[k]
-    if len(held) == 1:
-        (k,) = held
-        j = 1 - k if len(p) == 2 else k
-        own = D[k][k] + (D[k][j] * slopes[j] if j != k else 0.0)
-        if own <= DEPENDENT * D[k][k]:
+def _row(p: Problem, k: int, own: float) -> Row:
+    return Row(p.roles[k], own, p.c[k], p.limits[k], p.mus[k], p.ways[k])
+
+
+def _cases(row: Row) -> tuple[tuple[Mode, float], ...]:
+    return ((Mode.DRIVEN, row.way),) if row.role is Role.GIVEN else _CASES[row.role]
+
+
+def _multipliers(
+    first: Row,
+    second: Row,
+    b: float,
+    slope: float,
+    case: tuple[Mode, float],
+    other: tuple[Mode, float],
+) -> tuple[float, float] | None:
+    """Give the multipliers of a case, or None if its rows are too close."""
+    p, q = case[1] * first.limit, other[1] * second.limit
+    held, too = case[0] is Mode.HELD, other[0] is Mode.HELD
+    if held and too:
+        a, d, c, e = first.own, second.own, first.c, second.c
+        rest = a * d - b * b
+        if rest <= CLOSE * a * d:
             return None
-        p[k] = -(problem.c[k] + (D[k][j] * p[j] if j != k else 0.0)) / own
-        if j != k:
-            p[j] += slopes[j] * p[k]
-    elif held:
-        (a, b), (_, d) = D
-        c, e = problem.c
-        det = a * d - b * b
-        if det <= DEPENDENT * a * d:
+        return (b * e - d * c) / rest, (b * c - a * e) / rest
+    if held:
+        own = first.own + b * slope
+        if own <= CLOSE * first.own:
             return None
-        p = [(b * e - d * c) / det, (b * c - a * e) / det]
-    return p
+        p = -(first.c + b * q) / own
+        q += slope * p
+    elif too:
+        q = -(second.c + b * p) / second.own
+    return p, q
 
 
 def _amiss(
-    problem: Problem,
-    D: list[list[float]],
-    p: list[float],
-    w: list[float],
-    k: int,
-    way: float,
+    row: Row, p: float, w: float, bound: float, way: float, others: float
 ) -> float:
     """Give by what part of its terms a row breaks its law."""
-    role, n = problem.roles[k], problem.normals[k]
-    terms = abs(problem.c[k]) + _dot(map(abs, D[k]), map(abs, p))
-    if not terms:
+    broken = 0.0
+    if row.role is Role.SIGNED:
+        broken = -min(w, p * row.own)
+    elif row.role is Role.BOXED:
+        broken = max((abs(p) - bound) * row.own, w * way)
+    if broken <= 0.0:
         return 0.0
-    if role is Role.SIGNED:
-        return -min(w[k], p[k] * D[k][k], 0.0) / terms
-    if role is Role.BOXED:
-        bound = problem.limits[k] + (problem.mus[k] * max(p[n], 0.0) if n >= 0 else 0.0)
-        return max((abs(p[k]) - bound) * D[k][k], w[k] * way, 0.0) / terms
-    return 0.0
-
-
-def _dot(a: Iterable[float], b: Iterable[float]) -> float:
-    return sum(x * y for x, y in zip(a, b, strict=True))
+    return broken / (abs(row.c) + row.own * abs(p) + others)

@@ -248,7 +248,8 @@ class System:
             if side.floor:
                 p[side.floor] = memory.place("floor") + k
         for k, law in enumerate(self.laws):
-            p[f"impulse.{law.constraint}"] = memory.place("impulses") + k
+            if law.normal < 0:  # that of a slip is none of these
+                p[f"impulse.{law.constraint}"] = memory.place("impulses") + k
         motion = (*e.accelerations, *e.multipliers)
         p |= {name: memory.place("motion") + k for k, name in enumerate(motion)}
         return Layout(

@@ -117,3 +117,50 @@ def test_it_is_no_paradox_the_other_way():
     found = modes(body, free, np.array([0.0, 1.0]), none(2), none(2))
     assert not found.paradox
     assert found.multipliers == pytest.approx([G / 4.0, -G / 2.0], rel=1e-14)
+
+
+def test_a_box_on_two_corners_shares_its_friction():
+    # Both slips are the same row: the bounds add up, and each keeps to its own.
+    rows = [[0.0, 1.0, -1.0], [1.0, 0.0, 0.5], [0.0, 1.0, 1.0], [1.0, 0.0, 0.5]]
+    kinds, normals = [CONTACT, SLIP] * 2, [-1, 0, -1, 2]
+    body = closed([1.0, 1.0, 0.4], rows, kinds, normals, mu=0.5)
+    for pull, mode in ((4.9, IMPLIED), (5.1, DRIVEN)):
+        free = np.asarray(rows) @ [pull, -10.0, 0.0]
+        found = modes(body, free, none(4), none(4), none(4))
+        p = found.multipliers
+        assert found.mode.count(mode) == (1 if mode is IMPLIED else 2)
+        assert p[1] + p[3] == pytest.approx(-min(pull, 5.0), rel=1e-14)
+        assert p[0] + p[2] == pytest.approx(10.0, rel=1e-14)
+        # Moments about the centre.
+        assert p[2] - p[0] + 0.5 * (p[1] + p[3]) == pytest.approx(0.0, abs=1e-13)
+        assert (np.abs(p[1::2]) <= 0.5 * p[::2] + 1e-14).all()
+
+
+def test_a_bound_within_rounding_holds_unless_it_leans():
+    body = closed([1.0, 1.0], [[0, 1], [1, 0]], [CONTACT, SLIP], [-1, 0], mu=0.5)
+    free = np.array([-10.0, 5.0 + 1e-13])
+    noise = np.full(2, 1e-12)
+    for lean, mode in ((0.0, HELD), (1.0, DRIVEN)):
+        found = modes(body, free, none(2), noise, none(2), np.array([0.0, lean]))
+        assert found.mode == (HELD, mode)
+
+
+def test_rows_at_a_small_angle_both_hold():
+    # 1e-8 apart: a second row of its own, which D alone could not tell.
+    rows = [[1.0, 0.0], [1.0, 1e-8]]
+    body = closed([1.0, 1.0], rows, [Kind.TIMED] * 2)
+    found = modes(body, np.array([-1.0, -1.0 - 1e-8]), none(2), none(2), none(2))
+    assert found.mode == (HELD, HELD)
+    assert found.unique
+    twice = closed([1.0, 1.0], [rows[0], rows[0]], [Kind.TIMED] * 2)
+    found = modes(twice, np.array([-1.0, -1.0]), none(2), none(2), none(2))
+    assert found.mode == (HELD, IMPLIED)
+    assert found.multipliers == pytest.approx([1.0, 0.0])
+
+
+def test_a_row_on_which_nothing_acts_is_off():
+    # The contact is along what an equality holds.
+    body = closed([1.0, 1.0], [[1.0, 0.0]], [CONTACT], A=[[2.0, 0.0]])
+    assert body.D.tolist() == [[0.0]]
+    found = modes(body, none(1), none(1), none(1), none(1))
+    assert found.multipliers.tolist() == [0.0]
