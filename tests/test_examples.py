@@ -229,6 +229,19 @@ def test_the_whole_model_file_is_read(lagsim, tmp_path):  # noqa: F811
     assert {"trajectory.csv", "energy.png", "plot_1.png"} <= files
 
 
+def test_the_laws_of_constraints_are_those_of_the_page(lagsim, tmp_path):  # noqa: F811
+    text = only("docs/model-file.md", "yaml", "a freewheel")
+    (tmp_path / "laws.yaml").write_text(text)
+    called = lagsim("check", "laws.yaml", "--json")
+    assert called.code == 0, called.err
+    found = {c["name"]: c["mode"] for c in called.json["constraints"]}
+    # Nothing moves; the block is held by its latch, and nothing pulls at the brake.
+    assert found == {
+        "floor": "sticks", "wheel": "engaged", "brake": "sticks", "latch": "in force",
+    }  # fmt: skip
+    assert lagsim("derive", "laws.yaml").code == 0
+
+
 # Blocks that other tests run: the installation by .ci/run, the gallery by
 # tests/failing, the Python interface by tests/test_python, and those that are no
 # examples (a formula, an output shown above).
@@ -239,7 +252,7 @@ def test_no_block_is_forgotten():
     known = {README_MODEL, *(b.text for b in CONSOLE), *(b.text for b in SETTINGS)}
     words = (
         *ELSEWHERE, "golden models/*.yaml", "derive models/elastic", "format version",
-        "Equation of θ", "from equations import",
+        "Equation of θ", "from equations import", "a freewheel",
     )  # fmt: skip
     left = [
         b

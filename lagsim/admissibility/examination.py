@@ -13,14 +13,22 @@ import numpy as np
 
 from lagsim.admissibility.advice import about_ranks, multiple_roots, rough_starts
 from lagsim.admissibility.dependence import LEVELS
+from lagsim.admissibility.finite import refuse_infinite
 from lagsim.admissibility.inertia import needs_constraints
+from lagsim.admissibility.laws import (
+    in_force,
+    judge_laws,
+    one_sided,
+    waiting,
+    with_timed,
+)
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import RankReport, analyse
 from lagsim.admissibility.sets import ThinSet, thin_set
 from lagsim.admissibility.solving import Solver
+from lagsim.admissibility.standing import standing
 from lagsim.admissibility.start import Start
-from lagsim.admissibility.verdict import Verdict, judge, judge_gaps, judge_starts
-from lagsim.errors import InputError, Problem
+from lagsim.admissibility.verdict import Verdict, judge, judge_starts
 from lagsim.mechanics.instant import Instant
 
 if TYPE_CHECKING:
@@ -35,16 +43,6 @@ if TYPE_CHECKING:
 # What differs from what was stated by less than so many rounding errors is not reported
 # as a change.
 REPORTED = 225.0
-NO_VALUE = (
-    "check the initial values against what it divides by and the arguments of its "
-    "roots and logarithms; the point of a cone, as that of hypot(x, y) at 0, has no "
-    "gradient: start, or guess, beside it"
-)
-DIRECTION = (
-    "a velocity that is 0 has no direction: friction in a plane by "
-    "x_dot/hypot(x_dot, y_dot) is written x_dot/hypot(c, hypot(x_dot, y_dot)), c a "
-    "speed far below those that matter, under which it creeps; along a line sign(x_dot)"
-)
 SIMPLE = "write the relations that it amounts to, each with a gradient"
 
 
@@ -56,11 +54,14 @@ class StartReport(NamedTuple):
     state : Instant
         The nearest exact state where the start is admissible, else the stated one.
     verdicts : tuple of Verdict
-        The two-sided constraints, then the start values of definitions that are not
-        met.
+        The constraints, then the start values of definitions that are not met.
     ranks : RankReport
-        Which rows depend on others; at the nearest admissible state where the start is
-        not admissible and one was found.
+        Which equalities in force depend on others; at the nearest admissible state
+        where the start is not admissible and one was found.
+    lasting : RankReport
+        The same of those that are always in force.
+    sticking : int
+        By how much the limited equalities that hold raise the rank.
     augmented : bool
         M alone is singular, but with the constraints every acceleration is determined.
     reach : Reach or None
@@ -91,13 +92,15 @@ class StartReport(NamedTuple):
     unsolved: str
     changes: dict[str, tuple[float, float]]
     warnings: tuple[Caution, ...]
+    lasting: RankReport
     thin: ThinSet | None = None
+    sticking: int = 0
 
     @property
     def start(self) -> Start:
         """What a run begins with."""
         at = self.state
-        return Start(at.t, at.q, at.v, self.ranks, self.augmented)
+        return Start(at.t, at.q, at.v, self.lasting, self.augmented)
 
     @property
     def admissible(self) -> bool:
@@ -108,13 +111,18 @@ class StartReport(NamedTuple):
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Coordinates minus the rank of the two-sided rows.
+        """Coordinates minus the rank of the two-sided rows that hold.
 
         On a set on which they lose their rank all over, its dimension, where known.
         """
         if self.thin is not None and self.thin.degrees_of_freedom is not None:
             return self.thin.degrees_of_freedom
-        return len(self.state.q) - self.ranks.rank
+        return len(self.state.q) - self.rank
+
+    @property
+    def rank(self) -> int:
+        """The rank of the two-sided rows that hold."""
+        return self.ranks.rank + self.sticking
 
 
 def examine(
@@ -127,7 +135,8 @@ def examine(
     time
         When the run begins.
     classify
-        Also decide which velocity constraints are integrable.
+        Also decide which velocity constraints are integrable, and what contacts,
+        freewheels and limited equalities do.
 
     Raises
     ------
@@ -152,8 +161,9 @@ class _Judged(NamedTuple):
 
 class _Examiner:
     def __init__(self, equations: Equations, time: float) -> None:
-        self.e = equations
-        self.point = Point(equations, time)
+        self.always, self.off = equations, waiting(equations, time)
+        self.e = with_timed(equations, self.off)
+        self.point = Point(self.e, time)
         self.initial = {value.name: value for value in equations.model.initial}
         self.errors = {value.name: value.error for value in equations.model.initial}
         names = (*equations.q, *equations.velocities)
@@ -167,39 +177,57 @@ class _Examiner:
     def report(self, *, classify: bool) -> StartReport:
         point = self.point
         guessed = bool(self.free_q or self.free_v)
-        self._finite(self.q0, self.v0, rows=not guessed)
+        refuse_infinite(point, self.q0, self.v0, self.off, rows=not guessed)
         self.solver = Solver(point, self.q0, self.v0, self.errors)
         q, v, unsolved = self._guessed()
         if guessed:
-            self._finite(q, v, rows=True)
+            refuse_infinite(point, q, v, self.off, rows=True)
         verdicts = judge(point, q, v, self.errors)
-        gaps = judge_gaps(point, q, v, self.errors)
+        laws = judge_laws(point, self.off, (q, v), self.errors)
         starts = judge_starts(point, q, v, self.errors)
-        unmet = gaps + [x for x in starts if not x.satisfied]
+        unmet = [x for x in starts if not x.satisfied]
         warnings = self.solver.warnings
         stated = (q.copy(), v.copy())
-        if all(verdict.satisfied for verdict in (*verdicts, *unmet)):
+        met = all(verdict.satisfied for verdict in (*verdicts, *laws, *unmet))
+        if met:
             warnings += rough_starts(self.e, verdicts, starts)
-            judged = self._exact(q, v)
+            judged = self._exact(q, v, laws)
             q, v = judged.q, judged.v
         else:
             judged = self._repaired(q, v)
-        augmented = needs_constraints(point, judged.q, judged.v, self._errors(judged))
+        errors = self._errors(judged)
+        always = Point(self.always, point.t)
+        augmented = needs_constraints(always, judged.q, judged.v, errors)
         warnings += multiple_roots(self.e)
         thin = judged.thin.names if judged.thin else ()
         sound = not judged.contradictions and not thin
         warnings += about_ranks(self.e, judged.ranks, thin, sound=sound)
-        reachable = self._reach(judged.q) if classify else None
+        reach: Reach | None = None
         redundant = {d.name for d in judged.ranks.dependences}
         verdicts = [x._replace(redundant=x.name in redundant) for x in verdicts]
-        if reachable is not None:
-            verdicts = [self._classified(x, judged.q, reachable) for x in verdicts]
+        if classify and not all(row.holonomic for row in self.e.rows):
+            from lagsim.admissibility.integrability import classified
+
+            verdicts, reach = classified(point, verdicts, judged.q)
+        lasting, sticking = judged.ranks, 0
+        if self.e is not self.always:
+            lasting = analyse(always, judged.q, judged.v, errors)
+        if classify and laws:
+            told = standing(point, laws, judged, errors, sound=sound and met)
+            warnings += told.warnings
+            laws, sticking = told.verdicts, told.raised
+        if self.e.laws:
+            place = {c.name: k for k, c in enumerate(self.e.model.constraints)}
+            whole = [*in_force(verdicts, self.e), *laws]
+            verdicts = sorted(whole, key=lambda x: place[x.name])
         return StartReport(
             state=Instant(point.t, q, v),
             verdicts=(*verdicts, *unmet),
             ranks=judged.ranks,
+            lasting=lasting,
+            sticking=sticking,
             augmented=augmented,
-            reach=reachable,
+            reach=reach,
             repair=judged.repair,
             contradictions=judged.contradictions,
             unsolved=judged.unsolved or unsolved,
@@ -208,48 +236,23 @@ class _Examiner:
             thin=judged.thin,
         )
 
-    def _finite(self, q: Floats, v: Floats, *, rows: bool) -> None:
-        """Refuse a state at which energies, forces or constraints are not finite.
-
-        The `rows` of constraints need not be where they are only guessed.
-        """
-        e = self.e
-        named: list[tuple[str, int | None]] = [
-            ("kinetic", e.model.kinetic),
-            ("potential", e.model.potential),
-            ("the energy function", e.energy),
-        ]
-        named += [(f"the force on {q}", f) for q, f in zip(e.q, e.f, strict=True)]
-        if rows:
-            named += [(f"constraint {row.name}", row.residual) for row in e.rows]
-            named += [(f"the rate of {row.name}", row.rate) for row in e.rows]
-        named += [(f"the inertia of {q}", e.M[j][j]) for j, q in enumerate(e.q)]
-        found = [(name, node) for name, node in named if node is not None]
-        values = self.point.array([node for _, node in found], q, v)
-        resting = {name for name, rate in zip(e.velocities, v, strict=True) if not rate}
-        problems = [
-            Problem(
-                "not-finite",
-                f"{name} is {value} at the start, not finite",
-                hint=DIRECTION if e.graph.depends([node]) & resting else NO_VALUE,
-            )
-            for (name, node), value in zip(found, values, strict=True)
-            if not np.isfinite(value)
-        ]
-        if problems:
-            raise InputError(problems)
-
     def _guessed(self) -> tuple[Floats, Floats, str]:
         """Solve the guesses, positions first, then velocities; say why they fail."""
         q, v = self.q0.copy(), self.v0.copy()
         for free, x, velocities in ((self.free_q, q, False), (self.free_v, v, True)):
             if not free:
                 continue
-            before = x[free]
+            before, said = x[free], len(self.solver.warnings)
             found = self.solver.guesses(free, q, v, velocities=velocities)
+            while found.met:
+                x[free] = found.x
+                if not self._touch(q, v, velocities=velocities, free=free):
+                    break
+                x[free] = before
+                del self.solver.warnings[said:]
+                found = self.solver.guesses(free, q, v, velocities=velocities)
             if not found.met:
                 return q, v, found.reason
-            x[free] = found.x
             errors = self.point.solved_errors(q, v, (self.q0, self.v0))
             names = self.solver.names(free, velocities=velocities)
             moved = x[free] != before
@@ -296,9 +299,15 @@ class _Examiner:
         against = tuple(d for d in ranks.dependences if d.contradictions)
         return judged._replace(ranks=ranks, contradictions=against, thin=thin)
 
-    def _exact(self, q: Floats, v: Floats) -> _Judged:
+    def _exact(self, q: Floats, v: Floats, laws: Sequence[Verdict]) -> _Judged:
         """Give the nearest exact state; one that is exact to rounding stays."""
         everything = range(self.n)
+        passed = {
+            x.name
+            for x in laws
+            if x.judged and x.position.value < 0 and not x.position.exact
+        }
+        self.solver.touch(one_sided(self.e, passed))
         q = self.solver.exact(everything, q, v, velocities=False)
         v = self.solver.exact(everything, q, v, velocities=True)
         judged = self._analysed(q, v, LEVELS)
@@ -327,7 +336,7 @@ class _Examiner:
                 told = f"{_told(against)}; {found.least}" if against else found.reason
                 judged = self._analysed(q, v, ())
                 return judged._replace(contradictions=against, unsolved=told)
-            if not velocities and self.solver.touch(*state):
+            if self._touch(state[0], state[1], velocities=velocities):
                 return self._repaired(q, v)
         changed = self._changes((self.q0, self.v0), (state[0], state[1]))
         judged = self._analysed(state[0], state[1], LEVELS)
@@ -337,6 +346,35 @@ class _Examiner:
             return judged._replace(unsolved=f"{judged.thin}: {SIMPLE}")
         repair = {name: new for name, (_, new) in changed.items()}
         return judged._replace(repair=repair)
+
+    def _touch(
+        self,
+        q: Floats,
+        v: Floats,
+        *,
+        velocities: bool,
+        free: Sequence[int] | None = None,
+    ) -> bool:
+        """Ask of what is violated that it just holds; tell if any of that is new.
+
+        Of positions, or of velocities; with `free`, only where these values matter.
+        """
+        if not self.e.laws:
+            return False
+        errors = self.point.solved_errors(q, v, (self.q0, self.v0))
+        missed = {
+            x.name
+            for x in judge_laws(self.point, self.off, (q, v), errors)
+            if not x.satisfied and x.name not in self.solver.touching
+        }
+        new = {
+            name: row
+            for name, row in one_sided(self.e, missed).items()
+            if row.holonomic is not velocities
+            and (free is None or not row.A.entries.keys().isdisjoint(free))
+        }
+        self.solver.touch(new)
+        return bool(new)
 
     def _changes(
         self, old: tuple[Floats, Floats], new: tuple[Floats, Floats]
@@ -351,26 +389,6 @@ class _Examiner:
             for i, name in enumerate(names)
             if moved[i]
         }
-
-    def _reach(self, q: Floats) -> Reach | None:
-        rows = self.e.rows
-        if all(row.holonomic for row in rows):
-            return None
-        from lagsim.admissibility.integrability import reach_of
-
-        return reach_of(self.point, rows, q)
-
-    def _classified(self, verdict: Verdict, q: Floats, all_rows: Reach) -> Verdict:
-        """Decide whether a Pfaffian relation alone is integrable."""
-        if not verdict.pfaffian:
-            return verdict
-        row = next(r for r in self.e.rows if r.name == verdict.name)
-        from lagsim.admissibility.integrability import reach_of
-
-        alone = all_rows if len(self.e.rows) == 1 else reach_of(self.point, [row], q)
-        if alone.hidden is None:
-            return verdict._replace(undecided=alone.reason)
-        return verdict._replace(integrable=alone.hidden == 1)
 
 
 def _told(against: tuple[Dependence, ...]) -> str:

@@ -56,7 +56,8 @@ def needs_constraints(
     if inertia[0] > least:
         return True
     direction = (kernel @ directions[:, 0]) / size
-    raise InputError([_problem(point.e.q, direction, negative=False)])
+    always = " that always holds" if point.e.laws else ""
+    raise InputError([_problem(point.e.q, direction, negative=False, which=always)])
 
 
 def _varies(point: Point) -> bool:
@@ -71,7 +72,9 @@ def _factor(c: float) -> str:
     return f"{c:.4g} "
 
 
-def _problem(names: tuple[str, ...], direction: Floats, *, negative: bool) -> Problem:
+def _problem(
+    names: tuple[str, ...], direction: Floats, *, negative: bool, which: str = ""
+) -> Problem:
     direction = direction / direction[np.argmax(np.abs(direction))]
     parts = [
         f"{_factor(c)}{name}"
@@ -89,7 +92,7 @@ def _problem(names: tuple[str, ...], direction: Floats, *, negative: bool) -> Pr
         )
     return Problem(
         "no-inertia",
-        f"the {what} {along} has no inertia at the start, and no constraint "
-        "determines its acceleration",
+        f"the {what} {along} has no inertia at the start, and no constraint"
+        f"{which} determines its acceleration",
         hint="give it a mass in `kinetic`, a constraint, or make it a definition",
     )

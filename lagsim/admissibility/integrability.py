@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.admissibility.point import Point
+    from lagsim.admissibility.verdict import Verdict
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
 
@@ -57,6 +58,26 @@ class Reach(NamedTuple):
     hidden: int | None
     entering: tuple[str, ...] = ()
     reason: str = ""
+
+
+def classified(
+    point: Point, verdicts: Sequence[Verdict], q: Floats
+) -> tuple[list[Verdict], Reach]:
+    """Say which Pfaffian relations alone are integrable, and what all let it reach."""
+    rows = {row.name: row for row in point.e.rows}
+    whole = reach_of(point, point.e.rows, q)
+    found = []
+    for verdict in verdicts:
+        if verdict.pfaffian:
+            row = rows[verdict.name]
+            alone = whole if len(rows) == 1 else reach_of(point, [row], q)
+            decided = alone.hidden is not None
+            integrable = alone.hidden == 1 if decided else None
+            why = "" if decided else alone.reason
+            found.append(verdict._replace(integrable=integrable, undecided=why))
+        else:
+            found.append(verdict)
+    return found, whole
 
 
 def reach_of(point: Point, rows: Sequence[Row], q: Floats) -> Reach:

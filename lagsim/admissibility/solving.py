@@ -12,7 +12,6 @@ from lagsim.admissibility.lengths import Form, Lengths
 from lagsim.admissibility.metric import metric_of
 from lagsim.admissibility.newton import Found, Trouble, nearest, reach
 from lagsim.admissibility.point import Asked
-from lagsim.admissibility.verdict import judge_gaps
 from lagsim.language.derivatives import slopes
 from lagsim.notes import Caution
 
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility.point import AtState, Point
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.constraints import Row
 
 # Other roots are looked for from this many starts around the guess, this far away.
 OTHER_STARTS = 16
@@ -40,8 +40,8 @@ class Solver:
         self.warnings: list[Caution] = []
         # Positions were found as a double root, and are known to half of the digits.
         self.double = False
-        # One-sided relations that are to be met as equalities: name -> gap.
-        self.touching: dict[str, int] = {}
+        # One-sided relations that are to be met as equalities.
+        self.touching: dict[str, Row] = {}
 
     def metric(self, free: Sequence[int]) -> Floats:
         """Give the metric of least change on the values `free`: M as it was stated."""
@@ -66,10 +66,11 @@ class Solver:
     def asked(self, *, velocities: bool, definitions: bool = True) -> Asked:
         """Give what is asked of positions, or of velocities."""
         asked, g = Asked(), self.e.graph
-        asked.add_rows(self.e.rows, velocities=velocities)
-        if not velocities:
-            for name, gap in self.touching.items():
-                asked.add(name, gap, g.call("abs", gap))
+        for row in (*self.e.rows, *self.touching.values()):
+            if not velocities and row.holonomic:
+                asked.add(row.name, row.residual, row.residual_scale)
+            elif velocities and (not row.holonomic or row.name not in self.touching):
+                asked.add(row.name, row.rate, row.rate_scale)
         names = frozenset(self.e.velocities)
         for wanted in self.e.model.initial if definitions else ():
             node = wanted.node
@@ -81,17 +82,9 @@ class Solver:
             )
         return asked
 
-    def touch(self, q: Floats, v: Floats) -> bool:
-        """Ask of contacts that are penetrated that they touch; tell if any are new."""
-        errors = self.point.solved_errors(q, v, self.stated)
-        gaps = {c.name: c.relation.node for c in self.e.model.constraints}
-        new = {
-            gap.name: gaps[gap.name]
-            for gap in judge_gaps(self.point, q, v, errors)
-            if not gap.satisfied and gap.name not in self.touching
-        }
-        self.touching |= new
-        return bool(new)
+    def touch(self, rows: Mapping[str, Row]) -> None:
+        """Ask of one-sided relations that they just hold."""
+        self.touching |= rows
 
     def relations(
         self,

@@ -105,6 +105,17 @@ class Verdict(NamedTuple):
         Of a Pfaffian relation alone; None where it is undecided, or is no question.
     undecided : str
         Why `integrable` is None, where it is a question.
+    judged : bool
+        Whether a start has to meet it.
+    rate : Residual or None
+        Of what holds only at times: the rate of a gap, a slip.
+    active : bool or None
+        Whether a contact touches, a freewheel may engage, another one is in force; None
+        of equalities that always are.
+    holds : bool or None
+        Whether it acts there; None where that was not decided.
+    mode : str
+        What it does.
     """
 
     name: str
@@ -116,10 +127,17 @@ class Verdict(NamedTuple):
     redundant: bool = False
     integrable: bool | None = None
     undecided: str = ""
+    judged: bool = True
+    rate: Residual | None = None
+    active: bool | None = None
+    holds: bool | None = None
+    mode: str = ""
 
     @property
     def satisfied(self) -> bool:
         """Whether position and velocity meet the relation."""
+        if not self.judged:
+            return True
         if self.kind == ONE_SIDED:
             return self.position.value >= -self.position.bound
         return self.position.met and (self.velocity is None or self.velocity.met)
@@ -167,7 +185,7 @@ def judge(
     near = _neighbours(point, asked)
     lengths = of_rows(point, [rows[i] for i in (*asked, *near)], q, v)
     scales, motions = lengths.scales(), lengths.motions()
-    whole = _body_motions(point, lengths.forms[: len(asked)], q, v)
+    whole = body_motions(point, lengths.forms[: len(asked)], q, v)
     for i, scale, motion, body in zip(asked, scales, motions, whole, strict=False):
         moving[i] = _of_rate(moving[i], motion, body)
         held[i] = _of_size(held[i], scale) if rows[i].holonomic else moving[i]
@@ -216,10 +234,13 @@ def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
     return residual
 
 
-def _body_motions(
+def body_motions(
     point: Point, forms: Sequence[Form], q: Floats, v: Floats
 ) -> list[float]:
-    """Give |A| |v| of each form, of the coordinates whose inertia it shares."""
+    """Give |A| |v| of each form, of the coordinates whose inertia it shares.
+
+    To COMPUTED of that a rate is known at best.
+    """
     weights, shared = point.sizes(q, v), _Bodies(point)
     found = []
     for form in forms:
@@ -246,19 +267,6 @@ class _Bodies:
         return sorted(seen)
 
 
-def judge_gaps(
-    point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
-) -> list[Verdict]:
-    """Judge the one-sided constraints: their gaps must not be negative."""
-    contacts = [c for c in point.e.model.constraints if c.law is not None]
-    nodes = [c.relation.node for c in contacts]
-    gaps = _measured(point, nodes, [0.0] * len(nodes), (q, v), errors)
-    return [
-        Verdict(c.name, ONE_SIDED, "t" not in point.g.depends([node]), None, gap, None)
-        for c, node, gap in zip(contacts, nodes, gaps, strict=True)
-    ]
-
-
 def judge_starts(
     point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
 ) -> list[Verdict]:
@@ -266,15 +274,15 @@ def judge_starts(
     found = []
     values = [w for w in point.e.model.initial if w.node is not None]
     nodes = [w.node for w in values if w.node is not None]
-    measured = _measured(point, nodes, [w.value for w in values], (q, v), errors)
-    for wanted, residual in zip(values, measured, strict=True):
+    left = measured(point, nodes, [w.value for w in values], (q, v), errors)
+    for wanted, residual in zip(values, left, strict=True):
         missed = residual._replace(rounding=residual.rounding + CAUTION * wanted.error)
         name = f"{wanted.name}: {wanted.text}"
         found.append(Verdict(name, START_VALUE, True, None, missed, None))
     return found
 
 
-def _measured(
+def measured(
     point: Point,
     nodes: Sequence[int],
     targets: Sequence[float],

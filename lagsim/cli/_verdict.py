@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.admissibility.verdict import START_VALUE
+from lagsim.admissibility.verdict import ONE_SIDED, START_VALUE
 from lagsim.cli._shared import coloured, counted, table
 
 if TYPE_CHECKING:
@@ -23,8 +23,12 @@ def report(
     repair: bool = False,
 ) -> str:
     """Give the report for people; its first line is the verdict."""
-    name, rows = equations.model.name, equations.rows
-    rank = f" of rank {start.ranks.rank}" if rows else ""
+    name = equations.model.name
+    rows: Sequence[object] = equations.rows
+    if equations.laws:
+        rows = equations.model.constraints
+    two_sided = any(v.kind not in (ONE_SIDED, START_VALUE) for v in start.verdicts)
+    rank = f" of rank {start.rank}" if two_sided else ""
     freedom = counted(start.degrees_of_freedom, "degree")
     if start.admissible:
         head = coloured("admissible", "32") + f": {name}"
@@ -68,6 +72,8 @@ def _violation(verdict: Verdict) -> str:
         text = f"the rate of constraint `{verdict.name}` is {velocity.value:.6g}"
         return f"{text} (bound {velocity.bound:.2g}, {velocity.why})"
     text = f"constraint `{verdict.name}` has the residual {position.value:.6g}"
+    if verdict.kind == ONE_SIDED:
+        text = f"the {_sided(verdict)} of `{verdict.name}` is {position.value:.6g}"
     return f"{text} (bound {position.bound:.2g}, {position.why})"
 
 
@@ -85,7 +91,23 @@ def _described(verdict: Verdict) -> str:
     text = f"{', '.join(words)}; residual {residual:.3g}"
     if verdict.velocity is not None:
         text += f", of its rate {verdict.velocity.value + 0.0:.3g}"
+    if verdict.active is not None:
+        text = f"{', '.join(words)}; {_standing(verdict, residual)}"
     return text + ("" if verdict.satisfied else "  <- violated")
+
+
+def _sided(verdict: Verdict) -> str:
+    return "gap" if verdict.pfaffian is None else "rate"
+
+
+def _standing(verdict: Verdict, residual: float) -> str:
+    """Say what a constraint does that holds only at times."""
+    what = _sided(verdict) if verdict.kind == ONE_SIDED else "residual"
+    text = f"{what} {residual:.3g}"
+    if what == "gap" and verdict.rate is not None:
+        text += f", its rate {verdict.rate.value + 0.0:.3g}"
+        text += "; touches" if verdict.active else ""
+    return f"{text}; {verdict.mode}" if verdict.mode else text
 
 
 def _reached(equations: Equations, start: StartReport) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from lagsim.derivation.conditions import ASCII, conditions, when
 from lagsim.derivation.names import ModelNames, Name
 from lagsim.derivation.writer import Style, Writer
 from lagsim.version import __version__
@@ -46,7 +47,10 @@ class _Document:
             "equations": [self._line(line) for line in c.lines],
             "M": [self._all(row) for row in c.M],
             "f": self._all(c.f),
-            "constraints": [self._constraint(k) for k in c.constraints],
+            "constraints": [
+                self._constraint(k, s)
+                for k, s in zip(c.constraints, x.multipliers, strict=True)
+            ],
             "accelerations": None
             if solved is None
             else {
@@ -91,7 +95,8 @@ class _Document:
             "right": self.write(line.right),
         }
 
-    def _constraint(self, k: Condition) -> dict[str, Any]:
+    def _constraint(self, k: Condition, multiplier: Any) -> dict[str, Any]:
+        called = ("function", "rate")
         return {
             "name": k.name,
             "kind": k.kind,
@@ -102,7 +107,11 @@ class _Document:
             "b": self.write(k.b),
             "restitution": k.law.get("restitution"),
             "friction": self._maybe(k.law.get("friction")),
+            "static_friction": self._maybe(k.law.get("static")),
             "slip": self._all(k.law.get("slip", ())),
+            "limit": self._maybe(k.law.get("limit")),
+            "when": when(k.law["when"], self.write) if "when" in k.law else None,
+            "conditions": conditions(k, self.write, multiplier, called, ASCII),
         }
 
     def _gauss(self, gauss: Gauss) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
+from lagsim.derivation.conditions import LATEX, conditions
 from lagsim.derivation.names import LatexNames, Name, plain_latex, upright_latex
 from lagsim.derivation.outline import DIGITS, Outline
 from lagsim.derivation.styles import LatexStyle
@@ -163,24 +164,33 @@ class _Latex(Outline):
 
     def _constraint(self, k: Condition) -> None:
         self.align(self._derivatives(k))
-        if k.law:
+
+    def _law(self, k: Condition, multiplier: Any) -> None:
+        if k.kind == "one-sided" and not k.moving:
             parts = [f"restitution ${k.law['restitution']:g}$"]
             if "friction" in k.law:
                 slips = ", ".join(f"${self.write(s)}$" for s in k.law["slip"])
                 parts.append(f"friction ${self.write(k.law['friction'])}$")
+                if "static" in k.law:
+                    parts.append(f"static friction ${self.write(k.law['static'])}$")
                 parts.append(f"sliding velocity {slips}")
             self.lines.append("With " + ", ".join(parts) + ".\n")
+        name = upright_latex(k.name)
+        rate = rf"\varphi_{{{name}}}" if k.moving else rf"\dot{{g}}_{{{name}}}"
+        called = (rate if k.moving else f"g_{{{name}}}", rate)
+        told = conditions(k, self.write, multiplier, called, LATEX)
+        self.lines += [rf"\[ {text} \]" for text in told.values()]
 
     def _derivatives(self, k: Condition) -> list[Typeset]:
         name = upright_latex(k.name)
-        if k.kind == "nonholonomic":
+        relation = r"\ge" if k.kind == "one-sided" else "="
+        if k.moving:
             phi = rf"\varphi_{{{name}}}"
             return [
-                (phi, [*self.write.terms(k.function), ("=", "0")]),
+                (phi, [*self.write.terms(k.function), (relation, "0")]),
                 self.equals(rf"\dot{{\varphi}}_{{{name}}}", k.acceleration),
             ]
         g = rf"g_{{{name}}}"
-        relation = r"\ge" if k.kind == "one-sided" else "="
         return [
             (g, [*self.write.terms(k.function), (relation, "0")]),
             self.equals(rf"\dot{{g}}_{{{name}}}", k.rate),

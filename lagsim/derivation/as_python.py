@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.derivation.conditions import in_words
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.mechanics.constraints import Flow, constraint_row
@@ -23,15 +24,19 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
 
-_OWN = ("np", "t", "q", "q_dot", "out", "COORDINATES", "CONSTRAINTS", "ONE_SIDED")
-_TAKEN = frozenset((*keyword.kwlist, *_OWN, "PARAMETERS"))
+_OWN = (
+    "np", "t", "q", "q_dot", "out", "COORDINATES", "CONSTRAINTS", "ONE_SIDED",
+    "CONDITIONS", "PARAMETERS",
+)  # fmt: skip
+_TAKEN = frozenset((*keyword.kwlist, *_OWN))
 _HEAD = '''"""Equations of motion of {name}, written by lagsim {version}.
 
 M q'' = f + A^T lambda,  A q'' = b,  Qc = A^T lambda.
 
 Functions take the time t, the coordinates q and the velocities q_dot, in the order of
 COORDINATES. PARAMETERS are read at each call. The rows of the constraints in ONE_SIDED
-hold only while the contact is closed.
+hold only while the contact is closed, those of all in CONDITIONS only at times: what
+their laws ask of g (or a rate), its rate g' (or that rate itself) and lambda.
 """
 
 import numpy as np
@@ -39,6 +44,7 @@ import numpy as np
 COORDINATES = {coordinates}
 CONSTRAINTS = {constraints}
 ONE_SIDED = {one_sided}
+CONDITIONS = {conditions}
 PARAMETERS = {parameters}
 '''
 
@@ -55,6 +61,9 @@ def as_python(equations: Equations, version: str) -> str:
         coordinates=_tuple(e.q),
         constraints=_tuple([c.name for c in model.constraints]),
         one_sided=_tuple([c.name for c in model.constraints if c.law is not None]),
+        conditions=_dictionary(
+            {c.name: in_words(c) for c in model.constraints if not c.always}
+        ),
         parameters=_dictionary({p.name: p.value for p in model.parameters}),
     )
     n, m = len(e.q), len(rows)
@@ -71,7 +80,7 @@ def _tuple(names: Sequence[str]) -> str:
     return f"({', '.join(map(_quoted, names))}{',' if len(names) == 1 else ''})"
 
 
-def _dictionary(values: Mapping[str, float]) -> str:
+def _dictionary(values: Mapping[str, object]) -> str:
     lines = [f"    {_quoted(name)}: {value!r},\n" for name, value in values.items()]
     return "{\n" + "".join(lines) + "}" if lines else "{}"
 

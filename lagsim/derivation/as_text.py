@@ -6,6 +6,7 @@ import textwrap
 import unicodedata
 from typing import TYPE_CHECKING, Any
 
+from lagsim.derivation.conditions import ASCII, UNICODE, conditions
 from lagsim.derivation.names import ModelNames, Name, UnicodeNames
 from lagsim.derivation.outline import DIGITS, Outline
 from lagsim.derivation.styles import UnicodeStyle
@@ -63,6 +64,10 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
 def _width(text: str) -> int:
     """Give how many columns a text takes; dots above take none."""
     return sum(not unicodedata.combining(c) for c in text)
+
+
+def _called(k: Condition) -> tuple[str, str]:
+    return ("rate", "rate") if k.moving else ("gap", "dgap/dt")
 
 
 class _Text(Outline):
@@ -151,17 +156,25 @@ class _Text(Outline):
         else:
             letter, sign = "g", "="
             if k.kind == "one-sided":
-                letter, sign = "gap", self.write.style.comparisons[">="]
+                letter, sign = _called(k)[0], self.write.style.comparisons[">="]
             self.equals(letter, k.function, f" {sign} 0")
-            self.equals(f"d{letter}/dt", k.rate)
-        once = "d/dt of it" if k.kind == "nonholonomic" else self.signs["twice"]
-        self.equals(once, k.acceleration)
-        for word, value in k.law.items():
+            if not k.moving:
+                self.equals(f"d{letter}/dt", k.rate)
+        self.equals("d/dt of it" if k.moving else self.signs["twice"], k.acceleration)
+
+    def _law(self, k: Condition, multiplier: Any) -> None:
+        for word in () if k.moving else ("restitution", "friction", "static", "slip"):
+            value = k.law.get(word, ())
             parts = value if isinstance(value, tuple) else (value,)
             text = ", ".join(
                 f"{p:g}" if isinstance(p, float) else self.write(p) for p in parts
             )
-            self._say(f"{word}: {text}")
+            if text:
+                self._say(f"{word}: {text}")
+        signs = ASCII if self.signs["minus"] == "-" else UNICODE
+        told = conditions(k, self.write, multiplier, _called(k), signs)
+        for about, text in told.items():
+            self._say(f"{about}: {text}")
 
     def _conserved(self, item: Conserved) -> None:
         left, why = self._named(item)

@@ -59,7 +59,7 @@ def conserved_quantities(
 
 def _energy(x: Translation, lagrangian: Any, lines: Sequence[Line]) -> list[Conserved]:
     e, g = x.equations, x.g
-    if any(row.transport != g.zero for row in e.rows) or _has_contact(e):
+    if any(row.transport != g.zero for row in e.rows) or e.laws:
         return []
     worked = (line.terms["Q"] * v for line, v in zip(lines, x.v, strict=True))
     if not x.tidy.is_zero(sp.Add(-x.slope(lagrangian, x.t), *worked)):
@@ -70,10 +70,6 @@ def _energy(x: Translation, lagrangian: Any, lines: Sequence[Line]) -> list[Cons
     moved = (v * line.momentum for v, line in zip(x.v, lines, strict=True))
     value = x.tidy(sp.Add(-lagrangian, *moved))
     return [Conserved("energy function", (), value)]
-
-
-def _has_contact(e: Equations) -> bool:
-    return any(c.law is not None for c in e.model.constraints)
 
 
 def _momentum(
@@ -172,7 +168,7 @@ def _symmetries(
     shifts = [j for j in range(n) if j not in ignorable]
     turns = list(combinations(range(n), 2))
     many = len(shifts) + len(turns)
-    if n < 2 or many > MOST_GENERATORS or _has_contact(x.equations):
+    if n < 2 or many > MOST_GENERATORS or x.equations.laws:
         return []
     sampled = _sampled(x.equations, samples, shifts, turns)
     if sampled is None:

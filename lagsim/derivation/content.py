@@ -60,7 +60,8 @@ class Condition:
     acceleration
         The rate of that: A q'' - b.
     law
-        Restitution, friction and slips of a one-sided one.
+        What the file gives of `restitution`, `friction` (while it slides), `static`,
+        `slip`, `limit` and `when`; nothing of an equality that always holds.
     """
 
     name: str
@@ -71,6 +72,11 @@ class Condition:
     A: tuple[Any, ...]
     b: Any
     law: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def moving(self) -> bool:
+        """Whether it is between velocities: what vanishes is the function itself."""
+        return self.rate is self.function
 
 
 @dataclass(frozen=True)

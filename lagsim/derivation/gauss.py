@@ -1,4 +1,4 @@
-"""Gauss's principle of least constraint, for equality constraints.
+"""Gauss's principle of least constraint, for equality constraints that always hold.
 
 q'' minimises G = (q'' - a)^T M (q'' - a)/2 subject to A q'' = b, where M a = f. The
 constraint forces are Qc = K (A a - b) with the gain K = -A^T (A M^-1 A^T)^-1.
@@ -41,9 +41,9 @@ def gauss(
     InputError
         Where M is singular, so that there is no unconstrained acceleration.
     """
-    if any(c.kind == "one-sided" for c in constraints):
+    if any(c.law for c in constraints):
         notes.append("Gauss's principle is told for the equality constraints")
-    constraints = [c for c in constraints if c.kind != "one-sided"]
+    constraints = [c for c in constraints if not c.law]
     lacking = without_inertia(x.equations)
     if lacking is not None:
         raise InputError([singular(lacking)])

@@ -20,7 +20,7 @@ from lagsim.derivation.translation import Translation
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Constraint
@@ -172,24 +172,30 @@ class _Derivation:
         else:
             A = tuple(tidy(sp.diff(function, v), factored=True) for v in x.v)
             rate = function
-        law: dict[str, Any] = {}
         kind = "holonomic" if holonomic else "nonholonomic"
-        if constraint.law is not None:
-            kind = "one-sided"
-            law["restitution"] = constraint.law.restitution
-            if constraint.law.friction is not None:
-                law["friction"] = x.sympy([constraint.law.friction])[0]
-                law["slip"] = tuple(x.sympy(constraint.law.slips))
         return Condition(
             name=constraint.name,
-            kind=kind,
+            kind=kind if constraint.law is None else "one-sided",
             function=function,
             rate=rate,
             acceleration=tidy(x.rate(rate)),
             A=A,
             b=tidy(-x.drift(rate)),
-            law=law,
+            law=self._law(constraint),
         )
+
+    def _law(self, constraint: Constraint) -> dict[str, Any]:
+        law = constraint.law
+        found = {"limit": constraint.limit, "when": constraint.when}
+        if law is None:
+            return self._given(found)
+        slips = {"slip": tuple(self.x.sympy(law.slips))} if law.slips else {}
+        found = {"friction": law.friction, "static": law.static, **found}
+        return {"restitution": law.restitution, **self._given(found), **slips}
+
+    def _given(self, nodes: Mapping[str, int | None]) -> dict[str, Any]:
+        found = zip(nodes, self.x.sympy(nodes.values()), strict=True)
+        return {key: e for key, e in found if e is not None}
 
 
 def _on_contacts(constraints: Sequence[Condition]) -> list[str]:

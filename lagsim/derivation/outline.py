@@ -54,9 +54,12 @@ class Outline:
             self._forces()
         self._equations([(line, self._terms(line)) for line in self.c.lines])
         self._matrix_form()
-        for k in self.c.constraints:
+        multipliers = self.c.translation.multipliers
+        for k, lam in zip(self.c.constraints, multipliers, strict=True):
             self._title(f"Constraint {k.name} ({k.kind})")
             self._constraint(k)
+            if k.law:
+                self._law(k, lam)
         self._solution()
         if self.c.conserved:
             self._title(self.signs["conserved"])
@@ -176,9 +179,7 @@ class Outline:
             return
         self._say(self.signs["gain"])
         names = [self.show(q.name) for q in x.q]
-        labels = [
-            self._label(k.name) for k in self.c.constraints if k.kind != "one-sided"
-        ]
+        labels = [self._label(k.name) for k in self.c.constraints if not k.law]
         self._rows(
             [
                 (self.sign("K", q, label), e)
@@ -207,6 +208,7 @@ class Outline:
     def _force(self, force: Force) -> None: ...
     def _equations(self, lines: Sequence[tuple[Line, list[Row]]]) -> None: ...
     def _constraint(self, k: Condition) -> None: ...
+    def _law(self, k: Condition, multiplier: Any) -> None: ...
     def _conserved(self, item: Conserved) -> None: ...
     def _square(self, letter: str, rows: Rows) -> None: ...
     def _entries(self, letter: str, rows: Sequence[Entry], also: str) -> None: ...

@@ -63,8 +63,10 @@ def _no_steps(x: Translation, constraints: Sequence[Condition], *, insist: bool)
     """Say why the elimination is not told step by step; nothing where it is."""
     if without_inertia(x.equations) is not None:
         return "M is not positive definite: it is not solved for the accelerations"
-    if any(c.kind == "one-sided" for c in constraints):
-        return "the accelerations are left out: contacts come and go"
+    if any(c.law for c in constraints):
+        contact = any(c.kind == "one-sided" for c in constraints)
+        what = "contacts" if contact else "constraints"
+        return f"the accelerations are left out: {what} come and go"
     if not insist:
         return "the accelerations are too long to be read; `--solve` gives them"
     return ""
@@ -87,7 +89,7 @@ def _closed(
         for j, fj in enumerate(f)
     ]
     accelerations = tuple(inverse.times(right))
-    if any(c.kind == "one-sided" for c in constraints):
+    if any(c.law for c in constraints):
         return Solution(accelerations, ())
     multipliers = multipliers_of(x, inverse, f, constraints)
     return None if multipliers is None else Solution(accelerations, tuple(multipliers))

@@ -111,8 +111,9 @@ class Translation:
         nodes += [x for f in model.forces for x in (f.node, f.direction)]
         nodes += [c.relation.node for c in model.constraints]
         for c in model.constraints:
+            nodes += [c.limit, c.when]
             if c.law is not None:
-                nodes += [c.law.friction, *c.law.slips]
+                nodes += [c.law.friction, c.law.static, *c.law.slips]
         return [n for n in nodes if n is not None]
 
     # Definitions

@@ -309,20 +309,21 @@ class Writer:
 
     def _choice(self, e: Any) -> Piece:
         *cases, (last, _) = e.args
-        shown = [(self(x), self._condition(c)) for x, c in cases]
+        shown = [(self(x), self.condition(c)) for x, c in cases]
         return self.style.choice(shown, self(last))
 
-    def _condition(self, c: Any) -> str:
+    def condition(self, c: Any) -> str:
+        """Write what is true or false."""
         joins = self.style.joins
         if isinstance(c, sp.Not):
-            return joins["not"] + self.style.group(self._condition(c.args[0]))
+            return joins["not"] + self.style.group(self.condition(c.args[0]))
         if isinstance(c, sp.And | sp.Or):
             join = joins["and" if isinstance(c, sp.And) else "or"]
             parts = sorted(c.args, key=sp.default_sort_key)
             return join.join(
-                self.style.group(self._condition(p))
+                self.style.group(self.condition(p))
                 if isinstance(p, sp.And | sp.Or)
-                else self._condition(p)
+                else self.condition(p)
                 for p in parts
             )
         if isinstance(c, sp.Ne | sp.Eq):
@@ -333,7 +334,7 @@ class Writer:
     def _equal(self, c: Any) -> str:
         """Write = and its contrary, which sympy makes, with < and >."""
         both = [sp.Le(*c.args, evaluate=False), sp.Ge(*c.args, evaluate=False)]
-        text = self.style.joins["and"].join(self._condition(x) for x in both)
+        text = self.style.joins["and"].join(self.condition(x) for x in both)
         if isinstance(c, sp.Ne):
             return self.style.joins["not"] + self.style.group(text)
         return text

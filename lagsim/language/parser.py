@@ -98,17 +98,15 @@ class _Parser:
         self.pending: list[_Pending] = []
         self.names: list[Name] = []
 
-    def parse(self) -> Parsed:
+    def parse(self, *, wants: bool = False) -> Parsed:
+        """Take all tokens; `wants` tells that they are a condition, not a number."""
         operand_next = True
         for token in self.part:
             step = self._operand if operand_next else self._after_operand
             operand_next = step(token)
         condition, at = self.kinds[-1]
-        if condition:
-            raise ExpressionError(
-                at.offset, len(at.text), "a comparison stands only in `if`",
-                "write if(condition, a, b)",
-            )  # fmt: skip
+        if condition != wants:
+            raise _wrong_kind("a comparison is expected here", at, wants)
         return Parsed(self.text, tuple(self.output), tuple(self.names))
 
     def _operand(self, token: Token) -> bool:
@@ -228,7 +226,7 @@ class _Parser:
         wants_conditions = top.op in JOINING
         for condition, at in args:
             if condition != wants_conditions:
-                raise _wrong_kind(top.token, at, wants_conditions)
+                raise _wrong_kind(_wanting(top), at, wants_conditions)
         del self.kinds[-top.arity :]
         gives_condition = wants_conditions or top.power == _COMPARES
         start = args[0][1] if top.arity == 2 else top.token
@@ -264,7 +262,7 @@ class _Parser:
         args = self.kinds[-top.arity :]
         for i, (condition, at) in enumerate(args):
             if condition != (top.op == "if" and i == 0):
-                raise _wrong_kind(top.token, at, wants=top.op == "if" and i == 0)
+                raise _wrong_kind(_wanting(top), at, top.op == "if" and i == 0)
         del self.kinds[-top.arity :]
         self.kinds.append((False, top.token))
         self.output.append((top.op, top.arity))
@@ -278,9 +276,13 @@ def _count(function: str) -> str:
     return "1 argument" if arity == 1 else f"{arity} arguments"
 
 
-def _wrong_kind(operator: Token, at: Token, wants: bool) -> ExpressionError:
+def _wanting(top: _Pending) -> str:
+    return f"`{top.token.text}` expects a comparison here"
+
+
+def _wrong_kind(expected: str, at: Token, wants: bool) -> ExpressionError:
     if wants:
-        text = f"`{operator.text}` expects a comparison here, found a number"
+        text = f"{expected}, found a number"
         return ExpressionError(at.offset, len(at.text), text, "such as x > 0")
     text = "a comparison stands only in `if`"
     return ExpressionError(at.offset, len(at.text), text, "write if(condition, a, b)")
@@ -302,6 +304,17 @@ def parse(text: str) -> Parsed:
         With the place of the first fault in `text`.
     """
     return _Parser(text, list(tokens(text))).parse()
+
+
+def parse_condition(text: str) -> Parsed:
+    """Parse a condition, as that of `if`.
+
+    Raises
+    ------
+    ExpressionError
+        With the place of the first fault in `text`.
+    """
+    return _Parser(text, list(tokens(text))).parse(wants=True)
 
 
 def parse_relation(text: str) -> ParsedRelation:

@@ -109,6 +109,16 @@ class Equations:
         return (*names, *(law.multiplier for law in self.laws))
 
     @property
+    def slopes(self) -> tuple[SparseVector, ...]:
+        """A of all rows, in the order of the multipliers."""
+        return tuple(row.A for row in (*self.rows, *(law.row for law in self.laws)))
+
+    def row(self, name: str) -> Row:
+        """Give the row of a constraint."""
+        rows = (*self.rows, *(law.row for law in self.laws))
+        return next(row for row in rows if row.name == name)
+
+    @property
     def mass_entries(self) -> dict[tuple[int, int], int]:
         """The entries of M that do not vanish identically: (i, j) -> node."""
         return {
@@ -121,10 +131,9 @@ class Equations:
         """Give Qc = A^T lambda, with the multipliers as variables."""
         g = self.graph
         forces = [g.zero] * len(self.q)
-        rows = (*self.rows, *(law.row for law in self.laws))
-        for row, name in zip(rows, self.multipliers, strict=True):
+        for A, name in zip(self.slopes, self.multipliers, strict=True):
             lam = g.variable(name)
-            for j, entry in row.A.entries.items():
+            for j, entry in A.entries.items():
                 forces[j] = g.call("add", forces[j], g.call("mul", entry, lam))
         return forces
 

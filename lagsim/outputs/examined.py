@@ -24,7 +24,7 @@ def document(
         "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
         "admissible": start.admissible,
         "degrees_of_freedom": start.degrees_of_freedom,
-        "rank": ranks.rank,
+        "rank": start.rank,
         "generic_rank": ranks.generic_rank,
         "conditioning": ranks.smallest,
         "generic_conditioning": ranks.generic_smallest,
@@ -79,7 +79,7 @@ def document(
 
 
 def _constraint(verdict: Verdict) -> dict[str, Any]:
-    position, velocity = verdict.position, verdict.velocity
+    position, velocity, rate = verdict.position, verdict.velocity, verdict.rate
     return {
         "name": verdict.name,
         "kind": verdict.kind,
@@ -95,6 +95,10 @@ def _constraint(verdict: Verdict) -> dict[str, Any]:
         "velocity_scale": velocity.scale if velocity else None,
         "velocity_bound": velocity.bound if velocity else None,
         "velocity_bound_reason": velocity.why if velocity else None,
+        "rate": rate.value if rate else None,
+        "active": verdict.active,
+        "holds": verdict.holds,
+        "mode": verdict.mode or None,
         "satisfied": verdict.satisfied,
         "redundant": verdict.redundant,
     }

@@ -128,7 +128,11 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     choices += _told(parts)
     switches = _switches(equations, choices)
     lengths = usual_lengths(equations, start, settings.output_step)
-    elimination = eliminate(equations, start, lengths, choices)
+    if equations.laws:
+        elimination = None
+        choices.append(Choice("solve: loops", "constraints come into force and go"))
+    else:
+        elimination = eliminate(equations, start, lengths, choices)
     if start.augmented:
         choices.append(
             Choice("mass matrix solved with the constraints", "it is singular alone")
@@ -139,7 +143,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         # As the run will see it: of long chains the smallest singular value is small.
         independence = independence_of(equations, start, lengths, elimination)
     solved = None if tape else elimination
-    switching = bool(switches.sides)
+    switching = bool(switches.sides or equations.laws)
     name = choose(equations, scene, solved, settings, choices, switching=switching)
     adaptive = bool(method(name).ADAPTIVE)
     return Plan(
@@ -171,6 +175,8 @@ def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part
     if asked not in ("auto", "apart"):
         return ()
     why = refusal(equations)
+    if equations.laws:
+        why = "contacts and limits are met by all of them"
     if not why:
         switches = model_switches(equations)
         if switches.modes or switches.sides:

@@ -98,13 +98,19 @@ def formulate(
         Where the formulation asked for is not known or cannot be had.
     """
     asked, place = settings.formulation, settings.formulation_place
+    if equations.laws and asked == "auto":
+        return _at_times(equations, start)
     if asked == "auto":
         return _chosen(equations, start, suits)
     problems = formulation_problems(asked, place)
     if problems:
         raise InputError(problems)
     try:
-        return _ways(settings.decay)[asked](equations, start)
+        ways = _ways(settings.decay)
+        if equations.laws:
+            ways = {**dict.fromkeys(ways, _refused), "full": _at_times}
+            ways["projection"] = _at_times
+        return ways[asked](equations, start)
     except _CannotError as error:
         text = f"formulation `{asked}` cannot be had: {error}"
         hint = "`auto` chooses one that can be had"
@@ -137,6 +143,17 @@ def _whole(
     """Give a formulation with the equations as they are."""
     choices = (Choice(f"formulation: {name}", reason),)
     return Formulation(name, Reduction(equations), start, projected, gain, choices)
+
+
+def _at_times(equations: Equations, start: Start) -> Formulation:
+    """Project onto the constraints while they hold."""
+    count = len({law.constraint for law in equations.laws})
+    reason = f"{count} constraint{'s' * (count != 1)} that hold at times"
+    return _whole(equations, start, "projection", reason, projected=True)
+
+
+def _refused(equations: Equations, start: Start) -> Formulation:  # noqa: ARG001
+    raise _CannotError("the model has constraints that hold at times")
 
 
 def _constrained(equations: Equations) -> None:

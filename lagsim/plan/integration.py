@@ -122,6 +122,8 @@ def _refusal(name: str, equations: Equations, scene: Structure) -> str:
         if equations.model.output.action:
             return "it does not integrate the action, which `output` asks for"
         return "it does not integrate ignorable coordinates by quadrature"
+    if equations.laws and chosen.NEEDS:
+        return "constraints that hold at times need a method that asks for y' alone"
     return str(chosen.refusal(scene))
 
 

@@ -29,6 +29,8 @@ SAME_ROW = 1e-9
 # A loss of rank is one where the rows' independence falls below this part of what it is
 # in general.
 LOST = 1e-5
+# Units in the last place of the time within which two times are one.
+MOMENTS = 8.0
 # Steps at the stability bound after which something may be done about it.
 AT_BOUND = 15
 # After so many steps each it is asked whether they lead to a surface or only up to it.
@@ -130,12 +132,22 @@ class Arc:
         state = self.state
         return float(state.row_start + (state.row + k) * state.row_step)
 
+    def meet_row(self) -> None:
+        """Take an event within rounding of an output time to be at it."""
+        rows = self.row_time(-1), self.row_time(0), self.settings.end
+        near = min(rows, key=lambda s: abs(s - self.t))
+        if abs(near - self.t) <= MOMENTS * np.spacing(abs(self.t)):
+            self.state.t = near
+
     def advance(self, out: Floats, budget: int) -> int:
         """Integrate on, by one call of the kernel; give what it says."""
         return self.runner.advance(self.state, out, budget)
 
     def put(self, y: Floats) -> None:
-        """Let the state jump."""
+        """Let the state jump; how large it was, and where, stays known."""
+        self.sizes[:] = self.seen
+        np.minimum(self.state.low, self.y, out=self.state.low)
+        np.maximum(self.state.high, self.y, out=self.state.high)
         self.y[:] = y
 
     def tell(self, numbers: Mapping[str, float]) -> None:
@@ -153,7 +165,7 @@ class Arc:
         And is looked at again at the time `ahead`, if that comes before its end.
         """
         settings, runner, state = self.settings, self.runner, self.state
-        if self.system.surfaces:
+        if self.system.watched:
             name = self.plan.method
             # Sliding is written for y' alone.
             name = SLIDING if self.slides and method(name).NEEDS else name

@@ -96,8 +96,7 @@ class Run:
 
     def begin(self) -> None:
         """Begin the first arc."""
-        for source in self.sources:
-            self._take(source.begin(self.arc))
+        self._set_modes()
         self._set_out(self.arc.settings.end)
 
     def advance(self, most_steps: int, arc_steps: float = 0.0) -> Ending | None:
@@ -133,7 +132,7 @@ class Run:
         for source in self.sources:
             decision = source.decide(arc, code)
             if decision is not None:
-                return self._act(decision, before)
+                return self._act(source, decision, before)
         if code == at.DONE:
             return Ending(Outcome.DONE)
         if code == at.EVENT_FOUND:
@@ -145,22 +144,25 @@ class Run:
         arc = self.arc
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
         ends |= code == at.PAUSED and arc.is_looked_at
-        more = arc.t < arc.settings.end or arc.system.surfaces
+        more = arc.t < arc.settings.end or arc.system.watched
         if not (ends and more and arc.system.m):
             return None
         from lagsim.run.events.impacts import before_event
 
         return before_event(arc)
 
-    def _act(self, decision: Decision, before: Before | None) -> Ending | None:
+    def _act(
+        self, source: Source, decision: Decision, before: Before | None
+    ) -> Ending | None:
         """Do what a source has decided."""
         self._take(decision)
         turn = decision.turn
         if decision.ending is not None or turn is Turn.NONE:
             return decision.ending
-        if turn is Turn.MODES:
-            for source in self.sources:
-                self._take(source.begin(self.arc))
+        if turn is Turn.MODES or (turn is Turn.MODE and self.arc.system.laws):
+            ending = self._set_modes(source if turn is Turn.MODE else None)
+            if ending is not None:
+                return ending
         if before is not None and turn is not Turn.ARC:
             from lagsim.run.events.impacts import impact
 
@@ -169,6 +171,22 @@ class Run:
             if struck.ending is not None:
                 return struck.ending
         self._set_out(decision.ahead)
+        return None
+
+    def _set_modes(self, but: Source | None = None) -> Ending | None:
+        """Let all sources set their modes, but for one; all where something strikes."""
+        struck = True
+        while struck:
+            struck = False
+            for source in self.sources:
+                if source is but:
+                    continue
+                begun = source.begin(self.arc)
+                self._take(begun)
+                if begun.ending is not None:
+                    return begun.ending
+                struck |= begun.rows is not None
+            but = None
         return None
 
     def _take(self, decision: Decision) -> None:
@@ -180,12 +198,14 @@ class Run:
         arc.tell(decision.numbers)
         if decision.sizes is not None:
             arc.expect(decision.sizes)
-        if decision.rows is not None:
+        if decision.rows is not None and arc.row_time(-1) < arc.t:
             self.recorder.hand_on(decision.rows)
         if decision.y is not None:
             arc.put(decision.y)
-        if decision.rows is not None and arc.row_time(0) > arc.t:
+        if decision.rows is not None:
             self._emit(arc.row())
+            if arc.row_time(0) == arc.t:
+                arc.tell({"row": arc.state.row + 1.0})
 
     def _set_out(self, ahead: float) -> None:
         """Begin an arc at the state reached, to be looked at again at `ahead`."""
@@ -241,6 +261,10 @@ def _sources(arc: Arc) -> Iterator[Source]:
         from lagsim.run.events.switching import Switching
 
         yield Switching(arc)
+    if arc.system.laws:
+        from lagsim.run.events.contacts import Contacts
+
+        yield Contacts(arc)
     yield Dependence()
     yield RankLosses()
     yield Stiffness(arc)

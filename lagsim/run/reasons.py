@@ -40,6 +40,8 @@ def _what_failed(arc: Arc, ending: Ending) -> str:
         return f"the position that constraint `{ending.about}` asks for jumps {where}"
     if outcome is Outcome.SWITCHES_ACCUMULATE:
         return f"the switches {ending.about} accumulate {where}"
+    if outcome is Outcome.PARADOX:
+        return f"no forces hold {ending.about} {where}"
     if outcome is Outcome.STATE_JUMPS:
         return f"the state would have jumped {where}"
     if outcome is Outcome.PROJECTION_FAILED:

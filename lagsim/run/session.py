@@ -279,16 +279,7 @@ def wanted(
     InputError
     """
     settings = model.settings(options)
-    problems = [
-        Problem(
-            "one-sided",
-            f"constraint `{c.name}` is one-sided, and `{who}` has no contact yet",
-            c.relation.place,
-            "`check` reads it; an equality `=` holds both ways",
-        )
-        for c in model.constraints
-        if c.law is not None
-    ]
+    problems: list[Problem] = []
     if settings.duration:
         problems += unknown_names(settings)
     else:

@@ -59,14 +59,14 @@ def empty_state(runner: Runner) -> State:
         n=system.n,
         size=system.size,
         signals=len(system.sleepers),
-        surfaces=system.surfaces,
+        surfaces=system.watched,
         inertias=len(system.inertias),
     )
     state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
     state.powers[:] = [sleeper.power for sleeper in system.sleepers]
-    rows = [row.A for row in system.equations.rows]
-    state.joined[:] = joined(system.n, [*rows, *system.equations.M])
-    state.linked[:] = joined(system.n, rows)
+    slopes = system.equations.slopes
+    state.joined[:] = joined(system.n, [*slopes, *system.equations.M])
+    state.linked[:] = joined(system.n, slopes)
     return state
 
 

@@ -103,7 +103,8 @@ class Stiffness(Source):
     def _considered_once(self, arc: Arc) -> Decision:
         scene = arc.system.equations
         # Sliding has a method of its own.
-        if arc.slides or scene.quadratures or method(STIFF).refusal(structure(scene)):
+        alone = arc.slides or scene.quadratures or scene.laws
+        if alone or method(STIFF).refusal(structure(scene)):
             return GO_ON if arc.plan.method == SERIES else self._warning(arc, (), "")
         plan = replace(arc.plan, method=STIFF)
         stiff = arc.by(plan, System(arc.equations, plan))

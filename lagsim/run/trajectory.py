@@ -60,6 +60,11 @@ class Outcome(Enum):
         motion through what happens there: look at the scene around that time, or stop
         before it""",
     )
+    PARADOX = (
+        "failed",
+        """friction and the bodies' inertia leave no motion there (Painleve): less
+        friction, or a body that yields a little, would""",
+    )
     STATE_JUMPS = (
         "failed",
         """positions never jump, and velocities only at an impact: the rows up to there

@@ -18,7 +18,7 @@ NAN = float("nan")
 
 
 def factor(p: Parameters) -> None:
-    """Factor M, or M + A^T W A."""
+    """Factor M, or M + A^T W A with the rows that always hold."""
     n = p.n
     M = p.M
     L = p.L
@@ -27,7 +27,7 @@ def factor(p: Parameters) -> None:
             L[i * n + j] = M[i * n + j]
     if p.augmented > 0.0:
         A = p.A
-        for k in range(p.m):
+        for k in range(p.m - p.laws):
             row = at(A, k * n)
             weight = row_weight(n, M, row)
             for i in range(n):
@@ -72,7 +72,7 @@ def augment_force(p: Parameters) -> None:
     A = p.A
     f = p.f
     b = p.b
-    for k in range(p.m):
+    for k in range(p.m - p.laws):
         row = at(A, k * n)
         weight = row_weight(n, M, row) * b[k]
         for j in range(n):

@@ -22,6 +22,8 @@ from lagsim.native.kernels.words import at, external
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
+LAWS = True
+
 # A pivot this small against its column is none: forces that slide together and that
 # only their sum matters of.
 DEPENDENT = 1e-12
@@ -46,6 +48,11 @@ def surface_rows(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     A surface in velocities has no residual on the level of positions. J (K, n) is given
     row by row, without what vanishes; where its elements belong is kept before them.
     """
+
+
+@external
+def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Give how far each law is from the end of its mode (L,)."""
 
 
 @external
@@ -98,7 +105,10 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give how far the state is from the end of each mode (K,): below 0 it is over."""
+    """Give how far the state is from the end of each mode: below 0 it is over.
+
+    Of the surfaces (K,), then of the laws (L,).
+    """
     slides = p.slides
     share = p.share
     least = p.least
@@ -113,6 +123,8 @@ def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
             low = share[k]
             high = 1.0 - share[k]
         out[k] = min(low, high)
+    if LAWS:
+        law_margins(t, y, p, at(out, p.surfaces))
 
 
 def pull(t: float, y: Floats, p: Parameters) -> None:

@@ -542,6 +542,22 @@ constraints:
   wall: {relation: x <= 3, restitution: 0.5}
 initial: {x: 0, y: 1, z: 0}
 """
+LAWS = """
+name: laws
+parameters: {m: 1, mu: 0.3, F: 2, T: 0.3}
+coordinates: {x: {}, y: {}, a: {}}
+energy: {kinetic: m*(x_dot^2 + y_dot^2 + a_dot^2)/2, potential: 0}
+constraints:
+  floor:
+    relation: y >= 0
+    restitution: 0
+    friction: {static: 2*mu, dynamic: mu}
+    slip: x_dot
+  wheel: x_dot >= 2*a_dot
+  brake: {relation: a_dot = t, limit: F + abs(x)}
+  hold: {relation: x = a, when: t < T or t > 4*T}
+initial: {x: 0, y: 1, a: 0}
+"""
 PAIR = """
 name: pair
 parameters: {m: 1, n: 2, k: 3}
@@ -587,6 +603,7 @@ STORED = {
         equations_of("elastic-pendulum-forced"), substitute=True
     ),
     "contact": lambda: small(CONTACT),
+    "laws": lambda: small(LAWS, with_gauss=True),
     "pair": lambda: small(PAIR),
     "wide": lambda: small(WIDE),
     "functions": lambda: small(EVERY_FUNCTION),

@@ -17,7 +17,15 @@ parameters:
   T: {value: 2*pi/w, unit: s, description: period}
 coordinates: {x: {}, y: {}}
 definitions: {r: "hypot(x, y)"}
-constraints: {rod: x^2 + y^2 = l^2, floor: {relation: y >= -3*l, restitution: l/4}}
+constraints:
+  rod: x^2 + y^2 = l^2
+  floor:
+    relation: y >= -3*l
+    restitution: l/4
+    slip: x_dot
+    friction: {static: l, dynamic: l/2}
+  brake: {relation: x_dot = 0, limit: g/10, when: t < l}
+  wheel: x_dot >= l*y_dot
 initial: {x: l*sin(0.1), y: {guess: -l}, x_dot: w*x, r_dot: 0}
 simulation: {duration: 3*T, output_step: T/10, gain: w}
 """
@@ -183,6 +191,30 @@ def test_faults_are_those_of_set(values):
     with pytest.raises(InputError) as error:
         read(completed(TEXT), "model.yaml").bind(values)
     assert list(map(str, error.value.problems)) == list(map(str, expected))
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"a": "0.1"}, "static friction of the constraint `floor` is 0.1, less"),
+        ({"b": "-1"}, "the dynamic friction of the constraint `floor` is -1"),
+        ({"F": "-2"}, "the limit of the constraint `brake` is -2"),
+    ],
+    ids=str,
+)
+def test_faults_of_laws(values, text):
+    laws = """
+parameters: {a: 0.4, b: 0.2, F: 1}
+constraints:
+  floor:
+    {relation: y >= 0, restitution: 0, slip: x_dot, friction: {static: a, dynamic: b}}
+  brake: {relation: x_dot = 0, limit: F}
+"""
+    (expected,) = problems(laws, overrides=values)
+    assert text in expected.text
+    with pytest.raises(InputError) as error:
+        model(laws).bind(values)
+    assert list(map(str, error.value.problems)) == [str(expected)]
 
 
 def test_faults_of_settings_are_told_when_they_are_asked_for():

@@ -251,6 +251,71 @@ CASES = {
         "wrong-count", "found 3",
         ("constraints: {c: {relation: x >= 0, restitution: 0, friction: 1, "
         "slip: ⟪[x_dot, y_dot, y_dot]⟫}}")),
+    "static below dynamic": (
+        "out-of-range", "0.2, less than the dynamic one, 0.3",
+        ("constraints: {c: {relation: x >= 0, restitution: 0, slip: y_dot, "
+         "friction: {static: ⟪0.2⟫, dynamic: 0.3}}}")),
+    "dynamic below 0": (
+        "out-of-range", "the dynamic friction",
+        ("constraints: {c: {relation: x >= 0, restitution: 0, slip: y_dot, "
+         "friction: {static: 1, dynamic: ⟪-0.3⟫}}}")),
+    "static without dynamic": (
+        "missing-key", "no `dynamic`",
+        ("constraints: {c: {relation: x >= 0, restitution: 0, slip: y_dot, "
+         "⟪friction⟫: {static: 1}}}")),
+    "friction key": (
+        "unknown-key", "did you mean `static`",
+        ("constraints: {c: {relation: x >= 0, restitution: 0, slip: y_dot, "
+         "friction: {⟪statc⟫: 1, dynamic: 1}}}")),
+    "friction not constant": (
+        "not-constant", "the static friction of the constraint `c`",
+        ("constraints: {c: {relation: x >= 0, restitution: 0, slip: y_dot, "
+         "friction: {static: ⟪t⟫, dynamic: 1}}}")),
+    "freewheel that is not homogeneous": (
+        "not-homogeneous", "not homogeneous in the velocities",
+        "constraints: {c: ⟪x_dot >= 1⟫}"),
+    "freewheel of squares": (
+        "not-homogeneous", "a freewheel is",
+        "constraints: {c: {relation: ⟪x_dot^2 >= y_dot^2⟫}}"),
+    "freewheel between positions and velocities": (
+        "not-homogeneous", "`b_dot >= a_dot`", "constraints: {c: ⟪x + x_dot >= 0⟫}"),
+    "freewheel that bounces": (
+        "not-a-contact", "between velocities and has no `restitution`",
+        "constraints: {c: {relation: x_dot >= y_dot, ⟪restitution⟫: 0}}"),
+    "freewheel with friction": (
+        "not-a-contact", "no `friction`",
+        "constraints: {c: {relation: x_dot <= y_dot, ⟪friction⟫: 1}}"),
+    "limit of positions": (
+        "not-a-velocity", "write its rate",
+        "constraints: {c: {relation: x = 0, ⟪limit⟫: 1}}"),
+    "limit of a contact": (
+        "not-an-equality", "one-sided and has no `limit`",
+        "constraints: {c: {relation: x >= 0, restitution: 0, ⟪limit⟫: 1}}"),
+    "limit of a freewheel": (
+        "not-an-equality", "one-sided and has no `limit`",
+        "constraints: {c: {relation: x_dot >= 0, ⟪limit⟫: 1}}"),
+    "limit beside friction": (
+        "not-one-sided", "no `friction`",
+        "constraints: {c: {relation: x_dot = 0, limit: 1, ⟪friction⟫: 1}}"),
+    "limit below 0": (
+        "out-of-range", "the limit of the constraint `c` is -2, which is negative",
+        "parameters: {F: -2}\nconstraints: {c: {relation: x_dot, limit: ⟪F⟫}}"),
+    "limit of an acceleration": (
+        "output-only", "the limit of the constraint `c`",
+        "constraints: {c: {relation: x_dot, limit: ⟪x_ddot⟫}}"),
+    "when of a number": (
+        "expression-syntax", "a comparison is expected here, found a number",
+        "constraints: {c: {relation: x = y, when: ⟪t⟫}}"),
+    "when of an equation": (
+        "expression-syntax", "`=`",
+        "constraints: {c: {relation: x = y, when: t ⟪=⟫ 1}}"),
+    "when of the motion": (
+        "not-of-time", "depends on `x`, `y_dot`; it must not depend on the motion",
+        "constraints: {c: {relation: x = y, when: ⟪x < 1 or y_dot < 1⟫}}"),
+    "when of a definition of positions": (
+        "not-of-time", "depends on `x`",
+        ("definitions: {d: 2*x + t}\n"
+         "constraints: {c: {relation: x = y, when: ⟪d < 1⟫}}")),
     # initial
     "coordinate without start": ("missing-initial", "the coordinate `y`",
                                  "⟪initial⟫: {x: 0}"),
@@ -473,6 +538,10 @@ class TestNoCascades:
             ("scene: {points: a: b, links: [[p, p]]}", "yaml-syntax"),
             ("constraints: {c: {relation: 'if(x, 1, 2) >= 0', restitution: 1}}",
              "expression-syntax"),
+            ("constraints: {c: x_dot >= zz_dot}", "unknown-name"),
+            ("constraints: {c: {relation: x_dot = zz, limit: 1}}", "unknown-name"),
+            ("constraints: {c: {relation: x_dot, limit: zz, when: t < 1}}",
+             "unknown-name"),
         ],
     )  # fmt: skip
     def test_one_fault(self, text, code):

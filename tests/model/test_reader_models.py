@@ -307,6 +307,14 @@ class TestAllowed:
                 "constraints: {c: {relation: x >= 0, restitution: 1, friction: 0, "
                 "slip: y_dot*cos(x) + t}}"
             ),
+            (
+                "constraints: {c: {relation: x >= 0, restitution: 1, slip: y_dot, "
+                "friction: {static: 0.3, dynamic: 0.3}}}"
+            ),
+            "constraints: {c: {relation: x_dot = t, limit: 0, when: t < 1 and t > 0}}",
+            "constraints: {c: {relation: x >= 0, restitution: 0, when: t < 1}}",
+            "constraints: {c: {relation: x_dot >= y_dot, when: not t < 1}}",
+            "constraints: {c: cos(y)*x_dot >= t*y_dot}\ndefinitions: {f: lambda_c}",
             "constraints: {c: 'if(x > 0, x, y) = 0', d: {relation: t*x_dot^2 - 1}}",
             "x-a: 1\nforces: {x: 1, x-b: 2}\nscene: {x-c: [1]}",
             "definitions: {a: 'x +\n    y'}",
@@ -325,6 +333,67 @@ class TestAllowed:
         m = model("definitions: {v: x_dot + y}\ninitial: {x: 0, y: 0, v: 2}")
         assert m.initial[-1].target is Target.DEFINITION
         assert m.graph.depends([m.initial[-1].node]) == {"x_dot", "y"}
+
+
+class TestLaws:
+    """What holds at times: friction of two sizes, limits, freewheels, `when`."""
+
+    def constraint(self, text, **values):
+        (found,) = model(f"constraints: {{c: {text}}}", **values).constraints
+        return found
+
+    def value(self, text, node, **at):
+        m = model(text)
+        (c,) = m.constraints
+        return evaluate(m.graph, [node(c)], {"t": 0.0, **at})[0]
+
+    def test_friction_of_two_sizes(self):
+        text = (
+            "parameters: {mu: 0.2}\n"
+            "constraints: {c: {relation: x >= 0, restitution: 0, slip: y_dot, "
+            "friction: {static: 2*mu, dynamic: mu}}}"
+        )
+        assert self.value(text, lambda c: c.law.static, mu=0.5) == 1.0
+        assert self.value(text, lambda c: c.law.friction, mu=0.5) == 0.5
+
+    def test_one_size_is_that_of_both(self):
+        text = "{relation: x >= 0, restitution: 0, slip: y_dot, friction: 0.2}"
+        law = self.constraint(text).law
+        assert law.static is None
+        assert law.friction is not None
+
+    def test_limit(self):
+        text = "constraints: {c: {relation: x_dot = y, limit: 2*t + x_dot}}"
+        assert self.value(text, lambda c: c.limit, t=1.5, x_dot=4.0) == 7.0
+        (c,) = model(text).constraints
+        assert (c.relation.sense, c.law, c.when) == (Sense.EQUAL, None, None)
+        assert not c.always
+
+    @pytest.mark.parametrize(("t", "holds"), [(0.2, 1.0), (0.3, 0.0), (2.0, 1.0)])
+    def test_when(self, t, holds):
+        text = (
+            "parameters: {T: 0.3}\n"
+            "constraints: {c: {relation: x = y, when: t < T or t > 5*T}}"
+        )
+        assert self.value(text, lambda c: c.when, t=t, T=0.3) == holds
+        (c,) = model(text).constraints
+        assert (c.law, c.limit, c.always) == (None, None, False)
+
+    def test_when_by_a_definition_of_time(self):
+        text = (
+            "definitions: {phase: 2*t}\n"
+            "constraints: {c: {relation: x_dot, limit: 1, when: phase >= 1}}"
+        )
+        assert self.value(text, lambda c: c.when, t=0.5) == 1.0
+
+    @pytest.mark.parametrize("text", ["x_dot >= y_dot", "y_dot <= x_dot"])
+    def test_freewheel(self, text):
+        c = self.constraint(text)
+        assert c.relation.sense is Sense.AT_LEAST
+        assert (c.law.restitution, c.law.friction, c.law.slips) == (0.0, None, ())
+        node = self.value(f"constraints: {{c: {text}}}", lambda c: c.relation.node,
+                          x_dot=3.0, y_dot=1.0)  # fmt: skip
+        assert node == 2.0
 
 
 class TestRounding:

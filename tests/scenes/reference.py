@@ -51,9 +51,13 @@ def model_text(name: str, end: str | None = None) -> str:
     if p["Q"]:
         lines += ["forces:", *(f'  {k}: "{v}"' for k, v in p["Q"].items())]
     relations = [*p["holonomic"], *p["nonholonomic"]]
-    if relations:
+    laws = [f'"{g} = 0"' for g in relations]
+    laws += [
+        f'{{relation: "{c["g"]} <= 0", restitution: {c["e"]}}}' for c in p["unilateral"]
+    ]
+    if laws:
         lines.append("constraints:")
-        lines += [f'  c{k}: "{g} = 0"' for k, g in enumerate(relations, 1)]
+        lines += [f"  c{k}: {law}" for k, law in enumerate(laws, 1)]
     lines.append("initial:")
     for q in p["coordinates"]:
         lines.append(f'  {q}: "{p["q0"][q]}"')

@@ -20,7 +20,10 @@ def model_switches(equations: Equations) -> Switches:
     dynamics = list(e.mass_entries.values())
     dynamics += [*e.f, *([] if e.power is None else [e.power])]
     dynamics += [x.rate for x in e.quadratures]
-    for row in e.rows:
+    for law in e.laws:
+        dynamics += [law.bound, law.static]
+        dynamics += [] if law.when is None else [law.when]
+    for row in (*e.rows, *(law.row for law in e.laws)):
         dynamics += [
             row.residual,
             row.rate,

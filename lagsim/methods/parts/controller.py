@@ -241,6 +241,11 @@ def look_again(
         for i in range(2 * n, size):
             if abs(z[i - n]) < 1e300:
                 noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
+        # Nor has it where they are balanced, but velocities have.
+        if s.works[0] < 0.0:
+            for i in range(n):
+                power = abs(s.masses[i]) * s.parts[i] * noise[n + i] * h
+                noise[2 * n] = max(noise[2 * n], power)
     set_tolerances(s, p, t + h, new, k, h)
     s.looked = 1.0
     return 1

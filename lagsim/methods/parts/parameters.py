@@ -20,11 +20,23 @@ CARRIED = 1.0
 LEVEL = -1.0
 CHOSEN = -2.0
 
-# What is kept of each surface from arc to arc.
+# What is kept of each surface, and of each law, from arc to arc.
 KEPT = (
     "side", "slides", "low", "high", "least", "most", "share", "slack", "band",
-    "leader", "noise", "floor", "least_root",
+    "leader", "noise", "floor", "least_root", "law_mode", "law_way", "law_still",
 )  # fmt: skip
+
+# Kinds of laws, see `mechanics.laws`, and their modes: out of force, an equality, a
+# force that is given, and one that holds because others do.
+CONTACT = 0.0
+FREEWHEEL = 1.0
+SLIP = 2.0
+LIMITED = 3.0
+TIMED = 4.0
+OFF = 0.0
+HELD = 1.0
+DRIVEN = 2.0
+IMPLIED = 3.0
 
 
 def each_surface(p: Parameters) -> int:
@@ -42,6 +54,16 @@ def each_row(p: Parameters) -> int:
     return p.m if p.loops else 0
 
 
+def each_law(p: Parameters) -> int:
+    """Give the length of what each law has one of."""
+    return p.laws
+
+
+def each_watched(p: Parameters) -> int:
+    """Give the length of what each margin of a mode has one of."""
+    return p.surfaces + p.laws
+
+
 def columns(p: Parameters) -> int:
     """Give the length of dr/dy, ds/dy and dpower/dy in `slopes`."""
     return (p.n + p.m + 1) * 2 * p.n
@@ -51,7 +73,8 @@ class Parameters(Memory):
     """The parameters of a model, the modes of its switches, and working memory."""
 
     n: int  # coordinates
-    m: int  # constraint rows
+    m: int  # constraint rows, those of laws last
+    laws: int  # rows that hold at times
     size: int  # components of y
     values: int  # parameters, modes and lengths
     surfaces: int  # that switches lie on
@@ -70,6 +93,7 @@ class Parameters(Memory):
     ranked: float  # the rank that was found then
     noted: float  # how many directions of the rows have been noted
     sliding: float  # how many surfaces the motion slides along
+    law_forces: float  # 1 where multipliers decide on the end of a mode
 
     fixed: Floats = array(lambda p: p.values)
 
@@ -84,14 +108,23 @@ class Parameters(Memory):
     most: Floats = array(each_surface)
     # Of the upper side, in the combination that stays on the surface.
     share: Floats = array(each_surface)
-    slack: Floats = array(each_surface)  # how far past its end a mode still lasts ...
-    band: Floats = array(each_surface)  # ... and must be past it for more than noise
+    slack: Floats = array(each_watched)  # how far past its end a mode still lasts ...
+    band: Floats = array(each_watched)  # ... and must be past it for more than noise
     # The number, from 1, of the sliding surface that carries it along; or 0.
     leader: Floats = array(each_surface)
     noise: Floats = array(each_surface)  # a rate so small is rounding, while it slides
     # Roots of it are taken of no less, in the motion; see `switches.roots`.
     floor: Floats = array(each_surface)
     least_root: Floats = array(each_surface)  # what that is set to between rows
+
+    law_kind: Floats = array(each_law)
+    law_mode: Floats = array(each_law)
+    law_way: Floats = array(each_law)  # the sign of a force that is given
+    law_normal: Floats = array(each_law)  # the law of a slip's contact; or -1
+    law_pair: Floats = array(each_law)  # the other of two slips; or -1
+    law_still: Floats = array(each_law)  # two slips together no faster have stopped
+    law_part: Floats = array(each_law)  # of the contact's multiplier, or the force
+    impulses: Floats = array(each_law)  # of an impact, while its row is written
 
     # Where the rows of J begin among its elements, and the column of each.
     row_starts: Floats = array(lambda p: p.surfaces + 1)
@@ -104,7 +137,7 @@ class Parameters(Memory):
     J: Floats = part("rows", lambda p: 4 * p.surfaces, lambda p: p.elements)
     # The fields on both sides, the equations for the shares, a state.
     side_fields: Floats = array(
-        lambda p: (p.surfaces + 1) * (p.size + p.m) if p.surfaces else 0
+        lambda p: (p.surfaces + 1) * (p.size + p.m) if p.surfaces + p.laws else 0
     )
     B: Floats = array(lambda p: p.surfaces * p.surfaces)
     right: Floats = array(lambda p: 3 * p.surfaces)
@@ -118,7 +151,7 @@ class Parameters(Memory):
     # What `dynamics` gives, or `geometry`: with residuals, rates and the largest of
     # both in the place of f and b.
     terms: Floats = array(
-        lambda p: (p.n + p.m) * p.n + p.n + 3 * p.m + 2 if p.loops else 0
+        lambda p: (p.n + p.m) * p.n + p.n + 4 * p.m + 2 if p.loops else 0
     )
     M: Floats = part("terms", lambda _: 0, lambda p: each_coordinate(p) * p.n)
     A: Floats = part("terms", lambda p: p.n * p.n, lambda p: each_row(p) * p.n)
@@ -129,7 +162,23 @@ class Parameters(Memory):
     largest: Floats = part(
         "terms", lambda p: (p.n + p.m) * p.n + 2 * p.m, lambda p: 2 * p.loops
     )
-    left: Floats = array(lambda p: 2 * p.loops)  # what Newton steps leave ...
+    # Where there are laws: their speeds and bounds, and the scales of both residuals.
+    law_speeds: Floats = part(
+        "terms", lambda p: (p.n + p.m) * p.n + p.n + p.m, each_law
+    )
+    law_bounds: Floats = part(
+        "terms", lambda p: (p.n + p.m) * p.n + p.n + p.m + p.laws, each_law
+    )
+    law_statics: Floats = part(
+        "terms", lambda p: (p.n + p.m) * p.n + p.n + p.m + 2 * p.laws, each_law
+    )
+    gap_scales: Floats = part("terms", lambda p: (p.n + p.m) * p.n + 2 * p.m, each_row)
+    rate_scales: Floats = part("terms", lambda p: (p.n + p.m) * p.n + 3 * p.m, each_row)
+    Z: Floats = array(lambda p: p.m * p.n if p.laws else 0)  # forces of rows that hold
+    S: Floats = array(lambda p: p.m * p.m if p.laws else 0)
+    left: Floats = array(
+        lambda p: 2 * (p.m if p.laws else p.loops)
+    )  # what Newton steps leave ...
     tried: Floats = array(lambda p: 2 * each_coordinate(p))  # ... and at what
     L: Floats = array(lambda p: each_coordinate(p) * p.n)
     Y: Floats = array(lambda p: each_row(p) * p.n)

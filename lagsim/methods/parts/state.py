@@ -22,7 +22,7 @@ class State(Memory):
     n: int  # coordinates
     size: int  # components of y
     signals: int  # arguments of functions that may sleep, which are watched
-    surfaces: int  # that switches are located on
+    surfaces: int  # that switches are located on, and laws whose modes end
     inertias: int  # which are followed, whether they vanish on the way
 
     t: float  # time reached

@@ -62,7 +62,7 @@ def watched(p: Parameters) -> int:
     """Give how many margins there are (C); that of `until` is the last one."""
     count = 0
     if SWITCHES:
-        count = p.surfaces
+        count = p.surfaces + p.laws
     if UNTIL:
         count += 1
     return count
@@ -245,7 +245,7 @@ def known(s: State, p: Parameters, width: float) -> bool:
 
 def least_allowed(p: Parameters, k: int) -> float:
     """Give the margin below which a mode is over beyond doubt; of `until` 0."""
-    if SWITCHES and k < p.surfaces:
+    if SWITCHES and k < p.surfaces + p.laws:
         return -max(float(p.slack[k]), float(p.band[k]))
     return 0.0
 
@@ -278,7 +278,7 @@ def first_end(
                 high = least if high == 0.0 else min(high, least)
     if SWITCHES:
         slack = p.slack
-        for k in range(p.surfaces):
+        for k in range(p.surfaces + p.laws):
             if after[k] > slack[k]:
                 slack[k] = 0.0
     return high

@@ -120,7 +120,7 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
         return None
     if definition.node is None:
         return None
-    if definition.level is Level.VELOCITY and not affine(definition.node, x):
+    if definition.level is Level.VELOCITY and not is_affine(definition.node, x):
         text = f"a force cannot work on `{name}`: it is not linear in the velocities"
         hint = "a sum of velocities times what depends on positions would do"
         faults.add("not-affine", text, place, hint)
@@ -128,8 +128,12 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
     return definition.node, definition.level
 
 
-def affine(node: int, x: Expressions) -> bool:
+def degrees(node: int, x: Expressions) -> frozenset[int] | None:
+    """Give the degrees in the velocities of the terms of a node, see `Graph.degree`."""
+    return x.graph.degree(node, {f"{q}_dot" for q in x.names.of(Kind.COORDINATE)})
+
+
+def is_affine(node: int, x: Expressions) -> bool:
     """Tell whether a node is affine in the velocities."""
-    velocities = {f"{q}_dot" for q in x.names.of(Kind.COORDINATE)}
-    degrees = x.graph.degree(node, velocities)
-    return degrees is not None and degrees <= {0, 1}
+    found = degrees(node, x)
+    return found is not None and found <= {0, 1}

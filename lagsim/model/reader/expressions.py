@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
-from lagsim.language.parser import Parsed, parse, parse_relation
+from lagsim.language.parser import Parsed, parse, parse_condition, parse_relation
 from lagsim.language.tokens import ExpressionError
 from lagsim.model.model import Level
 from lagsim.model.nodes import Broken, Node, Scalar
@@ -104,9 +104,9 @@ class Expressions:
         self.faults.add("not-an-expression", text, node.place, hint)
         return None
 
-    def parse(self, scalar: Scalar) -> Parsed | None:
-        """Parse an expression."""
-        return self._parse(scalar, parse)
+    def parse(self, scalar: Scalar, *, condition: bool = False) -> Parsed | None:
+        """Parse an expression, or a condition."""
+        return self._parse(scalar, parse_condition if condition else parse)
 
     def parse_relation(self, scalar: Scalar) -> ParsedRelation | None:
         """Parse a relation."""
@@ -124,7 +124,12 @@ class Expressions:
     # Building nodes
 
     def compile(
-        self, node: Node, what: str, allowed: frozenset[Kind]
+        self,
+        node: Node,
+        what: str,
+        allowed: frozenset[Kind],
+        *,
+        condition: bool = False,
     ) -> tuple[int, Level] | None:
         """Give the graph node of an expression and what it depends on.
 
@@ -136,9 +141,11 @@ class Expressions:
             How messages call it.
         allowed
             The kinds of names that may stand in it.
+        condition
+            It is one, as the first argument of `if`.
         """
         scalar = self.scalar(node, what)
-        parsed = self.parse(scalar) if scalar else None
+        parsed = self.parse(scalar, condition=condition) if scalar else None
         if scalar is None or parsed is None:
             return None
         level = self.check(parsed.names, scalar, what, allowed)

@@ -1,14 +1,14 @@
-"""Relations: constraints with their laws, and `until`."""
+"""Relations: constraints, and `until`."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from lagsim.language.roots import simple_root
-from lagsim.model.model import Constraint, Level, OneSided, Relation, Sense
-from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence
-from lagsim.model.reader.dynamics import affine
-from lagsim.model.reader.expressions import NUMBERS, STATE
+from lagsim.model.model import Constraint, OneSided, Relation, Sense
+from lagsim.model.nodes import Broken, Mapping, Node, Scalar
+from lagsim.model.reader import laws
+from lagsim.model.reader.expressions import STATE
 from lagsim.model.reader.fields import Fields, entries, fields
 from lagsim.model.reader.names import Kind, check_name
 
@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.fields import Entry
 
-KEYS = ("relation", "restitution", "friction", "slip", "description")
-_LAW = ("restitution", "friction", "slip")
+KEYS = ("relation", *laws.KEYS, "description")
 
 
 def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
@@ -82,10 +81,9 @@ def read_constraints(given: list[Entry], x: Expressions) -> tuple[Constraint, ..
     return tuple(c for c in found if c is not None)
 
 
-def read_law(entry: Entry, x: Expressions) -> OneSided | None:
-    """Build the law of a constraint that is one-sided."""
-    found = _constraint(*entry, x)
-    return None if found is None else found.law
+def again(found: Constraint, entry: Entry, x: Expressions) -> Constraint:
+    """Give a constraint of the file at other values of the parameters."""
+    return found if found.always else (_constraint(*entry, x) or found)
 
 
 def _constraint(key: Scalar, node: Node, x: Expressions) -> Constraint | None:
@@ -100,17 +98,36 @@ def _constraint(key: Scalar, node: Node, x: Expressions) -> Constraint | None:
         expression = Broken(key.place)
     relation, sense = read_relation(expression, what, x)
     about = below.text("description", x.faults)
-    law = None
+    law = limit = None
+    when = laws.read_when(below, what, x)
     if sense is Sense.EQUAL:
-        _check_no_law(below, what, x)
+        laws.check_equality(below, what, x)
         relation = relation and _once(relation, x)
+        limit = laws.read_limit(below, relation, what, x)
     elif isinstance(node, Mapping) or sense is Sense.AT_LEAST:
-        if relation is not None:
-            _check_no_velocity(expression, what, x)
-        law = _law(below, what, x, known=sense is not None)
+        law = _one_sided(expression, below, relation, what, x)
     if relation is None or (law is None and sense is Sense.AT_LEAST):
         return None
-    return Constraint(key.text, relation, law, about)
+    return Constraint(key.text, relation, law, about, limit, when)
+
+
+def _one_sided(
+    expression: Node,
+    below: Fields,
+    relation: Relation | None,
+    what: str,
+    x: Expressions,
+) -> OneSided | None:
+    """Build the law of what is one-sided, or whose relation is not known."""
+    if relation is None:
+        return laws.read_contact(below, what, x, known=False)
+    laws.check_one_sided(below, what, x)
+    if laws.between_velocities(relation, x):
+        bounces = any(key in below for key in laws.CONTACT)
+        if not bounces or laws.is_freewheel(relation, x):
+            return laws.read_freewheel(below, relation, what, x)
+        _check_no_velocity(expression, what, x)
+    return laws.read_contact(below, what, x, known=True)
 
 
 def _once(relation: Relation, x: Expressions) -> Relation:
@@ -122,14 +139,6 @@ def _once(relation: Relation, x: Expressions) -> Relation:
     return relation._replace(node=root, multiple=root != relation.node)
 
 
-def _check_no_law(below: Fields, what: str, x: Expressions) -> None:
-    for key in _LAW:
-        if key in below:
-            text = f"{what} is an equality and has no `{key}`"
-            hint = "a contact is one-sided: write its relation with `>=` or `<=`"
-            x.faults.add("not-one-sided", text, below.place_of(key), hint)
-
-
 def _check_no_velocity(expression: Node, what: str, x: Expressions) -> None:
     """Report velocities in a one-sided relation, where each stands."""
     assert isinstance(expression, Scalar)
@@ -137,75 +146,3 @@ def _check_no_velocity(expression: Node, what: str, x: Expressions) -> None:
     assert parsed is not None
     allowed = STATE - {Kind.VELOCITY, Kind.RATE}
     x.check(parsed.names, expression, f"{what}, being one-sided,", allowed)
-
-
-def _law(below: Fields, what: str, x: Expressions, *, known: bool) -> OneSided | None:
-    """Build the law of a contact; `known` tells that it is one."""
-    restitution = _number(below, "restitution", what, x)
-    if restitution is not None and not 0 <= restitution <= 1:
-        node = below.value("restitution")
-        text = f"the restitution of {what} is {restitution:g}, outside of 0 to 1"
-        x.faults.add("out-of-range", text, node.place if node else below.place)
-    if known and "restitution" not in below:
-        text = f"{what} is one-sided and has no `restitution`"
-        hint = "0 stays down, 1 bounces back: {relation: ..., restitution: 0}"
-        x.faults.add("missing-key", text, below.place, hint)
-    friction = _friction(below, what, x)
-    slips = _slips(below, what, x)
-    if "friction" in below and "slip" not in below:
-        text = f"{what} has `friction` but no `slip`"
-        hint = "`slip` is the sliding velocity that friction opposes"
-        x.faults.add("missing-key", text, below.place_of("friction"), hint)
-    if "slip" in below and "friction" not in below:
-        text = f"{what} has `slip` but no `friction`"
-        x.faults.add("missing-key", text, below.place_of("slip"), "give `friction: mu`")
-    if restitution is None:
-        return None
-    return OneSided(restitution, friction, slips)
-
-
-def _number(below: Fields, key: str, what: str, x: Expressions) -> float | None:
-    node = below.value(key)
-    return None if node is None else x.number(node, f"the {key} of {what}")
-
-
-def _friction(below: Fields, what: str, x: Expressions) -> int | None:
-    node = below.value("friction")
-    if node is None:
-        return None
-    value = _number(below, "friction", what, x)
-    if value is None:
-        return None
-    if value < 0:
-        text = f"the friction of {what} is {value:g}, which is negative"
-        x.faults.add("out-of-range", text, node.place)
-    compiled = x.compile(node, what, NUMBERS)
-    return compiled[0] if compiled else None
-
-
-def _slips(below: Fields, what: str, x: Expressions) -> tuple[int, ...]:
-    node = below.value("slip")
-    if node is None:
-        return ()
-    parts = node.items if isinstance(node, Sequence) else (node,)
-    if len(parts) not in (1, 2):
-        text = f"the slip of {what} must be one expression or two, found {len(parts)}"
-        x.faults.add("wrong-count", text, node.place)
-        return ()
-    found = (_slip(part, f"the slip of {what}", x) for part in parts)
-    return tuple(slip for slip in found if slip is not None)
-
-
-def _slip(node: Node, what: str, x: Expressions) -> int | None:
-    compiled = x.compile(node, what, STATE)
-    if compiled is None:
-        return None
-    slip, level = compiled
-    if level is not Level.VELOCITY:
-        text = f"{what} contains no velocity"
-        x.faults.add("not-affine", text, node.place, "it is a sliding velocity")
-    elif not affine(slip, x):
-        text = f"{what} is not affine in the velocities"
-        hint = "a sum of velocities times what depends on positions would do"
-        x.faults.add("not-affine", text, node.place, hint)
-    return slip

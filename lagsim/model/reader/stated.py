@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.model.reader.faults import Faults
 from lagsim.model.reader.initial import Initial
 from lagsim.model.reader.parameters import Parameters, Value
-from lagsim.model.reader.relations import read_law
+from lagsim.model.reader.relations import again
 from lagsim.model.reader.simulation import read_settings
 
 if TYPE_CHECKING:
@@ -89,10 +89,7 @@ class Stated:
         )
         values, known = new.parameters()
         constraints = zip(model.constraints, self.sections.constraints, strict=True)
-        laws = tuple(
-            c if c.law is None else c._replace(law=read_law(entry, new.x))
-            for c, entry in constraints
-        )
+        laws = tuple(again(c, entry, new.x) for c, entry in constraints)
         starts = new.initial(known)
         faults.raise_if_any()
         return replace(

@@ -83,7 +83,8 @@ class Switching(Source):
         """Go through a switch that was located, or towards one that is close by."""
         self.modes.move_to(arc)
         if code == at.SWITCH_FOUND:
-            return self._meet(arc, int(arc.state.switched) - 1)
+            met = int(arc.state.switched) - 1
+            return self._meet(arc, met) if met < self.modes.count else None
         if code == at.PAUSED:
             return self._stuck(arc) if arc.is_looked_at else None
         short = code == at.DONE and arc.t < arc.end

@@ -39,6 +39,22 @@ class Growth:
         return next((t for t, size in self._noted if size > bound), None)
 
 
+def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
+    """Give where each constraint's residual, or what it falls short of, is; its scale.
+
+    What holds at times has none.
+    """
+    places = {name: k for k, name in enumerate(columns)}
+    names = [x.removeprefix("scale.") for x in columns if x.startswith("scale.")]
+    return {
+        name: (
+            places.get(f"missed.{name}", places.get(f"residual_{name}", -1)),
+            places[f"scale.{name}"],
+        )
+        for name in names
+    }
+
+
 class Ledger:
     """Follows energy - work, and each constraint's residual against its scale.
 
@@ -54,14 +70,9 @@ class Ledger:
     def __init__(self, columns: Sequence[str]) -> None:
         self._energy = columns.index("energy")
         self._work = columns.index("work") if "work" in columns else None
-        self._constraints = [
-            (columns.index("residual_" + name[len("scale.") :]), k)
-            for k, name in enumerate(columns)
-            if name.startswith("scale.")
-        ]
-        self._names = [
-            name[len("scale.") :] for name in columns if name.startswith("scale.")
-        ]
+        judged = judged_columns(columns)
+        self._names = list(judged)
+        self._constraints = list(judged.values())
         self._residuals = np.zeros(len(self._constraints))
         self._grown = [Growth() for _ in self._constraints]
         self._worst_rows: list[Floats | None] = [None for _ in self._constraints]

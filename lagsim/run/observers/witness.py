@@ -40,6 +40,7 @@ class Witness:
         self._work = columns.index("work") if "work" in columns else None
         shown = ("kinetic", "potential", "lagrangian", "work")
         self._parts = {name: columns.index(name) for name in shown if name in columns}
+        self._held = [k for k, name in enumerate(columns) if name.startswith("Qc_")]
         self._low = np.full(len(columns), np.inf)
         self._high = np.full(len(columns), -np.inf)
         self._kept: list[Floats] = []
@@ -129,6 +130,13 @@ class Witness:
     def ranges(self) -> Floats:
         """The range of each column."""
         return np.asarray(self._high - self._low)
+
+    @property
+    def held(self) -> Floats:
+        """The largest constraint force on each coordinate (n,)."""
+        if not self._held:
+            return np.zeros(self.count)
+        return np.asarray(np.fmax(np.abs(self._low), np.abs(self._high))[self._held])
 
     @property
     def work_range(self) -> float:

@@ -20,6 +20,7 @@ from lagsim.plan.cost import evaluation_cost
 from lagsim.plan.formulation import GAIN
 from lagsim.run.system.columns import Columns
 from lagsim.run.system.functions import AFTER_FREEZING, functions, varying_inertias
+from lagsim.run.system.laws import CODES
 from lagsim.run.system.runner import Runner
 from lagsim.run.system.sleepers import (
     Sleeper,
@@ -72,6 +73,9 @@ class System:
         Parameters, modes, and working memory.
     inertias : tuple of str
         The coordinates whose inertia varies with positions.
+    laws : tuple of Law
+    watched : int
+        Surfaces and laws: what may end a mode.
     parts : list of System
         Of the subsystems, where they are integrated apart.
     sleepers : list of Sleeper
@@ -88,7 +92,8 @@ class System:
         self.columns = Columns(equations, plan.reduction.recovered)
         self.rows_observed = len(self.columns.nodes)
         equations = self.equations = plan.reduction.equations
-        self.n, self.m = len(equations.q), len(equations.rows)
+        self.n, self.m = len(equations.q), len(equations.multipliers)
+        self.laws = equations.laws
         self.has_work = equations.power is not None
         self.inertias = tuple(varying_inertias(equations, plan))
         needs = method(plan.method).NEEDS
@@ -101,8 +106,9 @@ class System:
         self.size = len(self.state)
         self.switches = plan.switches
         self.surfaces = len(self.switches.sides)
+        self.watched = self.surfaces + len(self.laws)
         nodes_of = functions(
-            equations, plan, self.columns, needs, switching=self.surfaces > 0
+            equations, plan, self.columns, needs, switching=self.watched > 0
         )
         # Rows show the expressions as written; the method sees the arc's branches.
         shown = ("observe", "columns", "until")
@@ -119,7 +125,7 @@ class System:
         if AFTER_FREEZING in needs:
             from lagsim.solve.series import motion_series
 
-            rates = nodes_of["field" if self.surfaces else "derivative"][: self.size]
+            rates = nodes_of["field" if self.watched else "derivative"][: self.size]
             nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
         self.operations = self._operations(nodes_of)
         # Straight-line code takes several rows at once.
@@ -145,20 +151,26 @@ class System:
         self._runners: dict[str, Runner] = {}
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
         self.objects = [found_code]
-        if plan.elimination is None:
+        if self.laws:
+            self.objects.append(_laws())
+        elif plan.elimination is None:
             self.objects.append(_loops(self.m > 0, self.surfaces > 0))
         if self.has_jacobian:
             from lagsim.solve.jacobian import jacobian
 
             self.objects.append(kernel_object([jacobian]))
-        if self.surfaces:
+        if self.watched:
             from lagsim.solve import sliding
 
             self.objects.append(
                 kernel_object(
-                    [sliding.derivative, sliding.observe, sliding.margins, sliding.pull]
+                    [
+                        sliding.derivative, sliding.observe, sliding.margins,
+                        sliding.pull,
+                    ],
+                    {"LAWS": bool(self.laws)},
                 )
-            )
+            )  # fmt: skip
 
     def _code(self, nodes_of: Mapping[str, Sequence[int]], layout: Layout) -> Code:
         """Write the code of all functions; only first runs do."""
@@ -189,7 +201,7 @@ class System:
 
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
         loops = self.plan.elimination is None and "series" not in nodes_of
-        solved = "field" if self.surfaces else "derivative"
+        solved = "field" if self.watched else "derivative"
         name = "series" if "series" in nodes_of else "dynamics" if loops else solved
         return evaluation_cost(self.equations, nodes_of[name], loops=loops)
 
@@ -204,8 +216,8 @@ class System:
         plan = self.plan
         p = Parameters.made(
             n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
-            surfaces=self.surfaces, elements=len(elements), loops=self.has_loops,
-            slopes_known=self.has_jacobian,
+            laws=len(self.laws), surfaces=self.surfaces, elements=len(elements),
+            loops=self.has_loops, slopes_known=self.has_jacobian,
         )  # fmt: skip
         p.augmented, p.expected, p.reference = (
             plan.augmented,
@@ -215,6 +227,9 @@ class System:
         p.health = p.least_health = 1.0
         p.gain, p.constant = plan.gain, plan.constant
         p.row_starts[:], p.row_columns[:] = starts, elements
+        p.law_kind[:] = [CODES[law.kind] for law in self.laws]
+        p.law_normal[:] = [law.normal for law in self.laws]
+        p.law_pair[:] = [law.pair for law in self.laws]
         return p
 
     def _layout(self, memory: Parameters) -> Layout:
@@ -231,6 +246,9 @@ class System:
             p[side.sliding] = memory.place("slides") + k
             if side.floor:
                 p[side.floor] = memory.place("floor") + k
+        for k, law in enumerate(self.laws):
+            if law.normal < 0:  # that of a slip is none of these
+                p[f"impulse.{law.constraint}"] = memory.place("impulses") + k
         motion = (*e.accelerations, *e.multipliers)
         p |= {name: memory.place("motion") + k for k, name in enumerate(motion)}
         return Layout(
@@ -259,7 +277,7 @@ class System:
     def take_modes(self, other: System) -> None:
         """Take the branches of all switches from another system of the same model."""
         self.set_modes(list(other.p.flat[other.modes_at]))
-        self.p.sliding = other.p.sliding
+        self.p.sliding, self.p.law_forces = other.p.sliding, other.p.law_forces
         for name in KEPT:
             getattr(self.p, name)[:] = getattr(other.p, name)
 
@@ -277,6 +295,18 @@ class System:
         units["t"] = "s"
         known = {d.name: d.unit for d in model.definitions}
         return {name: known.get(name, unit) for name, unit in units.items()}
+
+
+def _laws() -> bytes:
+    """Give the object code of the solve with laws."""
+    from lagsim.solve import laws
+
+    return kernel_object(
+        [
+            laws.field, laws.rounding, laws.position_step, laws.velocity_step,
+            laws.law_margins,
+        ]
+    )  # fmt: skip
 
 
 def _loops(constrained: bool, switching: bool) -> bytes:

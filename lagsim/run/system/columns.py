@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.mechanics.equations import ACTION
+from lagsim.mechanics.laws import Kind
 from lagsim.mechanics.ldl import unconstrained
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
 
 
@@ -39,16 +41,15 @@ class Columns:
         nodes["energy"] = equations.energy
         if equations.power is not None:
             nodes["work"] = g.variable("work")
-        nodes.update((name, g.variable(name)) for name in equations.multipliers)
-        forces = equations.constraint_forces() if equations.rows else []
+        rows = _in_order(equations)
+        nodes.update((f"lambda_{name}", g.variable(f"lambda_{name}")) for name in rows)
+        forces = equations.constraint_forces() if rows else []
         names = [f"Qc_{q}" for q in equations.q]
         nodes.update(zip(names, forces, strict=False))
-        nodes.update((f"residual_{row.name}", row.residual) for row in equations.rows)
+        nodes.update((f"residual_{name}", row.residual) for name, row in rows.items())
         nodes |= _optional(equations)
         self.table = len(nodes)
-        nodes.update(
-            (f"scale.{row.name}", row.residual_scale) for row in equations.rows
-        )
+        nodes |= _judged(equations, rows)
         for name, components in model.scene.points.items():
             for k, node in enumerate(components, 1):
                 nodes[f"point.{name}.{k}"] = node
@@ -67,10 +68,39 @@ class Columns:
         return tuple(self.nodes)
 
 
+def _in_order(equations: Equations) -> dict[str, Row]:
+    """Give the rows of the constraints by name, in the order of the file."""
+    rows = {row.name: row for row in equations.rows}
+    rows |= {x.row.name: x.row for x in equations.laws if x.kind is not Kind.SLIP}
+    names = [c.name for c in equations.model.constraints]
+    return {name: rows[name] for name in names if name in rows}
+
+
+def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
+    """Give the scale of what each constraint must not miss, and that of one side."""
+    g = equations.graph
+    free = {x.constraint: x.kind for x in equations.laws}
+    nodes: dict[str, int] = {}
+    for name, row in rows.items():
+        kind = free.get(name)
+        if kind in (Kind.LIMITED, Kind.TIMED):
+            continue
+        if kind is not None:
+            nodes[f"missed.{name}"] = g.call("min", row.residual, g.zero)
+        nodes[f"scale.{name}"] = row.residual_scale
+    return nodes
+
+
 def _optional(equations: Equations) -> dict[str, int]:
-    """Give the columns that `output.gauss` and `output.action` ask for."""
+    """Give the columns of contacts, and what `output.gauss` and `.action` ask for."""
     e, g = equations, equations.graph
     nodes: dict[str, int] = {}
+    for law in e.laws:
+        if law.kind is Kind.CONTACT:
+            name = f"impulse.{law.constraint}"
+            nodes[name] = g.variable(name)
+        elif law.kind is Kind.SLIP:
+            nodes[law.multiplier] = g.variable(law.multiplier)
     if e.model.output.gauss:
         free = unconstrained(e)
         nodes.update((f"gauss.a_{q}", a) for q, a in zip(e.q, free, strict=True))

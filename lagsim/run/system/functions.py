@@ -56,7 +56,12 @@ def functions(
     found["inertias"] = list(varying_inertias(equations, plan).values())
     if equations.model.until:
         found["until"] = [equations.model.until.node]
-    if plan.elimination is None:
+    if equations.laws:
+        from lagsim.run.system.laws import law_functions
+
+        found |= law_functions(equations, columns)
+        found["loads"] = _loads(equations)
+    elif plan.elimination is None:
         found |= _terms(equations, columns)
         found["loads"] = _loads(equations)
     else:
@@ -212,7 +217,7 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
         for load, load_of_mass in zip(loads, _inertial(e, elimination), strict=False)
     ]
     found = [g.call("abs", x) for x in elimination.response(forces)]
-    label = joined(n, [*(row.A for row in e.rows), *e.M])
+    label = joined(n, [*e.slopes, *e.M])
     shares: dict[int, int] = {}
     squares = elimination.reactions()
     for row, square in zip(e.rows, squares, strict=True):

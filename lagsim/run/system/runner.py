@@ -52,6 +52,7 @@ class Compiled(Protocol):
     m: int
     size: int
     surfaces: int
+    watched: int
     sleepers: list[Sleeper]
     inertias: tuple[str, ...]
     p: Parameters
@@ -77,7 +78,7 @@ class Runner:
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
         until = system.equations.model.until is not None
-        switches = system.surfaces > 0
+        switches = system.watched > 0
         held = system.m > 0 and system.plan.projected
         statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
         statics["WIDE"] = system.wide
@@ -128,8 +129,8 @@ class Runner:
         return evaluate
 
     def margins(self, t: float, y: Floats) -> Floats:
-        """Give how far the state is from leaving the mode of each surface."""
-        return self.function("margins", self.system.surfaces)(t, y)
+        """Give how far the state is from leaving each mode: of surfaces, then laws."""
+        return self.function("margins", self.system.watched)(t, y)
 
     def pull(self, t: float, y: Floats) -> None:
         """Take y back, in place, onto the surfaces that the motion slides along."""
@@ -147,8 +148,9 @@ class Runner:
         p.health = p.least_health = 1.0
         p.flat[p.place("motion") :] = 0.0
         if self.system.has_loops:
-            p.lengths[:] = self.system.plan.lengths
-            p.aside[:] = self.system.plan.set_aside
+            rows = len(self.system.plan.lengths)  # laws have none
+            p.lengths[:rows] = self.system.plan.lengths
+            p.aside[:rows] = self.system.plan.set_aside
         call(0.0, None, p.flat.ctypes.data, None)
 
     def advance(self, state: State, out: Floats, budget: int) -> int:

@@ -49,8 +49,10 @@ def motion_nodes(equations: Equations) -> list[int]:
     e = equations
     nodes = [*e.mass_entries.values(), *e.f, *(x.rate for x in e.quadratures)]
     nodes += [] if e.power is None else [e.power]
-    for row in e.rows:
+    for row in (*e.rows, *(law.row for law in e.laws)):
         nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
+    for law in e.laws:
+        nodes += [law.bound, law.static]
     return nodes
 
 

@@ -50,10 +50,11 @@ def surface_functions(equations: Equations, switches: Switches) -> SurfaceFuncti
         speeds.append(speed)
         b.append(g.call("neg", tangent(g, [speed], flow)[0]))
         scales.append(scale_of(g, node, variables, dict(enumerate(slopes))))
-        some = [j for j, slope in enumerate(slopes) if slope != g.zero]
-        elements += [slopes[j] for j in some]
-        columns += some
+        places = [j for j, slope in enumerate(slopes) if slope != g.zero]
+        elements += [slopes[j] for j in places]
+        columns += places
         starts.append(len(columns))
     rows = [*residuals, *speeds, *b, *scales, *elements]
-    made = {"surfaces": nodes, "surface_rows": rows} if nodes else {}
+    some = nodes or equations.laws
+    made = {"surfaces": nodes, "surface_rows": rows} if some else {}
     return SurfaceFunctions(made, tuple(starts), tuple(columns))

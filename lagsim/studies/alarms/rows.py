@@ -12,6 +12,7 @@ from lagsim.notes import Caution
 from lagsim.studies.error_bar import beside
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
@@ -27,6 +28,8 @@ HELD = 1e-6
 # amplitude off by half of it is about the width of a line in a picture, and what the
 # default tolerance leaves is a million times less.
 UNEXPLAINED = 1e-3
+# Forces balance to this part.
+BALANCED = 2.0**-46
 # A place is known no better than to this part of the motion beside it.
 NEIGHBOURS = 1e-12
 
@@ -81,7 +84,7 @@ def not_held(
     for name, residual, part, values in ledger.constraints_off(HELD):
         if not math.isfinite(residual):
             return name, part
-        row = next(r for r in equations.rows if r.name == name)
+        row = equations.row(name)
         moved = witness.ranges[1 : 1 + n]
         seed = NEIGHBOURS * beside(equations, start, moved)
         if not row.holonomic:
@@ -93,9 +96,30 @@ def not_held(
         state |= {p.name: p.value for p in equations.model.parameters}
         state["t"] = float(values[0])
         slopes = np.abs(evaluate(g, list(row.A), state))
+        seed = seed + held_still(equations, witness, values)[0]
         if residual > HELD * float(slopes @ moved) + float(slopes @ seed):
             return name, part
     return None
+
+
+def held_still(
+    equations: Equations, witness: Witness, row: Floats
+) -> tuple[Floats, float]:
+    """Give how far (n,) rounding moves what constraint forces hold, and its energy.
+
+    Forces that balance leave their rounding, and that makes a motion of its own, with
+    nothing beside it to compare it with where all else rests.
+    """
+    n, g = len(equations.q), equations.graph
+    values = dict(zip(equations.q, row[1 : 1 + n].tolist(), strict=True))
+    values |= dict(zip(equations.velocities, row[1 + n :].tolist(), strict=False))
+    values |= {p.name: p.value for p in equations.model.parameters}
+    values["t"] = float(row[0])
+    diagonal = [equations.M[i][i] for i in range(n)]
+    masses = np.asarray(evaluate(g, diagonal, values))
+    pushed = np.divide(witness.held, masses, out=np.zeros(n), where=masses > 0.0)
+    moved = BALANCED * pushed * float(witness.ranges[0]) ** 2
+    return moved, float(moved @ witness.held)
 
 
 def about_energy(
@@ -117,6 +141,10 @@ def about_energy(
         gained = ledger.energy_gained
     if not abs(gained) > UNEXPLAINED * in_play:
         return []
+    if ledger.worst_row is not None:
+        _, rounded = held_still(equations, witness, ledger.worst_row)
+        if abs(gained) <= rounded:
+            return []
     from lagsim.studies.alarms.jumps import jumps
 
     since = ledger.drift_since(UNEXPLAINED * in_play)

@@ -17,7 +17,7 @@ import numpy as np
 
 from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate_with_error
 from lagsim.methods import method
-from lagsim.studies.alarms.rows import HELD, UNEXPLAINED, not_held
+from lagsim.studies.alarms.rows import HELD, UNEXPLAINED, held_still, not_held
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -108,7 +108,8 @@ def _about_energy(
     explained = _explained(equations, plan, row, witness, bar)
     rounded = _worth(equations, row, UNIT_ROUNDOFF * np.abs(_state(equations, row)))
     wrong = max(UNEXPLAINED, ACCURATE * (plan.rtol or EXACT_RTOL)) * in_play
-    bound = max(min(FAR * explained, wrong), FAR * rounded, LEAST * in_play)
+    _, still = held_still(equations, witness, row)
+    bound = max(min(FAR * explained, wrong), FAR * rounded, LEAST * in_play, still)
     since = ledger.drift_since(bound)
     if not drift > bound or since is None or jumps(equations, witness, row):
         return None

@@ -13,6 +13,7 @@ from lagsim.mechanics.instant import Instant
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method as method_named
 from lagsim.run.observers import Keep
+from lagsim.run.observers.ledger import judged_columns
 from lagsim.run.session import Session
 from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
@@ -250,11 +251,7 @@ class _Watch:
     def __init__(self, columns: Sequence[str]) -> None:
         self._energy = columns.index("energy")
         self._work = columns.index("work") if "work" in columns else None
-        self._held = [
-            (columns.index("residual_" + name[len("scale.") :]), k)
-            for k, name in enumerate(columns)
-            if name.startswith("scale.")
-        ]
+        self._held = list(judged_columns(columns).values())
         self._kept: list[Floats] = []
         self.residual = 0.0
 

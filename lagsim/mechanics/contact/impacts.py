@@ -1,0 +1,128 @@
+"""Impacts: impulses by Newton's law of restitution and Coulomb's of friction.
+
+The rate of each contact after the impact is at least -e times the one before, and is
+that where there is an impulse. All contacts that touch share one impact, at one time:
+where they act on each other, another order of impacts would end in other rates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.mechanics.contact.problem import Problem, Role
+from lagsim.mechanics.contact.solving import solve
+from lagsim.mechanics.laws import Kind
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.contact.closed import Closed
+
+# Contacts whose Delassus entry is smaller than this part do not act on each other.
+APART = 1e-12
+
+_ROLES = {
+    Kind.CONTACT: Role.SIGNED,
+    Kind.FREEWHEEL: Role.SIGNED,
+    Kind.SLIP: Role.BOXED,
+    Kind.LIMITED: Role.ABSENT,
+    Kind.TIMED: Role.FREE,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Impact:
+    """What an impact does.
+
+    Attributes
+    ----------
+    impulses : ndarray, shape (r,)
+    after : ndarray, shape (r,)
+        The rates.
+    residual : float
+        Of the laws, relative to the rates.
+    open : bool
+        Another order of the impacts would end elsewhere: a choice of this law.
+    energy : float
+        The change of the kinetic energy, seen from what is struck.
+    found : bool
+        False where the laws contradict each other (a body that is crushed).
+    """
+
+    impulses: Floats
+    after: Floats
+    residual: float
+    open: bool
+    energy: float
+    found: bool = True
+
+
+def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
+    """Give the impulses at rates (r,); what is smaller than noise (r,) counts as 0.
+
+    Newton's targets of contacts that are locked into each other may contradict; such
+    an impact is inelastic.
+    """
+    before = np.where(np.abs(rates) <= noise, 0.0, rates)
+    terms = zip(
+        closed.kinds, closed.restitutions.tolist(), before.tolist(), strict=True
+    )
+    target = np.array(
+        [-e * v if kind is Kind.CONTACT and v < 0.0 else 0.0 for kind, e, v in terms]
+    )
+    solution = solve(_problem(closed, before - target))
+    locked = not solution.found and bool(target.any())
+    if locked:
+        target = np.zeros(len(before))
+        solution = solve(_problem(closed, before))
+    p, after = solution.p, solution.w + target
+    return Impact(
+        p,
+        after,
+        solution.residual,
+        locked or _is_open(closed, before, p),
+        float(p @ (before + after)) / 2.0,
+        solution.found,
+    )
+
+
+def _problem(closed: Closed, c: Floats) -> Problem:
+    roles = [_ROLES[kind] for kind in closed.kinds]
+    nothing = [0.0] * len(roles)
+    return Problem(
+        closed.D, c.tolist(), roles, nothing, closed.bounds.tolist(), nothing,
+        closed.normals, closed.pairs,
+    )  # fmt: skip
+
+
+def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
+    """Tell whether the order of impacts counts.
+
+    It does where one changes the rate of another that is struck as well. Inelastic ones
+    without friction that push each other's rates down end in one state all the same.
+    """
+    struck = [
+        k
+        for k, kind in enumerate(closed.kinds)
+        if kind is Kind.CONTACT and (p[k] > 0.0 or before[k] < 0.0)
+    ]
+    if len(struck) < 2:
+        return False
+    scale = np.sqrt(closed.D.diagonal())
+    for i, j in combinations(struck, 2):
+        rows, others = _group(closed, i, p), _group(closed, j, p)
+        D = closed.D[np.ix_(rows, others)]
+        if not (np.abs(D) > APART * np.outer(scale[rows], scale[others])).any():
+            continue
+        plain = len(rows) == len(others) == 1 and D[0, 0] < 0.0
+        if closed.restitutions[i] or closed.restitutions[j] or not plain:
+            return True
+    return False
+
+
+def _group(closed: Closed, normal: int, p: Floats) -> list[int]:
+    slips = [k for k, n in enumerate(closed.normals) if n == normal and p[k]]
+    return [normal, *slips]

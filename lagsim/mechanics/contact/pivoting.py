@@ -1,0 +1,108 @@
+"""Lemke's method for linear complementarity: w = M z + q; w, z >= 0; w z = 0.
+
+It goes along edges from a point where an artificial variable makes all q >= 0. Ties are
+broken lexicographically, so that it cannot run in circles: on degenerate problems too
+(balls that touch at rest, redundant legs) it ends. For copositive matrices, which
+those of contacts and of friction are, it ends in a solution where there is one.
+
+Source: R. W. Cottle, J.-S. Pang, R. E. Stone, The Linear Complementarity Problem
+(1992), sections 4.4 and 4.9.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Flags, Floats
+
+# What is smaller than this in a tableau of entries near 1 is rounding: no pivot.
+SMALL = 1e-11
+# Ratios that differ by less are the same: rounding must not decide what order does.
+TIED = 1e-12
+# Pivots for each row; a few times the number of rows is what it needs in practice.
+PATIENCE = 50
+
+
+class _Tableau:
+    """basic + T nonbasic = rhs; labels: w_i is i, z_i is n + i, the artificial 2 n."""
+
+    def __init__(self, M: Floats, q: Floats) -> None:
+        n = self.n = len(q)
+        self.T = np.empty((n, n + 2))
+        self.T[:, :n] = -M
+        self.T[:, n] = -1.0
+        self.T[:, n + 1] = q
+        self.basic = list(range(n))
+        self.column = {n + j: j for j in range(n + 1)}
+        self.labels = list(range(n, 2 * n + 1))
+
+    def exchange(self, row: int, entering: int) -> int:
+        """Make a variable basic in a row; give the one that leaves it."""
+        T, col = self.T, self.column.pop(entering)
+        leaving = self.basic[row]
+        inverse = 1.0 / T[row, col]
+        pivot_row = T[row] * inverse
+        pivot_row[col] = inverse
+        factors = T[:, col].copy()
+        factors[row] = 0.0
+        T[:, col] = 0.0
+        T -= np.outer(factors, pivot_row)
+        T[row] = pivot_row
+        self.basic[row], self.labels[col] = entering, leaving
+        self.column[leaving] = col
+        return leaving
+
+    def order(self, row: int, scale: float) -> tuple[float, ...]:
+        """Give what decides between tied rows: that of the inverse of the basis."""
+        column, basic, T = self.column, self.basic[row], self.T[row]
+        entries = (
+            T[column[j]] if j in column else float(basic == j) for j in range(self.n)
+        )
+        return tuple(round(x / scale / TIED) * TIED for x in entries)
+
+    def leaving_row(self, entering: int) -> int:
+        """Give the row that blocks first, or -1 if none does."""
+        col = self.T[:, self.column[entering]]
+        rows = np.flatnonzero(col > SMALL)
+        if not len(rows):
+            return -1
+        ratios = np.maximum(self.T[rows, -1], 0.0) / col[rows]
+        tied = rows[ratios <= ratios.min() * (1.0 + TIED) + TIED]
+        if len(tied) == 1:
+            return int(tied[0])
+        for row in tied:
+            if self.basic[row] == 2 * self.n:
+                return int(row)
+        return int(min(tied, key=lambda i: self.order(i, float(col[i]))))
+
+
+def lemke(M: Floats, q: Floats) -> Flags | None:
+    """Give which z are basic in a solution, or None where a ray is all there is.
+
+    Parameters
+    ----------
+    M : ndarray, shape (n, n)
+        With entries near 1: scaled.
+    q : ndarray, shape (n,)
+    """
+    n = len(q)
+    size = float(np.abs(q).max(initial=0.0))
+    if not n or float(q.min()) >= 0.0:
+        return np.zeros(n, dtype=bool)
+    tableau = _Tableau(M, q / size)
+    least = np.flatnonzero(tableau.T[:, -1] <= tableau.T[:, -1].min() + TIED)
+    leaving = tableau.exchange(int(least[-1]), 2 * n)
+    for _ in range(PATIENCE * n):
+        entering = leaving + n if leaving < n else leaving - n
+        row = tableau.leaving_row(entering)
+        if row < 0:
+            return None
+        leaving = tableau.exchange(row, entering)
+        if leaving == 2 * n:
+            basis = np.zeros(n, dtype=bool)
+            basis[[label - n for label in tableau.basic if label >= n]] = True
+            return basis
+    return None

@@ -1,0 +1,1 @@
+"""One-sided constraints and laws: whole scenes against closed forms."""

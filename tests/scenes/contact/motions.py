@@ -1,0 +1,116 @@
+"""Building scenes of contact, running them, and reading what happened when."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+import lagsim
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+# Errors of whole runs reach a hundred times the tolerance of a step, 1e-11 by default.
+GLOBAL = 1e-9
+G = 9.81
+
+
+def scene(
+    coordinates: str,
+    kinetic: str,
+    potential: str,
+    constraints: dict[str, Any],
+    initial: dict[str, Any],
+    *,
+    parameters: dict[str, Any] | None = None,
+    forces: dict[str, str] | None = None,
+    **simulation: Any,
+) -> str:
+    """Write a model file; `coordinates` are names with spaces between."""
+    document: dict[str, Any] = {
+        "parameters": {"g": G} | (parameters or {}),
+        "coordinates": {q: {} for q in coordinates.split()},
+        "energy": {"kinetic": kinetic, "potential": potential},
+        "constraints": constraints,
+        "initial": initial,
+        "simulation": simulation,
+    }
+    if forces:
+        document["forces"] = forces
+    return yaml.safe_dump(document, sort_keys=False)
+
+
+def contact(relation: str, restitution: float, **friction: Any) -> dict[str, Any]:
+    return {"relation": relation, "restitution": restitution} | friction
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A run; `motion["x"]` is a column."""
+
+    result: lagsim.Result
+
+    def __getitem__(self, name: str) -> Any:
+        return self.result[name]
+
+    @property
+    def t(self) -> Any:
+        return self.result.t
+
+    def times(self, kind: str, constraint: str | None = None) -> list[float]:
+        """Give when events of a kind happened, of one constraint or of any."""
+        return [
+            e.time
+            for e in self.result.events
+            if e.kind == kind and constraint in (None, e.constraint)
+        ]
+
+    def instants(self, kind: str) -> list[float]:
+        """Give when something of a kind happened, once where several did."""
+        return sorted(set(self.times(kind)))
+
+    def shared(self) -> Any:
+        """Tell which rows have the time of the one before."""
+        return np.concatenate(([False], np.diff(self.t) == 0.0))
+
+    def pair(self, name: str, t: float) -> tuple[float, float]:
+        """Give a column before and after the impact at t."""
+        rows = np.flatnonzero(np.abs(self.t - t) <= 1e-9 * max(1.0, abs(t)))
+        assert len(rows) == 2, (t, self.t[rows])
+        assert self.t[rows[0]] == self.t[rows[1]]
+        return float(self[name][rows[0]]), float(self[name][rows[1]])
+
+    def at(self, name: str, t: float) -> float:
+        """Give a column at an output time: after, where an impact falls on it."""
+        row = np.flatnonzero(np.abs(self.t - t) <= 1e-9 * max(1.0, abs(t)))[-1]
+        return float(self[name][row])
+
+    def piecewise(self, pieces: Sequence[Callable[[Any], Any]]) -> Any:
+        """Evaluate in each row the piece after as many impacts as rows show."""
+        number = np.cumsum(self.shared())
+        return np.array([pieces[k](t) for k, t in zip(number, self.t, strict=True)])
+
+
+@functools.cache
+def play(text: str, **options: Any) -> Motion:
+    """Run a scene to its end."""
+    found = tried(text, **options)
+    assert found.result.complete, found.result.reason
+    return found
+
+
+def tried(text: str, **options: Any) -> Motion:
+    """Run a scene, wherever it ends."""
+    model = lagsim.load(text)
+    return Motion(lagsim.simulate(model, error_bar="never", **options))
+
+
+def close(found: Any, expected: Any, within: float = GLOBAL) -> None:
+    """Demand equality within a part of the largest expected, or of one if that is 0."""
+    expected = np.asarray(expected, dtype=float)
+    size = float(np.max(np.abs(expected), initial=0.0)) or 1.0
+    np.testing.assert_allclose(found, expected, rtol=0, atol=within * size)

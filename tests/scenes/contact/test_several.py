@@ -1,0 +1,127 @@
+"""Several contacts at once: one law, where another could say otherwise."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.scenes.contact import scenes
+from tests.scenes.contact.motions import GLOBAL, G, close, contact, play, scene
+
+
+def speeds(found, count):
+    return [found[f"x{k}_dot"][-1] for k in range(1, count + 1)]
+
+
+def warned(found):
+    return [w for w in found.result.warnings if w.code == "impact-order"]
+
+
+def test_three_balls_in_a_row_strike_simultaneously():
+    """Newton's law on each gap: v2 - v1 = 1, v3 = v2; the momentum is 1."""
+    found = play(scenes.balls(3, [1, 0, 0], [1, 1, 1], 1))
+    assert found.times("impact", "c1") == [0.0]
+    assert speeds(found, 3) == pytest.approx([-1 / 3, 2 / 3, 2 / 3], abs=1e-14)
+    # Bernoulli's and Newton's cradle say otherwise: a matter of the law.
+    assert len(warned(found)) == 1
+    assert "simultaneous" in warned(found)[0].text
+
+
+@pytest.mark.parametrize("e", [0.0, 0.4, 1.0])
+def test_two_balls_close_on_a_heavier_one(e):
+    found = play(scenes.balls(3, [1, 0, -1], [1, 2, 1], e))
+    assert speeds(found, 3) == pytest.approx([-e, 0, e], abs=1e-14)
+
+
+def test_unlike_balls_close_on_one_between():
+    # Both gaps open at e times the rate at which they closed; momentum is kept.
+    v, m, e = [2.0, 0.5, -1.0], [1.0, 2.0, 3.0], 0.5
+    found = play(scenes.balls(3, v, m, e))
+    apart = [-e * (v[1] - v[0]), -e * (v[2] - v[1])]
+    rows = np.array([[-1, 1, 0], [0, -1, 1], m])
+    after = np.linalg.solve(rows, [*apart, np.dot(m, v)])
+    assert speeds(found, 3) == pytest.approx(after, abs=1e-14)
+
+
+def test_one_impact_of_one_contact_is_no_matter_of_opinion():
+    found = play(scenes.balls(2, [1, 0], [1, 3], 1))
+    assert speeds(found, 2) == pytest.approx([-0.5, 0.5], abs=1e-14)
+    assert warned(found) == []
+
+
+def test_balls_with_gaps_hand_the_blow_on_one_by_one():
+    # As in Newton's cradle, where the gaps are wide enough to be gaps.
+    text = scenes.balls(4, [1, 0, 0, 0], [1, 1, 1, 1], 1)
+    for k in (2, 3, 4):
+        text = text.replace(f"  x{k}: {k - 1}\n", f"  x{k}: {k - 1} + {k - 1}*1e-6\n")
+    found = play(text)
+    assert found.instants("impact") == pytest.approx([1e-6, 2e-6, 3e-6], rel=1e-7)
+    assert speeds(found, 4) == pytest.approx([0, 0, 0, 1], abs=1e-12)
+
+
+@pytest.mark.parametrize("where", [(0.0, 0.0), (0.1, -0.2), (0.5, 0.25)])
+def test_four_legs_share_the_weight_with_the_least_norm(where):
+    # N_i = m g/4 (1 +- x +- y): of all that carry the weight the shortest.
+    found = play(scenes.legs(*where))
+    x, y = where
+    signs = {"ne": (1, 1), "nw": (-1, 1), "se": (1, -1), "sw": (-1, -1)}
+    for leg, (a, b) in signs.items():
+        expected = 2 * G / 4 * (1 + a * x + b * y)
+        close(found[f"lambda_{leg}"], np.full(len(found.t), expected), 1e-12)
+    for q in ("z", "a", "b"):
+        assert np.max(np.abs(found[q])) < 1e-14
+
+
+def test_where_the_shortest_would_pull_three_legs_carry():
+    # x = 0.9, y = 0.3: a leg would get m g/4 (1 - 1.2) < 0. It gets nothing, and the
+    # others what is then the only answer.
+    found = play(scenes.legs(0.9, 0.3))
+    weight = 2 * G
+    rows = [[1, 1, 1], [1, -1, 1], [1, 1, -1]]  # force, a and b of ne, nw, se
+    expected = np.linalg.solve(rows, weight * np.array([1, 0.9, 0.3]))
+    assert np.all(expected > 0)
+    found_now = [found[f"lambda_{leg}"][-1] for leg in ("ne", "nw", "se", "sw")]
+    assert found_now == pytest.approx([*expected, 0.0], abs=1e-12 * weight)
+
+
+def test_a_table_tips_over_its_edge():
+    # Weight past the legs: x = 1.5. It turns about two of them: with z = -a on these,
+    # (m + J) z'' = -m g + 1.5 m g for z upwards.
+    found = play(scenes.legs(1.5, 0.0), duration=0.1, output_step=0.01)
+    rise = 2 * G * 0.5 / (2 + 0.5)
+    close(found["z"], rise * found.t**2 / 2)
+    close(found["a"], -rise * found.t**2 / 2)
+    assert np.max(np.abs(found["b"])) < 1e-14
+    assert np.all(found["lambda_nw"] == 0.0)
+
+
+def test_a_stack_falls_onto_a_floor():
+    # Two blocks one on the other, both inelastic: all stops at once, and each floor
+    # carries what is above.
+    laws = {"floor": contact("a >= 0", 0), "joint": contact("b >= a + 1", 0)}
+    text = scene(
+        "a b", "a_dot^2/2 + b_dot^2", "g*(a + 2*b)", laws, {"a": 1, "b": 2},
+        duration=1, output_step=0.1,
+    )  # fmt: skip
+    found = play(text)
+    t = math.sqrt(2 / G)
+    assert found.instants("impact") == pytest.approx([t], abs=GLOBAL)
+    lies = found.t > t + GLOBAL
+    close(found["lambda_floor"][lies], np.full(np.sum(lies), 3 * G))
+    close(found["lambda_joint"][lies], np.full(np.sum(lies), 2 * G))
+    impulse = math.sqrt(2 * G)
+    assert np.max(found["impulse.floor"]) == pytest.approx(3 * impulse, rel=GLOBAL)
+    assert np.max(found["impulse.joint"]) == pytest.approx(2 * impulse, rel=GLOBAL)
+
+
+def test_the_order_of_the_file_does_not_matter():
+    text = scenes.block()
+    head, laws, tail = text.partition("constraints:\n")
+    body, key, rest = tail.partition("initial:")
+    left, right = body.split("  right:")
+    turned = head + laws + "  right:" + right + left + key + rest
+    one, other = play(text, duration=2), play(turned, duration=2)
+    assert one.instants("impact") == pytest.approx(other.instants("impact"), abs=GLOBAL)
+    close(other["th"], one["th"])
