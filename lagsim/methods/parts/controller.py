@@ -238,8 +238,8 @@ def look_again(
         for i in range(2 * n, size):
             if abs(z[i - n]) < 1e300:
                 noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
-        # Nor has it where they are balanced, but velocities have.
-        if s.works[0] < 0.0:
+        # Nor has it where rows balance them, but velocities have.
+        if p.m > 0 and s.works[0] < 0.0:
             for i in range(n):
                 power = abs(s.masses[i]) * s.parts[i] * noise[n + i] * h
                 noise[2 * n] = max(noise[2 * n], power)
