@@ -14,6 +14,7 @@ import numpy as np
 
 from lagsim.mechanics.contact.closed import Mode
 from lagsim.mechanics.contact.edges import ROUNDING, is_plain, known_to, on_edges
+from lagsim.mechanics.contact.independent import columns
 from lagsim.mechanics.contact.polish import expressed, polished
 from lagsim.mechanics.contact.problem import Problem, Role, Solution, residual, scaled
 from lagsim.mechanics.contact.solving import solve
@@ -169,10 +170,15 @@ def _jams(
     for k, role in enumerate(problem.roles):
         if role is Role.SIGNED and masses[k] <= ROUNDING * closed.D[k, k]:
             return bool(closed.D[k, k])
+    # Those that hold together: their mass against the one without friction.
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
-    B = (closed.D @ expressed(problem, modes, ways)[0])[np.ix_(held, held)]
-    s = np.sqrt(closed.D.diagonal()[held])
-    return bool(np.linalg.det(B / np.outer(s, s)) < 0.0)
+    Y = columns(closed)
+    Q, R = np.linalg.qr(Y[:, held])
+    sign, size = np.linalg.slogdet(
+        Q.T @ (Y @ expressed(problem, modes, ways)[0])[:, held]
+    )
+    other, plain = np.linalg.slogdet(R)
+    return bool(sign * other * np.exp(size - plain) <= ROUNDING)
 
 
 _TOUCHING = {
