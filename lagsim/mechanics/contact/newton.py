@@ -54,7 +54,10 @@ def by_newton(problem: Problem) -> Floats:
 def _swept(problem: Problem, sweeps: int = SWEEPS[0]) -> Floats:
     p = np.zeros(len(problem.c))
     for _ in range(sweeps):
+        before = p.copy()
         _sweep(problem, p)
+        if np.abs(p - before).max() <= MET * np.abs(p).max():
+            break
     return p
 
 
@@ -148,9 +151,9 @@ def _sweep(problem: Problem, p: Floats) -> None:
             p[k] = problem.ways[k] * _bound(problem, p, k)
         elif role is Role.BOXED and j < k:
             rows = [k] if j < 0 else [j, k]
-            z = p[rows] - (D[rows] @ p + np.take(c, rows)) / np.trace(
-                D[np.ix_(rows, rows)]
-            )
+            a, b, d = D[rows[0], rows[0]], D[rows[0], k], D[k, k]
+            stiff = a if j < 0 else (a + d + np.hypot(a - d, 2.0 * b)) / 2.0
+            z = p[rows] - (D[rows] @ p + np.take(c, rows)) / stiff
             p[rows] = z * min(1.0, _bound(problem, p, k) / (np.linalg.norm(z) or 1.0))
 
 
