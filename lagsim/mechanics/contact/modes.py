@@ -40,8 +40,8 @@ class Modes:
         bound at rest. Else 0.
     multipliers, accelerations : ndarray, shape (r,)
     paradox : bool
-        Painlevé's: no solution, or a sliding contact whose effective mass is not
-        positive, so that more than one may be.
+        Painlevé's: no solution, or a sliding contact that presses with an effective
+        mass that is not positive. What may part instead is let go.
     unique : bool
         The multipliers are determined.
     residual : float
@@ -150,42 +150,30 @@ def _of_bounds(
 def _jams(
     closed: Closed, problem: Problem, modes: list[Mode], ways: list[float]
 ) -> bool:
-    """Tell whether a contact that slides has an effective mass that is not positive.
+    """Tell whether a contact that holds and slides has no positive effective mass.
 
     Pressing on it then does not push it away: each alone, and those that hold together.
+    What need not press may part; that is no paradox.
     """
-    if Role.GIVEN not in problem.roles and Mode.DRIVEN not in modes:
+    if Mode.DRIVEN not in modes:
         return False
-    touching = [_TOUCHING.get(r, m) for r, m in zip(problem.roles, modes, strict=True)]
-    along = [
-        given if role is Role.GIVEN else way
-        for role, given, way in zip(problem.roles, problem.ways, ways, strict=True)
-    ]
+    E, _ = expressed(problem, modes, ways)
     free = [k for k, role in enumerate(problem.roles) if role is Role.FREE]
-    G = closed.D @ expressed(problem, touching, along)[0]
+    G = closed.D @ E
     masses = G.diagonal()
     if free:
         X = np.linalg.lstsq(G[np.ix_(free, free)], G[free], rcond=None)[0]
         masses = masses - np.einsum("ij,ji->i", G[:, free], X)
-    for k, role in enumerate(problem.roles):
-        if role is Role.SIGNED and masses[k] <= ROUNDING * closed.D[k, k]:
-            return bool(closed.D[k, k])
-    # Those that hold together: their mass against the one without friction.
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
+    for k in held:
+        if problem.roles[k] is Role.SIGNED and masses[k] <= ROUNDING * closed.D[k, k]:
+            return True
+    # Those that hold together: their mass against the one without friction.
     Y = columns(closed)
     Q, R = np.linalg.qr(Y[:, held])
-    sign, size = np.linalg.slogdet(
-        Q.T @ (Y @ expressed(problem, modes, ways)[0])[:, held]
-    )
+    sign, size = np.linalg.slogdet(Q.T @ (Y @ E)[:, held])
     other, plain = np.linalg.slogdet(R)
     return bool(sign * other * np.exp(size - plain) <= ROUNDING)
-
-
-_TOUCHING = {
-    Role.SIGNED: Mode.HELD,
-    Role.FREE: Mode.HELD,
-    Role.GIVEN: Mode.DRIVEN,
-}
 
 
 def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> list[int]:
