@@ -26,7 +26,7 @@ from lagsim.run.events.touching import Touching
 from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
     from collections.abc import Sequence as Some
 
     from lagsim.language.arrays import Floats
@@ -182,10 +182,7 @@ class Contacts(Source):
                     ends[k], e[i] = arc.t + left, 0.0
         problem, response = here.problem(some, e)
         if limit is not None:
-            kinds = zip(some, problem.kinds, strict=True)
-            rest = {k for k in some if self.laws[k].normal in ends and here.is_spent(k)}
-            held = (Kind.TIMED if k in {*ends, *rest} else kind for k, kind in kinds)
-            problem = replace(problem, kinds=tuple(held))
+            problem = replace(problem, kinds=tuple(self._stopped(here, some, ends)))
         result = impact(problem, here.rates[list(some)], here.still[list(some)])
         # A flight that begins a rounding below the ground would end one farther below.
         deep = [i for i, k in enumerate(some) if here.is_below(k)]
@@ -213,6 +210,15 @@ class Contacts(Source):
                     found.events.append(Event(ends[k], "zeno", name))
                 self.bounces[k] = 0
         found.cautions += self._told_of(here, some, result.energy, result.open)
+
+    def _stopped(
+        self, here: Touching, some: Some[int], ends: Collection[int]
+    ) -> Iterator[Kind]:
+        """Give kinds for which those that end are held, with slips that have gone."""
+        for k in some:
+            law = self.laws[k]
+            gone = law.normal in ends and here.is_spent(k)
+            yield Kind.TIMED if k in ends or gone else law.kind
 
     def _told_of(
         self, here: Touching, some: Some[int], change: float, open_: bool

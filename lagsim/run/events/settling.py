@@ -54,9 +54,7 @@ def settle(here: Touching, met: int | None, also: Collection[int]) -> Settled:
     found = _chosen(here, leaning, also)
     idle = _idle(here, found)
     if idle:
-        # Where it would slide without a solution it need not touch at all.
-        parts = 1.0 if found.paradox else _parting(here, found, idle, also)
-        leaning[idle] += parts
+        leaning[idle] += _parting(here, found, idle, also)
         found = _chosen(here, leaning, also)
     p.law_mode[:], p.law_way[:] = found.mode, found.way
     on = (found.mode == kept.HELD) | (found.mode == kept.DRIVEN)
