@@ -305,7 +305,11 @@ class _Examiner:
     def _exact(self, q: Floats, v: Floats, laws: Sequence[Verdict]) -> _Judged:
         """Give the nearest exact state; one that is exact to rounding stays."""
         everything = range(self.n)
-        passed = {x.name for x in laws if x.position.value < 0 and not x.position.exact}
+        passed = {
+            x.name
+            for x in laws
+            if x.judged and x.position.value < 0 and not x.position.exact
+        }
         self.solver.touching |= one_sided(self.e, passed)
         q = self.solver.exact(everything, q, v, velocities=False)
         v = self.solver.exact(everything, q, v, velocities=True)
@@ -360,6 +364,8 @@ class _Examiner:
 
         Of positions, or of velocities; with `free`, only where these values matter.
         """
+        if not self.e.laws:
+            return False
         errors = self.point.solved_errors(q, v, (self.q0, self.v0))
         missed = {
             x.name

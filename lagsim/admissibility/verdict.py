@@ -188,7 +188,7 @@ def judge(
     near = _neighbours(point, asked)
     lengths = of_rows(point, [rows[i] for i in (*asked, *near)], q, v)
     scales, motions = lengths.scales(), lengths.motions()
-    whole = _body_motions(point, lengths.forms[: len(asked)], q, v)
+    whole = body_motions(point, lengths.forms[: len(asked)], q, v)
     for i, scale, motion, body in zip(asked, scales, motions, whole, strict=False):
         moving[i] = _of_rate(moving[i], motion, body)
         held[i] = _of_size(held[i], scale) if rows[i].holonomic else moving[i]
@@ -237,10 +237,13 @@ def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
     return residual
 
 
-def _body_motions(
+def body_motions(
     point: Point, forms: Sequence[Form], q: Floats, v: Floats
 ) -> list[float]:
-    """Give |A| |v| of each form, of the coordinates whose inertia it shares."""
+    """Give |A| |v| of each form, of the coordinates whose inertia it shares.
+
+    To COMPUTED of that a rate is known at best.
+    """
     weights, shared = point.sizes(q, v), _Bodies(point)
     found = []
     for form in forms:

@@ -27,7 +27,8 @@ def report(
     rows: Sequence[object] = equations.rows
     if equations.laws:
         rows = equations.model.constraints
-    rank = f" of rank {start.rank}" if rows else ""
+    two_sided = any(v.kind not in (ONE_SIDED, START_VALUE) for v in start.verdicts)
+    rank = f" of rank {start.rank}" if two_sided else ""
     freedom = counted(start.degrees_of_freedom, "degree")
     if start.admissible:
         head = coloured("admissible", "32") + f": {name}"
@@ -71,6 +72,8 @@ def _violation(verdict: Verdict) -> str:
         text = f"the rate of constraint `{verdict.name}` is {velocity.value:.6g}"
         return f"{text} (bound {velocity.bound:.2g}, {velocity.why})"
     text = f"constraint `{verdict.name}` has the residual {position.value:.6g}"
+    if verdict.kind == ONE_SIDED:
+        text = f"the {_sided(verdict)} of `{verdict.name}` is {position.value:.6g}"
     return f"{text} (bound {position.bound:.2g}, {position.why})"
 
 
@@ -93,11 +96,13 @@ def _described(verdict: Verdict) -> str:
     return text + ("" if verdict.satisfied else "  <- violated")
 
 
+def _sided(verdict: Verdict) -> str:
+    return "gap" if verdict.pfaffian is None else "rate"
+
+
 def _standing(verdict: Verdict, residual: float) -> str:
     """Say what a constraint does that holds only at times."""
-    what = "residual"
-    if verdict.kind == ONE_SIDED:
-        what = "rate" if verdict.pfaffian is not None else "gap"
+    what = _sided(verdict) if verdict.kind == ONE_SIDED else "residual"
     text = f"{what} {residual:.3g}"
     if what == "gap" and verdict.rate is not None:
         text += f", its rate {verdict.rate.value + 0.0:.3g}"

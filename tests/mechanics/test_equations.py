@@ -21,6 +21,8 @@ from tests.sympy_oracle import Numbers, Oracle, random_values
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from lagsim.mechanics.constraints import Row
+
 NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
 SEEDS = range(3)
 
@@ -28,6 +30,16 @@ SEEDS = range(3)
 @functools.cache
 def equations_of(name: str) -> Equations:
     return derive(read_file(str(MODELS / f"{name}.yaml")))
+
+
+# Whose equations are solved as they are: no constraint comes into force and goes.
+SOLVED = [name for name in NAMES if not equations_of(name).laws]
+
+
+def rows_of(e: Equations) -> list[Row]:
+    """Give the row of each constraint, in the order of the file."""
+    rows = {row.name: row for row in (*e.rows, *(law.row for law in e.laws))}
+    return [rows[c.name] for c in e.model.constraints]
 
 
 @functools.cache
@@ -75,17 +87,18 @@ def test_graph_gives_the_numbers_of_an_independent_derivation(
     values, expected = state_of(name, seed)
     agrees(matrix(e, values), expected.M)
     agrees(evaluate(e.graph, e.f, values), expected.f)
-    for row, A, b in zip(e.rows, expected.A, expected.b, strict=True):
+    rows = rows_of(e)
+    for row, A, b in zip(rows, expected.A, expected.b, strict=True):
         agrees(evaluate(e.graph, [*row.A, row.b], values), [*A, b])
     energies = [e.energy, e.kinetic_form]
     if e.energy_is_sum:  # then T is quadratic in the velocities
         agrees(evaluate(e.graph, energies, values), [expected.energy, expected.kinetic])
     else:
         agrees(evaluate(e.graph, energies[:1], values), [expected.energy])
-    residuals = evaluate(e.graph, [row.residual for row in e.rows], values)
-    rates = evaluate(e.graph, [row.rate for row in e.rows], values)
+    residuals = evaluate(e.graph, [row.residual for row in rows], values)
+    rates = evaluate(e.graph, [row.rate for row in rows], values)
     for row, g, g_dot, *expected_row in zip(
-        e.rows, residuals, rates, expected.residuals, expected.rates, strict=True
+        rows, residuals, rates, expected.residuals, expected.rates, strict=True
     ):
         scales = [row.residual_scale, row.rate_scale]
         bounds = evaluate(e.graph, scales, values)
@@ -142,7 +155,7 @@ def native_of(name: str, loops: bool) -> Native:
 
 
 @pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", SOLVED)
 def test_native_motion_satisfies_the_equations(name: str, loops: bool) -> None:
     native = native_of(name, loops)
     for seed in SEEDS:

@@ -83,11 +83,18 @@ def modes(
     if solution.apart and not begin and is_plain(problem, solution, noise):
         return _at_once(solution)
     lean = np.zeros(len(noise)) if leaning is None else leaning
+    begun: list[int] = []
     while solution.found:
-        modes, ways = on_edges(closed, problem, solution, noise, lean)
-        begin = _begins(closed, problem, modes)
+        what, ways = on_edges(closed, problem, solution, noise, lean)
+        begin = _begins(closed, problem, what)
         if not begin:
-            return _decided(closed, problem, modes, ways)
+            found = _decided(closed, problem, what, ways)
+            if not (found.way * found.accelerations > noise)[begun].any():
+                return found
+            # With less friction of others it would be pushed back: so it rests.
+            less = replace(closed, statics=closed.bounds)
+            return modes(less, accelerations, rates, noise, slip_noise, leaning)
+        begun += begin
         problem = _sliding(closed, problem, begin, ways)
         solution = solve(problem)
     nothing, off = np.zeros(len(noise)), (Mode.OFF,) * len(noise)

@@ -30,6 +30,8 @@ PARTS = (1.0, 0.5, 0.25, 0.0625)
 # Equations that are met to this part of their terms are met.
 MET = 1e-15
 GOOD = 1e-12
+# Steps longer than this, in parts of what they mend, are those of dependent rows.
+FAR = 1e8
 
 
 def by_newton(problem: Problem) -> Floats:
@@ -66,7 +68,7 @@ def _descend(problem: Problem, p: Floats) -> tuple[Floats, float]:
     F, J = equations(problem, p)
     size = float(np.abs(F).max())
     for _ in range(STEPS):
-        step = np.linalg.lstsq(J, -F, rcond=MET)[0]
+        step = _step(J, F)
         for part in PARTS:
             there = p + part * step
             F, J = equations(problem, there)
@@ -78,10 +80,22 @@ def _descend(problem: Problem, p: Floats) -> tuple[Floats, float]:
     return p, size
 
 
+def _step(J: Floats, F: Floats) -> Floats:
+    """Solve J step = -F, by least squares where rows depend on each other."""
+    try:
+        step = np.linalg.solve(J, -F)
+    except np.linalg.LinAlgError:
+        step = np.full(len(F), np.inf)
+    if np.abs(step).max() > FAR * np.abs(F).max():
+        step = np.linalg.lstsq(J, -F, rcond=MET)[0]
+    return np.asarray(step, float)
+
+
 def equations(problem: Problem, p: Floats) -> tuple[Floats, Floats]:
     """Give F (r,), zero at solutions, and its slopes (r, r)."""
     D, r = problem.D, len(p)
     w = D @ p + problem.c
+    unit_rows = np.eye(r)
     F, J = p.copy(), np.eye(r)
     limits = bounds(problem, p)
     for k, role in enumerate(problem.roles):
@@ -102,7 +116,7 @@ def equations(problem: Problem, p: Floats) -> tuple[Floats, Floats]:
             unit = z / size
             F[rows] -= bound * unit
             across = np.eye(len(rows)) - np.outer(unit, unit)
-            J[rows] -= (bound / size) * across @ (np.eye(r)[rows] - D[rows])
+            J[rows] -= (bound / size) * across @ (unit_rows[rows] - D[rows])
             J[rows, n] -= slope * unit
     return F, J
 

@@ -99,12 +99,12 @@ def _constraint(key: Scalar, node: Node, x: Expressions) -> Constraint | None:
         expression = Broken(key.place)
     relation, sense = read_relation(expression, what, x)
     about = below.text("description", x.faults)
-    law = limit = when = None
+    law = limit = None
+    when = laws.read_when(below, what, x)
     if sense is Sense.EQUAL:
         laws.check_equality(below, what, x)
         relation = relation and _once(relation, x)
         limit = laws.read_limit(below, relation, what, x)
-        when = laws.read_when(below, what, x)
     elif isinstance(node, Mapping) or sense is Sense.AT_LEAST:
         law = _one_sided(expression, below, relation, what, x)
     if relation is None or (law is None and sense is Sense.AT_LEAST):

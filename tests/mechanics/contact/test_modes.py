@@ -112,6 +112,17 @@ def test_painleve_begins_at_four_thirds(mu, paradox):
         assert found.multipliers == pytest.approx([force, mu * force], rel=1e-12)
 
 
+def test_what_could_lift_off_or_jam_is_a_paradox_too():
+    found = modes(
+        rod(np.arctan(2.0), 2.0),
+        np.array([1.0, 0.0]),
+        np.array([0.0, -1.0]),
+        none(2),
+        none(2),
+    )
+    assert found.paradox
+
+
 def test_it_is_no_paradox_the_other_way():
     body, free = rod(np.arctan(2.0), 2.0), np.array([-G, 0.0])
     found = modes(body, free, np.array([0.0, 1.0]), none(2), none(2))
@@ -164,3 +175,27 @@ def test_a_row_on_which_nothing_acts_is_off():
     assert body.D.tolist() == [[0.0]]
     found = modes(body, none(1), none(1), none(1), none(1))
     assert found.multipliers.tolist() == [0.0]
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_masses_do_not_count(scale):
+    for seed in range(10):
+        random = np.random.default_rng(seed)
+        rows = random.normal(size=(6, 8))
+        kinds, normals = [CONTACT, SLIP] * 3, [-1, 0, -1, 2, -1, 4]
+        free = rows @ random.normal(size=8)
+        ones, others = (
+            modes(
+                closed(np.full(8, m), rows, kinds, normals, mu=0.4),
+                free, none(6), none(6), none(6),
+            )
+            for m in (1.0, scale)
+        )  # fmt: skip
+        assert others.mode == ones.mode
+        assert others.multipliers / scale == pytest.approx(ones.multipliers, rel=1e-12)
+
+
+def test_two_rows_that_contradict_are_no_motion():
+    body = closed([1.0], [[1.0], [1.0]], [Kind.TIMED] * 2)
+    found = modes(body, np.array([1.0, 2.0]), none(2), none(2), none(2))
+    assert found.paradox

@@ -75,3 +75,56 @@ def test_laws_hold_on_every_edge(friction):
         dependent += not found.unique
     # The scenes are what they are meant to be.
     assert dependent > 40
+
+
+def test_static_friction_that_is_more_than_dynamic():
+    # In two of these scenes what begins to slide would be pushed back at once.
+    static, dynamic = 0.6, 0.2
+    for seed in [*range(40), 73, 133]:
+        random = np.random.default_rng(seed)
+        count, n = int(random.integers(2, 4)), int(random.integers(3, 7))
+        rows = random.normal(size=(2 * count, n))
+        normals = [-1 if k % 2 == 0 else k - 1 for k in range(2 * count)]
+        kinds = [CONTACT, SLIP] * count
+        body = closed(np.ones(n), rows, kinds, normals, mu=dynamic, static=static)
+        quiet = none(2 * count)
+        found = modes(body, rows @ random.normal(size=n), quiet, quiet, quiet)
+        p, w = found.multipliers, found.accelerations
+        for k in range(1, 2 * count, 2):
+            mode = found.mode[k]
+            mu = dynamic if mode is DRIVEN else static
+            assert wrong_contact(found.mode[k - 1], p[k - 1], w[k - 1]) is None
+            assert (
+                wrong_slip(mode, found.way[k], p[k], w[k], mu * p[k - 1], 0.0) is None
+            )
+
+
+def column(count):
+    """Give rows of flat boxes on each other: two corners each, with slips."""
+    rows, kinds, normals = [], [], []
+    for box in range(count):
+        for side in (-1.0, 1.0):
+            normal, slip = np.zeros((count, 3)), np.zeros((count, 3))
+            normal[box], slip[box] = (0.0, 1.0, side), (1.0, 0.0, 0.5)
+            if box:
+                normal[box - 1], slip[box - 1] = (0.0, -1.0, -side), (-1.0, 0.0, 0.5)
+            normals += [-1, len(rows)]
+            rows += [normal.ravel(), slip.ravel()]
+            kinds += [CONTACT, SLIP]
+    masses = np.tile([1.0, 1.0, 5.0 / 12.0], count)
+    return np.array(rows), closed(masses, rows, kinds, normals, mu=MU)
+
+
+@pytest.mark.parametrize("count", [1, 12, pytest.param(50, marks=pytest.mark.slow)])
+def test_a_column_of_boxes_rests_under_its_weight(count):
+    rows, body = column(count)
+    quiet = none(len(rows))
+    free = rows @ np.tile([0.0, -1.0, 0.0], count)
+    found = modes(body, free, quiet, quiet, quiet)
+    above = np.repeat(np.arange(count, 0, -1), 2)
+    # A column that tilts: the condition of D grows as the fourth power of its length.
+    known = 1e-16 * count**4 + 1e-14
+    assert found.multipliers[::2] == pytest.approx(above / 2.0, abs=known)
+    # Each body is held by two normals and one slip; the other slip is the same row.
+    assert found.mode.count(HELD) == 3 * count
+    assert found.mode.count(IMPLIED) == count
