@@ -171,16 +171,9 @@ class Contacts(Source):
         arc = here.arc
         n, energy = arc.system.n, arc.system.columns.names.index("energy")
         found.rows = arc.runner.tabulate(arc.row())
-        e = np.array([self.laws[k].restitution for k in some])
-        ends: dict[int, float] = {}
-        for i, k in enumerate(some):
-            if limit is not None and k in also:
-                ends[k], e[i] = limit, 0.0
-            elif e[i] > 0.0 and here.strikes(k):
-                left = here.rest(k, e[i])
-                if left is not None:
-                    ends[k], e[i] = arc.t + left, 0.0
-        problem, response = here.problem(some, e)
+        ends = dict(self._ends(here, some, limit, also))
+        e = [0.0 if k in ends else self.laws[k].restitution for k in some]
+        problem, response = here.problem(some, np.array(e))
         if limit is not None:
             problem = replace(problem, kinds=tuple(self._stopped(here, some, ends)))
         result = impact(problem, here.rates[list(some)], here.still[list(some)])
@@ -210,6 +203,23 @@ class Contacts(Source):
                     found.events.append(Event(ends[k], "zeno", name))
                 self.bounces[k] = 0
         found.cautions += self._told_of(here, some, result.energy, result.open)
+
+    def _ends(
+        self,
+        here: Touching,
+        some: Some[int],
+        limit: float | None,
+        also: Collection[int],
+    ) -> Iterator[tuple[int, float]]:
+        """Give what comes to rest with this impact, and when its bounces would end."""
+        for k in some:
+            e = self.laws[k].restitution
+            if limit is not None and k in also:
+                yield k, limit
+            elif e > 0.0 and here.strikes(k):
+                left = here.rest(k, e)
+                if left is not None:
+                    yield k, here.arc.t + left
 
     def _stopped(
         self, here: Touching, some: Some[int], ends: Collection[int]

@@ -97,7 +97,8 @@ def rod(mu: float, angle: float, slide: float, **held: dict[str, Any]) -> str:
         "y - a*sin(th) >= 0", 0, friction="mu", slip="x_dot + a*sin(th)*th_dot"
     )
     return scene(
-        "x y th", "m*(x_dot^2 + y_dot^2)/2 + m*a^2/6*th_dot^2", "m*g*y", {"tip": tip} | held,
+        "x y th", "m*(x_dot^2 + y_dot^2)/2 + m*a^2/6*th_dot^2", "m*g*y",
+        {"tip": tip} | held,
         {"x": 0, "th": angle, "y": "a*sin(th)", "x_dot": slide},
         parameters={"m": 1, "a": 0.5, "mu": mu},
         duration=0.5, output_step=0.01,
