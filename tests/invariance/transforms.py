@@ -20,7 +20,7 @@ _T = re.compile(r"\bt\b")
 _RATE = re.compile(r"\b([^\W\d]\w*_dot)\b")
 _WORD = re.compile(r"[^\W\d]\w*")
 # What a constraint may have besides its relation; a slip is one expression here.
-LAWS = ("restitution", "friction", "slip", "limit", "when")
+LAWS = ("restitution", "friction", "slip", "when")
 
 
 @dataclass(frozen=True)
@@ -191,8 +191,13 @@ def seconds(model: Document, factor: float) -> Document:
         name: x * factor if name.endswith("_dot") else x
         for name, x in model.initial.items()
     }
+    # Slips are in metres per new second, as the gaps are in metres.
+    laws = {
+        name: {k: f"{factor!r}*({x})" if k == "slip" else x for k, x in law.items()}
+        for name, law in changed.laws.items()
+    }
     return replace(
-        changed, energy=energy, initial=initial, start=model.start / factor,
+        changed, energy=energy, laws=laws, initial=initial, start=model.start / factor,
         duration=model.duration / factor, output_step=model.output_step / factor,
         scale=factor,
     )  # fmt: skip
@@ -207,13 +212,7 @@ def kilograms(model: Document, factor: float) -> Document:
     return replace(
         model, parameters=model.parameters | {"new_M": repr(factor)},
         energy=heavier(model.energy), forces=heavier(model.forces),
-        laws={name: _heavier(law) for name, law in model.laws.items()},
     )  # fmt: skip
-
-
-def _heavier(law: dict[str, Any]) -> dict[str, Any]:
-    """Give a law whose limit, if it has one, is a force in other units."""
-    return law | ({"limit": f"new_M*({law['limit']})"} if "limit" in law else {})
 
 
 def with_bystander(
