@@ -65,7 +65,7 @@ class Contacts(Source):
         self.told: set[str] = set()
         p = arc.system.p
         p.law_mode[:] = p.law_way[:] = p.law_still[:] = p.impulses[:] = 0.0
-        p.law_forces = 0.0
+        p.law_forces = p.law_shares = 0.0
 
     def begin(self, arc: Arc) -> Decision:
         """Choose the modes at the state reached."""

@@ -66,6 +66,7 @@ def settle(here: Touching, met: int | None, also: Collection[int]) -> Settled:
     events = tuple(_changes(here, before)) if arc.steps else ()
     implied = np.flatnonzero(found.mode == kept.IMPLIED)
     unique = not any(here.laws[k].kind in ONE_SIDED for k in implied)
+    p.law_shares = 0.0 if unique else 1.0
     return Settled(events, found.paradox, unique)
 
 
