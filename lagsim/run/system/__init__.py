@@ -20,7 +20,6 @@ from lagsim.plan.cost import evaluation_cost
 from lagsim.plan.formulation import GAIN
 from lagsim.run.system.columns import Columns
 from lagsim.run.system.functions import AFTER_FREEZING, functions, varying_inertias
-from lagsim.run.system.laws import CODES
 from lagsim.run.system.runner import Runner
 from lagsim.run.system.sleepers import (
     Sleeper,
@@ -227,7 +226,10 @@ class System:
         p.health = p.least_health = 1.0
         p.gain, p.constant = plan.gain, plan.constant
         p.row_starts[:], p.row_columns[:] = starts, elements
-        p.law_kind[:] = [CODES[law.kind] for law in self.laws]
+        if self.laws:
+            from lagsim.run.system.laws import CODES
+
+            p.law_kind[:] = [CODES[law.kind] for law in self.laws]
         p.law_normal[:] = [law.normal for law in self.laws]
         p.law_pair[:] = [law.pair for law in self.laws]
         return p
