@@ -65,9 +65,13 @@ def manifest(
                 "constraint": e.constraint,
                 "conditioning": e.conditioning,
                 "switch": e.switch,
+                "rate_before": e.rate_before,
+                "rate_after": e.rate_after,
+                "energy": e.energy,
             }
             for e in trajectory.events
         ],
+        "event_counts": dict(trajectory.event_counts),
         "energy_drift": ledger.energy_drift,
         "constraint_residual": ledger.constraint_residual,
         "error": _error(error_bar),

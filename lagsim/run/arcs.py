@@ -246,7 +246,12 @@ class Run:
                 self.arcs,
             ),
             events=tuple(recorder.events),
-            warnings=(*recorder.cautions, *singularity_caution(arc)),
+            event_counts=dict(recorder.counts),
+            warnings=(
+                *recorder.cautions,
+                *recorder.unlisted(),
+                *singularity_caution(arc),
+            ),
             choices=tuple(recorder.choices),
             extents=named_extents(state, arc.system.state),
         )
