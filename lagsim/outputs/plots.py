@@ -125,10 +125,15 @@ def constraint_forces(
     columns = record.rows.columns
     multipliers += [name for name in columns if name.startswith("friction.")]
     impulses = [name for name in columns if name.startswith(IMPULSE)]
-    impulses = [name for name in impulses if height_of(record.rows.series(name)[1])]
-    left = total = len(forces) + len(multipliers) + len(impulses)
+    total = len(forces) + len(multipliers)
+    families = [_acting(record, names) for names in (forces, multipliers, impulses)]
+    if impulses := families[2]:
+        total += len(impulses)
+    else:
+        families = [forces, multipliers]
+    left = sum(len(names) for names in families)
     shown: list[str] = []
-    for names in (forces, multipliers, impulses):
+    for names in families:
         room = MOST_PANELS - len(shown)
         shown += chosen(
             names, room if left <= room else max(1, room * len(names) // left)
@@ -143,6 +148,11 @@ def constraint_forces(
     header(sheet, record, _counted(subject, len(shown), total))
     panels.draw(sheet, top)
     return sheet
+
+
+def _acting(record: Record, names: Sequence[str]) -> list[str]:
+    """Return the columns that are not 0 throughout."""
+    return [name for name in names if height_of(record.rows.series(name)[1])]
 
 
 def _counted(subject: str, shown: int, total: int) -> str:
