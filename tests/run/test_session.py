@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lagsim.errors import InputError
-from lagsim.mechanics.state import State
+from lagsim.mechanics.instant import Instant
 from lagsim.model.reader import read
 from lagsim.run.observers import Keep
 from lagsim.run.session import LAPS, Clock, StartError, check, open_case, wanted
@@ -54,7 +54,7 @@ def test_values_that_are_bound_are_those_of_the_run():
 
 def test_another_state_to_start_from():
     case = case_of(SPRING)
-    other = case.at(State(0.0, np.array([0.0]), np.array([2.0])))
+    other = case.at(Instant(0.0, np.array([0.0]), np.array([2.0])))
     found = rows(other.ready())
     assert np.max(np.abs(found[:, 1] - np.sin(2.0 * found[:, 0]))) < 1e-9
 

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.mechanics.contact.problem import Problem, Role, solve
+from lagsim.mechanics.contact.problem import Problem, Role
+from lagsim.mechanics.contact.solving import solve
 from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:
@@ -66,11 +67,16 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     an impact is inelastic.
     """
     before = np.where(np.abs(rates) <= noise, 0.0, rates)
-    target = closed.restitutions * np.maximum(-before, 0.0)
+    terms = zip(
+        closed.kinds, closed.restitutions.tolist(), before.tolist(), strict=True
+    )
+    target = np.array(
+        [-e * v if kind is Kind.CONTACT and v < 0.0 else 0.0 for kind, e, v in terms]
+    )
     solution = solve(_problem(closed, before - target))
     locked = not solution.found and bool(target.any())
     if locked:
-        target = np.zeros_like(target)
+        target = np.zeros(len(before))
         solution = solve(_problem(closed, before))
     p, after = solution.p, solution.w + target
     return Impact(
@@ -103,6 +109,8 @@ def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
         for k, kind in enumerate(closed.kinds)
         if kind is Kind.CONTACT and (p[k] > 0.0 or before[k] < 0.0)
     ]
+    if len(struck) < 2:
+        return False
     scale = np.sqrt(closed.D.diagonal())
     for i, j in combinations(struck, 2):
         rows, others = _group(closed, i, p), _group(closed, j, p)

@@ -31,13 +31,21 @@ class Span:
 
     def takes(self, row: int) -> bool:
         """Take a row unless it is spanned already."""
-        rest = self.units[:, row]
-        if self.taken:
-            Q = np.array(self.taken)
-            for _ in range(2):
-                rest = rest - (Q @ rest) @ Q
+        rest = self._rest(row)
         size = float(np.linalg.norm(rest))
         if size <= self.least:
             return False
         self.taken.append(rest / size)
         return True
+
+    def has(self, row: int) -> bool:
+        """Tell whether a row is spanned."""
+        return float(np.linalg.norm(self._rest(row))) <= self.least
+
+    def _rest(self, row: int) -> Floats:
+        rest = self.units[:, row]
+        if self.taken:
+            Q = np.array(self.taken)
+            for _ in range(2):
+                rest = rest - (Q @ rest) @ Q
+        return rest

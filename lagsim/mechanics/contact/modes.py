@@ -6,22 +6,17 @@ within its bound does it, and otherwise begins to slide against it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagsim.mechanics.contact.closed import Mode
-from lagsim.mechanics.contact.edges import ROUNDING, on_edges
-from lagsim.mechanics.contact.problem import (
-    Problem,
-    Role,
-    Solution,
-    expressed,
-    polished,
-    residual,
-    solve,
-)
+from lagsim.mechanics.contact.edges import ROUNDING, is_plain, on_edges
+from lagsim.mechanics.contact.polish import expressed, polished
+from lagsim.mechanics.contact.problem import Problem, Role, Solution, residual, scaled
+from lagsim.mechanics.contact.solving import solve
 from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:
@@ -82,34 +77,58 @@ def modes(
         force nor acceleration is let go where this is > 0, and a row that rests at its
         bound begins to slide where this is not 0.
     """
-    lean = np.zeros(len(noise)) if leaning is None else leaning
     problem = _problem(closed, accelerations, rates, slip_noise)
     solution = solve(problem)
-    if not solution.found:
-        return _none(solution, len(noise))
-    modes, ways = on_edges(closed, problem, solution, noise, lean)
-    while sliding := _begins(closed, problem, modes):
-        problem = _sliding(closed, problem, sliding, ways)
+    begin = _begins(closed, problem, solution.modes)
+    if solution.apart and not begin and is_plain(problem, solution, noise):
+        return _at_once(solution)
+    lean = np.zeros(len(noise)) if leaning is None else leaning
+    begun: list[int] = []
+    while solution.found:
+        what, ways = on_edges(closed, problem, solution, noise, lean)
+        begin = _begins(closed, problem, what)
+        if not begin:
+            found = _decided(closed, problem, what, ways)
+            if not (found.way * found.accelerations > noise)[begun].any():
+                return found
+            # With less friction of others it would be pushed back: so it rests.
+            less = replace(closed, statics=closed.bounds)
+            return modes(less, accelerations, rates, noise, slip_noise, leaning)
+        begun += begin
+        problem = _sliding(closed, problem, begin, ways)
         solution = solve(problem)
-        if not solution.found:
-            return _none(solution, len(noise))
-        modes, ways = on_edges(closed, problem, solution, noise, lean)
+    nothing, off = np.zeros(len(noise)), (Mode.OFF,) * len(noise)
+    return Modes(off, nothing, nothing, solution.w, True, False, solution.residual)
+
+
+def _at_once(solution: Solution) -> Modes:
+    """Give what one or two rows do, where there is nothing to decide about."""
+    return Modes(
+        tuple(solution.modes),
+        np.array(solution.ways),
+        solution.p,
+        solution.w,
+        paradox=False,
+        unique=True,
+        residual=solution.residual,
+    )
+
+
+def _decided(
+    closed: Closed, problem: Problem, modes: list[Mode], ways: list[float]
+) -> Modes:
+    """Solve once more, for the rows that hold by themselves."""
     p = polished(problem, modes, ways, closed.factor)
+    unit, s = scaled(problem)
     return Modes(
         tuple(modes),
         np.array(ways),
         p,
-        closed.D @ p + accelerations,
+        closed.D @ p + problem.c,
         _jams(closed, problem, modes, ways),
         Mode.IMPLIED not in modes,
-        residual(problem, p),
+        residual(unit, p / s),
     )
-
-
-def _none(solution: Solution, r: int) -> Modes:
-    """Say that the laws contradict each other."""
-    nothing, off = np.zeros(r), (Mode.OFF,) * r
-    return Modes(off, nothing, nothing, solution.w, True, False, solution.residual)
 
 
 def _jams(
@@ -119,15 +138,15 @@ def _jams(
 
     Pressing on it then does not push it away: each alone, and those that hold together.
     """
-    sliding = [mode if ways[k] else Mode.OFF for k, mode in enumerate(modes)]
-    if Mode.DRIVEN not in sliding:
+    if Role.GIVEN not in problem.roles and Mode.DRIVEN not in modes:
         return False
-    touching = [
-        Mode.HELD if role in (Role.SIGNED, Role.FREE) else mode
-        for role, mode in zip(problem.roles, sliding, strict=True)
+    touching = [_TOUCHING.get(r, m) for r, m in zip(problem.roles, modes, strict=True)]
+    along = [
+        given if role is Role.GIVEN else way
+        for role, given, way in zip(problem.roles, problem.ways, ways, strict=True)
     ]
     free = [k for k, role in enumerate(problem.roles) if role is Role.FREE]
-    G = closed.D @ expressed(problem, touching, ways)[0]
+    G = closed.D @ expressed(problem, touching, along)[0]
     masses = G.diagonal()
     if free:
         X = np.linalg.lstsq(G[np.ix_(free, free)], G[free], rcond=None)[0]
@@ -139,6 +158,13 @@ def _jams(
     B = (closed.D @ expressed(problem, modes, ways)[0])[np.ix_(held, held)]
     s = np.sqrt(closed.D.diagonal()[held])
     return bool(np.linalg.det(B / np.outer(s, s)) < 0.0)
+
+
+_TOUCHING = {
+    Role.SIGNED: Mode.HELD,
+    Role.FREE: Mode.HELD,
+    Role.GIVEN: Mode.DRIVEN,
+}
 
 
 def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> list[int]:
@@ -157,21 +183,22 @@ def _problem(
 ) -> Problem:
     """Make what slides a given force against its slip, what rests a bounded one."""
     ways, roles, sizes = [], [], []
-    quiet = np.broadcast_to(slip_noise, rates.shape)
+    quiet, speeds = slip_noise.tolist(), rates.tolist()
+    while_sliding, at_rest = closed.bounds.tolist(), closed.statics.tolist()
     for k, kind in enumerate(closed.kinds):
         role, way = _ROLES[kind], 0.0
         if role is Role.BOXED:
             j = closed.pairs[k]
-            slip = abs(rates[k]) if j < 0 else float(np.hypot(rates[k], rates[j]))
+            slip = abs(speeds[k]) if j < 0 else math.hypot(speeds[k], speeds[j])
             if slip > quiet[k]:
-                role, way = Role.GIVEN, -rates[k] / slip
+                role, way = Role.GIVEN, -speeds[k] / slip
         ways.append(way)
         roles.append(role)
-        sizes.append(closed.statics[k] if role is Role.BOXED else closed.bounds[k])
+        sizes.append(at_rest[k] if role is Role.BOXED else while_sliding[k])
     touching = closed.normals
     return Problem(
         closed.D,
-        list(accelerations),
+        accelerations.tolist(),
         roles,
         [x if n < 0 else 0.0 for x, n in zip(sizes, touching, strict=True)],
         [x if n >= 0 else 0.0 for x, n in zip(sizes, touching, strict=True)],

@@ -107,7 +107,7 @@ class Contacts(Source):
         """Go through impacts, then choose the modes."""
         here, found = Touching(arc, arc.y), Found(arc.y.copy())
         also = {met} if met is not None else set()
-        limit = self.sequence.limit() if met is not None else None
+        limit = self._limit(here, met)
         if limit is not None:
             also |= set(self.sequence.lately())
             self.sequence.recent.clear()
@@ -129,11 +129,25 @@ class Contacts(Source):
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         if not settled.unique:
             found.cautions += self._once(
-                "unresolved-contact",
-                f"at t = {arc.t:.9g} nothing decides how the motion goes on from "
-                f"{self._names(some)}: one way of several was taken",
+                "shared-contact",
+                f"at t = {arc.t:.9g} {self._names(some)} hold more often than they "
+                "must: the motion is what it is, and their forces are one way of many",
             )
         return found
+
+    def _limit(self, here: Touching, met: int | None) -> float | None:
+        """Give when impacts that come ever faster accumulate, if no motion is left.
+
+        Contacts that strike by turns, as those of a block that rocks, pass their
+        motion on: none of them bounces.
+        """
+        if met is None:
+            return None
+        limit = self.sequence.limit()
+        several = self.sequence.lately()
+        if limit is None and len(several) > 1 and all(map(here.is_spent, several)):
+            return self.sequence.end()
+        return limit
 
     def _strike(
         self,
@@ -167,6 +181,11 @@ class Contacts(Source):
                 if left is not None:
                     ends[k], e[i] = arc.t + left, 0.0
         problem, response = here.problem(some, e)
+        if limit is not None:
+            kinds = zip(some, problem.kinds, strict=True)
+            rest = {k for k in some if self.laws[k].normal in ends and here.is_spent(k)}
+            held = (Kind.TIMED if k in {*ends, *rest} else kind for k, kind in kinds)
+            problem = replace(problem, kinds=tuple(held))
         result = impact(problem, here.rates[list(some)], here.still[list(some)])
         # A flight that begins a rounding below the ground would end one farther below.
         deep = [i for i, k in enumerate(some) if here.is_below(k)]
@@ -194,7 +213,7 @@ class Contacts(Source):
                 if self.bounces[k] > SERIES:
                     found.events.append(Event(ends[k], "zeno", name))
                 self.bounces[k] = 0
-        found.cautions += self._told_of(here, some, change, result.open)
+        found.cautions += self._told_of(here, some, result.energy, result.open)
 
     def _told_of(
         self, here: Touching, some: Some[int], change: float, open_: bool

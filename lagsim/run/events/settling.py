@@ -10,19 +10,20 @@ from lagsim.mechanics.contact import modes
 from lagsim.mechanics.laws import Kind
 from lagsim.methods.parts import parameters as kept
 from lagsim.notes import Event
-from lagsim.run.events.touching import ROUNDED
+from lagsim.run.events.touching import ROUNDED, Touching
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
     from lagsim.language.arrays import Floats
-    from lagsim.run.events.touching import Touching
 
 ONE_SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
 BOUNDED = (Kind.SLIP, Kind.LIMITED)
 # What opens again slowly is told from errors of the steps by this part of the tolerance
 # of its motion.
 OPENED = 0.05
+# What holds without a force is asked again after this part of the time between rows.
+SOON = 1e-6
 
 
 class Settled(NamedTuple):
@@ -45,19 +46,53 @@ def settle(here: Touching, met: int | None, also: Collection[int]) -> Settled:
     """
     arc, p = here.arc, here.arc.system.p
     before = p.law_mode.copy()
-    # What touches without a force may part: its gap is watched then.
-    leaning = np.array([float(law.kind in ONE_SIDED) for law in here.laws])
+    leaning = np.zeros(here.count)
     if met is not None and before[met] == kept.HELD:
         leaning[met] = 1.0
         if (pair := here.laws[met].pair) >= 0:
             leaning[pair] = 1.0
     found = _chosen(here, leaning, also)
+    idle = _idle(here, found)
+    if idle:
+        # Where it would slide without a solution it need not touch at all.
+        parts = 1.0 if found.paradox else _parting(here, found, idle, also)
+        leaning[idle] += parts
+        found = _chosen(here, leaning, also)
     p.law_mode[:], p.law_way[:] = found.mode, found.way
     on = (found.mode == kept.HELD) | (found.mode == kept.DRIVEN)
     p.law_forces = float(np.any(on))
     _set_slack(here, found)
     events = tuple(_changes(here, before)) if arc.steps else ()
     return Settled(events, found.paradox, found.unique)
+
+
+def _idle(here: Touching, found: Chosen) -> list[int]:
+    """Give what holds without a force, and so might as well part."""
+    pushes = np.abs(found.multipliers) * found.D
+    return [
+        k
+        for k, push in zip(found.some, pushes, strict=True)
+        if found.mode[k] == kept.HELD
+        and here.laws[k].kind in ONE_SIDED
+        and push <= ROUNDED * here.forces[k]
+    ]
+
+
+def _parting(
+    here: Touching, found: Chosen, idle: list[int], also: Collection[int]
+) -> Floats:
+    """Tell by the accelerations of a moment later which idle laws part then (1)."""
+    arc, p = here.arc, here.arc.system.p
+    before = p.law_mode.copy(), p.law_way.copy()
+    p.law_mode[:], p.law_way[:] = found.mode, found.way
+    n, moment = arc.system.n, SOON * arc.state.row_step
+    rates = arc.runner.function("field", arc.system.size + arc.system.m)(arc.t, here.y)
+    y = here.y + moment * rates[: arc.system.size]
+    y[:n] += moment**2 / 2.0 * rates[n : 2 * n]
+    p.law_mode[:], p.law_way[:] = before
+    later = Touching(arc, y, arc.t + moment)
+    then = _chosen(later, np.zeros(here.count), {*also, *found.some})
+    return np.array([float(then.mode[k] == kept.OFF) for k in idle])
 
 
 class Chosen(NamedTuple):

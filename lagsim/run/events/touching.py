@@ -46,21 +46,22 @@ class Touching:
         How far the motion so far has moved each row's residual, and its rate.
     """
 
-    def __init__(self, arc: Arc, y: Floats) -> None:
+    def __init__(self, arc: Arc, y: Floats, t: float | None = None) -> None:
         system, n = arc.system, arc.system.n
         self.arc, self.y, self.laws = arc, y, system.laws
+        self.t = t = arc.t if t is None else t
         self.count, first = len(system.laws), system.m - len(system.laws)
         m, L = system.m, self.count
-        found = arc.runner.function("geometry", (n + m) * n + 4 * m)(arc.t, y)
+        found = arc.runner.function("geometry", (n + m) * n + 4 * m)(t, y)
         self.M = found[: n * n].reshape(n, n)
         rows = found[n * n : (n + m) * n].reshape(m, n)
         self.equalities, self.rows = rows[:first], rows[first:]
         residuals, rates, gap_scales, rate_scales = found[(n + m) * n :].reshape(4, m)
         self.residuals, self.rates = residuals[first:], rates[first:]
-        self.gaps = arc.runner.function("gaps", L)(arc.t, y)
-        self.in_force = arc.runner.function("conditions", L)(arc.t, y) != 0.0
+        self.gaps = arc.runner.function("gaps", L)(t, y)
+        self.in_force = arc.runner.function("conditions", L)(t, y) != 0.0
         slopes, seen, ranges = np.abs(self.rows), arc.seen, arc.ranges
-        moment = MOMENTS * np.spacing(abs(arc.t))
+        moment = MOMENTS * np.spacing(abs(t))
         sizes = np.maximum(rate_scales[first:], slopes @ seen[n : 2 * n])
         self.still = ROUNDED * sizes
         # Of what has not moved yet: by where it will soon be.
@@ -76,11 +77,11 @@ class Touching:
         n, m, L = arc.system.n, arc.system.m, self.count
         mode = p.law_mode.copy()
         p.law_mode[:] = kept.OFF
-        field = arc.runner.function("field", arc.system.size + m)(arc.t, self.y)
+        field = arc.runner.function("field", arc.system.size + m)(self.t, self.y)
         p.law_mode[:] = mode
         a = field[n : 2 * n]
         terms = arc.runner.function("dynamics", (n + m) * n + n + m + 3 * L)
-        found = terms(arc.t, self.y)[(n + m) * n + n :]
+        found = terms(self.t, self.y)[(n + m) * n + n :]
         b, _, self.bounds, self.statics = (
             found[m - L : m], found[m : m + L], found[m + L : m + 2 * L],
             found[m + 2 * L :],
@@ -140,6 +141,17 @@ class Touching:
             return None
         left = 2.0 * speed / fall
         return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
+
+    def is_spent(self, k: int) -> bool:
+        """Tell whether a contact, or a slip, could go no farther than the tolerance.
+
+        With all the speed that it has, against the forces that there are.
+        """
+        kind, force = self.laws[k].kind, self.forces[k]
+        least = self.arc.plan.tolerance * self.reach[0][k]
+        near = kind is Kind.SLIP or self.gaps[k] <= max(least, self.slack[k])
+        way = self.rates[k] ** 2 / (2.0 * force) if force > 0.0 else 0.0
+        return bool(kind in (Kind.CONTACT, Kind.SLIP) and near and way <= least)
 
     def problem(
         self, some: Sequence[int], restitutions: Floats

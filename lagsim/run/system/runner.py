@@ -83,10 +83,12 @@ class Runner:
         statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
         statics["WIDE"] = system.wide
         statics["SLEEPERS"] = bool(system.sleepers)
+        statics["ADAPTIVE"] = self.method.ADAPTIVE
         # What a method must make ready for `until` it must for switches.
-        watched = {"CONSTRAINED": held, "UNTIL": until or switches}
-        watched["SLEEPERS"] = bool(system.sleepers)
+        watched = statics | {"UNTIL": until or switches}
         kernels = [self.method.start, self.method.step, self.method.interpolate]
+        if self.method.ADAPTIVE:
+            kernels.append(self.method.interpolate_rates)
         self.engine = Engine(
             [
                 *system.objects,

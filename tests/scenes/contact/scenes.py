@@ -170,7 +170,7 @@ def block(start: float = 0.15, **simulation: Any) -> str:
     corner = "y {0} b*sin(th) - h*cos(th) >= 0"
     slip = "x_dot + (h*cos(th) {0} b*sin(th))*th_dot"
     laws = {
-        name: contact(corner.format(lift), 0, friction=2, slip=slip.format(side))
+        name: contact(corner.format(lift), 0, friction=1, slip=slip.format(side))
         for name, lift, side in (("left", "-", "+"), ("right", "+", "-"))
     }
     return scene(

@@ -26,6 +26,7 @@ def test_a_spinning_sphere_slips_through_the_impact_and_rolls_later():
     assert (x, spin) == pytest.approx((-0.840428, 28.98929), abs=1e-5)
     assert found.pair("x_dot", LANDS) == pytest.approx((0.0, x), abs=GLOBAL)
     assert found.pair("phi_dot", LANDS) == pytest.approx((50, spin), abs=50 * GLOBAL)
+    assert found.pair("impulse.floor", LANDS)[1] == pytest.approx(speed, rel=GLOBAL)
     # Slip falls by (1 + m r^2/I) mu g = 3.5 mu g.
     rolls = LANDS + (x + 0.1 * spin) / (3.5 * 0.2 * G)
     assert found.times("stick", "floor") == pytest.approx([rolls], abs=GLOBAL)

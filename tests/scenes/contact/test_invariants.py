@@ -42,7 +42,7 @@ FRICTION = {
     "steep incline": 0.3,
     "block uphill": 0.5,
     "belt": 0.6,
-    "rocking block": 2,
+    "rocking block": 1,
     "slide": 0.3,
     "runner": 0.3,
 }
