@@ -13,7 +13,7 @@ from lagsim.cli._shared import coloured, counted, table
 from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from lagsim.run.error import ErrorBar
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 # Kinds of events that are counted, in this order.
 COUNTED = ("impact", "contact", "release", "stick", "slip")
+# More names of constraints than this are told by their number.
+MOST_NAMES = 2
 # Runs that last longer than this show a progress bar on a terminal.
 PATIENCE_SECONDS = 1.0
 
@@ -67,16 +69,22 @@ def _happened(trajectory: Trajectory) -> list[str]:
     """Say what constraints that hold at times did."""
     counts = [(kind, trajectory.event_counts.get(kind, 0)) for kind in COUNTED]
     parts = [counted(number, kind) for kind, number in counts if number]
-    names = {e.constraint for e in trajectory.events if e.kind in COUNTED}
-    names -= {None}
-    where = f"`{names.pop()}`" if len(names) == 1 else f"{len(names)} constraints"
-    lines = [f"{', '.join(parts)} at {where}"] if parts else ["none"]
+    names = [e.constraint for e in trajectory.events if e.kind in COUNTED]
+    lines = [f"{', '.join(parts)} at {_named(names)}"] if parts else ["none"]
     rests = [e for e in trajectory.events if e.kind == "zeno" and e.constraint]
     if rests:
-        last = max(rests, key=lambda e: e.time)
-        times = f", {len(rests)} times in all" if len(rests) > 1 else ""
-        lines.append(f"`{last.constraint}` rests from t = {last.time:.9g}{times}")
+        times = {e.time for e in rests}
+        last = max(times)
+        names = [e.constraint for e in rests if e.time == last]
+        often = f", {len(times)} times in all" if len(times) > 1 else ""
+        lines.append(f"at rest from t = {last:.9g}: {_named(names)}{often}")
     return lines
+
+
+def _named(names: Sequence[str | None]) -> str:
+    """Give the names of constraints, or their number where they are many."""
+    known = list(dict.fromkeys(f"`{name}`" for name in names if name))
+    return ", ".join(known) if len(known) <= MOST_NAMES else f"{len(known)} constraints"
 
 
 def _accuracy(document: Mapping[str, Any]) -> tuple[str, str]:

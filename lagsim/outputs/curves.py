@@ -161,6 +161,9 @@ def dotted(x: Array, y: Array) -> bool:
     It is when lines would only fill an area, and when the points are too far apart, so
     that chords would be seen and not the curve.
     """
+    sides = [high - low for low, high in filter(None, (extent(x), extent(y)))]
+    if min(sides, default=0.0) < STROKE:  # along an axis every chord is the curve
+        return False
     dx, dy = np.diff(x), np.diff(y)
     turns = dx[1:] * dx[:-1] + dy[1:] * dy[:-1] < 0
     coarse = len(turns) >= ENOUGH and float(np.mean(turns)) > TOO_COARSE

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from lagsim.outputs.table import number
+from lagsim.outputs.table import table_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -19,13 +18,7 @@ COLUMNS = ("time", "kind", "constraint", "rate_before", "rate_after", "energy")
 
 def table(events: Iterable[Event]) -> bytes:
     """Give the file: what does not go with a kind of event is empty."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(COLUMNS)
-    for e in events:
-        numbers = map(number, (e.rate_before, e.rate_after, e.energy))
-        writer.writerow([number(e.time), e.kind, e.constraint or "", *numbers])
-    return text.getvalue().encode()
+    return table_of(COLUMNS, map(attrgetter(*COLUMNS), events))
 
 
 def marked(events: Iterable[Event]) -> dict[str, list[float]]:

@@ -57,19 +57,7 @@ def manifest(
         "rejections": counts.rejections,
         "evaluations": counts.evaluations,
         "factorisations": counts.factorisations,
-        "events": [
-            {
-                "time": e.time,
-                "kind": e.kind,
-                "constraint": e.constraint,
-                "conditioning": e.conditioning,
-                "switch": e.switch,
-                "rate_before": e.rate_before,
-                "rate_after": e.rate_after,
-                "energy": e.energy,
-            }
-            for e in trajectory.events
-        ],
+        "events": [e._asdict() for e in trajectory.events],
         "event_counts": dict(trajectory.event_counts),
         "energy_drift": ledger.energy_drift,
         "constraint_residual": ledger.constraint_residual,

@@ -5,7 +5,6 @@ Floats are the shortest text that reads back to the same bits.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,13 +96,6 @@ class TableWriter:
         self.rows += len(written)
         if len(written):
             self.last = float(written[-1, 0])
-
-
-def number(value: float | None) -> str:
-    """Give one number as the table writes it; nothing for None."""
-    if value is None:
-        return ""
-    return orjson.dumps(value).decode() if math.isfinite(value) else repr(value)
 
 
 def _text(block: Floats) -> bytes:

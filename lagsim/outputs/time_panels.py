@@ -195,7 +195,8 @@ class Panels:
 
     def _is_headed(self, group: tuple[str, ...]) -> bool:
         """Whether the name stands above the panel and not at its side."""
-        text = f"{group[0]} ({self._record.unit(group[0])})"
+        # A power of ten may stand beside the unit.
+        text = f"{group[0]} (10⁻³ {self._record.unit(group[0])})"
         beside = self._wide and text_width(text) <= self._height - 0.05
         return len(group) > 1 or not beside
 
