@@ -31,6 +31,8 @@ LOST = "#dddddd"
 # Where a line covers this part of the area that it spans, its strokes lie a twentieth
 # of an inch apart: it is a band, in which neither strokes nor dashes would be seen.
 BAND = 0.5
+# A jump in a pixel with more values than this is hidden in its band.
+CROWD = 4
 # Lines that cover more than the area they span leave nothing to see.
 BLOT = 1.5
 # Of a line that such areas are asked of, in inches.
@@ -62,11 +64,14 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
         curve(axes, t, values, pen)
         return
     seen = np.flatnonzero(np.isfinite(values))
-    # A new piece begins at each gap, a new column at each pixel and after a jump.
+    # A new piece begins at each gap, a new column at each pixel, and where the curve is
+    # seen as such at a jump.
     piece = np.cumsum(np.diff(seen, prepend=seen[0]) > 1)
-    jumps = np.cumsum(np.diff(t[seen], prepend=-np.inf) == 0.0)
     pixel = np.floor(inches(axes, t[seen], values[seen])[0] * DPI)
-    columns = np.flatnonzero(np.diff(pixel + (piece + jumps) * 1e6, prepend=-1.0))
+    _, at, crowd = np.unique(pixel, return_inverse=True, return_counts=True)
+    jump = (np.diff(t[seen], prepend=-np.inf) == 0.0) & (crowd[at] <= CROWD)
+    parts = pixel + (piece + np.cumsum(jump)) * 1e6
+    columns = np.flatnonzero(np.diff(parts, prepend=-1.0))
     low = np.minimum.reduceat(values[seen], columns)
     high = np.maximum.reduceat(values[seen], columns)
     ends = np.flatnonzero(np.diff(piece[columns])) + 1
