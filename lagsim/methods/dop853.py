@@ -18,7 +18,6 @@ from lagsim.methods.parts.adaptive import usable_step
 from lagsim.methods.parts.controller import (
     against,
     first_step,
-    hardly_moves,
     look_again,
     record_measured,
     record_sizes,
@@ -27,6 +26,7 @@ from lagsim.methods.parts.controller import (
 from lagsim.methods.parts.dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
 from lagsim.methods.parts.interface import derivative
 from lagsim.methods.parts.looks import suspect
+from lagsim.methods.parts.noise import hardly_moves
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
 from lagsim.methods.parts.singular import (

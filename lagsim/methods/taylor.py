@@ -28,13 +28,13 @@ from lagsim.methods.parts.controller import (
     against,
     foresee,
     look_again,
-    look_at_rounding,
     record_measured,
     record_sizes,
     set_tolerances,
 )
 from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
+from lagsim.methods.parts.noise import look_at_rounding
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import leave_loss, record_health

@@ -66,7 +66,7 @@ def empty_state(runner: Runner) -> State:
     state.powers[:] = [sleeper.power for sleeper in system.sleepers]
     slopes = system.equations.slopes
     state.joined[:] = joined(system.n, [*slopes, *system.equations.M])
-    state.linked[:] = joined(system.n, slopes)
+    state.linked[:] = joined(system.n, [row.A for row in system.equations.rows])
     return state
 
 

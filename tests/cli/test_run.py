@@ -270,7 +270,7 @@ def test_an_inadmissible_start_writes_nothing(lagsim, write):
     assert names(".") == ["model.yaml"]
 
 
-def test_unknown_methods_are_refused(lagsim, write):
+def test_an_unknown_method_and_one_without_contact_are_refused(lagsim, write):
     model = write(CONTACT.replace("duration: 1", "duration: 1, method: rk44"))
     called = lagsim("run", model)
     assert (called.code, called.out) == (2, "")
@@ -278,8 +278,11 @@ def test_unknown_methods_are_refused(lagsim, write):
     assert "one of auto, dop853, " in called.err
     assert names(".") == ["model.yaml"]
     errors = lagsim("run", model, "--json", "--method", "nope").json["errors"]
-    assert [e["code"] for e in errors] == ["unknown-method"]
-    assert errors[0]["file"] == "--method nope"
+    assert [(e["code"], e["file"]) for e in errors] == [
+        ("unknown-method", "--method nope")
+    ]
+    errors = lagsim("run", model, "--json", "--method", "taylor").json["errors"]
+    assert [e["code"] for e in errors] == ["method-refused"]
 
 
 @pytest.mark.slow

@@ -15,6 +15,12 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.interface import derivative, measure, rounding, terms
+from lagsim.methods.parts.noise import (
+    RATE_NOISE,
+    hardly_moves,
+    look_at_rounding,
+    look_between,
+)
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at, rare
@@ -36,15 +42,6 @@ WIDTH = 0.7
 INSTANT = 1e-6
 # A value is not known better than this part of itself.
 NOISE = 4.0 * 2.0**-53
-# Rates of the size of one leave so much in the error estimate, by their rounding.
-RATE_NOISE = 32.0 * 2.0**-53
-# Of what a relative change of the state by one would do; it is rounded to nearest.
-PROBED = 0.5
-# A relative change of the state this small shows what its rounding does to y'.
-PROBE = 2.0**-36
-# And so does one of some last places. A step that moves by fewer than so many is short.
-ROUNDED = 2.0**-50
-FEW_PLACES = 2.0**-30
 # Below this a number has no digits to control: some of the smallest steps between two.
 UNDERFLOW = 2.0**-1068
 # The square of this is finite.
@@ -241,107 +238,14 @@ def look_again(
         for i in range(2 * n, size):
             if abs(z[i - n]) < 1e300:
                 noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
-        # Nor has it where they are balanced, but velocities have.
-        if s.works[0] < 0.0:
+        # Nor has it where rows balance them, but velocities have.
+        if p.m > 0 and s.works[0] < 0.0:
             for i in range(n):
                 power = abs(s.masses[i]) * s.parts[i] * noise[n + i] * h
                 noise[2 * n] = max(noise[2 * n], power)
     set_tolerances(s, p, t + h, new, k, h)
     s.looked = 1.0
     return 1
-
-
-def hardly_moves(s: State, h: float, k: Floats) -> bool:
-    """Tell whether a step moves a position by few of its last places."""
-    sizes = s.sizes
-    for i in range(s.n):
-        moved = h * abs(k[i])
-        if moved > 0.0 and moved < FEW_PLACES * sizes[i]:
-            return True
-    return False
-
-
-@rare
-def look_between(s: State, p: Parameters, h: float, k: Floats) -> None:
-    """Take what rounding does to the rates in the middle of a step h for noise too.
-
-    Beside a switch forces may have no slope that tells: those of Hertz, or a root. The
-    step itself may lead anywhere. k : (size,), y' at its start.
-    """
-    size = s.size
-    n = s.n
-    y = s.y
-    noise = s.noise
-    z = s.work
-    slopes = s.spare
-    middle = s.look
-    rates = s.look_rates
-    t = s.t + 0.5 * h
-    for i in range(size):
-        middle[i] = y[i] + 0.5 * h * k[i] if i < n else y[i]
-    derivative(t, middle, p, rates)
-    s.evaluations += 3.0
-    for way in range(2):
-        change = ROUNDED if way == 0 else -ROUNDED
-        move_aside(size, middle, change, z)
-        derivative(t, z, p, slopes)
-        for i in range(n, size):
-            found = RATE_NOISE * PROBED / ROUNDED * abs(slopes[i] - rates[i])
-            if found < 1e300:
-                noise[i] = max(noise[i], found)
-
-
-@rare
-def look_at_rounding(
-    s: State, p: Parameters, t: float, y: Floats, k: Floats, health: float
-) -> None:
-    """Find what rounding leaves in the rates k (size,) at y, for this step.
-
-    From a bound of what is rounded on the way, and from y' nearby. A health below 1 is
-    that of rows close to a loss of rank, which enlarges the former; y' off the
-    constraints says nothing there.
-    """
-    size = s.size
-    n = s.n
-    noise = s.noise
-    z = s.work
-    rounding(t, y, p, z)
-    larger = 1.0 / max(health, float(s.lost_below))
-    for i in range(n, size):
-        noise[i] = larger * abs(z[i - n])
-    if health >= 1.0:
-        add_probe(s, p, t, y, k)
-    for i in range(n, size):
-        if not noise[i] < 1e300:
-            noise[i] = 0.0
-        noise[i] = RATE_NOISE * (PROBED * abs(k[i]) + noise[i])
-
-
-@rare
-def add_probe(s: State, p: Parameters, t: float, y: Floats, k: Floats) -> None:
-    """Add what the rounding of the state does to its rates k."""
-    size = s.size
-    n = s.n
-    noise = s.noise
-    z = s.work
-    slopes = s.spare
-    move_aside(size, y, PROBE, z)
-    derivative(t * (1.0 + PROBE), z, p, slopes)
-    s.evaluations += 1.0
-    for i in range(n, size):
-        noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
-
-
-@rare
-def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
-    """Give y with a relative change.
-
-    Components change by different parts, or a change of the whole scene's size or
-    place would hide what cancels.
-    """
-    for i in range(size):
-        part = 0.618033988749895 * (i + 1)
-        out[i] = y[i] * (1.0 + change * (0.5 + part - int(part)))
 
 
 @rare

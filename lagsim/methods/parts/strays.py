@@ -12,13 +12,13 @@ one.
 
 from __future__ import annotations
 
-from lagsim.methods.parts.controller import RATE_NOISE
 from lagsim.methods.parts.interface import (
     derivative,
     interpolate,
     interpolate_rates,
     rounding,
 )
+from lagsim.methods.parts.noise import RATE_NOISE
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import rare

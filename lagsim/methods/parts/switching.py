@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.controller import ROUNDED, move_aside
 from lagsim.methods.parts.interface import (
     interpolate,
     margins,
@@ -21,6 +20,7 @@ from lagsim.methods.parts.interface import (
     until,
 )
 from lagsim.methods.parts.looks import BETWEEN, look_at_signals, stirs
+from lagsim.methods.parts.noise import ROUNDED, move_aside
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at, rare

@@ -81,11 +81,10 @@ class Runner:
         switches = system.watched > 0
         held = system.m > 0 and system.plan.projected
         statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
-        statics["WIDE"] = system.wide
         statics["SLEEPERS"] = bool(system.sleepers)
-        statics["ADAPTIVE"] = self.method.ADAPTIVE
         # What a method must make ready for `until` it must for switches.
         watched = statics | {"UNTIL": until or switches}
+        statics |= {"WIDE": system.wide, "ADAPTIVE": self.method.ADAPTIVE}
         kernels = [self.method.start, self.method.step, self.method.interpolate]
         if self.method.ADAPTIVE:
             kernels.append(self.method.interpolate_rates)

@@ -13,6 +13,7 @@ from scipy.integrate import quad
 from lagsim.methods import dop853
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts import strays
+from lagsim.methods.parts.parameters import Parameters
 from lagsim.run.arcs import Run
 from tests.methods.plain import Plain, first_order, fresh_state
 from tests.run.looks.scenes import line, plane, stepped
@@ -206,6 +207,7 @@ def test_what_no_step_resolves_does_not_hold_the_run_up():
     rows = 400
     s = fresh_state(dop853, [0.0], end=rows - 0.5, row_limit=float(rows))
     out = np.zeros(2 * rows)
-    code = Plain(dop853, first_order(rate, 1)).advance(s, None, out, rows, 10**6)
+    method = Plain(dop853, first_order(rate, 1))
+    code = method.advance(s, Parameters.made(), out, rows, 10**6)
     assert code == at.DONE
     assert s.steps + s.rejections < rows
