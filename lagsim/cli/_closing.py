@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from lagsim.cli._shared import coloured, counted, table
-from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,6 +29,8 @@ PATIENCE_SECONDS = 1.0
 
 def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     """Give the closing lines of the run that `document`, its run.json, records."""
+    from lagsim.mechanics.laws import Kind
+
     colour = "32" if document["complete"] else "31"
     head = (
         f"{coloured(document['outcome'], colour)}: {document['model']['name']}, "
