@@ -8,6 +8,7 @@ forgotten, so memory does not grow with their number.
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -245,8 +246,13 @@ class Run:
                 state.smallest_step or None,
                 self.arcs,
             ),
-            events=tuple(recorder.events),
-            warnings=(*recorder.cautions, *singularity_caution(arc)),
+            events=sorted(recorder.events, key=attrgetter("time")),  # rest is foreseen
+            event_counts=dict(recorder.counts),
+            warnings=(
+                *recorder.cautions,
+                *recorder.unlisted(),
+                *singularity_caution(arc),
+            ),
             choices=tuple(recorder.choices),
             extents=named_extents(state, arc.system.state),
         )

@@ -193,10 +193,11 @@ class Contacts(Source):
             kind, name = self.laws[k].kind, self.laws[k].constraint
             if kind is Kind.SLIP or abs(result.impulses[i]) <= NO_IMPULSE * largest:
                 continue
-            rates = float(here.rates[k]), float(after[i])
-            found.events.append(
-                Event(arc.t, "impact", name, rates=rates, energy=float(change))
-            )
+            struck = Event(
+                arc.t, "impact", name, rate_before=float(here.rates[k]),
+                rate_after=float(after[i]), energy=float(change),
+            )  # fmt: skip
+            found.events.append(struck)
             self.bounces[k] += 1
             if k in ends:
                 if self.bounces[k] > SERIES:
