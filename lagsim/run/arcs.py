@@ -28,7 +28,7 @@ from lagsim.run.states import most_pulled, named_extents
 from lagsim.run.stiffness import Stiffness
 from lagsim.run.system.sleepers import timed
 from lagsim.run.trajectory import Outcome, Statistics, Trajectory
-from lagsim.run.unmet import Unmet
+from lagsim.run.unmet import Unmet, unsettled
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -246,7 +246,7 @@ class Run:
                 self.arcs,
             ),
             events=tuple(recorder.events),
-            warnings=(*recorder.cautions, *singularity_caution(arc)),
+            warnings=(*recorder.cautions, *singularity_caution(arc), *unsettled(arc)),
             choices=tuple(recorder.choices),
             extents=named_extents(state, arc.system.state),
         )
