@@ -143,6 +143,8 @@ class Run:
         arc = self.arc
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
         ends |= code == at.PAUSED and arc.is_looked_at
+        # What a law ends without switches says by itself what was before.
+        ends &= code != at.SWITCH_FOUND or arc.system.surfaces > 0
         more = arc.t < arc.settings.end or arc.system.watched
         if not (ends and more and arc.system.m):
             return None

@@ -39,14 +39,18 @@ def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
     by powers of two. A row on which nothing can act has zeros.
     """
     s = _scales(M, A)
-    Z = _free(A * s)
-    L = np.linalg.cholesky(Z.T @ (M * np.outer(s, s)) @ Z)
     scaled = rows * s
-    seen = scaled @ Z
-    lengths = np.linalg.norm(scaled, axis=1)
-    seen[np.linalg.norm(seen, axis=1) <= DEPENDENT * lengths] = 0.0
+    seen, inertia = scaled, M * np.multiply.outer(s, s)
+    if len(A):
+        Z = _free(A * s)
+        seen, inertia = scaled @ Z, Z.T @ inertia @ Z
+    L = np.linalg.cholesky(inertia)
+    if len(A):
+        lengths = np.linalg.norm(scaled, axis=1)
+        seen[np.linalg.norm(seen, axis=1) <= DEPENDENT * lengths] = 0.0
     factor = np.linalg.solve(L, seen.T)
-    response = s[:, None] * (Z @ np.linalg.solve(L.T, factor))
+    pushed = np.linalg.solve(L.T, factor)
+    response = s[:, None] * (Z @ pushed if len(A) else pushed)
     return Delassus(factor.T @ factor, response, factor)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.mechanics.contact.problem import Problem, Role, solve
+from lagsim.mechanics.contact.problem import SOLVED, Problem, Role, solve
 from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:
@@ -67,6 +67,8 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     """
     before = np.where(np.abs(rates) <= noise, 0.0, rates)
     target = closed.restitutions * np.maximum(-before, 0.0)
+    if len(before) == 1 and _ROLES[closed.kinds[0]] is Role.SIGNED:
+        return _alone(closed, before, target)
     solution = solve(_problem(closed, before - target))
     locked = not solution.found and bool(target.any())
     if locked:
@@ -81,6 +83,17 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
         float(p @ (before + after)) / 2.0,
         solution.found,
     )
+
+
+def _alone(closed: Closed, before: Floats, target: Floats) -> Impact:
+    """Give the impulse of one contact by itself."""
+    own = closed.D[0, 0]
+    p = np.maximum((target - before) / own, 0.0) if own > 0.0 else np.zeros(1)
+    after = before + own * p
+    missed = float(np.max(target - after))
+    residual = max(missed, 0.0) / (float(np.max(np.abs(before - target))) or 1.0)
+    energy = float(p @ (before + after)) / 2.0
+    return Impact(p, after, residual, False, energy, residual < SOLVED)
 
 
 def _problem(closed: Closed, c: Floats) -> Problem:

@@ -171,9 +171,8 @@ class Contacts(Source):
         # A flight that begins a rounding below the ground would end one farther below.
         deep = [i for i, k in enumerate(some) if here.is_below(k)]
         if deep:
-            D = problem.D[np.ix_(deep, deep)]
             gaps = here.gaps[[some[i] for i in deep]]
-            found.y[:n] -= response[:, deep] @ np.linalg.lstsq(D, gaps, rcond=None)[0]
+            found.y[:n] -= response[:, deep] @ _raised(problem.D, deep, gaps)
         found.y[n : 2 * n] += response @ result.impulses
         change = arc.observed(found.y)[energy] - found.rows[0, energy]
         found.y[2 * n] += change
@@ -193,22 +192,24 @@ class Contacts(Source):
                 if self.bounces[k] > SERIES:
                     found.events.append(Event(ends[k], "zeno", name))
                 self.bounces[k] = 0
-        found.cautions += self._told_of(here, some, change, result.open)
+        found.cautions += self._told_of(found.rows[0], some, change, result.open)
 
     def _told_of(
-        self, here: Touching, some: Some[int], change: float, open_: bool
+        self, before: Floats, some: Some[int], change: float, open_: bool
     ) -> list[Caution]:
-        """Warn of what the law of impacts leaves open, or gets wrong."""
+        """Warn of what the law of impacts leaves open, or gets wrong.
+
+        before : the row of the state that is struck.
+        """
         told: list[Caution] = []
-        names, t = self._names(some), here.arc.t
+        names, t = self._names(some), before[0]
         if open_:
             told += self._once(
                 "impact-order",
                 f"at t = {t:.9g} {names} strike at one time, and the outcome depends "
                 "on their order: they were taken as simultaneous",
             )
-        size = float(np.max(np.abs(here.arc.observed()[1:]), initial=0.0))
-        if change > RAISED * size and change > 0.0:
+        if change > 0.0 and change > RAISED * float(np.max(np.abs(before[1:]))):
             told += self._once(
                 "impact-energy",
                 f"at t = {t:.9g} the impact at {names} raises the energy by "
@@ -221,6 +222,15 @@ class Contacts(Source):
             return []
         self.told.add(code)
         return [Caution(code, text)]
+
+
+def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
+    """Give the multipliers that take gaps (d,) away, of the rows `deep` of D."""
+    if len(deep) == 1:
+        own = D[deep[0], deep[0]]
+        return gaps / own if own > 0.0 else np.zeros(1)
+    answer = D[np.ix_(deep, deep)]
+    return np.asarray(np.linalg.lstsq(answer, gaps, rcond=None)[0], float)
 
 
 def _impossible(ending: Ending) -> Problem:

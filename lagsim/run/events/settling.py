@@ -90,8 +90,8 @@ def _chosen(here: Touching, leaning: Floats, also: Collection[int]) -> Chosen:
     if not some:
         return Chosen(mode, way, some, np.empty(0), np.empty(0), False, True)
     problem, _ = here.problem(some, np.zeros(len(some)))
-    noise = ROUNDED * here.forces[some]
-    asked = here.accelerations[some]
+    noise = ROUNDED * here.free.forces[some]
+    asked = here.free.accelerations[some]
     found = modes(
         problem,
         np.where(np.abs(asked) <= noise, 0.0, asked),
@@ -118,7 +118,7 @@ def _set_slack(here: Touching, found: Chosen) -> None:
     for k, law in enumerate(here.laws):
         mode = found.mode[k]
         if mode == kept.HELD and push[k] > 0.0:
-            size[k] = ROUNDED * here.forces[k] / push[k]
+            size[k] = ROUNDED * here.free.forces[k] / push[k]
         elif mode == kept.DRIVEN:
             size[k] = here.still[k]
         elif mode == kept.OFF and law.kind in ONE_SIDED:

@@ -6,7 +6,8 @@ a step was cut.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,17 +28,31 @@ ROUNDED = 2.0**-46
 HIGHER = 16.0
 
 
+class Free(NamedTuple):
+    """The laws of a run as they would be without any of them in force, (L,) each.
+
+    Attributes
+    ----------
+    accelerations : ndarray
+        The rates of the rows' rates.
+    forces : ndarray
+        The size of their terms.
+    bounds, statics : ndarray
+    """
+
+    accelerations: Floats
+    forces: Floats
+    bounds: Floats
+    statics: Floats
+
+
 class Touching:
     """The laws of a run at one state.
 
     Attributes
     ----------
-    gaps, rates, accelerations : ndarray, shape (L,)
-        Of the rows: the gap of a contact, else the speed; its rate, or the speed; and
-        the rate of that as it would be without any law.
-    forces : ndarray, shape (L,)
-        The size of the terms of `accelerations`.
-    bounds, statics : ndarray, shape (L,)
+    gaps, rates : ndarray, shape (L,)
+        Of the rows: the gap of a contact, else the speed; its rate, or the speed.
     slack : ndarray, shape (L,)
         Gaps, or speeds, that are rounding.
     still : ndarray, shape (L,)
@@ -57,8 +72,12 @@ class Touching:
         self.equalities, self.rows = rows[:first], rows[first:]
         residuals, rates, gap_scales, rate_scales = found[(n + m) * n :].reshape(4, m)
         self.residuals, self.rates = residuals[first:], rates[first:]
-        self.gaps = arc.runner.function("gaps", L)(arc.t, y)
-        self.in_force = arc.runner.function("conditions", L)(arc.t, y) != 0.0
+        gapped = system.p.law_kind == kept.CONTACT
+        self.gaps = np.where(gapped, self.residuals, self.rates)
+        if any(law.when is not None for law in self.laws):
+            self.in_force = arc.runner.function("conditions", L)(arc.t, y) != 0.0
+        else:
+            self.in_force = np.ones(L, dtype=bool)
         slopes, seen, ranges = np.abs(self.rows), arc.seen, arc.ranges
         moment = MOMENTS * np.spacing(abs(arc.t))
         sizes = np.maximum(rate_scales[first:], slopes @ seen[n : 2 * n])
@@ -68,10 +87,10 @@ class Touching:
         held = np.maximum(gap_scales[first:], slopes @ soon)
         self.slack = ROUNDED * held + moment * np.abs(self.rates)
         self.reach = slopes @ ranges[:n], slopes @ ranges[n : 2 * n]
-        self._let_go()
 
-    def _let_go(self) -> None:
-        """Find the accelerations that there would be without any law."""
+    @cached_property
+    def free(self) -> Free:
+        """What there would be without any law."""
         arc, p = self.arc, self.arc.system.p
         n, m, L = arc.system.n, arc.system.m, self.count
         mode = p.law_mode.copy()
@@ -79,17 +98,14 @@ class Touching:
         field = arc.runner.function("field", arc.system.size + m)(arc.t, self.y)
         p.law_mode[:] = mode
         a = field[n : 2 * n]
-        terms = arc.runner.function("dynamics", (n + m) * n + n + m + 3 * L)
-        found = terms(arc.t, self.y)[(n + m) * n + n :]
-        b, _, self.bounds, self.statics = (
-            found[m - L : m], found[m : m + L], found[m + L : m + 2 * L],
-            found[m + 2 * L :],
-        )  # fmt: skip
-        self.accelerations = self.rows @ a - b
+        b = p.b[m - L :].copy()  # left there, as are the bounds
         # What forces do to each row, or have done in the last step: where they balance,
         # or vanish, rounding is that of their terms.
         pushed = np.maximum(np.abs(a), arc.state.parts[:n])
-        self.forces = np.abs(self.rows) @ pushed + np.abs(b)
+        forces = np.abs(self.rows) @ pushed + np.abs(b)
+        return Free(
+            self.rows @ a - b, forces, p.law_bounds.copy(), p.law_statics.copy()
+        )
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Tell which laws could act: a slip with its contact.
@@ -131,7 +147,7 @@ class Touching:
         Its next flight is no higher than the tolerance of how far it has moved, or than
         rounding.
         """
-        speed, fall = -restitution * self.rates[k], -self.accelerations[k]
+        speed, fall = -restitution * self.rates[k], -self.free.accelerations[k]
         if not fall > 0.0:
             return None
         height = speed * speed / (2.0 * fall)
@@ -154,8 +170,8 @@ class Touching:
             kinds=tuple(law.kind for law in laws),
             normals=tuple(places.get(law.normal, -1) for law in laws),
             pairs=tuple(places.get(law.pair, -1) for law in laws),
-            bounds=self.bounds[some],
-            statics=self.statics[some],
+            bounds=self.free.bounds[some],
+            statics=self.free.statics[some],
             restitutions=restitutions,
             factor=found.factor,
         )
