@@ -171,7 +171,8 @@ class Oracle:
         self.constraints = []
         for text in texts.values():
             left, _, right = text.partition("=")
-            self.constraints.append(self.read(left) - self.read(right or "0"))
+            node = self.read(left.rstrip("<> ")) - self.read(right or "0")
+            self.constraints.append(-node if left.endswith("<") else node)
 
     def _forces(self, forces: Mapping[str, str]) -> None:
         for on, text in forces.items():

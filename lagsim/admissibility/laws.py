@@ -9,7 +9,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from lagsim.admissibility.verdict import ONE_SIDED, Verdict, measured
+from lagsim.admissibility.lengths import Form
+from lagsim.admissibility.verdict import (
+    COMPUTED,
+    ONE_SIDED,
+    Verdict,
+    body_motions,
+    measured,
+)
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.laws import Kind
 
@@ -69,6 +76,8 @@ def judge_laws(
     errors: Mapping[str, float],
 ) -> list[Verdict]:
     """Judge what `judge` does not: the constraints that are no rows of `point`."""
+    if not point.e.laws:
+        return []
     held = {row.name for row in point.e.rows}
     laws = [
         law
@@ -78,10 +87,16 @@ def judge_laws(
     zeros = [0.0] * len(laws)
     values = measured(point, [x.row.residual for x in laws], zeros, state, errors)
     rates = measured(point, [x.row.rate for x in laws], zeros, state, errors)
-    return [
-        _verdict(law, value, rate, in_force=law.constraint not in off)
-        for law, value, rate in zip(laws, values, rates, strict=True)
-    ]
+    bodies = body_motions(
+        point, [Form(x.row.rate, x.row.A.entries) for x in laws], *state
+    )
+    found = []
+    for law, value, rate, body in zip(laws, values, rates, bodies, strict=True):
+        moving = rate._replace(floor=COMPUTED * body)
+        residual = value if law.row.holonomic else moving
+        on = law.constraint not in off
+        found.append(_verdict(law, residual, moving, in_force=on))
+    return found
 
 
 def _verdict(law: Law, value: Residual, rate: Residual, *, in_force: bool) -> Verdict:
@@ -89,7 +104,7 @@ def _verdict(law: Law, value: Residual, rate: Residual, *, in_force: bool) -> Ve
     signed = law.kind in _ONE_SIDED
     kind = "holonomic" if row.holonomic else "nonholonomic"
     active = in_force
-    if signed:
+    if signed and in_force:
         active = value.value <= max(value.rounding, value.floor)
     return Verdict(
         name=law.constraint,
@@ -98,7 +113,7 @@ def _verdict(law: Law, value: Residual, rate: Residual, *, in_force: bool) -> Ve
         pfaffian=None if row.holonomic else row.pfaffian,
         position=value,
         velocity=rate if row.holonomic and not signed else None,
-        judged=signed,
+        judged=signed and in_force,
         rate=rate,
         active=active,
         holds=None if in_force else False,
@@ -110,7 +125,7 @@ def in_force(verdicts: Sequence[Verdict], equations: Equations) -> list[Verdict]
     """Say of the equalities with a time that are judged that they are in force."""
     timed = {law.constraint for law in equations.laws if law.when is not None}
     return [
-        replace(v, active=True, holds=v.satisfied, mode="in force")
+        v._replace(active=True, holds=v.satisfied, mode="in force")
         if v.name in timed and v.active is None
         else v
         for v in verdicts

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from lagsim.admissibility.lengths import Form
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import analyse
-from lagsim.admissibility.verdict import CAUTION
+from lagsim.admissibility.verdict import CAUTION, COMPUTED, body_motions
 from lagsim.language.evaluate import UNIT_ROUNDOFF
 from lagsim.mechanics.contact import Closed, Mode, delassus, impact, modes
 from lagsim.mechanics.laws import Kind
@@ -162,7 +163,11 @@ class _Rows:
         self.rows = [law.row for law in laws]
         nodes = [row.rate for row in self.rows]
         self.rates = point.array(nodes, q, v)
-        self.noise = CAUTION * point.rounding(nodes, q, v, errors)
+        bodies = body_motions(
+            point, [Form(x.rate, x.A.entries) for x in self.rows], q, v
+        )
+        rounding = CAUTION * point.rounding(nodes, q, v, errors)
+        self.noise = np.maximum(rounding, COMPUTED * np.array(bodies))
         self.M = point.mass(q, v)
         self.A = point.jacobian(point.e.rows, q, v)
         self.R = point.jacobian(self.rows, q, v)
@@ -225,4 +230,4 @@ def _named(
         mode = "closed"
     else:
         mode = "sticks" if all(x in _HELD for x in slips) else "slides"
-    return replace(verdict, holds=holds, mode=mode)
+    return verdict._replace(holds=holds, mode=mode)

@@ -10,14 +10,14 @@ from lagsim.cli._shared import coloured, counted, table
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.admissibility import Examination, Verdict
+    from lagsim.admissibility import StartReport, Verdict
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Choice
 
 
 def report(
     equations: Equations,
-    start: Examination,
+    start: StartReport,
     choices: Sequence[Choice] = (),
     *,
     repair: bool = False,
@@ -27,7 +27,8 @@ def report(
     rows: Sequence[object] = equations.rows
     if equations.laws:
         rows = equations.model.constraints
-    rank = f" of rank {start.rank}" if rows else ""
+    two_sided = any(v.kind not in (ONE_SIDED, START_VALUE) for v in start.verdicts)
+    rank = f" of rank {start.rank}" if two_sided else ""
     freedom = counted(start.degrees_of_freedom, "degree")
     if start.admissible:
         head = coloured("admissible", "32") + f": {name}"
@@ -50,7 +51,7 @@ def report(
     return "\n".join(lines)
 
 
-def _faults(start: Examination) -> list[str]:
+def _faults(start: StartReport) -> list[str]:
     """Say what keeps a start from being admissible."""
     faults = [d.contradiction() for d in start.contradictions]
     if start.thin is not None:
@@ -71,6 +72,8 @@ def _violation(verdict: Verdict) -> str:
         text = f"the rate of constraint `{verdict.name}` is {velocity.value:.6g}"
         return f"{text} (bound {velocity.bound:.2g}, {velocity.why})"
     text = f"constraint `{verdict.name}` has the residual {position.value:.6g}"
+    if verdict.kind == ONE_SIDED:
+        text = f"the {_sided(verdict)} of `{verdict.name}` is {position.value:.6g}"
     return f"{text} (bound {position.bound:.2g}, {position.why})"
 
 
@@ -93,11 +96,13 @@ def _described(verdict: Verdict) -> str:
     return text + ("" if verdict.satisfied else "  <- violated")
 
 
+def _sided(verdict: Verdict) -> str:
+    return "gap" if verdict.pfaffian is None else "rate"
+
+
 def _standing(verdict: Verdict, residual: float) -> str:
     """Say what a constraint does that holds only at times."""
-    what = "residual"
-    if verdict.kind == ONE_SIDED:
-        what = "rate" if verdict.pfaffian is not None else "gap"
+    what = _sided(verdict) if verdict.kind == ONE_SIDED else "residual"
     text = f"{what} {residual:.3g}"
     if what == "gap" and verdict.rate is not None:
         text += f", its rate {verdict.rate.value + 0.0:.3g}"
@@ -105,7 +110,7 @@ def _standing(verdict: Verdict, residual: float) -> str:
     return f"{text}; {verdict.mode}" if verdict.mode else text
 
 
-def _reached(equations: Equations, start: Examination) -> list[str]:
+def _reached(equations: Equations, start: StartReport) -> list[str]:
     """Say what inertia and velocity constraints mean for the motion."""
     lines = []
     if start.augmented:
@@ -124,7 +129,7 @@ def _reached(equations: Equations, start: Examination) -> list[str]:
     return [*lines, text]
 
 
-def _repair(start: Examination) -> list[str]:
+def _repair(start: StartReport) -> list[str]:
     """Give what to write into `initial:`, or why there is nothing to write."""
     if start.admissible:
         if not start.changes:

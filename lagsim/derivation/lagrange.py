@@ -190,7 +190,7 @@ class _Derivation:
         if law is None:
             return self._given(found)
         slips = {"slip": tuple(self.x.sympy(law.slips))} if law.slips else {}
-        found |= {"friction": law.friction, "static": law.static}
+        found = {"friction": law.friction, "static": law.static, **found}
         return {"restitution": law.restitution, **self._given(found), **slips}
 
     def _given(self, nodes: Mapping[str, int | None]) -> dict[str, Any]:

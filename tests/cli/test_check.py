@@ -135,6 +135,46 @@ def test_a_contact_is_classified(lagsim, write):
     assert "`floor`" in below.out.splitlines()[0]
 
 
+LAWS = """\
+coordinates: {x: , y: , a: }
+energy: {kinetic: (x_dot^2 + y_dot^2 + a_dot^2)/2, potential: 9.8*y}
+forces: {a: 1}
+constraints:
+  floor: {relation: y >= 0, restitution: 0.5, friction: 0.2, slip: x_dot}
+  wheel: x_dot >= a_dot
+  brake: {relation: a_dot = 0, limit: 2}
+  hold: {relation: x = a, when: t > 1}
+initial: {x: 0, y: 0, a: 0, x_dot: 1, y_dot: -3}
+simulation: {duration: 1}
+"""
+
+
+def test_what_holds_at_times_is_told(lagsim, write):
+    model = write(LAWS)
+    called = lagsim("check", model, "--json")
+    assert called.code == 0, called.err
+    found = {
+        c["name"]: tuple(c[k] for k in ("kind", "rate", "active", "holds", "mode"))
+        for c in called.json["constraints"]
+    }
+    assert found == {
+        "floor": ("one-sided", -3.0, True, False, "impact"),
+        "wheel": ("one-sided", 1.0, False, False, "free"),
+        "brake": ("nonholonomic", 0.0, True, True, "sticks"),
+        "hold": ("holonomic", 1.0, False, False, "out of force"),
+    }
+    assert called.json["degrees_of_freedom"] == 2
+    assert {c["velocity_residual"] for c in called.json["constraints"][:3]} == {None}
+    told = lagsim("check", model).out
+    assert "floor  one-sided, scleronomic; gap 0, its rate -3; touches; impact" in told
+    assert "4 constraints of rank 1, 2 degrees of freedom" in told
+
+
+def test_an_equality_that_always_holds_has_no_mode(lagsim, write):
+    [path] = lagsim("check", write(ON_THE_CURVE), "--json").json["constraints"]
+    assert [path[k] for k in ("rate", "active", "holds", "mode")] == [None] * 4
+
+
 def test_parameters_can_be_set(lagsim, write):
     model = write(CAPTION.replace("u: l}", "u: g/9.8}"))
     assert lagsim("check", model).code == 1
@@ -248,11 +288,19 @@ def test_the_keys_of_shipped_models(lagsim, path):
     assert found["changes"] == {}
     for c in found["constraints"]:
         assert c["satisfied"] is True
-        assert abs(c["residual"]) <= c["bound"]
         assert isinstance(c["scleronomic"], bool)
         assert isinstance(c["redundant"], bool)
         nonholonomic = c["kind"] == "nonholonomic"
-        assert (c["velocity_residual"] is None) is nonholonomic
+        if c["kind"] == "one-sided":
+            assert c["residual"] >= -c["bound"]
+            assert c["velocity_residual"] is None
+            assert isinstance(c["rate"], float)
+            assert c["mode"] in ("open", "closed", "impact", "sticks", "slides")
+            assert c["active"] is not (c["mode"] == "open" and c["residual"] > 0)
+        else:
+            assert abs(c["residual"]) <= c["bound"]
+            assert (c["velocity_residual"] is None) is nonholonomic
+            assert (c["rate"], c["active"], c["mode"]) == (None, None, None)
         assert (c["pfaffian"] is None) is not nonholonomic
         decided = nonholonomic and c["pfaffian"]
         assert isinstance(c["integrable"], bool) is decided

@@ -226,8 +226,10 @@ def test_ascii_is_ascii_and_lines_break(name: str) -> None:
     text = as_text(content_of(name), ascii_only=True)
     assert text.isascii()
     lines = as_text(content_of(name)).splitlines()
-    # Only products that cannot be broken are longer than a line.
-    assert sum(len(line) > 110 for line in lines) <= 6
+    # Only products that cannot be broken are longer than a line: in the cradle, seven
+    # in the second rate of each of four distances.
+    most = 28 if name == "newtons-cradle" else 6
+    assert sum(len(line) > 110 for line in lines) <= most
     assert not any(len(line) > 110 and line.startswith("      = ") for line in lines)
 
 

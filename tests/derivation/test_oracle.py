@@ -25,6 +25,7 @@ from tests.derivation.cases import (
     known,
     numbers,
 )
+from tests.mechanics.test_equations import rows_of
 from tests.support import MODELS, run
 from tests.sympy_oracle import DIGITS, Oracle, random_values
 
@@ -39,6 +40,11 @@ SHORT = (
     "coupled-oscillators", "double-pendulum", "dry-friction", "elastic-pendulum",
     "elastic-pendulum-curve", "elastic-pendulum-forced", "forced-oscillator",
     "heavy-top", "kepler", "moving-pivot", "pendulum-cartesian", "stick-slip",
+)  # fmt: skip
+# Their multipliers are not told: contacts come and go.
+SHORT_WITH_CONTACTS = (
+    "ball-on-a-vibrating-table", "bouncing-ball", "rocking-block", "slack-string",
+    "sliding-ladder",
 )  # fmt: skip
 OPERATIONS = {
     "add": lambda x, y: x + y, "sub": lambda x, y: x - y, "mul": lambda x, y: x * y,
@@ -87,7 +93,7 @@ def test_graph_with_fifty_digits(name: str) -> None:
         expected = oracle_of(name).exactly(values)
         agrees(digits(e, [x for row in e.M for x in row], values), expected.M)
         agrees(digits(e, list(e.f), values), expected.f)
-        for row, A, b in zip(e.rows, expected.A, expected.b, strict=True):
+        for row, A, b in zip(rows_of(e), expected.A, expected.b, strict=True):
             agrees(digits(e, list(row.A), values), A)
             agrees(digits(e, [row.b], values), [b])
         agrees(digits(e, [e.energy], values), [expected.energy])
@@ -95,11 +101,11 @@ def test_graph_with_fifty_digits(name: str) -> None:
             agrees(digits(e, [e.model.kinetic], values), [expected.kinetic])
 
 
-def close(found: Any, expected: Any) -> None:
+def close(found: Any, expected: Any, part: float = 1e-12) -> None:
     """Hold to 1e-12 of the largest: what some hundreds of operations may lose."""
     found, expected = np.asarray(found, float), np.asarray(expected, float)
     largest = np.max(np.abs(expected), initial=0.0)
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * largest)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=part * largest)
 
 
 @pytest.mark.parametrize("name", EACH)
@@ -118,7 +124,9 @@ def test_json_read_again_gives_the_same_numbers(name: str) -> None:
         close(M, expected.M)
         close(f, expected.f)
         for k in range(m):
-            close([*A[k], b[k]], [*expected.A[k], expected.b[k]])
+            # Squares of distances, written out, cancel: b has their power 3/2 below.
+            part = 1e-10 if name == "newtons-cradle" else 1e-12
+            close([*A[k], b[k]], [*expected.A[k], expected.b[k]], part)
         close(
             numbers([c["function"] for c in d["constraints"]], values),
             expected.residuals,
@@ -162,7 +170,7 @@ def test_terms_add_up_to_the_equation(name: str) -> None:
 @pytest.mark.parametrize("name", EACH)
 def test_accelerations_are_told_where_they_are_short(name: str) -> None:
     told = document_of(name)["accelerations"] is not None
-    assert told == (name in SHORT)
+    assert told == (name in (*SHORT, *SHORT_WITH_CONTACTS))
 
 
 @pytest.mark.parametrize("name", SHORT)
@@ -194,18 +202,19 @@ def module_of(name: str) -> dict[str, Any]:
 def test_the_python_module_gives_the_numbers_of_the_graph(name: str) -> None:
     e, module = equations_of(name), module_of(name)
     assert module["COORDINATES"] == e.q
-    assert module["CONSTRAINTS"] == tuple(row.name for row in e.rows)
+    rows = rows_of(e)
+    assert module["CONSTRAINTS"] == tuple(row.name for row in rows)
     assert module["PARAMETERS"] == {p.name: p.value for p in e.model.parameters}
     for seed in range(2):
         values = state_of(name, seed)
         module["PARAMETERS"].update({p: values[p] for p in module["PARAMETERS"]})
         at = values["t"], [values[q] for q in e.q], [values[v] for v in e.velocities]
-        n, m = len(e.q), len(e.rows)
+        n, m = len(e.q), len(rows)
         for function, nodes, shape in (
             ("mass_matrix", [x for row in e.M for x in row], (n, n)),
             ("force", e.f, (n,)),
-            ("constraint_matrix", [x for row in e.rows for x in row.A], (m, n)),
-            ("constraint_rhs", [row.b for row in e.rows], (m,)),
+            ("constraint_matrix", [x for row in rows for x in row.A], (m, n)),
+            ("constraint_rhs", [row.b for row in rows], (m,)),
         ):
             found = module[function](*at)
             assert found.shape == shape

@@ -303,9 +303,6 @@ CASES = {
     "limit of an acceleration": (
         "output-only", "the limit of the constraint `c`",
         "constraints: {c: {relation: x_dot, limit: ⟪x_ddot⟫}}"),
-    "when of a contact": (
-        "not-an-equality", "no `when`",
-        "constraints: {c: {relation: x >= 0, restitution: 0, ⟪when⟫: t < 1}}"),
     "when of a number": (
         "expression-syntax", "a comparison is expected here, found a number",
         "constraints: {c: {relation: x = y, when: ⟪t⟫}}"),

@@ -312,6 +312,8 @@ class TestAllowed:
                 "friction: {static: 0.3, dynamic: 0.3}}}"
             ),
             "constraints: {c: {relation: x_dot = t, limit: 0, when: t < 1 and t > 0}}",
+            "constraints: {c: {relation: x >= 0, restitution: 0, when: t < 1}}",
+            "constraints: {c: {relation: x_dot >= y_dot, when: not t < 1}}",
             "constraints: {c: cos(y)*x_dot >= t*y_dot}\ndefinitions: {f: lambda_c}",
             "constraints: {c: 'if(x > 0, x, y) = 0', d: {relation: t*x_dot^2 - 1}}",
             "x-a: 1\nforces: {x: 1, x-b: 2}\nscene: {x-c: [1]}",

@@ -5,6 +5,7 @@ Linear algebra on the Delassus matrix of the rows that could act: no graph, no s
     delassus    the matrix, beside the equalities that hold
     impact      impulses at rates that are about to violate a gap
     modes       what holds, slides or lets go, from accelerations
+    least_norm  shares of contacts that hold more often than they must
 
 Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996).
 """
@@ -13,6 +14,7 @@ from lagsim.mechanics.contact.closed import Closed, Mode
 from lagsim.mechanics.contact.delassus import Delassus, delassus
 from lagsim.mechanics.contact.impacts import Impact, impact
 from lagsim.mechanics.contact.modes import Modes, modes
+from lagsim.mechanics.contact.redundant import least_norm
 
 __all__ = [
     "Closed",
@@ -22,5 +24,6 @@ __all__ = [
     "Modes",
     "delassus",
     "impact",
+    "least_norm",
     "modes",
 ]

@@ -39,19 +39,20 @@ def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
     by powers of two. A row on which nothing can act has zeros.
     """
     s = _scales(M, A)
-    scaled = rows * s
-    seen, inertia = scaled, M * np.multiply.outer(s, s)
+    mass, scaled = M * s * s[:, None], rows * s
     if len(A):
-        Z = _free(A * s)
-        seen, inertia = scaled @ Z, Z.T @ inertia @ Z
-    L = np.linalg.cholesky(inertia)
-    if len(A):
+        Z = freedom(A * s)
+        mass, seen = Z.T @ mass @ Z, scaled @ Z
         lengths = np.linalg.norm(scaled, axis=1)
         seen[np.linalg.norm(seen, axis=1) <= DEPENDENT * lengths] = 0.0
+    else:
+        Z, seen = None, scaled
+    L = np.linalg.cholesky(mass)
     factor = np.linalg.solve(L, seen.T)
-    pushed = np.linalg.solve(L.T, factor)
-    response = s[:, None] * (Z @ pushed if len(A) else pushed)
-    return Delassus(factor.T @ factor, response, factor)
+    response = np.linalg.solve(L.T, factor)
+    if Z is not None:
+        response = Z @ response
+    return Delassus(factor.T @ factor, response * s[:, None], factor)
 
 
 def _scales(M: Floats, A: Floats) -> Floats:
@@ -70,7 +71,7 @@ def _scales(M: Floats, A: Floats) -> Floats:
     return s
 
 
-def _free(A: Floats) -> Floats:
+def freedom(A: Floats) -> Floats:
     """Give an orthonormal basis (n, n - rank) of what rows A let through."""
     lengths = np.linalg.norm(A, axis=1)
     A = A[lengths > 0.0] / lengths[lengths > 0.0, None]

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.mechanics.contact.problem import SOLVED, Problem, Role, solve
+from lagsim.mechanics.contact.problem import Problem, Role
+from lagsim.mechanics.contact.solving import SOLVED, solve
 from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:
@@ -66,13 +67,18 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     an impact is inelastic.
     """
     before = np.where(np.abs(rates) <= noise, 0.0, rates)
-    target = closed.restitutions * np.maximum(-before, 0.0)
+    terms = zip(
+        closed.kinds, closed.restitutions.tolist(), before.tolist(), strict=True
+    )
+    target = np.array(
+        [-e * v if kind is Kind.CONTACT and v < 0.0 else 0.0 for kind, e, v in terms]
+    )
     if len(before) == 1 and _ROLES[closed.kinds[0]] is Role.SIGNED:
         return _alone(closed, before, target)
     solution = solve(_problem(closed, before - target))
     locked = not solution.found and bool(target.any())
     if locked:
-        target = np.zeros_like(target)
+        target = np.zeros(len(before))
         solution = solve(_problem(closed, before))
     p, after = solution.p, solution.w + target
     return Impact(
@@ -90,8 +96,9 @@ def _alone(closed: Closed, before: Floats, target: Floats) -> Impact:
     own = closed.D[0, 0]
     p = np.maximum((target - before) / own, 0.0) if own > 0.0 else np.zeros(1)
     after = before + own * p
-    missed = float(np.max(target - after))
-    residual = max(missed, 0.0) / (float(np.max(np.abs(before - target))) or 1.0)
+    asked = float(abs(before - target)[0])
+    missed = max(float((target - after)[0]), 0.0)
+    residual = missed / asked if asked > 0.0 else 0.0
     energy = float(p @ (before + after)) / 2.0
     return Impact(p, after, residual, False, energy, residual < SOLVED)
 
@@ -116,6 +123,8 @@ def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
         for k, kind in enumerate(closed.kinds)
         if kind is Kind.CONTACT and (p[k] > 0.0 or before[k] < 0.0)
     ]
+    if len(struck) < 2:
+        return False
     scale = np.sqrt(closed.D.diagonal())
     for i, j in combinations(struck, 2):
         rows, others = _group(closed, i, p), _group(closed, j, p)

@@ -6,19 +6,7 @@
     FREE     w = 0
     ABSENT   p = 0
 
-where bound = limit + mu * p of the row's contact. The box becomes complementary
-through its two sides: p = a - b, and with l = |w|
-
-    a >= 0 complements w + l
-    b >= 0 complements l - w
-    l >= 0 complements bound - a - b
-
-which is copositive for every mu. The rows on their edges, once known, are solved for
-again as equations, so that the result is accurate to rounding.
-
-Source: D. E. Stewart, J. C. Trinkle, An implicit time-stepping scheme for rigid body
-dynamics with inelastic collisions and Coulomb friction, Int. J. Num. Meth. Eng. 39
-(1996) 2673.
+where bound = limit + mu * p of the row's contact. Two slips share a bound: on a disc.
 """
 
 from __future__ import annotations
@@ -29,19 +17,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.mechanics.contact.closed import Mode
-from lagsim.mechanics.contact.pivoting import lemke
-
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from lagsim.language.arrays import Floats
-
-# A basis whose residual is larger does not solve the problem.
-SOLVED = 1e-7
-# Singular values that are smaller belong to dependent rows. D is a square, so that this
-# is an angle of 1e-7.
-DEPENDENT = 1e-14
+    from lagsim.mechanics.contact.closed import Mode
 
 
 class Role(Enum):
@@ -87,6 +65,8 @@ class Solution:
         Of the laws, relative to c, in the units of the rows.
     found : bool
         A solution at all.
+    apart : bool
+        One or two rows, which are far from being dependent.
     """
 
     p: Floats
@@ -95,6 +75,7 @@ class Solution:
     ways: list[float]
     residual: float
     found: bool
+    apart: bool = False
 
 
 def scaled(problem: Problem) -> tuple[Problem, Floats]:
@@ -109,7 +90,7 @@ def scaled(problem: Problem) -> tuple[Problem, Floats]:
     coupled = zip(problem.mus, problem.normals, strict=True)
     roles = [
         role if d > 0.0 else Role.ABSENT
-        for role, d in zip(problem.roles, diagonal, strict=True)
+        for role, d in zip(problem.roles, sizes, strict=True)
     ]
     return Problem(
         problem.D * np.outer(s, s),
@@ -134,90 +115,14 @@ def bounds(problem: Problem, p: Floats) -> list[float]:
     return [a + mu * max(p[n], 0.0) if n >= 0 else a for a, mu, n in terms]
 
 
-def expressed(
-    problem: Problem, modes: list[Mode], ways: list[float]
-) -> tuple[Floats, Floats]:
-    """Give E (r, r), p0 (r,): p = E x + p0, where x are multipliers of held rows."""
-    r = len(modes)
-    E, p0 = np.zeros((r, r)), np.zeros(r)
-    for k, mode in enumerate(modes):
-        if mode is Mode.HELD:
-            E[k, k] = 1.0
-        elif ways[k] and mode is not Mode.OFF:
-            p0[k] = ways[k] * problem.limits[k]
-            n = problem.normals[k]
-            if n >= 0 and modes[n] is Mode.HELD:
-                E[k, n] = ways[k] * problem.mus[k]
-    return E, p0
-
-
-def polished(
-    problem: Problem,
-    modes: list[Mode],
-    ways: list[float],
-    factor: Floats | None = None,
-) -> Floats:
-    """Give the multipliers (r,) for which the held rows hold.
-
-    With the factor (k, r) of D, nearly dependent rows cost only the digits they must.
-    """
-    E, p0 = expressed(problem, modes, ways)
-    held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
-    if not held:
-        return p0
-    B = (problem.D[held] @ E)[:, held]
-    solve = _by_factor(factor, E, held) if factor is not None else _by_square(B)
-    x = np.zeros(len(modes))
-    for _ in range(2):
-        x[held] -= solve((problem.c + problem.D @ (E @ x + p0))[held])
-    return E @ x + p0
-
-
-def _by_square(B: Floats) -> Callable[[Floats], Floats]:
-    return lambda rhs: np.asarray(np.linalg.lstsq(B, rhs, rcond=DEPENDENT)[0], float)
-
-
-def _by_factor(Y: Floats, E: Floats, held: list[int]) -> Callable[[Floats], Floats]:
-    """Solve with B = Y_H^T Y E_H as R^T (Q^T Y E_H), where Y_H = Q R."""
-    Q, R = np.linalg.qr(Y[:, held])
-    forces = Q.T @ (Y @ E)[:, held]
-    return lambda rhs: np.asarray(
-        np.linalg.solve(forces, np.linalg.solve(R.T, rhs)), float
-    )
-
-
-def solve(problem: Problem) -> Solution:
-    """Solve it by pivoting, and again as equations on the edges where that ends."""
-    unit, s = scaled(problem)
-    start = [_STARTS[role] for role in unit.roles]
-    ways = list(unit.ways)
-    found = _by_pivots(unit, start, ways)
-    p = polished(unit, start, ways) if found else np.zeros(len(s))
-    for k, role in enumerate(unit.roles):
-        if role is Role.SIGNED and p[k] < 0.0:
-            p[k] = 0.0
-    w = unit.D @ p + unit.c
-    amiss = residual(unit, p)
-    w[[k for k, mode in enumerate(start) if mode is Mode.HELD]] = 0.0
-    return Solution(p * s, w / s, start, ways, amiss, found and amiss < SOLVED)
-
-
-_STARTS = {
-    Role.ABSENT: Mode.OFF,
-    Role.SIGNED: Mode.OFF,
-    Role.BOXED: Mode.OFF,
-    Role.GIVEN: Mode.DRIVEN,
-    Role.FREE: Mode.HELD,
-}
-
-
 def residual(problem: Problem, p: Floats) -> float:
-    """Give how far p (r,) is from what its law makes of p - w, relative to c.
+    """Give how far p (r,) is from what its law makes of p - w.
 
-    To be compared with 1 where the problem is scaled.
+    Relative to the largest terms of w; to be asked where the problem is scaled.
     """
     w = problem.D @ p + problem.c
-    size = max((abs(x) for x in problem.c), default=0.0) or 1.0
+    terms = np.abs(problem.D) @ np.abs(p) + np.abs(problem.c)
+    size = float(terms.max(initial=0.0)) or 1.0
     worst = 0.0
     for k, bound in enumerate(bounds(problem, p)):
         role = problem.roles[k]
@@ -225,61 +130,9 @@ def residual(problem: Problem, p: Floats) -> float:
             worst = max(worst, abs(min(p[k], w[k])))
         elif role is Role.FREE:
             worst = max(worst, abs(w[k]))
-        elif role is Role.BOXED and problem.pairs[k] < 0:
-            worst = max(worst, abs(p[k] - min(max(p[k] - w[k], -bound), bound)))
+        elif role is Role.BOXED:
+            j = problem.pairs[k]
+            z = p[k] - w[k]
+            length = abs(z) if j < 0 else float(np.hypot(z, p[j] - w[j]))
+            worst = max(worst, abs(p[k] - z * min(1.0, bound / (length or 1.0))))
     return worst / size
-
-
-def _by_pivots(problem: Problem, modes: list[Mode], ways: list[float]) -> bool:
-    """Fill in what the rows do, by Lemke's method; False if there is no solution."""
-    signed = [k for k, role in enumerate(problem.roles) if role is Role.SIGNED]
-    boxed = [k for k, role in enumerate(problem.roles) if role is Role.BOXED]
-    unknown = signed + boxed
-    G, h = _reduced(problem, unknown)
-    n, m = len(signed), len(boxed)
-    M = np.zeros((n + 3 * m, n + 3 * m))
-    q = np.zeros(n + 3 * m)
-    a, b, side = slice(n, n + m), slice(n + m, n + 2 * m), slice(n + 2 * m, None)
-    M[: n + m, : n + m] = G
-    M[: n + m, b] = -G[:, n:]
-    M[b] = -M[a]
-    M[a, side] = M[b, side] = np.eye(m)
-    M[side, a] = M[side, b] = -np.eye(m)
-    q[: n + m], q[b] = h, -h[n:]
-    place = {k: i for i, k in enumerate(signed)}
-    for i, k in enumerate(boxed):
-        q[n + 2 * m + i] = problem.limits[k]
-        if problem.normals[k] in place:
-            M[n + 2 * m + i, place[problem.normals[k]]] = problem.mus[k]
-    basis = lemke(M, q)
-    if basis is None:
-        return False
-    for i, k in enumerate(signed):
-        modes[k] = Mode.HELD if basis[i] else Mode.OFF
-    for k, up, down, slips in zip(boxed, basis[a], basis[b], basis[side], strict=True):
-        held = (up or down) if not slips else (up and down)
-        ways[k] = 0.0 if held else float(up) - float(down)
-        if held or slips:
-            modes[k] = Mode.HELD if held else Mode.DRIVEN
-    return True
-
-
-def _reduced(problem: Problem, unknown: list[int]) -> tuple[Floats, Floats]:
-    """Give G, h: w = G p + h of the unknown rows, what is given and free put in."""
-    present = [
-        Mode.OFF
-        if role is Role.ABSENT
-        else Mode.DRIVEN
-        if role is Role.GIVEN
-        else Mode.HELD
-        for role in problem.roles
-    ]
-    E, p0 = expressed(problem, present, problem.ways)
-    G, h = problem.D @ E, problem.c + problem.D @ p0
-    free = [k for k, role in enumerate(problem.roles) if role is Role.FREE]
-    if free:
-        B = np.column_stack([G[np.ix_(free, unknown)], h[free]])
-        X = np.linalg.lstsq(G[np.ix_(free, free)], B, rcond=DEPENDENT)[0]
-        taken = G[np.ix_(unknown, free)] @ X
-        return G[np.ix_(unknown, unknown)] - taken[:, :-1], h[unknown] - taken[:, -1]
-    return G[np.ix_(unknown, unknown)], h[unknown]

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from lagsim.model.reader.fields import Fields
 
 CONTACT = ("restitution", "friction", "slip")
-_EQUALITY = ("limit", "when")
-KEYS = (*CONTACT, *_EQUALITY)
+KEYS = (*CONTACT, "limit", "when")
 
 
 def between_velocities(relation: Relation, x: Expressions) -> bool:
@@ -43,11 +42,10 @@ def check_equality(below: Fields, what: str, x: Expressions) -> None:
 
 def check_one_sided(below: Fields, what: str, x: Expressions) -> None:
     """Report what only an equality has."""
-    for key in _EQUALITY:
-        if key in below:
-            text = f"{what} is one-sided and has no `{key}`"
-            hint = "an equality has one: write its relation with `=`"
-            x.faults.add("not-an-equality", text, below.place_of(key), hint)
+    if "limit" in below:
+        text = f"{what} is one-sided and has no `limit`"
+        hint = "an equality has one: write its relation with `=`"
+        x.faults.add("not-an-equality", text, below.place_of("limit"), hint)
 
 
 def read_limit(
@@ -71,7 +69,7 @@ def read_limit(
 
 
 def read_when(below: Fields, what: str, x: Expressions) -> int | None:
-    """Build the condition under which an equality is in force, as 1 or 0."""
+    """Build the condition under which a constraint is in force, as 1 or 0."""
     node = below.value("when")
     if node is None:
         return None

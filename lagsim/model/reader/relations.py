@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lagsim.language.roots import simple_root
@@ -99,12 +98,12 @@ def _constraint(key: Scalar, node: Node, x: Expressions) -> Constraint | None:
         expression = Broken(key.place)
     relation, sense = read_relation(expression, what, x)
     about = below.text("description", x.faults)
-    law = limit = when = None
+    law = limit = None
+    when = laws.read_when(below, what, x)
     if sense is Sense.EQUAL:
         laws.check_equality(below, what, x)
         relation = relation and _once(relation, x)
         limit = laws.read_limit(below, relation, what, x)
-        when = laws.read_when(below, what, x)
     elif isinstance(node, Mapping) or sense is Sense.AT_LEAST:
         law = _one_sided(expression, below, relation, what, x)
     if relation is None or (law is None and sense is Sense.AT_LEAST):
@@ -137,7 +136,7 @@ def _once(relation: Relation, x: Expressions) -> Relation:
     names = {n for n, kind in x.names.variables.items() if kind in moving}
     names |= {f"{n}_dot" for n in names}
     root = simple_root(x.graph, relation.node, names)
-    return replace(relation, node=root, multiple=root != relation.node)
+    return relation._replace(node=root, multiple=root != relation.node)
 
 
 def _check_no_velocity(expression: Node, what: str, x: Expressions) -> None:

@@ -26,7 +26,7 @@ from lagsim.run.events.touching import Touching
 from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
     from collections.abc import Sequence as Some
 
     from lagsim.language.arrays import Floats
@@ -65,7 +65,7 @@ class Contacts(Source):
         self.told: set[str] = set()
         p = arc.system.p
         p.law_mode[:] = p.law_way[:] = p.law_still[:] = p.impulses[:] = 0.0
-        p.law_forces = 0.0
+        p.law_forces = p.law_shares = 0.0
 
     def begin(self, arc: Arc) -> Decision:
         """Choose the modes at the state reached."""
@@ -107,7 +107,7 @@ class Contacts(Source):
         """Go through impacts, then choose the modes."""
         here, found = Touching(arc, arc.y), Found(arc.y.copy())
         also = {met} if met is not None else set()
-        limit = self.sequence.limit() if met is not None else None
+        limit = self._limit(here, met)
         if limit is not None:
             also |= set(self.sequence.lately())
             self.sequence.recent.clear()
@@ -129,11 +129,25 @@ class Contacts(Source):
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         if not settled.unique:
             found.cautions += self._once(
-                "unresolved-contact",
-                f"at t = {arc.t:.9g} nothing decides how the motion goes on from "
-                f"{self._names(some)}: one way of several was taken",
+                "shared-contact",
+                f"at t = {arc.t:.9g} {self._names(some)} hold more often than they "
+                "must: the motion is what it is, and their forces are one way of many",
             )
         return found
+
+    def _limit(self, here: Touching, met: int | None) -> float | None:
+        """Give when impacts that come ever faster accumulate, if no motion is left.
+
+        Contacts that strike by turns, as those of a block that rocks, pass their
+        motion on: none of them bounces.
+        """
+        if met is None:
+            return None
+        limit = self.sequence.limit()
+        several = self.sequence.lately()
+        if limit is None and len(several) > 1 and all(map(here.is_spent, several)):
+            return self.sequence.end()
+        return limit
 
     def _strike(
         self,
@@ -157,16 +171,11 @@ class Contacts(Source):
         arc = here.arc
         n, energy = arc.system.n, arc.system.columns.names.index("energy")
         found.rows = arc.runner.tabulate(arc.row())
-        e = np.array([self.laws[k].restitution for k in some])
-        ends: dict[int, float] = {}
-        for i, k in enumerate(some):
-            if limit is not None and k in also:
-                ends[k], e[i] = limit, 0.0
-            elif e[i] > 0.0 and here.strikes(k):
-                left = here.rest(k, e[i])
-                if left is not None:
-                    ends[k], e[i] = arc.t + left, 0.0
-        problem, response = here.problem(some, e)
+        ends = dict(self._ends(here, some, limit, also))
+        e = [0.0 if k in ends else self.laws[k].restitution for k in some]
+        problem, response = here.problem(some, np.array(e))
+        if limit is not None:
+            problem = replace(problem, kinds=tuple(self._stopped(here, some, ends)))
         result = impact(problem, here.rates[list(some)], here.still[list(some)])
         # A flight that begins a rounding below the ground would end one farther below.
         deep = [i for i, k in enumerate(some) if here.is_below(k)]
@@ -192,24 +201,47 @@ class Contacts(Source):
                 if self.bounces[k] > SERIES:
                     found.events.append(Event(ends[k], "zeno", name))
                 self.bounces[k] = 0
-        found.cautions += self._told_of(found.rows[0], some, change, result.open)
+        found.cautions += self._told_of(here, some, result.energy, result.open)
+
+    def _ends(
+        self,
+        here: Touching,
+        some: Some[int],
+        limit: float | None,
+        also: Collection[int],
+    ) -> Iterator[tuple[int, float]]:
+        """Give what comes to rest with this impact, and when its bounces would end."""
+        for k in some:
+            e = self.laws[k].restitution
+            if limit is not None and k in also:
+                yield k, limit
+            elif e > 0.0 and here.strikes(k):
+                left = here.rest(k, e)
+                if left is not None:
+                    yield k, here.arc.t + left
+
+    def _stopped(
+        self, here: Touching, some: Some[int], ends: Collection[int]
+    ) -> Iterator[Kind]:
+        """Give kinds for which those that end are held, with slips that have gone."""
+        for k in some:
+            law = self.laws[k]
+            gone = law.normal in ends and here.is_spent(k)
+            yield Kind.TIMED if k in ends or gone else law.kind
 
     def _told_of(
-        self, before: Floats, some: Some[int], change: float, open_: bool
+        self, here: Touching, some: Some[int], change: float, open_: bool
     ) -> list[Caution]:
-        """Warn of what the law of impacts leaves open, or gets wrong.
-
-        before : the row of the state that is struck.
-        """
+        """Warn of what the law of impacts leaves open, or gets wrong."""
         told: list[Caution] = []
-        names, t = self._names(some), before[0]
+        names, t = self._names(some), here.arc.t
         if open_:
             told += self._once(
                 "impact-order",
                 f"at t = {t:.9g} {names} strike at one time, and the outcome depends "
                 "on their order: they were taken as simultaneous",
             )
-        if change > 0.0 and change > RAISED * float(np.max(np.abs(before[1:]))):
+        if change > 0.0 and change > RAISED * _largest(here.arc):
             told += self._once(
                 "impact-energy",
                 f"at t = {t:.9g} the impact at {names} raises the energy by "
@@ -231,6 +263,11 @@ def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
         return gaps / own if own > 0.0 else np.zeros(1)
     answer = D[np.ix_(deep, deep)]
     return np.asarray(np.linalg.lstsq(answer, gaps, rcond=None)[0], float)
+
+
+def _largest(arc: Arc) -> float:
+    """Give the largest number in the row of the state reached."""
+    return float(np.max(np.abs(arc.observed()[1:]), initial=0.0))
 
 
 def _impossible(ending: Ending) -> Problem:

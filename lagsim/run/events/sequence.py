@@ -53,13 +53,21 @@ class Sequence:
 
     def limit(self) -> float | None:
         """Give the time at which switches accumulate, if they do so right now."""
+        end = self.end()
+        if end is None:
+            return None
+        left = end - self.recent[-1][0]
+        ratio = self.ratio()
+        if left > SHORT * self.longest or left > SHORT * self._since(ratio):
+            return None
+        return end
+
+    def end(self) -> float | None:
+        """Give the limit that the last switches would have if they went on so."""
         ratio = self.ratio()
         if ratio >= 1.0 or ratio == 0.0:
             return None
-        left = self._stretch(0) * ratio / (1.0 - ratio)
-        if left > SHORT * self.longest or left > SHORT * self._since(ratio):
-            return None
-        return self.recent[-1][0] + left
+        return self.recent[-1][0] + self._stretch(0) * ratio / (1.0 - ratio)
 
     def _since(self, ratio: float) -> float:
         """Give the longest stretch since they come ever faster, at about one ratio."""

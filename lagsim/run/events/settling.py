@@ -10,23 +10,27 @@ from lagsim.mechanics.contact import modes
 from lagsim.mechanics.laws import Kind
 from lagsim.methods.parts import parameters as kept
 from lagsim.notes import Event
-from lagsim.run.events.touching import ROUNDED
+from lagsim.run.events.touching import ROUNDED, Touching
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
     from lagsim.language.arrays import Floats
-    from lagsim.run.events.touching import Touching
 
 ONE_SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
 BOUNDED = (Kind.SLIP, Kind.LIMITED)
 # What opens again slowly is told from errors of the steps by this part of the tolerance
 # of its motion.
 OPENED = 0.05
+# What holds without a force is asked again after this part of the time between rows.
+SOON = 1e-6
 
 
 class Settled(NamedTuple):
-    """What has changed; whether there is no way on, or one of several."""
+    """What has changed; whether there is no way on; whether pushes are determined.
+
+    The friction of a body that rests on two points never is.
+    """
 
     events: tuple[Event, ...]
     paradox: bool
@@ -45,19 +49,54 @@ def settle(here: Touching, met: int | None, also: Collection[int]) -> Settled:
     """
     arc, p = here.arc, here.arc.system.p
     before = p.law_mode.copy()
-    # What touches without a force may part: its gap is watched then.
-    leaning = np.array([float(law.kind in ONE_SIDED) for law in here.laws])
+    leaning = np.zeros(here.count)
     if met is not None and before[met] == kept.HELD:
         leaning[met] = 1.0
         if (pair := here.laws[met].pair) >= 0:
             leaning[pair] = 1.0
     found = _chosen(here, leaning, also)
+    idle = _idle(here, found)
+    if idle:
+        leaning[idle] += _parting(here, found, idle, also)
+        found = _chosen(here, leaning, also)
     p.law_mode[:], p.law_way[:] = found.mode, found.way
     on = (found.mode == kept.HELD) | (found.mode == kept.DRIVEN)
     p.law_forces = float(np.any(on))
     _set_slack(here, found)
     events = tuple(_changes(here, before)) if arc.steps else ()
-    return Settled(events, found.paradox, found.unique)
+    implied = np.flatnonzero(found.mode == kept.IMPLIED)
+    unique = not any(here.laws[k].kind in ONE_SIDED for k in implied)
+    p.law_shares = 0.0 if unique else 1.0
+    return Settled(events, found.paradox, unique)
+
+
+def _idle(here: Touching, found: Chosen) -> list[int]:
+    """Give what holds without a force, and so might as well part."""
+    pushes = np.abs(found.multipliers) * found.D
+    return [
+        k
+        for k, push in zip(found.some, pushes, strict=True)
+        if found.mode[k] == kept.HELD
+        and here.laws[k].kind in ONE_SIDED
+        and push <= ROUNDED * here.forces[k]
+    ]
+
+
+def _parting(
+    here: Touching, found: Chosen, idle: list[int], also: Collection[int]
+) -> Floats:
+    """Tell by the accelerations of a moment later which idle laws part then (1)."""
+    arc, p = here.arc, here.arc.system.p
+    before = p.law_mode.copy(), p.law_way.copy()
+    p.law_mode[:], p.law_way[:] = found.mode, found.way
+    n, moment = arc.system.n, SOON * arc.state.row_step
+    rates = arc.runner.function("field", arc.system.size + arc.system.m)(arc.t, here.y)
+    y = here.y + moment * rates[: arc.system.size]
+    y[:n] += moment**2 / 2.0 * rates[n : 2 * n]
+    p.law_mode[:], p.law_way[:] = before
+    later = Touching(arc, y, arc.t + moment)
+    then = _chosen(later, np.zeros(here.count), {*also, *found.some})
+    return np.array([float(then.mode[k] == kept.OFF) for k in idle])
 
 
 class Chosen(NamedTuple):
@@ -72,7 +111,6 @@ class Chosen(NamedTuple):
     multipliers: Floats
     D: Floats
     paradox: bool
-    unique: bool
 
 
 def _chosen(here: Touching, leaning: Floats, also: Collection[int]) -> Chosen:
@@ -88,10 +126,10 @@ def _chosen(here: Touching, leaning: Floats, also: Collection[int]) -> Chosen:
             some.append(k)
     mode, way = np.zeros(L), np.zeros(L)
     if not some:
-        return Chosen(mode, way, some, np.empty(0), np.empty(0), False, True)
+        return Chosen(mode, way, some, np.empty(0), np.empty(0), False)
     problem, _ = here.problem(some, np.zeros(len(some)))
-    noise = ROUNDED * here.free.forces[some]
-    asked = here.free.accelerations[some]
+    noise = ROUNDED * here.forces[some]
+    asked = here.accelerations[some]
     found = modes(
         problem,
         np.where(np.abs(asked) <= noise, 0.0, asked),
@@ -102,9 +140,7 @@ def _chosen(here: Touching, leaning: Floats, also: Collection[int]) -> Chosen:
     )
     mode[some], way[some] = [float(x) for x in found.mode], found.way
     diagonal = np.diag(problem.D).copy()
-    return Chosen(
-        mode, way, some, found.multipliers, diagonal, found.paradox, found.unique
-    )
+    return Chosen(mode, way, some, found.multipliers, diagonal, found.paradox)
 
 
 def _set_slack(here: Touching, found: Chosen) -> None:
@@ -118,7 +154,7 @@ def _set_slack(here: Touching, found: Chosen) -> None:
     for k, law in enumerate(here.laws):
         mode = found.mode[k]
         if mode == kept.HELD and push[k] > 0.0:
-            size[k] = ROUNDED * here.free.forces[k] / push[k]
+            size[k] = ROUNDED * here.forces[k] / push[k]
         elif mode == kept.DRIVEN:
             size[k] = here.still[k]
         elif mode == kept.OFF and law.kind in ONE_SIDED:

@@ -6,8 +6,7 @@ a step was cut.
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,31 +27,17 @@ ROUNDED = 2.0**-46
 HIGHER = 16.0
 
 
-class Free(NamedTuple):
-    """The laws of a run as they would be without any of them in force, (L,) each.
-
-    Attributes
-    ----------
-    accelerations : ndarray
-        The rates of the rows' rates.
-    forces : ndarray
-        The size of their terms.
-    bounds, statics : ndarray
-    """
-
-    accelerations: Floats
-    forces: Floats
-    bounds: Floats
-    statics: Floats
-
-
 class Touching:
     """The laws of a run at one state.
 
     Attributes
     ----------
-    gaps, rates : ndarray, shape (L,)
-        Of the rows: the gap of a contact, else the speed; its rate, or the speed.
+    gaps, rates, accelerations : ndarray, shape (L,)
+        Of the rows: the gap of a contact, else the speed; its rate, or the speed; and
+        the rate of that as it would be without any law.
+    forces : ndarray, shape (L,)
+        The size of the terms of `accelerations`.
+    bounds, statics : ndarray, shape (L,)
     slack : ndarray, shape (L,)
         Gaps, or speeds, that are rounding.
     still : ndarray, shape (L,)
@@ -61,12 +46,13 @@ class Touching:
         How far the motion so far has moved each row's residual, and its rate.
     """
 
-    def __init__(self, arc: Arc, y: Floats) -> None:
+    def __init__(self, arc: Arc, y: Floats, t: float | None = None) -> None:
         system, n = arc.system, arc.system.n
         self.arc, self.y, self.laws = arc, y, system.laws
+        self.t = t = arc.t if t is None else t
         self.count, first = len(system.laws), system.m - len(system.laws)
         m, L = system.m, self.count
-        found = arc.runner.function("geometry", (n + m) * n + 4 * m)(arc.t, y)
+        found = arc.runner.function("geometry", (n + m) * n + 4 * m)(t, y)
         self.M = found[: n * n].reshape(n, n)
         rows = found[n * n : (n + m) * n].reshape(m, n)
         self.equalities, self.rows = rows[:first], rows[first:]
@@ -74,12 +60,11 @@ class Touching:
         self.residuals, self.rates = residuals[first:], rates[first:]
         gapped = system.p.law_kind == kept.CONTACT
         self.gaps = np.where(gapped, self.residuals, self.rates)
+        self.in_force = np.ones(L, dtype=bool)
         if any(law.when is not None for law in self.laws):
-            self.in_force = arc.runner.function("conditions", L)(arc.t, y) != 0.0
-        else:
-            self.in_force = np.ones(L, dtype=bool)
+            self.in_force = arc.runner.function("conditions", L)(t, y) != 0.0
         slopes, seen, ranges = np.abs(self.rows), arc.seen, arc.ranges
-        moment = MOMENTS * np.spacing(abs(arc.t))
+        moment = MOMENTS * np.spacing(abs(t))
         sizes = np.maximum(rate_scales[first:], slopes @ seen[n : 2 * n])
         self.still = ROUNDED * sizes
         # Of what has not moved yet: by where it will soon be.
@@ -87,25 +72,27 @@ class Touching:
         held = np.maximum(gap_scales[first:], slopes @ soon)
         self.slack = ROUNDED * held + moment * np.abs(self.rates)
         self.reach = slopes @ ranges[:n], slopes @ ranges[n : 2 * n]
+        self._let_go()
+        # What rounds in the forces has moved what they balance, since the last step.
+        self.still = np.maximum(self.still, ROUNDED * self.forces * arc.state.step_h)
 
-    @cached_property
-    def free(self) -> Free:
-        """What there would be without any law."""
+    def _let_go(self) -> None:
+        """Find the accelerations that there would be without any law."""
         arc, p = self.arc, self.arc.system.p
         n, m, L = arc.system.n, arc.system.m, self.count
         mode = p.law_mode.copy()
         p.law_mode[:] = kept.OFF
-        field = arc.runner.function("field", arc.system.size + m)(arc.t, self.y)
+        field = arc.runner.function("field", arc.system.size + m)(self.t, self.y)
         p.law_mode[:] = mode
         a = field[n : 2 * n]
-        b = p.b[m - L :].copy()  # left there, as are the bounds
+        # Left there by `field`, as are the bounds.
+        b = p.b[m - L :].copy()
+        self.bounds, self.statics = p.law_bounds.copy(), p.law_statics.copy()
+        self.accelerations = self.rows @ a - b
         # What forces do to each row, or have done in the last step: where they balance,
         # or vanish, rounding is that of their terms.
         pushed = np.maximum(np.abs(a), arc.state.parts[:n])
-        forces = np.abs(self.rows) @ pushed + np.abs(b)
-        return Free(
-            self.rows @ a - b, forces, p.law_bounds.copy(), p.law_statics.copy()
-        )
+        self.forces = np.abs(self.rows) @ pushed + np.abs(b)
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Tell which laws could act: a slip with its contact.
@@ -147,7 +134,7 @@ class Touching:
         Its next flight is no higher than the tolerance of how far it has moved, or than
         rounding.
         """
-        speed, fall = -restitution * self.rates[k], -self.free.accelerations[k]
+        speed, fall = -restitution * self.rates[k], -self.accelerations[k]
         if not fall > 0.0:
             return None
         height = speed * speed / (2.0 * fall)
@@ -156,6 +143,17 @@ class Touching:
             return None
         left = 2.0 * speed / fall
         return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
+
+    def is_spent(self, k: int) -> bool:
+        """Tell whether a contact, or a slip, could go no farther than the tolerance.
+
+        With all the speed that it has, against the forces that there are.
+        """
+        kind, force = self.laws[k].kind, self.forces[k]
+        least = self.arc.plan.tolerance * self.reach[0][k]
+        near = kind is Kind.SLIP or self.gaps[k] <= max(least, self.slack[k])
+        way = self.rates[k] ** 2 / (2.0 * force) if force > 0.0 else 0.0
+        return bool(kind in (Kind.CONTACT, Kind.SLIP) and near and way <= least)
 
     def problem(
         self, some: Sequence[int], restitutions: Floats
@@ -170,8 +168,8 @@ class Touching:
             kinds=tuple(law.kind for law in laws),
             normals=tuple(places.get(law.normal, -1) for law in laws),
             pairs=tuple(places.get(law.pair, -1) for law in laws),
-            bounds=self.free.bounds[some],
-            statics=self.free.statics[some],
+            bounds=self.bounds[some],
+            statics=self.statics[some],
             restitutions=restitutions,
             factor=found.factor,
         )

@@ -115,3 +115,29 @@ def test_a_freewheel_engages_without_rebound():
     found = impact(body, np.array([-4.0]), none(1))
     then = after([1.0, 3.0], [[-1.0, 1.0]], [4.0, 0.0], found)
     assert then == pytest.approx([1.0, 1.0])
+
+
+def test_newton_s_law_with_friction_may_raise_the_energy():
+    # A rod of half-length 1 at tan a = 2, e = 1, which friction holds: with the inverse
+    # of D = [[1.6, -1.2], [-1.2, 3.4]], impulses 1.4 and 0.2. The slip was 1.
+    s, c = 2 / np.sqrt(5.0), 1 / np.sqrt(5.0)
+    rows = [[0.0, 1.0, -c], [1.0, 0.0, s]]
+    body = closed([1.0, 1.0, 1 / 3], rows, [CONTACT, SLIP], [-1, 0], mu=0.2, e=1.0)
+    found = impact(body, np.array([-1.0, 1.0]), none(2))
+    assert found.impulses == pytest.approx([1.4, 0.2], rel=ROUNDING)
+    assert found.energy == pytest.approx(0.1, rel=ROUNDING)
+
+
+def test_targets_that_contradict_give_no_rebound():
+    # Between two walls without clearance.
+    body = closed([1.0], [[1.0], [-1.0]], [CONTACT] * 2, e=0.5)
+    found = impact(body, np.array([-1.0, 1.0]), none(2))
+    assert found.found
+    assert found.open
+    assert found.after == pytest.approx([0.0, 0.0], abs=ROUNDING)
+
+
+def test_a_body_that_is_crushed_has_no_solution():
+    # Both walls come nearer.
+    body = closed([1.0], [[1.0], [-1.0]], [CONTACT] * 2)
+    assert not impact(body, np.array([-1.0, -1.0]), none(2)).found

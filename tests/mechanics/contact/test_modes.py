@@ -112,8 +112,93 @@ def test_painleve_begins_at_four_thirds(mu, paradox):
         assert found.multipliers == pytest.approx([force, mu * force], rel=1e-12)
 
 
+@pytest.mark.parametrize("weight", [0.0, G])
+def test_no_effective_mass_at_all_is_a_paradox(weight):
+    body, rates = rod(np.arctan(2.0), 4 / 3), np.array([0.0, -1.0])
+    found = modes(body, np.array([-weight, 0.0]), rates, none(2), none(2))
+    assert found.paradox
+
+
+def test_what_could_lift_off_or_jam_lifts_off():
+    body, rates = rod(np.arctan(2.0), 2.0), np.array([0.0, -1.0])
+    found = modes(body, np.array([1.0, 0.0]), rates, none(2), none(2))
+    assert found.mode == (OFF, OFF)
+    assert not found.paradox
+
+
 def test_it_is_no_paradox_the_other_way():
     body, free = rod(np.arctan(2.0), 2.0), np.array([-G, 0.0])
     found = modes(body, free, np.array([0.0, 1.0]), none(2), none(2))
     assert not found.paradox
     assert found.multipliers == pytest.approx([G / 4.0, -G / 2.0], rel=1e-14)
+
+
+def test_a_box_on_two_corners_shares_its_friction():
+    # Both slips are the same row: the bounds add up, and each keeps to its own.
+    rows = [[0.0, 1.0, -1.0], [1.0, 0.0, 0.5], [0.0, 1.0, 1.0], [1.0, 0.0, 0.5]]
+    kinds, normals = [CONTACT, SLIP] * 2, [-1, 0, -1, 2]
+    body = closed([1.0, 1.0, 0.4], rows, kinds, normals, mu=0.5)
+    for pull, mode in ((4.9, IMPLIED), (5.1, DRIVEN)):
+        free = np.asarray(rows) @ [pull, -10.0, 0.0]
+        found = modes(body, free, none(4), none(4), none(4))
+        p = found.multipliers
+        assert found.mode.count(mode) == (1 if mode is IMPLIED else 2)
+        assert p[1] + p[3] == pytest.approx(-min(pull, 5.0), rel=1e-14)
+        assert p[0] + p[2] == pytest.approx(10.0, rel=1e-14)
+        # Moments about the centre.
+        assert p[2] - p[0] + 0.5 * (p[1] + p[3]) == pytest.approx(0.0, abs=1e-13)
+        assert (np.abs(p[1::2]) <= 0.5 * p[::2] + 1e-14).all()
+
+
+def test_a_bound_within_rounding_holds_unless_it_leans():
+    body = closed([1.0, 1.0], [[0, 1], [1, 0]], [CONTACT, SLIP], [-1, 0], mu=0.5)
+    free = np.array([-10.0, 5.0 + 1e-13])
+    noise = np.full(2, 1e-12)
+    for lean, mode in ((0.0, HELD), (1.0, DRIVEN)):
+        found = modes(body, free, none(2), noise, none(2), np.array([0.0, lean]))
+        assert found.mode == (HELD, mode)
+
+
+def test_rows_at_a_small_angle_both_hold():
+    # 1e-8 apart: a second row of its own, which D alone could not tell.
+    rows = [[1.0, 0.0], [1.0, 1e-8]]
+    body = closed([1.0, 1.0], rows, [Kind.TIMED] * 2)
+    found = modes(body, np.array([-1.0, -1.0 - 1e-8]), none(2), none(2), none(2))
+    assert found.mode == (HELD, HELD)
+    assert found.unique
+    twice = closed([1.0, 1.0], [rows[0], rows[0]], [Kind.TIMED] * 2)
+    found = modes(twice, np.array([-1.0, -1.0]), none(2), none(2), none(2))
+    assert found.mode == (HELD, IMPLIED)
+    assert found.multipliers == pytest.approx([1.0, 0.0])
+
+
+def test_a_row_on_which_nothing_acts_is_off():
+    # The contact is along what an equality holds.
+    body = closed([1.0, 1.0], [[1.0, 0.0]], [CONTACT], A=[[2.0, 0.0]])
+    assert body.D.tolist() == [[0.0]]
+    found = modes(body, none(1), none(1), none(1), none(1))
+    assert found.multipliers.tolist() == [0.0]
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e6])
+def test_masses_do_not_count(scale):
+    for seed in range(10):
+        random = np.random.default_rng(seed)
+        rows = random.normal(size=(6, 8))
+        kinds, normals = [CONTACT, SLIP] * 3, [-1, 0, -1, 2, -1, 4]
+        free = rows @ random.normal(size=8)
+        ones, others = (
+            modes(
+                closed(np.full(8, m), rows, kinds, normals, mu=0.4),
+                free, none(6), none(6), none(6),
+            )
+            for m in (1.0, scale)
+        )  # fmt: skip
+        assert others.mode == ones.mode
+        assert others.multipliers / scale == pytest.approx(ones.multipliers, rel=1e-12)
+
+
+def test_two_rows_that_contradict_are_no_motion():
+    body = closed([1.0], [[1.0], [1.0]], [Kind.TIMED] * 2)
+    found = modes(body, np.array([1.0, 2.0]), none(2), none(2), none(2))
+    assert found.paradox

@@ -98,8 +98,12 @@ def test_the_same_bounces(change):
     events, times, rows = plain()
     changed, t, table = CHANGES[change].seen()
     assert len(t) == len(times)
-    for kind in ("stick", "zeno"):
-        assert changed[kind] == pytest.approx(events[kind], abs=GLOBAL)
+    # The last flights before rest have 1e-5 of the speed: a place known to 1e-12 of
+    # where it is makes their time uncertain.
+    told = CHANGES[change]
+    place = 1e-12 * max(abs(told.x), abs(told.y), abs(told.u), abs(told.w))
+    assert changed["stick"] == pytest.approx(events["stick"], abs=GLOBAL)
+    assert changed["zeno"] == pytest.approx(events["zeno"], abs=GLOBAL + place / 1e-5)
     assert changed["impact"][:6] == pytest.approx(events["impact"][:6], abs=GLOBAL)
     for column, expected in zip(table.T, rows.T, strict=True):
         close = 10 * GLOBAL * np.max(np.abs(expected))
