@@ -28,7 +28,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.fixed import is_finite, next_time, note_sizes, step_length
+from lagsim.methods.parts.controller import record_extents
+from lagsim.methods.parts.fixed import is_finite, next_time, step_length
 from lagsim.methods.parts.impulses import factor, gather, rate, relax, respond
 from lagsim.methods.parts.interface import balance, effort
 from lagsim.methods.parts.parameters import Parameters
@@ -91,7 +92,7 @@ def start(s: Moreau, p: Parameters) -> None:
     for i in range(s.size - p.met, s.size):
         if abs(new[i]) < 1e300:
             y[i] = new[i]
-    note_sizes(s, p)
+    record_extents(s)
 
 
 def step(s: Moreau, p: Parameters) -> int:
@@ -112,7 +113,7 @@ def step(s: Moreau, p: Parameters) -> int:
     s.step_h = after - s.t
     s.t = after
     s.steps += 1.0
-    note_sizes(s, p)
+    record_extents(s)
     return DONE
 
 

@@ -16,7 +16,7 @@ from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.arc import first_arc
-from lagsim.run.decisions import Decision, Ending, Turn
+from lagsim.run.decisions import GO_ON, Decision, Ending, Turn
 from lagsim.run.events.coordinates import singularity_caution
 from lagsim.run.events.ranks import Dependence, RankLosses
 from lagsim.run.events.times import TimeBreaks
@@ -193,6 +193,8 @@ class Run:
 
     def _take(self, decision: Decision) -> None:
         """Take over what a decision says of the arc, and keep the rest."""
+        if decision is GO_ON:
+            return
         self.recorder.keep(decision)
         if decision.arc is not None:
             self.arc = decision.arc
