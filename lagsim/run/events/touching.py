@@ -6,6 +6,7 @@ a step was cut.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,8 +41,6 @@ class Touching:
         the rate of that as it would be without any law.
     forces : ndarray, shape (L,)
         The size of the terms of `accelerations`.
-    noise : ndarray, shape (L,)
-        Of `accelerations`, what is rounding.
     bounds, statics : ndarray, shape (L,)
     slack : ndarray, shape (L,)
         Gaps, or speeds, that are rounding.
@@ -77,22 +76,26 @@ class Touching:
         self.scales = held, sizes
         self._let_go()
         # What rounds in the forces has moved what they balance, since the last step.
-        self.still = np.maximum(self.still, self.noise * arc.state.step_h)
+        self.still = np.maximum(self.still, ROUNDED * self.forces * arc.state.step_h)
 
     def _let_go(self) -> None:
         """Find the accelerations that there would be without any law."""
-        n, size = self.arc.system.n, self.arc.system.size
+        n = self.arc.system.n
         a, b, self.bounds, self.statics = self._free(self.y)
         self.accelerations = self.rows @ a - b
         # What forces do to each row, or have done in the last step: where they balance,
         # or vanish, rounding is that of their terms.
         pushed = np.maximum(np.abs(a), self.arc.state.parts[:n])
         self.forces = np.abs(self.rows) @ pushed + np.abs(b)
+
+    @cached_property
+    def noise(self) -> Floats:
+        """What is rounding of `accelerations` (L,): their terms, and the state."""
         # Each component by another part, or what cancels would stay hidden.
-        aside = 0.5 + np.modf(APART * np.arange(1.0, size + 1.0))[0]
+        aside = 0.5 + np.modf(APART * np.arange(1.0, len(self.y) + 1.0))[0]
         a, b, *_ = self._free(self.y + PROBE * aside * self._known())
         stirred = np.abs(self.rows @ a - b - self.accelerations) / PROBE
-        self.noise = ROUNDED * np.maximum(self.forces, stirred)
+        return np.asarray(ROUNDED * np.maximum(self.forces, stirred))
 
     def _known(self) -> Floats:
         """Give the sizes (size,) by which a state is rounded: also those of its rows.
