@@ -127,7 +127,9 @@ def test_chaos_has_a_horizon_and_nothing_else():
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
 def test_no_healthy_model_raises_any(path):
     # The start of a run says nothing of the rows; what is slow shows within a part.
-    assert codes(run(path.stem)) == []
+    # A block that stands on two rough edges has two forces against sliding, one needed.
+    shared = ["shared-contact"] if path.stem == "rocking-block" else []
+    assert codes(run(path.stem)) == shared
 
 
 def test_symplectic_swings_of_the_energy_are_no_drift():
@@ -161,7 +163,7 @@ def test_what_counts_as_gained(balance, gained):
 
 def test_of_every_code_the_documents_say_what_it_means():
     source = Path(lagsim.__file__).parent
-    pattern = re.compile(r'(?:Caution\(|_warn\(|code =)\s*"([a-z-]+)"')
+    pattern = re.compile(r'(?:Caution\(|_warn\(|_once\(|code =)\s*"([a-z-]+)"')
     texts = [path.read_text(encoding="utf-8") for path in source.rglob("*.py")]
     raised = {code for text in texts for code in pattern.findall(text)}
     raised |= {"energy-gained", "energy-lost"}
