@@ -127,9 +127,7 @@ def test_chaos_has_a_horizon_and_nothing_else():
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
 def test_no_healthy_model_raises_any(path):
     # The start of a run says nothing of the rows; what is slow shows within a part.
-    # A block that stands on two rough edges has two forces against sliding, one needed.
-    shared = ["shared-contact"] if path.stem == "rocking-block" else []
-    assert codes(run(path.stem)) == shared
+    assert codes(run(path.stem)) == []
 
 
 def test_symplectic_swings_of_the_energy_are_no_drift():
