@@ -27,7 +27,14 @@ from lagsim.run.states import MOST_STEPS, SERIES
 from lagsim.run.system.sleepers import timed
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.error_bar.allowance import BUDGET, Allowance, Price, cost, own_cost
-from lagsim.studies.error_bar.scales import STILL, beside, ranges, scales_of
+from lagsim.studies.error_bar.scales import (
+    STILL,
+    beside,
+    falls,
+    is_at_rest,
+    ranges,
+    scales_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -342,7 +349,8 @@ def _compared(
     sizes = np.where(parted_ways, own, sizes)
     moving = beside(equations, start, sizes)
     largest = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0)
-    scales, still = scales_of(sizes, moving, largest)
+    held = falls(equations, start, run.end - run.start)
+    scales, still = scales_of(sizes, moving, largest, held)
     return ErrorBar(
         method=plan.method,
         rtol=plan.rtol,
@@ -354,6 +362,7 @@ def _compared(
         rates=errors[:, n:],
         repeated=repeats,
         parted="" if alike else _parted(run, repeated, plan),
+        rests=is_at_rest(sizes, largest, held),
     )
 
 
