@@ -13,6 +13,7 @@ from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method as method_named
 from lagsim.methods import names
+from lagsim.plan.integration import refusal
 from lagsim.studies.bench.borders import predicted
 from lagsim.studies.bench.trial import Subject
 
@@ -96,7 +97,7 @@ def methods_for(
     kind = structure(case.equations)
     for name in wish.methods or names():
         module = method_named(name)
-        reason = module.refusal(kind)
+        reason = refusal(name, case.equations, kind)
         if reason:
             text = f"`{name}` cannot handle this model: {reason}"
             problems.append(Problem("method-refused", text))

@@ -28,11 +28,10 @@ from lagsim.studies.bench.solving import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from lagsim.language.arrays import Floats
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
     from lagsim.studies.bench.reference import Reference
-    from lagsim.studies.bench.solving import Solver
+    from lagsim.studies.bench.solving import Solved, Solver
 
 # A solve may last this long, and what `auto` takes for the tightest may take this many
 # times: past it, a curve has left the picture.
@@ -284,7 +283,7 @@ class _Sweep:
         except GivenUpError:
             self._given_up = True
             return self._gap(value, chosen=own is not None)
-        measured = self._measured(solved.rows)
+        measured = self._measured(solved)
         if measured[0] is not None:
             self.errors.append(measured[0])
         return Entry(
@@ -315,10 +314,11 @@ class _Sweep:
             reason,
         )
 
-    def _measured(self, rows: Floats | None) -> Measured:
+    def _measured(self, solved: Solved) -> Measured:
+        rows = solved.rows
         if rows is None:
             return NOTHING
-        error, of_lambda = self.reference.errors(rows)
+        error, of_lambda = self.reference.errors(rows, solved.events)
         if not math.isfinite(error):
             return NOTHING
         ledger = Ledger(self.reference.columns)
