@@ -31,7 +31,7 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
     """
     mine, theirs = _by_what(events), _by_what(others)
     pairs = [
-        _nearest(times, theirs[what]) for what, times in mine.items() if what in theirs
+        partners(times, theirs[what]) for what, times in mine.items() if what in theirs
     ]
     return np.concatenate(pairs) if pairs else np.empty((0, 2))
 
@@ -49,7 +49,7 @@ def on_grid(rows: Floats, settings: Settings) -> Floats:
     places = numbers(rows[:, 0], settings.start, settings.output_step)
     kept = (places >= 0) & np.append(places[1:] != places[:-1], [True])
     kept[-1:] = True
-    return rows[kept]
+    return np.asarray(rows[kept])
 
 
 def _by_what(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floats]:
@@ -59,13 +59,16 @@ def _by_what(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floats]:
     return {what: np.unique(times) for what, times in found.items()}
 
 
-def _nearest(mine: Floats, theirs: Floats) -> Floats:
-    there, back = _places(mine, theirs), _places(theirs, mine)
+def partners(mine: Floats, theirs: Floats) -> Floats:
+    """Give those of two runs' times (k, 2) that are nearest to each other."""
+    if not (len(mine) and len(theirs)):
+        return np.empty((0, 2))
+    there, back = nearest(mine, theirs), nearest(theirs, mine)
     mutual = back[there] == np.arange(len(mine))
     return np.column_stack([mine[mutual], theirs[there[mutual]]])
 
 
-def _places(times: Floats, among: Floats) -> Floats:
+def nearest(times: Floats, among: Floats) -> Floats:
     """Give the number of the nearest for each time (k,)."""
     middles = (among[1:] + among[:-1]) / 2.0
     return np.asarray(np.searchsorted(middles, times))

@@ -125,9 +125,7 @@ class Reference:
         lam = found[self.multipliers]
         return worst, float(np.max(lam)) if len(lam) else None
 
-    def _apart(
-        self, rows: Floats, others: Floats, events: Sequence[Event]
-    ) -> Floats:
+    def _apart(self, rows: Floats, others: Floats, events: Sequence[Event]) -> Floats:
         velocities = self.state[len(self.state) // 2 :]
         jumping = velocities, self.multipliers
         return differences(rows, others, jumping, (events, self.events))
@@ -205,9 +203,11 @@ def differences(
     apart = np.abs(rows - others)
     velocities, multipliers = jumping
     for columns, only in ((velocities, (IMPACT,)), (multipliers, ())):
-        mine, theirs = ([e for e in run if e.kind in only or not only] for run in events)
+        mine, theirs = (
+            [e for e in run if e.kind in only or not only] for run in events
+        )
         same = within(rows[:, 0], moved(mine, theirs))
-        apart[np.ix_(same, columns)] = 0.0
+        apart[np.ix_(np.flatnonzero(same), np.array(columns, int))] = 0.0
     return apart
 
 
