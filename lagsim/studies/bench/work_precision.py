@@ -45,6 +45,10 @@ MOST_HALVINGS = 20
 # ... or until two halvings do not halve an error that is this small: it is rounding.
 STALLED = 1e-6
 
+# Steps too long for a scene may take longest: so many that are too slow end a curve
+# that has not begun.
+GIVE_UPS = 4
+
 TOO_SLOW = "too slow"
 DRIFT = "drift"
 
@@ -258,7 +262,7 @@ class _Sweep:
         self.solver, self.auto = solver, auto
         self.reference, self.patience = reference, patience
         self.errors: list[float] = []
-        self._given_up = False
+        self._given_up = 0
 
     @property
     def pressed(self) -> bool:
@@ -267,7 +271,7 @@ class _Sweep:
     @property
     def over(self) -> bool:
         """Whether tighter settings would show nothing new."""
-        if self.pressed or self._given_up:
+        if self.pressed or self._given_up >= (1 if self.errors else GIVE_UPS):
             return True
         if self.solver.setting != "step" or len(self.errors) < 3:
             return False
@@ -281,7 +285,7 @@ class _Sweep:
         try:
             solved = least(lambda: solver.solve(value, self.patience))
         except GivenUpError:
-            self._given_up = True
+            self._given_up += 1
             return self._gap(value, chosen=own is not None)
         measured = self._measured(solved)
         if measured[0] is not None:
