@@ -34,5 +34,5 @@ def test_times_between_a_pair():
 def test_rows_of_output_times_are_those_after_an_impact():
     times = [0.0, 0.25, 0.25, 0.5, 0.5, 0.75, 1.0, 1.1]
     rows = np.column_stack([times, np.arange(8.0)])
-    settings = Settings(duration=1.1, output_step=0.5)
+    settings = Settings(start=0.0, end=1.1, output_step=0.5)
     assert on_grid(rows, settings)[:, 1].tolist() == [0, 4, 6, 7]

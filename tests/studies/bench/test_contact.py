@@ -1,4 +1,4 @@
-"""Charts of scenes with impacts: orders are kept, and what cannot handle laws says so."""
+"""Charts of scenes with impacts: orders are kept; what cannot handle laws says so."""
 
 from __future__ import annotations
 
