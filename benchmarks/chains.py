@@ -40,9 +40,7 @@ def chain(n, duration):
 PREPARE = """
 import json, sys, time
 from lagsim.model.reader import read_file
-from lagsim.mechanics.equations import derive
-from lagsim.admissibility import examine
-from lagsim.plan import make_plan
+from lagsim.run.session import open_case
 from lagsim.run.system import System
 from lagsim.native.link import engine
 engine.target()
@@ -52,10 +50,9 @@ def lap(name):
     now = time.perf_counter()
     laps[name], last = now - last, now
 model = read_file(sys.argv[1]); lap("read")
-equations = derive(model); lap("derive")
-start = examine(equations).start; lap("examine")
-plan = make_plan(equations, start, model.settings()); lap("plan")
-system = System(equations, plan); lap("compile")
+case = open_case(model); lap("derive and examine")
+plan = case.plan(); lap("plan")
+system = System(case.equations, plan); lap("compile")
 runner = system.link(plan.method); lap("kernels and linking")
 print(json.dumps(laps))
 """

@@ -14,14 +14,11 @@ import numpy as np
 from failing_chart import EXACT, FAILS, HOLDS, MORE, OTHER, View, draw
 from scipy.integrate import solve_ivp
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.methods import dop853
 from lagsim.model.reader import read_file
-from lagsim.plan import make_plan
 from lagsim.run.arcs import Run
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
+from lagsim.run.observers import Keep
+from lagsim.run.session import open_case
 
 ROOT = Path(__file__).resolve().parent.parent
 MODELS, FOLDER = ROOT / "models" / "failing", ROOT / "docs" / "failing"
@@ -33,34 +30,19 @@ class Motion:
     def __init__(self, name, sets=None, **options):
         options = {key: str(value) for key, value in options.items()}
         sets = {key: str(value) for key, value in (sets or {}).items()}
-        self.model = read_file(str(MODELS / f"{name}.yaml"), sets, options)
-        self.equations = derive(self.model)
-        self.settings = self.model.settings()
-        self.start = examine(self.equations, self.settings.start).start
-        self.plan = make_plan(self.equations, self.start, self.settings)
-        self.system = System(self.equations, self.plan)
-        self.blocks = []
+        model = read_file(str(MODELS / f"{name}.yaml"), sets, options)
+        self.session = open_case(model).ready()
+        self.case, self.system = self.session.case, self.session.system
+        self.kept = Keep()
 
     def whole(self):
         """Integrate it."""
         with np.errstate(all="ignore"):
-            self.trajectory = simulate(
-                self.equations,
-                self.start,
-                self.plan,
-                self.system,
-                self.settings,
-                [self],
-            )
-        self.rows = np.concatenate(self.blocks)
+            self.trajectory = self.session.run([self.kept])
         return self
 
-    def add(self, rows):
-        """Keep rows."""
-        self.blocks.append(rows.copy())
-
     def __getitem__(self, name):
-        return self.rows[:, self.system.columns.names.index(name)]
+        return self.kept.table[:, self.system.columns.names.index(name)]
 
     @property
     def evaluations(self):
@@ -69,12 +51,12 @@ class Motion:
 
     def steps(self, most):
         """Give the times and lengths of the first steps, and rejections until each."""
-        settings = self.settings
-        run = Run(self.equations, self.start, self.plan, self.system, settings, [])
+        case, plan = self.case, self.session.plan
+        run = Run(case.equations, case.start, plan, self.system, case.settings, [])
         run.begin()
         run.arc.tell({"ask_at": 0.0})  # go on at the bound
         found, s = [], run.arc.state
-        while len(found) < most and run.t < settings.end:
+        while len(found) < most and run.t < case.settings.end:
             run.arc.advance(run.block, 1)
             found.append((s.t, s.step_h, s.rejections, s.evaluations))
         return np.array(found).T
@@ -181,7 +163,7 @@ def bdf():
         seen.append(time)
         return derivative(time, y)[:4]
 
-    start = np.concatenate([radau.start.q, radau.start.v])
+    start = np.concatenate([radau.case.start.q, radau.case.start.v])
     solution = solve_ivp(rate, (0.0, 0.3), start, method="BDF", rtol=1e-4, atol=1e-10)
     steps = View("The step that each chooses", "t", "h", log_y=True)
     steps.add("BDF", solution.t[1:], np.diff(solution.t), FAILS)
@@ -228,7 +210,7 @@ def taylor():
     runner = motion.system.link("taylor")
     runner.prepare()
     size = motion.system.size
-    y = np.concatenate([motion.start.q, motion.start.v])
+    y = np.concatenate([motion.case.start.q, motion.case.start.v])
     found = runner.function("series", 1 + 41 * size)(0.0, y)
     order = int(found[0])
     series = found[1 : 1 + (order + 1) * size].reshape(order + 1, size)

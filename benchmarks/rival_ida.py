@@ -13,7 +13,8 @@ import numpy as np
 from sksundae.ida import IDA
 
 from lagsim.language.derivatives import gradient
-from lagsim.native.graph.straight_line import Layout, generate
+from lagsim.native.graph.keys import Layout
+from lagsim.native.graph.straight_line import generate
 from lagsim.native.link.engine import Engine, compile_object
 from lagsim.run.system.runner import FUNCTION
 from lagsim.studies.bench.solving import Solved

@@ -47,23 +47,19 @@ def candidates(n):
 
     import numpy as np
 
-    from lagsim.admissibility import examine
-    from lagsim.mechanics.equations import derive
     from lagsim.model.reader import read
-    from lagsim.plan import make_plan
+    from lagsim.plan import by_loops
+    from lagsim.run.session import open_case
     from lagsim.run.system import System
     from lagsim.run.system.runner import FUNCTION
 
-    equations = derive(read(rod_chain(n, 1.0), "rods.yaml"))
-    start = examine(equations).start
-    plan = make_plan(equations, start, equations.model.settings())
+    case = open_case(read(rod_chain(n, 1.0), "rods.yaml"))
+    equations, start, plan = case.equations, case.start, case.plan()
     plans = {"tape": replace(plan, tape=True)}
     if n <= LONGEST_CODE:
         plans["code"] = replace(plan, tape=False)
     if n <= MOST_LOOPS:
-        plans["loops"] = make_plan(
-            equations, start, equations.model.settings(), loops=True
-        )
+        plans["loops"] = by_loops(plan)
     y = np.concatenate([start.q, start.v])
 
     def timed(chosen):

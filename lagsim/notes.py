@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
+class Choice(NamedTuple):
     """One thing chosen, and why."""
 
     choice: str
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Event:
+class Event(NamedTuple):
     """Something that happened at a time, to a constraint or to the run.
 
     `conditioning` goes with a loss of rank: the smallest singular value then; `switch`
@@ -31,8 +29,7 @@ class Event:
     energy: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Caution:
+class Caution(NamedTuple):
     """Something the user should know; `code` is stable."""
 
     code: str

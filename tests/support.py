@@ -64,6 +64,24 @@ class Run:
         return float(np.max(np.abs(balance - balance[0])))
 
 
+def at_outputs(t: Any, start: float, step: float) -> Any:
+    """Give the rows (k,) at output times, not those of impacts between them.
+
+    Of two at one time the second, after the impact.
+    """
+    steps = (t - start) / step
+    near = np.abs(steps - np.round(steps)) <= 1e-6
+    near[-1] = True
+    later = np.append(t[1:] > t[:-1], True)
+    return np.flatnonzero(near & later)
+
+
+def has_laws(name: str) -> bool:
+    """Tell whether a shipped model has constraints that hold at times."""
+    model = read_file(str(MODELS / f"{name}.yaml"))
+    return not all(c.always for c in model.constraints)
+
+
 def case_of(model: Any, **options: Any) -> Case:
     """Open a Model, the text of one, or the name of a shipped one."""
     options = {k: str(v) for k, v in options.items()}
@@ -75,17 +93,21 @@ def case_of(model: Any, **options: Any) -> Case:
     return open_case(model)
 
 
-def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
-    """Run a Model, the text of one, or the name of a shipped one.
+def ready(model: Any, *, loops: bool = False, **options: Any) -> Session:
+    """Plan and compile what `case_of` takes; `loops` insists on the dense solve."""
+    case = case_of(model, **options)
+    return case.ready(by_loops(case.plan()) if loops else None)
 
-    `loops` insists on the dense solve; other keywords are those of `Session`, or of its
-    run, or options of `simulation` such as rtol="1e-12".
+
+def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
+    """Run what `ready` takes.
+
+    Other keywords are those of `Session`, or of its run, or options of `simulation`
+    such as rtol="1e-12".
     """
     limits = {k: keywords.pop(k) for k in LIMITS & keywords.keys()}
     heard = {k: keywords.pop(k) for k in HEARD & keywords.keys()}
-    case = case_of(model, **keywords)
-    session = case.ready(by_loops(case.plan()) if loops else None)
-    session = replace(session, **limits)
+    session = replace(ready(model, loops=loops, **keywords), **limits)
     keep = Keep()
     trajectory = session.run([keep], **heard)
     return Run(session, trajectory, keep.table)

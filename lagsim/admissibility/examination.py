@@ -7,8 +7,7 @@ the rounding error of the expressions that gave the start.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from lagsim.admissibility.solving import Solver
 from lagsim.admissibility.standing import standing
 from lagsim.admissibility.start import Start
 from lagsim.admissibility.verdict import Verdict, judge, judge_starts
-from lagsim.mechanics.state import State
+from lagsim.mechanics.instant import Instant
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,13 +46,12 @@ REPORTED = 225.0
 SIMPLE = "write the relations that it amounts to, each with a gradient"
 
 
-@dataclass(frozen=True, slots=True)
-class Examination:
+class StartReport(NamedTuple):
     """What there is to say of an initial state.
 
     Attributes
     ----------
-    state : State
+    state : Instant
         The nearest exact state where the start is admissible, else the stated one.
     verdicts : tuple of Verdict
         The constraints, then the start values of definitions that are not met.
@@ -84,7 +82,7 @@ class Examination:
         What the exact state changes by more than rounding: name -> (stated, exact).
     """
 
-    state: State
+    state: Instant
     verdicts: tuple[Verdict, ...]
     ranks: RankReport
     augmented: bool
@@ -129,7 +127,7 @@ class Examination:
 
 def examine(
     equations: Equations, time: float = 0.0, *, classify: bool = False
-) -> Examination:
+) -> StartReport:
     """Judge the initial state of a model.
 
     Parameters
@@ -146,11 +144,10 @@ def examine(
         Where energies or forces are not finite, or a coordinate has no inertia that no
         constraint determines (exit 2).
     """
-    return _Examiner(equations, time).examination(classify=classify)
+    return _Examiner(equations, time).report(classify=classify)
 
 
-@dataclass(frozen=True, slots=True)
-class _Judged:
+class _Judged(NamedTuple):
     """Where the rows are looked at, what is met there, and what contradicts."""
 
     q: Floats
@@ -159,6 +156,7 @@ class _Judged:
     contradictions: tuple[Dependence, ...]
     repair: dict[str, float] | None = None
     thin: ThinSet | None = None
+    unsolved: str = ""
 
 
 class _Examiner:
@@ -176,12 +174,12 @@ class _Examiner:
         self.free_q = [j for j in range(n) if guessed[j]]
         self.free_v = [j for j in range(n) if guessed[n + j]]
 
-    def examination(self, *, classify: bool) -> Examination:
+    def report(self, *, classify: bool) -> StartReport:
         point = self.point
         guessed = bool(self.free_q or self.free_v)
         refuse_infinite(point, self.q0, self.v0, self.off, rows=not guessed)
         self.solver = Solver(point, self.q0, self.v0, self.errors)
-        q, v = self._guessed()
+        q, v, unsolved = self._guessed()
         if guessed:
             refuse_infinite(point, q, v, self.off, rows=True)
         verdicts = judge(point, q, v, self.errors)
@@ -206,7 +204,7 @@ class _Examiner:
         warnings += about_ranks(self.e, judged.ranks, thin, sound=sound)
         reach: Reach | None = None
         redundant = {d.name for d in judged.ranks.dependences}
-        verdicts = [replace(x, redundant=x.name in redundant) for x in verdicts]
+        verdicts = [x._replace(redundant=x.name in redundant) for x in verdicts]
         if classify and not all(row.holonomic for row in self.e.rows):
             from lagsim.admissibility.integrability import classified
 
@@ -222,8 +220,8 @@ class _Examiner:
             place = {c.name: k for k, c in enumerate(self.e.model.constraints)}
             whole = [*in_force(verdicts, self.e), *laws]
             verdicts = sorted(whole, key=lambda x: place[x.name])
-        return Examination(
-            state=State(point.t, q, v),
+        return StartReport(
+            state=Instant(point.t, q, v),
             verdicts=(*verdicts, *unmet),
             ranks=judged.ranks,
             lasting=lasting,
@@ -232,14 +230,14 @@ class _Examiner:
             reach=reach,
             repair=judged.repair,
             contradictions=judged.contradictions,
-            unsolved=self.solver.unsolved,
+            unsolved=judged.unsolved or unsolved,
             changes=self._changes(stated, (q, v)),
             warnings=tuple(warnings),
             thin=judged.thin,
         )
 
-    def _guessed(self) -> tuple[Floats, Floats]:
-        """Solve the guesses: positions first, then velocities."""
+    def _guessed(self) -> tuple[Floats, Floats, str]:
+        """Solve the guesses, positions first, then velocities; say why they fail."""
         q, v = self.q0.copy(), self.v0.copy()
         for free, x, velocities in ((self.free_q, q, False), (self.free_v, v, True)):
             if not free:
@@ -254,14 +252,14 @@ class _Examiner:
                 del self.solver.warnings[said:]
                 found = self.solver.guesses(free, q, v, velocities=velocities)
             if not found.met:
-                break
+                return q, v, found.reason
             errors = self.point.solved_errors(q, v, (self.q0, self.v0))
             names = self.solver.names(free, velocities=velocities)
             moved = x[free] != before
             self.errors.update(
                 {n: errors[n] for n, m in zip(names, moved, strict=True) if m}
             )
-        return q, v
+        return q, v, ""
 
     def _errors(self, judged: _Judged) -> dict[str, float]:
         """Give the errors of a state: as stated, or of values solved for."""
@@ -289,18 +287,17 @@ class _Examiner:
         if levels == LEVELS:
             ways = (np.zeros_like(q) if double is None else double, way_v)
             thin, real = thin_set(self.point, q, v, ranks.dependences, ways)
-            ranks = replace(
-                ranks,
+            ranks = ranks._replace(
                 dependences=tuple(
                     # It is not one too many, though no state nearby was found.
-                    replace(d, everywhere=False)
+                    d._replace(everywhere=False)
                     if d.name in real and d.everywhere is None
                     else d
                     for d in ranks.dependences
                 ),
             )
         against = tuple(d for d in ranks.dependences if d.contradictions)
-        return replace(judged, ranks=ranks, contradictions=against, thin=thin)
+        return judged._replace(ranks=ranks, contradictions=against, thin=thin)
 
     def _exact(self, q: Floats, v: Floats, laws: Sequence[Verdict]) -> _Judged:
         """Give the nearest exact state; one that is exact to rounding stays."""
@@ -310,15 +307,15 @@ class _Examiner:
             for x in laws
             if x.judged and x.position.value < 0 and not x.position.exact
         }
-        self.solver.touching |= one_sided(self.e, passed)
+        self.solver.touch(one_sided(self.e, passed))
         q = self.solver.exact(everything, q, v, velocities=False)
         v = self.solver.exact(everything, q, v, velocities=True)
         judged = self._analysed(q, v, LEVELS)
         if judged.contradictions:
-            text = "; ".join(d.contradiction() for d in judged.contradictions)
-            self.solver.unsolved = f"{text}: no motion can begin here"
-        elif judged.thin:
-            self.solver.unsolved = f"{judged.thin}: {SIMPLE}"
+            unsolved = f"{_told(judged.contradictions)}: no motion can begin here"
+            return judged._replace(unsolved=unsolved)
+        if judged.thin:
+            return judged._replace(unsolved=f"{judged.thin}: {SIMPLE}")
         return judged
 
     def _repaired(self, q: Floats, v: Floats) -> _Judged:
@@ -335,11 +332,10 @@ class _Examiner:
             state[k] = found.x
             if not found.met:
                 least = self._analysed(state[0], state[1], LEVELS[: k + 1])
-                if least.contradictions:
-                    text = "; ".join(d.contradiction() for d in least.contradictions)
-                    self.solver.unsolved = f"{text}; {self.solver.least}"
+                against = least.contradictions
+                told = f"{_told(against)}; {found.least}" if against else found.reason
                 judged = self._analysed(q, v, ())
-                return replace(judged, contradictions=least.contradictions)
+                return judged._replace(contradictions=against, unsolved=told)
             if self._touch(state[0], state[1], velocities=velocities):
                 return self._repaired(q, v)
         changed = self._changes((self.q0, self.v0), (state[0], state[1]))
@@ -347,10 +343,9 @@ class _Examiner:
         if judged.contradictions:
             return judged
         if judged.thin:
-            self.solver.unsolved = f"{judged.thin}: {SIMPLE}"
-            return judged
+            return judged._replace(unsolved=f"{judged.thin}: {SIMPLE}")
         repair = {name: new for name, (_, new) in changed.items()}
-        return replace(judged, repair=repair)
+        return judged._replace(repair=repair)
 
     def _touch(
         self,
@@ -378,7 +373,7 @@ class _Examiner:
             if row.holonomic is not velocities
             and (free is None or not row.A.entries.keys().isdisjoint(free))
         }
-        self.solver.touching |= new
+        self.solver.touch(new)
         return bool(new)
 
     def _changes(
@@ -394,3 +389,7 @@ class _Examiner:
             for i, name in enumerate(names)
             if moved[i]
         }
+
+
+def _told(against: tuple[Dependence, ...]) -> str:
+    return "; ".join(d.contradiction() for d in against)

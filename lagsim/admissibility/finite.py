@@ -14,6 +14,17 @@ if TYPE_CHECKING:
     from lagsim.admissibility.point import Point
     from lagsim.language.arrays import Floats
 
+NO_VALUE = (
+    "check the initial values against what it divides by and the arguments of its "
+    "roots and logarithms; the point of a cone, as that of hypot(x, y) at 0, has no "
+    "gradient: start, or guess, beside it"
+)
+DIRECTION = (
+    "a velocity that is 0 has no direction: friction in a plane by "
+    "x_dot/hypot(x_dot, y_dot) is written x_dot/hypot(c, hypot(x_dot, y_dot)), c a "
+    "speed far below those that matter, under which it creeps; along a line sign(x_dot)"
+)
+
 
 def refuse_infinite(
     point: Point, q: Floats, v: Floats, off: Collection[str], *, rows: bool
@@ -47,15 +58,14 @@ def refuse_infinite(
     named += [(f"the inertia of {q}", e.M[j][j]) for j, q in enumerate(e.q)]
     found = [(name, node) for name, node in named if node is not None]
     values = point.array([node for _, node in found], q, v)
+    resting = {name for name, rate in zip(e.velocities, v, strict=True) if not rate}
     problems = [
         Problem(
             "not-finite",
             f"{name} is {value} at the start, not finite",
-            hint="check the initial values against what it divides by and the "
-            "arguments of its roots and logarithms; the point of a cone, as "
-            "that of hypot(x, y) at 0, has no gradient: start, or guess, beside it",
+            hint=DIRECTION if e.graph.depends([node]) & resting else NO_VALUE,
         )
-        for (name, _), value in zip(found, values, strict=True)
+        for (name, node), value in zip(found, values, strict=True)
         if not np.isfinite(value)
     ]
     if problems:

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from lagsim.admissibility.point import Point
     from lagsim.language.arrays import Floats
 
+# Inertia below this part of the largest is rounding, where M varies with the positions:
+# a motion passes it (angles near gimbal lock), and its rounding is seen in every step.
+# Of a constant M it would be the same in all steps, which no repeat sees.
+PASSING = 1e-13
+
 
 def needs_constraints(
     point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
@@ -36,7 +41,8 @@ def needs_constraints(
     size = sizes_of(np.sqrt(np.abs(np.diag(M))), A)
     scaled = M / np.outer(size, size)
     inertia, directions = np.linalg.eigh(scaled)
-    if inertia[0] > RANK:
+    least = PASSING if _varies(point) else RANK
+    if inertia[0] > least:
         return False
     if inertia[0] < -RANK:
         direction = directions[:, 0] / size
@@ -47,11 +53,17 @@ def needs_constraints(
     if not kernel.shape[1]:
         return True
     inertia, directions = np.linalg.eigh(kernel.T @ scaled @ kernel)
-    if inertia[0] > RANK:
+    if inertia[0] > least:
         return True
     direction = (kernel @ directions[:, 0]) / size
     always = " that always holds" if point.e.laws else ""
     raise InputError([_problem(point.e.q, direction, negative=False, which=always)])
+
+
+def _varies(point: Point) -> bool:
+    e = point.e
+    entries = [node for row in e.M for node in row.entries.values()]
+    return not e.graph.depends(entries).isdisjoint(e.q)
 
 
 def _factor(c: float) -> str:

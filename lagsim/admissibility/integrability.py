@@ -9,8 +9,7 @@ taken on the graph and evaluated at generic points.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -41,8 +40,7 @@ TRIALS = 8
 MOST_NODES = 40_000
 
 
-@dataclass(frozen=True, slots=True)
-class Reach:
+class Reach(NamedTuple):
     """What the motion can reach.
 
     Attributes
@@ -76,7 +74,7 @@ def classified(
             decided = alone.hidden is not None
             integrable = alone.hidden == 1 if decided else None
             why = "" if decided else alone.reason
-            found.append(replace(verdict, integrable=integrable, undecided=why))
+            found.append(verdict._replace(integrable=integrable, undecided=why))
         else:
             found.append(verdict)
     return found, whole

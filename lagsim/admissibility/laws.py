@@ -92,7 +92,7 @@ def judge_laws(
     )
     found = []
     for law, value, rate, body in zip(laws, values, rates, bodies, strict=True):
-        moving = replace(rate, floor=COMPUTED * body)
+        moving = rate._replace(floor=COMPUTED * body)
         residual = value if law.row.holonomic else moving
         on = law.constraint not in off
         found.append(_verdict(law, residual, moving, in_force=on))
@@ -125,7 +125,7 @@ def in_force(verdicts: Sequence[Verdict], equations: Equations) -> list[Verdict]
     """Say of the equalities with a time that are judged that they are in force."""
     timed = {law.constraint for law in equations.laws if law.when is not None}
     return [
-        replace(v, active=True, holds=v.satisfied, mode="in force")
+        v._replace(active=True, holds=v.satisfied, mode="in force")
         if v.name in timed and v.active is None
         else v
         for v in verdicts

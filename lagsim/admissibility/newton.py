@@ -10,9 +10,8 @@ says why.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -54,13 +53,17 @@ class Trouble(Enum):
     NOT_FINITE = "values that are not finite"
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
-    """Where the iteration ended, and whether the relations are met there."""
+class Found(NamedTuple):
+    """Where the iteration ended, and whether the relations are met there.
+
+    Where they are not, also in words: why, and the least residual.
+    """
 
     x: Floats
     met: bool
     trouble: Trouble = Trouble.NONE
+    reason: str = ""
+    least: str = ""
 
 
 class Relations(Protocol):

@@ -220,6 +220,14 @@ class Asked:
         self.targets.append(target)
         self.errors.append(error)
 
+    def add_rows(self, rows: Sequence[Row], *, velocities: bool) -> None:
+        """Ask that relations hold, or that their rates be 0."""
+        for row in rows:
+            if velocities:
+                self.add(row.name, row.rate, row.rate_scale)
+            elif row.holonomic:
+                self.add(row.name, row.residual, row.residual_scale)
+
 
 class AtState(Relations):
     """What is asked of some values of a state, the others given."""

@@ -7,7 +7,6 @@ vanishes against RANK is dependent. A gradient that is nothing but rounding is z
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -37,8 +36,7 @@ TRACE = 1e-4
 HALF = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class RankReport:
+class RankReport(NamedTuple):
     """The rank of the rows at a state.
 
     Attributes
@@ -61,8 +59,7 @@ class RankReport:
     not_unique: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class _Generic:
+class _Generic(NamedTuple):
     """Rank and smallest singular value at a generic state, and the rows to spare."""
 
     rank: int
@@ -304,11 +301,7 @@ def admissible_near(
     double = False
     for velocities in (False, True) if moving else (False,):
         asked = Asked()
-        for row in point.e.rows:
-            if velocities:
-                asked.add(row.name, row.rate, row.rate_scale)
-            elif row.holonomic:
-                asked.add(row.name, row.residual, row.residual_scale)
+        asked.add_rows(point.e.rows, velocities=velocities)
         if not asked.nodes:
             continue
         relations = point.relations(

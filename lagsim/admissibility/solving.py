@@ -38,7 +38,6 @@ class Solver:
         self.point, self.e = point, point.e
         self.stated, self.errors = (q, v), errors
         self.warnings: list[Caution] = []
-        self.unsolved = self.least = ""
         # Positions were found as a double root, and are known to half of the digits.
         self.double = False
         # One-sided relations that are to be met as equalities.
@@ -83,6 +82,10 @@ class Solver:
             )
         return asked
 
+    def touch(self, rows: Mapping[str, Row]) -> None:
+        """Ask of one-sided relations that they just hold."""
+        self.touching |= rows
+
     def relations(
         self,
         free: Sequence[int],
@@ -112,8 +115,7 @@ class Solver:
             return Found(x, met=True)
         relations = self.relations(free, q, v, velocities=velocities)
         found = self._nearest(relations, x)
-        self._note(found, relations, asked.names, free, velocities)
-        return found
+        return self._noted(found, relations, asked.names, free, velocities)
 
     def guesses(
         self, free: Sequence[int], q: Floats, v: Floats, *, velocities: bool
@@ -172,7 +174,7 @@ class Solver:
         if double or not np.all(np.isfinite(J)) or np.linalg.matrix_rank(J) < len(free):
             return found  # a family of roots: the nearest of them has been found
         random = np.random.default_rng(3)  # the same starts each time
-        size = self._spread(relations, found.x, velocities=velocities)
+        size = self._spread(relations, x0, found.x, velocities=velocities)
         size = np.maximum(size, np.abs(x0 - found.x))
         size[size == 0] = 1.0
         metric = self.metric(free)
@@ -195,10 +197,12 @@ class Solver:
         )
         return Found(roots[0], met=True)
 
-    def _spread(self, relations: AtState, x: Floats, *, velocities: bool) -> Floats:
-        """Give how far around a root others are looked for."""
-        if velocities:
-            return np.asarray(np.maximum(np.abs(x), np.max(np.abs(x), initial=0.0)))
+    def _spread(
+        self, relations: AtState, x0: Floats, x: Floats, *, velocities: bool
+    ) -> Floats:
+        """Give how far around a root x, found from x0, others are looked for."""
+        if velocities:  # 0 may be found as 1e-60
+            return np.full(len(x), np.max(np.abs([x0, x]), initial=0.0))
         q, v = relations.state(x)
         g, places = self.e.graph, {}
         for j, name in enumerate(self.e.q):
@@ -210,14 +214,14 @@ class Solver:
         spread = Lengths(self.point, forms, q, v).spread
         return np.asarray(spread[relations.free])
 
-    def _note(
+    def _noted(
         self,
         found: Found,
         relations: AtState,
         asked: Sequence[str],
         free: Sequence[int],
         velocities: bool,
-    ) -> None:
+    ) -> Found:
         """Say what was odd about a root, or why there is none."""
         where = _listed(self.names(free, velocities=velocities), found.x)
         residual, J = relations(found.x)
@@ -232,9 +236,8 @@ class Solver:
                     f"`{name}`, or a singular configuration; its multiplier means "
                     "little",
                 )
-            return
+            return found
         least = f"the least |residual| is {abs(residual[worst]):.6g}, at {where}"
-        self.least = least
         if found.trouble is Trouble.MINIMUM:
             lengths = np.linalg.norm(J, axis=1)
             lengths[lengths == 0] = 1.0
@@ -243,14 +246,15 @@ class Solver:
             named = [f"`{x}`" for x, is_in in zip(asked, shared, strict=True) if is_in]
             what = " and ".join(named)
             together = " together" if len(named) > 1 else ""
-            self.unsolved = f"{what} cannot be satisfied{together} near there: {least}"
+            reason = f"{what} cannot be satisfied{together} near there: {least}"
         elif found.trouble is Trouble.RANK_LOSS:
-            self.unsolved = (
+            reason = (
                 f"the constraints lose their independence on the way to meeting "
                 f"`{name}`: {least}"
             )
         else:
-            self.unsolved = f"`{name}` has no finite value on the way, near {where}"
+            reason = f"`{name}` has no finite value on the way, near {where}"
+        return found._replace(reason=reason, least=least)
 
     def _warn(self, code: str, text: str) -> None:
         self.warnings.append(Caution(code, text))

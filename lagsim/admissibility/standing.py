@@ -230,4 +230,4 @@ def _named(
         mode = "closed"
     else:
         mode = "sticks" if all(x in _HELD for x in slips) else "slides"
-    return replace(verdict, holds=holds, mode=mode)
+    return verdict._replace(holds=holds, mode=mode)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from lagsim.admissibility.inertia import needs_constraints
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import analyse
-from lagsim.mechanics.state import State
+from lagsim.mechanics.instant import Instant
 
 if TYPE_CHECKING:
     from lagsim.admissibility.rank import RankReport
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Start(State):
+class Start(Instant):
     """A state, which rows depend on others there, and whether M needs them.
 
     Attributes
@@ -29,7 +29,7 @@ class Start(State):
     augmented: bool
 
 
-def start_at(equations: Equations, state: State) -> Start:
+def start_at(equations: Equations, state: Instant) -> Start:
     """Look at equations at a state that meets their constraints."""
     q, v = state.q, state.v
     point = Point(equations, state.t)

@@ -10,8 +10,7 @@ whose coefficients vanish at the start is judged like its neighbours.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -39,8 +38,7 @@ MOTION = 0.1
 COMPUTED = 1e-12
 
 
-@dataclass(frozen=True, slots=True)
-class Residual:
+class Residual(NamedTuple):
     """How far a relation, or its rate, is from being met.
 
     Attributes
@@ -94,8 +92,7 @@ class Residual:
         return max(1, int(-math.log10(abs(self.value) / self.scale)))
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(NamedTuple):
     """One relation at the start.
 
     Attributes
@@ -219,21 +216,21 @@ def _of_size(residual: Residual, own: float) -> Residual:
     """Compare with the relation's own size where that is less than its terms."""
     if not np.isfinite(own):
         return residual
-    residual = replace(residual, floor=float(ALL_DIGITS * own))
+    residual = residual._replace(floor=float(ALL_DIGITS * own))
     if own >= residual.scale:
         return residual
-    return replace(residual, scale=float(own), size="its own size, wherever it stands")
+    return residual._replace(scale=float(own), size="its own size, wherever it stands")
 
 
 def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
     """Compare with the motion that a relation sees, and with that of its body."""
-    residual = replace(residual, floor=COMPUTED * body)
+    residual = residual._replace(floor=COMPUTED * body)
     if motion < residual.scale:
-        return replace(residual, scale=float(motion), size="the motion that it sees")
+        return residual._replace(scale=float(motion), size="the motion that it sees")
     if np.isfinite(motion) and MOTION * motion > residual.scale:
         size = "a tenth of the motion that it sees"
         scale = float(MOTION * motion)
-        return replace(residual, scale=scale, size=size)
+        return residual._replace(scale=scale, size=size)
     return residual
 
 
@@ -279,7 +276,7 @@ def judge_starts(
     nodes = [w.node for w in values if w.node is not None]
     left = measured(point, nodes, [w.value for w in values], (q, v), errors)
     for wanted, residual in zip(values, left, strict=True):
-        missed = replace(residual, rounding=residual.rounding + CAUTION * wanted.error)
+        missed = residual._replace(rounding=residual.rounding + CAUTION * wanted.error)
         name = f"{wanted.name}: {wanted.text}"
         found.append(Verdict(name, START_VALUE, True, None, missed, None))
     return found

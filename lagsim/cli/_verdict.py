@@ -10,14 +10,14 @@ from lagsim.cli._shared import coloured, counted, table
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.admissibility import Examination, Verdict
+    from lagsim.admissibility import StartReport, Verdict
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Choice
 
 
 def report(
     equations: Equations,
-    start: Examination,
+    start: StartReport,
     choices: Sequence[Choice] = (),
     *,
     repair: bool = False,
@@ -51,7 +51,7 @@ def report(
     return "\n".join(lines)
 
 
-def _faults(start: Examination) -> list[str]:
+def _faults(start: StartReport) -> list[str]:
     """Say what keeps a start from being admissible."""
     faults = [d.contradiction() for d in start.contradictions]
     if start.thin is not None:
@@ -110,7 +110,7 @@ def _standing(verdict: Verdict, residual: float) -> str:
     return f"{text}; {verdict.mode}" if verdict.mode else text
 
 
-def _reached(equations: Equations, start: Examination) -> list[str]:
+def _reached(equations: Equations, start: StartReport) -> list[str]:
     """Say what inertia and velocity constraints mean for the motion."""
     lines = []
     if start.augmented:
@@ -129,7 +129,7 @@ def _reached(equations: Equations, start: Examination) -> list[str]:
     return [*lines, text]
 
 
-def _repair(start: Examination) -> list[str]:
+def _repair(start: StartReport) -> list[str]:
     """Give what to write into `initial:`, or why there is nothing to write."""
     if start.admissible:
         if not start.changes:

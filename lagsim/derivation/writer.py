@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import sympy as sp
 
+from lagsim.language.symbolic import LARGEST_DENOMINATOR
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.derivation.names import Name, Typeset
-
-# Rational numbers with a denominator up to this are fractions, others decimals.
-LARGEST_DENOMINATOR = 16
 
 # Larger whole numbers are written as decimals: 1e+20.
 LARGEST_WHOLE = 10**15

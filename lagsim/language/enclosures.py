@@ -25,21 +25,17 @@ def _rule(
 
 
 class Enclosures:
-    """Encloses nodes while one variable runs through intervals, all others fixed.
+    """Encloses nodes while t runs through intervals, all other variables fixed.
 
-    What does not depend on the variable is the one number that `evaluate` gives.
+    What does not depend on t is the one number that `evaluate` gives.
     """
 
     def __init__(
-        self,
-        g: Graph,
-        nodes: Iterable[int],
-        values: Mapping[str, float],
-        variable: str = "t",
+        self, g: Graph, nodes: Iterable[int], values: Mapping[str, float]
     ) -> None:
         self.nodes = list(nodes)
-        self.variable = g.variable(variable)
-        moving = g.dependent(self.nodes, (variable,))
+        self.t = g.variable("t")
+        moving = g.dependent(self.nodes, ("t",))
         cone = g.cone(self.nodes)
         fixed = [n for n in cone if n not in moving]
         self.fixed = {
@@ -49,13 +45,13 @@ class Enclosures:
         self.program = [
             (n, *_rule(g.ops[n], g.args[n]))
             for n in cone
-            if n in moving and n != self.variable
+            if n in moving and n != self.t
         ]
 
     def __call__(self, lo: Floats, hi: Floats) -> list[Interval]:
         """Give the enclosure of each node over the intervals from `lo` to `hi`."""
         found = dict(self.fixed)
-        found[self.variable] = interval(lo, hi)
+        found[self.t] = interval(lo, hi)
         with np.errstate(all="ignore"):
             for n, rule, args in self.program:
                 found[n] = rule(*(found[a] for a in args))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from lagsim.language.functions import OPERATIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
+    from collections.abc import Collection, Container, Iterable, Mapping
 
     from lagsim.language.functions.row import Function
 
@@ -124,15 +124,16 @@ class Graph:
         """Give the sum of a * b over `pairs`."""
         return self.sum(self.call("mul", a, b) for a, b in pairs)
 
-    def cone(self, nodes: Iterable[int]) -> list[int]:
-        """Give `nodes` and everything below them, in order of evaluation."""
+    def cone(self, nodes: Iterable[int], ends: Container[int] = ()) -> list[int]:
+        """Give `nodes` and all below them as far as `ends`, in order of evaluation."""
         seen = set(nodes)
-        stack = list(seen)
+        stack = [n for n in seen if n not in ends]
         while stack:
             for a in self.args[stack.pop()]:
                 if a not in seen:
                     seen.add(a)
-                    stack.append(a)
+                    if a not in ends:
+                        stack.append(a)
         return sorted(seen)
 
     def depends(self, nodes: Iterable[int]) -> frozenset[str]:

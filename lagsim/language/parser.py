@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import FUNCTIONS, JOINING, OPERATIONS
 from lagsim.language.tokens import ExpressionError, Token, tokens
@@ -20,16 +20,14 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
 
 
-@dataclass(frozen=True, slots=True)
-class Name:
+class Name(NamedTuple):
     """A variable used, and where."""
 
     text: str
     offset: int
 
 
-@dataclass(frozen=True, slots=True)
-class Parsed:
+class Parsed(NamedTuple):
     """An expression in postfix: numbers, names and operations with their arity."""
 
     text: str
@@ -53,8 +51,7 @@ class Parsed:
         return stack.pop()
 
 
-@dataclass(frozen=True, slots=True)
-class ParsedRelation:
+class ParsedRelation(NamedTuple):
     """Left side, right side (None for a bare expression) and `=`, `<=` or `>=`."""
 
     left: Parsed

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.language.derivatives import local_slopes, log_slopes
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.functions.recurrences import scaled
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
@@ -41,7 +42,8 @@ class Series:
         self._known: dict[int, list[int]] = {}
         self._moves: dict[int, bool] = {}
         self._twins: dict[int, int | None] = {}
-        self._slopes: dict[int, tuple[int, ...]] = {}
+        self._growing: dict[int, bool] = {}
+        self._slopes: dict[int, list[tuple[int, int]]] = {}
 
     def __call__(self, n: int, k: int) -> int:
         """Give the coefficient of order `k` of node `n`."""
@@ -83,20 +85,27 @@ class Series:
         if row.branches is not None:
             first, second = (self(a, k) for a in args[-2:])
             return g.call("if", row.branches(g, args), first, second)
-        return row.series(self, n, k) if row.series else self.chain(n, k)
+        if row.series is None or (op == "div" and self._overflows(args[1])):
+            return self.chain(n, k)
+        return row.series(self, n, k)
+
+    def _overflows(self, n: int) -> bool:
+        """Tell whether a divisor may overflow, and has a logarithm that does not."""
+        if n not in self._growing:
+            self._growing[n] = bool(log_slopes(self.g, n))
+        return self._growing[n]
 
     def chain(self, n: int, k: int) -> int:
         """Give the coefficient from f' = sum of slope * argument'.
 
         k f_k = sum of j x_j s_(k-j), j from 1 to k, for each argument x with slope s.
         """
-        g, args = self.g, self.g.args[n]
+        g = self.g
         if n not in self._slopes:
-            partials = OPERATIONS[g.ops[n]].partials
-            assert partials is not None
-            self._slopes[n] = partials(g, args, n)
+            slopes = local_slopes(g, n)
+            self._slopes[n] = [(x, slope) for x, slope in slopes if self.moves(x)]
         earlier, newest = g.zero, g.zero
-        for x, slope in zip(args, self._slopes[n], strict=True):
+        for x, slope in self._slopes[n]:
             newest = g.call("add", newest, g.call("mul", self(slope, 0), self(x, k)))
             terms = (
                 (scaled(self, j, self(x, j)), self(slope, k - j)) for j in range(1, k)

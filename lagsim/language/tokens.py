@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import JOINING
 
@@ -28,8 +27,7 @@ class ExpressionError(Exception):
         self.code = code
 
 
-@dataclass(frozen=True, slots=True)
-class Token:
+class Token(NamedTuple):
     """A piece of text: its kind, and where it begins."""
 
     kind: str  # number, name, function, operator, open, close, comma, relation, end

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from lagsim.language.derivatives import gradient, slopes, tangent
+from lagsim.language.rounding import addends
 from lagsim.language.sparse import SparseVector
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def scale_of(
     g: Graph, node: int, variables: Sequence[int], entries: Mapping[int, int]
 ) -> int:
     """Give the largest of the terms of `node` and of |variable * slope|."""
-    sizes = [g.call("abs", term) for term in _terms(g, node)]
+    sizes = [g.call("abs", term) for term in addends(g, node)]
     sizes += [
         g.call("abs", g.call("mul", variables[j], slope))
         for j, slope in entries.items()
@@ -130,15 +131,3 @@ def scale_of(
     for size in sizes:
         largest = g.call("max", largest, size)
     return largest
-
-
-def _terms(g: Graph, node: int) -> list[int]:
-    """Give the addends of `node`, through sums, differences and signs."""
-    stack, terms = [node], []
-    while stack:
-        n = stack.pop()
-        if g.ops[n] in ("add", "sub", "neg"):
-            stack.extend(g.args[n])
-        else:
-            terms.append(n)
-    return sorted(set(terms))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,8 +12,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Complexes, Flags, Floats
 
 
-@dataclass(frozen=True, slots=True)
-class Eigenmodes:
+class Eigenmodes(NamedTuple):
     """Some of the modes of a matrix.
 
     Attributes

@@ -11,7 +11,7 @@ eqs 47 and 61; Arnold, Mathematical Methods of Classical Mechanics, sections 12 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient, rate_of, tangent
 from lagsim.language.functions import OPERATIONS
@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 ACTION = "action.S"
 
 
-@dataclass(frozen=True, slots=True)
-class Quadrature:
+class Quadrature(NamedTuple):
     """What stands in no equation: only its rate is integrated.
 
     A coordinate, or the action. `rate` and `mass` (its entry of M's diagonal; zero for
@@ -137,6 +136,22 @@ class Equations:
             for j, entry in A.entries.items():
                 forces[j] = g.call("add", forces[j], g.call("mul", entry, lam))
         return forces
+
+    def motion_residuals(self) -> list[int]:
+        """Give M q'' - f - A^T lambda (n,) and A q'' - b (m,).
+
+        With q'' and lambda as variables.
+        """
+        g = self.graph
+        accelerations = [g.variable(name) for name in self.accelerations]
+        residuals = []
+        for M, f, held in zip(self.M, self.f, self.constraint_forces(), strict=True):
+            inertia = g.product_sum(zip(M, accelerations, strict=True))
+            residuals.append(g.call("sub", inertia, g.call("add", f, held)))
+        for row in self.rows:
+            moved = g.product_sum(zip(row.A, accelerations, strict=True))
+            residuals.append(g.call("sub", moved, row.b))
+        return residuals
 
 
 def derive(model: Model) -> Equations:

@@ -9,8 +9,7 @@ Source: J. Nocedal, S. Wright, Numerical Optimization (2006), section 3.4.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -43,8 +42,7 @@ CALM = 1e-6
 ZERO = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class Mode:
+class Mode(NamedTuple):
     """One motion of the linearised equations.
 
     Attributes

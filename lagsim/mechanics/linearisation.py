@@ -16,8 +16,7 @@ local coordinates.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -32,25 +31,7 @@ if TYPE_CHECKING:
 DEPENDENT = 1e-10
 
 
-def motion_residuals(equations: Equations) -> list[int]:
-    """Give M q'' - f - A^T lambda (n,) and A q'' - b (m,), as nodes.
-
-    q'' and lambda stand in them as variables.
-    """
-    e, g = equations, equations.graph
-    accelerations = [g.variable(name) for name in e.accelerations]
-    residuals = []
-    for M, f, held in zip(e.M, e.f, e.constraint_forces(), strict=True):
-        inertia = g.product_sum(zip(M, accelerations, strict=True))
-        residuals.append(g.call("sub", inertia, g.call("add", f, held)))
-    for row in e.rows:
-        moved = g.product_sum(zip(row.A, accelerations, strict=True))
-        residuals.append(g.call("sub", moved, row.b))
-    return residuals
-
-
-@dataclass(frozen=True, slots=True)
-class Linear:
+class Linear(NamedTuple):
     """The linearised motion (a, w)' = R (a, w) about a state.
 
     Attributes
@@ -124,7 +105,7 @@ class Linearisation:
         flow = dict(zip(state, [*rates, *accelerations], strict=True))
         flow[g.variable("t")] = g.one
         self._slopes = [
-            *(s for r in motion_residuals(e) for s in gradient(g, r, state)),
+            *(s for r in e.motion_residuals() for s in gradient(g, r, state)),
             *(s for row in e.rows for s in gradient(g, row.rate, positions)),
             *tangent(g, A, flow),
         ]

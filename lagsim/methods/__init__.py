@@ -39,7 +39,7 @@ def method(name: str) -> ModuleType:
       are integrated as they are: the action, the coordinates that `reduction` leaves;
     - NEEDS: names of functions of the model beyond y', see `system.functions`;
     - STATE, the class of the memory it keeps, and the kernels `start`, `step` and
-      `interpolate`.
+      `interpolate`; where ADAPTIVE, `interpolate_rates` as well.
     """
     return import_module(f"{__name__}.{name.replace('-', '_')}")
 

@@ -26,6 +26,7 @@ from lagsim.methods.parts.controller import (
 from lagsim.methods.parts.dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
 from lagsim.methods.parts.interface import derivative
 from lagsim.methods.parts.looks import suspect
+from lagsim.methods.parts.noise import hardly_moves
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
 from lagsim.methods.parts.singular import (
@@ -62,6 +63,7 @@ ADAPTIVE = True
 IMAGINARY_LIMIT = 5.96
 HANDLES = "any model; equality constraints by projection"
 TABLEAU = Tableau(A[:12], B, C[:12], ORDER)
+amplification = TABLEAU.amplification
 
 NEEDS = ()
 QUADRATURES = True
@@ -69,6 +71,7 @@ QUADRATURES = True
 CONSTRAINED = True
 UNTIL = True
 SLEEPERS = True
+SWITCHES = True
 
 STAGES = 16
 SAFETY = 0.9
@@ -76,6 +79,9 @@ BETA = 0.04
 EXPONENT = 0.125 - 0.2 * BETA
 SHRINK = 3.0  # a step shrinks at most by this, and grows at most by the next
 GROW = 6.0
+# An error from which on steps shrink. Beside a switch far from the origin it may be all
+# rounding, and steps so short that nothing moves.
+SHRINKING = 0.25
 # Where a stage meets a loss of rank by accident, a step a little shorter passes it; one
 # much shorter ends before it. A stage does where the rows are this much less
 # independent there than at the start.
@@ -86,11 +92,6 @@ ASIDE = 0.85
 def refusal(_scene: Structure) -> str:
     """Give "": it handles everything."""
     return ""
-
-
-def amplification(z: complex) -> float:
-    """Give the size of the stability function at z = h * eigenvalue."""
-    return TABLEAU.amplification(z)
 
 
 class Dop853(State):
@@ -184,7 +185,10 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     tolerances = s.tolerances
     error = error_norm(size, h, errors, tolerances)
     # Perhaps it is nothing but rounding.
-    if error >= 1.0 and look_again(s, p, h, new, k, health) > 0:
+    doubtful = error >= 1.0
+    if SWITCHES:
+        doubtful = doubtful or (error >= SHRINKING and hardly_moves(s, h, k))
+    if doubtful and look_again(s, p, h, new, k, health) > 0:
         error = error_norm(size, h, errors, tolerances)
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, t + h, new)
@@ -280,3 +284,22 @@ def interpolate(s: Dop853, x: float, out: Floats) -> None:
         for m in unrolled(7):
             value = (value + dense[(7 - m) * size + i]) * (x if m % 2 == 0 else u)
         out[i] = dense[i] + value
+
+
+def interpolate_rates(s: Dop853, x: float, out: Floats) -> None:
+    """Give the slope of that, from the velocities on."""
+    size = s.size
+    dense = s.dense
+    u = 1.0 - x
+    for i in range(s.n, size):
+        value = 0.0
+        slope = 0.0
+        for m in unrolled(7):
+            value = value + dense[(7 - m) * size + i]
+            if m % 2 == 0:
+                slope = slope * x + value
+                value = value * x
+            else:
+                slope = slope * u - value
+                value = value * u
+        out[i] = slope / s.step_h

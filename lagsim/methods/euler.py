@@ -42,6 +42,7 @@ ADAPTIVE = False
 IMAGINARY_LIMIT = 0.0
 HANDLES = "any model; equality constraints by projection"
 TABLEAU = Tableau(((),), (1.0,), (0.0,), ORDER)
+amplification = TABLEAU.amplification
 
 NEEDS = ()
 QUADRATURES = True
@@ -53,11 +54,6 @@ STATE = Fixed
 def refusal(_scene: Structure) -> str:
     """Give "": it handles everything."""
     return ""
-
-
-def amplification(z: complex) -> float:
-    """Give |1 + z|, z = h * eigenvalue."""
-    return TABLEAU.amplification(z)
 
 
 def start(s: Fixed, p: Parameters) -> None:

@@ -41,15 +41,11 @@ A = (
 B = (1 / 2, 1 / 2)
 C = (1 / 2 - sqrt(3.0) / 6, 1 / 2 + sqrt(3.0) / 6)
 TABLEAU = Tableau(A, B, C, ORDER)
+amplification = TABLEAU.amplification
 
 NEEDS = ("lagrangian",)
 
 CONSTRAINED = False  # for what is shared with methods that can be
-
-
-def amplification(z: complex) -> float:
-    """Give the size of the stability function at z = h * eigenvalue."""
-    return TABLEAU.amplification(z)
 
 
 class Gauss4(Gauss):

@@ -49,7 +49,6 @@ from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.structure import Structure
 
 NAME = "generalized-alpha"
 TITLE = "generalized-alpha"
@@ -59,6 +58,7 @@ ADAPTIVE = False
 IMAGINARY_LIMIT = inf
 HANDLES = "any model; equality constraints by projection"
 
+refusal = too_large
 NEEDS = ("jacobian",)
 
 CONSTRAINED = True
@@ -66,11 +66,6 @@ CONSTRAINED = True
 # A motion is resolved where its own restoring rate, times a ninth of a step or so, and
 # times the step, is less.
 RESOLVED = 0.5
-
-
-def refusal(scene: Structure) -> str:
-    """Say why the scene is too large, or give ""."""
-    return too_large(scene)
 
 
 def amplification(z: complex, radius: float = USUAL_RADIUS) -> float:

@@ -19,6 +19,7 @@ section V.3.2.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import symplectic
@@ -48,18 +49,11 @@ HALF = (
     0.79854399093482996339895035,
 )
 WEIGHTS = (*HALF, *HALF[-2::-1])
+amplification = partial(symplectic.amplification, WEIGHTS)
 NEEDS = ("power",)
 
 CONSTRAINED = False  # for what is shared with methods that can be
 UNTIL = True
-
-
-def amplification(z: complex) -> float:
-    """Give the spectral radius for q'' = 2 Re(z) q' - |z|^2 q, h = 1.
-
-    Damping, which a run refuses, is taken by the velocity before each half kick.
-    """
-    return symplectic.amplification(WEIGHTS, z)
 
 
 class KahanLi6(Composition):

@@ -39,15 +39,11 @@ A = ((1 / 2,),)
 B = (1.0,)
 C = (1 / 2,)
 TABLEAU = Tableau(A, B, C, ORDER)
+amplification = TABLEAU.amplification
 
 NEEDS = ("lagrangian",)
 
 CONSTRAINED = False  # for what is shared with methods that can be
-
-
-def amplification(z: complex) -> float:
-    """Give the size of the stability function at z = h * eigenvalue."""
-    return TABLEAU.amplification(z)
 
 
 class Midpoint(Gauss):

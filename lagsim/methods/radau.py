@@ -62,7 +62,6 @@ from lagsim.native.kernels.words import total, unrolled
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.structure import Structure
 
 NAME = "radau"
 TITLE = "Radau IIA"
@@ -72,7 +71,9 @@ ADAPTIVE = True
 IMAGINARY_LIMIT = inf
 HANDLES = "any model; equality constraints by projection"
 TABLEAU = Tableau(A, B, C, ORDER)
+amplification = TABLEAU.amplification
 
+refusal = too_large
 NEEDS = ("jacobian",)
 
 CONSTRAINED = True
@@ -90,16 +91,6 @@ SHRINK = 8.0
 GROW = 5.0
 KEEP_BELOW = 1e-3
 NOT_WORTH = 1.2
-
-
-def refusal(scene: Structure) -> str:
-    """Say why the scene is too large, or give ""."""
-    return too_large(scene)
-
-
-def amplification(z: complex) -> float:
-    """Give the size of the stability function at z = h * eigenvalue."""
-    return TABLEAU.amplification(z)
 
 
 def start(s: Radau, p: Parameters) -> None:
@@ -328,3 +319,14 @@ def accept(s: Radau, p: Parameters, h: float) -> None:
 def interpolate(s: Radau, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step."""
     polynomial(s, x, out)
+
+
+def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
+    """Give the slope of that, from the velocities on."""
+    size = s.size
+    dense = s.dense
+    for i in range(s.n, size):
+        slope = 0.0
+        for m in unrolled(4):
+            slope = slope * x + (4 - m) * dense[(4 - m) * size + i]
+        out[i] = slope / s.step_h

@@ -22,6 +22,7 @@ Wanner, Geometric Numerical Integration, 2nd ed., section VII.1.4.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import symplectic
@@ -61,6 +62,7 @@ HANDLES = "constant M, forces f(q, t); holonomic constraints"
 
 NEEDS = ()
 
+amplification = partial(symplectic.amplification, (1.0,))
 CONSTRAINED = True
 
 # The iteration ends at this residual against its terms, or at this change against the
@@ -88,11 +90,6 @@ def refusal(scene: Structure) -> str:
             "projects onto them)"
         )
     return symplectic.inseparable(scene)
-
-
-def amplification(z: complex) -> float:
-    """Give the spectral radius for q'' = 2 Re(z) q' - |z|^2 q, h = 1, as `verlet`."""
-    return symplectic.amplification((1.0,), z)
 
 
 def start(s: Rattle, p: Parameters) -> None:

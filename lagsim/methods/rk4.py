@@ -45,6 +45,7 @@ A = ((), (1 / 2,), (0.0, 1 / 2), (0.0, 0.0, 1.0))
 B = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 C = (0.0, 1 / 2, 1 / 2, 1.0)
 TABLEAU = Tableau(A, B, C, ORDER)
+amplification = TABLEAU.amplification
 
 NEEDS = ()
 QUADRATURES = True
@@ -65,11 +66,6 @@ STATE = Rk4
 def refusal(_scene: Structure) -> str:
     """Give "": it handles everything."""
     return ""
-
-
-def amplification(z: complex) -> float:
-    """Give the size of the stability function at z = h * eigenvalue."""
-    return TABLEAU.amplification(z)
 
 
 def start(s: Rk4, p: Parameters) -> None:

@@ -28,13 +28,13 @@ from lagsim.methods.parts.controller import (
     against,
     foresee,
     look_again,
-    look_at_rounding,
     record_measured,
     record_sizes,
     set_tolerances,
 )
 from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
+from lagsim.methods.parts.noise import look_at_rounding
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import leave_loss, record_health
@@ -133,7 +133,9 @@ def start(s: Taylor, p: Parameters) -> None:
     # Tolerances depend on the step, and on where it leads what is at rest: some looks
     # settle both well enough.
     new = s.new
-    s.h = min(float(s.row_step), s.end - s.t)
+    # One that was taken back has a length to begin with.
+    first = s.most_step if s.most_step > 0.0 else s.row_step
+    s.h = min(float(first), s.end - s.t)
     for _ in range(LOOKS):
         before = s.h
         lead(size, c, before, new)
@@ -241,11 +243,11 @@ def sum_series(size: int, c: Floats, h: float, out: Floats) -> None:
             out[i] = out[i] * h + c[1 + i]
 
 
-def sum_rates(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Give the sum of k y_k h^(k - 1) in the same way."""
+def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
+    """Give the sum of k y_k h^(k - 1) in the same way, from component `first` on."""
     order = int(c[0])
     square = h * h
-    for i in range(size):
+    for i in range(first, size):
         high = order * c[1 + order * size + i]
         low = (order - 1) * c[1 + (order - 1) * size + i]
         for back in range(1, order // 2):
@@ -302,7 +304,7 @@ def misfit(s: Taylor, c: Floats, slope: Floats, h: float) -> float:
     size = s.size
     tolerances = s.tolerances
     rates = s.work
-    sum_rates(size, c, h, rates)
+    sum_rates(size, 0, c, h, rates)
     worst = 0.0
     for i in range(size):
         if tolerances[i] > 0.0:
@@ -345,3 +347,10 @@ def interpolate(s: Taylor, x: float, out: Floats) -> None:
     size = s.size
     before = at(s.series, buffer(size, 1.0 - s.which))
     sum_series(size, before, x * s.step_h, out)
+
+
+def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
+    """Give the slope of that, from the velocities on."""
+    size = s.size
+    before = at(s.series, buffer(size, 1.0 - s.which))
+    sum_rates(size, s.n, before, x * s.step_h, out)

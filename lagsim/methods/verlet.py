@@ -21,6 +21,7 @@ times).
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import symplectic
@@ -45,7 +46,6 @@ from lagsim.methods.parts.symplectic import (
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.structure import Structure
 
 NAME = "verlet"
 TITLE = "Stoermer-Verlet (leapfrog)"
@@ -57,21 +57,10 @@ HANDLES = "constant M, forces f(q, t); no constraints"
 
 NEEDS = ("power",)
 
+refusal = symplectic.refusal
+amplification = partial(symplectic.amplification, (1.0,))
 CONSTRAINED = False  # for what is shared with methods that can be
 STATE = Symplectic
-
-
-def refusal(scene: Structure) -> str:
-    """Say why positions and velocities cannot be moved in turn, or give ""."""
-    return symplectic.refusal(scene)
-
-
-def amplification(z: complex) -> float:
-    """Give the spectral radius for q'' = 2 Re(z) q' - |z|^2 q, h = 1.
-
-    Damping, which a run refuses, is taken by the velocity before each half kick.
-    """
-    return symplectic.amplification((1.0,), z)
 
 
 def start(s: Symplectic, p: Parameters) -> None:

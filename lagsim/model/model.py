@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from lagsim.model.settings import Settings
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
+class Parameter(NamedTuple):
     """A number of the model; an input of every compiled function."""
 
     name: str
@@ -30,8 +29,7 @@ class Parameter:
     description: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Coordinate:
+class Coordinate(NamedTuple):
     """A generalized coordinate."""
 
     name: str
@@ -47,8 +45,7 @@ class Level(Enum):
     OUTPUT = "accelerations, multipliers or energies"
 
 
-@dataclass(frozen=True, slots=True)
-class Definition:
+class Definition(NamedTuple):
     """A named scalar expression."""
 
     name: str
@@ -58,8 +55,7 @@ class Definition:
     description: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Force:
+class Force(NamedTuple):
     """A force `node` that works on a coordinate, or on a definition.
 
     Q_j = node * d direction/d q_j for a direction of positions (and time), and
@@ -80,8 +76,7 @@ class Sense(Enum):
     AT_LEAST = ">="
 
 
-@dataclass(frozen=True, slots=True)
-class Relation:
+class Relation(NamedTuple):
     """`node` = 0, or the gap `node` >= 0; `text` is what the file says.
 
     `multiple`: what the file says vanishes as a power of `node`, or as its size.
@@ -94,8 +89,7 @@ class Relation:
     multiple: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class OneSided:
+class OneSided(NamedTuple):
     """The law of a relation that pushes and does not pull.
 
     Newton's restitution, and Coulomb's friction: `friction` while it slides, `static`
@@ -109,8 +103,7 @@ class OneSided:
     static: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Constraint:
+class Constraint(NamedTuple):
     """A relation and its law; `law` is None for an equality.
 
     `limit`: an equality of velocities holds while its multiplier is no larger. `when`:
@@ -139,8 +132,7 @@ class Target(Enum):
     RATE = "rate of a definition"
 
 
-@dataclass(frozen=True, slots=True)
-class InitialValue:
+class InitialValue(NamedTuple):
     """A start value; `error` bounds the rounding of the expression that gave it.
 
     `node` is the definition's expression (its total rate for a RATE) and None for
@@ -157,16 +149,14 @@ class InitialValue:
     node: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Scene:
+class Scene(NamedTuple):
     """Points (2 or 3 expressions each) and the links between them."""
 
     points: dict[str, tuple[int, ...]]
     links: tuple[tuple[str, str], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Plot:
+class Plot(NamedTuple):
     """An entry of `output.plots`: two expressions and what the file calls them."""
 
     x: int
@@ -176,8 +166,7 @@ class Plot:
     title: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Output:
+class Output(NamedTuple):
     """Which definitions become columns, the extra plots, and the optional columns."""
 
     columns: tuple[str, ...]

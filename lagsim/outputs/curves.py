@@ -23,6 +23,8 @@ EVENTS: Pen = {"color": "#888888", "dashes": (1.0, 1.5), "linewidth": 0.6}
 # What lies past the horizon, where a row is no longer a forecast.
 LOST = "#dddddd"
 
+# More events are marked by ticks.
+MOST_LINES = 40
 # Where a line covers this part of the area that it spans, its strokes lie a twentieth
 # of an inch apart: it is a band, in which neither strokes nor dashes would be seen.
 BAND = 0.5
@@ -92,9 +94,7 @@ def point(axes: Axes, x: float, y: float, pen: Pen) -> None:
     line(axes, [x], [y], pen, zorder=2.5, clip_on=False)
 
 
-def marks(
-    axes: Axes, events: Sequence[float], horizon: float, most_lines: int = 40
-) -> None:
+def marks(axes: Axes, events: Sequence[float], horizon: float) -> None:
     """Mark events by thin lines, or ticks at the top where many; shade past a time."""
     low, high = axes.get_xlim()
     if horizon < high:
@@ -103,7 +103,7 @@ def marks(
     inside = np.array([t for t in events if low <= t <= high])
     if len(inside):
         reach = 1.0
-        if len(inside) > most_lines:
+        if len(inside) > MOST_LINES:
             reach = 0.06 * DPI / axes.bbox.height
         x = np.stack((inside, inside, np.full_like(inside, np.nan)), axis=1).ravel()
         y = np.tile([1.0, 1.0 - reach, np.nan], len(inside))

@@ -9,13 +9,13 @@ from lagsim.admissibility.verdict import START_VALUE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.admissibility import Examination, Verdict
+    from lagsim.admissibility import StartReport, Verdict
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Choice
 
 
 def document(
-    equations: Equations, start: Examination, choices: Sequence[Choice] = ()
+    equations: Equations, start: StartReport, choices: Sequence[Choice] = ()
 ) -> dict[str, Any]:
     """Give the content of `check --json`."""
     model, ranks, reach = equations.model, start.ranks, start.reach

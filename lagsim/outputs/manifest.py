@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import orjson
@@ -85,7 +84,7 @@ def _error(bar: ErrorBar | str) -> dict[str, Any] | None:
         "repeated_by": bar.method,
         "repeated_rtol": bar.rtol,
         "relative": bar.relative,
-        "coordinates": {name: asdict(e) for name, e in bar.coordinates.items()},
+        "coordinates": {name: e._asdict() for name, e in bar.coordinates.items()},
         "growth": [{"time": t, "relative": part} for t, part in bar.growth],
         "horizon": bar.horizon,
     }

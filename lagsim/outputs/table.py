@@ -11,13 +11,26 @@ import numpy as np
 import orjson
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from lagsim.language.arrays import Floats
 
 NAME = "trajectory.csv"
 _LINE = b"\r\n"
+
+
+def table_of(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> bytes:
+    """Give a small table of any values at once; what is not known (None) is empty."""
+    import csv
+    import io
+
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(columns)
+    for row in rows:
+        writer.writerow([str(x).lower() if isinstance(x, bool) else x for x in row])
+    return text.getvalue().encode()
 
 
 class TableWriter:

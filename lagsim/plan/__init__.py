@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.errors import InputError, Problem
 from lagsim.mechanics.structure import structure
@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from lagsim.model.settings import Settings
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
+class Part(NamedTuple):
     """A subsystem that is integrated apart, and its own plan."""
 
     subsystem: Subsystem
@@ -105,14 +104,8 @@ class Plan:
         return DEFAULT_RTOL if self.rtol is None else self.rtol
 
 
-def make_plan(
-    equations: Equations,
-    start: Start,
-    settings: Settings,
-    *,
-    loops: bool = False,
-) -> Plan:
-    """Choose for the model; `loops` insists on solving by loops.
+def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
+    """Choose for the model.
 
     Raises
     ------
@@ -153,7 +146,7 @@ def make_plan(
     switching = bool(switches.sides or equations.laws)
     name = choose(equations, scene, solved, settings, choices, switching=switching)
     adaptive = bool(method(name).ADAPTIVE)
-    plan = Plan(
+    return Plan(
         method=name,
         formulation=found.name,
         reduction=found.reduction,
@@ -174,7 +167,6 @@ def make_plan(
         parts=parts,
         choices=tuple(choices),
     )
-    return by_loops(plan) if loops else plan
 
 
 def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part, ...]:

@@ -20,20 +20,18 @@ others see `reduction` and `methods._projection`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.start import start_at
 from lagsim.errors import InputError, Problem
-from lagsim.language.functions import OPERATIONS
-from lagsim.mechanics.ldl import Elimination, TooLongError, affordable, dense_operations
+from lagsim.mechanics.instant import Instant
 from lagsim.mechanics.reduction import Reduction
-from lagsim.mechanics.reduction.elimination import pairs
 from lagsim.mechanics.reduction.ignorable import ignorable
-from lagsim.mechanics.state import State
 from lagsim.notes import Choice
+from lagsim.plan.cost import step_cost
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -49,11 +47,6 @@ SHOWN = 4
 # With more coordinates than this nobody looks for what can be eliminated unasked: M
 # fills, and little is saved (10 rods in Cartesian coordinates: 0.85 of the time).
 LARGEST = 24
-# Evaluations in a step of order 8, and solves for its projection.
-STAGES = 12
-SOLVES = 4
-# Operations of a step on each component of the state, per evaluation.
-PER_COMPONENT = 16
 # A reduction is taken where the cost of a step falls below this part of the whole's.
 # Without constraints less is saved than operations tell (the heavy top, two of three
 # coordinates ignorable: 0.7 of the operations, 0.95 of the time).
@@ -61,8 +54,7 @@ PAYS = 0.8
 PAYS_IGNORING = 0.6
 
 
-@dataclass(frozen=True, slots=True)
-class Formulation:
+class Formulation(NamedTuple):
     """What is integrated, and how constraints are met.
 
     Attributes
@@ -205,7 +197,7 @@ def _baumgarte(equations: Equations, start: Start, gain: float) -> Formulation:
     _constrained(equations)
     reason = f"asked for; gain {gain:g} per unit of time"
     found = _whole(equations, start, "baumgarte", reason, gain=gain)
-    return replace(found, reduction=Reduction(_stabilised(equations)))
+    return found._replace(reduction=Reduction(_stabilised(equations)))
 
 
 def _stabilised(equations: Equations) -> Equations:
@@ -293,35 +285,6 @@ def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, flo
     return found
 
 
-def step_cost(equations: Equations) -> float:
-    """Give about how many operations a step takes, projection included."""
-    g, n, m = equations.graph, len(equations.q), len(equations.rows)
-    try:
-        q, lam = Elimination(equations, affordable(n, m)).motion()
-        nodes = [*q, *lam]
-        solve = 0
-    except TooLongError:
-        nodes = [*equations.mass_entries.values(), *equations.f]
-        nodes += [a for row in equations.rows for a in row.A.entries.values()]
-        solve = dense_operations(n, m)
-    nodes += [x.rate for x in equations.quadratures]
-    evaluation = sum(map(_weight, (g.ops[x] for x in _varying(equations, nodes))))
-    evaluation += solve
-    size = 2 * n + len(equations.quadratures)
-    solves = SOLVES if m else 0
-    return STAGES * (evaluation + PER_COMPONENT * size) + solves * evaluation
-
-
-def _varying(equations: Equations, nodes: list[int]) -> set[int]:
-    state = (*equations.q, *equations.velocities, "t")
-    return equations.graph.dependent(nodes, frozenset(state))
-
-
-def _weight(op: str) -> int:
-    row = OPERATIONS.get(op)
-    return row.cost if row else 0  # a number or a variable
-
-
 def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
     """Give the formulation of a reduction, with its start and its choices."""
     rows = reduction.equations.rows
@@ -351,9 +314,9 @@ def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
     )  # fmt: skip
 
 
-def reduced_start(reduction: Reduction, start: State) -> Start:
+def reduced_start(reduction: Reduction, start: Instant) -> Start:
     """Give the start of the equations that are left."""
-    left = State(start.t, reduction.kept(start.q), reduction.kept(start.v))
+    left = Instant(start.t, reduction.kept(start.q), reduction.kept(start.v))
     return start_at(reduction.equations, left)
 
 
@@ -367,6 +330,8 @@ def _eliminated(
     e = reduction.equations
     q, v = reduction.kept(start.q), reduction.kept(start.v)
     point = Point(e, start.t)
+    from lagsim.mechanics.reduction.elimination import pairs  # with constraints only
+
     found = pairs(e, point.values(q, v), point.sizes(q, v))
     if found:
         return reduction.eliminate(found), ""

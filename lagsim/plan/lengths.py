@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
 
 # How many states around the start are looked at, and how far away they are, against the
 # distance over which a relation changes.
@@ -33,7 +33,9 @@ NEARBY = 0.1
 ROUNDED = 4.0 * UNIT_ROUNDOFF
 
 
-def usual_lengths(equations: Equations, start: State, step: float) -> tuple[float, ...]:
+def usual_lengths(
+    equations: Equations, start: Instant, step: float
+) -> tuple[float, ...]:
     """Give the length of each row at the start, or around it where it vanishes.
 
     Around it is where the motion comes within a part of `step`.
@@ -69,7 +71,7 @@ def _lengths(point: Point, q: Floats, v: Floats) -> Floats:
 
 
 def _nearby(
-    point: Point, row: Row, start: State, step: float, random: np.random.Generator
+    point: Point, row: Row, start: Instant, step: float, random: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Give a state as far from the start as says something of a row."""
     q, v = start.q, start.v

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility import Start
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
 
 # Normal equations square the condition of the rows: below this the loops with their QR
 # decomposition take over (numerics: S loses half of the digits of lambda).
@@ -83,7 +83,7 @@ def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
 
 def independence_of(
     equations: Equations,
-    start: State,
+    start: Instant,
     lengths: Sequence[float],
     elimination: Elimination,
 ) -> float:

@@ -6,10 +6,10 @@ other. Groups that do not are integrated apart, each with its own steps.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 from operator import or_
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,10 @@ from lagsim.admissibility.start import start_at
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import VARIABLE
 from lagsim.language.sparse import SparseVector
+from lagsim.mechanics.instant import Instant
 from lagsim.mechanics.ldl import Elimination, TooLongError
-from lagsim.mechanics.state import State
 from lagsim.model.model import Output, Parameter, Scene
-from lagsim.plan.formulation import step_cost
+from lagsim.plan.cost import step_cost
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -41,8 +41,7 @@ RADIANS = 1.0
 NUDGE = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class Subsystem:
+class Subsystem(NamedTuple):
     """A group of coordinates with its equations.
 
     Attributes
@@ -58,15 +57,15 @@ class Subsystem:
     equations: Equations
     start: Start
 
-    def at(self, whole: State) -> State:
+    def at(self, whole: Instant) -> Instant:
         """Give the subsystem's part of a state of the whole."""
         return part_of(whole, self.coordinates)
 
 
-def part_of(whole: State, coordinates: Iterable[int]) -> State:
+def part_of(whole: Instant, coordinates: Iterable[int]) -> Instant:
     """Give the state of some of the coordinates."""
     chosen = list(coordinates)
-    return State(whole.t, whole.q[chosen], whole.v[chosen])
+    return Instant(whole.t, whole.q[chosen], whole.v[chosen])
 
 
 def refusal(equations: Equations) -> str:
@@ -112,12 +111,12 @@ def _bits(indices: Iterable[int]) -> int:
     return reduce(or_, (1 << j for j in indices), 0)
 
 
-def subsystems(equations: Equations, start: State) -> list[Subsystem]:
+def subsystems(equations: Equations, start: Instant) -> list[Subsystem]:
     """Give the subsystems of equations that `refusal` does not refuse."""
     return [_part(equations, start, group) for group in groups(equations)]
 
 
-def _part(e: Equations, start: State, group: Sequence[int]) -> Subsystem:
+def _part(e: Equations, start: Instant, group: Sequence[int]) -> Subsystem:
     g = e.graph
     place = {j: i for i, j in enumerate(group)}
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.plan.subsystems import Subsystem
@@ -42,7 +42,7 @@ class Part:
     def __init__(
         self,
         part: Subsystem,
-        start: State,
+        start: Instant,
         plan: Plan,
         system: System,
         settings: Settings,
@@ -92,7 +92,7 @@ class Apart:
 
     def __init__(
         self,
-        start: State,
+        start: Instant,
         plan: Plan,
         system: System,
         settings: Settings,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.system import System
@@ -56,7 +56,7 @@ class Arc:
     """
 
     equations: Equations
-    start: State
+    start: Instant
     plan: Plan
     system: System
     settings: Settings
@@ -195,7 +195,7 @@ class Arc:
 
 def first_arc(
     equations: Equations,
-    start: State,
+    start: Instant,
     plan: Plan,
     system: System,
     settings: Settings,

@@ -35,11 +35,12 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.arc import Arc
     from lagsim.run.decisions import Source
+    from lagsim.run.events.impacts import Before
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer
     from lagsim.run.system import System
@@ -55,7 +56,7 @@ class Run:
     def __init__(
         self,
         equations: Equations,
-        start: State,
+        start: Instant,
         plan: Plan,
         system: System,
         settings: Settings,
@@ -127,7 +128,7 @@ class Run:
     def _decide(self, code: int) -> Ending | None:
         """Do what the first source says that has an answer to the kernel."""
         arc = self.arc
-        before = self._row_before(code)
+        before = self._before(code)
         for source in self.sources:
             decision = source.decide(arc, code)
             if decision is not None:
@@ -138,20 +139,20 @@ class Run:
             return Ending(Outcome.UNTIL)
         return Ending(FAILED[code]) if code in FAILED else None
 
-    def _row_before(self, code: int) -> Floats | None:
-        """Give the columns just before an event that may jerk constraints."""
+    def _before(self, code: int) -> Before | None:
+        """Look at the state just before an event that may jerk constraints."""
         arc = self.arc
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
         ends |= code == at.PAUSED and arc.is_looked_at
         more = arc.t < arc.settings.end or arc.system.watched
         if not (ends and more and arc.system.m):
             return None
-        from lagsim.run.events.impacts import row_before
+        from lagsim.run.events.impacts import before_event
 
-        return row_before(arc)
+        return before_event(arc)
 
     def _act(
-        self, source: Source, decision: Decision, before: Floats | None
+        self, source: Source, decision: Decision, before: Before | None
     ) -> Ending | None:
         """Do what a source has decided."""
         self._take(decision)
@@ -162,8 +163,7 @@ class Run:
             ending = self._set_modes(source if turn is Turn.MODE else None)
             if ending is not None:
                 return ending
-        held = self.arc.plan.projected or turn is Turn.MODE
-        if before is not None and held and turn is not Turn.ARC:
+        if before is not None and turn is not Turn.ARC:
             from lagsim.run.events.impacts import impact
 
             struck = impact(self.arc, before)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,7 @@ LOST = 0.1
 TIMES = 20
 
 
-@dataclass(frozen=True, slots=True)
-class CoordinateError:
+class CoordinateError(NamedTuple):
     """The estimated error of one coordinate, in its unit and as a part of its range."""
 
     largest: float

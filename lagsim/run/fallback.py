@@ -48,13 +48,13 @@ class Fallback(Source):
         """Go on with it, if there is one."""
         name = arc.runner.method.NAME
         if code == at.LOSS_AHEAD:
-            return _taken_over(arc, LOSS.format(name), NO_LOSS)
+            return handed_over(arc, LOSS.format(name), NO_LOSS)
         if code not in FAILED or arc.settings.method != "auto" or name == ANY:
             return None
-        return _taken_over(arc, WHY[FAILED[code]].format(name), {})
+        return handed_over(arc, WHY[FAILED[code]].format(name), {})
 
 
-def _taken_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
+def handed_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
     """Go on with the method that handles everything."""
     return Decision(
         choices=(Choice(f"method: {ANY} from t = {arc.t:.9g} on", reason),),

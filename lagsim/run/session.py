@@ -16,13 +16,15 @@ from lagsim.errors import InputError, LagsimError, Problem
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.admissibility import Examination, Start
+    from lagsim.admissibility import Start, StartReport
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.model.model import Model
     from lagsim.model.settings import Settings
     from lagsim.notes import Choice
     from lagsim.plan import Plan
+    from lagsim.run.apart import Apart
+    from lagsim.run.arcs import Run
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer
     from lagsim.run.system import System
@@ -53,12 +55,12 @@ class StartError(LagsimError):
     Attributes
     ----------
     equations : Equations
-    examined : Examination
+    examined : StartReport
     """
 
     exit_code = 1
 
-    def __init__(self, equations: Equations, examined: Examination) -> None:
+    def __init__(self, equations: Equations, examined: StartReport) -> None:
         super().__init__()
         self.equations, self.examined = equations, examined
 
@@ -74,7 +76,7 @@ class Case:
     """What to simulate, and how: equations, their start, settings."""
 
     equations: Equations
-    examined: Examination
+    examined: StartReport
     settings: Settings
 
     @property
@@ -96,9 +98,9 @@ class Case:
         """Give the case with other settings."""
         return replace(self, settings=replace(self.settings, **other))
 
-    def at(self, state: State) -> Case:
+    def at(self, state: Instant) -> Case:
         """Give the case with another start, as admissible as its own."""
-        return replace(self, examined=replace(self.examined, state=state))
+        return replace(self, examined=self.examined._replace(state=state))
 
     def plan(self) -> Plan:
         """Choose how to integrate.
@@ -138,7 +140,8 @@ class Session:
     Attributes
     ----------
     longest_step : float
-        No step of a method that chooses its steps is longer, if it is not 0.
+        No step of a method that chooses its steps is longer, if it is not 0; the ranges
+        of the coordinates over the steps are then noted, too.
     most_steps : int or None
         As many as usual, if it is None.
     arc_steps : float
@@ -174,16 +177,30 @@ class Session:
         progress
             Called with the fraction of the run that is done.
         """
-        from lagsim.run.simulate import simulate
         from lagsim.run.states import MOST_STEPS
 
         case, most = self.case, self.most_steps
-        return simulate(
-            case.equations, case.start, self.plan, self.system, case.settings,
-            observers, interrupt=interrupt, progress=progress,
-            longest_step=self.longest_step, arc_steps=self.arc_steps,
-            most_steps=MOST_STEPS if most is None else most,
-        )  # fmt: skip
+        run: Run | Apart
+        if self.plan.parts:
+            from lagsim.run.apart import Apart
+
+            run = Apart(
+                case.start, self.plan, self.system, case.settings, observers,
+                interrupt=interrupt, progress=progress, longest_step=self.longest_step,
+            )  # fmt: skip
+        else:
+            from lagsim.run.arcs import Run
+
+            run = Run(
+                case.equations, case.start, self.plan, self.system, case.settings,
+                observers, interrupt=interrupt, progress=progress,
+                longest_step=self.longest_step,
+            )  # fmt: skip
+        import numpy as np
+
+        # A motion that diverges passes every number; what is made of it says so itself.
+        with np.errstate(all="ignore"):
+            return run.whole(MOST_STEPS if most is None else most, self.arc_steps)
 
 
 def open_case(

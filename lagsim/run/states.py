@@ -64,7 +64,9 @@ def empty_state(runner: Runner) -> State:
     )
     state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
     state.powers[:] = [sleeper.power for sleeper in system.sleepers]
-    state.joined[:] = joined(system.n, [*system.equations.slopes, *system.equations.M])
+    slopes = system.equations.slopes
+    state.joined[:] = joined(system.n, [*slopes, *system.equations.M])
+    state.linked[:] = joined(system.n, [row.A for row in system.equations.rows])
     return state
 
 
@@ -77,8 +79,10 @@ def named_extents(state: State, names: Sequence[str]) -> dict[str, tuple[float, 
 def taken_over(state: State, runner: Runner) -> State:
     """Give a state as that of another method or system, at the start of an arc."""
     new = empty_state(runner)
-    kinds, powers, joined_to = new.kinds.copy(), new.powers.copy(), new.joined.copy()
+    own = (new.kinds, new.powers, new.joined, new.linked)
+    kept = [values.copy() for values in own]
     new.take(state)
-    new.kinds[:], new.powers[:], new.joined[:] = kinds, powers, joined_to
+    for values, before in zip(own, kept, strict=True):
+        values[:] = before
     new.fresh = 1.0
     return new

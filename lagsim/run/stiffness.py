@@ -17,19 +17,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.eigenmodes import eigenmodes, weighted
-from lagsim.mechanics.linearisation import Linearisation
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Choice
+from lagsim.plan.cost import STAGES
 from lagsim.run.decisions import GO_ON, Decision, Source
 from lagsim.run.states import LONG, MOST_STEPS, SERIES
 from lagsim.run.system import System
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
-    from lagsim.mechanics.equations import Equations
     from lagsim.run.arc import Arc
 
 STIFF = "radau"
@@ -51,8 +49,6 @@ FOLLOWS = 1e2
 # Steps of the trial: some to grow, as many to measure.
 TRIAL = 25
 WORTH = 5.0
-# Evaluations in a step of DOP853.
-PER_STEP = 12.0
 # After so many steps of the stiff method, and then twice as many each time, it is asked
 # whether to go back: where that costs less than this part.
 REVIEWED = 100
@@ -163,6 +159,8 @@ class Stiffness(Source):
         n, equations = arc.system.n, arc.system.equations
         if equations.quadratures:
             return GO_ON
+        from lagsim.mechanics.linearisation import Linearisation  # of long runs
+
         try:
             linear = Linearisation(equations).at(arc.t, arc.y[:n], arc.y[n : 2 * n])
         except ValueError:  # not finite there
@@ -183,7 +181,7 @@ class Stiffness(Source):
             return GO_ON
         enough = CHEAPER * _cost(arc, before, state)
         shortest = method(EXPLICIT).IMAGINARY_LIMIT / max(fast.rate, 1e-300)
-        if _operations(arc.equations) * PER_STEP / shortest > enough:
+        if arc.system.operations * STAGES / shortest > enough:
             return GO_ON
         plan = replace(arc.plan, method=EXPLICIT)
         explicit = arc.by(plan, System(arc.equations, plan))
@@ -208,6 +206,8 @@ def _fastest(arc: Arc) -> Fast | None:
     J = jacobian(arc.t, arc.y)[: 2 * n * n].reshape(n, 2 * n)
     if not np.all(np.isfinite(J)):
         return None
+    from lagsim.mechanics.eigenmodes import eigenmodes, weighted  # few come here
+
     whole = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), J])
     modes = eigenmodes(whole, _fast)
     masses = arc.masses
@@ -278,7 +278,7 @@ def _cost(arc: Arc, before: at.State, after: at.State) -> float:
     factorisation = 0.5 * (n**3 / 3 + (2 * n) ** 3 / 3)
     evaluations = after.evaluations - before.evaluations
     factorisations = after.factorisations - before.factorisations
-    spent = _operations(arc.equations) * evaluations + factorisation * factorisations
+    spent = arc.system.operations * evaluations + factorisation * factorisations
     return float(spent / passed)
 
 
@@ -286,18 +286,10 @@ def _gain(arc: Arc, stiff: Arc) -> float:
     """Give how many times larger the stiff method's step is; 0 where it costs more."""
     before, after = _trial(stiff)
     h = arc.state.step_h
-    if _cost(arc, before, after) > _operations(arc.equations) * PER_STEP / h:
+    if _cost(stiff, before, after) > stiff.system.operations * STAGES / h:
         return 0.0
     steps = after.steps - before.steps
     return float((after.t - before.t) / steps / h)
-
-
-def _operations(equations: Equations) -> float:
-    """Give about how many operations an evaluation takes: terms, and their solution."""
-    nodes = [*equations.f, *(node for row in equations.M for node in row)]
-    for row in equations.rows:
-        nodes += [*row.A, row.b]
-    return len(equations.graph.cone(nodes)) + len(equations.q) ** 3 / 3
 
 
 def _named(where: tuple[str, ...]) -> str:

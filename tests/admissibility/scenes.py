@@ -9,10 +9,10 @@ from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Examination
+    from lagsim.admissibility import StartReport
 
 
-def judged(text: str, *, classify: bool = False) -> Examination:
+def judged(text: str, *, classify: bool = False) -> StartReport:
     """Examine the start of a model's text."""
     return examine(derive(read(text, "model.yaml")), classify=classify)
 
@@ -52,12 +52,12 @@ def scene(
     return "\n".join([*lines, more or "simulation: {duration: 1}"]) + "\n"
 
 
-def codes(start: Examination) -> list[str]:
+def codes(start: StartReport) -> list[str]:
     """Give the codes of the warnings."""
     return [w.code for w in start.warnings]
 
 
-def warning(start: Examination, code: str) -> str:
+def warning(start: StartReport, code: str) -> str:
     """Give the text of the only warning of this code."""
     [text] = [w.text for w in start.warnings if w.code == code]
     return text

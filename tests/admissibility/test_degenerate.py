@@ -259,3 +259,28 @@ def test_constraint_forces_are_those_of_the_reduced_system(name):
 
     exact = forces({"a": CIRCLE})
     assert np.max(np.abs(forces({"a": CIRCLE, **MORE[name]}) - exact)) < 1e-12 * 9.81
+
+
+PLANE = """
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}}
+definitions: {{speed: "{speed}"}}
+forces: {{x: 1 - 3*x_dot/speed, y: -3*y_dot/speed}}
+initial: {{x: 0, y: 0, x_dot: {v}, y_dot: {v}}}
+simulation: {{duration: 2, output_step: 0.5}}
+"""
+
+
+@pytest.mark.parametrize("speed", ["hypot(x_dot, y_dot)", "sqrt(x_dot^2 + y_dot^2)"])
+def test_a_direction_at_rest_is_refused_with_what_to_write(speed):
+    with pytest.raises(InputError) as caught:
+        run(PLANE.format(speed=speed, v=0))
+    assert all("no direction" in p.hint for p in caught.value.problems)
+
+
+@pytest.mark.parametrize("v", [0, 1])
+def test_what_is_to_be_written_comes_to_rest_but_for_a_creep(v):
+    found = run(PLANE.format(speed="hypot(1e-4, hypot(x_dot, y_dot))", v=v))
+    # Held by 1/3 of the friction: u = 1/3 hypot(c, u).
+    assert found["x_dot"][-1] == pytest.approx(1e-4 / 8**0.5, rel=1e-6)
+    assert abs(found["y_dot"][-1]) < 1e-9

@@ -17,13 +17,13 @@ from lagsim.plan import make_plan
 from tests.support import MODELS
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Examination
+    from lagsim.admissibility import StartReport
     from lagsim.mechanics.equations import Equations
 
 
 def both(
     e: Equations, monkeypatch: pytest.MonkeyPatch
-) -> tuple[Examination, Examination]:
+) -> tuple[StartReport, StartReport]:
     """Examine with dense matrices, and as if the scene were large."""
     dense = examine(e)
     monkeypatch.setattr(large, "LARGE", 1)

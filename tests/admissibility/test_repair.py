@@ -272,3 +272,21 @@ def test_a_repaired_mechanism_pastes_back():
     assert again.ranks.rank == 23
     assert set(codes(again)) == {"redundant", "multipliers-not-unique"}
     assert not again.changes
+
+
+@pytest.mark.parametrize("guess", ["3", "1e-8", "1e8"])
+def test_a_speed_of_zero_found_but_for_underflow_is_one_root(guess):
+    # x' = 2 t is 0 at the start; Newton's method leaves 1e-60 of where it came from.
+    start = judged(f"""
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (1e6*x_dot^2 + 1e-6*y_dot^2)/2, potential: 0}}
+constraints: {{sum: x + y = 1, drive: x_dot = 2*t}}
+initial:
+  x: {{guess: 0}}
+  y: {{guess: 0}}
+  x_dot: {{guess: {guess}}}
+  y_dot: {{guess: 0}}
+simulation: {{duration: 1}}
+""")
+    assert start.admissible
+    assert "other-roots" not in codes(start)

@@ -270,17 +270,19 @@ def test_an_inadmissible_start_writes_nothing(lagsim, write):
     assert names(".") == ["model.yaml"]
 
 
-def test_contacts_and_unknown_methods_are_refused_together(lagsim, write):
+def test_an_unknown_method_and_one_without_contact_are_refused(lagsim, write):
     model = write(CONTACT.replace("duration: 1", "duration: 1, method: rk44"))
     called = lagsim("run", model)
     assert (called.code, called.out) == (2, "")
-    assert "model.yaml:3:33: constraint `floor` is one-sided" in called.err
     assert "model.yaml:5:35: there is no method `rk44`" in called.err
     assert "one of auto, dop853, " in called.err
     assert names(".") == ["model.yaml"]
     errors = lagsim("run", model, "--json", "--method", "nope").json["errors"]
-    assert [e["code"] for e in errors] == ["one-sided", "unknown-method"]
-    assert errors[1]["file"] == "--method nope"
+    assert [(e["code"], e["file"]) for e in errors] == [
+        ("unknown-method", "--method nope")
+    ]
+    errors = lagsim("run", model, "--json", "--method", "taylor").json["errors"]
+    assert [e["code"] for e in errors] == ["method-refused"]
 
 
 @pytest.mark.slow

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
 from lagsim.derivation.as_json import as_json
 from lagsim.derivation.lagrange import content
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
-from lagsim.plan import make_plan
-from lagsim.run.system import System
 from tests.derivation.cases import NAMES, equations_of, known, numbers
-from tests.support import MODELS, Run, run
+from tests.support import MODELS, Run, case_of, ready, run
+
+if TYPE_CHECKING:
+    from lagsim.run.system import System
 
 CONSTRAINED = [name for name in NAMES if equations_of(name).rows]
 QUICK = ("elastic-pendulum-curve", "rolling-disk", "appell-hamel", "car-axis")
@@ -37,14 +36,14 @@ def asking(name: str, **wanted: bool) -> str:
 
 def observed(name: str, *, loops: bool) -> tuple[Any, dict[str, float], System]:
     """Give the equations, the columns at the start and the system."""
-    e = derive(read(asking(name, gauss=True), f"{name}.yaml"))
-    start = examine(e, e.model.settings().start).start
-    system = System(e, make_plan(e, start, e.model.settings(), loops=loops))
+    session = ready(asking(name, gauss=True), loops=loops)
+    start, system = session.case.start, session.system
     runner = system.link("dop853")
     runner.prepare()
     y = system.begin(start)
     row = runner.function("observe")(start.t, y)
-    return e, dict(zip(system.columns.names, row, strict=False)), system
+    columns = dict(zip(system.columns.names, row, strict=False))
+    return session.case.equations, columns, system
 
 
 @pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
@@ -121,9 +120,10 @@ output: {gauss: true}
 
 
 def test_a_singular_mass_matrix_has_no_unconstrained_acceleration() -> None:
-    e = derive(read(MASSLESS, "model.yaml"))
+    case = case_of(MASSLESS)
+    e = case.equations
     with pytest.raises(InputError, match="mass matrix of this model is singular"):
-        make_plan(e, examine(e).start, e.model.settings())
+        case.plan()
     with pytest.raises(InputError, match="direction has no inertia"):
         content(e, with_gauss=True)
     content(e)

@@ -68,7 +68,7 @@ def rounding_otherwise(monkeypatch, tmp_path):
 def nudging(generate):
     def generated(*arguments, **named):
         code = generate(*arguments, **named)
-        return replace(code, ir=nudged(code.ir))
+        return code._replace(ir=nudged(code.ir))
 
     return generated
 

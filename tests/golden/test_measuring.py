@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import orjson
 import pytest
 
 from lagsim.errors import InputError
@@ -15,7 +16,7 @@ from lagsim.studies.golden import measuring
 from lagsim.studies.golden.judging import judge
 from lagsim.studies.golden.measuring import measure, rounded_up
 from lagsim.studies.golden.motion import _asked, motion_of, perturbed
-from lagsim.studies.golden.storing import Stored, certain, load
+from lagsim.studies.golden.storing import Stored, certain, document, load
 from tests.golden.scenes import replaced, scene, scene_of
 
 PENDULUM = """
@@ -275,3 +276,37 @@ def test_rows_are_found_by_their_times(pendulum, ends):
     # The end of a motion is a result: it goes with the end of the other.
     last = motion.rows[-1] if ends else np.full(len(motion.columns), np.nan)
     assert np.array_equal(between[-1], last, equal_nan=True)
+
+
+def test_what_never_moves_is_stored():
+    # All ranges and all bounds but those of the time may be 0.
+    text = """
+name: still
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+initial: {x: 3}
+simulation: {duration: 2, output_step: 0.1}
+"""
+    case = scene_of(read(text, "still.yaml"))
+    golden, base = measure(case)
+    kept = orjson.loads(document(case, golden, base))
+    assert kept["bounds"].keys() == set(golden.columns)
+    assert all(bound == 0.0 for _, bound in kept["bounds"]["kinetic"])
+
+
+@pytest.mark.parametrize(
+    ("where", "since"), [("1/x", 1), ("sqrt(x)", 0), ("log(abs(x))", 1)]
+)
+def test_columns_that_no_run_can_be_held_against_are_refused(where, since):
+    # x = t - 1 passes 0 in a row: 1/x is infinite there, sqrt(x) no number before.
+    text = f"""
+coordinates: {{x: {{}}}}
+definitions: {{odd: {where}}}
+energy: {{kinetic: x_dot^2/2, potential: 0}}
+initial: {{x: -1, x_dot: 1}}
+simulation: {{duration: 2, output_step: 0.25}}
+"""
+    with pytest.raises(InputError) as refused:
+        measure(scene_of(read(text, "m.yaml")))
+    assert [p.text.split()[0] for p in refused.value.problems] == ["`odd`"]
+    assert refused.value.problems[0].text.endswith(f"t = {since}")

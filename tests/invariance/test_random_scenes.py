@@ -11,7 +11,7 @@ import pytest
 from tests.hunt.grammar import scene as scene_of
 from tests.hunt.integrator import NoTruthError
 from tests.hunt.verdict import GAIN, truth
-from tests.invariance.same import CHANGES, EPS, STILL, Sizes
+from tests.invariance.same import CHANGES, EPS, STEPS, STILL, Sizes
 from tests.invariance.transforms import document
 from tests.support import run
 
@@ -31,25 +31,25 @@ def known(number):
             number += COUNT
 
 
-def is_drowned(spread, name):
-    """Tell whether doubles cannot hold a motion so far away, or so fast.
+def drowned(spread, name):
+    """Give what doubles lose of all places where they lose all digits of some.
 
     All coordinates are moved by the same, many times the largest range: where a body
     has come 1e9 times as far as an angle has turned, no six digits are left of that.
-    Rounding acts in some 30 steps.
+    Such an angle is held to what rounding leaves of its place; it acts in each of some
+    30 steps.
     """
     if name not in ("shifted", "boosted"):
-        return False
+        return 0.0
     unit = EPS * CHANGES[name].rounding * np.max(spread)
-    return bool(unit > 30.0 * WITHIN * np.min(spread[spread > 0.0]))
+    lost = unit > 30.0 * WITHIN * np.min(spread[spread > 0.0])
+    return STEPS * unit if lost else 0.0
 
 
 def judged(scene, exact, name):
     """Say what is wrong with a scene in other words, or nothing."""
     change = CHANGES[name]
     n, spread = len(scene.q), exact.range.astype(float)
-    if is_drowned(spread[:n], name):
-        return None
     rates = np.max(np.abs(exact.state[:, n:].astype(float)))
     sizes = Sizes(float(np.max(spread[:n])), float(rates), scene.duration)
     model = change.put(document(scene.text()), sizes)
@@ -63,6 +63,7 @@ def judged(scene, exact, name):
     moving = np.where(still, np.max(spread[:n]), spread[:n])
     magnified = np.max(exact.known[:, :n] / moving, axis=1, keepdims=True)
     allowed = (WITHIN + GAIN * change.rounding * magnified) * moving
+    allowed = allowed + drowned(spread[:n], name)
     ratios = (np.abs(off) / allowed).astype(float)
     k, i = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
     if ratios[k, i] < 1.0:

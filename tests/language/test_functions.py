@@ -17,7 +17,8 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import FUNCTIONS, OPERATIONS
 from lagsim.language.graph import Graph
 from lagsim.language.symbolic import symbol, to_sympy
-from lagsim.native.graph.straight_line import Layout, generate
+from lagsim.native.graph.keys import Layout
+from lagsim.native.graph.straight_line import generate
 from lagsim.native.link.engine import Engine, compile_object
 from tests.language._cases import CASES, DIGITS
 from tests.language._programs import AsWritten
@@ -103,6 +104,74 @@ def test_derivative(name: str) -> None:
         found = evaluate(g, nodes, at(args))
         # 1 - tanh^2 and 1 - x^2 near 1 cancel two digits.
         assert found == pytest.approx(slopes(name, args), rel=1e-12, abs=1e-13)
+
+
+def limits(name: str, args: tuple[float, ...], i: int) -> tuple[float, ...] | None:
+    """Give value, slope and second slope in an argument as limits, where there are.
+
+    From both sides, not from the point itself: where a formula is 0/0 it tells nothing.
+    """
+
+    def around(h: Any) -> tuple[Any, ...]:
+        def value(k: int) -> Any:
+            moved = [mp.mpf(a) + k * h * (j == i) for j, a in enumerate(args)]
+            return CASES[name].exact(*moved)
+
+        far, left, right, beyond = (value(k) for k in (-2, -1, 1, 2))
+        sides = (left - far) / h, (right - left) / (2 * h), (beyond - right) / h
+        return (left + right) / 2, sides, (far - left - right + beyond) / (3 * h**2)
+
+    with mp.workdps(2 * DIGITS):
+        try:
+            (value, sides, bend), (_, _, nearer) = (
+                around(mp.mpf(10) ** -k) for k in (16, 18)
+            )
+        except (ZeroDivisionError, ValueError, TypeError):
+            return None  # no number there, or none that is real
+        found = (value, *sides, bend, nearer)
+        if not all(isinstance(x, mp.mpf) and mp.isfinite(x) for x in found):
+            return None
+        apart = max(abs(bend - nearer), *(abs(x - sides[1]) for x in sides))
+        # Where there are two slopes, sides and central differences are 1e-16 apart.
+        if apart > 1e-9 * (1 + abs(bend) + abs(sides[1])):
+            return None
+        return float(value), float(sides[1]), float(bend)
+
+
+# Where formulas of slopes may be 0/0, and beside that, where they may cancel.
+PLACES = (0.0, -1e-6, 1e-3, 1.0, -1.0, 2.0)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_slopes_at_special_points(name: str) -> None:
+    g = Graph()
+    node, arity = call(g, name), OPERATIONS[name].arity
+    variables = [g.variable(n) for n in NAMES[:arity]]
+    firsts = gradient(g, node, variables)
+    seconds = [gradient(g, s, [x])[0] for s, x in zip(firsts, variables, strict=True)]
+    tried = 0
+    for args in itertools.product(PLACES, repeat=arity):
+        there = [limits(name, args, i) for i in range(arity)]
+        expected = [x for x in there if x is not None]
+        if len(expected) < arity or (name, args) == ("pow", (0.0, 1.0)):
+            continue  # the latter has a test of its own
+        tried += 1
+        found = evaluate(g, [node, *firsts, *seconds], at(args))
+        value, slopes, bends = zip(*expected, strict=True)
+        assert found[0] == pytest.approx(value[0], rel=1e-12, abs=1e-13), args
+        first, second = found[1 : 1 + arity], found[1 + arity :]
+        assert first == pytest.approx(slopes, rel=1e-12, abs=1e-13), args
+        # That of hypot is a difference of what is larger by 1/1e-6.
+        assert second == pytest.approx(bends, rel=1e-9, abs=1e-9), args
+    assert tried
+
+
+@pytest.mark.xfail(strict=True, reason="y (y - 1) x^(y - 2) is 0 times infinity")
+def test_the_second_slope_of_a_line_whose_exponent_varies() -> None:
+    g = Graph()
+    x, y = g.variable("x"), g.variable("y")
+    bend = gradient(g, gradient(g, g.call("pow", x, y), [x])[0], [x])
+    assert evaluate(g, bend, {"x": 0.0, "y": 1.0}) == [0.0]
 
 
 @pytest.mark.parametrize("exponent", [-3, -2.5, -1, -0.5, 0.5, 1, 2, 2.5, 3, 7, 0.3])

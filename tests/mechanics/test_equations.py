@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import Equations, derive
 from lagsim.model.reader import read, read_file
-from lagsim.plan import make_plan
-from lagsim.run.system import System
-from tests.support import MODELS
+from lagsim.run.session import open_case
+from tests.support import MODELS, ready
 from tests.sympy_oracle import Numbers, Oracle, random_values
 
 if TYPE_CHECKING:
@@ -114,16 +112,8 @@ class Native:
     """The compiled functions of a shipped model."""
 
     def __init__(self, name: str, *, loops: bool) -> None:
-        e = self.equations = equations_of(name)
-        self.system = System(
-            e,
-            make_plan(
-                e,
-                examine(e).start,
-                e.model.settings({"formulation": "full"}),
-                loops=loops,
-            ),
-        )
+        session = ready(name, loops=loops, formulation="full")
+        self.equations, self.system = session.case.equations, session.system
         assert loops == (self.system.plan.elimination is None)
         self.runner = self.system.link("dop853")
 
@@ -256,7 +246,7 @@ energy:
     energy = gamma * 2 * 9 + 5 * 0.6**2 / 2
     assert at(e, [e.energy], **STATE) == pytest.approx([energy], rel=1e-14)
     assert not e.energy_is_sum
-    choices = make_plan(e, examine(e).start, e.model.settings()).choices
+    choices = open_case(e.model).plan().choices
     assert choices[0].choice == "mass matrix: depends on velocities"
 
 
@@ -326,22 +316,18 @@ def test_the_energy_function_of_a_moving_frame() -> None:
 @pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
 def test_a_nonlinear_velocity_constraint_in_gravity(loops: bool) -> None:
     # |v| = c in gravity (0, -g): psi' = -(g/c) cos psi by Chetaev's rule.
-    e = small(
+    session = ready(
         """
 parameters: {m: 2, g: 9.8, c: 3}
 coordinates: {x: {}, y: {}}
 initial: {x: 0, y: 0, x_dot: 3}
 energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
 constraints: {speed: x_dot^2 + y_dot^2 = c^2}
-"""
+""",
+        loops=loops,
+        formulation="full",
     )
-    system = System(
-        e,
-        make_plan(
-            e, examine(e).start, e.model.settings({"formulation": "full"}), loops=loops
-        ),
-    )
-    runner = system.link("dop853")
+    runner = session.system.link("dop853")
     runner.prepare()
     for psi in (0.0, 0.7, 2.0, -1.2):
         v = 3 * np.array([math.cos(psi), math.sin(psi)])
@@ -358,22 +344,18 @@ constraints: {speed: x_dot^2 + y_dot^2 = c^2}
 
 @pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
 def test_a_rheonomic_constraint_works_on_the_motion(loops: bool) -> None:
-    e = small(
+    session = ready(
         """
 parameters: {m: 2, s: 0.7, w: 3}
 coordinates: {x: {}, y: {}}
 initial: {x: 0, y: 0, x_dot: s*w}
 energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: 0}
 constraints: {drive: x = s*sin(w*t)}
-"""
+""",
+        loops=loops,
+        formulation="full",
     )
-    system = System(
-        e,
-        make_plan(
-            e, examine(e).start, e.model.settings({"formulation": "full"}), loops=loops
-        ),
-    )
-    runner = system.link("dop853")
+    runner = session.system.link("dop853")
     runner.prepare()
     t = 0.4
     x, v = 0.7 * math.sin(3 * t), 2.1 * math.cos(3 * t)

@@ -43,9 +43,10 @@ class Plain:
         self.method = method
         self.model = model
         none = {"CONSTRAINED": False, "UNTIL": False, "SWITCHES": False, "WIDE": False}
-        none["SLEEPERS"] = False
+        none |= {"SLEEPERS": False, "ADAPTIVE": method.ADAPTIVE}
         self.statics = none | statics
         own = {"start", "step", "interpolate"}
+        own |= {"interpolate_rates"} if method.ADAPTIVE else set()
         self.driven = model | {name: self.kernel(name) for name in own}
 
     def kernel(self, name: str) -> Callable[..., Any]:

@@ -5,18 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.equations import derive
 from lagsim.methods.parts import driver
 from lagsim.methods.parts import state as at
-from lagsim.model.reader import read
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.kernels.code import bind
-from lagsim.plan import make_plan
-from lagsim.run.system import System
 from lagsim.run.system.functions import functions
 from tests.methods.plain import Plain, fresh_state, linked, state_of
+from tests.support import ready
 
 SPRING = """
 parameters: {{l: 1, g: 9.8, K: 25.6}}
@@ -80,15 +76,12 @@ def linked_system(case):
     constraints, options = CASES[case]
     free = any(name in case for name in ("verlet", "kahan-li", "rattle"))
     text = SEPARABLE if free else SPRING
-    model = read(text.format(constraints=constraints, options=options), "m.yaml")
-    equations = derive(model)
-    start = examine(equations).start
-    settings = model.settings({"formulation": "full"})
-    plan = make_plan(equations, start, settings)
-    system = System(equations, plan)
+    text = text.format(constraints=constraints, options=options)
+    session = ready(text, formulation="full")
+    plan, system, settings = session.plan, session.system, session.case.settings
     runner = system.link(plan.method)
     runner.prepare()
-    y = system.begin(start)
+    y = system.begin(session.case.start)
     s = fresh_state(
         runner.method,
         y,
@@ -103,7 +96,7 @@ def linked_system(case):
     )
     statics = {
         "CONSTRAINED": system.m > 0,
-        "UNTIL": model.until is not None,
+        "UNTIL": system.equations.model.until is not None,
         "WIDE": system.wide,
     }
     return runner, s, statics

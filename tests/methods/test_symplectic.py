@@ -8,19 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
-from lagsim.mechanics.state import State
+from lagsim.mechanics.instant import Instant
 from lagsim.methods import kahan_li6, kahan_li8, method
 from lagsim.methods.parts import composition
 from lagsim.methods.parts import state as at
-from lagsim.model.reader import read
-from lagsim.plan import by_loops, make_plan
 from lagsim.run.observers import Keep
-from lagsim.run.system import System
 from tests.methods.plain import fresh_state, state_of
 from tests.methods.test_registry import refusal_of
-from tests.support import case_of, run
+from tests.support import ready, run
 
 FREE = """
 coordinates: {a: {}, b: {}}
@@ -53,11 +48,8 @@ initial: {x: sin(1), y: -cos(1), x_dot: {guess: 0}, y_dot: {guess: 0}}
 
 def stepper(text, name, h, *, loops=False):
     """Give y -> y after one step."""
-    equations = derive(read(f"{text}simulation: {{duration: 9, method: {name}}}", "m"))
-    start = examine(equations).start
-    system = System(
-        equations, make_plan(equations, start, equations.model.settings(), loops=loops)
-    )
+    text += f"simulation: {{duration: 9, method: {name}}}"
+    system = ready(text, loops=loops).system
     runner = system.link(name)
     runner.prepare()
 
@@ -166,14 +158,14 @@ def test_rattle_meets_the_constraints_to_rounding(loops):
 
 def reversed_error(text, name, step, duration, *, loops=False):
     simulation = f"duration: {duration}, output_step: 1, method: {name}, step: {step}"
-    case = case_of(f"{text}simulation: {{{simulation}}}")
-    session = case.ready(by_loops(case.plan()) if loops else None)
+    session = ready(f"{text}simulation: {{{simulation}}}", loops=loops)
+    case = session.case
     start, n = case.start, len(case.equations.q)
     for _ in range(2):
         keep = Keep()
         session.run([keep])
         last = keep.table[-1]
-        turned = State(start.t, last[1 : 1 + n], -last[1 + n : 1 + 2 * n])
+        turned = Instant(start.t, last[1 : 1 + n], -last[1 + n : 1 + 2 * n])
         session = replace(session, case=case.at(turned))
     ends = [*turned.q - start.q, *turned.v - start.v]
     assert np.max(np.abs(last[1 : 1 + n] - keep.table[0][1 : 1 + n])) > 0.1
@@ -267,10 +259,9 @@ def test_compensated_summation_pays_over_ten_thousand_orbits():
 
 def uncompensated(steps):
     """Give the error of the energy where each step forgets what rounding cut off."""
-    equations = derive(read(kepler("kahan-li8", 1, "2*pi/100"), "m.yaml"))
-    start = examine(equations).start
-    system = System(equations, make_plan(equations, start, equations.model.settings()))
-    runner = system.link("kahan-li8")
+    session = ready(kepler("kahan-li8", 1, "2*pi/100"))
+    start = session.case.start
+    runner = session.system.link("kahan-li8")
     runner.prepare()
     s = fresh_state(
         runner.method,

@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.native.graph import straight_line
+from lagsim.native.graph import keys
+from lagsim.native.graph.keys import Layout
 from lagsim.native.graph.lines import number
-from lagsim.native.graph.straight_line import Layout, generate
+from lagsim.native.graph.straight_line import generate
 from lagsim.native.link.engine import Engine, compile_object
 from tests.language._programs import VARIABLES, on_graph, programs, states
 
@@ -209,10 +210,10 @@ def long_functions(g: Graph) -> dict[str, list[int]]:
 def test_pieces_give_the_same_bits(piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
     g = Graph()
     functions = long_functions(g)
-    monkeypatch.setattr(straight_line, "PIECE", 10**9)
+    monkeypatch.setattr(keys, "PIECE", 10**9)
     whole = Compiled(g, functions)
     assert "@f.0" not in whole.code.ir
-    monkeypatch.setattr(straight_line, "PIECE", piece)
+    monkeypatch.setattr(keys, "PIECE", piece)
     cut = Compiled(g, functions)
     assert "@f.1" in cut.code.ir
     if piece < 50:
@@ -235,7 +236,7 @@ def test_longer_than_a_piece_and_deep() -> None:
         node = g.call("sin", g.call("add", node, g.call("mul", a, x)))
     total = g.sum(g.call("mul", x, g.constant(1.0 / k)) for k in range(1, 20_001))
     compiled = Compiled(g, {"f": [node, total]})
-    assert compiled.code.ir.count("define") > 25_000 // straight_line.PIECE
+    assert compiled.code.ir.count("define") > 25_000 // keys.PIECE
     expected = evaluate(g, [node, total], VALUES)
     assert compiled.at(VALUES) == pytest.approx(expected, rel=1e-13)
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
+from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import Graph
-from lagsim.native.graph import straight_line
-from lagsim.native.graph.keys import fingerprint
-from lagsim.native.graph.straight_line import Layout, generate
+from lagsim.native.graph import keys
+from lagsim.native.graph.keys import Layout, fingerprint
+from lagsim.native.graph.straight_line import generate
 
 LAYOUT = Layout(y={"x": 0, "v": 1}, p={"k": 0, "c": 1}, fixed=frozenset("kc"), size=2)
 
@@ -68,10 +67,10 @@ def test_other_functions_are_told_apart(what: str) -> None:
 @pytest.mark.parametrize(
     "layout",
     [
-        replace(LAYOUT, y={"x": 1, "v": 0}),
-        replace(LAYOUT, p={"k": 1, "c": 0}),
-        replace(LAYOUT, size=3),
-        replace(LAYOUT, fixed=frozenset("c")),
+        LAYOUT._replace(y={"x": 1, "v": 0}),
+        LAYOUT._replace(p={"k": 1, "c": 0}),
+        LAYOUT._replace(size=3),
+        LAYOUT._replace(fixed=frozenset("c")),
     ],
 )
 def test_other_layouts_are_told_apart(layout: Layout) -> None:
@@ -83,5 +82,18 @@ def test_the_manner_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     g, functions = graph()
     before = digest(g, functions)
     assert fingerprint(g, functions, LAYOUT, {"sparse": ("f",)}) != before
-    monkeypatch.setattr(straight_line, "PIECE", 1)
+    monkeypatch.setattr(keys, "PIECE", 1)
     assert digest(g, functions) != before
+
+
+@pytest.mark.parametrize(
+    ("name", "counts"), [("sin", True), ("mul", True), ("tanh", False)]
+)
+def test_the_native_code_of_the_functions_that_are_used_counts(
+    monkeypatch: pytest.MonkeyPatch, name: str, *, counts: bool
+) -> None:
+    g, functions = graph()
+    before = digest(g, functions)
+    other = OPERATIONS[name]._replace(native="fadd double {0}, {0}")
+    monkeypatch.setitem(OPERATIONS, name, other)
+    assert (digest(g, functions) != before) is counts

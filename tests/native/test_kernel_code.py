@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from lagsim.native.kernels import code
-from lagsim.native.kernels.code import KernelError, bind, fingerprint, translate
+from lagsim.native.kernels.code import KernelError, bind, translate
+from lagsim.native.kernels.keys import fingerprint
 from lagsim.native.kernels.words import total
 from lagsim.native.link.engine import Engine, compile_object
 from tests.native.sample_kernels import (
@@ -317,6 +318,5 @@ def test_everything_is_exported() -> None:
     assert set(code.__all__) == {
         "KernelError",
         "bind",
-        "fingerprint",
         "translate",
     }

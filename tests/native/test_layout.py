@@ -11,7 +11,8 @@ import pytest
 
 from lagsim.methods import method, names
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.native.kernels.code import KernelError, bind, fingerprint, translate
+from lagsim.native.kernels.code import KernelError, bind, translate
+from lagsim.native.kernels.keys import fingerprint
 from lagsim.native.kernels.words import apart
 from lagsim.native.layout import ARRAY, SIZE, Memory, array, part
 from lagsim.native.link.engine import Engine, compile_object

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.graph import Graph
-from lagsim.native.graph.straight_line import Layout, generate
+from lagsim.native.graph.keys import Layout
+from lagsim.native.graph.straight_line import generate
 from lagsim.native.kernels.code import translate
 from lagsim.native.kernels.words import is_rare, rare
 from lagsim.native.link.engine import Engine, compile_object

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import Graph
-from lagsim.native.graph import straight_line
+from lagsim.native.graph import keys
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.graph.straight_line import generate
 from tests.language._programs import on_graph, programs, states
@@ -55,7 +55,7 @@ def shifted() -> list[dict[str, float]]:
 
 @pytest.mark.parametrize("piece", [7, 400])
 def test_long_functions(piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(straight_line, "PIECE", piece)
+    monkeypatch.setattr(keys, "PIECE", piece)
     g = Graph()
     compare(g, long_functions(g)["f"], shifted())
 

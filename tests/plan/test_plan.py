@@ -4,25 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from lagsim.admissibility import examine
 from lagsim.errors import InputError
-from lagsim.mechanics.equations import derive
-from lagsim.model.reader import read, read_file
 from lagsim.model.settings import DEFAULT_RTOL
-from lagsim.plan import make_plan
+from lagsim.plan import by_loops
 from tests.scenes.reference import model_text
-from tests.support import MODELS
+from tests.support import case_of
 
 
 def plan_of(text, *, loops=False, **options):
-    if "\n" in text:
-        model = read(text, "model.yaml", options=options)
-    else:
-        model = read_file(str(MODELS / f"{text}.yaml"), options=options)
-    equations = derive(model)
-    return make_plan(
-        equations, examine(equations).start, equations.model.settings(), loops=loops
-    )
+    plan = case_of(text, **options).plan()
+    return by_loops(plan) if loops else plan
 
 
 def reasons(plan):

@@ -13,7 +13,7 @@ from lagsim.run.arcs import BLOCK
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.trajectory import Outcome
 from tests.mechanics.reduction.test_runs import differences
-from tests.support import MODELS, run
+from tests.support import MODELS, case_of, run
 
 # A double pendulum of sorts, a fast spring, and a pendulum on a rod; `e` sees them all.
 THREE = """
@@ -157,11 +157,6 @@ def test_it_must_pay_to_be_chosen():
     # A short run costs less than compiling two systems more.
     assert run(three(1)).plan.parts == ()
     # 2000 s of a spring of 100 rad/s, with a pendulum solved for at each of its steps.
-    long = read(three(20000), "model.yaml", options={"output_step": "100"})
-    from lagsim.admissibility import examine
-    from lagsim.plan import make_plan
-
-    equations = derive(long)
-    plan = make_plan(equations, examine(equations).start, equations.model.settings())
+    plan = case_of(three(20000), output_step=100).plan()
     assert len(plan.parts) == 3
     assert "subsystems: 3 integrated apart" in [c.choice for c in plan.choices]

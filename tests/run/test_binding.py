@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
 from lagsim.native.link.cache import object_code
-from lagsim.plan import make_plan
+from lagsim.plan import by_loops
 from lagsim.run.observers import Keep
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
+from lagsim.run.session import open_case
 
 # Derived parameters, a start that follows them, `if` in the time and in the state.
 SWITCHED = """
@@ -39,15 +36,10 @@ CASES = {
 }
 
 
-def rows(equations, case):
-    settings = equations.model.settings()
-    examined = examine(equations, settings.start)
-    assert examined.admissible, examined.verdicts
-    start = examined.start
-    plan = make_plan(equations, start, settings, loops=case == "by loops")
-    keep = Keep()
-    system = System(equations, plan)
-    trajectory = simulate(equations, start, plan, system, settings, [keep])
+def rows(case, by):
+    plan, keep = case.plan(), Keep()
+    session = case.ready(by_loops(plan) if by == "by loops" else plan)
+    trajectory = session.run([keep])
     return keep.table, trajectory.statistics
 
 
@@ -63,15 +55,14 @@ def test_rows_are_those_of_the_text_read_again(case, monkeypatch):
     text, changes = CASES[case]
     if case == "by tapes":
         monkeypatch.setattr("lagsim.plan.from_tape", lambda *_: True)
-    equations = derive(read(text, "m.yaml"))
-    first, _ = rows(equations, case)
+    opened = open_case(read(text, "m.yaml"))
+    first, _ = rows(opened, case)
     own = compiled.pop()
     for values in changes:
-        again = derive(read(text, "m.yaml", {k: repr(v) for k, v in values.items()}))
-        expected, same = rows(again, case)
+        again = read(text, "m.yaml", {k: repr(v) for k, v in values.items()})
+        expected, same = rows(open_case(again), case)
         compiled.clear()
-        bound = equations.of(equations.model.bind(values))
-        found, work = rows(bound, case)
+        found, work = rows(opened.bind(values), case)
         assert np.array_equal(found, expected)
         assert work == same
         assert found.shape != first.shape or not np.array_equal(found, first)

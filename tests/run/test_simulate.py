@@ -10,21 +10,15 @@ import signal
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.methods.parts.adaptive import usable_step
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.model.reader import read
-from lagsim.plan import make_plan
 from lagsim.run.arcs import BLOCK
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.pace import Pace
-from lagsim.run.simulate import simulate
-from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
 from tests.small_scenes import expected_times, oscillator
-from tests.support import run
+from tests.support import ready, run
 
 # Rows
 
@@ -87,23 +81,13 @@ def test_rk4_steps_are_the_textbook_ones():
 
 
 def test_rows_come_in_blocks_so_memory_is_bounded():
-    equations = derive(read(oscillator("duration: 30, output_step: 1e-3"), "m.yaml"))
-    start = examine(equations).start
-    plan = make_plan(equations, start, equations.model.settings())
     blocks = []
 
     class Count:
         def add(self, rows):
             blocks.append((len(rows), rows[0, 0], rows[-1, 0]))
 
-    trajectory = simulate(
-        equations,
-        start,
-        plan,
-        System(equations, plan),
-        equations.model.settings(),
-        [Count()],
-    )
+    trajectory = ready(oscillator("duration: 30, output_step: 1e-3")).run([Count()])
     assert max(size for size, _, _ in blocks) <= BLOCK
     assert sum(size for size, _, _ in blocks) == trajectory.rows == 30_001
     assert all(a[2] < b[1] for a, b in itertools.pairwise(blocks))

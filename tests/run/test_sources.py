@@ -8,36 +8,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
 from lagsim.methods.parts import state as at
-from lagsim.model.reader import read
 from lagsim.notes import Caution, Choice, Event
-from lagsim.plan import make_plan
 from lagsim.run.arcs import Run
 from lagsim.run.decisions import Decision, Ending, Source, Turn
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep
 from lagsim.run.recorder import MOST_EVENTS, Recorder
 from lagsim.run.states import MOST_STEPS
-from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
 from tests.small_scenes import oscillator
+from tests.support import ready
 
 
 class Begun:
     """A run that has not gone anywhere yet, and the rows that it will make."""
 
     def __init__(self, *sources, duration=4, consumers=(), **keywords):
-        text = oscillator(f"duration: {duration}, output_step: 0.25")
-        model = read(text, "model.yaml")
-        equations = derive(model)
-        settings = model.settings()
-        start = examine(equations, settings.start).start
-        plan = make_plan(equations, start, settings)
-        keep = Keep()
+        session = ready(oscillator(f"duration: {duration}, output_step: 0.25"))
+        case, keep = session.case, Keep()
         self.run = Run(
-            equations, start, plan, System(equations, plan), settings,
+            case.equations, case.start, session.plan, session.system, case.settings,
             [keep, *consumers], **keywords,
         )  # fmt: skip
         self.run.sources[:0] = sources

@@ -8,6 +8,7 @@ the way. That number is found without lagsim.
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -174,6 +175,17 @@ def test_bricard_costs_few_steps():
         ).trajectory.statistics
         assert statistics.steps < 400
         assert statistics.rejections <= 10
+
+
+def test_bricard_takes_fewer_steps_where_less_is_asked():
+    # Coordinates that rest by symmetry have no range of their own: controlled by that,
+    # they ask for shorter steps than those that move, the more so at loose tolerances.
+    # By a method of order 8 steps grow by 100^(1/8) for each hundredth of a tolerance.
+    steps = [
+        run(finer(model_text("bricard")), rtol=rtol).trajectory.statistics.steps
+        for rtol in ("1e-5", "1e-7", "1e-9", "1e-11", "1e-13")
+    ]
+    assert all(1.3 * loose < tight for loose, tight in itertools.pairwise(steps))
 
 
 def test_bricard_keeps_its_order():

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from benchmarks.rod_chain import rod_chain
-from lagsim.admissibility import examine
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.ldl import BUDGET, Elimination
-from lagsim.model.reader import read, read_file
+from lagsim.model.reader import read
 from lagsim.native.graph import tapes
-from lagsim.plan import make_plan
+from lagsim.plan import by_loops
 from lagsim.run.observers import Keep
 from lagsim.run.system import System
-from tests.support import MODELS, run
+from tests.support import MODELS, case_of, ready, run
 
 ALL = sorted(MODELS.glob("*.yaml"))
 
@@ -35,11 +34,9 @@ def test_cost_grows_in_proportion(monkeypatch, tmp_path):
     monkeypatch.setattr(tapes, "generate", noted)
     costs = []
     for n in (50, 100):
-        e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
-        start = examine(e).start
-        plan = make_plan(e, start, e.model.settings())
+        session = ready(rod_chain(n, 1.0))
+        e, plan = session.case.equations, session.plan
         assert "solve: sparse elimination" in [c.choice for c in plan.choices]
-        System(e, plan)
         entries = len(e.mass_entries) + sum(len(row.A.entries) for row in e.rows)
         code = made[-1]
         costs.append(
@@ -55,10 +52,9 @@ def test_cost_grows_in_proportion(monkeypatch, tmp_path):
     assert np.all(np.array(many) / few < 2.1)
 
 
-def states(e, number=3):
+def states(start, number=3):
     """Give random states; they need not meet the constraints."""
     random = np.random.default_rng(8)
-    start = examine(e).start
     for _ in range(number):
         q = start.q + 0.2 * random.standard_normal(len(start.q))
         yield 0.3, np.concatenate([q, random.standard_normal(len(q)), [0.0]])
@@ -79,21 +75,20 @@ def motion(e, plan, y, t):
 
 @pytest.mark.parametrize("n", [5, 20])
 def test_the_solve_is_that_of_the_full_form(n):
-    e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
-    start = examine(e).start
-    plan = make_plan(e, start, e.model.settings())
-    for t, y in states(e):
+    case = case_of(rod_chain(n, 1.0))
+    e, plan = case.equations, case.plan()
+    for t, y in states(case.start):
         tape = motion(e, replace(plan, tape=True), y, t)
-        full = motion(e, make_plan(e, start, e.model.settings(), loops=True), y, t)
+        full = motion(e, by_loops(plan), y, t)
         # Rounding, enlarged by the condition of S: 1e3 for 20 rods.
         assert np.max(np.abs(tape - full)) <= 1e-12 * np.max(np.abs(full))
 
 
 @pytest.mark.parametrize("path", ALL, ids=lambda path: path.stem)
 def test_tapes_give_the_bits_of_compiled_code(path):
-    e = derive(read_file(str(path)))
-    plan = make_plan(e, examine(e).start, e.model.settings())
-    for t, y in states(e, 2):
+    case = case_of(path.stem)
+    e, plan = case.equations, case.plan()
+    for t, y in states(case.start, 2):
         tape, code = (motion(e, replace(plan, tape=k), y, t) for k in (True, False))
         assert np.array_equal(tape, code, equal_nan=True)
 
@@ -121,19 +116,15 @@ def test_a_run_is_that_of_the_full_form(n):
 
 
 def test_the_plan_chooses_by_operations():
-    def choices(text):
-        e = derive(read(text, "model.yaml"))
-        return make_plan(e, examine(e).start, e.model.settings())
-
-    small = choices(rod_chain(10, 1.0))
+    small = case_of(rod_chain(10, 1.0)).plan()
     assert not small.tape
     assert small.elimination.operations <= BUDGET
-    large = choices(rod_chain(50, 1.0))
+    large = case_of(rod_chain(50, 1.0)).plan()
     assert large.tape
     choice = next(c for c in large.choices if c.choice.startswith("solve"))
     assert str(large.elimination.operations) in choice.reason
     # As many angles have a full M, of which elimination on the graph saves nothing.
-    angles = choices(angles_chain(40))
+    angles = case_of(angles_chain(40)).plan()
     assert angles.elimination is None
     assert not angles.tape
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.reduction.elimination import Pair, eliminated
 from lagsim.mechanics.reduction.ignorable import ignored, momentum_of
 from lagsim.model.model import Parameter
 
@@ -17,7 +16,8 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
+    from lagsim.mechanics.reduction.elimination import Pair
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +47,14 @@ class Reduction:
 
     def eliminate(self, found: Sequence[Pair]) -> Reduction:
         """Express coordinates by the others; of `elimination.pairs`."""
+        from lagsim.mechanics.reduction.elimination import eliminated
+
         e = self.equations
         equations, recovered = eliminated(e, found)
         names = [(e.q[pair.coordinate], e.rows[pair.row].name) for pair in found]
         return replace(self._followed_by(equations, recovered), eliminated=tuple(names))
 
-    def ignore(self, coordinates: Sequence[int], start: State) -> Reduction:
+    def ignore(self, coordinates: Sequence[int], start: Instant) -> Reduction:
         """Integrate `coordinates`, which are `ignorable`, by quadrature.
 
         Of the full equations only: first of all.
@@ -76,7 +78,7 @@ class Reduction:
         places = {name: k for k, name in enumerate(names)}
         return full[[places[name] for name in self.equations.q]]
 
-    def constants(self, start: State) -> dict[str, float]:
+    def constants(self, start: Instant) -> dict[str, float]:
         """Give the values of the momenta at a full start."""
         if not self.momenta:
             return {}
@@ -88,7 +90,7 @@ class Reduction:
         found = evaluate(model.graph, list(self.momenta.values()), values)
         return dict(zip(self.momenta, found, strict=True))
 
-    def state(self, start: State) -> Floats:
+    def state(self, start: Instant) -> Floats:
         """Give y at a full start: q, q', work, the quadratures, the action from 0."""
         e = self.equations
         values = {c.name: x for c, x in zip(e.model.coordinates, start.q, strict=True)}

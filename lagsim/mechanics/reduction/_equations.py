@@ -53,7 +53,7 @@ def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
         kinetic_form=found[e.kinetic_form],
         power=found[power[0]] if power else None,
         quadratures=tuple(
-            replace(x, rate=found[x.rate], mass=found[x.mass]) for x in e.quadratures
+            x._replace(rate=found[x.rate], mass=found[x.mass]) for x in e.quadratures
         ),
     )
 
@@ -71,9 +71,9 @@ def _dynamics(g: Graph, model: Model, new: Mapping[int, int]) -> Model:
         lagrangian=found[model.lagrangian],
         dissipation=found[loss[0]] if loss else None,
         forces=tuple(
-            replace(x, node=found[x.node], direction=found[x.direction]) for x in forces
+            x._replace(node=found[x.node], direction=found[x.direction]) for x in forces
         ),
-        until=replace(until, node=found[until.node]) if until else None,
+        until=until._replace(node=found[until.node]) if until else None,
     )
 
 

@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
@@ -45,8 +45,7 @@ if TYPE_CHECKING:
 STEEPEST = 1e3
 
 
-@dataclass(frozen=True, slots=True)
-class Pair:
+class Pair(NamedTuple):
     """A constraint and the coordinate it gives: indices, and the expression."""
 
     row: int

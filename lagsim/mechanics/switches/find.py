@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import JOINING, OPERATIONS, STEPS
@@ -38,16 +38,14 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
 
 
-@dataclass(frozen=True, slots=True)
-class Mode:
+class Mode(NamedTuple):
     """A time switch: the mode variable's name and the node of its discrete function."""
 
     variable: str
     discrete: int
 
 
-@dataclass(frozen=True, slots=True)
-class StateSwitch:
+class StateSwitch(NamedTuple):
     """A switch that depends on the state.
 
     Attributes
@@ -158,12 +156,29 @@ class Switches:
         op = g.ops[n]
         if args == g.args[n] and self._roots.floor(n) is None:
             return n
+        if op in ("mul", "div"):
+            return self._product(op, *args)
         if op in ROOTS and g.ops[args[0]] == "if":
             condition, *sides = g.args[args[0]]
             if any(g.value(side) is not None for side in sides):
                 apart = [self._inside(n, (x, *args[1:]), args[0]) for x in sides]
                 return g.call("if", condition, *apart)
         return self._inside(n, args, args[0])
+
+    def _product(self, op: str, first: int, second: int) -> int:
+        """Give a product or quotient of frozen arguments.
+
+        What is 0 on one side makes it 0 there, whatever the other one does: a slope of
+        a root has no bound where the root has ended.
+        """
+        g = self.graph
+        pairs = [(first, second)] if op == "div" else [(first, second), (second, first)]
+        for one, other in pairs:
+            if g.ops[one] == "if" and g.zero in g.args[one][1:]:
+                condition, *sides = g.args[one]
+                apart = [x if x == g.zero else g.call(op, x, other) for x in sides]
+                return g.call("if", condition, *apart)
+        return g.call(op, first, second)
 
     def _inside(self, n: int, args: tuple[int, ...], frozen: int) -> int:
         """Give node `n` on frozen `args` where these have a value.

@@ -10,8 +10,7 @@ other. The velocity is off by no more than the floor. A cube root is a switch fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import CHOOSING
 
@@ -25,8 +24,7 @@ if TYPE_CHECKING:
 ROOTS = ("pow", "sqrt", "cbrt")
 
 
-@dataclass(frozen=True, slots=True)
-class Roots:
+class Roots(NamedTuple):
     """Which roots have a floor.
 
     Attributes
@@ -60,7 +58,7 @@ class Roots:
 
     def told(self, sides: Sequence[Side]) -> tuple[Side, ...]:
         """Give the sides with their floors."""
-        return tuple(replace(s, floor=self.floors.get(s.node, "")) for s in sides)
+        return tuple(s._replace(floor=self.floors.get(s.node, "")) for s in sides)
 
     def _of(self, n: int) -> str:
         found = self.floor(n)

@@ -19,6 +19,11 @@ if TYPE_CHECKING:
     from lagsim.mechanics.switches.roots import Roots
 
 
+# What is linear in each of its arguments, or in each branch and in the condition.
+LINEAR = ("mul", "if")
+SUMS = ("add", "sub", "neg")
+
+
 class Shown:
     """Replaces steps by what they are worth while the motion slides."""
 
@@ -35,8 +40,10 @@ class Shown:
         modes = {g.variable(s.variable): g.variable(s.sliding) for s in sides}
         self.slides = {v: g.call("gt", m, half) for v, m in modes.items()}
         self.level = {v: g.call("lt", m, less) for v, m in modes.items()}
+        self.whole = frozenset(g.variable(s.variable) for s in sides if s.whole)
         self.done: dict[int, int] = {}
         self.shares: dict[int, int] = {}  # of the conditions that may be between
+        self.on: dict[int, frozenset[int]] = {}  # the sides that each node goes with
 
     def nodes(self, nodes: list[int]) -> list[int]:
         """Give `nodes` as shown."""
@@ -47,6 +54,7 @@ class Shown:
             args = tuple(self.done[a] for a in g.args[n])
             same = n if args == g.args[n] else g.call(g.ops[n], *args)
             self.done[n] = self._between(n, same, args)
+            self._combine(n)
         return [self.done[n] for n in nodes]
 
     def _between(self, n: int, same: int, args: tuple[int, ...]) -> int:
@@ -73,6 +81,37 @@ class Shown:
             low = g.call("if", g.call("le", part, g.zero), args[2], mixed)
             return g.call("if", g.call("ge", part, g.one), args[1], low)
         return same
+
+    def _combine(self, n: int) -> None:
+        """Let what is not linear in a side be the combination of both sides, as forces.
+
+        A branch of a branch, a product of two steps. Of whole numbers a side is left.
+        """
+        g, op = self.g, self.g.ops[n]
+        below = [self.on[a] for a in g.args[n]]
+        own = self.sides_of.get(n)
+        self.on[n] = frozenset().union(*below, {own[0]} if own else ())
+        if own or not self.on[n] or self.roots.floor(n) is not None:
+            return
+        if op in SUMS:
+            return
+        row = OPERATIONS[op]
+        if row.condition and n not in self.shares:
+            self.shares[n] = g.call("if", self.done[n], g.one, g.zero)
+        found = self.shares if row.condition else self.done
+        most = 1 if op in LINEAR or op in JOINING else 0
+        for v in self.on[n] - self.whole:
+            if sum(v in one for one in below) > most:
+                found[n] = self._mixed(found[n], v)
+
+    def _mixed(self, n: int, v: int) -> int:
+        g, half = self.g, self.g.constant(0.5)
+        low, high = (
+            g.substitute([n], {v: side})[0] for side in (g.constant(-1.0), g.one)
+        )
+        part = g.call("add", half, g.call("mul", half, v))
+        more = g.call("mul", part, g.call("sub", high, low))
+        return g.call("if", self.slides[v], g.call("add", low, more), n)
 
     def _root(self, n: int, args: tuple[int, ...]) -> int:
         """Give a root with its floor, which is 0 unless the motion slides."""

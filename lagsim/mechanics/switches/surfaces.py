@@ -9,8 +9,7 @@ expression keeps its level on a whole stretch, as in a dead zone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import JOINING, STEPS
 
@@ -20,8 +19,7 @@ if TYPE_CHECKING:
 WHOLE = ("floor", "ceil")
 
 
-@dataclass(frozen=True, slots=True)
-class Surface:
+class Surface(NamedTuple):
     """A part of a discrete function that steps where `node` meets a value.
 
     Attributes
@@ -66,8 +64,7 @@ def surfaces(g: Graph, discrete: int) -> tuple[Surface, ...]:
     return tuple(found)
 
 
-@dataclass(frozen=True, slots=True)
-class Side:
+class Side(NamedTuple):
     """Where the state is with respect to one surface, or to a stack of them.
 
     Attributes

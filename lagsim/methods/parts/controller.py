@@ -11,12 +11,19 @@ and millimetres give the same steps.
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.interface import derivative, measure, rounding, terms
+from lagsim.methods.parts.noise import (
+    RATE_NOISE,
+    hardly_moves,
+    look_at_rounding,
+    look_between,
+)
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import rare
+from lagsim.native.kernels.words import at, rare
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -24,6 +31,10 @@ if TYPE_CHECKING:
 # Of what the terms of a rate could do in a step, though they cancel: errors of other
 # components within the tolerance leave a part of them.
 FLOOR = 1e-3
+# Of the tolerances of what rows link it with, a component's own. Off the constraints,
+# in the stages of a step, errors of one act on the others; projection takes them out.
+# A tenth of it costs Bricard's mechanism twice the steps; others hardly notice either.
+LEAK = 1e-2
 # What of its range counts as the size of a component: an oscillation about 0 is half of
 # it in size, a motion away from 0 the whole.
 WIDTH = 0.7
@@ -31,12 +42,6 @@ WIDTH = 0.7
 INSTANT = 1e-6
 # A value is not known better than this part of itself.
 NOISE = 4.0 * 2.0**-53
-# Rates of the size of one leave so much in the error estimate, by their rounding.
-RATE_NOISE = 32.0 * 2.0**-53
-# Of what a relative change of the state by one would do; it is rounded to nearest.
-PROBED = 0.5
-# A relative change of the state this small shows what its rounding does to y'.
-PROBE = 2.0**-36
 # Below this a number has no digits to control: some of the smallest steps between two.
 UNDERFLOW = 2.0**-1068
 # The square of this is finite.
@@ -49,6 +54,8 @@ MOST_GUESSES = 20
 # The part of the tolerance that one step may use: errors of many steps add up, and the
 # tolerance is meant for the motion (Kepler's, e = 0.6, 100 orbits: 6 digits at 1e-11).
 LOCAL = 0.1
+
+SWITCHES = True
 
 
 def record_sizes(s: State, p: Parameters) -> None:
@@ -152,8 +159,35 @@ def set_tolerances(
         scale = max(scale, FLOOR * moment * part)
         rough = max(NOISE * max(sizes[i], abs(new[i])), noise[i] * h, UNDERFLOW)
         tolerances[i] = max(rtol * scale, rough)
+    if p.m > 0:
+        share_tolerances(s)
     if size > 2 * n:
         limit_work(s, new)
+
+
+def share_tolerances(s: State) -> None:
+    """Control no coordinate far finer than those that rows link it with.
+
+    In the metric of M, in which projection turns errors of one into errors of another:
+    what rests by symmetry has no motion of its own to be controlled by.
+    """
+    n = s.n
+    masses = s.masses
+    linked = s.linked
+    shared = s.shared
+    for level in range(2):
+        tolerances = at(s.tolerances, level * n)
+        for i in range(n):
+            shared[i] = 0.0
+        for i in range(n):
+            k = int(linked[i])
+            tolerance = tolerances[i]
+            if masses[i] > 0.0:
+                shared[k] = max(shared[k], masses[i] * tolerance * tolerance)
+        for i in range(n):
+            if masses[i] > 0.0:
+                most = sqrt(shared[int(linked[i])] / masses[i])
+                tolerances[i] = max(tolerances[i], LEAK * most)
 
 
 def against(error: float, tolerance: float) -> float:
@@ -194,6 +228,8 @@ def look_again(
     n = s.n
     t = s.t
     look_at_rounding(s, p, t, s.y, k, health)
+    if SWITCHES and hardly_moves(s, h, k):
+        look_between(s, p, h, k)
     if size > 2 * n:
         # The power of forces has no rounding where everything rests, at the start.
         noise = s.noise
@@ -202,61 +238,14 @@ def look_again(
         for i in range(2 * n, size):
             if abs(z[i - n]) < 1e300:
                 noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
-        # Nor has it where they are balanced, but velocities have.
-        if s.works[0] < 0.0:
+        # Nor has it where rows balance them, but velocities have.
+        if p.m > 0 and s.works[0] < 0.0:
             for i in range(n):
                 power = abs(s.masses[i]) * s.parts[i] * noise[n + i] * h
                 noise[2 * n] = max(noise[2 * n], power)
     set_tolerances(s, p, t + h, new, k, h)
     s.looked = 1.0
     return 1
-
-
-@rare
-def look_at_rounding(
-    s: State, p: Parameters, t: float, y: Floats, k: Floats, health: float
-) -> None:
-    """Find what rounding leaves in the rates k (size,) at y, for this step.
-
-    From a bound of what is rounded on the way, and from y' nearby. A health below 1 is
-    that of rows close to a loss of rank, which enlarges the former; y' off the
-    constraints says nothing there.
-    """
-    size = s.size
-    n = s.n
-    noise = s.noise
-    z = s.work
-    rounding(t, y, p, z)
-    larger = 1.0 / max(health, float(s.lost_below))
-    for i in range(n, size):
-        noise[i] = larger * abs(z[i - n])
-    if health >= 1.0:
-        add_probe(s, p, t, y, k)
-    for i in range(n, size):
-        if not noise[i] < 1e300:
-            noise[i] = 0.0
-        noise[i] = RATE_NOISE * (PROBED * abs(k[i]) + noise[i])
-
-
-@rare
-def add_probe(s: State, p: Parameters, t: float, y: Floats, k: Floats) -> None:
-    """Add what the rounding of the state does to its rates k.
-
-    Components change by different parts, or a change of the whole scene's size or
-    place would hide what cancels.
-    """
-    size = s.size
-    n = s.n
-    noise = s.noise
-    z = s.work
-    slopes = s.spare
-    for i in range(size):
-        part = 0.618033988749895 * (i + 1)
-        z[i] = y[i] * (1.0 + PROBE * (0.5 + part - int(part)))
-    derivative(t * (1.0 + PROBE), z, p, slopes)
-    s.evaluations += 1.0
-    for i in range(n, size):
-        noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
 
 
 @rare

@@ -1,6 +1,7 @@
 """The loop around any method: rows on a grid, `until`, and an orderly return.
 
-Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, SLEEPERS and WIDE;
+Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, SLEEPERS, ADAPTIVE
+and WIDE;
 what a model does not need is left out.
 """
 
@@ -18,7 +19,7 @@ from lagsim.methods.parts.interface import (
     step,
     until,
 )
-from lagsim.methods.parts.looks import overlooked, take_back
+from lagsim.methods.parts.looks import overlooked
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project, project_rows
 from lagsim.methods.parts.singular import watch
@@ -34,6 +35,7 @@ from lagsim.methods.parts.state import (
     SWITCH_FOUND,
     State,
 )
+from lagsim.methods.parts.strays import strayed, take_back
 from lagsim.methods.parts.switching import find_end
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.kernels.words import at, rare, unrolled
@@ -46,6 +48,7 @@ UNTIL = True
 SWITCHES = True
 WIDE = True
 SLEEPERS = True
+ADAPTIVE = True
 
 # By then the first steps, which are guessed, have grown to what the motion needs.
 SETTLING = 10.0
@@ -75,13 +78,13 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
         if made >= budget:
             return PAUSED
         made += 1
-        if SWITCHES:
+        if SWITCHES or ADAPTIVE:
             keep_sizes(s)
         code = step(s, p)
         if code != DONE:
             return code
         s.most_step = 0.0
-        if SLEEPERS and has_leapt(s, p) > 0:
+        if ADAPTIVE and has_missed(s, p) > 0:
             begin(s, p)
             continue
         record_step(s)
@@ -110,12 +113,13 @@ def arrived(s: State, p: Parameters) -> int:
     return NOWHERE
 
 
-@rare
-def has_leapt(s: State, p: Parameters) -> int:
-    """Take the last step back where it leapt over something; tell whether it did."""
-    if s.suspect == 0.0:
-        return 0
-    x = overlooked(s, p)
+def has_missed(s: State, p: Parameters) -> int:
+    """Take the last step back where it missed something; tell whether it did."""
+    x = 0.0
+    if SLEEPERS and s.suspect > 0.0:
+        x = overlooked(s, p)
+    if x == 0.0:
+        x = strayed(s, p)
     if x == 0.0:
         return 0
     take_back(s, x)
@@ -159,7 +163,7 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
 
 
 def keep_sizes(s: State) -> None:
-    """Note the largest sizes: a step may go far past the switch that will cut it."""
+    """Note the largest sizes: a step may go far past where it will end."""
     size = s.size
     sizes = s.sizes
     low = s.low

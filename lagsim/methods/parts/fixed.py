@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.controller import (
     NOISE,
-    look_at_rounding,
     record_extents,
     record_sizes,
 )
 from lagsim.methods.parts.interface import derivative
 from lagsim.methods.parts.newton import CONVERGED, progress
+from lagsim.methods.parts.noise import look_at_rounding
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at

@@ -165,6 +165,11 @@ def interpolate(s: State, x: float, out: Floats) -> None:
 
 
 @external
+def interpolate_rates(s: State, x: float, out: Floats) -> None:
+    """Give its slope (size,), from the velocities on, by methods that choose steps."""
+
+
+@external
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give all columns of a row; or of LANES of them, each of t, y and out LANES wide.
 

@@ -17,9 +17,10 @@ from __future__ import annotations
 from math import log, sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.interface import derivative, interpolate, signals
+from lagsim.methods.parts.interface import interpolate, signals
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
+from lagsim.methods.parts.strays import differs
 from lagsim.native.kernels.words import rare
 
 if TYPE_CHECKING:
@@ -310,7 +311,7 @@ def visited(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     x = approach(s, p, k, low, high)
     if high - x < AT_END * (high - low):
         return 0.0  # it comes closer still, or the next step begins there
-    if differs(s, p, x):
+    if is_missed(s, p, x):
         return x
     least = apart(s, p, k, x)
     beside = 2.0**-50
@@ -322,13 +323,13 @@ def visited(s: State, p: Parameters, k: int, low: float, high: float) -> float:
             left = x - beside > 0.0
             far = apart(s, p, k, x - beside) - least if left else 0.0
             left = left and far < FOOT
-            if left and far > SHOULDER and differs(s, p, x - beside):
+            if left and far > SHOULDER and is_missed(s, p, x - beside):
                 return x - beside
         if right:
             right = x + beside < 1.0
             far = apart(s, p, k, x + beside) - least if right else 0.0
             right = right and far < FOOT
-            if right and far > SHOULDER and differs(s, p, x + beside):
+            if right and far > SHOULDER and is_missed(s, p, x + beside):
                 return x
     return 0.0
 
@@ -365,36 +366,7 @@ def apart(s: State, p: Parameters, k: int, x: float) -> float:
 
 
 @rare
-def differs(s: State, p: Parameters, x: float) -> bool:
-    """Tell whether y' is not the slope of the dense output, for all that is allowed."""
-    size = s.size
-    z = s.look
-    rates = s.look_rates
-    right = s.asked
-    tolerances = s.tolerances
-    slopes(s, x)
-    interpolate(s, x, z)
-    derivative(s.step_t + x * s.step_h, z, p, right)
+def is_missed(s: State, p: Parameters, x: float) -> bool:
+    """Tell whether the last step has missed something there."""
     s.evaluations += 1.0
-    for i in range(s.n, size):
-        off = abs(right[i] - rates[i]) * s.step_h
-        if tolerances[i] > 0.0 and not off <= PASSED * tolerances[i]:
-            return True
-    return False
-
-
-@rare
-def take_back(s: State, x: float) -> None:
-    """Take the last step back; the next is half as long as to its fraction x."""
-    size = s.size
-    y = s.y
-    z = s.look
-    interpolate(s, 0.0, z)
-    for i in range(size):
-        y[i] = z[i]
-    s.t = s.step_t
-    s.most_step = 0.5 * x * s.step_h
-    s.steps -= 1.0
-    s.rejections += 1.0
-    s.cut = 0.0
-    s.fresh = 1.0
+    return differs(s, p, x, PASSED)

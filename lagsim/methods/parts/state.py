@@ -84,6 +84,7 @@ class State(Memory):
     feature_reach: float  # it counts from so far before it ...
     feature_end: float  # ... to this time
     longest: float  # no step is longer than this; 0: any
+    doubted: float  # the row at which a step differed last, see `strays`
     planned: float  # the step that will pass a loss of rank, once it has room; or 0
     planned_at: float  # when that was planned
     tried: float  # the error of the last step that was to pass and could not; or 0
@@ -112,6 +113,9 @@ class State(Memory):
     noise: Floats = array(lambda s: s.size)
     foreseen: Floats = array(lambda s: s.size)
     joined: Floats = array(lambda s: s.n)  # to which mechanism a coordinate belongs
+    linked: Floats = array(lambda s: s.n)  # ... where rows alone count, and not M
+    # The largest tolerance of what is linked, at the place of its first coordinate.
+    shared: Floats = array(lambda s: s.n)
     # Sizes, least and largest values before the last step; see `driver.keep_sizes`.
     sizes_before: Floats = array(lambda s: s.size)
     low_before: Floats = array(lambda s: s.size)
@@ -122,13 +126,14 @@ class State(Memory):
     lane_steps: Floats = array(lambda s: LANES * (s.n + 3))
 
     # Of each signal: its kind, the power that goes with it, the farthest it has been
-    # since it was close; at three looks values, then rates. See `looks`.
+    # since it was close; at three looks and beside one values, then rates. See `looks`.
     kinds: Floats = array(lambda s: s.signals)
     powers: Floats = array(lambda s: s.signals)
     farthest: Floats = array(lambda s: s.signals)
     signals_first: Floats = array(lambda s: 2 * s.signals)
     signals_middle: Floats = array(lambda s: 2 * s.signals)
     signals_last: Floats = array(lambda s: 2 * s.signals)
+    signals_beside: Floats = array(lambda s: 2 * s.signals)  # a rounded state's
     # A look: y and y' there; states beside it, and y' from the equations.
     look: Floats = array(lambda s: 2 * s.size)
     look_rates: Floats = part("look", lambda s: s.size, lambda s: s.size)

@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import (
     interpolate,
     margins,
+    signals,
     until,
 )
 from lagsim.methods.parts.looks import BETWEEN, look_at_signals, stirs
+from lagsim.methods.parts.noise import ROUNDED, move_aside
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import at
+from lagsim.native.kernels.words import at, rare
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -44,8 +46,11 @@ TURNED = 0.25
 CLEAR = 0.25
 # Looks come no closer than this, and there are so many in a step.
 FINEST = 2.0**-14
-# Or than this about where a function wakes.
+# Or than this about where a function wakes; this many times it where looks have run out
+# before this part of the step: so many steps at most for one.
 NARROWEST = 2.0**-40
+COARSER = 16.0
+LEAST_PART = 2.0**-5
 MOST_LOOKS = 2000
 # A least margin is located to this part of the stretch it lies in: its own error is of
 # the square of that.
@@ -112,6 +117,7 @@ def search(s: State, p: Parameters, low: float) -> None:
     last = s.margins_last
     widest = 2.0 / LOOKS
     width = widest
+    narrowest = NARROWEST
     looks = 0
     high = 0.0
     sample(s, p, low, BESIDE * width, first)
@@ -122,7 +128,7 @@ def search(s: State, p: Parameters, low: float) -> None:
         sample(s, p, x, -BESIDE * width, last)
         looks += 2
         clear = x - low < FINEST or known(s, p, x - low)
-        if SLEEPERS and clear and x - low > NARROWEST:
+        if SLEEPERS and clear and x - low > narrowest:
             clear = nothing_stirs(s, p, low, x)
         if clear:
             high = first_end(s, p, low, half, first, middle)
@@ -138,11 +144,14 @@ def search(s: State, p: Parameters, low: float) -> None:
                 first[i] = last[i]
             low = x
             width = min(2.0 * width, widest)
-        elif looks >= MOST_LOOKS and low > 0.0:
+        elif looks >= MOST_LOOKS and low > LEAST_PART:
             s.cut = low
             s.t = s.step_t + low * s.step_h
             return
         else:
+            if looks >= MOST_LOOKS:
+                looks = 0
+                narrowest *= COARSER
             width = 0.5 * (x - low)
             sample(s, p, low, BESIDE * width, first)
 
@@ -158,8 +167,26 @@ def nothing_stirs(s: State, p: Parameters, low: float, x: float) -> bool:
     look_at_signals(s, p, x, s.signals_last)
     still = True
     for k in range(count):
-        still = still and not stirs(s, k, (x - low) * s.step_h)
+        if still and stirs(s, k, (x - low) * s.step_h):
+            still = varies_by_rounding(s, p, k, x)
     return still
+
+
+@rare
+def varies_by_rounding(s: State, p: Parameters, k: int, x: float) -> bool:
+    """Tell whether signal k varies between three looks by rounding alone.
+
+    That is, by no more than rounding the state does at the last one, at x.
+    """
+    a = s.signals_first[k]
+    m = s.signals_middle[k]
+    b = s.signals_last[k]
+    z = s.look
+    move_aside(s.size, z, ROUNDED, z)
+    signals(s.step_t + x * s.step_h, z, p, s.signals_beside)
+    noise = float(abs(s.signals_beside[k] - b))
+    change = float(max(abs(m - a), abs(b - m)))
+    return change <= noise
 
 
 def look(s: State, p: Parameters, x: float) -> None:

@@ -9,6 +9,7 @@ can be set aside the rest of the file is still read, so that all faults come at 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import yaml
 
@@ -50,8 +51,7 @@ REPAIRED_CHARACTERS = 2_000_000
 _LOADER = getattr(yaml, "CLoader", yaml.Loader)
 
 
-@dataclass(frozen=True, slots=True)
-class Document:
+class Document(NamedTuple):
     """The nodes of a text (None: empty, or not YAML) and the faults found."""
 
     root: Node | None

@@ -8,7 +8,7 @@ file can still be read and all its faults be told at once.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from lagsim.errors import Problem
 from lagsim.model.nodes.tree import Broken, Node, Scalar, Source
@@ -16,12 +16,13 @@ from lagsim.model.nodes.tree import Broken, Node, Scalar, Source
 _FORBIDDEN = re.compile(
     "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 )
-_ENTRY = re.compile(
+# Compiled where they are needed, which is where a file has a fault.
+_ENTRY = (
     r"(?P<lead>\s*(?:-\s+)*)(?P<key>[^\s:#{}\[\],'\"|>@`%&*!?][^:{}\[\]]*?)\s*:\s+"
     r"(?P<value>\S.*)"
 )
-_ITEM = re.compile(r"(?P<lead>\s*(?:-\s+)+)(?P<value>\S.*)")
-_NO_SPACE = re.compile(r"\s*(?:-\s+)*(?P<key>[^\s:#{}\[\],'\"]+):(?P<value>[^\s:]\S*)")
+_ITEM = r"(?P<lead>\s*(?:-\s+)+)(?P<value>\S.*)"
+_NO_SPACE = r"\s*(?:-\s+)*(?P<key>[^\s:#{}\[\],'\"]+):(?P<value>[^\s:]\S*)"
 
 _BEGINS = {
     "%": "`%` cannot begin a value in YAML",
@@ -38,16 +39,14 @@ _BEGINS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Repair:
+class Repair(NamedTuple):
     """The text without the faulty value, and line and column of what stands for it."""
 
     text: str
     spoilt: tuple[int, int]
 
 
-@dataclass(frozen=True, slots=True)
-class Diagnosis:
+class Diagnosis(NamedTuple):
     """A fault that stopped the YAML parser; `line` counts from 0."""
 
     problem: Problem
@@ -105,8 +104,7 @@ def _inside(source: Source, at: tuple[int, int]) -> tuple[int, int]:
     return line, min(column, len(source.line(line)))
 
 
-@dataclass(frozen=True, slots=True)
-class _Case:
+class _Case(NamedTuple):
     source: Source
     problem: str
     at: tuple[int, int]
@@ -123,7 +121,7 @@ class _Case:
 
     def entry(self) -> re.Match[str] | None:
         """Give the entry or item in whose value the parser stopped."""
-        match = _ENTRY.match(self.line) or _ITEM.match(self.line)
+        match = re.match(_ENTRY, self.line) or re.match(_ITEM, self.line)
         return match if match and self.at[1] >= match.start("value") else None
 
     def fault(
@@ -190,7 +188,7 @@ def _missing_space(case: _Case) -> Diagnosis | None:
         number = _line_before(case)
     else:
         return None
-    match = _NO_SPACE.match(case.source.line(number))
+    match = re.match(_NO_SPACE, case.source.line(number))
     if match is None:
         return None
     key, value = match["key"], match["value"]
@@ -314,8 +312,10 @@ def unspaced(key: Node, value: Node) -> tuple[Node, Node, Problem | None]:
     """Take a key such as `theta:1` apart, where YAML needs a space after the colon."""
     if not isinstance(key, Scalar) or key.quoted:
         return key, value, None
-    match = _NO_SPACE.match(key.text)
-    if match is None or not (isinstance(value, Scalar) and value.empty):
+    if ":" not in key.text or not (isinstance(value, Scalar) and value.empty):
+        return key, value, None
+    match = re.match(_NO_SPACE, key.text)
+    if match is None:
         return key, value, None
     name, rest = match["key"], key.text[match.start("value") :]
     problem = Problem(

@@ -25,7 +25,7 @@ from lagsim.model.reader.expressions import Expressions
 from lagsim.model.reader.faults import Faults
 from lagsim.model.reader.fields import fields, shortened
 from lagsim.model.reader.names import Kind, Names, check_columns
-from lagsim.model.reader.parameters import declared, read_coordinates
+from lagsim.model.reader.parameters import read_coordinates
 from lagsim.model.reader.relations import declared_constraints, read_constraints
 from lagsim.model.reader.simulation import read_until, simulation_fields
 from lagsim.model.reader.stated import Sections, Stated
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.model.nodes import Node
-    from lagsim.model.reader.fields import Entry
 
 __all__ = ["FORMAT_VERSION", "SECTIONS", "read", "read_file", "text_of"]
 
@@ -166,7 +165,10 @@ class _File:
         self.faults = faults
         self.root = root.place
         self.top = fields(root, "the file", SECTIONS, faults, self.root)
-        self.names = Names()
+        if not self.top.sound:
+            faults.raise_if_any()
+        self.energy = energy_fields(self.top.found.get("energy"), faults, self.root)
+        self.names = Names("lagrangian" in self.energy)
         self.x = Expressions(Graph(), self.names, faults)
 
     def read(
@@ -180,14 +182,13 @@ class _File:
             With every fault.
         """
         top, x, faults = self.top, self.x, self.faults
-        if not top.sound:
-            faults.raise_if_any()
         self._check_version()
         name = self._name()
-        given = {key: self._declared(key, kind) for key, kind in _NAMING.items()}
+        given = {
+            key: self.names.section(top.value(key), f"`{key}`", kind, faults)
+            for key, kind in _NAMING.items()
+        }
         relations = declared_constraints(top.value("constraints"), x)
-        energy = energy_fields(top.found.get("energy"), x, self.root)
-        self.names.has_lagrangian = "lagrangian" in energy
         self._check_names()
 
         simulation = simulation_fields(top.found.get("simulation"), x, self.root)
@@ -200,7 +201,7 @@ class _File:
         coordinates = read_coordinates(given["coordinates"], x)
         definitions = Definitions(given["definitions"], x)
         definitions.build(Level.POSITION, Level.VELOCITY)
-        energies = read_energies(energy, x)
+        energies = read_energies(self.energy, x)
         definitions.build(Level.OUTPUT)
         forces = read_forces(top.value("forces"), x)
         constraints = read_constraints(relations, x)
@@ -236,14 +237,10 @@ class _File:
             source=source,
         )
 
-    def _declared(self, section: str, kind: Kind) -> list[Entry]:
-        return declared(self.top.value(section), f"`{section}`", kind, self.x)
-
     def _check_names(self) -> None:
         check_columns(self.names, self.faults)
-        if self.names.of(Kind.COORDINATE) or not self.names.complete:
+        if self.names.complete or not self.names.readable:
             return
-        self.names.complete = False  # or each use of a coordinate would be a fault
         if "coordinates" in self.top and self.names.faulty:
             return
         text = "the file has no coordinates"

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.model.model import Definition, Level
 from lagsim.model.reader.expressions import (
@@ -25,8 +24,7 @@ if TYPE_CHECKING:
 _OF_DEFINITIONS = (Kind.DEFINITION, Kind.RATE, Kind.SECOND_RATE)
 
 
-@dataclass(frozen=True, slots=True)
-class _Entry:
+class _Entry(NamedTuple):
     scalar: Scalar | None
     parsed: Parsed | None
     unit: str

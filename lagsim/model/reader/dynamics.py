@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.model.model import Force, Level
 from lagsim.model.reader.expressions import STATE
@@ -14,13 +13,13 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.model.nodes import Node, Scalar
     from lagsim.model.reader.expressions import Expressions
+    from lagsim.model.reader.faults import Faults
     from lagsim.model.reader.fields import Entry
 
 ENERGY_KEYS = ("kinetic", "potential", "lagrangian", "dissipation")
 
 
-@dataclass(frozen=True, slots=True)
-class Energies:
+class Energies(NamedTuple):
     """Nodes of the energies; None where the file has none, or a faulty one."""
 
     lagrangian: int | None
@@ -29,36 +28,36 @@ class Energies:
     dissipation: int | None
 
 
-def energy_fields(entry: Entry | None, x: Expressions, root: Place) -> Fields:
+def energy_fields(entry: Entry | None, faults: Faults, root: Place) -> Fields:
     """Give the section `energy`, its keys checked."""
     if entry is None:
         text = "the file has no `energy`"
         hint = "give `kinetic` and `potential`, or `lagrangian`"
-        x.faults.add("missing-key", text, root, hint)
+        faults.add("missing-key", text, root, hint)
         return Fields({}, root, sound=False)
     key, node = entry
-    found = fields(node, "`energy`", ENERGY_KEYS, x.faults, key.place)
+    found = fields(node, "`energy`", ENERGY_KEYS, faults, key.place)
     if found.sound:
-        _check_complete(found, x)
+        _check_complete(found, faults)
     return found
 
 
-def _check_complete(found: Fields, x: Expressions) -> None:
+def _check_complete(found: Fields, faults: Faults) -> None:
     given = [k for k in ("kinetic", "potential") if k in found]
     if "lagrangian" in found:
         if given:
             beside = " and ".join(f"`{k}`" for k in given)
             text = f"both {beside} and `lagrangian` are given"
             hint = "`lagrangian` stands instead of `kinetic` and `potential`"
-            x.faults.add("both-given", text, found.place_of("lagrangian"), hint)
+            faults.add("both-given", text, found.place_of("lagrangian"), hint)
     elif not given:
         text = "`energy` has neither `kinetic` and `potential` nor `lagrangian`"
-        x.faults.add("missing-key", text, found.place)
+        faults.add("missing-key", text, found.place)
     elif len(given) == 1:
         missing = "potential" if given == ["kinetic"] else "kinetic"
         text = f"`energy` has no `{missing}`"
         hint = f"where there is none, say so: `{missing}: 0`"
-        x.faults.add("missing-key", text, found.place, hint)
+        faults.add("missing-key", text, found.place, hint)
 
 
 def read_energies(found: Fields, x: Expressions) -> Energies:
@@ -74,7 +73,7 @@ def read_energies(found: Fields, x: Expressions) -> Energies:
     kinetic, potential, lagrangian, dissipation = (nodes[k] for k in ENERGY_KEYS)
     if kinetic is not None and potential is not None:
         lagrangian = x.graph.call("sub", kinetic, potential)
-    x.energies = {"kinetic": kinetic, "potential": potential}
+    x.energies.update(kinetic=kinetic, potential=potential)
     return Energies(lagrangian, kinetic, potential, dissipation)
 
 

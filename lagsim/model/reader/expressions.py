@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
@@ -40,8 +39,7 @@ OUTPUT = frozenset(Kind)
 _VELOCITIES = (Kind.VELOCITY, Kind.RATE)
 
 
-@dataclass(frozen=True, slots=True)
-class Resolved:
+class Resolved(NamedTuple):
     """What is known of a definition; `node` is None where a fault was reported."""
 
     node: int | None

@@ -19,6 +19,9 @@ Entry = tuple[Scalar, Node]
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
 _NO_SPACE = re.compile(r"([^\s:]+):([^\s:]\S*)")
 
+# Of a list of names a message shows so many.
+LISTED = 12
+
 
 def kind_of(node: Node) -> str:
     """Say what a node is, for messages."""
@@ -160,8 +163,8 @@ def fields(
     return Fields(found, place, sound)
 
 
-def listed(names: Iterable[str], most: int = 12) -> str:
+def listed(names: Iterable[str]) -> str:
     """Give names as a text: `a`, `b`, `c`."""
     names = list(names)
-    text = ", ".join(f"`{n}`" for n in names[:most])
-    return text + (f" and {len(names) - most} more" if len(names) > most else "")
+    text = ", ".join(f"`{n}`" for n in names[:LISTED])
+    return text + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")

@@ -6,15 +6,17 @@ import re
 import unicodedata
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import FUNCTIONS, JOINING
-from lagsim.model.reader.fields import shortened
+from lagsim.model.nodes import Mapping, Scalar
+from lagsim.model.reader.fields import entries, shortened
 
 if TYPE_CHECKING:
     from lagsim.errors import Place
-    from lagsim.model.nodes import Scalar
+    from lagsim.model.nodes import Node
     from lagsim.model.reader.faults import Faults
+    from lagsim.model.reader.fields import Entry
 
 RESERVED = (
     "t", "pi", "kinetic", "potential", "lagrangian", "energy", "work",
@@ -45,8 +47,7 @@ _SECOND_RATES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Meaning:
+class Meaning(NamedTuple):
     """What a name stands for, and whose it is: `x` for `x_dot`, `c` for `lambda_c`."""
 
     kind: Kind
@@ -59,23 +60,40 @@ class Names:
 
     Attributes
     ----------
+    has_lagrangian
+        Whether the file gives one, so that its energies are not known.
     variables, places
         Kind and place of each parameter, coordinate and definition.
     faulty
         Names given where a fault was reported; using them is no second fault.
     constraints
         Names of the constraints; a namespace of their own.
-    complete
-        False where a section that gives names could not be read, so that an unknown
-        name may well be one of them.
+    readable
+        False where a section that gives names could not be read.
     """
 
-    has_lagrangian: bool = False
-    complete: bool = True
+    has_lagrangian: bool
+    readable: bool = True
     variables: dict[str, Kind] = field(default_factory=dict)
     places: dict[str, Place] = field(default_factory=dict)
     constraints: list[str] = field(default_factory=list)
     faulty: set[str] = field(default_factory=set)
+
+    @property
+    def complete(self) -> bool:
+        """False where an unknown name may well be one that could not be read."""
+        return self.readable and bool(self.of(Kind.COORDINATE))
+
+    def section(
+        self, section: Node | None, what: str, kind: Kind, faults: Faults
+    ) -> list[Entry]:
+        """Give the entries of a section that gives names, and declare these."""
+        if section is None:
+            return []
+        given = entries(section, what, faults)
+        empty = isinstance(section, Scalar) and section.empty
+        self.readable &= bool(given) or empty or isinstance(section, Mapping)
+        return [entry for entry in given if self.declare(entry[0], kind, faults)]
 
     def declare(self, key: Scalar, kind: Kind, faults: Faults) -> bool:
         """Add a parameter, coordinate or definition; give whether its name is good."""

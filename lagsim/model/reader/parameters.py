@@ -10,7 +10,7 @@ from lagsim.language.graph import Graph
 from lagsim.model.model import Coordinate, Parameter
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar, argument
 from lagsim.model.reader.expressions import NUMBERS
-from lagsim.model.reader.fields import entries, fields
+from lagsim.model.reader.fields import fields
 from lagsim.model.reader.names import Kind
 
 if TYPE_CHECKING:
@@ -177,16 +177,3 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
         unit, about = (below.text(k, x.faults) for k in ("unit", "description"))
         found.append(Coordinate(key.text, unit, about))
     return tuple(found)
-
-
-def declared(
-    section: Node | None, what: str, kind: Kind, x: Expressions
-) -> list[Entry]:
-    """Give the entries of a section that gives names, and declare these."""
-    if section is None:
-        return []
-    given = entries(section, what, x.faults)
-    empty = isinstance(section, Scalar) and section.empty
-    if not given and not empty and not isinstance(section, Mapping):
-        x.names.complete = False
-    return [entry for entry in given if x.names.declare(entry[0], kind, x.faults)]

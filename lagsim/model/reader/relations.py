@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from lagsim.language.roots import simple_root
@@ -137,7 +136,7 @@ def _once(relation: Relation, x: Expressions) -> Relation:
     names = {n for n, kind in x.names.variables.items() if kind in moving}
     names |= {f"{n}_dot" for n in names}
     root = simple_root(x.graph, relation.node, names)
-    return replace(relation, node=root, multiple=root != relation.node)
+    return relation._replace(node=root, multiple=root != relation.node)
 
 
 def _check_no_velocity(expression: Node, what: str, x: Expressions) -> None:

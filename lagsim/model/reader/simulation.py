@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.model.nodes import Scalar, argument
 from lagsim.model.reader.fields import Fields, fields
@@ -59,8 +59,7 @@ def _replaced(found: Fields, options: Mapping[str, str]) -> Fields:
     return Fields(given, found.place, found.sound)
 
 
-@dataclass(frozen=True, slots=True)
-class _Reader:
+class _Reader(NamedTuple):
     given: Fields
     x: Expressions
 

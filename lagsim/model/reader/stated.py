@@ -7,7 +7,7 @@ every expression on it, stays.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.model.reader.faults import Faults
 from lagsim.model.reader.initial import Initial
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from lagsim.model.settings import Settings
 
 
-@dataclass(frozen=True, slots=True)
-class Sections:
+class Sections(NamedTuple):
     """The sections of a file that hold numbers, and where the file begins."""
 
     parameters: list[Entry]

@@ -11,16 +11,33 @@ import functools
 import hashlib
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language import functions as operations
-from lagsim.native.graph import sincos, straight_line
+from lagsim.language.functions import OPERATIONS
+from lagsim.native.graph import sincos
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.native.graph.straight_line import Layout
+
+
+# Nodes in one piece: LLVM's time per instruction grows with the length of a function
+# (a 40-link chain: 0.9 s at 800, 0.7 s at 400, and little less below).
+PIECE = 400
+
+
+class Layout(NamedTuple):
+    """Where the variables are: name -> index in y, name -> index in p.
+
+    `fixed` names those in p that do not change while a kernel runs (parameters,
+    modes); `size` is how much of p is used before what the code adds.
+    """
+
+    y: Mapping[str, int]
+    p: Mapping[str, int]
+    fixed: frozenset[str]
+    size: int
 
 
 def fingerprint(
@@ -34,10 +51,13 @@ def fingerprint(
     cone = g.cone(n for nodes in functions.values() for n in nodes)
     place = {n: k for k, n in enumerate(cone)}
     leaves = [(k, g.payload(n)) for k, n in enumerate(cone) if not g.args[n]]
+    ops = [g.ops[n] for n in cone]
+    rows = [OPERATIONS[op] for op in dict.fromkeys(ops) if op in OPERATIONS]
     parts = [
         _writers(),
-        repr((straight_line.PIECE, sincos.LANES, manner)),
-        repr([g.ops[n] for n in cone]),
+        repr([(x.native, x.declares, x.wide, x.contracts, x.condition) for x in rows]),
+        repr((PIECE, sincos.LANES, manner)),
+        repr(ops),
         repr([[place[a] for a in g.args[n]] for n in cone]),
         repr(leaves),
         repr([(name, [place[n] for n in nodes]) for name, nodes in functions.items()]),
@@ -51,7 +71,6 @@ def fingerprint(
 def _writers() -> str:
     """Give a digest of the text of all that writes the code of a graph."""
     digest = hashlib.sha256(repr(sys.version_info[:2]).encode())
-    here = Path(__file__).parent
-    for file in [*sorted(here.glob("*.py")), Path(operations.__file__)]:
+    for file in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(file.read_bytes())
     return digest.hexdigest()

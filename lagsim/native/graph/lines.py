@@ -42,11 +42,10 @@ def number(x: float) -> str:
 class Lines:
     """Lines of IR with fresh names."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, contract: bool = False, wide: bool = False) -> None:
         self.lines: list[str] = []
         self.declared: set[str] = set()
-        self.contract = False
-        self.wide = False
+        self.contract, self.wide = contract, wide
         self._fresh = 0
 
     @property

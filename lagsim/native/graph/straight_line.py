@@ -8,12 +8,11 @@ compile time grows in proportion to length.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
-from lagsim.native.graph import sincos
+from lagsim.native.graph import keys, sincos
 from lagsim.native.graph.lines import CIRCULAR, Lines, exponent_of
 from lagsim.native.kernels.lines import UNOPTIMISED
 
@@ -21,31 +20,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
     from lagsim.language.graph import Graph
-
-# Nodes in one piece: LLVM's time per instruction grows with the length of a function
-# (a 40-link chain: 0.9 s at 800, 0.7 s at 400, and little less below).
-PIECE = 400
+    from lagsim.native.graph.keys import Layout
 
 _SIGNATURE = "double %t, ptr %y, ptr %p, ptr %out"
 _ARGUMENTS = "double %t, ptr %y, ptr %p, ptr %out"
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """Where the variables are: name -> index in y, name -> index in p.
-
-    `fixed` names those in p that do not change while a kernel runs (parameters,
-    modes); `size` is how much of p is used before what this module adds.
-    """
-
-    y: Mapping[str, int]
-    p: Mapping[str, int]
-    fixed: frozenset[str]
-    size: int
-
-
-@dataclass(frozen=True, slots=True)
-class Code:
+class Code(NamedTuple):
     """LLVM IR of all functions, and the length of p that they need."""
 
     ir: str
@@ -72,20 +53,24 @@ def generate(
     hoisted = fixed_nodes(g, functions, layout)
     places = {node: layout.size + k for k, node in enumerate(hoisted)}
     scratch = layout.size + len(hoisted)
-    writer = _Writer(g, layout, scratch)
-    writer.function("prepare", [(node, "p", k) for node, k in places.items()], {})
+    writers = [_Writer(g, layout, scratch)]
+    writers[0].function("prepare", [(node, "p", k) for node, k in places.items()], {})
     for name, nodes in functions.items():
         stores = [
             (node, "out", k)
             for k, node in enumerate(nodes)
             if node != g.zero or name not in sparse
         ]
-        writer.contract = name in contracted
-        writer.wide = name in wide
-        writer.manner = f" {UNOPTIMISED}" if name in rare else ""
-        writer.function(name, stores, places)
-    ir = "\n".join([*sorted(writer.declared), *writer.lines, ""])
-    return Code(ir, scratch + writer.scratch_used)
+        writer = _Writer(
+            g, layout, scratch, contract=name in contracted, wide=name in wide
+        )
+        manner = f" {UNOPTIMISED}" if name in rare else ""
+        writer.function(name, stores, places, manner)
+        writers.append(writer)
+    declared = sorted(set().union(*(writer.declared for writer in writers)))
+    lines = [line for writer in writers for line in writer.lines]
+    used = max(writer.scratch_used for writer in writers)
+    return Code("\n".join([*declared, *lines, ""]), scratch + used)
 
 
 def fixed_nodes(
@@ -122,23 +107,27 @@ def _hoisted(g: Graph, roots: Sequence[int], varying: set[int]) -> list[int]:
 
 
 class _Writer(Lines):
-    def __init__(self, g: Graph, layout: Layout, scratch: int) -> None:
-        super().__init__()
+    """Writes one function."""
+
+    def __init__(self, g: Graph, layout: Layout, scratch: int, **how: bool) -> None:
+        super().__init__(**how)
         self.g = g
         self.layout = layout
         self.scratch = scratch
         self.scratch_used = 0
-        self.manner = ""
 
     def function(
         self,
         name: str,
         stores: Sequence[tuple[int, str, int]],
         places: Mapping[int, int],
+        manner: str = "",
     ) -> None:
-        """Write one function: each of `stores` is (node, array, index)."""
+        """Write it: each of `stores` is (node, array, index)."""
         order = self._order([node for node, _, _ in stores], places)
-        pieces = [order[i : i + PIECE] for i in range(0, len(order), PIECE)] or [[]]
+        pieces = [
+            order[i : i + keys.PIECE] for i in range(0, len(order), keys.PIECE)
+        ] or [[]]
         at_end: dict[int, list[tuple[str, int]]] = {}
         for node, array, k in stores:
             at_end.setdefault(node, []).append((array, k))
@@ -148,7 +137,7 @@ class _Writer(Lines):
         ]  # fmt: skip
         for piece_name, piece in zip(names, pieces, strict=True):
             linkage = "" if piece_name == name else "internal "
-            head = f"define {linkage}void @{piece_name}({_SIGNATURE}){self.manner} {{"
+            head = f"define {linkage}void @{piece_name}({_SIGNATURE}){manner} {{"
             self.lines.append(head)
             self._piece(piece, places, passed, at_end)
             self.lines += ["ret void", "}"]
@@ -164,7 +153,7 @@ class _Writer(Lines):
         for none, then those that wait for these.
         """
         g = self.g
-        order = self._cone(roots, places)
+        order = g.cone(roots, places)
         depth: dict[int, int] = {}
         rounds: dict[int, list[int]] = {}
         for n in order:
@@ -176,23 +165,9 @@ class _Writer(Lines):
         sorted_: dict[int, None] = {}
         for k in sorted(rounds):
             angles = [g.args[n][0] for n in rounds[k]]
-            sorted_ |= dict.fromkeys(self._cone(angles, {**places, **sorted_}))
+            sorted_ |= dict.fromkeys(g.cone(angles, {**places, **sorted_}))
             sorted_ |= dict.fromkeys(rounds[k])
         return list(sorted_ | dict.fromkeys(order))
-
-    def _cone(self, roots: Sequence[int], ends: Collection[int]) -> list[int]:
-        """Give what `roots` are made of, from the leaves up, as far as the `ends`."""
-        seen = set(roots)
-        stack = list(seen)
-        while stack:
-            n = stack.pop()
-            if n in ends:
-                continue
-            for a in self.g.args[n]:
-                if a not in seen:
-                    seen.add(a)
-                    stack.append(a)
-        return sorted(seen)
 
     def _passed(
         self, pieces: Sequence[Sequence[int]], places: Mapping[int, int]
@@ -207,7 +182,7 @@ class _Writer(Lines):
                     earlier = home.get(a, i) < i and a not in places
                     if earlier and self.g.args[a] and a not in passed:
                         passed[a] = self.scratch + width * len(passed)
-        self.scratch_used = max(self.scratch_used, width * len(passed))
+        self.scratch_used = width * len(passed)
         return passed
 
     def _piece(

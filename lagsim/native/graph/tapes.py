@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.native.graph.straight_line import Layout
+    from lagsim.native.graph.keys import Layout
 
 # The operation, the exponent of a power, and which of its operands are products that
 # the same instruction makes: most of an elimination is a - b*c.
@@ -114,7 +114,7 @@ class _Writer:
             where it is told.
         """
         g = self.g
-        order = _order(g, results, known)
+        order = g.cone(results, known)
         uses = Counter(a for n in order if n not in known for a in g.args[n])
         uses.update({n: len(wanted) for n, wanted in results.items()})
         inner = self._inner(order, uses, {*results, *known})
@@ -189,21 +189,6 @@ class _Writer:
     def _opcode(self, n: int, products: tuple[bool, ...]) -> int:
         operation = self.g.ops[n], exponent_of(self.g, n), products
         return self.opcodes.setdefault(operation, FIRST + len(self.opcodes))
-
-
-def _order(
-    g: Graph, roots: Mapping[int, object], known: Mapping[int, int]
-) -> list[int]:
-    """Give the nodes to evaluate, in order, and those of `roots` that need none."""
-    seen = set(roots)
-    stack = list(seen)
-    while stack:
-        n = stack.pop()
-        for a in g.args[n] if n not in known else ():
-            if a not in seen:
-                seen.add(a)
-                stack.append(a)
-    return sorted(seen)
 
 
 def _machine(opcodes: Mapping[Operation, int]) -> str:

@@ -26,25 +26,20 @@ the end. `x**2` calls pow as CPython does: `x*x` is faster and rounds better.
 
 from __future__ import annotations
 
-import hashlib
-import inspect
-import sys
 import types
-from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any, TypeGuard
+from types import FunctionType
+from typing import TYPE_CHECKING, Any
 
 from lagsim.native.kernels import words
+from lagsim.native.kernels.keys import KernelError, as_kernel, is_own, names_in
 from lagsim.native.kernels.lines import PASSED, RETURNED
-from lagsim.native.kernels.source import KernelError, Source, is_static, memories
+from lagsim.native.kernels.source import Source
 from lagsim.native.kernels.statements import Statements
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.native.layout import Memory
-
-__all__ = ["KernelError", "bind", "fingerprint", "translate"]
+__all__ = ["KernelError", "bind", "translate"]
 
 
 def translate(
@@ -104,9 +99,9 @@ def bind(
         copied = copies[original] = types.FunctionType(
             original.__code__, names, original.__name__, None, original.__closure__
         )
-        for name in _names(original.__code__):
+        for name in names_in(original.__code__):
             value = names.get(name)
-            if not _is_plain(value):
+            if not is_own(value):
                 continue
             if words.is_external(value):
                 names[name] = externals.get(value.__name__, value)
@@ -115,72 +110,7 @@ def bind(
         names.update(statics or {})
         return copied
 
-    return copy(_plain(function))
-
-
-def fingerprint(
-    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
-) -> str:
-    """Give a digest of all that `translate` makes its text of, without translating.
-
-    It covers the files of the translator and of the modules of all kernels reached,
-    and the values of the static globals they use, which other files may have a part in.
-    """
-    # Minor versions of Python may read the same text differently.
-    parts = [repr(sys.version_info[:2]), repr(sorted((statics or {}).items()))]
-    own = Path(__file__).parent.glob("*.py")
-    files = dict.fromkeys(sorted(map(str, own)))
-    waiting = [_plain(function) for function in functions]
-    seen = set(waiting)
-    layouts: dict[type[Memory], None] = {}
-    for function in waiting:
-        plain = inspect.unwrap(function)
-        parts.append(f"{plain.__module__}.{plain.__qualname__}")
-        files[plain.__code__.co_filename] = None
-        layouts |= dict.fromkeys(memories(function).values())
-        if words.is_external(function):
-            continue
-        for name, value in _globals(function):
-            if is_static(value):
-                parts.append(f"{name} = {value!r}")
-            elif _is_plain(value) and value not in seen:
-                seen.add(value)
-                waiting.append(value)
-    for memory in layouts:
-        parts += [f"{name} {f.kind} {f.word}" for name, f in memory.fields.items()]
-    digest = hashlib.sha256("\n".join(parts).encode())
-    for file in files:
-        digest.update(Path(file).read_bytes())
-    return digest.hexdigest()
-
-
-def _globals(function: FunctionType) -> Iterator[tuple[str, object]]:
-    """Go through the globals a function uses, and what it may use of modules."""
-    names = _names(function.__code__)
-    for name in names:
-        value = function.__globals__.get(name)
-        yield name, value
-        if isinstance(value, ModuleType):
-            yield from ((n, vars(value)[n]) for n in names if n in vars(value))
-
-
-def _is_plain(value: object) -> TypeGuard[FunctionType]:
-    return isinstance(value, FunctionType) and value.__module__ != words.__name__
-
-
-def _plain(function: Callable[..., Any]) -> FunctionType:
-    if not isinstance(function, FunctionType):
-        raise KernelError(f"{function!r}: a kernel is a function made by `def`")
-    return function
-
-
-def _names(code: CodeType) -> list[str]:
-    """Names used in a function, those in its generator expressions too."""
-    names = list(code.co_names)
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            names += _names(constant)
-    return names
+    return copy(as_kernel(function))
 
 
 class _Translation:
@@ -197,7 +127,7 @@ class _Translation:
         self.loops = 0
         self.exported: frozenset[str] = frozenset()
         for function in functions:
-            self._add(_plain(function), internal=False)
+            self._add(as_kernel(function), internal=False)
         self.exported = frozenset(self.symbols)
 
     def text(self) -> str:

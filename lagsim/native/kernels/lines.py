@@ -14,11 +14,13 @@ import contextlib
 import struct
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
-from lagsim.native.kernels.source import Folding, Source, Static
+from lagsim.native.kernels.source import Folding, Source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import FunctionType
+
+    from lagsim.native.kernels.keys import Static
 
 LLVM: Final = {
     "int": "i64",

@@ -14,15 +14,15 @@ import math
 import operator
 import textwrap
 from types import FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeAlias, TypeGuard
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
+from lagsim.native.kernels.keys import KernelError, Static, is_static, memories
 from lagsim.native.kernels.words import is_external
-from lagsim.native.layout import Field, Memory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-Static: TypeAlias = "bool | int | float | tuple[Static, ...]"
+    from lagsim.native.layout import Field
 
 KINDS: Final = ("int", "float", "bool", "Floats", "None")
 
@@ -47,10 +47,6 @@ _OPERATORS: Final[dict[type[ast.AST], Callable[..., Any]]] = {
 _STATIC_CALLS: Final = frozenset({abs, min, max, int, float, len, bool}) | {
     f for f in vars(math).values() if callable(f)
 }
-
-
-class KernelError(Exception):
-    """A kernel leaves the subset: file and line, what stands there, what to write."""
 
 
 class Source:
@@ -171,17 +167,6 @@ class Source:
             if node.id in names:
                 return names[node.id]
         raise self.error(node, f"`{node.id}` is not defined")
-
-
-def memories(function: FunctionType) -> dict[str, type[Memory]]:
-    """Give the classes of the parameters of a kernel that are a `Memory`."""
-    plain = inspect.unwrap(function)
-    found = {}
-    for name, annotation in plain.__annotations__.items():
-        meaning = plain.__globals__.get(str(annotation))
-        if isinstance(meaning, type) and issubclass(meaning, Memory):
-            found[name] = meaning
-    return found
 
 
 class Folding:
@@ -339,13 +324,6 @@ class Folding:
         if not callable(function) or function not in _STATIC_CALLS:
             return None
         return self._apply(node, function, *node.args)
-
-
-def is_static(value: object) -> TypeGuard[Static]:
-    """Tell whether a global is a number, a condition or a table of them."""
-    if isinstance(value, tuple):
-        return all(map(is_static, value))
-    return type(value) in (bool, int, float)
 
 
 def unsupported(source: Source, node: ast.AST) -> NoReturn:

@@ -20,7 +20,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lagsim.native.kernels import code
+from lagsim.native.kernels import keys
 from lagsim.native.link import engine
 
 if TYPE_CHECKING:
@@ -82,9 +82,11 @@ def kernel_object(
     KernelError
         If a kernel leaves the subset.
     """
-    made_from = ["kernel", code.fingerprint(functions, statics)]
+    made_from = ["kernel", keys.fingerprint(functions, statics)]
 
     def compiled() -> bytes:
+        from lagsim.native.kernels import code  # only first runs translate
+
         ir = code.translate(functions, statics)
         return engine.compile_object(ir, optimise=True)
 

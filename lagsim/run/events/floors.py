@@ -19,17 +19,25 @@ USUAL = 1e-9  # of a method without a tolerance
 LOOKS = 12
 # How a root falls with its argument tells what velocity the forces can keep up.
 FARTHER = 16.0
+# What is this part of what cancels, or of what forces give, is their rounding.
+ROUNDED = 2.0**-44
 
 
-def set_floors(modes: Modes) -> None:
-    """Set the floors of all roots for the arc to come."""
+def set_floors(modes: Modes, met: int | None, *, slipping: bool) -> None:
+    """Set the floors of all roots for the arc to come.
+
+    met : the surface that has been reached, or is no more followed (`slipping`). There
+    what holds a slow motion falls well below its force: it would stick again.
+    """
     rooted = [k for k, side in enumerate(modes.sides) if side.floor]
     if not rooted:
         return
     modes.write()
-    seen = _seen(modes)
+    former = modes.p.least_root.copy()
+    pushed = modes.arc.state.row_step * np.max(np.abs(_pushes(modes)), axis=0)
+    seen = _seen(modes, pushed)
     unseen = [k for k in rooted if not seen[k] > 0.0]
-    sizes = _sizes(modes, seen) if unseen else seen
+    sizes = np.where(seen > 0.0, seen, pushed)
     rtol = modes.arc.state.rtol or USUAL
     floors = np.zeros(modes.count)
     for k in rooted:
@@ -40,6 +48,9 @@ def set_floors(modes: Modes) -> None:
     for k in rooted:
         if k in unseen:
             floors[k] = min(floors[k], PART * rtol * _kept_up(modes, k, floors))
+            if former[k] > 0.0 and (slipping or k != met):
+                part = FARTHER if k == met else 1.0
+                floors[k] = min(floors[k], former[k] / part)
     _put(modes, floors)
 
 
@@ -47,24 +58,21 @@ def _put(modes: Modes, floors: Floats) -> None:
     modes.tell(floor=floors, least_root=floors)
 
 
-def _seen(modes: Modes) -> Floats:
-    """Give how large the expression of each surface has been (K,)."""
+def _seen(modes: Modes, pushed: Floats) -> Floats:
+    """Give how large the expression of each surface has been (K,).
+
+    pushed : (K,), how large it would become between two rows.
+    """
     arc, n = modes.arc, modes.arc.system.n
     slopes = np.abs(modes.rows().J)
     here = np.abs(modes.values(arc.t, arc.y))
     # The rounding of what cancels is no size.
-    least = 2.0**-44 * (slopes @ arc.seen[n : 2 * n])
+    least = ROUNDED * (slopes @ arc.seen[n : 2 * n])
     moved = slopes @ arc.ranges[n : 2 * n]
     found = np.maximum(np.where(here > least, here, 0.0), moved)
-    # What has not left its floor has not been seen.
-    return np.where(found > modes.p.least_root, found, 0.0)
-
-
-def _sizes(modes: Modes, found: Floats) -> Floats:
-    """Give how large each is, or would become between two rows."""
-    step = modes.arc.state.row_step
-    pushed = step * np.max(np.abs(_pushes(modes)), axis=0)
-    return np.where(found > 0.0, found, pushed)
+    # What has not left its floor has not been seen, nor has the rounding of forces.
+    least = np.maximum(modes.p.least_root, ROUNDED * pushed)
+    return np.where(found > least, found, 0.0)
 
 
 def _pushes(modes: Modes) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,11 +24,19 @@ ROUNDING = 16.0
 BEFORE = 8.0
 
 
-def row_before(arc: Arc) -> Floats:
-    """Give the columns (1, k) just before the time reached, dated then.
+class Before(NamedTuple):
+    """What was just before the time reached: columns (1, k), dated then.
 
-    Where all switches still are as they were; before they are set anew.
+    And by how much velocities (n,) were off the constraints: what has drifted away from
+    them, or is pulled back only slowly, is no impact.
     """
+
+    row: Floats
+    off: Floats
+
+
+def before_event(arc: Arc) -> Before:
+    """Look at the state reached where all switches still are as they were."""
     n = arc.system.n
     moment = BEFORE * np.spacing(abs(arc.t))
     row = arc.row()
@@ -36,35 +44,39 @@ def row_before(arc: Arc) -> Floats:
     row[0, 1 : 1 + n] -= moment * arc.y[n : 2 * n]
     columns = arc.runner.tabulate(row)
     columns[0, 0] = arc.t
-    return columns
+    off = np.zeros(n)
+    if not arc.plan.projected:
+        off = arc.runner.function("velocity_step")(arc.t, arc.y)[:n]
+    return Before(columns, off)
 
 
-def impact(arc: Arc, row: Floats) -> Decision:
+def impact(arc: Arc, before: Before) -> Decision:
     """Meet a constraint whose rate jumps: the velocities are projected.
 
     That is the inelastic impact, the least change in the metric of M. No motion can
-    follow a position that jumps. row : what `row_before` gave.
+    follow a position that jumps.
     """
-    before = arc.observed()
+    now = arc.observed()
     names = arc.system.columns.names
     for constraint in arc.equations.rows:
-        g = before[names.index(f"residual_{constraint.name}")]
-        scale = before[names.index(f"scale.{constraint.name}")]
+        at = names.index(f"residual_{constraint.name}")
+        g = now[at] - before.row[0, at]
+        scale = now[names.index(f"scale.{constraint.name}")]
         if constraint.holonomic and abs(g) > TORN * scale and _is_far(arc):
             return Decision(ending=Ending(Outcome.CONSTRAINT_JUMPS, constraint.name))
     n = arc.system.n
-    step = arc.runner.function("velocity_step")(arc.t, arc.y)[:n]
-    if not _strikes(arc, step):
+    step = arc.runner.function("velocity_step")(arc.t, arc.y)[:n] - before.off
+    if not _strikes(arc, step, before.off):
         return GO_ON
     y = arc.y.copy()
     y[n : 2 * n] += step
     if arc.system.has_work:
         energy = names.index("energy")
-        y[2 * n] += arc.observed(y)[energy] - before[energy]
-    return Decision(events=(Event(arc.t, "impact"),), rows=row, y=y)
+        y[2 * n] += arc.observed(y)[energy] - now[energy]
+    return Decision(events=(Event(arc.t, "impact"),), rows=before.row, y=y)
 
 
-def _strikes(arc: Arc, step: Floats) -> bool:
+def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
     """Tell whether velocities jump by more than the rounding of the state explains."""
     n, size = arc.system.n, arc.system.size
     seen = arc.seen
@@ -74,7 +86,7 @@ def _strikes(arc: Arc, step: Floats) -> bool:
         moment = ON * max(abs(arc.t), arc.settings.duration)
         aside = np.array([1.0 if i % 2 else sign for i in range(size)])
         moved = steps(arc.t + moment, arc.y + ON * aside * seen)[:n]
-        noise = np.fmax(noise, np.abs(moved - step))
+        noise = np.fmax(noise, np.abs(moved - off - step))
     noise += ON * seen[n : 2 * n]
     most = TORN * 1e-3 * arc.ranges[n : 2 * n] + ROUNDING * noise
     return bool(np.any(np.abs(step) > most))
@@ -84,8 +96,12 @@ def _is_far(arc: Arc) -> bool:
     """Tell whether the constraints ask for another position.
 
     Against the motion so far of what they move: at one place all terms of a residual
-    may vanish.
+    may vanish. What the jump of a rate does within the rounding of the time is no way.
     """
     n = arc.system.n
-    step = arc.runner.function("position_step")(arc.t, arc.y)[:n]
+    step, rates = (
+        np.abs(arc.runner.function(f"{name}_step")(arc.t, arc.y)[:n])
+        for name in ("position", "velocity")
+    )
+    step = np.maximum(step - BEFORE * np.spacing(abs(arc.t)) * rates, 0.0)
     return pulled(arc.masses, step, arc.ranges[:n], arc.sizes[:n]) > TORN

@@ -78,7 +78,7 @@ def _rests(
         modes.write()
         a = modes.rates(arc.t, beside)[n : 2 * n]
         back = -sign * float(J @ a - rows.b[k])
-        if not (back > 0.0 and speed**2 <= 2.0 * FEW * ON * size * back):
+        if not (back > 0.0 and speed * speed <= 2.0 * FEW * ON * size * back):
             return False
         found[way] = modes.value.copy()
     modes.value[:] = found[BELOW]

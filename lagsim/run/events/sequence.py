@@ -63,7 +63,7 @@ class Sequence:
         return end
 
     def end(self) -> float | None:
-        """Give the limit that the last switches would have if they went on like that."""
+        """Give the limit that the last switches would have if they went on so."""
         ratio = self.ratio()
         if ratio >= 1.0 or ratio == 0.0:
             return None

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts import state as at
+from lagsim.methods.parts.adaptive import SMALLEST
 from lagsim.notes import Caution, Event
 from lagsim.run.arc import NEAR
 from lagsim.run.decisions import Decision, Ending, Source, Turn
@@ -23,8 +24,8 @@ from lagsim.run.events.modes import ON, Modes
 from lagsim.run.events.resting import come_to_rest
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.events.shares import ABOVE, BELOW
-from lagsim.run.fallback import FAILED
-from lagsim.run.states import most_pulled, pulled
+from lagsim.run.fallback import FAILED, handed_over
+from lagsim.run.states import SERIES, most_pulled, pulled
 from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ LEFT = 1e-4
 AHEAD = 0.9
 BACK = 0.25
 MOST_APPROACHES = 60
+BENT = "{} gets no farther beside a switch: its steps are shorter than positions tell"
 
 
 class Switching(Source):
@@ -120,7 +122,7 @@ class Switching(Source):
             if share >= 0.0 - HELD and share <= 1.0 + HELD:
                 held[met] = ABOVE if share > 0.5 else BELOW
         modes.forget()
-        set_floors(modes)
+        set_floors(modes, met, slipping=met is not None and bool(before[met]))
         on = set(at_rest) | ({met} if met is not None else set())
         levels, rows, sizes = self._find_sides(on)
         noise = np.zeros(modes.count)
@@ -277,7 +279,7 @@ class Switching(Source):
         """End an arc ahead of a surface that it cannot be stepped over.
 
         On its other side what is frozen may have no finite value (a root, an inverse).
-        The state may be on one already, which counts as met.
+        The state may be on one already, or no step leads to it: it counts as met.
         """
         found = self._time_ahead(arc)
         if found is None:
@@ -298,17 +300,22 @@ class Switching(Source):
         k, ahead = self._next(arc)
         if not arc.t + ahead < arc.end:
             return None
-        return k if self._is_on(arc, k) else None, float(arc.t + self.reach * ahead)
+        met = self._is_on(arc, k) or ahead <= SMALLEST * abs(arc.t)
+        return k if met else None, float(arc.t + self.reach * ahead)
 
     def _stuck(self, arc: Arc) -> Decision | None:
         """Go through a surface that the motion is as good as on, and cannot step over.
 
         It counts as met: far from the origin a position has no value between, and steps
-        too short to change it lead nowhere.
+        too short to change it lead nowhere. A series comes no better off the surface.
         """
         k, ahead = self._next(arc)
-        is_met = ahead < math.inf and self._is_on(arc, k)
-        return self._meet(arc, k) if is_met else None
+        if ahead < math.inf and self._is_on(arc, k):
+            return self._meet(arc, k)
+        on = any(self._is_on(arc, k) for k in range(self.modes.count))
+        if not on or arc.runner.method.NAME != SERIES:
+            return None
+        return replace(handed_over(arc, BENT, {}), turn=Turn.MODE)
 
     def _next(self, arc: Arc) -> tuple[int, float]:
         """Give the surface that is met next, at the rates there are, and how soon."""

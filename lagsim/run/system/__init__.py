@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods import method
 from lagsim.methods.parts.parameters import KEPT, Parameters
-from lagsim.native.graph import keys, straight_line
-from lagsim.native.graph.straight_line import Layout
+from lagsim.native.graph import keys
+from lagsim.native.graph.keys import Layout
 from lagsim.native.link.cache import kernel_object, object_code
+from lagsim.plan.cost import evaluation_cost
 from lagsim.plan.formulation import GAIN
 from lagsim.run.system.columns import Columns
 from lagsim.run.system.functions import AFTER_FREEZING, functions, varying_inertias
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.native.graph.straight_line import Code
     from lagsim.plan import Plan
 
@@ -173,12 +173,14 @@ class System:
             )  # fmt: skip
 
     def _code(self, nodes_of: Mapping[str, Sequence[int]], layout: Layout) -> Code:
-        """Write the code of all functions."""
+        """Write the code of all functions; only first runs do."""
         g = self.equations.graph
         if self.plan.tape:
             from lagsim.native.graph import tapes
 
             return tapes.generate(g, nodes_of, layout)
+        from lagsim.native.graph import straight_line
+
         return straight_line.generate(g, nodes_of, layout, **MANNER)
 
     @property
@@ -198,13 +200,10 @@ class System:
         return found
 
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
-        if "series" in nodes_of:
-            return len(self.equations.graph.cone(nodes_of["series"]))
-        if self.plan.elimination is not None:
-            solved = nodes_of["field" if self.watched else "derivative"]
-            return len(self.equations.graph.cone(solved))
-        terms = len(self.equations.graph.cone(nodes_of["dynamics"]))
-        return terms + dense_operations(self.n, self.m)
+        loops = self.plan.elimination is None and "series" not in nodes_of
+        solved = "field" if self.watched else "derivative"
+        name = "series" if "series" in nodes_of else "dynamics" if loops else solved
+        return evaluation_cost(self.equations, nodes_of[name], loops=loops)
 
     def _fixed(self) -> list[str]:
         """Give what stays in an arc: parameters, modes, lengths of rows."""
@@ -265,7 +264,7 @@ class System:
             self._runners[name] = Runner(self, name)
         return self._runners[name]
 
-    def begin(self, start: State) -> Floats:
+    def begin(self, start: Instant) -> Floats:
         """Give y at a start; sets what it determines for the whole run."""
         for name, value in self.plan.reduction.constants(start).items():
             self.p.flat[self._layout_of[name]] = value
@@ -279,6 +278,7 @@ class System:
         """Take the branches of all switches from another system of the same model."""
         self.set_modes(list(other.p.flat[other.modes_at]))
         self.p.sliding, self.p.law_forces = other.p.sliding, other.p.law_forces
+        self.p.law_shares = other.p.law_shares
         for name in KEPT:
             getattr(self.p, name)[:] = getattr(other.p, name)
 

@@ -12,9 +12,7 @@ from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.rounding import addends, roundings
 from lagsim.mechanics.constraints import Flow
 from lagsim.mechanics.equations import generalized_forces
-from lagsim.mechanics.linearisation import motion_residuals
 from lagsim.plan.formulation import GAIN
-from lagsim.solve.linear import linear_form
 from lagsim.solve.series import motion_rates
 
 if TYPE_CHECKING:
@@ -177,17 +175,48 @@ def _loads(e: Equations) -> list[int]:
     found = roundings(g, (*e.f, *e.quadrature_rates), moving)
     loads = []
     for k, (force, error) in enumerate(zip(e.f, found, strict=False)):
-        part = (1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2))
         whole = g.call("add", g.call("abs", force), error)
-        loads.append(g.call("mul", g.constant(part), whole))
+        loads.append(g.call("mul", g.constant(_part(k)), whole))
     return [*loads, *found[len(loads) :]]
+
+
+def _inertial(e: Equations, elimination: Elimination) -> list[int]:
+    """Give the rounding of M q'', where M varies and is no diagonal (n,).
+
+    Where M is close to singular (angles near gimbal lock) it is all that there is.
+    Signs are those of `_loads`.
+    """
+    g, moving = e.graph, frozenset((*e.q, "t"))
+    rates = elimination.motion()[0]
+    found = []
+    for k, row in enumerate(e.M):
+        entries = row.entries
+        parts = []
+        if len(entries) > 1:
+            for j, error in zip(
+                entries, roundings(g, entries.values(), moving), strict=True
+            ):
+                if g.depends([entries[j]]) & moving:
+                    size = g.call("add", g.call("abs", entries[j]), error)
+                    parts.append(g.call("mul", size, g.call("abs", rates[j])))
+        found.append(g.call("mul", g.constant(_part(k)), g.sum(parts)))
+    return found
+
+
+def _part(k: int) -> float:
+    """Give the sign and the part with which the rounding of a force is taken."""
+    return (1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2))
 
 
 def _rounding(e: Equations, elimination: Elimination) -> list[int]:
     """Give what rounding does to the accelerations, as `kkt.dense.rounding` does."""
     g, n = e.graph, len(e.q)
     loads = _loads(e)
-    found = [g.call("abs", x) for x in elimination.response(loads[:n])]
+    forces = [
+        g.call("add", load, load_of_mass)
+        for load, load_of_mass in zip(loads, _inertial(e, elimination), strict=False)
+    ]
+    found = [g.call("abs", x) for x in elimination.response(forces)]
     label = joined(n, [*e.slopes, *e.M])
     shares: dict[int, int] = {}
     squares = elimination.reactions()
@@ -276,7 +305,7 @@ def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
 def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     """Give what `kkt.jacobian` begins with."""
     e, g = equations, equations.graph
-    residuals = motion_residuals(e)
+    residuals = e.motion_residuals()
     state = [g.variable(name) for name in (*e.q, *e.velocities)]
     motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]
     work = [] if e.power is None else [e.power]
@@ -311,6 +340,8 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
 
 def _linear(equations: Equations, plan: Plan) -> dict[str, list[int]]:
     """Give the matrices of a linear scene."""
+    from lagsim.solve.linear import linear_form  # of one method
+
     assert plan.elimination is not None
     return {"linear": linear_form(equations, plan.elimination)}
 

@@ -81,12 +81,13 @@ class Runner:
         switches = system.watched > 0
         held = system.m > 0 and system.plan.projected
         statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
-        statics["WIDE"] = system.wide
         statics["SLEEPERS"] = bool(system.sleepers)
         # What a method must make ready for `until` it must for switches.
-        watched = {"CONSTRAINED": held, "UNTIL": until or switches}
-        watched["SLEEPERS"] = bool(system.sleepers)
+        watched = statics | {"UNTIL": until or switches}
+        statics |= {"WIDE": system.wide, "ADAPTIVE": self.method.ADAPTIVE}
         kernels = [self.method.start, self.method.step, self.method.interpolate]
+        if self.method.ADAPTIVE:
+            kernels.append(self.method.interpolate_rates)
         self.engine = Engine(
             [
                 *system.objects,

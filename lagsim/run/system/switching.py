@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.mechanics.constraints import scale_of
@@ -19,8 +18,7 @@ def on_velocities(equations: Equations, side: Side) -> bool:
     return bool(names & frozenset(equations.velocities))
 
 
-@dataclass(frozen=True, slots=True)
-class SurfaceFunctions:
+class SurfaceFunctions(NamedTuple):
     """What is compiled of the surfaces, see `kkt.sliding`.
 
     Attributes

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from lagsim.notes import Caution
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Examination
+    from lagsim.admissibility import StartReport
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
 
 
 def about_inputs(
-    examined: Examination, settings: Settings, plan: Plan
+    examined: StartReport, settings: Settings, plan: Plan
 ) -> list[Caution]:
     """Say what the file or the options asked for and the run does otherwise."""
     found = []

@@ -15,7 +15,7 @@ from lagsim.studies.error_bar.scales import BALANCED
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
@@ -53,7 +53,7 @@ def about_error(bar: ErrorBar | str, plan: Plan) -> list[Caution]:
 
 
 def about_constraints(
-    equations: Equations, start: State, plan: Plan, ledger: Ledger, witness: Witness
+    equations: Equations, start: Instant, plan: Plan, ledger: Ledger, witness: Witness
 ) -> list[Caution]:
     """Say so where rows do not meet the constraints: the motion is then no answer."""
     found = not_held(equations, start, ledger, witness)
@@ -71,7 +71,7 @@ def about_constraints(
 
 
 def not_held(
-    equations: Equations, start: State, ledger: Ledger, witness: Witness
+    equations: Equations, start: Instant, ledger: Ledger, witness: Witness
 ) -> tuple[str, float] | None:
     """Give the constraint that is off most, and the part of its scale; or None.
 

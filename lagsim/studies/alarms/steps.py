@@ -11,8 +11,7 @@ Source: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II (1996),
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -52,12 +51,13 @@ FASTER = 30.0
 # With a step longer than this, in parts of 1/|eigenvalue|, no method resolves a motion
 # to its tolerance: DOP853 takes 1.5 at 1e-8, a series 1 at 1e-11 and 1.7 at 1e-14.
 RESOLVED = 2.5
+# So few steps are held by nothing: at rest they grow until the end of the run.
+FEW = 20
 # What a mode does in steps shorter than this part of its period needs no question.
 SLOW = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
+class Seen(NamedTuple):
     """The scene linearised at one state of the motion.
 
     Attributes
@@ -91,7 +91,7 @@ def about_steps(
         return _penalty(module, h, plan, _seen(equations, witness, 1.0 / plan.gain))
     seen = _seen(equations, witness, h)
     if plan.step is None and math.isfinite(module.IMAGINARY_LIMIT):
-        return _held(module, h, seen, equations)
+        return _held(module, h, seen, equations) if steps > FEW else []
     found = [] if plan.step is None else _unstable(module, h, span, seen, equations)
     return found or _damping(module, h, span, seen, equations, witness.energy_in_play)
 

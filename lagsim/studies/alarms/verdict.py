@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.language.evaluate import evaluate_with_error
+from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate_with_error
 from lagsim.methods import method
 from lagsim.studies.alarms.rows import HELD, UNEXPLAINED, held_still, not_held
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
@@ -38,8 +38,6 @@ LEAST = 1e-6
 # Whatever explains it: energy off by so many tolerances, and by what raises an alarm,
 # is not that of the motion.
 ACCURATE = 1e6
-# Values are rounded by this part.
-ROUNDED = 2.0**-53
 # What an exact method counts as.
 EXACT_RTOL = 1e-12
 # A repeat has come to another motion where it is off by that part of a range, and by so
@@ -81,7 +79,7 @@ def doubt_about(
 
 
 def _about_constraints(
-    equations: Equations, start: State, ledger: Ledger, witness: Witness
+    equations: Equations, start: Instant, ledger: Ledger, witness: Witness
 ) -> Doubt | None:
     found = not_held(equations, start, ledger, witness)
     if found is None:
@@ -108,7 +106,7 @@ def _about_energy(
     row = ledger.worst_row
     text = f"energy - work is off by {drift / in_play:.2g} of the energy in play"
     explained = _explained(equations, plan, row, witness, bar)
-    rounded = _worth(equations, row, ROUNDED * np.abs(_state(equations, row)))
+    rounded = _worth(equations, row, UNIT_ROUNDOFF * np.abs(_state(equations, row)))
     wrong = max(UNEXPLAINED, ACCURATE * (plan.rtol or EXACT_RTOL)) * in_play
     _, still = held_still(equations, witness, row)
     bound = max(min(FAR * explained, wrong), FAR * rounded, LEAST * in_play, still)

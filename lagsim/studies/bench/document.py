@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagsim.outputs.manifest import versions
+from lagsim.outputs.table import table_of
 from lagsim.studies.bench.machine import machine
 from lagsim.version import __version__
 
@@ -32,21 +31,8 @@ COLUMNS = (
 
 
 def table(entries: Sequence[Entry]) -> bytes:
-    """Give the table as RFC 4180 has it; what is not known is empty."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(COLUMNS)
-    for entry in entries:
-        writer.writerow([_cell(getattr(entry, name)) for name in COLUMNS])
-    return text.getvalue().encode()
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return repr(value) if isinstance(value, float) else str(value)
+    """Give the content of work_precision.csv."""
+    return table_of(COLUMNS, ([getattr(x, name) for name in COLUMNS] for x in entries))
 
 
 def document(

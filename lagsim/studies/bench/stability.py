@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -70,7 +70,7 @@ class Border:
     note: str = ""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Rest:
     """What is known about an equilibrium.
 
@@ -92,9 +92,9 @@ class Rest:
     modes: tuple[Mode, ...]
 
 
-@dataclass
-class Stability:
-    """Everything found out about one scene.
+@dataclass(frozen=True)
+class _Asked:
+    """What is to be run.
 
     Attributes
     ----------
@@ -109,17 +109,23 @@ class Stability:
     """
 
     subject: Subject
-    rest: Rest
     methods: tuple[str, ...]
     adaptive: tuple[str, ...]
+    refused: list[Refused]
     steps: list[float]
     values: list[float | None]
     usual: float | None
     runs: dict[str, tuple[int, int]]
-    cells: list[Cell] = field(default_factory=list)
-    borders: list[Border] = field(default_factory=list)
-    refused: list[Refused] = field(default_factory=list)
-    interrupted: bool = False
+
+
+@dataclass(frozen=True)
+class Stability(_Asked):
+    """Everything found out about one scene."""
+
+    rest: Rest
+    cells: list[Cell]
+    borders: list[Border]
+    interrupted: bool
 
     def of(self, method: str) -> list[Cell]:
         """Give the cells of a method, in order."""
@@ -156,20 +162,24 @@ def measure(
     steps = steps_for(subjects, fixed, wish)
     count = len(values) * len(fixed) * (len(steps) + SEARCH)
     runs = {name: runs_for(subject, name, steps, count) for name in fixed}
-    found = Stability(
-        subject, _rest(subject), fixed, adaptive, steps, values,
-        usual_value(case, wish.name), runs, refused=refused,
+    asked = _Asked(
+        subject, fixed, adaptive, refused, steps, values,
+        usual_value(case, wish.name), runs,
     )  # fmt: skip
-    work = _Work(found, interrupt, progress, count + len(values) * len(adaptive))
+    rest = _rest(subject)
+    work = _Work(asked, interrupt, progress, count + len(values) * len(adaptive))
     for value in values:
         if work.pressed:
             break
-        work.column(case_at, subject, value)
-    found.interrupted = work.pressed
+        work.column(case_at, value)
     order = {name: k for k, name in enumerate((*fixed, *adaptive))}
-    found.cells.sort(key=lambda cell: order[cell.method])
-    found.borders.sort(key=lambda border: order[border.method])
-    return found
+    return Stability(
+        **vars(asked),
+        rest=rest,
+        cells=sorted(work.cells, key=lambda cell: order[cell.method]),
+        borders=sorted(work.borders, key=lambda border: order[border.method]),
+        interrupted=work.pressed,
+    )
 
 
 class _Work:
@@ -177,65 +187,66 @@ class _Work:
 
     def __init__(
         self,
-        found: Stability,
+        asked: _Asked,
         interrupt: Interrupt | None,
         progress: Callable[[float], None] | None,
         total: int,
     ) -> None:
-        self.found, self.interrupt, self.progress = found, interrupt, progress
+        self.asked, self.interrupt, self.progress = asked, interrupt, progress
         self.total, self.done = total, 0
+        self.cells: list[Cell] = []
+        self.borders: list[Border] = []
 
     @property
     def pressed(self) -> bool:
         return self.interrupt is not None and self.interrupt.asked
 
-    def column(self, case_at: CaseAt, usual: Subject, value: float | None) -> None:
+    def column(self, case_at: CaseAt, value: float | None) -> None:
         """Run every method at one value of the parameter."""
-        found = self.found
-        subject = usual
+        subject = self.asked.subject
         if value is not None:
             try:
                 subject = Subject(case_at(value), self.interrupt)
             except LagsimError as fault:
                 self._without(value, fault)
                 return
-        for name in found.methods:
+        for name in self.asked.methods:
             if self.pressed:
                 return
             self._strip(subject, name, value)
-        for name in found.adaptive:
+        for name in self.asked.adaptive:
             if self.pressed:
                 return
             cell = self._cell(subject, name, None, value)
-            found.cells += [] if self.pressed else [cell]
+            self.cells += [] if self.pressed else [cell]
             self._count(1)
 
     def _without(self, value: float, fault: LagsimError) -> None:
         reason = str(fault)
         if isinstance(fault, InputError):
             reason = fault.problems[0].text
-        for name in self.found.methods:
-            self.found.cells += [
+        for name in self.asked.methods:
+            self.cells += [
                 Cell(name, step, value, FAILS, None, None, reason=reason)
-                for step in self.found.steps
+                for step in self.asked.steps
             ]
-            self.found.borders.append(Border(name, value, None, None, None, reason))
-        self.found.cells += [
+            self.borders.append(Border(name, value, None, None, None, reason))
+        self.cells += [
             Cell(name, None, value, FAILS, None, None, reason=reason)
-            for name in self.found.adaptive
+            for name in self.asked.adaptive
         ]
 
     def _strip(self, subject: Subject, name: str, value: float | None) -> None:
         cells = []
-        for step in self.found.steps:
+        for step in self.asked.steps:
             cell = self._cell(subject, name, step, value)
             if self.pressed:
                 return
             cells.append(cell)
             self._count(1)
-        self.found.cells += cells
+        self.cells += cells
         amplification = method_named(name).amplification
-        top = self.found.steps[-1]
+        top = self.asked.steps[-1]
         span = top * self.length(subject, name, top)
         at_start, along = (
             predicted(amplification, eigenvalues, span)
@@ -244,9 +255,7 @@ class _Work:
         border, note = self._border(subject, cells, {at_start, along})
         self._count(SEARCH)
         if not self.pressed:
-            self.found.borders.append(
-                Border(name, value, border, at_start, along, note)
-            )
+            self.borders.append(Border(name, value, border, at_start, along, note))
 
     def _border(
         self, subject: Subject, cells: list[Cell], expected: set[float | None]
@@ -293,7 +302,7 @@ class _Work:
 
     def length(self, subject: Subject, name: str, step: float) -> int:
         """Give how many steps a run takes."""
-        least, most = self.found.runs[name]
+        least, most = self.asked.runs[name]
         return min(most, max(least, math.ceil(subject.span / step)))
 
     def _count(self, cells: int) -> None:

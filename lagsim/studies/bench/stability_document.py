@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagsim.outputs.manifest import versions
+from lagsim.outputs.table import table_of
 from lagsim.studies.bench.trial import KICK, SEED
 from lagsim.version import __version__
 
@@ -29,23 +28,11 @@ MEASURED = ("verdict", "growth", "evaluations", "rejections", "smallest_step")
 
 
 def table(cells: Iterable[Cell], name: str | None) -> bytes:
-    """Give the table as RFC 4180 has it; what is not known is empty."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    varied = [] if name is None else [name]
-    writer.writerow(["method", "step", *varied, *MEASURED, "duration"])
-    for cell in cells:
-        values = [cell.value] if varied else []
-        measured = [getattr(cell, key) for key in MEASURED]
-        row = [cell.method, cell.step, *values, *measured, cell.duration]
-        writer.writerow([_cell(value) for value in row])
-    return text.getvalue().encode()
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return ""
-    return repr(value) if isinstance(value, float) else str(value)
+    """Give the content of stability.csv."""
+    varied = [] if name is None else ["value"]
+    shown = ["method", "step", *varied, *MEASURED, "duration"]
+    rows = ([getattr(cell, key) for key in shown] for cell in cells)
+    return table_of([name or key if key == "value" else key for key in shown], rows)
 
 
 def document(found: Stability, wish: Wish, files: Sequence[str]) -> dict[str, Any]:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.instant import Instant
 from lagsim.mechanics.linearisation import Linearisation
-from lagsim.mechanics.state import State
 from lagsim.methods import method as method_named
 from lagsim.run.observers import Keep
 from lagsim.run.observers.ledger import judged_columns
@@ -192,7 +192,7 @@ class Subject:
         drawn = np.random.default_rng(SEED).standard_normal(linear.Z.shape[1])
         length = float(np.linalg.norm(drawn)) or 1.0
         change = linear.Z @ (drawn * math.sqrt(2.0 * kick) / length)
-        self.endless = self.endless.at(State(start.t, start.q, start.v + change))
+        self.endless = self.endless.at(Instant(start.t, start.q, start.v + change))
 
     def run(
         self, name: str, step: float | None, steps: int, value: float | None

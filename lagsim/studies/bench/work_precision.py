@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -129,7 +129,7 @@ class Refused(NamedTuple):
     reason: str
 
 
-@dataclass
+@dataclass(frozen=True)
 class WorkPrecision:
     """Everything measured on one scene.
 
@@ -143,10 +143,10 @@ class WorkPrecision:
     """
 
     reference: Reference
-    entries: list[Entry] = field(default_factory=list)
-    refused: list[Refused] = field(default_factory=list)
-    compile_seconds: dict[tuple[str, str], float] = field(default_factory=dict)
-    interrupted: bool = False
+    entries: list[Entry]
+    refused: list[Refused]
+    compile_seconds: dict[tuple[str, str], float]
+    interrupted: bool
 
     def solved(self) -> list[int]:
         """Give the entries that have an answer."""
@@ -191,29 +191,31 @@ def measure(
         Interrupted before anything was measured.
     """
     reference = make_reference(case, interrupt)
-    found = WorkPrecision(reference)
     auto = Auto(case, decades(wish.tolerances))
-    curves = list(_curves(case, wish, found, auto))
+    refused: list[Refused] = []
+    curves = list(_curves(case, wish, reference, auto, refused))
     total = sum(len(values) for _, values in curves) or 1
-    bound = _patience(auto)
+    patience = Patience(_patience(auto), interrupt)
     done = 0
+    entries: list[Entry] = []
+    seconds: dict[tuple[str, str], float] = {}
     for solver, values in curves:
-        found.compile_seconds[solver.method, solver.formulation] = (
-            solver.compile_seconds
-        )
-        sweep = _Sweep(solver, auto, found.reference, Patience(bound, interrupt))
-        chosen = auto.chosen.get((solver.method, solver.formulation), {})
+        if patience.pressed:
+            break
+        curve = solver.method, solver.formulation
+        seconds[curve] = solver.compile_seconds
+        sweep = _Sweep(solver, auto, reference, patience)
+        chosen = auto.chosen.get(curve, {})
         for value in values:
             done += 1
-            if sweep.over and value not in chosen:
+            if patience.pressed or (sweep.over and value not in chosen):
                 continue
-            found.entries.append(sweep.entry(value))
+            entries.append(sweep.entry(value))
             if progress is not None:
                 progress(done / total)
-            if sweep.pressed:
-                found.interrupted = True
-                return found
-    return found
+    return WorkPrecision(
+        reference, entries, refused, seconds, interrupted=patience.pressed
+    )
 
 
 class Auto:
@@ -265,13 +267,9 @@ class _Sweep:
         self._given_up = 0
 
     @property
-    def pressed(self) -> bool:
-        return self.patience.pressed
-
-    @property
     def over(self) -> bool:
         """Whether tighter settings would show nothing new."""
-        if self.pressed or self._given_up >= (1 if self.errors else GIVE_UPS):
+        if self._given_up >= (1 if self.errors else GIVE_UPS):
             return True
         if self.solver.setting != "step" or len(self.errors) < 3:
             return False
@@ -348,9 +346,9 @@ def halvings(between: tuple[float, float]) -> list[float]:
 
 
 def _curves(
-    case: Case, wish: Wish, found: WorkPrecision, auto: Auto
+    case: Case, wish: Wish, reference: Reference, auto: Auto, refused: list[Refused]
 ) -> Iterator[Curve]:
-    """Give everything that applies; note what does not."""
+    """Give everything that applies; what does not goes to `refused`."""
     tolerances = decades(wish.tolerances)
     largest = LARGEST_STEP * case.settings.output_step
     largest = min(largest, case.settings.duration / 2)
@@ -358,26 +356,20 @@ def _curves(
     for name in names():
         if not wish.wants(name):
             continue
-        solvers, refused = formulations(case, name)
-        found.refused += [Refused(name, *why) for why in refused.items()]
+        solvers, reasons = formulations(case, name)
+        refused += [Refused(name, *why) for why in reasons.items()]
         for own in solvers:
             values = tolerances if own.setting == "rtol" else steps
             more = auto.chosen.get((own.method, own.formulation), {})
             yield Curve(own, sorted({*values, *more}, reverse=True))
-    yield from _scipy(case, wish, found, tolerances)
-
-
-def _scipy(
-    case: Case, wish: Wish, found: WorkPrecision, tolerances: list[float]
-) -> Iterator[Curve]:
     wanted = [name for name in SCIPY if wish.wants(name)]
     if not wanted:
         return
     own = index_one(case)
     if refusal := scipy_refusal(own):
-        found.refused += [Refused(name, "auto", refusal) for name in wanted]
+        refused += [Refused(name, "auto", refusal) for name in wanted]
         return
-    rows = found.reference.rows
+    rows = reference.rows
     sizes = state_sizes(own, rows)
     for name in wanted:
         yield Curve(Scipy(own, name, rows[:, 0], sizes), tolerances)

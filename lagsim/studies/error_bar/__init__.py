@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from lagsim.language.evaluate import UNIT_ROUNDOFF
 from lagsim.plan.integration import ANY
 from lagsim.run.error import LOST, TIMES, CoordinateError, ErrorBar
 from lagsim.run.observers import Observer
@@ -32,6 +33,7 @@ from lagsim.studies.error_bar.scales import (
     beside,
     falls,
     is_at_rest,
+    linked,
     ranges,
     scales_of,
 )
@@ -87,8 +89,6 @@ PER_STEP = 15.0
 LEAST_ROWS = 64
 # Two repeats agree by far where they are apart by this part of what the run is off.
 ALIKE = 1e-4
-# Values are rounded by this part, in either run.
-ROUNDED = 2.0**-53
 
 
 class Account(Observer, Protocol):
@@ -336,9 +336,9 @@ def _compared(
         others.append(again.last)
     mine, theirs = np.array(rows), np.array(others)
     errors = np.abs(theirs[:, 1:] - mine[:, 1:])
-    errors = np.fmax(errors, ROUNDED * _largest(mine[:, 1:]))
+    errors = np.fmax(errors, UNIT_ROUNDOFF * _largest(mine[:, 1:]))
     # Times are rounded, too, also those at which forces step.
-    late = ROUNDED * _largest(mine[:, :1] * mine[:, 1 + n :])
+    late = UNIT_ROUNDOFF * _largest(mine[:, :1] * mine[:, 1 + n :])
     errors[:, :n] = np.fmax(errors[:, :n], late)
     own = checkpoints.high - checkpoints.low
     sizes = ranges(equations.q, checkpoints, again, repeated.extents)
@@ -348,9 +348,10 @@ def _compared(
     parted_ways &= own > LOST * sizes
     sizes = np.where(parted_ways, own, sizes)
     moving = beside(equations, start, sizes)
+    mechanism = linked(equations, start, sizes)
     largest = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0)
     held = falls(equations, start, run.end - run.start)
-    scales, still = scales_of(sizes, moving, largest, held)
+    scales, still = scales_of(sizes, moving, mechanism, largest, held)
     return ErrorBar(
         method=plan.method,
         rtol=plan.rtol,

@@ -6,8 +6,7 @@ anew, no more than an allowance that the run itself sets.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.run.states import SERIES
 
@@ -50,8 +49,7 @@ def own_cost(system: System, trajectory: Trajectory) -> float:
     return trajectory.statistics.evaluations * cost(system, system.plan.method)
 
 
-@dataclass(frozen=True, slots=True)
-class Price:
+class Price(NamedTuple):
     """What a step by some means costs, and an arc, in operations."""
 
     system: System

@@ -8,20 +8,22 @@ import numpy as np
 
 from lagsim.language.evaluate import evaluate
 from lagsim.run.error import LOST
+from lagsim.run.system.functions import joined
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.state import State
+    from lagsim.mechanics.instant import Instant
     from lagsim.run.observers.checkpoints import Checkpoints
 
 # A coordinate that should stay at rest is moved by the rounding of what moves beside
 # it: its range counts as no less than this part of theirs.
 SEED = 1e-9
-# What moves by less than so many units in the last place of its own values is at rest
-# but for rounding: its error is told as a part of those values, and is no horizon.
+# What moves by less than so many units in the last place of its own values, or of the
+# motion of what it is linked with, is at rest but for rounding: its error is told as a
+# part of those, and is no horizon.
 RESOLVED = 64.0 * 2.0**-52
 # For a horizon, what moves less than this part of the others has no motion to lose.
 STILL = 1e-6
@@ -48,20 +50,39 @@ def ranges(
     return np.asarray(high - low)
 
 
-def beside(equations: Equations, start: State, found: Floats) -> Floats:
+def beside(equations: Equations, start: Instant, found: Floats) -> Floats:
     """Give the largest motion beside that of each coordinate, in its own unit (n,).
 
     As far as its inertia may be moved by it: of a heavier body no more than that body's
     own range, so that what is light does not hide behind it; of a lighter one less, as
     the roots of the masses. Where units differ, whichever is less.
     """
+    return _largest(_roots(equations, start), found)
+
+
+def linked(equations: Equations, start: Instant, found: Floats) -> Floats:
+    """Give `beside` of what the rows of constraints link each coordinate with (n,)."""
+    labels = np.array(joined(len(found), [row.A for row in equations.rows]))
+    roots = _roots(equations, start)
+    whole = np.array(found)
+    for label in np.unique(labels[labels != np.arange(len(found))]):
+        group = labels == label
+        whole[group] = _largest(roots[group], found[group])
+    return whole
+
+
+def _roots(equations: Equations, start: Instant) -> Floats:
+    """Give the roots of the diagonal of M at the start (n,)."""
     values = {p.name: p.value for p in equations.model.parameters} | {"t": start.t}
     values |= dict(zip(equations.q, start.q, strict=True))
     values |= dict(zip(equations.velocities, start.v, strict=True))
-    diagonal = [equations.M[i][i] for i in range(len(found))]
-    roots = np.sqrt(np.fmax(evaluate(equations.graph, diagonal, values), 0.0))
+    diagonal = [equations.M[i][i] for i in range(len(equations.q))]
+    return np.sqrt(np.fmax(evaluate(equations.graph, diagonal, values), 0.0))
+
+
+def _largest(roots: Floats, found: Floats) -> Floats:
+    """Give the largest of range_j min(1, root_j/root_i): by size, without n^2."""
     finite = np.where(np.isfinite(found) & np.isfinite(roots), found, 0.0)
-    # The largest of range_j min(1, root_j/root_i): by size, without n^2 numbers.
     lightest = np.argsort(roots)
     whole = np.zeros(len(found))
     below = np.maximum.accumulate((finite * roots)[lightest])
@@ -72,7 +93,7 @@ def beside(equations: Equations, start: State, found: Floats) -> Floats:
     return whole
 
 
-def falls(equations: Equations, start: State, span: float) -> Floats:
+def falls(equations: Equations, start: Instant, span: float) -> Floats:
     """Give how far forces would carry each coordinate without constraints (n,).
 
     What constraints hold against them rests, as far as these balance, and has no range
@@ -97,18 +118,20 @@ def is_at_rest(found: Floats, largest: Floats, falls: Floats) -> bool:
 
 
 def scales_of(
-    found: Floats, moving: Floats, largest: Floats, falls: Floats
+    found: Floats, moving: Floats, linked: Floats, largest: Floats, falls: Floats
 ) -> tuple[Floats, Floats]:
     """Give what errors are told as parts of, and below which there is no horizon (n,).
 
     Parameters
     ----------
-    found, moving, largest, falls
-        Of each coordinate the range, the motion beside it, the largest value, and how
-        far it would move if nothing held it.
+    found, moving, linked, largest, falls
+        Of each coordinate the range, the motion beside it, that of what it is linked
+        with, the largest value, and how far it would move if nothing held it.
     """
     scales = np.fmax(found, SEED * moving)
-    scales = np.where(scales > BALANCED * falls, scales, falls)
-    scales = np.where(scales > RESOLVED * largest, scales, largest)
+    at_rest = scales <= BALANCED * falls
+    for size in (largest, linked):
+        scales = np.where(found > RESOLVED * size, scales, np.fmax(scales, size))
+    scales = np.where(at_rest, np.fmax(scales, falls), scales)
     still = np.fmax(STILL * moving, BALANCED * falls / LOST)
     return scales, np.fmax(still, RESOLVED * largest / LOST)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.mechanics.reduction.ignorable import MOMENTUM
 from lagsim.model.settings import DEFAULT_RTOL
@@ -55,6 +56,10 @@ ROOM = 1.5
 SAME_TIME = 1e-6
 # Columns that are kept of long tables.
 MOST_COLUMNS = 60
+LEAVE_OUT = (
+    "no run could be compared with it: leave it out of `output.columns`, or give it a "
+    "value there by `if`"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +114,8 @@ def measure(case: Case) -> tuple[Golden, Motion]:
     others = list(variants(case, base, stride))
     rows = base.rows[clear(base, [other for _, other in others], spacing)]
     near = SAME_TIME * spacing
-    apart = _apart(rows, base, others, near) + _floors(case, base, rows)
+    with np.errstate(invalid="ignore"):
+        apart = _apart(rows, base, others, near) + _floors(case, base, rows)
     sizes = scales(base.columns, rows.T, units(case))
     moving = [
         base.columns.index(name)
@@ -128,6 +134,7 @@ def measure(case: Case) -> tuple[Golden, Motion]:
         rows, envelope = rows[: lost[0]], envelope[: lost[0]]
     names = _kept(base.columns, case)
     chosen = [base.columns.index(name) for name in names]
+    _ask_finite(names, rows[:, chosen], envelope[:, chosen])
     steps = {
         n: _steps(rows[:, 0], envelope[:, k])
         for n, k in zip(names, chosen, strict=True)
@@ -198,6 +205,21 @@ def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
     return np.asarray(floors)
 
 
+def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
+    """Refuse columns that no other run could be held against."""
+    problems = []
+    for k, name in enumerate(names):
+        # Where a row has no value, bounds may have none anywhere.
+        for wrong in (~np.isfinite(rows[:, k]), ~np.isfinite(bounds[:, k])):
+            if np.any(wrong):
+                t = rows[np.argmax(wrong), 0]
+                text = f"`{name}` has no finite value, or no bound, at t = {t:.6g}"
+                problems.append(Problem("not-finite", text, hint=LEAVE_OUT))
+                break
+    if problems:
+        raise InputError(problems)
+
+
 def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
     """Give what rounding may change of the definitions in each row (k, columns)."""
     model = case.equations.model
@@ -243,7 +265,7 @@ def _steps(t: Floats, bounds: Floats) -> list[tuple[float, float]]:
 def rounded_up(x: float) -> float:
     """Give a number of two digits that is no smaller."""
     if not 0.0 < x < np.inf:
-        return x
+        return float(x)
     unit = 10.0 ** (np.floor(np.log10(x)) - 1)
     return float(f"{np.ceil(x / unit) * unit:.1e}")
 

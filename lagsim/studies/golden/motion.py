@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.errors import InputError
-from lagsim.mechanics.state import State
+from lagsim.mechanics.instant import Instant
 from lagsim.methods import method as method_named
 from lagsim.model.settings import DEFAULT_RTOL
 from lagsim.run.observers.checkpoints import numbers
@@ -134,12 +134,12 @@ def perturbed(case: Case, seed: int) -> Case:
     model = case.equations.model
     values = moved(np.array([p.value for p in model.parameters]))
     parameters = tuple(
-        replace(p, value=float(v))
+        p._replace(value=float(v))
         for p, v in zip(model.parameters, values, strict=True)
     )
     equations = case.equations.of(replace(model, parameters=parameters))
     start = case.start
-    state = State(start.t, moved(start.q), moved(start.v))
+    state = Instant(start.t, moved(start.q), moved(start.v))
     return replace(case, equations=equations).at(state)
 
 

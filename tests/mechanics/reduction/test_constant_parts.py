@@ -7,10 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
-from lagsim.mechanics.equations import derive
-from lagsim.model.reader import read
-from lagsim.plan import by_loops, make_plan
+from lagsim.plan import by_loops
 from lagsim.run.observers import Keep
 from tests.support import case_of
 
@@ -68,14 +65,9 @@ def test_a_mass_that_changes_is_factored_each_time():
 
 
 def test_straight_code_factors_constant_matrices_outside_of_the_run():
-    equations = derive(read(PULLING.replace("ROWS", CONSTANT), "model.yaml"))
-    plan = make_plan(
-        equations,
-        examine(equations).start,
-        equations.model.settings({"formulation": "full"}),
-    )
-    elimination = plan.elimination
-    g = equations.graph
+    case = case_of(PULLING.replace("ROWS", CONSTANT), formulation="full")
+    elimination = case.plan().elimination
+    g = case.equations.graph
     factors = [*elimination.mass.inverse.values(), *elimination.schur.inverse.values()]
     # What depends on parameters alone is computed by `prepare`, once in an arc.
     assert g.depends(factors) <= {"m", "k"}

@@ -9,16 +9,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.ldl import Elimination
 from lagsim.mechanics.reduction.elimination import pairs
 from lagsim.mechanics.reduction.ignorable import ignorable
-from lagsim.model.reader import read, read_file
+from lagsim.model.reader import read
 from lagsim.plan.formulation import formulate
-from tests.support import MODELS
+from tests.support import case_of
 
 # A pendulum whose pivot u is steered, a rod through w, a bead s; three constraints give
 # a coordinate each, the second only by way of the first, the last in time.
@@ -81,17 +80,9 @@ SCENES = [
 
 
 def formulated(model, formulation, **options):
-    if "\n" in model:
-        model = read(model, "model.yaml", options=options)
-    else:
-        model = read_file(str(MODELS / f"{model}.yaml"), options=options)
-    equations = derive(model)
-    examined = examine(equations)
-    assert examined.admissible, examined.verdicts
-    start = examined.start
-    settings = model.settings({"formulation": formulation})
-    found = formulate(equations, start, settings, lambda _: True)
-    return equations, start, found.reduction
+    case = case_of(model, formulation=formulation, **options)
+    found = formulate(case.equations, case.start, case.settings, lambda _: True)
+    return case.equations, case.start, found.reduction
 
 
 def motion(equations, values):

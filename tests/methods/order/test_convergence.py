@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lagsim.mechanics.state import State
+from lagsim.mechanics.instant import Instant
 from lagsim.methods import dop853, euler, method, names, rk4
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.parameters import Parameters
@@ -298,7 +298,7 @@ def test_time_reversal_brings_the_state_back(text, options, off):
         session.run([keep])
         last = keep.table[-1]
         ends.append(last[1 : 1 + 2 * n])
-        turned = State(start.t, last[1 : 1 + n], -last[1 + n : 1 + 2 * n])
+        turned = Instant(start.t, last[1 : 1 + n], -last[1 + n : 1 + 2 * n])
         session = replace(session, case=session.case.at(turned))
     assert np.max(np.abs(ends[0] - [*start.q, *start.v])) > 0.1
     assert np.max(np.abs(ends[1] - [*start.q, *-start.v])) < off

@@ -14,7 +14,7 @@ simulation: {{duration: 4, output_step: 0.1, method: {method}}}
 """
 
 
-@pytest.mark.parametrize("method", ["auto", "dop853"])
+@pytest.mark.parametrize("method", ["auto", "dop853", "taylor"])
 @pytest.mark.parametrize(
     ("V", "speed", "after"),
     [
@@ -22,6 +22,7 @@ simulation: {{duration: 4, output_step: 0.1, method: {method}}}
         ("5/(1 + exp(-1000*(x - 1)))", 4.0, 6.0**0.5),  # 8 J, of which 5 are left up
         ("5/(1 + exp(-1000*(x + 1)))", 3.0, -3.0),  # 4.5 J: thrown back
         ("1/cosh(100*x)^2", 3.0, 3.0),
+        ("1/(cosh(100*x)*cosh(90*x))", 3.0, 3.0),
     ],
 )
 def test_the_wall_is_met_from_far(

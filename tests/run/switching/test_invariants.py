@@ -139,3 +139,36 @@ simulation: {duration: 2, output_step: 0.25}
     assert found["x_dot"][after] - found["x_dot"][before] == pytest.approx(1 / 3)
     assert found["y_dot"][after] - found["y_dot"][before] == pytest.approx(-1 / 6)
     assert found.drift < 1e-11
+
+
+LOOSE = ("drift", "baumgarte")
+ROD = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.8*y}
+forces: {x: "if(x > 0.3, -0.5, 0.5)"}
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: sin(1), y: -cos(1)}
+simulation: {duration: 20, output_step: 0.1}
+"""
+
+
+@pytest.mark.parametrize("formulation", LOOSE)
+def test_what_is_off_a_constraint_at_a_switch_is_no_impact(formulation):
+    found = run(ROD, formulation=formulation, method="rk4", step=0.01)
+    assert np.max(np.abs(found["residual_rod"])) > 1e-7  # there is something off
+    assert [e.kind for e in found.trajectory.events].count("switch") > 10
+    assert impacts(found) == []
+    assert found.trajectory.outcome.complete
+    assert np.min(np.diff(found["t"])) > 0.0
+
+
+@pytest.mark.parametrize("formulation", ["full", *LOOSE])
+def test_an_impact_is_one_in_every_formulation(formulation):
+    found = run(TRACK.format(track="y = max(0, x)"), formulation=formulation)
+    assert impacts(found) == pytest.approx([1.0], abs=1e-12)
+    assert found["energy"][-1] == pytest.approx(0.25, abs=1e-10)
+    for moved in (0.0, 1.0):  # and where nothing has moved before
+        drive = f"{moved}*sin(t) + max(0, t - 1)"
+        found = run(CAM.format(drive=drive), formulation=formulation)
+        assert impacts(found) == pytest.approx([1.0], abs=1e-15)
+        assert found["x"][-1] == pytest.approx(moved * math.sin(3) + 2.0, abs=1e-10)

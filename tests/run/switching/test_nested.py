@@ -207,3 +207,41 @@ def test_a_massless_coordinate_with_friction(lever):
     held = -8.0 * rest / lever
     assert found["lambda_rod"][resting] == pytest.approx(held, abs=1e-9)
     assert found.drift < 1e-9
+
+
+STUCK = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+definitions: {F: "LAW"}
+forces: {x: "F + 0.5*sin(3*t)"}
+output: {columns: [F]}
+initial: {x: 0, x_dot: 0.3}
+simulation: {duration: 3, output_step: 0.1}
+"""
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        "if(x_dot > 0, -1, if(x_dot < 0, 1, 0))",
+        "if(x_dot > 0, if(x_dot > 0.1, -1, -2), if(x_dot < -0.1, 1, 2))",
+        "if(x_dot < 0, 1, if(x_dot <= 0, 7, -1))",
+        "if(x_dot > 0, -1, sign(-x_dot))",
+        "if(x_dot > 0 and 2*x_dot > 0, -1, 1)",
+        "if(sign(x_dot) > 0, -1, if(x > -5, 1, 3))",
+        "-sign(x_dot)*if(x_dot > 0, 1, 2)",
+        "-sign(x_dot)*abs(sign(x_dot))",
+        "-floor(sign(x_dot))",
+        "-sign(x_dot)/if(x_dot > 0, 1, 0.5)",
+    ],
+)
+def test_rows_of_a_nested_law_show_the_force_that_holds(law):
+    found = run(STUCK.replace("LAW", law))
+    stuck = [e.time for e in found.trajectory.events if e.kind == "stick"]
+    # The equation of motion, with the law as the row shows it.
+    left = found["F"] + 0.5 * np.sin(3 * found["t"]) - found["x_ddot"]
+    assert np.max(np.abs(left)) < 1e-14
+    # It rests from there on: what is shown holds the load.
+    held = found["t"] > stuck[0]
+    assert np.count_nonzero(held) > 10
+    assert np.max(np.abs(found["x_dot"][held])) < 1e-15

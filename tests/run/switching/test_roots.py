@@ -65,6 +65,23 @@ def test_a_force_that_grows_from_rest_moves_at_its_own_pace(p):
     assert kinds(found) == ["stick", "slip"]
 
 
+@pytest.mark.parametrize(
+    ("p", "rate"), [(1 / 3, 1e-5), (1 / 3, 1e-2), (0.45, 1e-4), (0.3, 1e-5)]
+)
+def test_a_force_far_below_the_root_moves_by_what_keeps_it_up(p, rate):
+    # v^p = rate*t - v', where v' is that of (rate*t)^(1/p), small beside the force.
+    law = f"{rate!r}*t - sign(x_dot)*abs(x_dot)^{p!r}"
+    found = run(scene(force=law, duration=10, output_step=0.5))
+    t = found["t"][1:]
+    lag = rate ** (1 / p) * t ** (1 / p - 1) / p
+    v = (rate * t - lag) ** (1 / p)
+    # What the lag of the lag is: of the order of its square, seen through the root.
+    lost = 4.0 * np.max(lag / (rate * t)) ** 2 / p**2
+    assert found["x_dot"][1:] == pytest.approx(v, rel=lost + 1e-6)
+    assert found.trajectory.statistics.steps < 10_000
+    assert set(kinds(found)) == {"stick", "slip"}
+
+
 def test_a_swing_through_rest_agrees_with_its_implicit_form():
     # From rest at F(t) = 1 - t the speed is met again at 0 where the force has turned:
     # the balance of momentum, by quadrature of the rows' own speeds.

@@ -167,3 +167,18 @@ def test_of_every_code_the_documents_say_what_it_means():
     raised |= {"energy-gained", "energy-lost"}
     told = (ROOT / "docs" / "failing.md").read_text(encoding="utf-8")
     assert raised == set(re.findall(r"^\| `([a-z-]+)` \|", told, re.MULTILINE))
+
+
+@pytest.mark.parametrize("method", ["auto", "taylor", "dop853"])
+def test_rest_on_a_summit_holds_no_step(method):
+    # x = 0 for ever; steps grow as they like, past 1 / |eigenvalue| = 1.
+    result = lagsim.simulate(
+        lagsim.load(
+            "name: summit\ncoordinates: {x: {}}\n"
+            "energy: {kinetic: x_dot^2/2, potential: cos(x)}\n"
+            "initial: {x: 0}\nsimulation: {duration: 50, output_step: 0.5}\n"
+        ),
+        method=method,
+    )
+    assert np.all(result["x"] == 0.0)
+    assert not result.warnings

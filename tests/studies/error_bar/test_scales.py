@@ -70,3 +70,52 @@ simulation: {duration: 20, output_step: 0.1, method: dop853, rtol: 1e-6}
     # What rounding alone makes of the place is told, too.
     bar = barred(read(far, "m.yaml", options={"rtol": "1e-13"}))[1]
     assert bar.coordinates["x"].largest >= 4096 * 2.0**-53
+
+
+# A pendulum in the plane x = 0, on which a row holds it that knows the other two.
+PLANE = """
+parameters: {{L: 1, m: 1}}
+coordinates: {{x: {{}}, y: {{}}, z: {{}}}}
+energy: {{kinetic: m*(x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*m*z}}
+constraints: {{rod: x^2 + y^2 + z^2 = L^2{more}}}
+initial: {{x: 0, y: 0.6*L, z: -0.8*L}}
+simulation: {{duration: 5*sqrt(L), output_step: 0.1*sqrt(L), method: dop853}}
+"""
+
+
+@pytest.mark.parametrize("length", ["1e-9", "1", "1e6"])
+def test_what_rows_keep_at_rest_is_told_as_a_part_of_what_it_is_linked_with(length):
+    # x is 0 for ever; what a double loses of the other two is all that it has.
+    row = "x = 0.25*(x^2 + y^2 + z^2 - L^2)/L"
+    text = PLANE.format(more=f", plane: {row}")
+    bar = barred(read(text.replace("L: 1", f"L: {length}"), "m.yaml"))[1]
+    told = bar.coordinates["x"]
+    assert told.largest < 1e-14 * float(length)
+    assert told.relative < 1e-12
+    assert bar.scales[1] == pytest.approx(1.2 * float(length), rel=1e-2)
+
+
+def test_a_small_motion_is_not_hidden_by_what_it_is_linked_with():
+    # y = z^2 is 1e-10 of the way of z, a motion of its own, thousands of roundings.
+    text = """
+coordinates: {y: {}, z: {}}
+energy: {kinetic: (y_dot^2 + z_dot^2)/2, potential: z^2/2}
+constraints: {path: y = 1e-10*z^2}
+initial: {y: 1e-10, z: 1}
+simulation: {duration: 10, output_step: 0.1, method: dop853}
+"""
+    bar = barred(read(text, "m.yaml"))[1]
+    assert bar.scales[0] < 1e-8
+
+
+def test_what_rests_at_its_place_is_told_as_a_part_of_that():
+    # Rounding of its value alone, beside what moves ten times as far.
+    text = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+initial: {x: 1, y: 0}
+simulation: {duration: 1.4, output_step: 0.1, method: dop853}
+"""
+    told = barred(read(text, "m.yaml"))[1].coordinates["x"]
+    assert 0.0 < told.largest < 1e-15
+    assert told.relative < 1e-15

@@ -1,4 +1,4 @@
-"""A state of a scene: time, coordinates, velocities."""
+"""Where a scene is at a time: coordinates and velocities."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class State:
-    """Where a scene is at a time. q, v : (n,)."""
+class Instant:
+    """A time and the state there. q, v : (n,)."""
 
     t: float
     q: Floats

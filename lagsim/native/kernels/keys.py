@@ -1,0 +1,120 @@
+"""What kernels are made from, told without translating them.
+
+A warm run finds their objects by it, and never imports the translator.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import inspect
+import sys
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard
+
+from lagsim.native.kernels import words
+from lagsim.native.layout import Memory
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+Static: TypeAlias = "bool | int | float | tuple[Static, ...]"
+
+
+class KernelError(Exception):
+    """A kernel leaves the subset: file and line, what stands there, what to write."""
+
+
+def fingerprint(
+    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
+) -> str:
+    """Give a digest of all that `translate` makes its text of, without translating.
+
+    It covers the files of the translator and of the modules of all kernels reached,
+    and the values of the static globals they use, which other files may have a part in.
+    """
+    # Minor versions of Python may read the same text differently.
+    parts = [repr(sys.version_info[:2]), repr(sorted((statics or {}).items()))]
+    parts.append(_translator())
+    files: dict[str, None] = {}
+    waiting = [as_kernel(function) for function in functions]
+    seen = set(waiting)
+    layouts: dict[type[Memory], None] = {}
+    for function in waiting:
+        plain = inspect.unwrap(function)
+        parts.append(f"{plain.__module__}.{plain.__qualname__}")
+        files[plain.__code__.co_filename] = None
+        layouts |= dict.fromkeys(memories(function).values())
+        if words.is_external(function):
+            continue
+        for name, value in _globals(function):
+            if is_static(value):
+                parts.append(f"{name} = {value!r}")
+            elif is_own(value) and value not in seen:
+                seen.add(value)
+                waiting.append(value)
+    for memory in layouts:
+        parts += [f"{name} {f.kind} {f.word}" for name, f in memory.fields.items()]
+    digest = hashlib.sha256("\n".join(parts).encode())
+    for file in files:
+        digest.update(Path(file).read_bytes())
+    return digest.hexdigest()
+
+
+@functools.cache
+def _translator() -> str:
+    """Give a digest of the text of all that translates kernels."""
+    digest = hashlib.sha256()
+    for file in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def _globals(function: FunctionType) -> Iterator[tuple[str, object]]:
+    """Go through the globals a function uses, and what it may use of modules."""
+    used = names_in(function.__code__)
+    for name in used:
+        value = function.__globals__.get(name)
+        yield name, value
+        if isinstance(value, ModuleType):
+            yield from ((n, vars(value)[n]) for n in used if n in vars(value))
+
+
+def is_own(value: object) -> TypeGuard[FunctionType]:
+    """Tell whether a global is a function, and none of the words."""
+    return isinstance(value, FunctionType) and value.__module__ != words.__name__
+
+
+def as_kernel(function: Callable[..., Any]) -> FunctionType:
+    """Give a kernel as what it is, if it is one."""
+    if not isinstance(function, FunctionType):
+        raise KernelError(f"{function!r}: a kernel is a function made by `def`")
+    return function
+
+
+def names_in(code: CodeType) -> list[str]:
+    """Give the names used in a function, those in its generator expressions too."""
+    found = list(code.co_names)
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            found += names_in(constant)
+    return found
+
+
+def memories(function: FunctionType) -> dict[str, type[Memory]]:
+    """Give the classes of the parameters of a kernel that are a `Memory`."""
+    plain = inspect.unwrap(function)
+    found = {}
+    for name, annotation in plain.__annotations__.items():
+        meaning = plain.__globals__.get(str(annotation))
+        if isinstance(meaning, type) and issubclass(meaning, Memory):
+            found[name] = meaning
+    return found
+
+
+def is_static(value: object) -> TypeGuard[Static]:
+    """Tell whether a global is a number, a condition or a table of them."""
+    if isinstance(value, tuple):
+        return all(map(is_static, value))
+    return type(value) in (bool, int, float)

@@ -1,0 +1,47 @@
+"""What an evaluation of the rates, and a step, cost: counted in additions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.language.functions import OPERATIONS
+from lagsim.mechanics.ldl import Elimination, TooLongError, affordable, dense_operations
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.mechanics.equations import Equations
+
+# Evaluations in a step of order 8, and solves for its projection.
+STAGES = 12
+SOLVES = 4
+# Operations of a step on each component of the state, per evaluation.
+PER_COMPONENT = 16
+
+
+def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) -> int:
+    """Give about what an evaluation of `nodes` takes, and the solving by `loops`.
+
+    What depends on parameters alone is computed once.
+    """
+    g = equations.graph
+    varying = g.dependent(nodes, {*equations.q, *equations.velocities, "t"})
+    rows = [OPERATIONS.get(g.ops[x]) for x in varying]
+    solve = dense_operations(len(equations.q), len(equations.rows)) if loops else 0
+    return solve + sum(row.cost for row in rows if row is not None)
+
+
+def step_cost(equations: Equations) -> float:
+    """Give about what a step takes, projection included."""
+    n, m = len(equations.q), len(equations.rows)
+    rates = [x.rate for x in equations.quadratures]
+    try:
+        q, lam = Elimination(equations, affordable(n, m)).motion()
+        evaluation = evaluation_cost(equations, [*q, *lam, *rates], loops=False)
+    except TooLongError:
+        nodes = [*equations.mass_entries.values(), *equations.f, *rates]
+        nodes += [a for row in equations.rows for a in row.A.entries.values()]
+        evaluation = evaluation_cost(equations, nodes, loops=True)
+    size = 2 * n + len(equations.quadratures)
+    solves = SOLVES if m else 0
+    return STAGES * (evaluation + PER_COMPONENT * size) + solves * evaluation

@@ -1,0 +1,213 @@
+"""Rows that show a force which their step has passed over: it is taken back.
+
+Ten rows are enough, whatever the force is made of.
+"""
+
+import ctypes
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from lagsim.methods import dop853
+from lagsim.methods.parts import state as at
+from lagsim.methods.parts import strays
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.run.arcs import Run
+from tests.methods.plain import Plain, first_order, fresh_state
+from tests.run.looks.scenes import line, plane, stepped
+from tests.support import case_of, run
+
+METHODS = ("taylor", "dop853", "radau")
+ROOT = math.sqrt(2 * math.pi)
+
+
+@pytest.fixture
+def by_rows_alone(monkeypatch):
+    """Neither what may sleep nor what happens at its own time is looked for."""
+    monkeypatch.setattr("lagsim.run.system.all_sleepers", lambda *_: [])
+    monkeypatch.setattr("lagsim.run.arcs.timed", lambda _: False)
+
+
+# Forces on a body at rest, and their impulse; rows are 1 apart.
+PULSES = {
+    "gaussian": ("exp(-((t - 14e3)/10)^2/2)", 10 * ROOT),
+    "narrow": ("exp(-((t - 14e3)/2)^2/2)", 2 * ROOT),
+    "ten rows and nothing else": (
+        "exp(-((t - 14e3)/5)^8)",
+        10 * math.gamma(1 + 1 / 8),
+    ),
+}
+
+
+@pytest.mark.usefixtures("by_rows_alone")
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", PULSES)
+def test_a_pulse_late_in_a_long_rest(name, method):
+    force, impulse = PULSES[name]
+    found = run(line(force=force, duration=2e4, step=1, method=method))
+    # The time itself is known to 2e-12, the sum of steps to 1e-11 of each.
+    assert found["x_dot"][-1] == pytest.approx(impulse, abs=1e-9)
+    assert found["x"][-1] == pytest.approx(6e3 * impulse, rel=1e-9)
+
+
+# Potentials that a body of energy 0.5 cannot pass, some hundred rows ahead.
+HIGH = {
+    "hill": "10*exp(-x^2/2)",
+    "thin hill": "10*exp(-(2*x)^2/2)",
+    "ramp": "5*(1 + tanh((x - 100)/2))",
+}
+
+
+@pytest.mark.usefixtures("by_rows_alone")
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", HIGH)
+def test_a_hill_turns_the_motion_back(name, method):
+    text = line(HIGH[name], x=-900, v=1, duration=2200, step=0.5, method=method)
+    found = run(text)
+    assert found["x_dot"][-1] == pytest.approx(-1, abs=1e-8)
+    assert np.max(found["x"]) < 100
+
+
+@pytest.mark.usefixtures("by_rows_alone")
+@pytest.mark.parametrize("method", METHODS)
+def test_a_patch_of_drag(method):
+    """A loss of speed of c times the length of the patch, whatever the speed."""
+    force = "-0.15*exp(-((x - 700)/2)^2/2)*x_dot"
+    found = run(line(force=force, v=1, duration=1000, step=1, method=method))
+    assert found["x_dot"][-1] == pytest.approx(1 - 0.3 * ROOT, abs=1e-9)
+
+
+@pytest.mark.usefixtures("by_rows_alone")
+@pytest.mark.parametrize("method", METHODS)
+def test_what_wakes_at_a_speed(method):
+    """A fall that is damped about one speed only: the time that it takes to pass it."""
+    force = "1 - exp(-((x_dot - 770)/2)^2/2)/2"
+    found = run(line(force=force, duration=1000, step=1, method=method))
+
+    def lag(z):
+        return 1 / (1 - math.exp(-z * z / 2) / 2) - 1
+
+    late = 4 * quad(lag, 0, 12, epsabs=1e-13)[0]
+    assert found["x_dot"][-1] == pytest.approx(1000 - late, rel=1e-9)
+
+
+@pytest.mark.usefixtures("by_rows_alone")
+@pytest.mark.parametrize("method", METHODS)
+def test_a_hill_beside_the_way_in_the_plane(method):
+    potential = "0.3*exp(-((x - 200)^2 + (y - 1)^2)/2)"
+    text = plane(potential, (0, 0, 1, 0.001), duration=400, step=0.5, method=method)
+    found = run(text)
+
+    def field(_t, y):
+        away = y[:2] - (200, 1)
+        return [*y[2:], *(0.3 * away * math.exp(-(away @ away) / 2))]
+
+    end = stepped(field, (0, 0, 1, 0.001), 400, 0.3)
+    for name, expected in zip(("x", "y", "x_dot", "y_dot"), end, strict=True):
+        assert found[name][-1] == pytest.approx(expected, abs=1e-8)
+
+
+# Forces that are flat but for a short way, of functions that no other look knows.
+UNKNOWN = {
+    "squares of squares": ("((cos(0.3*x)^4)^4)^4", lambda x: math.cos(0.3 * x) ** 64),
+    "more of them": ("(((cos(x/10)^4)^5)^5)^5", lambda x: math.cos(x / 10) ** 500),
+    "many factors": (
+        "*".join(["(1 - sin(x/8)^2)^5"] * 8),
+        lambda x: math.cos(x / 8) ** 80,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNKNOWN)
+def test_what_no_look_knows(name):
+    force, law = UNKNOWN[name]
+    text = line(
+        force=f"-{force}/2", x=-13, v=2, duration=15, step=0.05, method="taylor"
+    )
+    found = run(text)
+    end = found["x"][-1]
+    lost = quad(law, -13, end, limit=500, epsabs=1e-13)[0] / 2
+    assert found["x_dot"][-1] ** 2 / 2 == pytest.approx(2 - lost, abs=1e-9)
+
+
+# Scenes in which q'' at rows is off by far more than tolerances, and should be.
+NOISY = {
+    "stiff": line("1e10*(x - sin(t))^2/2", method="radau, rtol: 1e-6", v=1, duration=6),
+    "at rest far away": line("1e6*(x - 1e6)^2/2", force="9", x=1e6 + 9e-6, duration=6),
+    "held": """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+constraints: {rod: "x^2 + y^2 = 1"}
+initial: {x: 1e-4, y: -sqrt(1 - 1e-8)}
+simulation: {duration: 6, output_step: 0.1}
+""",
+}
+
+
+def counts(monkeypatch, model, **options):
+    """Give the steps, rejections and evaluations with the comparison and without."""
+    found = []
+    for apart in (strays.APART, 1e300):
+        monkeypatch.setattr(strays, "APART", apart)
+        made = run(model, **options).trajectory.statistics
+        found.append((made.steps, made.rejections, made.evaluations))
+    return found
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_smooth_steps_are_left_alone(method, monkeypatch):
+    """Some hundred rows in each."""
+    options = {"method": method, "rtol": "1e-9", "output_step": 36 / 3e4}
+    seen, unseen = counts(monkeypatch, "elastic-pendulum", **options)
+    assert seen == unseen
+
+
+@pytest.mark.parametrize("name", NOISY)
+def test_noise_and_stiffness_are_no_sign(name, monkeypatch):
+    seen, unseen = counts(monkeypatch, NOISY[name], output_step=6e-4)
+    assert seen == unseen
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_slope_is_that_of_the_dense_output(method):
+    """By differences of fourth order, close by: exact to 1e-12 and their rounding."""
+    session = case_of("elastic-pendulum", method=method, output_step=1e-2).ready()
+    case, plan, system = session.case, session.plan, session.system
+    made = Run(case.equations, case.start, plan, system, case.settings, [])
+    made.begin()
+    made.advance(100)
+    state = made.arc.state
+    assert state.step_h > 0
+
+    def call(name, x):
+        out = np.zeros(system.size)
+        kind = (None, (ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p))
+        kernel = made.arc.runner.engine.function(name, *kind)
+        kernel(state.flat.ctypes.data, x, out.ctypes.data)
+        return out
+
+    for x in (0.0, 0.2, 0.5, 0.93, 1.0):
+        near, far = (
+            call("interpolate", x + b) - call("interpolate", x - b)
+            for b in (1e-3, 2e-3)
+        )
+        slope = (8 * near - far) / 12e-3 / state.step_h
+        given = call("interpolate_rates", x)
+        assert given[system.n :] == pytest.approx(slope[system.n :], rel=1e-8)
+
+
+def test_what_no_step_resolves_does_not_hold_the_run_up():
+    """A force in single rows, and nowhere else: half of ten rows is the least step."""
+
+    def rate(t, _y):
+        return np.array([1e3 if t > 0 and t % 10 == 0 else 0.0])
+
+    rows = 400
+    s = fresh_state(dop853, [0.0], end=rows - 0.5, row_limit=float(rows))
+    out = np.zeros(2 * rows)
+    method = Plain(dop853, first_order(rate, 1))
+    code = method.advance(s, Parameters.made(), out, rows, 10**6)
+    assert code == at.DONE
+    assert s.steps + s.rejections < rows
