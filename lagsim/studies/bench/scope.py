@@ -49,6 +49,13 @@ SWITCHING = 100_000
 # The same of one in time, and those are counted: a long step takes in many of them.
 ARC = 1_000_000
 
+# Why there is no map of a scene with laws.
+UNSTEADY = (
+    "the scene has constraints that hold at times: borders of the step are those of "
+    "one set of equations, and a small change of an impact's time is no small change"
+)
+INSTEAD = "`lagsim bench` shows what each method makes of it, step by step"
+
 
 @dataclass(frozen=True)
 class Wish:
@@ -89,8 +96,10 @@ def methods_for(
     Raises
     ------
     InputError
-        Where one that was asked for cannot be looked at.
+        Where one that was asked for cannot be looked at, or the scene has laws.
     """
+    if case.equations.laws:
+        raise InputError([Problem("no-stability", UNSTEADY, hint=INSTEAD)])
     found: dict[bool, list[str]] = {False: [], True: []}
     refused = []
     problems = []

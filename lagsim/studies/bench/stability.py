@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.errors import InputError, LagsimError
 from lagsim.mechanics.equilibrium import (
     Mode,
     NoEquilibriumError,
@@ -40,12 +40,6 @@ if TYPE_CHECKING:
 # A border is known to three digits; around one that is predicted more is looked at.
 DIGITS = 2e-4
 AROUND = (0.99, 1.01)
-# Why there is no map of a scene with laws.
-UNSTEADY = (
-    "the scene has constraints that hold at times: borders of the step are those of "
-    "one set of equations, and a small change of an impact's time is no small change"
-)
-INSTEAD = "`lagsim bench` shows what each method makes of it, step by step"
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,8 +145,6 @@ def measure(
     InputError
     """
     case = case_at(None)
-    if case.equations.laws:
-        raise InputError([Problem("no-stability", UNSTEADY, hint=INSTEAD)])
     subject = Subject(case, interrupt)
     fixed, adaptive, refused = methods_for(case, wish)
     values: list[float | None] = [None]

@@ -13,7 +13,7 @@ from lagsim.notes import Event
 from lagsim.run.session import open_case
 from lagsim.studies.bench.reference import Reference
 from lagsim.studies.bench.scope import Wish as Scope
-from lagsim.studies.bench.stability import measure as map_of
+from lagsim.studies.bench.scope import methods_for
 from lagsim.studies.bench.work_precision import Wish, measure
 from tests.scenes.contact import scenes
 
@@ -102,4 +102,4 @@ def test_an_impact_that_moves_is_an_error_of_the_place_alone():
 
 def test_there_is_no_map_of_stability_and_a_reason():
     with pytest.raises(InputError, match="hold at times"):
-        map_of(lambda _: case(STOP), Scope())
+        methods_for(case(STOP), Scope())
