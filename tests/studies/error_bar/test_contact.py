@@ -79,7 +79,7 @@ BILLIARD = scene(
            enumerate(("x >= -1", "x <= 1", "y >= -1", "y <= 1"))},
     },
     {"x": 0.8, "y": 0.1, "x_dot": "cos(0.6)", "y_dot": "sin(0.6)"},
-    duration=60, output_step=0.05,
+    duration=45, output_step=0.05,
 )  # fmt: skip
 
 
