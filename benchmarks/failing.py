@@ -379,6 +379,38 @@ def balls():
     return draw(*views)
 
 
+def falling(t, e=0.8, g=9.81):
+    """Give the height of the ball of bouncing-ball.yaml at times."""
+    start, v = np.sqrt(2.0 / g), e * np.sqrt(2.0 * g)
+    y = np.where(t < start, 1.0 - g * t**2 / 2.0, 0.0)
+    while v > 1e-12:
+        s, length = t - start, 2.0 * v / g
+        y = np.where((s >= 0.0) & (s < length), v * s - g * s**2 / 2.0, y)
+        start, v = start + length, e * v
+    return y
+
+
+def moreau():
+    options = {"duration": 3, "output_step": 0.01, "method": "moreau"}
+    ball = View("The ball, h = 0.03", "t", "y (m)")
+    for name, given, pen in (
+        ("moreau", options | {"step": 0.03}, FAILS), ("auto", {"duration": 3}, HOLDS)
+    ):  # fmt: skip
+        found = run("../bouncing-ball", **given)
+        ball.add(name, found["t"], found["y"], pen)
+    far = View(
+        "Largest error in 3 s", "h", "m", log_x=True, log_y=True,
+    )  # fmt: skip
+    steps = 10.0 ** -np.arange(1.5, 5.01, 0.25)
+    errors = []
+    for step in steps:
+        found = run("../bouncing-ball", step=step, **options)
+        errors.append(np.max(np.abs(found["y"] - falling(found["t"]))))
+    far.add("moreau", steps, errors, FAILS)
+    far.add("8 h", steps, 8.0 * steps, EXACT)
+    return draw(ball, far)
+
+
 def speed():
     found = run("constant-speed")
     path = View("The path", "x (m)", "y (m)", square=True)
@@ -393,7 +425,8 @@ def speed():
 
 PICTURES = (
     oscillator, verlet, drift, baumgarte, bdf, damping, bound, taylor, chaos, polar,
-    gimbal, rank, pulse, jumps, zeno, graze, balls, speed,
+    gimbal, rank, pulse, jumps, zeno, graze, balls, moreau,
+    speed,
 )  # fmt: skip
 
 

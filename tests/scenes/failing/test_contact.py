@@ -118,3 +118,34 @@ def test_balls_in_a_row_go_by_the_order_of_impacts(name):
     told = [w.text for w in found.trajectory.warnings if w.code == "impact-order"]
     assert len(told) == (1 if name.endswith("at once") else 0)
     assert all("simultaneous" in text for text in told)
+
+
+# Time stepping
+
+
+def falling(t):
+    """Give the height of the ball by its parabolas."""
+    start, v = math.sqrt(2 / G), E * math.sqrt(2 * G)
+    y = np.where(t < start, 1.0 - G * t**2 / 2, 0.0)
+    while v > 1e-12:
+        s, length = t - start, 2 * v / G
+        y = np.where((s >= 0.0) & (s < length), v * s - G * s**2 / 2, y)
+        start, v = start + length, E * v
+    return y
+
+
+def test_time_stepping_through_impacts_is_of_order_1():
+    # Over half decades, since how late an impact is met hangs on where steps end.
+    steps = 10.0 ** -np.arange(1.5, 5.01, 0.5)
+    errors = []
+    for step in steps:
+        found = run(
+            "bouncing-ball", method="moreau", step=step, duration=3, output_step=0.01
+        )
+        errors.append(np.max(np.abs(found["y"] - falling(found["t"]))))
+    assert np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(1, abs=0.1)
+    # An impact that is h late moves what follows by (1 + e) v h; all of them,
+    # v falling by e, by 1.8 v0/0.2 h = 40 h.
+    assert np.all(errors < 40 * steps)
+    located = run("bouncing-ball", duration=3, output_step=0.01)
+    assert np.max(np.abs(located["y"] - falling(located["t"]))) < 1e-10
