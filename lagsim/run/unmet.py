@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import state as at
-from lagsim.methods.parts.impulses import MOST_SWEEPS
 from lagsim.notes import Caution
 from lagsim.run.decisions import Decision, Ending, Source
 from lagsim.run.trajectory import Outcome
@@ -58,6 +57,8 @@ def unsettled(arc: Arc) -> tuple[Caution, ...]:
     count = int(arc.state.unsettled)
     if not count:
         return ()
+    from lagsim.methods.parts.impulses import MOST_SWEEPS
+
     text = (
         f"in {count} of {arc.steps} steps the impulses were not found to the end in "
         f"{MOST_SWEEPS} sweeps: contacts gave way a little; shorter steps need fewer"

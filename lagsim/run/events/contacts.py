@@ -63,6 +63,7 @@ class Contacts(Source):
         self.sequence = Sequence(arc.settings.start, arc.settings.duration)
         self.bounces = [0] * len(self.laws)
         self.told: set[str] = set()
+        self.ended = False
         p = arc.system.p
         p.law_mode[:] = p.law_way[:] = p.law_still[:] = p.impulses[:] = 0.0
         p.law_forces = p.law_shares = 0.0
@@ -78,6 +79,8 @@ class Contacts(Source):
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Go through the end of a mode."""
+        if code == at.DONE and arc.t >= arc.settings.end and not self.ended:
+            return self._last(arc)
         k = int(arc.state.switched) - 1 - arc.system.surfaces
         if code != at.SWITCH_FOUND or k < 0:
             return None
@@ -89,6 +92,14 @@ class Contacts(Source):
             found.ending = Ending(Outcome.SWITCHES_ACCUMULATE, about)
         turn = Turn.MODES if arc.system.surfaces else Turn.ARC
         return replace(self._decision(arc, found), turn=turn)
+
+    def _last(self, arc: Arc) -> Decision | None:
+        """Let strike what does so at the end, but for rounding."""
+        self.ended = True
+        found = self._through(arc, None)
+        if found.rows is None:
+            return None
+        return replace(self._decision(arc, found), turn=Turn.ARC)
 
     def _decision(self, arc: Arc, found: Found) -> Decision:
         if found.ending is not None and arc.steps == 0:

@@ -28,7 +28,6 @@ from lagsim.run.system.sleepers import (
     signal_nodes,
     slope,
 )
-from lagsim.run.system.stepping import fill, pattern
 from lagsim.run.system.switching import surface_functions
 
 if TYPE_CHECKING:
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.instant import Instant
     from lagsim.native.graph.straight_line import Code
     from lagsim.plan import Plan
+    from lagsim.run.system.stepping import Pattern
 
 # How straight-line code is written; some functions are taken for several rows at once.
 MANNER: dict[str, tuple[str, ...]] = {
@@ -96,7 +96,7 @@ class System:
         self.laws = equations.laws
         needs = method(plan.method).NEEDS
         # Where each step meets all rows by impulses, none is left to do.
-        self.met = pattern(equations) if "balance" in needs else None
+        self.met = _met(equations) if "balance" in needs else None
         if self.met is not None:
             self.m, self.laws = 0, ()
         self.has_work = equations.power is not None
@@ -229,6 +229,8 @@ class System:
             loops=self.has_loops, slopes_known=self.has_jacobian, **self._met_sizes(),
         )  # fmt: skip
         if self.met is not None:
+            from lagsim.run.system.stepping import fill
+
             fill(p, self.equations, self.met)
         p.augmented, p.expected, p.reference = (
             plan.augmented,
@@ -323,6 +325,12 @@ class System:
         units["t"] = "s"
         known = {d.name: d.unit for d in model.definitions}
         return {name: known.get(name, unit) for name, unit in units.items()}
+
+
+def _met(equations: Equations) -> Pattern:
+    from lagsim.run.system.stepping import pattern
+
+    return pattern(equations)
 
 
 def _laws() -> bytes:
