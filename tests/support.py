@@ -64,6 +64,24 @@ class Run:
         return float(np.max(np.abs(balance - balance[0])))
 
 
+def at_outputs(t: Any, start: float, step: float) -> Any:
+    """Give the rows (k,) at output times, not those of impacts between them.
+
+    Of two at one time the second, after the impact.
+    """
+    steps = (t - start) / step
+    near = np.abs(steps - np.round(steps)) <= 1e-6
+    near[-1] = True
+    later = np.append(t[1:] > t[:-1], True)
+    return np.flatnonzero(near & later)
+
+
+def has_laws(name: str) -> bool:
+    """Tell whether a shipped model has constraints that hold at times."""
+    model = read_file(str(MODELS / f"{name}.yaml"))
+    return not all(c.always for c in model.constraints)
+
+
 def case_of(model: Any, **options: Any) -> Case:
     """Open a Model, the text of one, or the name of a shipped one."""
     options = {k: str(v) for k, v in options.items()}

@@ -31,6 +31,7 @@ from lagsim.methods.parts.parameters import (
 from lagsim.native.kernels.words import at, external
 from lagsim.solve._cholesky import augment_force, backward, factor, forward
 from lagsim.solve._pushes import couple, impress, share_out, solve
+from lagsim.solve._shares import share
 from lagsim.solve.dense import gather
 
 if TYPE_CHECKING:
@@ -91,6 +92,8 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         quadratures(t, y, p, at(out, 2 * n))
     for i in range(p.m):
         out[p.size + i] = multipliers[i]
+    if p.law_shares > 0.0:
+        share(p, at(out, p.size))
 
 
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:

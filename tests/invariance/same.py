@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tests.invariance import transforms as put
-from tests.support import run
+from tests.support import at_outputs, run
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -81,8 +81,9 @@ def moved(model: Document, names: tuple[str, ...], **options: Any) -> Motion:
     """Run a model; give the columns of these names, with the times they stand for."""
     found = run(model.text(), **options)
     assert found.trajectory.outcome.word == "done"
-    q = np.stack([found[name] for name in names], axis=1)
-    return Motion((found["t"] - model.shift) * model.scale, q)
+    rows = at_outputs(found["t"], model.start, model.output_step)
+    q = np.stack([found[name][rows] for name in names], axis=1)
+    return Motion((found["t"][rows] - model.shift) * model.scale, q)
 
 
 @dataclass(frozen=True)

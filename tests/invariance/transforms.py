@@ -19,12 +19,15 @@ from tests.sympy_oracle import expression
 _T = re.compile(r"\bt\b")
 _RATE = re.compile(r"\b([^\W\d]\w*_dot)\b")
 _WORD = re.compile(r"[^\W\d]\w*")
+# What a constraint may have besides its relation; a slip is one expression here.
+LAWS = ("restitution", "friction", "slip", "when")
 
 
 @dataclass(frozen=True)
 class Document:
     """A model's texts, its start as numbers, and its times.
 
+    laws : what constraints have besides their relations: texts, or numbers' texts
     scale : columns of t times this are the times of the model it came from
     shift : ... after this was taken off
     """
@@ -41,6 +44,7 @@ class Document:
     duration: float
     output_step: float
     until: str = ""
+    laws: dict[str, dict[str, Any]] = field(default_factory=dict)
     settings: dict[str, str] = field(default_factory=dict)
     scale: float = 1.0
     shift: float = 0.0
@@ -57,11 +61,15 @@ class Document:
             name: {"guess": repr(x)} if name in self.guesses else repr(x)
             for name, x in self.initial.items()
         }
+        constraints = {
+            name: {"relation": relation} | self.laws.get(name, {})
+            for name, relation in self.constraints.items()
+        }
         document = {
             "name": "same", "parameters": self.parameters,
             "coordinates": {q: {} for q in self.coordinates},
             "definitions": self.definitions, "energy": self.energy,
-            "forces": self.forces, "constraints": self.constraints,
+            "forces": self.forces, "constraints": constraints,
             "initial": initial, "simulation": simulation,
         }  # fmt: skip
         return yaml.safe_dump(document, sort_keys=False, width=10**6)
@@ -75,6 +83,7 @@ class Document:
         return replace(
             self, definitions=each(self.definitions), energy=each(self.energy),
             forces=each(self.forces), constraints=each(self.constraints),
+            laws={name: each(law) for name, law in self.laws.items()},
             until=change(self.until),
         )  # fmt: skip
 
@@ -103,7 +112,13 @@ def document(text: str) -> Document:
         initial.setdefault(f"{q}_dot", 0.0)
     energy, forces = raw["energy"], raw.get("forces") or {}
     constraints = _texts(raw.get("constraints"), "relation")
+    laws = {
+        name: {k: text for k, text in entry.items() if k in LAWS}
+        for name, entry in (raw.get("constraints") or {}).items()
+        if isinstance(entry, dict)
+    }
     used = [*energy.values(), *forces, *forces.values(), *constraints.values()]
+    used += [text for law in laws.values() for text in law.values()]
     used.append(simulation.get("until", ""))
     duration = number(simulation["duration"])
     kept = {k: v for k, v in simulation.items() if k in ("method", "rtol")}
@@ -113,7 +128,7 @@ def document(text: str) -> Document:
         energy, forces, constraints, initial, frozenset(guesses),
         number(simulation.get("start", "0")), duration,
         number(simulation.get("output_step", repr(duration / 1000))),
-        simulation.get("until", ""), kept,
+        simulation.get("until", ""), laws, kept,
     )  # fmt: skip
 
 
@@ -176,8 +191,13 @@ def seconds(model: Document, factor: float) -> Document:
         name: x * factor if name.endswith("_dot") else x
         for name, x in model.initial.items()
     }
+    # Slips are in metres per new second, as the gaps are in metres.
+    laws = {
+        name: {k: f"{factor!r}*({x})" if k == "slip" else x for k, x in law.items()}
+        for name, law in changed.laws.items()
+    }
     return replace(
-        changed, energy=energy, initial=initial, start=model.start / factor,
+        changed, energy=energy, laws=laws, initial=initial, start=model.start / factor,
         duration=model.duration / factor, output_step=model.output_step / factor,
         scale=factor,
     )  # fmt: skip

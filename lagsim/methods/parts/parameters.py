@@ -94,6 +94,7 @@ class Parameters(Memory):
     noted: float  # how many directions of the rows have been noted
     sliding: float  # how many surfaces the motion slides along
     law_forces: float  # 1 where multipliers decide on the end of a mode
+    law_shares: float  # 1 where contacts hold more often than they must
 
     fixed: Floats = array(lambda p: p.values)
 

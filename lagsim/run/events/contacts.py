@@ -26,7 +26,7 @@ from lagsim.run.events.touching import Touching
 from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
     from collections.abc import Sequence as Some
 
     from lagsim.language.arrays import Floats
@@ -65,7 +65,7 @@ class Contacts(Source):
         self.told: set[str] = set()
         p = arc.system.p
         p.law_mode[:] = p.law_way[:] = p.law_still[:] = p.impulses[:] = 0.0
-        p.law_forces = 0.0
+        p.law_forces = p.law_shares = 0.0
 
     def begin(self, arc: Arc) -> Decision:
         """Choose the modes at the state reached."""
@@ -171,21 +171,11 @@ class Contacts(Source):
         arc = here.arc
         n, energy = arc.system.n, arc.system.columns.names.index("energy")
         found.rows = arc.runner.tabulate(arc.row())
-        e = np.array([self.laws[k].restitution for k in some])
-        ends: dict[int, float] = {}
-        for i, k in enumerate(some):
-            if limit is not None and k in also:
-                ends[k], e[i] = limit, 0.0
-            elif e[i] > 0.0 and here.strikes(k):
-                left = here.rest(k, e[i])
-                if left is not None:
-                    ends[k], e[i] = arc.t + left, 0.0
-        problem, response = here.problem(some, e)
+        ends = dict(self._ends(here, some, limit, also))
+        e = [0.0 if k in ends else self.laws[k].restitution for k in some]
+        problem, response = here.problem(some, np.array(e))
         if limit is not None:
-            kinds = zip(some, problem.kinds, strict=True)
-            rest = {k for k in some if self.laws[k].normal in ends and here.is_spent(k)}
-            held = (Kind.TIMED if k in {*ends, *rest} else kind for k, kind in kinds)
-            problem = replace(problem, kinds=tuple(held))
+            problem = replace(problem, kinds=tuple(self._stopped(here, some, ends)))
         result = impact(problem, here.rates[list(some)], here.still[list(some)])
         # A flight that begins a rounding below the ground would end one farther below.
         deep = [i for i, k in enumerate(some) if here.is_below(k)]
@@ -213,6 +203,32 @@ class Contacts(Source):
                     found.events.append(Event(ends[k], "zeno", name))
                 self.bounces[k] = 0
         found.cautions += self._told_of(here, some, result.energy, result.open)
+
+    def _ends(
+        self,
+        here: Touching,
+        some: Some[int],
+        limit: float | None,
+        also: Collection[int],
+    ) -> Iterator[tuple[int, float]]:
+        """Give what comes to rest with this impact, and when its bounces would end."""
+        for k in some:
+            e = self.laws[k].restitution
+            if limit is not None and k in also:
+                yield k, limit
+            elif e > 0.0 and here.strikes(k):
+                left = here.rest(k, e)
+                if left is not None:
+                    yield k, here.arc.t + left
+
+    def _stopped(
+        self, here: Touching, some: Some[int], ends: Collection[int]
+    ) -> Iterator[Kind]:
+        """Give kinds for which those that end are held, with slips that have gone."""
+        for k in some:
+            law = self.laws[k]
+            gone = law.normal in ends and here.is_spent(k)
+            yield Kind.TIMED if k in ends or gone else law.kind
 
     def _told_of(
         self, here: Touching, some: Some[int], change: float, open_: bool

@@ -27,7 +27,10 @@ SOON = 1e-6
 
 
 class Settled(NamedTuple):
-    """What has changed; whether there is no way on, or one of several."""
+    """What has changed; whether there is no way on; whether pushes are determined.
+
+    The friction of a body that rests on two points never is.
+    """
 
     events: tuple[Event, ...]
     paradox: bool
@@ -54,16 +57,17 @@ def settle(here: Touching, met: int | None, also: Collection[int]) -> Settled:
     found = _chosen(here, leaning, also)
     idle = _idle(here, found)
     if idle:
-        # Where it would slide without a solution it need not touch at all.
-        parts = 1.0 if found.paradox else _parting(here, found, idle, also)
-        leaning[idle] += parts
+        leaning[idle] += _parting(here, found, idle, also)
         found = _chosen(here, leaning, also)
     p.law_mode[:], p.law_way[:] = found.mode, found.way
     on = (found.mode == kept.HELD) | (found.mode == kept.DRIVEN)
     p.law_forces = float(np.any(on))
     _set_slack(here, found)
     events = tuple(_changes(here, before)) if arc.steps else ()
-    return Settled(events, found.paradox, found.unique)
+    implied = np.flatnonzero(found.mode == kept.IMPLIED)
+    unique = not any(here.laws[k].kind in ONE_SIDED for k in implied)
+    p.law_shares = 0.0 if unique else 1.0
+    return Settled(events, found.paradox, unique)
 
 
 def _idle(here: Touching, found: Chosen) -> list[int]:
@@ -107,7 +111,6 @@ class Chosen(NamedTuple):
     multipliers: Floats
     D: Floats
     paradox: bool
-    unique: bool
 
 
 def _chosen(here: Touching, leaning: Floats, also: Collection[int]) -> Chosen:
@@ -123,7 +126,7 @@ def _chosen(here: Touching, leaning: Floats, also: Collection[int]) -> Chosen:
             some.append(k)
     mode, way = np.zeros(L), np.zeros(L)
     if not some:
-        return Chosen(mode, way, some, np.empty(0), np.empty(0), False, True)
+        return Chosen(mode, way, some, np.empty(0), np.empty(0), False)
     problem, _ = here.problem(some, np.zeros(len(some)))
     noise = ROUNDED * here.forces[some]
     asked = here.accelerations[some]
@@ -137,9 +140,7 @@ def _chosen(here: Touching, leaning: Floats, also: Collection[int]) -> Chosen:
     )
     mode[some], way[some] = [float(x) for x in found.mode], found.way
     diagonal = np.diag(problem.D).copy()
-    return Chosen(
-        mode, way, some, found.multipliers, diagonal, found.paradox, found.unique
-    )
+    return Chosen(mode, way, some, found.multipliers, diagonal, found.paradox)
 
 
 def _set_slack(here: Touching, found: Chosen) -> None:

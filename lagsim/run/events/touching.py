@@ -70,6 +70,8 @@ class Touching:
         self.slack = ROUNDED * held + moment * np.abs(self.rates)
         self.reach = slopes @ ranges[:n], slopes @ ranges[n : 2 * n]
         self._let_go()
+        # What rounds in the forces has moved what they balance, since the last step.
+        self.still = np.maximum(self.still, ROUNDED * self.forces * arc.state.step_h)
 
     def _let_go(self) -> None:
         """Find the accelerations that there would be without any law."""

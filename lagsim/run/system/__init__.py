@@ -278,6 +278,7 @@ class System:
         """Take the branches of all switches from another system of the same model."""
         self.set_modes(list(other.p.flat[other.modes_at]))
         self.p.sliding, self.p.law_forces = other.p.sliding, other.p.law_forces
+        self.p.law_shares = other.p.law_shares
         for name in KEPT:
             getattr(self.p, name)[:] = getattr(other.p, name)
 

@@ -87,7 +87,7 @@ def dry(as_limit: bool) -> str:
     )  # fmt: skip
 
 
-def rod(mu: float, angle: float, slide: float, **forces: str) -> str:
+def rod(mu: float, angle: float, slide: float, **held: dict[str, Any]) -> str:
     """A uniform rod that leans on its lower left end, which slides.
 
     Where it slides to the left a push N lifts the end by N/m times
@@ -97,9 +97,10 @@ def rod(mu: float, angle: float, slide: float, **forces: str) -> str:
         "y - a*sin(th) >= 0", 0, friction="mu", slip="x_dot + a*sin(th)*th_dot"
     )
     return scene(
-        "x y th", "m*(x_dot^2 + y_dot^2)/2 + m*a^2/6*th_dot^2", "m*g*y", {"tip": tip},
+        "x y th", "m*(x_dot^2 + y_dot^2)/2 + m*a^2/6*th_dot^2", "m*g*y",
+        {"tip": tip} | held,
         {"x": 0, "th": angle, "y": "a*sin(th)", "x_dot": slide},
-        parameters={"m": 1, "a": 0.5, "mu": mu}, forces=forces,
+        parameters={"m": 1, "a": 0.5, "mu": mu},
         duration=0.5, output_step=0.01,
     )  # fmt: skip
 

@@ -86,6 +86,26 @@ def test_where_the_shortest_would_pull_three_legs_carry():
     assert found_now == pytest.approx([*expected, 0.0], abs=1e-12 * weight)
 
 
+def test_a_load_wanders_over_three_supports():
+    # At -1, 0 and 1, the load at x: N_i = W (1/3 + x x_i/2) as long as no one pulls;
+    # past x = 2/3 the left one has nothing, and the others W (1 - x) and W x.
+    supports = {
+        name: contact(f"z {place} >= 0", 0)
+        for name, place in (("left", "- a"), ("middle", "+ 0*a"), ("right", "+ a"))
+    }
+    text = scene(
+        "z a", "z_dot^2/2 + a_dot^2/8", "g*(z + 0.9*t*a)", supports, {"z": 0, "a": 0},
+        duration=1, output_step=0.05,
+    )  # fmt: skip
+    found = play(text)
+    x = 0.9 * found.t
+    early = x < 2 / 3
+    close(found["lambda_left"], G * np.where(early, 1 / 3 - x / 2, 0))
+    close(found["lambda_middle"], G * np.where(early, 1 / 3, 1 - x))
+    close(found["lambda_right"], G * np.where(early, 1 / 3 + x / 2, x))
+    assert found.times("release") == []
+
+
 def test_a_table_tips_over_its_edge():
     # Weight past the legs: x = 1.5. It turns about two of them: with z = -a on these,
     # (m + J) z'' = -m g + 1.5 m g for z upwards.
