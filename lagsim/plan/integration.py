@@ -101,7 +101,7 @@ def _asked(
         hint = f"one of auto, {known}; `lagsim methods` describes them"
         text = f"there is no method `{asked}`"
         raise InputError([Problem("unknown-method", text, place, hint)])
-    why = _refusal(asked, equations, scene)
+    why = refusal(asked, equations, scene)
     if why:
         text = f"`{asked}` cannot handle this model: {why}"
         hint = "`lagsim methods` says what each handles; `auto` chooses one that can"
@@ -115,23 +115,28 @@ def _asked(
     return asked
 
 
-def _refusal(name: str, equations: Equations, scene: Structure) -> str:
+def refusal(name: str, equations: Equations, scene: Structure) -> str:
     """Say why a method cannot handle equations, or give ""."""
     chosen = method(name)
     if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
         if equations.model.output.action:
             return "it does not integrate the action, which `output` asks for"
         return "it does not integrate ignorable coordinates by quadrature"
-    if equations.laws and chosen.NEEDS:
+    if equations.laws and chosen.NEEDS and locates(name):
         return "constraints that hold at times need a method that asks for y' alone"
     return str(chosen.refusal(scene))
+
+
+def locates(name: str) -> bool:
+    """Tell whether a method stops at switches and contacts; `auto` chooses such."""
+    return name not in names() or bool(getattr(method(name), "EVENTS", True))
 
 
 def suits(asked: str, equations: Equations) -> bool:
     """Tell whether the method that is asked for can handle `equations`."""
     if asked not in names():
         return True
-    return not _refusal(asked, equations, structure(equations))
+    return not refusal(asked, equations, structure(equations))
 
 
 def _check_straight(

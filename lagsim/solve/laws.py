@@ -337,7 +337,7 @@ def grip(p: Parameters, k: int) -> float:
     held = statics[k] * lam[first + int(normal[k])]
     if other < 0:
         return float(held - abs(lam[first + k]))
-    if other < k:
+    if other < k and p.law_mode[other] == HELD:
         return ENDLESS
     x = lam[first + k]
     z = lam[first + other]

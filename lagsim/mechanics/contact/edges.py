@@ -16,6 +16,18 @@ if TYPE_CHECKING:
 
 # Accelerations are known to this part of the terms in them, at best.
 ROUNDING = 256 * float(np.finfo(float).eps)
+# Slips on a disc that Newton's method leaves rest, where dependent rows slow it down.
+CONVERGED = 1e-10
+
+
+def known_to(
+    closed: Closed, problem: Problem, solution: Solution, noise: Floats
+) -> Floats:
+    """Give how well the accelerations of rows are known (r,)."""
+    terms = np.abs(closed.D) @ np.abs(solution.p) + np.abs(problem.c)
+    shared = np.asarray(problem.pairs) >= 0
+    known: Floats = np.where(shared, CONVERGED, ROUNDING) * terms
+    return np.maximum(noise, known)
 
 
 def on_edges(
@@ -26,8 +38,7 @@ def on_edges(
     lean: Floats,
 ) -> tuple[list[Mode], list[float]]:
     """Give the modes and ways where ties are decided and held rows are independent."""
-    known = np.abs(closed.D) @ np.abs(solution.p) + np.abs(problem.c)
-    quiet = np.maximum(noise, ROUNDING * known)
+    quiet = known_to(closed, problem, solution, noise)
     small = quiet / np.where(closed.D.diagonal() > 0.0, closed.D.diagonal(), 1.0)
     modes, ways = list(solution.modes), list(solution.ways)
     tied, apart = _tied_contacts(problem, solution, modes, quiet, small, lean)
@@ -47,7 +58,7 @@ def on_edges(
             modes[k], ways[k] = Mode.DRIVEN, float(p[k] / force)
         elif modes[k] is not Mode.HELD:
             tied.append(k)
-    return _independent(closed, problem, modes, ways, tied, apart)
+    return _independent(closed, problem, solution, modes, ways, tied, apart)
 
 
 def is_plain(problem: Problem, found: Solution, noise: Floats) -> bool:
@@ -101,16 +112,18 @@ def _tied_contacts(
 def _independent(
     closed: Closed,
     problem: Problem,
+    solution: Solution,
     modes: list[Mode],
     ways: list[float],
     tied: list[int],
     apart: list[int],
 ) -> tuple[list[Mode], list[float]]:
-    """Let rows that others hold be implied; slips of contacts without force are off.
+    """Let rows that others hold be implied, with the share of their bound they bear.
 
-    What leans away cannot where others hold it.
+    Slips of contacts without force are off; what others hold cannot lean away.
     """
     span = Span(closed)
+    limits = bounds(problem, solution.p)
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
     for k in sorted(held, key=lambda k: problem.roles[k] is not Role.FREE) + tied:
         n = problem.normals[k]
@@ -120,6 +133,8 @@ def _independent(
             modes[k], ways[k] = Mode.HELD, 0.0
         else:
             modes[k] = Mode.IMPLIED
+            if n >= 0 or problem.roles[k] is Role.BOXED:
+                ways[k] = float(solution.p[k]) / limits[k] if limits[k] else 0.0
     for k in apart:
         if span.has(k):
             modes[k] = Mode.IMPLIED

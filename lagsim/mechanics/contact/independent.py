@@ -16,15 +16,20 @@ DEPENDENT = 1e-10
 DEPENDENT_SQUARED = 1e-7
 
 
+def columns(closed: Closed) -> Floats:
+    """Give Y (k, r): D = Y^T Y."""
+    if closed.factor is not None:
+        return closed.factor
+    sizes, V = np.linalg.eigh(closed.D)
+    return np.asarray(np.sqrt(np.maximum(sizes, 0.0))[:, None] * V.T)
+
+
 class Span:
     """What the rows taken so far span."""
 
     def __init__(self, closed: Closed) -> None:
-        Y, self.least = closed.factor, DEPENDENT
-        if Y is None:
-            sizes, V = np.linalg.eigh(closed.D)
-            Y = np.sqrt(np.maximum(sizes, 0.0))[:, None] * V.T
-            self.least = DEPENDENT_SQUARED
+        Y = columns(closed)
+        self.least = DEPENDENT_SQUARED if closed.factor is None else DEPENDENT
         lengths = np.linalg.norm(Y, axis=0)
         self.units = Y / np.where(lengths > 0.0, lengths, 1.0)
         self.taken: list[Floats] = []

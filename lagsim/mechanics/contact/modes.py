@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.mechanics.contact.closed import Mode
-from lagsim.mechanics.contact.edges import ROUNDING, is_plain, on_edges
+from lagsim.mechanics.contact.edges import ROUNDING, is_plain, known_to, on_edges
+from lagsim.mechanics.contact.independent import columns
 from lagsim.mechanics.contact.polish import expressed, polished
 from lagsim.mechanics.contact.problem import Problem, Role, Solution, residual, scaled
 from lagsim.mechanics.contact.solving import solve
+from lagsim.mechanics.contact.support import on_discs, supported
 from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:
@@ -33,12 +35,13 @@ class Modes:
     mode : tuple of Mode
         Held rows are independent of each other.
     way : ndarray, shape (r,)
-        Of a driven row: its multiplier is way times its bound. An implied row
-        without a way has none; with a way, it stays at its (static) bound.
+        Of a driven row: its multiplier is way times its bound; with two slips, of each
+        its part. Of an implied row that bears a share: the part, at most 1, of its
+        bound at rest. Else 0.
     multipliers, accelerations : ndarray, shape (r,)
     paradox : bool
-        Painlevé's: no solution, or a sliding contact whose effective mass is not
-        positive, so that more than one may be.
+        Painlevé's: no solution, or a sliding contact that presses with an effective
+        mass that is not positive. What may part instead is let go.
     unique : bool
         The multipliers are determined.
     residual : float
@@ -83,20 +86,18 @@ def modes(
     if solution.apart and not begin and is_plain(problem, solution, noise):
         return _at_once(solution)
     lean = np.zeros(len(noise)) if leaning is None else leaning
-    begun: list[int] = []
     while solution.found:
         what, ways = on_edges(closed, problem, solution, noise, lean)
         begin = _begins(closed, problem, what)
-        if not begin:
-            found = _decided(closed, problem, what, ways)
-            if not (found.way * found.accelerations > noise)[begun].any():
-                return found
-            # With less friction of others it would be pushed back: so it rests.
-            less = replace(closed, statics=closed.bounds)
-            return modes(less, accelerations, rates, noise, slip_noise, leaning)
-        begun += begin
-        problem = _sliding(closed, problem, begin, ways)
-        solution = solve(problem)
+        if begin:
+            problem = _as_sliding(closed, problem, begin)
+            solution = solve(problem)
+            continue
+        if on_discs(problem):
+            quiet = known_to(closed, problem, solution, noise)
+            solution = supported(closed, problem, solution, quiet)
+            what, ways = on_edges(closed, problem, solution, noise, lean)
+        return _decided(closed, problem, what, ways)
     nothing, off = np.zeros(len(noise)), (Mode.OFF,) * len(noise)
     return Modes(off, nothing, nothing, solution.w, True, False, solution.residual)
 
@@ -119,10 +120,12 @@ def _decided(
 ) -> Modes:
     """Solve once more, for the rows that hold by themselves."""
     p = polished(problem, modes, ways, closed.factor)
+    signed = [role is Role.SIGNED for role in problem.roles]
+    p[signed & (p < 0.0) & (p > -ROUNDING * np.abs(p).max(initial=0.0))] = 0.0
     unit, s = scaled(problem)
     return Modes(
         tuple(modes),
-        np.array(ways),
+        _of_bounds(closed, problem, modes, ways),
         p,
         closed.D @ p + problem.c,
         _jams(closed, problem, modes, ways),
@@ -131,50 +134,57 @@ def _decided(
     )
 
 
+def _of_bounds(
+    closed: Closed, problem: Problem, modes: list[Mode], ways: list[float]
+) -> Floats:
+    """Give the ways as parts of the bounds in force, from those of the problem."""
+    parts = np.array(ways)
+    for k in np.flatnonzero(parts):
+        known = closed.statics if modes[k] is Mode.IMPLIED else closed.bounds
+        used = problem.limits[k] if problem.normals[k] < 0 else problem.mus[k]
+        if known[k] and used != known[k]:
+            parts[k] *= used / known[k]
+    return parts
+
+
 def _jams(
     closed: Closed, problem: Problem, modes: list[Mode], ways: list[float]
 ) -> bool:
-    """Tell whether a contact that slides has an effective mass that is not positive.
+    """Tell whether a contact that holds and slides has no positive effective mass.
 
     Pressing on it then does not push it away: each alone, and those that hold together.
+    What need not press may part; that is no paradox.
     """
-    if Role.GIVEN not in problem.roles and Mode.DRIVEN not in modes:
+    if Mode.DRIVEN not in modes:
         return False
-    touching = [_TOUCHING.get(r, m) for r, m in zip(problem.roles, modes, strict=True)]
-    along = [
-        given if role is Role.GIVEN else way
-        for role, given, way in zip(problem.roles, problem.ways, ways, strict=True)
-    ]
+    E, _ = expressed(problem, modes, ways)
     free = [k for k, role in enumerate(problem.roles) if role is Role.FREE]
-    G = closed.D @ expressed(problem, touching, along)[0]
+    G = closed.D @ E
     masses = G.diagonal()
     if free:
         X = np.linalg.lstsq(G[np.ix_(free, free)], G[free], rcond=None)[0]
         masses = masses - np.einsum("ij,ji->i", G[:, free], X)
-    for k, role in enumerate(problem.roles):
-        if role is Role.SIGNED and masses[k] <= ROUNDING * closed.D[k, k]:
-            return bool(closed.D[k, k])
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
-    B = (closed.D @ expressed(problem, modes, ways)[0])[np.ix_(held, held)]
-    s = np.sqrt(closed.D.diagonal()[held])
-    return bool(np.linalg.det(B / np.outer(s, s)) < 0.0)
-
-
-_TOUCHING = {
-    Role.SIGNED: Mode.HELD,
-    Role.FREE: Mode.HELD,
-    Role.GIVEN: Mode.DRIVEN,
-}
+    for k in held:
+        if problem.roles[k] is Role.SIGNED and masses[k] <= ROUNDING * closed.D[k, k]:
+            return True
+    # Those that hold together: their mass against the one without friction.
+    Y = columns(closed)
+    Q, R = np.linalg.qr(Y[:, held])
+    sign, size = np.linalg.slogdet(Q.T @ (Y @ E)[:, held])
+    other, plain = np.linalg.slogdet(R)
+    return bool(sign * other * np.exp(size - plain) <= ROUNDING)
 
 
 def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> list[int]:
-    """Give the rows that begin to slide under a bound that is not the one at rest."""
+    """Give the rows that begin to slide with another bound than that of sliding."""
+    sizes = zip(problem.limits, problem.mus, problem.normals, strict=True)
     return [
         k
-        for k, mode in enumerate(modes)
-        if mode is Mode.DRIVEN
+        for k, (limit, mu, n) in enumerate(sizes)
+        if modes[k] is Mode.DRIVEN
         and problem.roles[k] is Role.BOXED
-        and closed.statics[k] != closed.bounds[k]
+        and closed.bounds[k] != (limit if n < 0 else mu)
     ]
 
 
@@ -217,19 +227,10 @@ _ROLES = {
 }
 
 
-def _sliding(
-    closed: Closed, problem: Problem, rows: list[int], ways: list[float]
-) -> Problem:
-    """Give the problem where boxed rows have begun to slide."""
-    changed = replace(
-        problem,
-        roles=list(problem.roles),
-        ways=list(problem.ways),
-        limits=list(problem.limits),
-        mus=list(problem.mus),
-    )
+def _as_sliding(closed: Closed, problem: Problem, rows: list[int]) -> Problem:
+    """Give the problem where rows have only the bound of what slides."""
+    limits, mus = list(problem.limits), list(problem.mus)
     for k in rows:
-        changed.roles[k], changed.ways[k] = Role.GIVEN, ways[k]
-        sizes = changed.limits if problem.normals[k] < 0 else changed.mus
+        sizes = limits if problem.normals[k] < 0 else mus
         sizes[k] = float(closed.bounds[k])
-    return changed
+    return replace(problem, limits=limits, mus=mus)

@@ -11,6 +11,7 @@ sweeps: M. Jean, The non-smooth contact dynamics method, ibid. 177 (1999) 235.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 
 # Sweeps before Newton's method, and before the last attempt.
 SWEEPS = (10, 500)
+# The diagonal added to D, whose own is 1, and how often its force is taken back.
+FIRM = 1e-2
+PROXIMAL = 8
 # Newton's steps; near the solution it takes about five.
 STEPS = 30
 # Of a Newton step, the parts that are tried.
@@ -38,7 +42,7 @@ def by_newton(problem: Problem) -> Floats:
     """Give multipliers p (r,) of a scaled problem, the best ones found."""
     size = max(*map(abs, problem.c), *problem.limits) or 1.0
     best, least = np.zeros(len(problem.c)), np.inf
-    for attempt in (_swept, _from_corners, _swept_long):
+    for attempt in (_swept, _proximal, _from_corners, _swept_long):
         p, amiss = _descend(problem, attempt(problem))
         if amiss < least:
             best, least = p, amiss
@@ -50,12 +54,25 @@ def by_newton(problem: Problem) -> Floats:
 def _swept(problem: Problem, sweeps: int = SWEEPS[0]) -> Floats:
     p = np.zeros(len(problem.c))
     for _ in range(sweeps):
+        before = p.copy()
         _sweep(problem, p)
+        if np.abs(p - before).max() <= MET * np.abs(p).max():
+            break
     return p
 
 
 def _swept_long(problem: Problem) -> Floats:
     return _swept(problem, SWEEPS[1])
+
+
+def _proximal(problem: Problem) -> Floats:
+    """Make dependent rows independent by more diagonal, and take its force back."""
+    firm = problem.D + FIRM * np.eye(len(problem.c))
+    p = np.zeros(len(problem.c))
+    for _ in range(PROXIMAL):
+        pushed = list(np.asarray(problem.c) - FIRM * p)
+        p, _ = _descend(replace(problem, D=firm, c=pushed), p)
+    return p
 
 
 def _from_corners(problem: Problem) -> Floats:
@@ -134,9 +151,9 @@ def _sweep(problem: Problem, p: Floats) -> None:
             p[k] = problem.ways[k] * _bound(problem, p, k)
         elif role is Role.BOXED and j < k:
             rows = [k] if j < 0 else [j, k]
-            z = p[rows] - (D[rows] @ p + np.take(c, rows)) / np.trace(
-                D[np.ix_(rows, rows)]
-            )
+            a, b, d = D[rows[0], rows[0]], D[rows[0], k], D[k, k]
+            stiff = a if j < 0 else (a + d + np.hypot(a - d, 2.0 * b)) / 2.0
+            z = p[rows] - (D[rows] @ p + np.take(c, rows)) / stiff
             p[rows] = z * min(1.0, _bound(problem, p, k) / (np.linalg.norm(z) or 1.0))
 
 

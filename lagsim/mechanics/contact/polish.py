@@ -67,5 +67,5 @@ def _by_factor(Y: Floats, E: Floats, held: list[int]) -> Callable[[Floats], Floa
     Q, R = np.linalg.qr(Y[:, held])
     forces = Q.T @ (Y @ E)[:, held]
     return lambda rhs: np.asarray(
-        np.linalg.solve(forces, np.linalg.solve(R.T, rhs)), float
+        np.linalg.lstsq(forces, np.linalg.solve(R.T, rhs), rcond=DEPENDENT)[0], float
     )

@@ -7,6 +7,7 @@ result is accurate to rounding. A disc has no sides: there Newton's method says 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from lagsim.mechanics.contact.problem import (
     scaled,
 )
 from lagsim.mechanics.contact.small import solve_small
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
 
 # What leaves a larger residual does not solve the problem.
 SOLVED = 1e-7
@@ -91,7 +95,10 @@ def _with_discs(unit: Problem) -> Solution:
             size = float(np.linalg.norm(z))
             modes[k] = Mode.HELD if size <= limits[k] else Mode.DRIVEN
             ways[k] = 0.0 if size <= limits[k] else float(z[0]) / size
-    return _on_these_edges(unit, modes, ways)
+    # Of dependent rows, equations would choose shares that the discs do not allow.
+    found = _judged(unit, p, modes, ways)
+    again = _on_these_edges(unit, modes, ways)
+    return again if again.residual < found.residual else found
 
 
 def _attempt(problem: Problem, exact: Problem) -> Solution:
@@ -110,6 +117,12 @@ def _on_these_edges(problem: Problem, modes: list[Mode], ways: list[float]) -> S
     for k, role in enumerate(problem.roles):
         if role is Role.SIGNED and p[k] < 0.0:
             p[k] = 0.0
+    return _judged(problem, p, modes, ways)
+
+
+def _judged(
+    problem: Problem, p: Floats, modes: list[Mode], ways: list[float]
+) -> Solution:
     amiss = residual(problem, p)
     w = problem.D @ p + problem.c
     w[[k for k, mode in enumerate(modes) if mode is Mode.HELD]] = 0.0

@@ -238,9 +238,16 @@ def known(s: State, p: Parameters, width: float) -> bool:
         reach = max(abs(m - a), abs(m - b))
         # What is off by no more than counts as none cannot be known better.
         enough = max(KNOWN * reach, CLEAR * min(a, m, b), -least_allowed(p, k))
-        if off > enough:
+        if off > enough and not is_nothing(p, k, max(abs(a), abs(m), abs(b))):
             return False
     return True
+
+
+def is_nothing(p: Parameters, k: int, margin: float) -> bool:
+    """Tell whether the margin of a law is rounding: slopes of that say nothing."""
+    if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
+        return margin <= -least_allowed(p, k)
+    return False
 
 
 def least_allowed(p: Parameters, k: int) -> float:

@@ -10,7 +10,7 @@ from lagsim.mechanics.contact import modes
 from lagsim.mechanics.laws import Kind
 from lagsim.methods.parts import parameters as kept
 from lagsim.notes import Event
-from lagsim.run.events.touching import ROUNDED, Touching
+from lagsim.run.events.touching import Touching
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -78,7 +78,7 @@ def _idle(here: Touching, found: Chosen) -> list[int]:
         for k, push in zip(found.some, pushes, strict=True)
         if found.mode[k] == kept.HELD
         and here.laws[k].kind in ONE_SIDED
-        and push <= ROUNDED * here.forces[k]
+        and push <= here.noise[k]
     ]
 
 
@@ -128,7 +128,7 @@ def _chosen(here: Touching, leaning: Floats, also: Collection[int]) -> Chosen:
     if not some:
         return Chosen(mode, way, some, np.empty(0), np.empty(0), False)
     problem, _ = here.problem(some, np.zeros(len(some)))
-    noise = ROUNDED * here.forces[some]
+    noise = here.noise[some]
     asked = here.accelerations[some]
     found = modes(
         problem,
@@ -149,12 +149,12 @@ def _set_slack(here: Touching, found: Chosen) -> None:
     rtol = arc.plan.tolerance
     slack = p.slack[K:]
     slack[:] = 0.0
-    size = np.zeros(here.count)
+    size, band = np.zeros(here.count), np.zeros(here.count)
     push = dict(zip(found.some, found.D, strict=True))
     for k, law in enumerate(here.laws):
         mode = found.mode[k]
         if mode == kept.HELD and push[k] > 0.0:
-            size[k] = ROUNDED * here.forces[k] / push[k]
+            size[k] = band[k] = here.noise[k] / push[k]
         elif mode == kept.DRIVEN:
             size[k] = here.still[k]
         elif mode == kept.OFF and law.kind in ONE_SIDED:
@@ -169,7 +169,7 @@ def _set_slack(here: Touching, found: Chosen) -> None:
             p.law_still[k] = max(4.0 * here.still[k], rtol * here.reach[1][k])
     margins = arc.runner.margins(arc.t, here.y)[K:]
     slack[:] = size + 2.0 * np.maximum(0.0, -margins)
-    p.band[K:] = 0.0
+    p.band[K:] = band
 
 
 def _changes(here: Touching, before: Floats) -> Iterator[Event]:

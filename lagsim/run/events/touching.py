@@ -6,6 +6,7 @@ a step was cut.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
 
+# How far a state is moved, by parts, to see what its rounding does; and these parts.
+PROBE = 2.0**-26
+APART = 0.618033988749895
 # What rounding leaves of a sum of terms of this size.
 ROUNDED = 2.0**-46
 # A flight this many times higher than rounding is one.
@@ -58,8 +62,11 @@ class Touching:
         self.equalities, self.rows = rows[:first], rows[first:]
         residuals, rates, gap_scales, rate_scales = found[(n + m) * n :].reshape(4, m)
         self.residuals, self.rates = residuals[first:], rates[first:]
-        self.gaps = arc.runner.function("gaps", L)(t, y)
-        self.in_force = arc.runner.function("conditions", L)(t, y) != 0.0
+        gapped = system.p.law_kind == kept.CONTACT
+        self.gaps = np.where(gapped, self.residuals, self.rates)
+        self.in_force = np.ones(L, dtype=bool)
+        if any(law.when is not None for law in self.laws):
+            self.in_force = arc.runner.function("conditions", L)(t, y) != 0.0
         slopes, seen, ranges = np.abs(self.rows), arc.seen, arc.ranges
         moment = MOMENTS * np.spacing(abs(t))
         sizes = np.maximum(rate_scales[first:], slopes @ seen[n : 2 * n])
@@ -69,30 +76,55 @@ class Touching:
         held = np.maximum(gap_scales[first:], slopes @ soon)
         self.slack = ROUNDED * held + moment * np.abs(self.rates)
         self.reach = slopes @ ranges[:n], slopes @ ranges[n : 2 * n]
+        self.scales = held, sizes
         self._let_go()
         # What rounds in the forces has moved what they balance, since the last step.
         self.still = np.maximum(self.still, ROUNDED * self.forces * arc.state.step_h)
 
     def _let_go(self) -> None:
         """Find the accelerations that there would be without any law."""
+        n = self.arc.system.n
+        a, b, self.bounds, self.statics = self._free(self.y)
+        self.accelerations = self.rows @ a - b
+        # What forces do to each row, or have done in the last step: where they balance,
+        # or vanish, rounding is that of their terms.
+        pushed = np.maximum(np.abs(a), self.arc.state.parts[:n])
+        self.forces = np.abs(self.rows) @ pushed + np.abs(b)
+
+    @cached_property
+    def noise(self) -> Floats:
+        """What is rounding of `accelerations` (L,): their terms, and the state."""
+        # Each component by another part, or what cancels would stay hidden.
+        aside = 0.5 + np.modf(APART * np.arange(1.0, len(self.y) + 1.0))[0]
+        a, b, *_ = self._free(self.y + PROBE * aside * self._known())
+        stirred = np.abs(self.rows @ a - b - self.accelerations) / PROBE
+        return np.asarray(ROUNDED * np.maximum(self.forces, stirred))
+
+    def _known(self) -> Floats:
+        """Give the sizes (size,) by which a state is rounded: also those of its rows.
+
+        Rows that hold do so within the rounding of their own terms.
+        """
+        n, sizes = self.arc.system.n, self.arc.seen.copy()
+        slopes = np.abs(self.rows)
+        squares = np.sum(slopes**2, axis=1)
+        per = slopes / np.where(squares > 0.0, squares, 1.0)[:, None]
+        for first, scales in zip((0, n), self.scales, strict=True):
+            moved = np.max(scales[:, None] * per, axis=0, initial=0.0)
+            sizes[first : first + n] = np.maximum(sizes[first : first + n], moved)
+        return sizes
+
+    def _free(self, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Give q'' without any law, b of the laws, and their bounds and statics."""
         arc, p = self.arc, self.arc.system.p
         n, m, L = arc.system.n, arc.system.m, self.count
         mode = p.law_mode.copy()
         p.law_mode[:] = kept.OFF
-        field = arc.runner.function("field", arc.system.size + m)(self.t, self.y)
+        field = arc.runner.function("field", arc.system.size + m)(self.t, y)
         p.law_mode[:] = mode
-        a = field[n : 2 * n]
-        terms = arc.runner.function("dynamics", (n + m) * n + n + m + 3 * L)
-        found = terms(self.t, self.y)[(n + m) * n + n :]
-        b, _, self.bounds, self.statics = (
-            found[m - L : m], found[m : m + L], found[m + L : m + 2 * L],
-            found[m + 2 * L :],
-        )  # fmt: skip
-        self.accelerations = self.rows @ a - b
-        # What forces do to each row, or have done in the last step: where they balance,
-        # or vanish, rounding is that of their terms.
-        pushed = np.maximum(np.abs(a), arc.state.parts[:n])
-        self.forces = np.abs(self.rows) @ pushed + np.abs(b)
+        # Left there by `field`.
+        b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
+        return field[n : 2 * n], b.copy(), bounds.copy(), statics.copy()
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Tell which laws could act: a slip with its contact.

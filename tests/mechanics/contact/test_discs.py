@@ -128,3 +128,63 @@ def test_a_point_rests_slides_or_begins_to(angle):
         assert found.multipliers == pytest.approx([20.0, *(force * way)], abs=1e-12)
         if mode is Mode.DRIVEN:
             assert found.way[1:] == pytest.approx(-way, abs=ROUNDING)
+
+
+CUBE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 2 / 3])
+
+
+def box_on_legs(mu):
+    """Give a cube of side 2, half as high, on its four corners."""
+    rows, normals, pairs = [], [], []
+    for corner in ((-1, -1, -0.5), (-1, 1, -0.5), (1, -1, -0.5), (1, 1, -0.5)):
+        k = len(rows)
+        rows += [[*way, *np.cross(corner, way)] for way in np.eye(3)[[2, 0, 1]]]
+        normals += [-1, k, k]
+        pairs += [-1, k + 2, k + 1]
+    kinds = [CONTACT, SLIP, SLIP] * 4
+    return np.array(rows), closed(CUBE, rows, kinds, normals, pairs, mu)
+
+
+@pytest.mark.parametrize(
+    "pull",
+    [
+        # Its weight is 10 and mu 0.5: it rests while |(x, y)| < 5, and does not tilt.
+        (0.0, 0.0, 0.0),
+        (3.0, 2.0, 0.0),
+        (4.0, 2.9, 0.0),
+        (-2.0, 4.5, 0.0),
+        # Turned about its middle, each leg bears 2.5 and has an arm of sqrt 2.
+        (0.0, 0.0, 3.0),
+        (0.0, 0.0, 7.0),
+        (1.0, 1.0, 3.0),
+    ],
+)
+def test_a_box_rests_on_four_legs(pull):
+    rows, body = box_on_legs(0.5)
+    force = np.array([*pull[:2], -10.0, 0.0, 0.0, pull[2]])
+    found = modes(body, rows @ (force / CUBE), none(12), none(12), none(12))
+    assert not found.paradox
+    assert set(found.mode[::3]) <= {Mode.HELD, Mode.IMPLIED}
+    assert found.mode.count(Mode.HELD) == 6
+    assert not found.unique
+    assert rows.T @ found.multipliers == pytest.approx(-force, abs=1e-12)
+    p = found.multipliers.reshape(-1, 3)
+    assert p[:, 0].min() >= 0.0
+    assert (np.hypot(p[:, 1], p[:, 2]) <= 0.5 * p[:, 0] + 1e-12).all()
+    for k, mode in enumerate(found.mode):
+        if mode is Mode.IMPLIED:
+            n = body.normals[k]
+            bound = 0.5 * found.multipliers[n] if n >= 0 else 0.0
+            assert found.multipliers[k] == pytest.approx(found.way[k] * bound)
+
+
+@pytest.mark.parametrize("pull", [(4.0, 3.2), (5.1, 0.0), (0.0, -9.0)])
+def test_a_box_slides_off_as_one(pull):
+    rows, body = box_on_legs(0.5)
+    force = np.array([*pull, -10.0, 0.0, 0.0, 0.0])
+    found = modes(body, rows @ (force / CUBE), none(12), none(12), none(12))
+    moved = (force + rows.T @ found.multipliers) / CUBE
+    size = np.hypot(*pull)
+    assert moved[:2] == pytest.approx(np.array(pull) * (1 - 5.0 / size), abs=1e-12)
+    assert moved[2:] == pytest.approx(none(4), abs=1e-12)
+    assert Mode.DRIVEN in found.mode[1::3]

@@ -112,15 +112,18 @@ def test_painleve_begins_at_four_thirds(mu, paradox):
         assert found.multipliers == pytest.approx([force, mu * force], rel=1e-12)
 
 
-def test_what_could_lift_off_or_jam_is_a_paradox_too():
-    found = modes(
-        rod(np.arctan(2.0), 2.0),
-        np.array([1.0, 0.0]),
-        np.array([0.0, -1.0]),
-        none(2),
-        none(2),
-    )
+@pytest.mark.parametrize("weight", [0.0, G])
+def test_no_effective_mass_at_all_is_a_paradox(weight):
+    body, rates = rod(np.arctan(2.0), 4 / 3), np.array([0.0, -1.0])
+    found = modes(body, np.array([-weight, 0.0]), rates, none(2), none(2))
     assert found.paradox
+
+
+def test_what_could_lift_off_or_jam_lifts_off():
+    body, rates = rod(np.arctan(2.0), 2.0), np.array([0.0, -1.0])
+    found = modes(body, np.array([1.0, 0.0]), rates, none(2), none(2))
+    assert found.mode == (OFF, OFF)
+    assert not found.paradox
 
 
 def test_it_is_no_paradox_the_other_way():
