@@ -63,6 +63,8 @@ def slide_along(p: Parameters, i: int, push: Floats) -> None:
     normal = p.law_normal
     part = p.law_part
     A = p.A
+    if i < first:
+        return
     for k in range(p.laws):
         if int(normal[k]) == i - first and part[k] != 0.0:
             row = at(A, (first + k) * n)

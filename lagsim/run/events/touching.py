@@ -179,13 +179,19 @@ class Touching:
     def is_spent(self, k: int) -> bool:
         """Tell whether a contact, or a slip, could go no farther than the tolerance.
 
-        With all the speed that it has, against the forces that there are.
+        With all the speed that it has, against the forces that there are: of a slip
+        against its friction.
         """
-        kind, force = self.laws[k].kind, self.forces[k]
+        law, force = self.laws[k], self.forces[k]
+        if law.kind not in (Kind.CONTACT, Kind.SLIP):
+            return False
         least = self.arc.plan.tolerance * self.reach[0][k]
-        near = kind is Kind.SLIP or self.gaps[k] <= max(least, self.slack[k])
-        way = self.rates[k] ** 2 / (2.0 * force) if force > 0.0 else 0.0
-        return bool(kind in (Kind.CONTACT, Kind.SLIP) and near and way <= least)
+        if law.kind is Kind.SLIP:
+            force = self.bounds[k] * self.forces[law.normal]
+        elif self.gaps[k] > max(least, self.slack[k]):
+            return False
+        speed = abs(self.rates[k])
+        return bool(speed <= self.still[k] or speed * speed <= 2.0 * force * least)
 
     def problem(
         self, some: Sequence[int], restitutions: Floats

@@ -287,3 +287,19 @@ def test_an_impact_that_raises_the_energy_is_told():
     assert told
     numbers = [float(x) for x in re.findall(r"\d+\.?\d*(?:e[-+]?\d+)?", " ".join(told))]
     assert any(x == pytest.approx(gain, rel=0.01) for x in numbers)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.01])
+def test_what_bounces_to_rest_goes_on_sliding(mu):
+    # Till it lies the floor has pushed as much as the weight: the friction of a slip
+    # that never ends has taken the part mu of that, g*t in all.
+    law = contact("y >= 0", 0.5, friction="mu", slip="x_dot - u")
+    found = play(scene(
+        "x y", "(x_dot^2 + y_dot^2)/2", "g*y", {"floor": law},
+        {"x": 0, "y": 0.444, "x_dot": 1.89, "y_dot": 0.94},
+        parameters={"mu": mu, "u": 1}, duration=2, output_step=0.1,
+    ))  # fmt: skip
+    assert found.times("zeno")
+    lies = found.t > found.times("zeno")[0] + 1e-3
+    rate = (G * found.t[lies] - 0.94) * mu
+    close(found["x_dot"][lies], np.maximum(1.89 - rate, 1.0))
