@@ -121,7 +121,7 @@ class Result:
         return pd.DataFrame(self.table, columns=list(self.columns))
 
     def write(self, folder: str | Path, *, plots: bool = True) -> None:
-        """Write what `lagsim run` writes: table, pictures, run.json.
+        """Write what `lagsim run` writes: table, events, pictures, run.json.
 
         Raises
         ------
@@ -140,13 +140,14 @@ class Result:
             path = results.part(table.NAME)
             with contextlib.closing(table.TableWriter(path, self.columns)) as writer:
                 writer.add(self.table)
+            thin = None
             if plots:
                 session = made.session
                 model = session.case.equations.model
                 thin = picture_thinning(model, session.system.columns.names)
                 thin.add(self._rows)
-                for name, content in made.pictures(thin):
-                    results.write(name, content)
+            for name, content in made.files(thin):
+                results.write(name, content)
             files = [*results.names, MANIFEST]
             results.commit(encode(self.record | {"files": files}))
 

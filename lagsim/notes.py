@@ -16,8 +16,9 @@ class Event(NamedTuple):
     """Something that happened at a time, to a constraint or to the run.
 
     `conditioning` goes with a loss of rank: the smallest singular value then; `switch`
-    is the switch in the state, roughly as it was written; `rates` with an impact, those
-    of its gap before and after, and `energy` what it changes of the energy.
+    is the switch in the state, roughly as it was written. With an impact go the rates
+    of its gap before and after, and `energy`, what all that strikes then changes of the
+    energy.
     """
 
     time: float
@@ -25,7 +26,8 @@ class Event(NamedTuple):
     constraint: str | None = None
     conditioning: float | None = None
     switch: str | None = None
-    rates: tuple[float, float] | None = None
+    rate_before: float | None = None
+    rate_after: float | None = None
     energy: float | None = None
 
 

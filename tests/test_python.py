@@ -24,7 +24,7 @@ EXAMPLES = re.findall(r"```pycon\n(.*?)```", PAGE, re.DOTALL)
 def models(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "models").mkdir()
-    for name in ("elastic-pendulum", "pendulum-cartesian"):
+    for name in ("bouncing-ball", "elastic-pendulum", "pendulum-cartesian"):
         shutil.copy(MODELS / f"{name}.yaml", tmp_path / "models")
     return tmp_path
 
@@ -39,8 +39,9 @@ def test_the_page_says_what_happens():
     assert runner.failures == 0, "".join(told)
 
 
-def test_a_result_is_written_as_the_command_writes_it(models, command, capsys):  # noqa: F811
-    path = "models/elastic-pendulum.yaml"
+@pytest.mark.parametrize("name", ["elastic-pendulum", "bouncing-ball"])
+def test_a_result_is_written_as_the_command_writes_it(models, command, capsys, name):  # noqa: F811
+    path = f"models/{name}.yaml"
     assert command("run", path, "-o", "run", "--duration", "2").code == 0
     capsys.readouterr()
     result = lagsim.simulate(lagsim.load(path), duration=2)

@@ -26,7 +26,6 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import RankReport, analyse
 from lagsim.admissibility.sets import ThinSet, thin_set
 from lagsim.admissibility.solving import Solver
-from lagsim.admissibility.standing import standing
 from lagsim.admissibility.start import Start
 from lagsim.admissibility.verdict import Verdict, judge, judge_starts
 from lagsim.mechanics.instant import Instant
@@ -213,6 +212,8 @@ class _Examiner:
         if self.e is not self.always:
             lasting = analyse(always, judged.q, judged.v, errors)
         if classify and laws:
+            from lagsim.admissibility.standing import standing
+
             told = standing(point, laws, judged, errors, sound=sound and met)
             warnings += told.warnings
             laws, sticking = told.verdicts, told.raised

@@ -12,18 +12,25 @@ import typer
 from lagsim.cli._shared import coloured, counted, table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from lagsim.run.error import ErrorBar
+    from lagsim.run.trajectory import Trajectory
     from lagsim.studies.attempts import Attempt
 
+# Kinds of events that are counted, in this order.
+COUNTED = ("impact", "contact", "release", "stick", "slip")
+# More names of constraints than this are told by their number.
+MOST_NAMES = 2
 # Runs that last longer than this show a progress bar on a terminal.
 PATIENCE_SECONDS = 1.0
 
 
 def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     """Give the closing lines of the run that `document`, its run.json, records."""
+    from lagsim.mechanics.laws import Kind
+
     colour = "32" if document["complete"] else "31"
     head = (
         f"{coloured(document['outcome'], colour)}: {document['model']['name']}, "
@@ -31,14 +38,20 @@ def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
         f"{counted(document['rows'], 'row')}"
     )
     equations = made.session.case.equations
-    n, m = len(equations.q), len(equations.rows)
-    held = f", {counted(m, 'constraint')}" if m else ""
-    rows = [("system", counted(n, "coordinate") + held)]
+    held = len(equations.model.constraints)
+    contacts = sum(law.kind is Kind.CONTACT for law in equations.laws)
+    parts = [counted(len(equations.q), "coordinate")]
+    parts += [counted(held - contacts, "constraint")] if held > contacts else []
+    parts += [counted(contacts, "contact")] if contacts else []
+    rows = [("system", ", ".join(parts))]
     plan = [f"{c['choice']} ({c['reason']})" for c in document["plan"]]
     rows += [("" if k else "plan", text) for k, text in enumerate(plan)]
     rows.append(_accuracy(document))
     if document["outcome"] == "until":
         rows.append(("ended", document["reason"]))
+    if equations.laws:
+        happened = _happened(made.trajectory)
+        rows += [("" if k else "events", text) for k, text in enumerate(happened)]
     rows.append(("work done", _work(document)))
     unit = document["columns"]["energy"]
     drift = f"{document['energy_drift']:.2g} {unit}".rstrip()
@@ -46,11 +59,33 @@ def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     start = f"(energy {made.account.ledger.first_energy:.7g} at the start)"
     rows.append(("error", _error(made.bar)))
     rows.append(("energy drift", f"{drift} in {ledger} {start}"))
-    if m:
+    if held:
         residual = document["constraint_residual"]
         rows.append(("residual", f"largest {residual:.2g} of its scale"))
     rows.append(("files", f"{folder}: {', '.join(document['files'])}"))
     return head + "\n" + table(rows)
+
+
+def _happened(trajectory: Trajectory) -> list[str]:
+    """Say what constraints that hold at times did."""
+    counts = [(kind, trajectory.event_counts.get(kind, 0)) for kind in COUNTED]
+    parts = [counted(number, kind) for kind, number in counts if number]
+    names = [e.constraint for e in trajectory.events if e.kind in COUNTED]
+    lines = [f"{', '.join(parts)} at {_named(names)}"] if parts else ["none"]
+    rests = [e for e in trajectory.events if e.kind == "zeno" and e.constraint]
+    if rests:
+        times = {e.time for e in rests}
+        last = max(times)
+        names = [e.constraint for e in rests if e.time == last]
+        often = f", {len(times)} times in all" if len(times) > 1 else ""
+        lines.append(f"at rest from t = {last:.9g}: {_named(names)}{often}")
+    return lines
+
+
+def _named(names: Sequence[str | None]) -> str:
+    """Give the names of constraints, or their number where they are many."""
+    known = list(dict.fromkeys(f"`{name}`" for name in names if name))
+    return ", ".join(known) if len(known) <= MOST_NAMES else f"{len(known)} constraints"
 
 
 def _accuracy(document: Mapping[str, Any]) -> tuple[str, str]:

@@ -51,7 +51,8 @@ def cut_short(writer: TableWriter, made: Attempt, full: OSError) -> dict[str, An
     found: dict[str, Any] = {"outcome": "failed", "complete": False}
     if made.fault is None:
         found["reason"] = (
-            f"a picture could not be written: {full.strerror}; the table is whole"
+            "events or a picture could not be written: "
+            f"{full.strerror}; the table is whole"
         )
         return found
     end = made.trajectory.start if writer.last is None else writer.last

@@ -173,7 +173,7 @@ class _Job:
                 writer, interrupt, self.clock, error_bars=self.error_bars,
                 thinned=self.plots, progress=partial(progress_bar, quiet=self.quiet),
             ).best(session)  # fmt: skip
-            full = found.fault or self._draw(found, results)
+            full = found.fault or self._write(found, results)
             cautions = found.cautions()
             self.clock.lap("output")
             files = [*results.names, MANIFEST]
@@ -188,17 +188,16 @@ class _Job:
             return 128 + interrupt.signal
         return 0 if found.trajectory.outcome.complete else 3
 
-    def _draw(self, found: Attempt, results: Results) -> OSError | None:
-        """Draw the pictures; give what kept one from being written."""
-        if found.thin is None:
-            return None
+    def _write(self, found: Attempt, results: Results) -> OSError | None:
+        """Write what stands beside the table; give what kept one from being written."""
         try:
-            for name, content in found.pictures(found.thin):
+            for name, content in found.files(found.thin):
                 results.write(name, content)
         except OSError as error:
             return error
         finally:
-            self.clock.lap("plots")
+            if found.thin is not None:
+                self.clock.lap("plots")
         return None
 
     def _report(

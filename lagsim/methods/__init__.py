@@ -37,6 +37,7 @@ def method(name: str) -> ModuleType:
       imaginary axis below which it does not exceed 1 (inf: none);
     - QUADRATURES (optional): whether y may have components after `work`, whose rates
       are integrated as they are: the action, the coordinates that `reduction` leaves;
+    - EVENTS (optional): False where its steps go over switches and contacts;
     - NEEDS: names of functions of the model beyond y', see `system.functions`;
     - STATE, the class of the memory it keeps, and the kernels `start`, `step` and
       `interpolate`; where ADAPTIVE, `interpolate_rates` as well.

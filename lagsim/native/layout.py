@@ -65,13 +65,16 @@ class Field:
     def __get__(self, memory: Memory | None, _owner: type) -> Any:
         if memory is None:
             return self
-        value = memory.flat[self.word]
         if self.kind == NUMBER:
-            return float(value)
-        begin = int(value)
+            return float(memory.flat[self.word])
+        begin = int(memory.flat[self.word])
         if self.kind == SIZE:
             return begin
-        return memory.flat[begin : begin + self.length(memory)]
+        view = memory.views.get(self.word)
+        if view is None:
+            view = memory.flat[begin : begin + self.length(memory)]
+            memory.views[self.word] = view
+        return view
 
     def __set__(self, memory: Memory, value: float) -> None:
         if self.kind != NUMBER:
@@ -98,12 +101,18 @@ class Memory:
         All of it.
     fields : dict
         The declarations, in the order of their words.
+    views : dict
+        The arrays that have been asked for, by their words.
+    address : int
+        Of `flat`, for native code.
     """
 
     fields: ClassVar[dict[str, Field]] = {}
 
     def __init__(self, flat: Floats) -> None:
         self.flat = flat
+        self.views: dict[int, Floats] = {}
+        self.address = int(flat.ctypes.data)
 
     def __init_subclass__(cls) -> None:
         """Give each name that is annotated its word."""

@@ -20,14 +20,19 @@ if TYPE_CHECKING:
     from lagsim.run.observers.thinning import Array
 
 EVENTS: Pen = {"color": "#888888", "dashes": (1.0, 1.5), "linewidth": 0.6}
+RESTS: Pen = {"color": "#444444", "dashes": (5.0, 2.0), "linewidth": 0.6}
+# Ticks at the top: the curves show where impacts are, and there may be thousands.
+IMPACTS = mark("|", 5.0, "#D55E00")
+# More lines across a panel than this would hide its curves.
+MOST_LINES = 40
 # What lies past the horizon, where a row is no longer a forecast.
 LOST = "#dddddd"
 
-# More events are marked by ticks.
-MOST_LINES = 40
 # Where a line covers this part of the area that it spans, its strokes lie a twentieth
 # of an inch apart: it is a band, in which neither strokes nor dashes would be seen.
 BAND = 0.5
+# A jump in a pixel with more values than this is hidden in its band.
+CROWD = 4
 # Lines that cover more than the area they span leave nothing to see.
 BLOT = 1.5
 # Of a line that such areas are asked of, in inches.
@@ -59,10 +64,14 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
         curve(axes, t, values, pen)
         return
     seen = np.flatnonzero(np.isfinite(values))
-    # A new piece begins at each gap, a new column at each pixel.
+    # A new piece begins at each gap, a new column at each pixel, and where the curve is
+    # seen as such at a jump.
     piece = np.cumsum(np.diff(seen, prepend=seen[0]) > 1)
     pixel = np.floor(inches(axes, t[seen], values[seen])[0] * DPI)
-    columns = np.flatnonzero(np.diff(pixel + piece * 1e6, prepend=-1.0))
+    _, at, crowd = np.unique(pixel, return_inverse=True, return_counts=True)
+    jump = (np.diff(t[seen], prepend=-np.inf) == 0.0) & (crowd[at] <= CROWD)
+    parts = pixel + (piece + np.cumsum(jump)) * 1e6
+    columns = np.flatnonzero(np.diff(parts, prepend=-1.0))
     low = np.minimum.reduceat(values[seen], columns)
     high = np.maximum.reduceat(values[seen], columns)
     ends = np.flatnonzero(np.diff(piece[columns])) + 1
@@ -94,21 +103,46 @@ def point(axes: Axes, x: float, y: float, pen: Pen) -> None:
     line(axes, [x], [y], pen, zorder=2.5, clip_on=False)
 
 
-def marks(axes: Axes, events: Sequence[float], horizon: float) -> None:
-    """Mark events by thin lines, or ticks at the top where many; shade past a time."""
+def shade(axes: Axes, horizon: float) -> None:
+    """Shade what lies past a time."""
     low, high = axes.get_xlim()
     if horizon < high:
-        shade: Pen = {"facecolor": (LOST, 0.45), "edgecolor": LOST, "linewidth": 0.5}
-        axes.axvspan(max(horizon, low), high, **shade, zorder=0.2)
-    inside = np.array([t for t in events if low <= t <= high])
-    if len(inside):
-        reach = 1.0
-        if len(inside) > MOST_LINES:
-            reach = 0.06 * DPI / axes.bbox.height
-        x = np.stack((inside, inside, np.full_like(inside, np.nan)), axis=1).ravel()
-        y = np.tile([1.0, 1.0 - reach, np.nan], len(inside))
-        across = axes.get_xaxis_transform()
-        line(axes, x, y, EVENTS, transform=across, zorder=1.5)
+        look: Pen = {"facecolor": (LOST, 0.45), "edgecolor": LOST, "linewidth": 0.5}
+        axes.axvspan(max(horizon, low), high, **look, zorder=0.2)
+
+
+def marks(axes: Axes, times: Sequence[float], pen: Pen) -> None:
+    """Mark times by thin lines, or by ticks at the top where they are many."""
+    low, high = axes.get_xlim()
+    inside = np.array([t for t in times if low <= t <= high])
+    if not len(inside):
+        return
+    # One for each pixel.
+    pixels = np.floor((inside - low) / (high - low) * axes.bbox.width)
+    inside = inside[np.unique(pixels, return_index=True)[1]]
+    across = axes.get_xaxis_transform()
+    if "marker" in pen:
+        middle = 1.0 - pen["markersize"] / 144 * DPI / axes.bbox.height
+        level = np.full_like(inside, middle)
+        line(axes, inside, level, pen, transform=across, zorder=1.6)
+        return
+    reach = 0.06 * DPI / axes.bbox.height if len(inside) > MOST_LINES else 1.0
+    x = np.stack((inside, inside, np.full_like(inside, np.nan)), axis=1).ravel()
+    y = np.tile([1.0, 1.0 - reach, np.nan], len(inside))
+    line(axes, x, y, pen, transform=across, zorder=1.5)
+
+
+def stems(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
+    """Draw what is 0 but at single times: a line up to each value, where few a dot."""
+    line(axes, axes.get_xlim(), (0.0, 0.0), pen)
+    there = np.isfinite(values) & (values != 0.0)
+    t, values = t[there], values[there]
+    none = np.full_like(t, np.nan)
+    x = np.stack((t, t, none), axis=1).ravel()
+    y = np.stack((np.zeros_like(t), values, none), axis=1).ravel()
+    line(axes, x, y, pen)
+    if len(t) <= MOST_LINES:
+        line(axes, t, values, mark("o", 2.0, pen["color"]), clip_on=False)
 
 
 def inches(axes: Axes, x: Array, y: Array) -> tuple[Array, Array]:
@@ -132,6 +166,9 @@ def dotted(x: Array, y: Array) -> bool:
     It is when lines would only fill an area, and when the points are too far apart, so
     that chords would be seen and not the curve.
     """
+    sides = [high - low for low, high in filter(None, (extent(x), extent(y)))]
+    if min(sides, default=0.0) < STROKE:  # along an axis every chord is the curve
+        return False
     dx, dy = np.diff(x), np.diff(y)
     turns = dx[1:] * dx[:-1] + dy[1:] * dy[:-1] < 0
     coarse = len(turns) >= ENOUGH and float(np.mean(turns)) > TOO_COARSE

@@ -57,16 +57,8 @@ def manifest(
         "rejections": counts.rejections,
         "evaluations": counts.evaluations,
         "factorisations": counts.factorisations,
-        "events": [
-            {
-                "time": e.time,
-                "kind": e.kind,
-                "constraint": e.constraint,
-                "conditioning": e.conditioning,
-                "switch": e.switch,
-            }
-            for e in trajectory.events
-        ],
+        "events": [e._asdict() for e in trajectory.events],
+        "event_counts": dict(trajectory.event_counts),
         "energy_drift": ledger.energy_drift,
         "constraint_residual": ledger.constraint_residual,
         "error": _error(error_bar),

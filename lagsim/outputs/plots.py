@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
-from lagsim.outputs.curves import dotted, inches, marks, path, series
+from lagsim.outputs.curves import dotted, inches, path, series
 from lagsim.outputs.scale import noise_scale, power_of_ten, value_scale
 from lagsim.outputs.scene_panel import ScenePanel
 from lagsim.outputs.sheet import (
@@ -20,6 +20,7 @@ from lagsim.outputs.sheet import (
     png,
 )
 from lagsim.outputs.time_panels import (
+    IMPULSE,
     LEFT,
     MOST_PANELS,
     REACH,
@@ -64,7 +65,7 @@ def energy(record: Record, *, is_sum: bool) -> Sheet:
     side = ("energy", record.unit("energy"))
     place = (LEFT, top, width, 2.2)
     with sheet.panel(place, record.time(), values, side=side, reach=REACH) as axes:
-        marks(axes, record.events, record.horizon)
+        record.mark(axes)
         for name in names:
             series(axes, *drawn[name], pens[name])
     entries = [(named[name], pens[name]) for name in names]
@@ -83,7 +84,7 @@ def _drift(sheet: Sheet, record: Record, place: Place) -> None:
         place, record.time(), noise_scale(drift, size), below=record.named("t"),
         side=("drift", unit), reach=REACH,
     ) as axes:  # fmt: skip
-        marks(axes, record.events, record.horizon)
+        record.mark(axes)
         series(axes, t, drift, BLACK)
     what = "energy − work" if ledger == DRIFT else "energy"
     worst = height_of(drift)
@@ -118,20 +119,40 @@ def trajectory(record: Record, coordinates: Sequence[str], scene: Scene) -> Shee
 def constraint_forces(
     record: Record, coordinates: Sequence[str], constraints: Sequence[str]
 ) -> Sheet:
-    """Draw the constraint force on each coordinate, and each multiplier."""
+    """Draw the constraint force on each coordinate, each multiplier and impulse."""
     forces = [f"Qc_{name}" for name in coordinates]
     multipliers = [f"lambda_{name}" for name in constraints]
+    columns = record.rows.columns
+    multipliers += [name for name in columns if name.startswith("friction.")]
+    impulses = [name for name in columns if name.startswith(IMPULSE)]
     total = len(forces) + len(multipliers)
-    most = max(1, MOST_PANELS * len(forces) // total)
-    shown = chosen(forces, MOST_PANELS if total <= MOST_PANELS else most)
-    shown += chosen(multipliers, max(1, MOST_PANELS - len(shown)))
+    families = [_acting(record, names) for names in (forces, multipliers, impulses)]
+    if impulses := families[2]:
+        total += len(impulses)
+    else:
+        families = [forces, multipliers]
+    left = sum(len(names) for names in families)
+    shown: list[str] = []
+    for names in families:
+        room = MOST_PANELS - len(shown)
+        shown += chosen(
+            names, room if left <= room else max(1, room * len(names) // left)
+        )
+        left -= len(names)
     panels = Panels(record, [(name,) for name in shown])
     top = header_height(record)
     sheet = Sheet(WIDTH, top + panels.total)
     subject = "constraint forces Qc and multipliers lambda"
+    if impulses:
+        subject = "constraint forces and impulses"
     header(sheet, record, _counted(subject, len(shown), total))
     panels.draw(sheet, top)
     return sheet
+
+
+def _acting(record: Record, names: Sequence[str]) -> list[str]:
+    """Return the columns that are not 0 throughout."""
+    return [name for name in names if height_of(record.rows.series(name)[1])]
 
 
 def _counted(subject: str, shown: int, total: int) -> str:
@@ -160,7 +181,7 @@ def plot(record: Record, number: int, wanted: Plot) -> Sheet:
         reach=REACH,
     ) as axes:
         if against_time:
-            marks(axes, record.events, record.horizon)
+            record.mark(axes)
             series(axes, x, y, PENS[0])
         else:
             dots = mark(".", 1.2, PENS[0]["color"])

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.outputs.curves import EVENTS, LOST, marks, series
+from lagsim.outputs.curves import (
+    EVENTS,
+    IMPACTS,
+    LOST,
+    RESTS,
+    marks,
+    series,
+    shade,
+    stems,
+)
 from lagsim.outputs.scale import Scale, extent, time_scale, value_scale
 from lagsim.outputs.sheet import (
     DIM,
@@ -28,6 +37,8 @@ from lagsim.outputs.sheet import (
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from matplotlib.axes import Axes
+
     from lagsim.run.observers.thinning import Array, Thinning
 
 # Inches at the sides of a sheet; for the numbers at the left of a small panel; from the
@@ -38,6 +49,9 @@ LEFT, RIGHT, NUMBERS, REACH = 0.78, 0.18, 0.46, 0.58
 # would be squeezed by the others into less than this part of it.
 SHARING = 3
 SQUEEZED = 0.05
+
+# Columns that are 0 but in the rows after impacts.
+IMPULSE = "impulse."
 
 # More panels than this would be too small to read.
 MOST_PANELS = 40
@@ -58,7 +72,8 @@ class Record:
     title : the model's name; plain text, as everything that is written here.
     rows : the thinned rows of the run.
     units : unit of each column that has one; that of `t` too.
-    events : times to mark.
+    impacts, rests, events : times to mark: where velocities jump, where what bounces
+        comes to rest, where something else happens.
     note : said below the title: that and why a run is incomplete; else empty.
     horizon : rows past this time are no forecast; infinite where all are.
     """
@@ -69,6 +84,8 @@ class Record:
     events: Sequence[float] = ()
     note: str = ""
     horizon: float = math.inf
+    impacts: Sequence[float] = ()
+    rests: Sequence[float] = ()
 
     def unit(self, column: str) -> str:
         """Return the unit of a column, empty where none is known."""
@@ -77,6 +94,21 @@ class Record:
     def named(self, column: str) -> tuple[str, str]:
         """Return a column's name and unit."""
         return column, self.unit(column)
+
+    def marks(self) -> list[tuple[str, Pen, Sequence[float]]]:
+        """Return what there is to mark: its name, how it looks, its times."""
+        every: list[tuple[str, Pen, Sequence[float]]] = [
+            ("impacts", IMPACTS, self.impacts),
+            ("comes to rest", RESTS, self.rests),
+            ("events", EVENTS, self.events),
+        ]
+        return [(name, pen, times) for name, pen, times in every if times]
+
+    def mark(self, axes: Axes) -> None:
+        """Mark them on Axes against time, and shade what is no forecast."""
+        shade(axes, self.horizon)
+        for _, pen, times in self.marks():
+            marks(axes, times, pen)
 
     def trusted(self) -> int:
         """Return how many of the rows that paths show lie before the horizon."""
@@ -100,8 +132,8 @@ def header(sheet: Sheet, record: Record, subject: str, *, timed: bool = True) ->
     sheet.text(right, 0.22, subject, ha="right", color=DIM)
     right -= text_width(subject) + GAP
     entries: list[tuple[str, Pen]] = []
-    if record.events and timed:
-        entries.append(("events", EVENTS))
+    if timed:
+        entries += [(name, pen) for name, pen, _ in record.marks()]
     if record.horizon < record.rows.last("t"):
         entries.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
     right -= sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
@@ -163,7 +195,8 @@ class Panels:
 
     def _is_headed(self, group: tuple[str, ...]) -> bool:
         """Whether the name stands above the panel and not at its side."""
-        text = f"{group[0]} ({self._record.unit(group[0])})"
+        # A power of ten may stand beside the unit.
+        text = f"{group[0]} (10⁻³ {self._record.unit(group[0])})"
         beside = self._wide and text_width(text) <= self._height - 0.05
         return len(group) > 1 or not beside
 
@@ -195,9 +228,10 @@ class Panels:
                 above=named if above else NOTHING,
                 reach=REACH,
             ) as axes:  # fmt: skip
-                marks(axes, record.events, record.horizon)
+                record.mark(axes)
+                shown = stems if group[0].startswith(IMPULSE) else series
                 for (t, values), pen in zip(drawn, PENS, strict=False):
-                    series(axes, t, values, pen)
+                    shown(axes, t, values, pen)
             if len(group) > 1:
                 names = list(zip(group, PENS, strict=False))
                 sheet.legend(x, y - 0.06, names, width)

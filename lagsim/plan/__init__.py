@@ -13,7 +13,7 @@ from lagsim.methods import method
 from lagsim.model.settings import DEFAULT_RTOL
 from lagsim.notes import Choice
 from lagsim.plan.formulation import formulate
-from lagsim.plan.integration import ANY, STRAIGHT_ONLY, choose, suits
+from lagsim.plan.integration import ANY, STRAIGHT_ONLY, choose, locates, suits
 from lagsim.plan.lengths import usual_lengths
 from lagsim.plan.solve import (
     eliminate,
@@ -126,9 +126,12 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     ]
     choices += found.choices
     choices += _told(parts)
-    switches = _switches(equations, choices)
+    switches = _switches(equations, settings, choices)
     lengths = usual_lengths(equations, start, settings.output_step)
-    if equations.laws:
+    if not locates(settings.method):
+        elimination = None
+        choices.append(Choice("solve: impulses in steps", "by projected relaxation"))
+    elif equations.laws:
         elimination = None
         choices.append(Choice("solve: loops", "constraints come into force and go"))
     else:
@@ -137,6 +140,8 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         choices.append(
             Choice("mass matrix solved with the constraints", "it is singular alone")
         )
+    if start.augmented and not locates(settings.method):
+        raise InputError([_no_impulses(settings)])
     tape = from_tape(equations, elimination)
     independence = start.ranks.generic_smallest
     if elimination is not None and tape:
@@ -233,8 +238,20 @@ def _no_unconstrained_acceleration() -> Problem:
     )
 
 
-def _switches(equations: Equations, choices: list[Choice]) -> Switches:
-    found = model_switches(equations)
+def _no_impulses(settings: Settings) -> Problem:
+    return Problem(
+        "method-refused",
+        f"`{settings.method}` cannot handle this model: its mass matrix is singular, "
+        "and impulses would be infinite there",
+        settings.method_place,
+        hint="`--method dop853` handles it",
+    )
+
+
+def _switches(
+    equations: Equations, settings: Settings, choices: list[Choice]
+) -> Switches:
+    found = model_switches(equations, located=locates(settings.method))
     if found.sides:
         reason = "forces step or bend there: each ends an arc, where it is met"
         choices.append(Choice(f"switches: {len(found.sides)} located", reason))

@@ -148,7 +148,8 @@ def _whole(
 def _at_times(equations: Equations, start: Start) -> Formulation:
     """Project onto the constraints while they hold."""
     count = len({law.constraint for law in equations.laws})
-    reason = f"{count} constraint{'s' * (count != 1)} that hold at times"
+    what = "constraint that holds" if count == 1 else "constraints that hold"
+    reason = f"{count} {what} at times"
     return _whole(equations, start, "projection", reason, projected=True)
 
 

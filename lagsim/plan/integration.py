@@ -122,9 +122,14 @@ def _refusal(name: str, equations: Equations, scene: Structure) -> str:
         if equations.model.output.action:
             return "it does not integrate the action, which `output` asks for"
         return "it does not integrate ignorable coordinates by quadrature"
-    if equations.laws and chosen.NEEDS:
+    if equations.laws and chosen.NEEDS and locates(name):
         return "constraints that hold at times need a method that asks for y' alone"
     return str(chosen.refusal(scene))
+
+
+def locates(name: str) -> bool:
+    """Tell whether a method stops at switches and contacts; `auto` chooses such."""
+    return name not in names() or bool(getattr(method(name), "EVENTS", True))
 
 
 def suits(asked: str, equations: Equations) -> bool:

@@ -7,6 +7,7 @@ whatever the ratio of their speeds.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -164,6 +165,7 @@ class Apart:
                 arcs=sum(x.arcs for x in counts),
             ),
             events=sorted((e for x in found for e in x.events), key=lambda e: e.time),
+            event_counts=sum((Counter(x.event_counts) for x in found), Counter()),
             warnings=[w for x in found for w in x.warnings],
             choices=[c for x in found for c in x.choices],
             extents={k: v for x in found for k, v in x.extents.items()},

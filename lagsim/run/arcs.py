@@ -8,6 +8,7 @@ forgotten, so memory does not grow with their number.
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +17,7 @@ from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
 from lagsim.run.arc import first_arc
-from lagsim.run.decisions import Decision, Ending, Turn
+from lagsim.run.decisions import GO_ON, Decision, Ending, Turn
 from lagsim.run.events.coordinates import singularity_caution
 from lagsim.run.events.ranks import Dependence, RankLosses
 from lagsim.run.events.times import TimeBreaks
@@ -28,7 +29,7 @@ from lagsim.run.states import most_pulled, named_extents
 from lagsim.run.stiffness import Stiffness
 from lagsim.run.system.sleepers import timed
 from lagsim.run.trajectory import Outcome, Statistics, Trajectory
-from lagsim.run.unmet import Unmet
+from lagsim.run.unmet import Unmet, unsettled
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -144,6 +145,8 @@ class Run:
         arc = self.arc
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
         ends |= code == at.PAUSED and arc.is_looked_at
+        # What a law ends without switches says by itself what was before.
+        ends &= code != at.SWITCH_FOUND or arc.system.surfaces > 0
         more = arc.t < arc.settings.end or arc.system.watched
         if not (ends and more and arc.system.m):
             return None
@@ -191,6 +194,8 @@ class Run:
 
     def _take(self, decision: Decision) -> None:
         """Take over what a decision says of the arc, and keep the rest."""
+        if decision is GO_ON:
+            return
         self.recorder.keep(decision)
         if decision.arc is not None:
             self.arc = decision.arc
@@ -245,8 +250,14 @@ class Run:
                 state.smallest_step or None,
                 self.arcs,
             ),
-            events=tuple(recorder.events),
-            warnings=(*recorder.cautions, *singularity_caution(arc)),
+            events=sorted(recorder.events, key=attrgetter("time")),  # rest is foreseen
+            event_counts=dict(recorder.counts),
+            warnings=(
+                *recorder.cautions,
+                *recorder.unlisted(),
+                *singularity_caution(arc),
+                *unsettled(arc),
+            ),
             choices=tuple(recorder.choices),
             extents=named_extents(state, arc.system.state),
         )

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from typing import TYPE_CHECKING
+
+from lagsim.notes import Caution
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.notes import Caution, Choice, Event
+    from lagsim.notes import Choice, Event
     from lagsim.run.decisions import Decision
     from lagsim.run.observers import Observer
 
@@ -23,6 +27,10 @@ class Recorder:
     ----------
     rows : int
         Handed on so far.
+    counts, unkept : Counter
+        How many events there were of each kind, and how many of them are not kept.
+    full : float
+        The time of the first that is not kept.
     """
 
     def __init__(self, observers: Sequence[Observer]) -> None:
@@ -30,16 +38,34 @@ class Recorder:
         self.events: list[Event] = []
         self.cautions: list[Caution] = []
         self.choices: list[Choice] = []
+        self.counts: Counter[str] = Counter()
+        self.unkept: Counter[str] = Counter()
+        self.full = math.inf
         self.rows = 0
 
     def keep(self, decision: Decision) -> None:
         """Keep what a decision says."""
         for event in decision.events:
+            self.counts[event.kind] += 1
             often = event.switch is not None or event.constraint is not None
             if not often or len(self.events) < MOST_EVENTS:
                 self.events.append(event)
+            else:
+                self.unkept[event.kind] += 1
+                self.full = min(self.full, event.time)
         self.cautions += decision.cautions
         self.choices += decision.choices
+
+    def unlisted(self) -> list[Caution]:
+        """Say how many events were too many to be kept."""
+        if not self.unkept:
+            return []
+        kinds = ", ".join(f"{count} of kind {k}" for k, count in self.unkept.items())
+        text = (
+            f"only the first {MOST_EVENTS} events are listed: from t = {self.full:.9g} "
+            f"on there were {kinds} more"
+        )
+        return [Caution("events-unlisted", text)]
 
     def hand_on(self, rows: Floats) -> None:
         """Hand rows of columns on."""

@@ -102,6 +102,7 @@ class Trajectory:
     """The result of a run; its rows have gone to the observers.
 
     `reason` says in words why it ended where it did; `end` is the time reached;
+    `event_counts` how many events of each kind there were, listed in `events` or not;
     `choices` are those made on the way; `extents` the least and the greatest value of
     components of the state over the steps, where they were noted.
     """
@@ -113,6 +114,7 @@ class Trajectory:
     rows: int
     statistics: Statistics
     events: Sequence[Event] = ()
+    event_counts: Mapping[str, int] = field(default_factory=dict)
     warnings: Sequence[Caution] = field(default_factory=tuple)
     choices: Sequence[Choice] = ()
     extents: Mapping[str, tuple[float, float]] = field(default_factory=dict)

@@ -1,10 +1,12 @@
-"""Constraints that projection does not meet, however long it goes on."""
+"""Constraints that are not met, however long projection or relaxation goes on."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import state as at
+from lagsim.methods.parts.impulses import MOST_SWEEPS
+from lagsim.notes import Caution
 from lagsim.run.decisions import Decision, Ending, Source
 from lagsim.run.trajectory import Outcome
 
@@ -49,3 +51,15 @@ class Unmet(Source):
         if found is None or self._looks < LOOKS:
             return None
         return Decision(ending=Ending(Outcome.NO_ANSWER, found))
+
+
+def unsettled(arc: Arc) -> tuple[Caution, ...]:
+    """Tell of steps whose impulses were not found to the end."""
+    count = int(arc.state.unsettled)
+    if not count:
+        return ()
+    text = (
+        f"in {count} of {arc.steps} steps the impulses were not found to the end in "
+        f"{MOST_SWEEPS} sweeps: contacts gave way a little; shorter steps need fewer"
+    )
+    return (Caution("unsettled-impulses", text),)

@@ -120,23 +120,35 @@ class Attempt(NamedTuple):
             {name: round(t, 6) for name, t in timings.items()}, files,
         )  # fmt: skip
 
-    def pictures(self, rows: Thinning) -> Iterator[tuple[str, bytes]]:
-        """Give the pictures of its rows: name and content of each file."""
+    def files(self, rows: Thinning | None) -> Iterator[tuple[str, bytes]]:
+        """Give name and content of what stands beside its table: events, and pictures.
+
+        `rows` are those for pictures; there are none without.
+        """
+        equations, trajectory = self.session.case.equations, self.trajectory
+        if equations.laws:
+            from lagsim.outputs import events
+
+            yield events.NAME, events.table(trajectory.events)
+        if rows is None:
+            return
         import logging
 
         # It tells on stderr of a home that it cannot write to, which is no news.
         logging.getLogger("matplotlib").setLevel(logging.ERROR)
+        from lagsim.outputs.events import marked
         from lagsim.outputs.plots import pictures
         from lagsim.outputs.time_panels import Record
 
-        equations, trajectory = self.session.case.equations, self.trajectory
-        marked = [e.time for e in trajectory.events if e.kind != "until"]
-        complete = trajectory.outcome.complete
-        note = "" if complete else f"incomplete: {trajectory.reason}"
+        listed, happened = len(trajectory.events), sum(trajectory.event_counts.values())
+        note = "" if listed == happened else f"marks: the first {listed} of {happened}"
+        if not trajectory.outcome.complete:
+            note = f"incomplete: {trajectory.reason}"
         horizon = None if isinstance(self.bar, str) else self.bar.horizon
         record = Record(
-            equations.model.name, rows, self.session.system.units(), marked[:200], note,
-            math.inf if horizon is None else horizon,
+            equations.model.name, rows, self.session.system.units(), note=note,
+            horizon=math.inf if horizon is None else horizon,
+            **marked(trajectory.events),
         )  # fmt: skip
         yield from pictures(
             record, equations.model, energy_is_sum=equations.energy_is_sum

@@ -39,6 +39,9 @@ initial: {x: 0, y: 1}
 simulation: {duration: 1}
 """
 
+# For how long, it does not say.
+TIMELESS = CONTACT.replace("simulation: {duration: 1}\n", "")
+
 # Longer than anyone waits.
 ENDLESS = PENDULUM.replace(
     "duration: 2, output_step: 0.1", "duration: 1e7, output_step: 1"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli._results import names
-from tests.cli._scenes import CAPTION, CONTACT, FALL, PENDULUM
+from tests.cli._scenes import CAPTION, FALL, PENDULUM, TIMELESS
 
 HEADER = (
     "method,formulation,setting,value,seconds,evaluations,error,error_lambda,"
@@ -113,9 +113,9 @@ def test_unusable_options(lagsim, write, options, said):
 
 
 def test_unusable_models(lagsim, write):
-    called = lagsim("bench", write(CONTACT))
+    called = lagsim("bench", write(TIMELESS))
     assert called.code == 2
-    assert "`bench` has no contact yet" in called.err
+    assert "`bench` needs to know how long" in called.err
     called = lagsim("bench", write(CAPTION))
     assert called.code == 1
     assert "constraint `path` has the residual 1" in called.err

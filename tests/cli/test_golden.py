@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli._scenes import CAPTION, CONTACT, FALL, ON_THE_CURVE, PENDULUM
+from tests.cli._scenes import CAPTION, FALL, ON_THE_CURVE, PENDULUM, TIMELESS
 
 
 @pytest.fixture
@@ -142,7 +142,7 @@ def test_several_models_are_all_told_of(lagsim, write, stored):
 
 
 def test_models_that_cannot_run(lagsim, write):
-    assert lagsim("golden", write(CONTACT), "--update").code == 2
+    assert lagsim("golden", write(TIMELESS), "--update").code == 2
     assert lagsim("golden", write(CAPTION), "--update").code == 1
     called = lagsim("golden", write(FALL), "--update")
     assert called.code == 3

@@ -16,7 +16,7 @@ import pytest
 from lagsim.outputs.results import Results
 from lagsim.run.observers.ledger import Ledger
 from tests.cli._results import manifest, names, table
-from tests.cli._scenes import CAPTION, CONTACT, ENDLESS, FALL, PENDULUM
+from tests.cli._scenes import CAPTION, ENDLESS, FALL, PENDULUM
 
 COMMAND = [sys.executable, "-m", "lagsim"]
 pytestmark = pytest.mark.usefixtures("heeded_signals")
@@ -310,7 +310,7 @@ def test_a_refused_run_changes_nothing(lagsim, write):
     before = {p: (p.read_bytes(), p.stat().st_mtime_ns) for p in Path("out").iterdir()}
     refused = {
         1: write(CAPTION, "inadmissible.yaml"),
-        2: write(CONTACT, "contact.yaml"),
+        2: write(PENDULUM.replace("theta_dot", "phi_dot"), "unusable.yaml"),
     }
     for code, model in refused.items():
         assert lagsim("run", model, "-o", "out").code == code

@@ -84,8 +84,11 @@ def first_order(
 
 def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
     """Give the model's native functions, as kernels call them."""
-    names = ["derivative", "measure", "terms", "rounding", "observe"]
-    names += runner.method.NEEDS
+    names = ["measure", "terms", "observe", *runner.method.NEEDS]
+    if "balance" in names:
+        names.append("effort")
+    else:
+        names += ["derivative", "rounding"]
     if "lagrangian" in names:
         names += ["lagrangian_slopes", "inertia"]
     if runner.system.m:

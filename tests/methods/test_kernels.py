@@ -68,6 +68,8 @@ CASES = {
     "midpoint until": ("", f"method: midpoint, step: 0.02, {UNTIL}"),
     "gauss4": ("", "method: gauss4, step: 0.05"),
     "rattle": ("", "method: rattle, step: 0.02"),
+    "moreau": ("", "method: moreau, step: 0.02"),
+    "moreau held twice until": (TWICE, f"method: moreau, step: 0.02, {UNTIL}"),
     "rattle held until": (ON_CIRCLE, 'method: rattle, step: 0.02, until: "x <= 0.9"'),
 }
 
@@ -126,6 +128,7 @@ def test_a_run_in_plain_python_is_the_native_run(case):
         "generalized-alpha": 3,
         "midpoint": 3,
         "verlet": 1,
+        "moreau": 1,
         "rattle": 2,
         "kahan-li6": 9,
         "kahan-li8": 17,

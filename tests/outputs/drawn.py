@@ -30,6 +30,7 @@ class Panel:
     labels: tuple
     limits: tuple
     lines: list = field(default_factory=list)
+    thin: list = field(default_factory=list)
     areas: list = field(default_factory=list)
 
 
@@ -79,6 +80,7 @@ def panel_of(axes):
     # Grid and frame are thin.
     lines = [line_of(line) for line in axes.lines]
     panel.lines = [line for line in lines if line.width > 0.6 or line.colour in EVENTS]
+    panel.thin = [line for line in lines if line.width <= 0.6]
     for patch in axes.patches:
         corners = patch.get_transform().transform(patch.get_path().vertices)
         panel.areas.append((to_hex(patch.get_facecolor()), corners))

@@ -158,3 +158,14 @@ def test_events_of_switches_and_constraints_are_kept_up_to_a_number():
     assert len(recorder.events) == MOST_EVENTS
     recorder.keep(Decision(events=(Event(2.0, "until"), Event(3.0, "impact"))))
     assert [e.kind for e in recorder.events[MOST_EVENTS:]] == ["until", "impact"]
+    assert recorder.counts == {
+        "slip": 2 * MOST_EVENTS - 2, "rank": 1, "until": 1, "impact": 1,
+    }  # fmt: skip
+    [caution] = recorder.unlisted()
+    assert f"{MOST_EVENTS - 2} of kind slip, 1 of kind rank" in caution.text
+
+
+def test_events_that_are_all_kept_need_no_word():
+    recorder = Recorder([])
+    recorder.keep(Decision(events=(Event(1.0, "slip", switch="s"),)))
+    assert recorder.unlisted() == []

@@ -38,6 +38,10 @@ def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
     without mass, and equalities that others imply, do no harm. Coordinates are scaled
     by powers of two. A row on which nothing can act has zeros.
     """
+    diagonal = M.diagonal()
+    if not len(A) and np.count_nonzero(M) == len(M) and diagonal.min() > 0.0:
+        factor = (rows / np.sqrt(diagonal)).T
+        return Delassus(factor.T @ factor, (rows / diagonal).T, factor)
     s = _scales(M, A)
     mass, scaled = M * s * s[:, None], rows * s
     if len(A):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.mechanics.contact.problem import Problem, Role
-from lagsim.mechanics.contact.solving import solve
+from lagsim.mechanics.contact.solving import SOLVED, solve
 from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:
@@ -73,6 +73,8 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     target = np.array(
         [-e * v if kind is Kind.CONTACT and v < 0.0 else 0.0 for kind, e, v in terms]
     )
+    if len(before) == 1 and _ROLES[closed.kinds[0]] is Role.SIGNED:
+        return _alone(closed, before, target)
     solution = solve(_problem(closed, before - target))
     locked = not solution.found and bool(target.any())
     if locked:
@@ -87,6 +89,18 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
         float(p @ (before + after)) / 2.0,
         solution.found,
     )
+
+
+def _alone(closed: Closed, before: Floats, target: Floats) -> Impact:
+    """Give the impulse of one contact by itself."""
+    own = closed.D[0, 0]
+    p = np.maximum((target - before) / own, 0.0) if own > 0.0 else np.zeros(1)
+    after = before + own * p
+    asked = float(abs(before - target)[0])
+    missed = max(float((target - after)[0]), 0.0)
+    residual = missed / asked if asked > 0.0 else 0.0
+    energy = float(p @ (before + after)) / 2.0
+    return Impact(p, after, residual, False, energy, residual < SOLVED)
 
 
 def _problem(closed: Closed, c: Floats) -> Problem:

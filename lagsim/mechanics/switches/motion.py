@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
 
 
-def model_switches(equations: Equations) -> Switches:
+def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     """Find the switches of the equations of motion.
 
     Those of the state that only stand in outputs or in an energy without a slope make
-    no difference to the motion.
+    no difference to the motion. Those of time alone count where others are not located.
     """
     e = equations
     dynamics = list(e.mass_entries.values())
@@ -34,4 +34,5 @@ def model_switches(equations: Equations) -> Switches:
     state = [*e.q, *e.velocities]
     moving = [*state, "work", *e.accelerations, *e.multipliers]
     nodes = [*dynamics, e.energy]
-    return find_switches(e.graph, nodes, moving, dynamics, e.velocities)
+    sided = dynamics if located else []
+    return find_switches(e.graph, nodes, moving, sided, e.velocities)

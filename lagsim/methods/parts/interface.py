@@ -121,6 +121,24 @@ def inertia(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 @external
+def balance(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Give what impulses of all rows are found from; see `Parameters.balance`.
+
+    NEEDS "balance": y then ends with the multipliers.
+    """
+
+
+@external
+def effort(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Give the rate of `work` (1,) without that of multipliers. NEEDS "balance"."""
+
+
+@external
+def columns(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Give the columns of a row, from q'' in p. NEEDS "balance"."""
+
+
+@external
 def inertias(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the pivots of M that vary with positions, s.inertias of them."""
 

@@ -33,6 +33,8 @@ FREEWHEEL = 1.0
 SLIP = 2.0
 LIMITED = 3.0
 TIMED = 4.0
+# An equality that always holds, where all rows are met alike.
+ALWAYS = 5.0
 OFF = 0.0
 HELD = 1.0
 DRIVEN = 2.0
@@ -59,6 +61,16 @@ def each_law(p: Parameters) -> int:
     return p.laws
 
 
+def each_met(p: Parameters) -> int:
+    """Give the length of what each row that is met by impulses has one of."""
+    return p.met
+
+
+def before_gaps(p: Parameters) -> int:
+    """Give where in `balance` the gaps begin."""
+    return p.inertial + p.sloping + (p.n if p.inertial else 0)
+
+
 def each_watched(p: Parameters) -> int:
     """Give the length of what each margin of a mode has one of."""
     return p.surfaces + p.laws
@@ -81,6 +93,11 @@ class Parameters(Memory):
     elements: int  # of J, their rows, that do not vanish
     loops: int  # 1 where something is solved by loops: they need their room
     slopes_known: int  # 1 where the Jacobian is asked for
+    # Where each step meets all rows by impulses: their number, elements of M in its
+    # envelope, and those of the rows that do not vanish.
+    met: int
+    inertial: int
+    sloping: int
 
     augmented: float  # 1: M alone is singular
     expected: float  # the rank that the rows have in general
@@ -144,6 +161,15 @@ class Parameters(Memory):
     right: Floats = array(lambda p: 3 * p.surfaces)
     former: Floats = array(lambda p: p.size if p.surfaces else 0)
 
+    # Of each row that is met by impulses; and where `balance` has what.
+    met_kind: Floats = array(each_met)
+    met_normal: Floats = array(each_met)
+    met_pair: Floats = array(each_met)
+    met_restitution: Floats = array(each_met)
+    inertia_first: Floats = array(lambda p: p.n if p.inertial else 0)
+    slope_starts: Floats = array(lambda p: p.met + 1)
+    slope_columns: Floats = array(lambda p: p.sloping)
+
     # From here on nothing outlasts an arc: q'' and lambda first, which the model reads.
     motion: Floats = array(lambda p: p.n + p.m)
     multipliers: Floats = part("motion", lambda p: p.n, lambda p: p.m)
@@ -202,3 +228,33 @@ class Parameters(Memory):
     slopes: Floats = array(lambda p: (columns(p) + p.n + p.m) * p.slopes_known)
     by_motion: Floats = part("slopes", columns, lambda p: (p.n + p.m) * p.slopes_known)
     column: Floats = array(lambda p: (p.n + p.m) * p.slopes_known)
+
+    # What `balance` gives: M in its envelope, the elements of the rows, the forces;
+    # then of each row its gap, what its rate is at rest, its bounds, whether it is in
+    # force.
+    balance: Floats = array(lambda p: before_gaps(p) + 5 * p.met)
+    met_slopes: Floats = part("balance", lambda p: p.inertial, lambda p: p.sloping)
+    pushes: Floats = part(
+        "balance", lambda p: p.inertial + p.sloping, lambda p: p.n if p.inertial else 0
+    )
+    met_gaps: Floats = part("balance", before_gaps, each_met)
+    met_offsets: Floats = part("balance", lambda p: before_gaps(p) + p.met, each_met)
+    met_bounds: Floats = part("balance", lambda p: before_gaps(p) + 2 * p.met, each_met)
+    met_statics: Floats = part(
+        "balance", lambda p: before_gaps(p) + 3 * p.met, each_met
+    )
+    met_force: Floats = part("balance", lambda p: before_gaps(p) + 4 * p.met, each_met)
+    inertia_factor: Floats = array(lambda p: p.inertial)
+    # Of what acts in a step: its number, and of each row its place, from 1; what an
+    # impulse of one changes, element by element, and where those begin.
+    acting: Floats = array(each_met)
+    among: Floats = array(each_met)
+    answer_starts: Floats = array(lambda p: p.met + 1)
+    answers: Floats = array(lambda p: p.met * p.n)
+    answer_columns: Floats = array(lambda p: p.met * p.n)
+    # Of each of those: the impulse, the rate that it aims at, that of an impulse of 1,
+    # how large its rates are.
+    struck: Floats = array(each_met)
+    aims: Floats = array(each_met)
+    yields: Floats = array(each_met)
+    reaches: Floats = array(each_met)

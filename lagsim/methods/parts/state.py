@@ -90,6 +90,7 @@ class State(Memory):
     tried: float  # the error of the last step that was to pass and could not; or 0
     # The farthest a state was pulled onto what it slides along, against the motion.
     pulled: float
+    unsettled: float  # steps whose impulses were not found to the end
 
     y: Floats = array(lambda s: s.size)
     sizes: Floats = array(lambda s: s.size)  # the largest of y so far

@@ -180,9 +180,8 @@ class Contacts(Source):
         # A flight that begins a rounding below the ground would end one farther below.
         deep = [i for i, k in enumerate(some) if here.is_below(k)]
         if deep:
-            D = problem.D[np.ix_(deep, deep)]
             gaps = here.gaps[[some[i] for i in deep]]
-            found.y[:n] -= response[:, deep] @ np.linalg.lstsq(D, gaps, rcond=None)[0]
+            found.y[:n] -= response[:, deep] @ _raised(problem.D, deep, gaps)
         found.y[n : 2 * n] += response @ result.impulses
         change = arc.observed(found.y)[energy] - found.rows[0, energy]
         found.y[2 * n] += change
@@ -193,10 +192,11 @@ class Contacts(Source):
             kind, name = self.laws[k].kind, self.laws[k].constraint
             if kind is Kind.SLIP or abs(result.impulses[i]) <= NO_IMPULSE * largest:
                 continue
-            rates = float(here.rates[k]), float(after[i])
-            found.events.append(
-                Event(arc.t, "impact", name, rates=rates, energy=float(change))
-            )
+            struck = Event(
+                arc.t, "impact", name, rate_before=float(here.rates[k]),
+                rate_after=float(after[i]), energy=float(change),
+            )  # fmt: skip
+            found.events.append(struck)
             self.bounces[k] += 1
             if k in ends:
                 if self.bounces[k] > SERIES:
@@ -242,8 +242,7 @@ class Contacts(Source):
                 f"at t = {t:.9g} {names} strike at one time, and the outcome depends "
                 "on their order: they were taken as simultaneous",
             )
-        size = float(np.max(np.abs(here.arc.observed()[1:]), initial=0.0))
-        if change > RAISED * size and change > 0.0:
+        if change > 0.0 and change > RAISED * _largest(here.arc):
             told += self._once(
                 "impact-energy",
                 f"at t = {t:.9g} the impact at {names} raises the energy by "
@@ -256,6 +255,20 @@ class Contacts(Source):
             return []
         self.told.add(code)
         return [Caution(code, text)]
+
+
+def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
+    """Give the multipliers that take gaps (d,) away, of the rows `deep` of D."""
+    if len(deep) == 1:
+        own = D[deep[0], deep[0]]
+        return gaps / own if own > 0.0 else np.zeros(1)
+    answer = D[np.ix_(deep, deep)]
+    return np.asarray(np.linalg.lstsq(answer, gaps, rcond=None)[0], float)
+
+
+def _largest(arc: Arc) -> float:
+    """Give the largest number in the row of the state reached."""
+    return float(np.max(np.abs(arc.observed()[1:]), initial=0.0))
 
 
 def _impossible(ending: Ending) -> Problem:

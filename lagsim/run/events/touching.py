@@ -62,8 +62,11 @@ class Touching:
         self.equalities, self.rows = rows[:first], rows[first:]
         residuals, rates, gap_scales, rate_scales = found[(n + m) * n :].reshape(4, m)
         self.residuals, self.rates = residuals[first:], rates[first:]
-        self.gaps = arc.runner.function("gaps", L)(t, y)
-        self.in_force = arc.runner.function("conditions", L)(t, y) != 0.0
+        gapped = system.p.law_kind == kept.CONTACT
+        self.gaps = np.where(gapped, self.residuals, self.rates)
+        self.in_force = np.ones(L, dtype=bool)
+        if any(law.when is not None for law in self.laws):
+            self.in_force = arc.runner.function("conditions", L)(t, y) != 0.0
         slopes, seen, ranges = np.abs(self.rows), arc.seen, arc.ranges
         moment = MOMENTS * np.spacing(abs(t))
         sizes = np.maximum(rate_scales[first:], slopes @ seen[n : 2 * n])
@@ -119,12 +122,9 @@ class Touching:
         p.law_mode[:] = kept.OFF
         field = arc.runner.function("field", arc.system.size + m)(self.t, y)
         p.law_mode[:] = mode
-        terms = arc.runner.function("dynamics", (n + m) * n + n + m + 3 * L)
-        found = terms(self.t, y)[(n + m) * n + n :]
-        return (
-            field[n : 2 * n], found[m - L : m], found[m + L : m + 2 * L],
-            found[m + 2 * L :],
-        )  # fmt: skip
+        # Left there by `field`, as are the bounds.
+        b = p.b[m - L :].copy()
+        return field[n : 2 * n], b, p.law_bounds.copy(), p.law_statics.copy()
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Tell which laws could act: a slip with its contact.

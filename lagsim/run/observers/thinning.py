@@ -311,7 +311,8 @@ def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
     series = {"kinetic", "potential", "lagrangian", "energy", *coordinates}
     series |= {f"Qc_{name}" for name in coordinates}
     series |= {f"lambda_{constraint.name}" for constraint in model.constraints}
-    series |= {name for name in columns if name.startswith("plot.")}
+    shown = ("plot.", "friction.", "impulse.")
+    series |= {name for name in columns if name.startswith(shown)}
     paths = {name for name in columns if name.startswith(("point.", "plot."))}
     paths |= {"t"} if paths else set()
     ledger = {DRIFT: ("energy", "work")} if "work" in columns else {}

@@ -20,7 +20,6 @@ from lagsim.plan.cost import evaluation_cost
 from lagsim.plan.formulation import GAIN
 from lagsim.run.system.columns import Columns
 from lagsim.run.system.functions import AFTER_FREEZING, functions, varying_inertias
-from lagsim.run.system.laws import CODES
 from lagsim.run.system.runner import Runner
 from lagsim.run.system.sleepers import (
     Sleeper,
@@ -29,10 +28,11 @@ from lagsim.run.system.sleepers import (
     signal_nodes,
     slope,
 )
+from lagsim.run.system.stepping import fill, pattern
 from lagsim.run.system.switching import surface_functions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
@@ -94,21 +94,26 @@ class System:
         equations = self.equations = plan.reduction.equations
         self.n, self.m = len(equations.q), len(equations.multipliers)
         self.laws = equations.laws
+        needs = method(plan.method).NEEDS
+        # Where each step meets all rows by impulses, none is left to do.
+        self.met = pattern(equations) if "balance" in needs else None
+        if self.met is not None:
+            self.m, self.laws = 0, ()
         self.has_work = equations.power is not None
         self.inertias = tuple(varying_inertias(equations, plan))
-        needs = method(plan.method).NEEDS
         self.has_jacobian = "jacobian" in needs
         work = ("work",) if self.has_work else ()
         self.state = (
             *equations.q, *equations.velocities, *work,
             *(x.name for x in equations.quadratures),
+            *(equations.multipliers if self.met is not None else ()),
         )  # fmt: skip
         self.size = len(self.state)
         self.switches = plan.switches
         self.surfaces = len(self.switches.sides)
         self.watched = self.surfaces + len(self.laws)
         nodes_of = functions(
-            equations, plan, self.columns, needs, switching=self.watched > 0
+            equations, plan, self.columns, needs, self.met, switching=self.watched > 0
         )
         # Rows show the expressions as written; the method sees the arc's branches.
         shown = ("observe", "columns", "until")
@@ -118,7 +123,7 @@ class System:
             else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
-        self.sleepers = self._sleepers(nodes_of)
+        self.sleepers = self._sleepers(nodes_of) if self.met is None else []
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
@@ -150,27 +155,28 @@ class System:
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
-        self.objects = [found_code]
-        if self.laws:
-            self.objects.append(_laws())
-        elif plan.elimination is None:
-            self.objects.append(_loops(self.m > 0, self.surfaces > 0))
+        self.objects = [found_code, *self._kernels()]
+
+    def _kernels(self) -> Iterator[bytes]:
+        """Give the object code of what a method calls besides the model's functions."""
+        if self.met is not None:
+            from lagsim.methods.parts import impulses
+
+            yield kernel_object([impulses.observe])
+        elif self.laws:
+            yield _laws()
+        elif self.plan.elimination is None:
+            yield _loops(self.m > 0, self.surfaces > 0)
         if self.has_jacobian:
             from lagsim.solve.jacobian import jacobian
 
-            self.objects.append(kernel_object([jacobian]))
+            yield kernel_object([jacobian])
         if self.watched:
             from lagsim.solve import sliding
 
-            self.objects.append(
-                kernel_object(
-                    [
-                        sliding.derivative, sliding.observe, sliding.margins,
-                        sliding.pull,
-                    ],
-                    {"LAWS": bool(self.laws)},
-                )
-            )  # fmt: skip
+            kernels: list[Callable[..., Any]] = [sliding.derivative, sliding.observe]
+            kernels += [sliding.margins, sliding.pull]
+            yield kernel_object(kernels, {"LAWS": bool(self.laws)})
 
     def _code(self, nodes_of: Mapping[str, Sequence[int]], layout: Layout) -> Code:
         """Write the code of all functions; only first runs do."""
@@ -186,7 +192,8 @@ class System:
     @property
     def has_loops(self) -> bool:
         """Something is solved by the loops of `kkt`, so they need their workspace."""
-        return self.plan.elimination is None or self.has_jacobian
+        loops = self.met is None and self.plan.elimination is None
+        return loops or self.has_jacobian
 
     def _sleepers(self, nodes_of: dict[str, list[int]]) -> list[Sleeper]:
         """Find what may sleep in the motion, and add the function that watches it."""
@@ -200,6 +207,8 @@ class System:
         return found
 
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+        if self.met is not None:
+            return len(self.equations.graph.cone(nodes_of["balance"]))
         loops = self.plan.elimination is None and "series" not in nodes_of
         solved = "field" if self.watched else "derivative"
         name = "series" if "series" in nodes_of else "dynamics" if loops else solved
@@ -217,8 +226,10 @@ class System:
         p = Parameters.made(
             n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
             laws=len(self.laws), surfaces=self.surfaces, elements=len(elements),
-            loops=self.has_loops, slopes_known=self.has_jacobian,
+            loops=self.has_loops, slopes_known=self.has_jacobian, **self._met_sizes(),
         )  # fmt: skip
+        if self.met is not None:
+            fill(p, self.equations, self.met)
         p.augmented, p.expected, p.reference = (
             plan.augmented,
             plan.rank,
@@ -227,10 +238,23 @@ class System:
         p.health = p.least_health = 1.0
         p.gain, p.constant = plan.gain, plan.constant
         p.row_starts[:], p.row_columns[:] = starts, elements
-        p.law_kind[:] = [CODES[law.kind] for law in self.laws]
+        if self.laws:
+            from lagsim.run.system.laws import CODES
+
+            p.law_kind[:] = [CODES[law.kind] for law in self.laws]
         p.law_normal[:] = [law.normal for law in self.laws]
         p.law_pair[:] = [law.pair for law in self.laws]
         return p
+
+    def _met_sizes(self) -> dict[str, int]:
+        """Give the sizes of what methods have that meet all rows by impulses."""
+        if self.met is None:
+            return {}
+        return {
+            "met": len(self.equations.multipliers),
+            "inertial": self.met.inertial,
+            "sloping": len(self.met.columns),
+        }
 
     def _layout(self, memory: Parameters) -> Layout:
         e = self.equations
@@ -249,7 +273,9 @@ class System:
         for k, law in enumerate(self.laws):
             if law.normal < 0:  # that of a slip is none of these
                 p[f"impulse.{law.constraint}"] = memory.place("impulses") + k
-        motion = (*e.accelerations, *e.multipliers)
+        motion = e.accelerations
+        if self.met is None:
+            motion = (*motion, *e.multipliers)
         p |= {name: memory.place("motion") + k for k, name in enumerate(motion)}
         return Layout(
             y={name: k for k, name in enumerate((*self.state, *slopes))},
@@ -268,7 +294,8 @@ class System:
         """Give y at a start; sets what it determines for the whole run."""
         for name, value in self.plan.reduction.constants(start).items():
             self.p.flat[self._layout_of[name]] = value
-        return self.plan.reduction.state(start)
+        y = self.plan.reduction.state(start)
+        return np.concatenate([y, np.zeros(self.size - len(y))])
 
     def set_modes(self, values: Sequence[float]) -> None:
         """Set the branch of each switch in time for the arc to come."""

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.ldl import Elimination
     from lagsim.plan import Plan
     from lagsim.run.system.columns import Columns
+    from lagsim.run.system.stepping import Pattern
 
 # Nodes of pivots that are followed: the 845 of a chain of ten links added a third to
 # the time that it takes to compile.
@@ -36,6 +37,7 @@ def functions(
     plan: Plan,
     columns: Columns,
     needs: Sequence[str] = (),
+    met: Pattern | None = None,
     *,
     switching: bool = False,
 ) -> dict[str, list[int]]:
@@ -56,7 +58,11 @@ def functions(
     found["inertias"] = list(varying_inertias(equations, plan).values())
     if equations.model.until:
         found["until"] = [equations.model.until.node]
-    if equations.laws:
+    if met is not None:
+        from lagsim.run.system.stepping import stepping_functions
+
+        found |= stepping_functions(equations, columns, met)
+    elif equations.laws:
         from lagsim.run.system.laws import law_functions
 
         found |= law_functions(equations, columns)
@@ -67,7 +73,7 @@ def functions(
     else:
         found |= _solved(equations, plan, columns, switching=switching)
     for need in needs:
-        if need != AFTER_FREEZING:
+        if need in NEEDED:
             found |= NEEDED[need](equations, plan)
     return found
 

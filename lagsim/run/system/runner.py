@@ -100,6 +100,7 @@ class Runner:
             self._pull = self.engine.function("pull", *_PULL)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
         self._work = np.empty(LANES * (1 + system.size + system.rows_observed))
+        self._room = self._work.ctypes.data
 
     def function(
         self, name: str, length: int | None = None
@@ -115,14 +116,14 @@ class Runner:
         self, name: str, length: int | None
     ) -> Callable[[float, Floats], Floats]:
         call = self.engine.function(name, *FUNCTION)
-        p, system = self.system.p, self.system
+        p, system = self.system.p.address, self.system
         if length is None:
             length = max(system.rows_observed, system.size + 2, 2 + system.n)
 
         def evaluate(t: float, y: Floats) -> Floats:
             out = np.zeros(length)
             y = np.ascontiguousarray(y, dtype=float)
-            call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
+            call(t, y.ctypes.data, p, out.ctypes.data)
             return out
 
         return evaluate
@@ -133,7 +134,7 @@ class Runner:
 
     def pull(self, t: float, y: Floats) -> None:
         """Take y back, in place, onto the surfaces that the motion slides along."""
-        self._pull(t, y.ctypes.data, self.system.p.flat.ctypes.data)
+        self._pull(t, y.ctypes.data, self.system.p.address)
 
     def prepare(self) -> None:
         """Compute what depends on parameters and modes alone, before each arc.
@@ -150,15 +151,15 @@ class Runner:
             rows = len(self.system.plan.lengths)  # laws have none
             p.lengths[:rows] = self.system.plan.lengths
             p.aside[:rows] = self.system.plan.set_aside
-        call(0.0, None, p.flat.ctypes.data, None)
+        call(0.0, None, p.address, None)
 
     def advance(self, state: State, out: Floats, budget: int) -> int:
         """Run the method on; see `driver.advance`. out : (rows, 1 + size)."""
         p = self.system.p
         return int(
             self._advance(
-                state.flat.ctypes.data,
-                p.flat.ctypes.data,
+                state.address,
+                p.address,
                 out.ctypes.data,
                 len(out),
                 budget,
@@ -171,8 +172,8 @@ class Runner:
         states = np.ascontiguousarray(states)
         self._tabulate(
             states.ctypes.data, len(states), states.shape[1] - 1,
-            self.system.p.flat.ctypes.data, out.ctypes.data, out.shape[1],
-            self._work.ctypes.data,
+            self.system.p.address, out.ctypes.data, out.shape[1],
+            self._room,
         )  # fmt: skip
         return out
 

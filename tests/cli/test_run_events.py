@@ -1,0 +1,125 @@
+"""`lagsim run` on constraints that hold at times: events.csv, run.json, the summary."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import pytest
+
+from lagsim.run import recorder
+from tests.cli._results import manifest, names
+from tests.cli._scenes import CONTACT, ON_THE_CURVE
+
+COLUMNS = ["time", "kind", "constraint", "rate_before", "rate_after", "energy"]
+
+# Two balls fall 1 m onto their floors and rebound with half of their speeds.
+FIRST = math.sqrt(2 / 9.8)
+SPEED = 9.8 * FIRST
+REST = FIRST * (1 + 0.5) / (1 - 0.5)
+TWO = """\
+coordinates: {y: , z: }
+energy: {kinetic: (y_dot^2 + z_dot^2)/2, potential: 9.8*(y + z)}
+constraints:
+  floor: {relation: y >= 0, restitution: 0.5}
+  wall: {relation: z + 1 >= 0, restitution: 0.5}
+initial: {y: 1, z: 0}
+simulation: {duration: 1, output_step: 0.05}
+"""
+ENDLESS = """\
+coordinates: {y: }
+energy: {kinetic: y_dot^2/2, potential: 9.8*y}
+constraints: {floor: {relation: y >= 0, restitution: 1}}
+initial: {y: 1}
+simulation: {duration: 20, output_step: 0.5}
+"""
+
+
+def listed():
+    with Path("out/events.csv").open(newline="") as file:
+        rows = csv.reader(file)
+        assert next(rows) == COLUMNS
+        return list(rows)
+
+
+def test_events_are_listed_like_rows(lagsim, write):
+    called = lagsim("run", write(CONTACT), "--no-plots", "-o", "out")
+    assert called.code == 0
+    assert names("out") == ["events.csv", "run.json", "trajectory.csv"]
+    document = manifest("out")
+    assert document["files"] == ["trajectory.csv", "events.csv", "run.json"]
+    assert Path("out/events.csv").read_bytes().endswith(b"\r\n")
+    time, kind, constraint, *numbers = listed()[0]
+    assert (kind, constraint) == ("impact", "floor")
+    assert float(time) == pytest.approx(FIRST, rel=1e-12)
+    assert numbers == [repr(float(text)) for text in numbers]
+    before, after, energy = map(float, numbers)
+    assert before == pytest.approx(-SPEED, rel=1e-10)
+    assert after == pytest.approx(SPEED / 2, rel=1e-10)
+    assert energy == pytest.approx(-9.8 * 3 / 4, rel=1e-10)
+
+
+def test_every_event_is_in_both_files(lagsim, write):
+    lagsim("run", write(TWO), "--no-plots", "-o", "out")
+    events = manifest("out")["events"]
+    assert len(events) == sum(manifest("out")["event_counts"].values())
+    told = [["" if e[c] is None else str(e[c]) for c in COLUMNS] for e in events]
+    assert told == listed()
+    times = [e["time"] for e in events]
+    assert times == sorted(times)
+
+
+def test_what_strikes_at_one_time_is_a_line_each(lagsim, write):
+    lagsim("run", write(TWO), "--no-plots", "-o", "out")
+    first, second = listed()[:2]
+    assert [first[2], second[2]] == ["floor", "wall"]
+    for line in (first, second):
+        assert float(line[0]) == pytest.approx(FIRST, rel=1e-12)
+        # The change by both of them.
+        assert float(line[5]) == pytest.approx(-2 * 9.8 * 3 / 4, rel=1e-10)
+
+
+def test_no_such_file_without_such_constraints(lagsim, write):
+    lagsim("run", write(CONTACT), "--no-plots", "-o", "out")
+    called = lagsim("run", write(ON_THE_CURVE), "--no-plots", "-o", "out")
+    assert names("out") == ["run.json", "trajectory.csv"]
+    assert "  events " not in called.out
+
+
+def test_the_summary_counts_impacts_and_tells_of_rest(lagsim, write):
+    text = TWO.replace("duration: 1,", "duration: 2,")
+    called = lagsim("run", write(text), "--no-plots", "-o", "out")
+    lines = called.out.splitlines()
+    at = next(k for k, line in enumerate(lines) if line.startswith("  events"))
+    count = sum(line[1] == "impact" for line in listed())
+    assert lines[at].split()[1:] == [str(count), "impacts", "at", "`floor`,", "`wall`"]
+    rest = f"at rest from t = {REST:.9g}: `floor`, `wall`"
+    assert lines[at + 1].strip() == rest
+    assert max(len(line) for line in lines[at : at + 2]) <= 80
+    assert "2 coordinates, 2 contacts" in called.out
+
+
+def test_the_summary_where_nothing_happens(lagsim, write):
+    text = CONTACT.replace("duration: 1", "duration: 0.1")
+    called = lagsim("run", write(text), "--no-plots", "-o", "out")
+    assert "  events        none\n" in called.out
+    assert listed() == []
+
+
+@pytest.mark.parametrize("most", [3, 5])
+def test_what_is_not_listed_is_told(lagsim, write, monkeypatch, most):
+    monkeypatch.setattr(recorder, "MOST_EVENTS", most)
+    # At sqrt(2 h/g) times 1, 3, 5, ... up to 20.
+    impacts = [FIRST * k for k in range(1, 100, 2) if FIRST * k < 20]
+    lost = len(impacts) - most
+    called = lagsim("run", write(ENDLESS), "--no-plots", "-o", "out")
+    assert [float(line[0]) for line in listed()] == pytest.approx(impacts[:most])
+    assert manifest("out")["event_counts"] == {"impact": len(impacts)}
+    [warning] = manifest("out")["warnings"]
+    assert warning["code"] == "events-unlisted"
+    assert f"the first {most} events" in warning["text"]
+    assert f"t = {impacts[most]:.9g} " in warning["text"]
+    assert f"{lost} of kind impact" in warning["text"]
+    assert warning["text"] in called.err
+    assert f"{len(impacts)} impacts at `floor`" in called.out
