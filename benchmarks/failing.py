@@ -315,6 +315,70 @@ def jumps():
     return draw(motion, work)
 
 
+def zeno():
+    g, e = 9.81, 0.8
+
+    def gap(_t, y):
+        return y[0]
+
+    gap.terminal, gap.direction = True, -1
+    t, y, times = 0.0, [1.0, 0.0], []
+    while len(times) < 100:
+        flight = solve_ivp(
+            lambda _t, y: [y[1], -g], (t, 5.0), y, events=gap, rtol=1e-10, atol=1e-12
+        )
+        t, y = flight.t[-1], [0.0, -e * flight.y[1, -1]]
+        times.append(t)
+    found = run("../bouncing-ball")
+    fall = View("The ball", "t", "y (m)")
+    fall.add("", found["t"], found["y"], HOLDS)
+    count = View("Impacts so far", "t", "impacts")
+    count.add("one by one", [0.0, *times], range(len(times) + 1), FAILS)
+    events = [x for x in found.trajectory.events if x.kind == "impact"]
+    told = [0.0, *(x.time for x in events), found.trajectory.end]
+    count.add("lagsim", told, [*range(len(events) + 1), len(events)], HOLDS)
+    return draw(fall, count)
+
+
+def graze():
+    R, depths = 1.0, 10.0 ** -np.arange(1.0, 11.0)
+
+    def blind(depth):
+        """Give the deflection where ends of steps of at most 0.07 are looked at."""
+
+        def gap(_t, y):
+            return np.hypot(y[0], y[1]) - R
+
+        gap.terminal = True
+        start = [-10.0, R - depth, 1.0, 0.0]
+        flight = solve_ivp(
+            lambda _t, y: [y[2], y[3], 0.0, 0.0], (0.0, 30.0), start, method="DOP853",
+            events=gap, max_step=0.07,
+        )  # fmt: skip
+        return 2.0 * np.arccos(1.0 - depth) if flight.status == 1 else 0.0
+
+    found = run("graze")
+    path = View("Grazed by 1e-8", "x (m)", "off its way (m)")
+    path.add("located", found["x"], found["aside"], HOLDS)
+    path.add("missed", found["x"], np.zeros(len(found["x"])), FAILS)
+    angles = View("The deflection", "depth", "rad", log_x=True, log_y=True)
+    located = [run("graze", {"depth": d})["y_dot"][-1] for d in depths]
+    angles.add("located", depths, np.arcsin(located), HOLDS)
+    angles.add("at ends of steps", depths, [blind(d) for d in depths], FAILS)
+    return draw(path, angles)
+
+
+def balls():
+    views = []
+    for gap, title in ((0.0, "Two that touch"), (1e-6, "A micrometre apart")):
+        found = run("balls-in-a-row", {"gap": gap})
+        view = View(title, "t", "x (m)")
+        for x, pen in (("x1", MORE), ("x2", OTHER), ("x3", HOLDS)):
+            view.add(x, found["t"], found[x], pen)
+        views.append(view)
+    return draw(*views)
+
+
 def speed():
     found = run("constant-speed")
     path = View("The path", "x (m)", "y (m)", square=True)
@@ -329,7 +393,7 @@ def speed():
 
 PICTURES = (
     oscillator, verlet, drift, baumgarte, bdf, damping, bound, taylor, chaos, polar,
-    gimbal, rank, pulse, jumps, speed,
+    gimbal, rank, pulse, jumps, zeno, graze, balls, speed,
 )  # fmt: skip
 
 

@@ -102,6 +102,12 @@ def _error(bar: ErrorBar | str) -> str:
         return f"not estimated: {bar}"
     name, worst = max(bar.coordinates.items(), key=lambda item: item[1].relative)
     by = bar.method if bar.rtol is None else f"{bar.method} at rtol {bar.rtol:.2g}"
+    if bar.rests:
+        apart = max(error.largest for error in bar.coordinates.values())
+        text = "everything stays where it is; a repeat by " + by
+        return (
+            f"{text} says so, too, to {apart:.1g}" if apart else f"{text} says so, too"
+        )
     t, reached = bar.growth[(len(bar.growth) - 1) // 2]
     text = (
         f"about {worst.relative:.1g} of the range of {name} ({reached:.1g} by "

@@ -101,7 +101,7 @@ def _asked(
         hint = f"one of auto, {known}; `lagsim methods` describes them"
         text = f"there is no method `{asked}`"
         raise InputError([Problem("unknown-method", text, place, hint)])
-    why = _refusal(asked, equations, scene)
+    why = refusal(asked, equations, scene)
     if why:
         text = f"`{asked}` cannot handle this model: {why}"
         hint = "`lagsim methods` says what each handles; `auto` chooses one that can"
@@ -115,7 +115,7 @@ def _asked(
     return asked
 
 
-def _refusal(name: str, equations: Equations, scene: Structure) -> str:
+def refusal(name: str, equations: Equations, scene: Structure) -> str:
     """Say why a method cannot handle equations, or give ""."""
     chosen = method(name)
     if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
@@ -136,7 +136,7 @@ def suits(asked: str, equations: Equations) -> bool:
     """Tell whether the method that is asked for can handle `equations`."""
     if asked not in names():
         return True
-    return not _refusal(asked, equations, structure(equations))
+    return not refusal(asked, equations, structure(equations))
 
 
 def _check_straight(

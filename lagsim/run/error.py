@@ -51,6 +51,8 @@ class ErrorBar:
         what was compared.
     parted : str
         How the two runs ended differently, if they did.
+    rests : bool
+        Nothing moves but by rounding.
     """
 
     method: str
@@ -63,6 +65,7 @@ class ErrorBar:
     rates: Floats | None = None
     repeated: Mapping[int, Floats] = field(default_factory=dict)
     parted: str = ""
+    rests: bool = False
 
     @property
     def parts(self) -> Floats:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli._results import names
-from tests.cli._scenes import CAPTION, TIMELESS
+from tests.cli._scenes import CAPTION, CONTACT, TIMELESS
 
 OSCILLATOR = """\
 parameters: {k: 4}
@@ -135,6 +135,9 @@ def test_unusable_models(lagsim, write):
     called = lagsim("stability", write(TIMELESS))
     assert called.code == 2
     assert "`stability` needs to know how long" in called.err
+    called = lagsim("stability", write(CONTACT))
+    assert called.code == 2
+    assert "constraints that hold at times" in called.err
     called = lagsim("stability", write(CAPTION))
     assert called.code == 1
     assert "constraint `path` has the residual 1" in called.err

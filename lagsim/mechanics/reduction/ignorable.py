@@ -45,10 +45,12 @@ def conserved(equations: Equations) -> list[int]:
     e, g = equations, equations.graph
     nodes = [*e.mass_entries.values(), *e.f, e.energy, *e.momenta]
     nodes += [] if e.power is None else [e.power]
-    for row in e.rows:
+    rows = [*e.rows, *(law.row for law in e.laws)]
+    for row in rows:
         nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
+    nodes += [bound for law in e.laws for bound in (law.bound, law.static)]
     seen = g.depends(nodes)
-    held = {c for row in e.rows for c in row.A.entries}
+    held = {c for row in rows for c in row.A.entries}
     found = [
         c
         for c, name in enumerate(e.q)

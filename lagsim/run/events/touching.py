@@ -122,9 +122,9 @@ class Touching:
         p.law_mode[:] = kept.OFF
         field = arc.runner.function("field", arc.system.size + m)(self.t, y)
         p.law_mode[:] = mode
-        # Left there by `field`, as are the bounds.
-        b = p.b[m - L :].copy()
-        return field[n : 2 * n], b, p.law_bounds.copy(), p.law_statics.copy()
+        # Left there by `field`.
+        b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
+        return field[n : 2 * n], b.copy(), bounds.copy(), statics.copy()
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Tell which laws could act: a slip with its contact.

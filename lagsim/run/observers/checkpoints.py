@@ -17,6 +17,14 @@ SAME_TIME = 1e-9
 ROUNDING = 4.0 * 2.0**-52
 
 
+def numbers(t: Floats, start: float, step: float) -> Floats:
+    """Give the numbers of times on the grid of output times, -1 between (k,)."""
+    places = np.rint((t - start) / step)
+    off = np.abs(t - (start + places * step))
+    near = SAME_TIME * step + ROUNDING * np.abs(t)
+    return np.where(off <= near, places, -1.0).astype(np.int64)
+
+
 class Checkpoints:
     """Keeps states of some rows, evenly spaced, and the ranges of the coordinates.
 
@@ -71,11 +79,8 @@ class Checkpoints:
             later = t[t > self._start]
             self._step = float(later[0] - self._start) if len(later) else 0.0
         if not self._step:
-            return np.where(t == self._start, 0, -1)
-        places = np.rint((t - self._start) / self._step)
-        off = np.abs(t - (self._start + places * self._step))
-        near = SAME_TIME * self._step + ROUNDING * np.abs(t)
-        return np.where(off <= near, places, -1.0).astype(np.int64)
+            return np.where(t == self._start, 0, -1).astype(np.int64)
+        return numbers(t, self._start, self._step)
 
     @property
     def states(self) -> dict[int, Floats]:

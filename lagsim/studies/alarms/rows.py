@@ -10,6 +10,7 @@ import numpy as np
 from lagsim.language.evaluate import evaluate
 from lagsim.notes import Caution
 from lagsim.studies.error_bar import beside
+from lagsim.studies.error_bar.scales import BALANCED
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -28,8 +29,6 @@ HELD = 1e-6
 # amplitude off by half of it is about the width of a line in a picture, and what the
 # default tolerance leaves is a million times less.
 UNEXPLAINED = 1e-3
-# Forces balance to this part.
-BALANCED = 2.0**-46
 # A place is known no better than to this part of the motion beside it.
 NEIGHBOURS = 1e-12
 

@@ -16,12 +16,14 @@ from lagsim.errors import InputError, LagsimError
 from lagsim.studies.bench.scipy_solvers import PREFIX, Scipy
 from lagsim.studies.bench.scipy_solvers import refusal as scipy_refusal
 from lagsim.studies.bench.solving import GivenUpError, Own, Patience, Solver
+from lagsim.studies.moved import IMPACT, moved, within
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.notes import Event
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
 
@@ -57,6 +59,7 @@ class Solution:
     method: str
     columns: tuple[str, ...]
     rows: Floats
+    events: Sequence[Event] = ()
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,8 @@ class Reference:
         So many rows are to be trusted.
     agreement : (columns,)
         Greatest difference of both over these rows, against the range.
+    events
+        What happened on the way, and when.
     """
 
     columns: tuple[str, ...]
@@ -88,6 +93,7 @@ class Reference:
     scales: Floats
     known: int
     agreement: Floats
+    events: Sequence[Event] = ()
 
     @property
     def horizon(self) -> float | None:
@@ -100,10 +106,12 @@ class Reference:
         """Errors below this cannot be told."""
         return float(np.max(self.agreement[self.state]))
 
-    def errors(self, rows: Floats) -> tuple[float, float | None]:
+    def errors(
+        self, rows: Floats, events: Sequence[Event] = ()
+    ) -> tuple[float, float | None]:
         """Give the error of the state, and that of lambda, of rows that are known.
 
-        nan where the times of the rows are others.
+        nan where the times of the rows are others. `events` are those of their run.
         """
         count = min(self.known, len(rows))
         spacing = float(self.rows[min(1, len(self.rows) - 1), 0] - self.rows[0, 0])
@@ -111,10 +119,16 @@ class Reference:
         same = apart <= 1e-9 * abs(spacing)
         if count < self.known - 1 or not np.all(same[:-1]):
             return float("nan"), None
-        found = difference(rows[:count][same], self.rows[:count][same], self.scales)
+        apart = self._apart(rows[:count][same], self.rows[:count][same], events)
+        found = np.max(apart, axis=0) / self.scales
         worst = float(np.max(found[self.state]))
         lam = found[self.multipliers]
         return worst, float(np.max(lam)) if len(lam) else None
+
+    def _apart(self, rows: Floats, others: Floats, events: Sequence[Event]) -> Floats:
+        velocities = self.state[len(self.state) // 2 :]
+        jumping = velocities, self.multipliers
+        return differences(rows, others, jumping, (events, self.events))
 
 
 def make_reference(case: Case, interrupt: Interrupt | None = None) -> Reference:
@@ -151,10 +165,11 @@ def _compared(e: Equations, first: Solution, second: Solution) -> Reference:
     count = min(len(first.rows), len(second.rows))
     a, b = first.rows[:count], second.rows[:count]
     scales = _scales(e, first.rows, state, multipliers)
-    apart = np.max(np.abs(a[:, state] - b[:, state]) / scales[state], axis=1)
-    lost = np.flatnonzero(apart > TRUSTED)
+    jumping = state[len(e.q) :], multipliers
+    apart = differences(a, b, jumping, (first.events, second.events)) / scales
+    lost = np.flatnonzero(np.max(apart[:, state], axis=1) > TRUSTED)
     known = int(lost[0]) if len(lost) else count
-    agreement = difference(a[: max(known, 1)], b[: max(known, 1)], scales)
+    agreement = np.max(apart[: max(known, 1)], axis=0)
     return Reference(
         columns=columns,
         made=first.how,
@@ -165,12 +180,35 @@ def _compared(e: Equations, first: Solution, second: Solution) -> Reference:
         scales=scales,
         known=known,
         agreement=agreement,
+        events=first.events,
     )
 
 
-def difference(rows: Floats, others: Floats, scales: Floats) -> Floats:
-    """Give the greatest difference of each column, against its scale."""
-    return np.asarray(np.max(np.abs(rows - others), axis=0) / scales)
+def differences(
+    rows: Floats,
+    others: Floats,
+    jumping: tuple[list[int], list[int]],
+    events: tuple[Sequence[Event], Sequence[Event]],
+) -> Floats:
+    """Give how far apart each value is (k, columns); 0 where times alone are.
+
+    Parameters
+    ----------
+    jumping
+        The columns of velocities, which jump at impacts, and of multipliers, which jump
+        at other events, too.
+    events
+        Of both runs.
+    """
+    apart = np.abs(rows - others)
+    velocities, multipliers = jumping
+    for columns, only in ((velocities, (IMPACT,)), (multipliers, ())):
+        mine, theirs = (
+            [e for e in run if e.kind in only or not only] for run in events
+        )
+        same = within(rows[:, 0], moved(mine, theirs))
+        apart[np.ix_(np.flatnonzero(same), np.array(columns, int))] = 0.0
+    return apart
 
 
 def _first(case: Case, patience: Patience) -> Iterator[Solution]:
@@ -232,7 +270,8 @@ def _solved(
             continue
         if solved.rows is not None:
             how = f"{solver.method} at {solver.setting} {value:.3g}"
-            yield Solution(how, solver.method, solver.names, solved.rows)
+            rows, events = solved.rows, solved.events
+            yield Solution(how, solver.method, solver.names, rows, events)
             if solver.setting == "rtol":
                 return
 

@@ -37,6 +37,8 @@ def refusal(own: Own) -> str:
     switches = own.system.switches
     if switches.modes or switches.state:
         return "they would step over the scene's switches"
+    if own.case.equations.laws:
+        return "they know nothing of constraints that hold at times"
     if own.case.equations.model.until:
         return "the end of the run is an event"
     return ""

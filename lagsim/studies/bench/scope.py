@@ -13,6 +13,7 @@ from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method as method_named
 from lagsim.methods import names
+from lagsim.plan.integration import refusal
 from lagsim.studies.bench.borders import predicted
 from lagsim.studies.bench.trial import Subject
 
@@ -47,6 +48,13 @@ PILOT = 20
 SWITCHING = 100_000
 # The same of one in time, and those are counted: a long step takes in many of them.
 ARC = 1_000_000
+
+# Why there is no map of a scene with laws.
+UNSTEADY = (
+    "the scene has constraints that hold at times: borders of the step are those of "
+    "one set of equations, and a small change of an impact's time is no small change"
+)
+INSTEAD = "`lagsim bench` shows what each method makes of it, step by step"
 
 
 @dataclass(frozen=True)
@@ -88,15 +96,17 @@ def methods_for(
     Raises
     ------
     InputError
-        Where one that was asked for cannot be looked at.
+        Where one that was asked for cannot be looked at, or the scene has laws.
     """
+    if case.equations.laws:
+        raise InputError([Problem("no-stability", UNSTEADY, hint=INSTEAD)])
     found: dict[bool, list[str]] = {False: [], True: []}
     refused = []
     problems = []
     kind = structure(case.equations)
     for name in wish.methods or names():
         module = method_named(name)
-        reason = module.refusal(kind)
+        reason = refusal(name, case.equations, kind)
         if reason:
             text = f"`{name}` cannot handle this model: {reason}"
             problems.append(Problem("method-refused", text))

@@ -11,11 +11,13 @@ import numpy as np
 from lagsim.errors import InputError
 from lagsim.methods import method as method_named
 from lagsim.run.observers import Keep
+from lagsim.studies.moved import on_grid
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.notes import Event
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
 
@@ -67,7 +69,8 @@ class Patience:
 class Solved:
     """What one solve gave; `rows` (k, columns) is None where there is no answer.
 
-    `outcome` is that of a run, or `too slow`; `reason` says more.
+    The rows are those of the output times, and the last; `outcome` is that of a run, or
+    `too slow`; `reason` says more.
     """
 
     rows: Floats | None
@@ -75,6 +78,7 @@ class Solved:
     evaluations: int
     outcome: str
     reason: str = ""
+    events: Sequence[Event] = ()
 
 
 class Solver(Protocol):
@@ -162,7 +166,9 @@ class Own:
         began = time.perf_counter()
         trajectory = self.session.by(plan).run([kept], progress=patience.check)
         seconds = time.perf_counter() - began
-        rows = kept.table if trajectory.outcome.complete else None
+        rows = None
+        if trajectory.outcome.complete:
+            rows = on_grid(kept.table, self.case.settings)
         if rows is not None and not np.all(np.isfinite(rows)):
             rows = None
         return Solved(
@@ -171,6 +177,7 @@ class Own:
             trajectory.statistics.evaluations,
             trajectory.outcome.word,
             "" if rows is not None else trajectory.reason,
+            trajectory.events,
         )
 
 

@@ -28,11 +28,10 @@ from lagsim.studies.bench.solving import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from lagsim.language.arrays import Floats
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
     from lagsim.studies.bench.reference import Reference
-    from lagsim.studies.bench.solving import Solver
+    from lagsim.studies.bench.solving import Solved, Solver
 
 # A solve may last this long, and what `auto` takes for the tightest may take this many
 # times: past it, a curve has left the picture.
@@ -45,6 +44,10 @@ LARGEST_STEP = 16
 MOST_HALVINGS = 20
 # ... or until two halvings do not halve an error that is this small: it is rounding.
 STALLED = 1e-6
+
+# Steps too long for a scene may take longest: so many that are too slow end a curve
+# that has not begun.
+GIVE_UPS = 4
 
 TOO_SLOW = "too slow"
 DRIFT = "drift"
@@ -261,12 +264,12 @@ class _Sweep:
         self.solver, self.auto = solver, auto
         self.reference, self.patience = reference, patience
         self.errors: list[float] = []
-        self._given_up = False
+        self._given_up = 0
 
     @property
     def over(self) -> bool:
         """Whether tighter settings would show nothing new."""
-        if self._given_up:
+        if self._given_up >= (1 if self.errors else GIVE_UPS):
             return True
         if self.solver.setting != "step" or len(self.errors) < 3:
             return False
@@ -280,9 +283,9 @@ class _Sweep:
         try:
             solved = least(lambda: solver.solve(value, self.patience))
         except GivenUpError:
-            self._given_up = True
+            self._given_up += 1
             return self._gap(value, chosen=own is not None)
-        measured = self._measured(solved.rows)
+        measured = self._measured(solved)
         if measured[0] is not None:
             self.errors.append(measured[0])
         return Entry(
@@ -313,10 +316,11 @@ class _Sweep:
             reason,
         )
 
-    def _measured(self, rows: Floats | None) -> Measured:
+    def _measured(self, solved: Solved) -> Measured:
+        rows = solved.rows
         if rows is None:
             return NOTHING
-        error, of_lambda = self.reference.errors(rows)
+        error, of_lambda = self.reference.errors(rows, solved.events)
         if not math.isfinite(error):
             return NOTHING
         ledger = Ledger(self.reference.columns)

@@ -28,7 +28,15 @@ from lagsim.run.states import MOST_STEPS, SERIES
 from lagsim.run.system.sleepers import timed
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.error_bar.allowance import BUDGET, Allowance, Price, cost, own_cost
-from lagsim.studies.error_bar.scales import STILL, beside, linked, ranges, scales_of
+from lagsim.studies.error_bar.scales import (
+    STILL,
+    beside,
+    falls,
+    is_at_rest,
+    linked,
+    ranges,
+    scales_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -342,7 +350,8 @@ def _compared(
     moving = beside(equations, start, sizes)
     mechanism = linked(equations, start, sizes)
     largest = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0)
-    scales, still = scales_of(sizes, moving, mechanism, largest)
+    held = falls(equations, start, run.end - run.start)
+    scales, still = scales_of(sizes, moving, mechanism, largest, held)
     return ErrorBar(
         method=plan.method,
         rtol=plan.rtol,
@@ -354,6 +363,7 @@ def _compared(
         rates=errors[:, n:],
         repeated=repeats,
         parted="" if alike else _parted(run, repeated, plan),
+        rests=is_at_rest(sizes, largest, held),
     )
 
 

@@ -27,6 +27,8 @@ SEED = 1e-9
 RESOLVED = 64.0 * 2.0**-52
 # For a horizon, what moves less than this part of the others has no motion to lose.
 STILL = 1e-6
+# Forces balance to this part: what constraints hold moves no less than by the rest.
+BALANCED = 2.0**-46
 
 
 def ranges(
@@ -91,18 +93,45 @@ def _largest(roots: Floats, found: Floats) -> Floats:
     return whole
 
 
+def falls(equations: Equations, start: Instant, span: float) -> Floats:
+    """Give how far forces would carry each coordinate without constraints (n,).
+
+    What constraints hold against them rests, as far as these balance, and has no range
+    of its own. Zero without constraints.
+    """
+    e = equations
+    if not (e.rows or e.laws):
+        return np.zeros(len(e.q))
+    values = {p.name: p.value for p in e.model.parameters} | {"t": start.t}
+    values |= dict(zip(e.q, start.q, strict=True))
+    values |= dict(zip(e.velocities, start.v, strict=True))
+    diagonal = [e.M[i][i] for i in range(len(e.q))]
+    masses = np.array(evaluate(e.graph, diagonal, values))
+    forces = np.abs(evaluate(e.graph, list(e.f), values))
+    pulled = np.divide(forces, masses, out=np.zeros(len(e.q)), where=masses > 0.0)
+    return np.where(np.isfinite(pulled), pulled, 0.0) * span * span
+
+
+def is_at_rest(found: Floats, largest: Floats, falls: Floats) -> bool:
+    """Tell whether nothing moves but by rounding, of values or of forces."""
+    return bool(np.all(found <= np.fmax(RESOLVED * largest, BALANCED * falls)))
+
+
 def scales_of(
-    found: Floats, moving: Floats, linked: Floats, largest: Floats
+    found: Floats, moving: Floats, linked: Floats, largest: Floats, falls: Floats
 ) -> tuple[Floats, Floats]:
     """Give what errors are told as parts of, and below which there is no horizon (n,).
 
     Parameters
     ----------
-    found, moving, linked, largest
+    found, moving, linked, largest, falls
         Of each coordinate the range, the motion beside it, that of what it is linked
-        with, and the largest value.
+        with, the largest value, and how far it would move if nothing held it.
     """
     scales = np.fmax(found, SEED * moving)
+    at_rest = scales <= BALANCED * falls
     for size in (largest, linked):
         scales = np.where(found > RESOLVED * size, scales, np.fmax(scales, size))
-    return scales, np.fmax(STILL * moving, RESOLVED * largest / LOST)
+    scales = np.where(at_rest, np.fmax(scales, falls), scales)
+    still = np.fmax(STILL * moving, BALANCED * falls / LOST)
+    return scales, np.fmax(still, RESOLVED * largest / LOST)

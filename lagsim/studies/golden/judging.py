@@ -12,7 +12,7 @@ from lagsim.outputs.manifest import versions
 from lagsim.studies.comparison.judging import Deviation, deviations, ordered
 from lagsim.studies.golden.invariants import invariants
 from lagsim.studies.golden.measuring import SAME_TIME
-from lagsim.studies.golden.motion import Motion, motion_of
+from lagsim.studies.golden.motion import Motion, motion_of, paired
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def _columns(motion: Motion, golden: Golden, spacing: float) -> list[Deviation]:
             new = rows[:, motion.columns.index(name)]
             bounds = golden.bounds(name)
             if name == "t":  # the same times as far as they were looked for
-                bounds = bounds + near
+                bounds = bounds + np.where(paired(t), 0.0, near)
             found.append(deviations(name, t, golden.rows[:, k], new, bounds))
     return found
 

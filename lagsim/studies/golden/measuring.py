@@ -17,13 +17,16 @@ from lagsim.language.evaluate import evaluate_with_error
 from lagsim.mechanics.reduction.ignorable import MOMENTUM
 from lagsim.model.settings import DEFAULT_RTOL
 from lagsim.studies.comparison.scales import kind, scales
+from lagsim.studies.golden.clear import clear
 from lagsim.studies.golden.invariants import invariants
 from lagsim.studies.golden.motion import (
     LEAST_ROWS,
     MOST_CELLS,
     MOST_ROWS,
     Motion,
+    befores,
     motion_of,
+    paired,
     variants,
 )
 
@@ -32,7 +35,6 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.run.session import Case
-    from lagsim.run.trajectory import Trajectory
 
 # The looser run is farther away than any that should pass, and counts once: at ten
 # times the tolerance errors are about a tenth of its own (a quarter at worst, where
@@ -50,8 +52,6 @@ LOST = 1 / 3
 ULPS = 16 * np.finfo(float).eps
 # Bounds only rise. Each rise makes room for so much more, so that there are few.
 ROOM = 1.5
-# Rows this close to an event, as a part of the spacing, may lie on either side of it.
-NEAR_EVENT = 1e-3
 # Times are the same within this part of the spacing.
 SAME_TIME = 1e-6
 # Columns that are kept of long tables.
@@ -112,15 +112,22 @@ def measure(case: Case) -> tuple[Golden, Motion]:
         stride = _stride(base.trajectory.rows, len(base.columns))
         base = motion_of(case, stride)
     others = list(variants(case, base, stride))
-    rows = base.rows[_clear(base.rows[:, 0], base.trajectory, spacing)]
+    rows = base.rows[clear(base, [other for _, other in others], spacing)]
     near = SAME_TIME * spacing
     with np.errstate(invalid="ignore"):
-        envelope = _envelope(rows, base, others, near, _floors(case, base, rows))
+        apart = _apart(rows, base, others, near) + _floors(case, base, rows)
     sizes = scales(base.columns, rows.T, units(case))
     moving = [
         base.columns.index(name)
         for name in (*case.equations.q, *case.equations.velocities)
     ]
+    # An impact that a variant has in another way is none to compare with.
+    other = (apart > LOST * sizes)[:, moving].any(axis=1) & paired(rows[:, 0])
+    first = befores(rows[:, 0])
+    other[1:] |= other[:-1] & first[:-1]
+    other[:-1] |= other[1:] & first[:-1]
+    rows, apart = rows[~other], apart[~other]
+    envelope = np.maximum.accumulate(apart, axis=0) * (1.0 + DIGITS / 2)
     lost = np.flatnonzero((envelope > LOST * sizes)[:, moving].any(axis=1))
     horizon = float(rows[lost[0], 0]) if len(lost) else None
     if horizon is not None:
@@ -178,17 +185,6 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
     return tuple(name for name in columns if name in wanted)
 
 
-def _clear(t: Floats, trajectory: Trajectory, spacing: float) -> list[int]:
-    """Give the rows that are clear of events, with the first and the last."""
-    events = np.array([e.time for e in trajectory.events if e.kind != "until"])
-    near = NEAR_EVENT * spacing
-    return [
-        k
-        for k, time in enumerate(t)
-        if k in (0, len(t) - 1) or not np.any(np.abs(events - time) <= near)
-    ]
-
-
 def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
     """Give what no bound is below, (k, columns): the tolerance, and rounding errors."""
     rtol = base.plan.rtol or DEFAULT_RTOL
@@ -202,8 +198,11 @@ def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
         if of.get(name) and kind(name, base.columns) == "definition":
             sizes[k] = np.max(alone[alike])
     floors = rtol * sizes + ULPS * np.max(np.abs(rows), axis=0)
-    floors[base.columns.index("t")] = 0.0
-    return np.asarray(floors + _roundings(case, base, rows))
+    t = base.columns.index("t")
+    when, floors[t] = floors[t], 0.0
+    floors = floors + _roundings(case, base, rows)
+    floors[paired(rows[:, 0]), t] = when  # of an impact that is a result
+    return np.asarray(floors)
 
 
 def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
@@ -239,14 +238,10 @@ def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
     return np.nan_to_num(found, nan=0.0, posinf=0.0)
 
 
-def _envelope(
-    rows: Floats,
-    base: Motion,
-    others: Sequence[tuple[str, Motion]],
-    near: float,
-    floors: Floats,
+def _apart(
+    rows: Floats, base: Motion, others: Sequence[tuple[str, Motion]], near: float
 ) -> Floats:
-    """Give the bounds (k, columns); they never fall."""
+    """Give how far each value may be from what it is (k, columns)."""
     spread = {"looser": np.zeros_like(rows)}
     largest = np.zeros_like(rows)
     for sort, other in others:
@@ -255,9 +250,7 @@ def _envelope(
         apart = np.abs(other.at(rows[:, 0], near, ends=True) - rows)
         target = spread.get(sort, largest)
         np.fmax(target, apart, out=target)
-    found = spread["looser"] + SAFETY * largest
-    found = np.maximum.accumulate(found + floors, axis=0)
-    return np.asarray(found * (1.0 + DIGITS / 2))
+    return np.asarray(spread["looser"] + SAFETY * largest)
 
 
 def _steps(t: Floats, bounds: Floats) -> list[tuple[float, float]]:

@@ -11,13 +11,15 @@ from lagsim.errors import InputError
 from lagsim.mechanics.instant import Instant
 from lagsim.methods import method as method_named
 from lagsim.model.settings import DEFAULT_RTOL
-from lagsim.run.observers import Keep
+from lagsim.run.observers.checkpoints import numbers
 from lagsim.run.observers.ledger import Ledger
+from lagsim.studies.moved import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.model.settings import Settings
     from lagsim.plan import Plan
     from lagsim.run.session import Case
     from lagsim.run.trajectory import Trajectory
@@ -40,6 +42,8 @@ METHODS = ("dop853", "taylor", "radau")
 class Motion:
     """Rows of a run, one of each `stride`, with the first and the last.
 
+    And both rows of each impact, which share their time.
+
     Attributes
     ----------
     columns : tuple of str
@@ -60,7 +64,8 @@ class Motion:
         Parameters
         ----------
         near
-            Between times that are the same.
+            Between times that are the same; two that an impact has go with the nearest
+            impact's, whose time is a result.
         ends
             The last of the times is an end, and goes with the end of this motion: where
             an event ends a run, its time is a result.
@@ -70,9 +75,49 @@ class Motion:
         place = np.minimum(np.searchsorted(t, times - near), len(t) - 1)
         same = np.abs(t[place] - times) <= near
         found[same] = self.rows[place[same]]
+        asked, first = np.flatnonzero(befores(times)), np.flatnonzero(befores(t))
+        if len(asked) and len(first):
+            place = first[nearest(times[asked], t[first])]
+            found[asked], found[asked + 1] = self.rows[place], self.rows[place + 1]
+            same[asked] = same[asked + 1] = True
         if ends and len(times) and not same[-1]:
             found[-1] = self.rows[-1]
         return found
+
+
+class Sparse:
+    """Keeps one row of each `stride` output times, impacts, and the last row."""
+
+    def __init__(self, settings: Settings, stride: int) -> None:
+        self._start, self._step = settings.start, settings.output_step
+        self._stride = stride
+        self._kept: list[Floats] = []
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns); those of the last time wait for its others."""
+        rows = np.concatenate([*self._kept[-1:], rows])
+        t = rows[:, 0]
+        places = numbers(t, self._start, self._step)
+        wanted = (places >= 0) & (places % self._stride == 0) | paired(t)
+        late = t == t[-1]
+        self._kept[-1:] = [rows[wanted & ~late], rows[late]]
+
+    @property
+    def table(self) -> Floats:
+        """What is kept (k, columns)."""
+        return np.concatenate(self._kept)
+
+
+def befores(t: Floats) -> Flags:
+    """Tell which of some times have the next, and no other, as their twin (k,)."""
+    same = np.concatenate(([False], t[1:] == t[:-1], [False]))[: len(t) + 1]
+    return np.asarray(same[1:] & ~same[:-1] & ~np.append(same[2:], [False]))
+
+
+def paired(t: Floats) -> Flags:
+    """Tell which of some times have a twin (k,)."""
+    first = befores(t)
+    return np.asarray(first | np.append([False], first)[: len(t)])
 
 
 def perturbed(case: Case, seed: int) -> Case:
@@ -108,7 +153,7 @@ def motion_of(case: Case, stride: int) -> Motion:
     """
     session = case.ready()
     names = session.system.columns.names
-    kept, ledger = Keep(stride), Ledger(names)
+    kept, ledger = Sparse(session.case.settings, stride), Ledger(names)
     trajectory = session.run([kept, ledger])
     scales = {f"residual_{name}": scale for name, scale in ledger.scales.items()}
     table = session.system.columns.table

@@ -161,7 +161,7 @@ def test_what_counts_as_gained(balance, gained):
 
 def test_of_every_code_the_documents_say_what_it_means():
     source = Path(lagsim.__file__).parent
-    pattern = re.compile(r'(?:Caution\(|_warn\(|code =)\s*"([a-z-]+)"')
+    pattern = re.compile(r'(?:Caution\(|_warn\(|_once\(|code =)\s*"([a-z-]+)"')
     texts = [path.read_text(encoding="utf-8") for path in source.rglob("*.py")]
     raised = {code for text in texts for code in pattern.findall(text)}
     raised |= {"energy-gained", "energy-lost"}

@@ -1,0 +1,142 @@
+"""What a run with impacts tells of its error, against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import lagsim
+from lagsim.cli._closing import _error
+from lagsim.model.reader import read
+from lagsim.run.observers.checkpoints import numbers
+from tests.scenes.contact import scenes
+from tests.scenes.contact.motions import G, contact, scene
+from tests.studies.error_bar.test_error_bar import barred
+from tests.studies.error_bar.test_known import within
+
+
+def bounces(e, t):
+    """Give the height of a ball dropped from 1 at times (k,)."""
+    fallen = math.sqrt(2 / G)
+    found = np.where(t <= fallen, 1 - G * t * t / 2, 0.0)
+    begun, speed = fallen, e * G * fallen
+    while speed > 1e-9 and begun < t[-1]:
+        s = t - begun
+        flies = (s > 0) & (s <= 2 * speed / G)
+        found[flies] = (speed * s - G * s * s / 2)[flies]
+        begun, speed = begun + 2 * speed / G, e * speed
+    return found
+
+
+def strikes(e, t):
+    """Give x of x'' = -x from x = 1, with a stop at x = -1/2, at times (k,)."""
+    found, begun, speed = np.cos(t), math.acos(-0.5), e * math.sin(math.acos(-0.5))
+    while begun < t[-1]:
+        s = t - begun
+        found[s > 0] = (-0.5 * np.cos(s) + speed * np.sin(s))[s > 0]
+        begun += 2 * (math.pi - math.atan2(speed, 0.5))
+        speed *= e
+    return found
+
+
+FEW = [{}, {"rtol": "1e-5"}, {"method": "rk4", "step": "0.05"}]
+MORE = [
+    *({"rtol": rtol} for rtol in ("1e-3", "1e-8", "1e-13")),
+    {"method": "euler", "step": "0.001"},
+    {"method": "rattle", "step": "0.01"},
+]
+
+
+def told_and_true(text, truth, options):
+    kept, bar = barred(read(text, "m.yaml", options=options))
+    assert not isinstance(bar, str), bar
+    true = np.abs(kept.rows[:, 1] - truth(kept.rows[:, 0])) / bar.scales[0]
+    return bar, float(np.max(bar.parts)), float(np.max(true))
+
+
+@pytest.mark.parametrize(
+    "options", [*FEW, *(pytest.param(o, marks=pytest.mark.slow) for o in MORE)]
+)
+@pytest.mark.parametrize("e", [0.5, 0.8, 1.0])
+def test_told_within_a_factor_30(e, options):
+    ball = scenes.ball(e, duration=5, output_step=0.02)
+    bar, told, true = told_and_true(ball, lambda t: bounces(e, t), options)
+    # Parabolas have no error but of rounding, where any of two roundings may be worse.
+    assert within(told, true) or max(told, true) < 1e-13
+    stop = scenes.oscillator("x >= -0.5", e, duration=20, output_step=0.02)
+    bar, told, true = told_and_true(stop, lambda t: strikes(e, t), options)
+    assert within(told, true)
+    assert bar.horizon is None
+
+
+BILLIARD = scene(
+    "x y", "(x_dot^2 + y_dot^2)/2", "0",
+    {
+        "disc": contact("x^2 + y^2 >= 0.49", 1),
+        **{f"w{k}": contact(wall, 1) for k, wall in
+           enumerate(("x >= -1", "x <= 1", "y >= -1", "y <= 1"))},
+    },
+    {"x": 0.8, "y": 0.1, "x_dot": "cos(0.6)", "y_dot": "sin(0.6)"},
+    duration=45, output_step=0.05,
+)  # fmt: skip
+
+
+def test_impacts_that_part_exponentially_have_a_horizon():
+    """A point between walls and a disc: Sinai's billiard; each flight is a line."""
+    model = lagsim.load(BILLIARD)
+    told = lagsim.simulate(model).record["error"]["horizon"]
+    # The same from a start that is a thousand roundings away.
+    runs = [
+        lagsim.simulate(model.bind(x=x), error_bar="never") for x in (0.8, 0.8 + 1e-13)
+    ]
+    rows = []
+    for run in runs:
+        places = numbers(run.t, 0.0, 0.05)
+        rows.append(dict(zip(places.tolist(), run["x"].tolist(), strict=True)))
+    apart = [k for k in rows[0] if k >= 0 and abs(rows[0][k] - rows[1][k]) > 0.2]
+    parted = 0.05 * min(apart)
+    # Both grow by the same rate, from 1e-13 and from the roundings of some impacts.
+    assert parted / 2 < told < 2 * parted
+
+
+@pytest.mark.parametrize("name", ["dome", "string", "freewheel", "belt", "oscillator"])
+def test_a_moved_event_is_no_horizon(name):
+    bar = barred(read(scenes.EVERY[name], "m.yaml"))[1]
+    assert bar.horizon is None
+    assert 0 < bar.relative < 1e-9  # GLOBAL of the scenes: what their tests demand
+    assert not bar.rests
+
+
+def test_an_impact_at_an_output_time_is_compared_after_it():
+    # It falls for 0.5 s, and each flight takes 0.8 of the one before: 0.8, 0.64 ...
+    text = scenes.ball(0.8, g=8, duration=1.3, output_step=0.05)
+    kept, bar = barred(read(text, "m.yaml"))
+    assert kept.states[10][2] == pytest.approx(0.8 * 4, rel=1e-12)
+    assert kept.states[26][2] == pytest.approx(0.8**2 * 4, rel=1e-12)
+    # Not 4 + 3.2, by a repeat that strikes a rounding later.
+    assert np.max(bar.rates) < 1e-11
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        scenes.ball(0.5, y=0, duration=1, output_step=0.1),
+        scenes.legs(0.1, -0.2),
+        scenes.incline(0.2, 0.5),
+    ],
+)
+def test_what_constraints_hold_rests_and_says_so(text):
+    bar = barred(read(text, "m.yaml"))[1]
+    assert bar.rests
+    assert bar.horizon is None
+    assert bar.relative < 1e-13
+    assert _error(bar).startswith("everything stays where it is")
+
+
+def test_a_motion_that_is_small_beside_its_forces_is_none_at_rest():
+    # A bob that a string holds, drawn aside by 1e-9: gravity would take it 500 m.
+    text = scenes.string(0).replace("x: 0", "x: 1e-9").replace("1.5", "10")
+    assert "duration: 10" in text
+    assert not barred(read(text, "m.yaml"))[1].rests
