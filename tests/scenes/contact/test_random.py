@@ -9,7 +9,7 @@ from tests.scenes.contact import referee
 from tests.scenes.contact.motions import play
 from tests.support import at_outputs
 
-QUICK, MANY = 3, 40
+QUICK, MANY = 3, 24
 
 
 def agree(seed):
