@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     import typer
 
 COMMANDS = (
-    "run", "check", "derive", "compare", "golden", "bench", "stability", "methods",
+    "new", "run", "check", "derive", "compare", "golden", "bench", "stability",
+    "methods",
 )  # fmt: skip
 
 _INTERRUPTED = 128 + signal.SIGINT
