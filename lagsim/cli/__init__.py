@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 COMMANDS = (
     "new", "run", "check", "derive", "compare", "golden", "bench", "stability",
-    "methods",
+    "methods", "schema",
 )  # fmt: skip
 
 _INTERRUPTED = 128 + signal.SIGINT

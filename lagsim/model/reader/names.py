@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import FUNCTIONS, JOINING
 from lagsim.model.nodes import Mapping, Scalar
-from lagsim.model.reader.fields import entries, shortened
+from lagsim.model.reader.fields import IGNORED, Form, entries, shortened
 
 if TYPE_CHECKING:
     from lagsim.errors import Place
@@ -21,6 +21,23 @@ if TYPE_CHECKING:
 RESERVED = (
     "t", "pi", "kinetic", "potential", "lagrangian", "energy", "work",
 )  # fmt: skip
+
+# A letter, then letters, digits and `_`. Patterns know no letters but those of ASCII,
+# so that anything beyond ASCII passes.
+_NAME = r"^(x-.*|[^\x00-@\[-`{-\x7f][^\x00-/:-@\[-^`{-\x7f]*)$"
+
+
+def naming(form: Form, *, rates: bool = False) -> Form:
+    """Give the form of a mapping whose keys are names, or `rates` of what has one."""
+    forbidden: list[Form] = [{"enum": [*RESERVED, *JOINING]}]
+    if not rates:
+        forbidden.append({"pattern": "_d?dot$"})
+    return {
+        "type": ["object", "null"],
+        "propertyNames": {"pattern": _NAME, "not": {"anyOf": forbidden}},
+        **IGNORED,
+        "additionalProperties": form,
+    }
 
 
 class Kind(Enum):

@@ -10,8 +10,15 @@ from lagsim.language.graph import Graph
 from lagsim.model.model import Coordinate, Parameter
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar, argument
 from lagsim.model.reader.expressions import NUMBERS
-from lagsim.model.reader.fields import fields
-from lagsim.model.reader.names import Kind
+from lagsim.model.reader.fields import (
+    EXPRESSION,
+    PLAIN,
+    described,
+    either,
+    fields,
+    keyed,
+)
+from lagsim.model.reader.names import Kind, naming
 
 if TYPE_CHECKING:
     from collections.abc import Mapping as MappingType
@@ -21,6 +28,13 @@ if TYPE_CHECKING:
     from lagsim.model.reader.fields import Entry
 
 Value = tuple[float, float]
+
+UNIT = described("Plain text; numbers are not scaled by it.", PLAIN)
+DESCRIPTION = described("Plain text.", PLAIN)
+COORDINATE_KEYS = {"unit": UNIT, "description": DESCRIPTION}
+COORDINATES = {**naming(keyed(COORDINATE_KEYS)), "minProperties": 1}
+VALUE_KEYS = {"value": described("An expression.", EXPRESSION), **COORDINATE_KEYS}
+VALUE = either(EXPRESSION, keyed(VALUE_KEYS, ["value"]))
 
 
 class Unfolded(Graph):
@@ -68,8 +82,7 @@ def value_entry(
     """Give expression, unit and description of `name: expression` or a mapping."""
     if not isinstance(node, Mapping):
         return node, "", ""
-    known = ("value", "unit", "description")
-    found = fields(node, what, known, x.faults, key.place)
+    found = fields(node, what, VALUE_KEYS, x.faults, key.place)
     value = found.value("value")
     if value is None:
         text = f"{what} has no `value`"
@@ -173,7 +186,7 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
             )
             found.append(Coordinate(key.text))
             continue
-        below = fields(node, what, ("unit", "description"), x.faults, key.place)
+        below = fields(node, what, COORDINATE_KEYS, x.faults, key.place)
         unit, about = (below.text(k, x.faults) for k in ("unit", "description"))
         found.append(Coordinate(key.text, unit, about))
     return tuple(found)
