@@ -8,7 +8,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import click
 import typer
 
 from lagsim.cli._faults import faults_shown
@@ -27,14 +26,18 @@ def command(
     template: Annotated[
         str,
         typer.Option(
-            "--template",
-            help="What to begin with.",
-            click_type=click.Choice(sorted(TEMPLATES)),
+            metavar="T",
+            help=f"What to begin with: {', '.join(sorted(TEMPLATES))}.",
+            autocompletion=lambda: sorted(TEMPLATES),
         ),
     ] = "pendulum",
 ) -> int:
     """Write a commented model file to begin from."""
     with faults_shown() as code:
+        if template not in TEMPLATES:
+            text = f"there is no template `{template}`"
+            hint = f"one of {', '.join(sorted(TEMPLATES))}"
+            raise InputError([Problem("unknown-template", text, hint=hint)])
         path = _written(name, TEMPLATES[template].read_bytes())
         say(f"{path}: a start from the template {template}; next: lagsim run {path}")
         code.append(0)
