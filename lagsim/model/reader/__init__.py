@@ -184,7 +184,7 @@ def _read(
     data: bytes,
 ) -> Model:
     document = load(text, file)
-    faults = Faults(file, document.problems)
+    faults = Faults(file, document.problems, SECTIONS)
     if document.root is None:
         if not document.problems:
             raise _unusable("empty-file", "the file is empty", file)

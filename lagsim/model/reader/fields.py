@@ -193,6 +193,7 @@ def fields(
             continue
         near = faults.guess(key.text, known)
         hint = f"did you mean `{near}`?" if near else f"known are {listed(known)}"
+        hint = faults.belongs(key.text) or hint
         text = f"unknown key `{shortened(key.text)}` in {what}"
         faults.add("unknown-key", text, key.place, hint)
         if near:

@@ -174,15 +174,21 @@ class Initial:
         return None
 
     def _report_unknown(self, key: Scalar) -> None:
+        from lagsim.model.reader import intent
+
         names, faults = self.x.names, self.x.faults
-        moving = names.of(Kind.COORDINATE) + names.of(Kind.DEFINITION)
-        moving += [f"{name}_dot" for name in moving]
-        near = faults.guess(key.text, moving)
+        moving = names.moving()
+        near = intent.rate_of(key.text, moving)
+        if not near:
+            near = faults.guess(
+                key.text, [*moving, *(f"{name}_dot" for name in moving)]
+            )
         hint = "start values are those of coordinates, definitions and their rates"
         if near:  # read as that, or it would be reported as missing too
             hint = f"did you mean `{near}`?"
             self._all.add(near)
             self._given.add(near)
+        hint = faults.belongs(key.text) or hint
         text = f"`{key.text}` is no coordinate, velocity or definition"
         faults.add("unknown-name", text, key.place, hint)
 

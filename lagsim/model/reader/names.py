@@ -141,6 +141,10 @@ class Names:
         """Give the names of one kind, in the order of the file."""
         return [name for name, k in self.variables.items() if k is kind]
 
+    def moving(self) -> list[str]:
+        """Give the names that have rates: coordinates and definitions."""
+        return self.of(Kind.COORDINATE) + self.of(Kind.DEFINITION)
+
     def meaning(self, name: str) -> Meaning | None:
         """Give what `name` means in an expression, or None."""
         if name in self.variables:
@@ -196,7 +200,10 @@ class Names:
             near = faults.guess(base, self.constraints)
             hint = f"did you mean `lambda_{near}`?" if near else ""
             return f"there is no constraint `{base}`", hint
-        hint = faults.did_you_mean(name, self.variables)
+        from lagsim.model.reader import intent
+
+        hint = intent.of_name(name, self.moving())
+        hint = hint or faults.did_you_mean(name, self.variables)
         if not hint and name in FUNCTIONS:
             hint = f"a function is followed by its arguments: {name}(...)"
         return f"unknown name `{shortened(name)}`", hint
@@ -213,8 +220,7 @@ class Names:
             return f"{text} and has no rate here", (
                 "rates are those of coordinates and of definitions of positions"
             )
-        moving = [n for n, k in self.variables.items() if k is not Kind.PARAMETER]
-        near = faults.guess(base, moving)
+        near = faults.guess(base, self.moving())
         hint = f"did you mean `{near}{ending}`?" if near else ""
         return f"`{name}`: there is no coordinate or definition `{base}`", hint
 

@@ -86,7 +86,8 @@ def value_entry(
     value = found.value("value")
     if value is None:
         text = f"{what} has no `value`"
-        x.faults.add("missing-key", text, key.place, "write {value: ..., unit: ...}")
+        hint = x.faults.belongs(key.text) or "write {value: ..., unit: ...}"
+        x.faults.add("missing-key", text, key.place, hint)
         value = Broken(key.place)
     return value, found.text("unit", x.faults), found.text("description", x.faults)
 
