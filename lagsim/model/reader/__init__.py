@@ -199,7 +199,7 @@ class _File:
     def __init__(self, root: Node, file: str, faults: Faults) -> None:
         self.file = file
         self.faults = faults
-        self.root = root.place
+        self.root, self.node = root.place, root
         self.top = fields(root, "the file", SECTIONS, faults, self.root)
         if not self.top.sound:
             faults.raise_if_any()
@@ -258,6 +258,7 @@ class _File:
             sha256=hashlib.sha256(data).hexdigest(),
             graph=x.graph,
             parameters=values,
+            unused=parameters.unused(self.node, known),
             coordinates=coordinates,
             definitions=definitions.read(),
             lagrangian=energies.lagrangian,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.model.model import Coordinate, Parameter
-from lagsim.model.nodes import Broken, Mapping, Node, Scalar, argument
+from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence, argument
 from lagsim.model.reader.expressions import NUMBERS
 from lagsim.model.reader.fields import (
     EXPRESSION,
@@ -21,6 +22,7 @@ from lagsim.model.reader.fields import (
 from lagsim.model.reader.names import Kind, naming
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from collections.abc import Mapping as MappingType
 
     from lagsim.language.parser import Parsed
@@ -28,6 +30,10 @@ if TYPE_CHECKING:
     from lagsim.model.reader.fields import Entry
 
 Value = tuple[float, float]
+
+_WORD = re.compile(r"\w+")
+# What stands at these is no expression.
+_TEXTS = ("name", "description", "source", "title", "unit")
 
 UNIT = described("Plain text; numbers are not scaled by it.", PLAIN)
 DESCRIPTION = described("Plain text.", PLAIN)
@@ -171,6 +177,21 @@ class Parameters:
             x.faults.add("not-finite", text, scalar.place)
             return None
         return value
+
+
+def unused(root: Node, names: Iterable[str]) -> tuple[str, ...]:
+    """Give the parameters that no expression of the file names, used or replaced."""
+    said: set[str] = set()
+    below = [root]
+    while below:
+        node = below.pop()
+        if isinstance(node, Mapping):
+            below += [v for k, v in node.entries if k.text not in _TEXTS]
+        elif isinstance(node, Sequence):
+            below += node.items
+        elif isinstance(node, Scalar):
+            said.update(_WORD.findall(node.text))
+    return tuple(name for name in names if name not in said)
 
 
 def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
