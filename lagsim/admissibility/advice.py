@@ -14,12 +14,15 @@ if TYPE_CHECKING:
     from lagsim.admissibility.dependence import Dependence
     from lagsim.admissibility.rank import RankReport
     from lagsim.admissibility.verdict import Residual, Verdict
+    from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
 
 # As many names are told of which one could be a guess.
 MOST_NAMES = 4
+DEGREES = ("deg", "degree", "degrees", "°")
+_OF_ANGLES = ("sin", "cos", "tan")
 
 
 def rough_starts(
@@ -89,6 +92,40 @@ def suggestion(model: Model, relation: str) -> str:
         if used <= usable | earlier:
             return f"write {name}: {other}"
     return ""
+
+
+def about_names(model: Model) -> Iterator[Caution]:
+    """Say which parameters nothing names, and which angles are not in radians."""
+    for name in model.unused:
+        text = f"the parameter `{name}` is given and used nowhere"
+        yield Caution("unused-parameter", text)
+    g = model.graph
+    units = [(p.name, p.unit) for p in model.parameters]
+    units += [(q.name, q.unit) for q in model.coordinates]
+    named = {g.variable(name): name for name, unit in units if unit in DEGREES}
+    named |= {x.node: x.name for x in model.definitions if x.unit in DEGREES}
+    for node in range(len(g)) if named else ():
+        for term in _terms(g, node) if g.ops[node] in _OF_ANGLES else ():
+            if name := named.pop(term, ""):
+                yield Caution(
+                    "degrees",
+                    f"`{name}` has the unit deg and enters {g.ops[node]}, which takes "
+                    f"radians: units never scale numbers; write {name}*pi/180 there, "
+                    "or give it in rad",
+                )
+                break
+
+
+def _terms(g: Graph, function: int) -> Iterator[int]:
+    """Give the terms of the argument of a function, without whole factors."""
+    below = list(g.args[function])
+    while below:
+        node = below.pop()
+        yield node
+        factors = [g.value(n) for n in g.args[node]]
+        whole = any(f is not None and f.is_integer() for f in factors)
+        if g.ops[node] in ("add", "sub", "neg") or (g.ops[node] == "mul" and whole):
+            below += g.args[node]
 
 
 def multiple_roots(equations: Equations) -> Iterator[Caution]:

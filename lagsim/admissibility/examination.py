@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.advice import about_ranks, multiple_roots, rough_starts
+from lagsim.admissibility.advice import (
+    about_names,
+    about_ranks,
+    multiple_roots,
+    rough_starts,
+)
 from lagsim.admissibility.dependence import LEVELS
 from lagsim.admissibility.finite import refuse_infinite
 from lagsim.admissibility.inertia import needs_constraints
@@ -197,6 +202,7 @@ class _Examiner:
         errors = self._errors(judged)
         always = Point(self.always, point.t)
         augmented = needs_constraints(always, judged.q, judged.v, errors)
+        warnings += about_names(self.e.model)
         warnings += multiple_roots(self.e)
         thin = judged.thin.names if judged.thin else ()
         sound = not judged.contradictions and not thin

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     import typer
 
 COMMANDS = (
-    "run", "check", "derive", "compare", "golden", "bench", "stability", "methods",
+    "new", "run", "check", "derive", "compare", "golden", "bench", "stability",
+    "methods", "schema",
 )  # fmt: skip
 
 _INTERRUPTED = 128 + signal.SIGINT
@@ -57,17 +58,18 @@ def _application() -> typer.Typer:
 
     from lagsim.cli._shared import ask_version
 
+    # Only the command that is called is loaded; all of them where none is, for help and
+    # for the shell that completes a line.
+    called = [name for name in COMMANDS if name in sys.argv[1:2]]
     app = typer.Typer(
         name="lagsim",
         no_args_is_help=True,
-        add_completion=False,
+        add_completion=not called,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(ask_version)
-    # Only the command that is called is loaded; all of them where none is, for help.
-    called = [name for name in COMMANDS if name in sys.argv[1:2]]
     for name in called or COMMANDS:
         app.command(name)(import_module(f"lagsim.cli.{name}").command)
     return app
@@ -84,6 +86,8 @@ def _guarded(app: typer.Typer) -> int:
         _streams.put(lambda: None)
     except typer.Exit as wish:
         return int(wish.exit_code)
+    except SystemExit as done:  # a shell has asked how a line goes on
+        return int(done.code or 0)
     except typer.Abort:
         return _INTERRUPTED
     except Exception as error:  # noqa: BLE001  the last resort of a command line

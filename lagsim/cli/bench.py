@@ -69,7 +69,7 @@ def command(
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
     ] = False,
 ) -> int:
-    """Chart error against time and evaluations for every method that applies."""
+    """Chart error against time for every method that applies."""
     documents: list[Any] = []
     codes = [0]
     faults: list[Any] = []

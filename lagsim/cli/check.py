@@ -24,7 +24,7 @@ def command(
     ] = False,
     as_json: AsJson = False,
 ) -> int:
-    """Tell whether initial states are admissible, and what the constraints are."""
+    """Tell whether a start is admissible, and what constrains it."""
     documents: list[Any] = []
     codes = [
         _one(model, sets, repair=repair, documents=documents if as_json else None)

@@ -55,7 +55,10 @@ def command(
         bool, typer.Option("-q", "--quiet", help="Only the exit code, and faults.")
     ] = False,
 ) -> int:
-    """Compare two results: 0 within tolerance, 1 they differ, 2 unusable."""
+    """Compare two results.
+
+    The exit code is 0 within tolerance, 1 where they differ, 2 if unusable.
+    """
     documents: list[Any] = []
     with faults_shown(documents if as_json else None) as code:
         found = _compared(golden, new, _tolerances(rtol, atol), plot)

@@ -43,7 +43,7 @@ def command(
         bool, typer.Option("-q", "--quiet", help="Only what differs, and faults.")
     ] = False,
 ) -> int:
-    """Run models and compare them with their goldens; --update stores these."""
+    """Run models and compare them with their goldens."""
     codes, faults = [0], []
     told: list[Any] = []
     job = _Job(folder, update=update, as_json=as_json, quiet=quiet)

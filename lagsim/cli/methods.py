@@ -21,7 +21,9 @@ WIDTH = 88
 
 
 def command(
-    name: Annotated[str | None, typer.Argument(help="Show the page on one.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="Show the page on one.", autocompletion=names)
+    ] = None,
     as_json: AsJson = False,
 ) -> int:
     """List the integration methods, or show the page on one."""

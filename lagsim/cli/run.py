@@ -14,6 +14,7 @@ from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import AsJson, ModelPath, Sets, assignments, show_json
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit, cut_short, open_table
+from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
@@ -37,7 +38,11 @@ def command(
     sets: Sets = None,
     method: Annotated[
         str | None,
-        typer.Option(metavar="M", help="Integration method; see `lagsim methods`."),
+        typer.Option(
+            metavar="M",
+            help="Integration method; see `lagsim methods`.",
+            autocompletion=lambda: ["auto", *names()],
+        ),
     ] = None,
     rtol: Annotated[
         str | None,
@@ -100,7 +105,7 @@ def command(
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
     ] = False,
 ) -> int:
-    """Check the start, derive the equations, integrate, write table and pictures."""
+    """Check the start, integrate, write a table and pictures."""
     options = {
         "method": method,
         "rtol": rtol,

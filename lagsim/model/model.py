@@ -195,7 +195,7 @@ class Model:
     `kinetic - potential` otherwise. `initial` has one entry for every coordinate and
     every velocity, in the order of the coordinates, positions first, then the start
     values of definitions. `until` ends a run. `stated` is what `bind` and `settings`
-    evaluate.
+    evaluate. `unused` are parameters that nothing names.
     """
 
     name: str
@@ -218,6 +218,7 @@ class Model:
     stated: Stated = field(repr=False, compare=False)
     description: str = ""
     source: str = ""
+    unused: tuple[str, ...] = ()
 
     def bind(
         self,

@@ -117,9 +117,14 @@ def formulate(
         raise InputError([Problem("formulation-refused", text, place, hint)]) from None
 
 
+def formulations() -> list[str]:
+    """Give the names that a formulation may be asked for by."""
+    return ["auto", *_ways(0.0)]
+
+
 def formulation_problems(asked: str, place: Place | None = None) -> list[Problem]:
     """Give the fault of a formulation that does not exist."""
-    known = ["auto", *_ways(0.0)]
+    known = formulations()
     if asked in known:
         return []
     hint = f"one of {', '.join(known)}; docs/model-file.md describes them"

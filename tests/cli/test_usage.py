@@ -207,3 +207,49 @@ def test_the_handler_of_sigterm_is_given_back(lagsim):
     before = signal.getsignal(signal.SIGTERM)
     lagsim("methods")
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize("width", ["80", "100"])
+def test_help_cuts_no_summary(lagsim, monkeypatch, width):
+    monkeypatch.setenv("COLUMNS", width)
+    page = lagsim("--help").out
+    assert "..." not in page.split("Commands:")[1]
+    assert max(map(len, page.splitlines())) <= int(width)
+
+
+SHELLS = {
+    "bash": "complete -o default -F _lagsim_completion lagsim",
+    "zsh": "compdef _lagsim_completion lagsim",
+    "fish": "complete --command lagsim",
+}
+
+
+@pytest.mark.parametrize("name", SHELLS)
+def test_a_shell_gets_a_script_for_completion(lagsim, monkeypatch, name):
+    monkeypatch.setenv("_LAGSIM_COMPLETE", f"source_{name}")
+    called = lagsim()
+    assert (called.code, called.err) == (0, "")
+    assert SHELLS[name] in called.out
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("lagsim ", {"run", "check", "new", "schema"}),
+        ("lagsim sta", {"stability"}),
+        ("lagsim new mine --template ", {"pendulum", "rigid-body"}),
+        ("lagsim run --out", {"--output", "--output-step"}),
+        ("lagsim run model.yaml --method ", {"auto", "rattle"}),
+        ("lagsim methods r", {"radau", "rattle", "rk4"}),
+    ],
+)
+def test_a_line_is_completed(lagsim, monkeypatch, line, words):
+    monkeypatch.setenv("_LAGSIM_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", line)
+    monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))
+    called = lagsim()
+    assert (called.code, called.err) == (0, "")
+    found = called.out.split()
+    assert words <= set(found)
+    begun = line.split(" ")[-1]
+    assert [w for w in found if not w.startswith(begun)] == []

@@ -18,16 +18,25 @@ from lagsim.errors import InputError, Place, Problem
 from lagsim.language.graph import Graph
 from lagsim.model.model import Level, Model
 from lagsim.model.nodes import Broken, Scalar, load
+from lagsim.model.reader import (
+    drawing,
+    dynamics,
+    initial,
+    parameters,
+    relations,
+    simulation,
+)
 from lagsim.model.reader.definitions import Definitions
-from lagsim.model.reader.drawing import read_output, read_scene
-from lagsim.model.reader.dynamics import energy_fields, read_energies, read_forces
 from lagsim.model.reader.expressions import Expressions
 from lagsim.model.reader.faults import Faults
-from lagsim.model.reader.fields import fields, shortened
-from lagsim.model.reader.names import Kind, Names, check_columns
-from lagsim.model.reader.parameters import read_coordinates
-from lagsim.model.reader.relations import declared_constraints, read_constraints
-from lagsim.model.reader.simulation import read_until, simulation_fields
+from lagsim.model.reader.fields import (
+    PLAIN,
+    described,
+    fields,
+    keyed,
+    shortened,
+)
+from lagsim.model.reader.names import Kind, Names, check_columns, naming
 from lagsim.model.reader.stated import Sections, Stated
 
 if TYPE_CHECKING:
@@ -35,14 +44,41 @@ if TYPE_CHECKING:
 
     from lagsim.model.nodes import Node
 
-__all__ = ["FORMAT_VERSION", "SECTIONS", "read", "read_file", "text_of"]
+__all__ = ["FORMAT_VERSION", "REQUIRED", "SECTIONS", "read", "read_file", "text_of"]
 
 FORMAT_VERSION = "1"
-SECTIONS = (
-    "lagsim", "name", "description", "source", "parameters", "coordinates",
-    "definitions", "energy", "forces", "constraints", "initial", "simulation", "scene",
-    "output",
-)  # fmt: skip
+SECTIONS = {
+    "lagsim": described("Version of the format; default 1.", {"enum": [1, "1"]}),
+    "name": described(
+        "What the results are called; default: the file's stem.",
+        {**PLAIN, "pattern": r"^[^/\\\n\t]+$", "not": {"enum": [".", ".."]}},
+    ),
+    "description": described("Plain text.", PLAIN),
+    "source": described("Where the model comes from, plain text.", PLAIN),
+    "parameters": described(
+        "name: expression of the parameters above, or a mapping with `value`.",
+        naming(parameters.VALUE),
+    ),
+    "coordinates": described(
+        "name: {unit: ..., description: ...}; their order is that of the table.",
+        parameters.COORDINATES,
+    ),
+    "definitions": described(
+        "name: expression, in any order; each is a column.",
+        naming(parameters.VALUE),
+    ),
+    "energy": described("Energies, taken literally.", dynamics.ENERGY),
+    "forces": described("Forces that no energy gives.", dynamics.FORCES),
+    "constraints": described("name: relation, or a mapping.", relations.FORM),
+    "initial": described(
+        "A start value for each coordinate; velocities that are not named are 0.",
+        initial.FORM,
+    ),
+    "simulation": described("When to stop, how finely, and how.", simulation.FORM),
+    "scene": described("What to draw.", keyed(drawing.SCENE_KEYS)),
+    "output": described("What to write.", keyed(drawing.OUTPUT_KEYS)),
+}
+REQUIRED = ("coordinates", "energy", "initial")
 STANDARD_INPUT = "-"
 
 _STDIN = "<stdin>"
@@ -148,7 +184,7 @@ def _read(
     data: bytes,
 ) -> Model:
     document = load(text, file)
-    faults = Faults(file, document.problems)
+    faults = Faults(file, document.problems, SECTIONS)
     if document.root is None:
         if not document.problems:
             raise _unusable("empty-file", "the file is empty", file)
@@ -163,11 +199,13 @@ class _File:
     def __init__(self, root: Node, file: str, faults: Faults) -> None:
         self.file = file
         self.faults = faults
-        self.root = root.place
+        self.root, self.node = root.place, root
         self.top = fields(root, "the file", SECTIONS, faults, self.root)
         if not self.top.sound:
             faults.raise_if_any()
-        self.energy = energy_fields(self.top.found.get("energy"), faults, self.root)
+        self.energy = dynamics.energy_fields(
+            self.top.found.get("energy"), faults, self.root
+        )
         self.names = Names("lagrangian" in self.energy)
         self.x = Expressions(Graph(), self.names, faults)
 
@@ -188,28 +226,28 @@ class _File:
             key: self.names.section(top.value(key), f"`{key}`", kind, faults)
             for key, kind in _NAMING.items()
         }
-        relations = declared_constraints(top.value("constraints"), x)
+        constraints = relations.declared_constraints(top.value("constraints"), x)
         self._check_names()
 
-        simulation = simulation_fields(top.found.get("simulation"), x, self.root)
+        asked = simulation.simulation_fields(top.found.get("simulation"), x, self.root)
         sections = Sections(
-            given["parameters"], relations, top.found.get("initial"),
-            simulation, self.root,
+            given["parameters"], constraints, top.found.get("initial"),
+            asked, self.root,
         )  # fmt: skip
         stated = Stated(self.file, sections, x, overrides, options)
-        parameters, known = stated.parameters()
-        coordinates = read_coordinates(given["coordinates"], x)
+        values, known = stated.parameters()
+        coordinates = parameters.read_coordinates(given["coordinates"], x)
         definitions = Definitions(given["definitions"], x)
         definitions.build(Level.POSITION, Level.VELOCITY)
-        energies = read_energies(self.energy, x)
+        energies = dynamics.read_energies(self.energy, x)
         definitions.build(Level.OUTPUT)
-        forces = read_forces(top.value("forces"), x)
-        constraints = read_constraints(relations, x)
-        initial = stated.initial(known)
+        forces = dynamics.read_forces(top.value("forces"), x)
+        laws = relations.read_constraints(constraints, x)
+        starts = stated.initial(known)
         stated.asked(x, {})
-        until = read_until(simulation, x)
-        scene = read_scene(top.found.get("scene"), x)
-        output = read_output(top.found.get("output"), x)
+        until = simulation.read_until(asked, x)
+        scene = drawing.read_scene(top.found.get("scene"), x)
+        output = drawing.read_output(top.found.get("output"), x)
         description, source = (top.text(k, faults) for k in ("description", "source"))
 
         faults.raise_if_any()
@@ -219,7 +257,8 @@ class _File:
             file=self.file,
             sha256=hashlib.sha256(data).hexdigest(),
             graph=x.graph,
-            parameters=parameters,
+            parameters=values,
+            unused=parameters.unused(self.node, known),
             coordinates=coordinates,
             definitions=definitions.read(),
             lagrangian=energies.lagrangian,
@@ -227,8 +266,8 @@ class _File:
             potential=energies.potential,
             dissipation=energies.dissipation,
             forces=forces,
-            constraints=constraints,
-            initial=initial,
+            constraints=laws,
+            initial=starts,
             until=until,
             scene=scene,
             output=output,
@@ -260,7 +299,7 @@ class _File:
     def _name(self) -> str:
         node = self.top.value("name")
         if node is None:
-            if self.file in (_STDIN, TEXT):
+            if self.file in (_STDIN, PLAIN):
                 return self.file.strip("<>")
             stem = PurePath(self.file).stem
             return stem if stem not in _NO_FILE_NAMES else "model"

@@ -7,19 +7,53 @@ from typing import TYPE_CHECKING
 from lagsim.model.model import Output, Plot, Scene
 from lagsim.model.nodes import Broken, Node, Scalar, Sequence
 from lagsim.model.reader.expressions import OUTPUT, STATE
-from lagsim.model.reader.fields import entries, fields, items, kind_of
-from lagsim.model.reader.names import Kind, check_name
+from lagsim.model.reader.fields import (
+    EXPRESSION,
+    PLAIN,
+    TRUTH,
+    described,
+    entries,
+    fields,
+    items,
+    keyed,
+    kind_of,
+    listing,
+)
+from lagsim.model.reader.names import Kind, check_name, naming
 
 if TYPE_CHECKING:
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.fields import Entry
+
+SCENE_KEYS = {
+    "points": described(
+        "name: [x, y] or [x, y, z], expressions.", naming(listing(EXPRESSION, 2, 3))
+    ),
+    "links": described(
+        "Lines between points: [[pivot, bob]].", listing(listing(PLAIN, 2, 2))
+    ),
+}
+PLOT_KEYS = {
+    "x": described("What runs to the right, any expression.", EXPRESSION),
+    "y": described("What runs upwards, any expression.", EXPRESSION),
+    "title": described("Plain text above the picture.", PLAIN),
+}
+OUTPUT_KEYS = {
+    "columns": described(
+        "The definitions that become columns, in this order; default: all.",
+        listing(PLAIN),
+    ),
+    "plots": described("A picture each.", listing(keyed(PLOT_KEYS, ["x", "y"]))),
+    "gauss": described("Adds columns of Gauss's principle.", TRUTH),
+    "action": described("Adds a column of the action.", TRUTH),
+}
 
 
 def read_scene(entry: Entry | None, x: Expressions) -> Scene:
     """Give the points and the links between them."""
     if entry is None:
         return Scene({})
-    found = fields(entry[1], "`scene`", ("points", "links"), x.faults, entry[0].place)
+    found = fields(entry[1], "`scene`", SCENE_KEYS, x.faults, entry[0].place)
     points: dict[str, tuple[int, ...]] = {}
     named: list[str] = []
     section = found.value("points")
@@ -81,8 +115,7 @@ def read_output(entry: Entry | None, x: Expressions) -> Output:
     everything = tuple(x.names.of(Kind.DEFINITION))
     if entry is None:
         return Output(everything)
-    known = ("columns", "plots", "gauss", "action")
-    found = fields(entry[1], "`output`", known, x.faults, entry[0].place)
+    found = fields(entry[1], "`output`", OUTPUT_KEYS, x.faults, entry[0].place)
     columns: tuple[str, ...] = everything
     node = found.value("columns")
     if isinstance(node, Sequence):
@@ -138,7 +171,7 @@ def _columns(node: Sequence, x: Expressions) -> tuple[str, ...]:
 def _plot(node: Node, x: Expressions) -> Plot | None:
     if isinstance(node, Broken):
         return None
-    found = fields(node, "a plot", ("x", "y", "title"), x.faults, node.place)
+    found = fields(node, "a plot", PLOT_KEYS, x.faults, node.place)
     axes: list[tuple[int, str]] = []
     for axis in ("x", "y"):
         value = found.value(axis)

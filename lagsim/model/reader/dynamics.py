@@ -6,8 +6,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.model.model import Force, Level
 from lagsim.model.reader.expressions import STATE
-from lagsim.model.reader.fields import Fields, entries, fields
-from lagsim.model.reader.names import Kind
+from lagsim.model.reader.fields import (
+    EXPRESSION,
+    Fields,
+    described,
+    entries,
+    fields,
+    keyed,
+)
+from lagsim.model.reader.names import Kind, naming
 
 if TYPE_CHECKING:
     from lagsim.errors import Place
@@ -16,7 +23,34 @@ if TYPE_CHECKING:
     from lagsim.model.reader.faults import Faults
     from lagsim.model.reader.fields import Entry
 
-ENERGY_KEYS = ("kinetic", "potential", "lagrangian", "dissipation")
+ENERGY_KEYS = {
+    "kinetic": described("The kinetic energy T.", EXPRESSION),
+    "potential": described(
+        "The potential energy V; where there is none, 0.", EXPRESSION
+    ),
+    "lagrangian": described("L, instead of `kinetic` and `potential`.", EXPRESSION),
+    "dissipation": described(
+        "Rayleigh's function F: the force on each coordinate is -dF/dq_dot.", EXPRESSION
+    ),
+}
+ENERGY = {
+    **keyed(ENERGY_KEYS),
+    "type": "object",
+    "oneOf": [
+        {"required": ["kinetic", "potential"]},
+        {
+            "required": ["lagrangian"],
+            "properties": {"kinetic": False, "potential": False},
+        },
+    ],
+}
+FORCES = naming(
+    described(
+        "The force p on what the key names, a coordinate or a definition of positions "
+        "or linear in the velocities: it does the work p times its change.",
+        EXPRESSION,
+    )
+)
 
 
 class Energies(NamedTuple):

@@ -118,7 +118,7 @@ class Expressions:
         except ExpressionError as fault:
             token = scalar.text[fault.offset : fault.offset + fault.length]
             if token not in self.names.faulty:
-                self.faults.add_expression(fault, scalar)
+                self.faults.add_expression(fault, scalar, self.names.variables)
             return None
 
     # Building nodes

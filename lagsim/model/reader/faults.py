@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection, Iterable, Mapping
 
     from lagsim.errors import Place
     from lagsim.language.tokens import ExpressionError
@@ -25,10 +25,16 @@ MAX_FAULTS = 1000
 
 
 class Faults:
-    """The faults found so far."""
+    """The faults found so far; `sections` tells which keys stand where."""
 
-    def __init__(self, file: str, found: Iterable[Problem] = ()) -> None:
+    def __init__(
+        self,
+        file: str,
+        found: Iterable[Problem] = (),
+        sections: Mapping[str, dict[str, Any]] | None = None,
+    ) -> None:
         self._file = file
+        self._sections = sections or {}
         self._problems = list(found)
         self._guesses = 0
 
@@ -36,10 +42,27 @@ class Faults:
         """Add a fault."""
         self._problems.append(Problem(code, text, place, hint))
 
-    def add_expression(self, fault: ExpressionError, scalar: Scalar) -> None:
-        """Add a fault of the expression in `scalar`."""
+    def add_expression(
+        self, fault: ExpressionError, scalar: Scalar, known: Collection[str]
+    ) -> None:
+        """Add a fault of the expression in `scalar`; `known` are the variables."""
+        from lagsim.model.reader import intent
+
         place = scalar.place_of(fault.offset, fault.length)
-        self.add(f"expression-{fault.code}", fault.text, place, fault.hint)
+        hint = intent.of_text(scalar.text, fault.offset, known)
+        if not hint and fault.code == "unknown-function":
+            end = fault.offset + fault.length
+            hint = intent.of_function(scalar.text[fault.offset : end])
+        self.add(f"expression-{fault.code}", fault.text, place, hint or fault.hint)
+
+    def belongs(self, key: str) -> str:
+        """Give a hint where in the file a key stands, if it does elsewhere."""
+        if key in self._sections:
+            return f"`{key}` stands at the top of the file, without indentation"
+        for name, form in self._sections.items():
+            if key in form.get("properties", ()):
+                return f"`{key}` stands below `{name}:`, indented"
+        return ""
 
     def guess(self, word: str, candidates: Iterable[str]) -> str:
         """Give the candidate most like `word`, or an empty text."""

@@ -1,26 +1,64 @@
-"""Sections: mappings with known keys, mappings with names of the user's, texts."""
+"""Sections: mappings with known keys, mappings with names of the user's, texts.
+
+What a key is for and what may stand there is said once, as its part of a JSON Schema:
+a table of keys is a mapping of each to that. Reading asks it for the keys alone.
+"""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection, Iterable
+    from collections.abc import Mapping as MappingType
 
     from lagsim.errors import Place
     from lagsim.model.reader.faults import Faults
 
 Entry = tuple[Scalar, Node]
+Form = dict[str, Any]
+
+EXPRESSION: Form = {"type": ["number", "string"]}
+PLAIN: Form = {"type": ["string", "number", "boolean", "null"]}
+TRUTH: Form = {"type": "boolean"}
+IGNORED: Form = {"patternProperties": {"^x-": {}}}
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
 _NO_SPACE = re.compile(r"([^\s:]+):([^\s:]\S*)")
 
 # Of a list of names a message shows so many.
 LISTED = 12
+
+
+def described(about: str, form: Form) -> Form:
+    """Give the form of what stands at a key, with what it is for."""
+    return {**form, "description": about}
+
+
+def either(*forms: Form) -> Form:
+    """Give the form of what has one of these."""
+    return {"anyOf": list(forms)}
+
+
+def listing(form: Form, least: int = 0, most: int | None = None) -> Form:
+    """Give the form of a list of so many."""
+    bound = {} if most is None else {"maxItems": most}
+    return {"type": "array", "items": form, "minItems": least, **bound}
+
+
+def keyed(keys: MappingType[str, Form], required: Collection[str] = ()) -> Form:
+    """Give the form of a mapping with known keys."""
+    return {
+        "type": "object" if required else ["object", "null"],
+        "properties": dict(keys),
+        **IGNORED,
+        "additionalProperties": False,
+        "required": list(required),
+    }
 
 
 def kind_of(node: Node) -> str:
@@ -155,6 +193,7 @@ def fields(
             continue
         near = faults.guess(key.text, known)
         hint = f"did you mean `{near}`?" if near else f"known are {listed(known)}"
+        hint = faults.belongs(key.text) or hint
         text = f"unknown key `{shortened(key.text)}` in {what}"
         faults.add("unknown-key", text, key.place, hint)
         if near:

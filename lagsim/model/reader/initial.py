@@ -7,8 +7,15 @@ from typing import TYPE_CHECKING
 
 from lagsim.model.model import InitialValue, Level, Target
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar, argument
-from lagsim.model.reader.fields import entries, fields
-from lagsim.model.reader.names import Kind
+from lagsim.model.reader.fields import (
+    EXPRESSION,
+    described,
+    either,
+    entries,
+    fields,
+    keyed,
+)
+from lagsim.model.reader.names import Kind, naming
 from lagsim.model.reader.parameters import Value, value_with_error
 
 if TYPE_CHECKING:
@@ -26,6 +33,11 @@ _TARGETS = {
     Kind.DEFINITION: Target.DEFINITION,
     Kind.RATE: Target.RATE,
 }
+
+START_KEYS = {
+    "guess": described("Solved for from the constraints, near this.", EXPRESSION)
+}
+FORM = naming(either(EXPRESSION, keyed(START_KEYS, START_KEYS)), rates=True)
 
 
 class Initial:
@@ -133,7 +145,7 @@ class Initial:
         if not isinstance(node, Mapping):
             return node, False
         what = f"the start value of `{key.text}`"
-        below = fields(node, what, ("guess",), self.x.faults, key.place)
+        below = fields(node, what, START_KEYS, self.x.faults, key.place)
         guess = below.value("guess")
         if guess is None:
             if not node.entries:
@@ -162,15 +174,21 @@ class Initial:
         return None
 
     def _report_unknown(self, key: Scalar) -> None:
+        from lagsim.model.reader import intent
+
         names, faults = self.x.names, self.x.faults
-        moving = names.of(Kind.COORDINATE) + names.of(Kind.DEFINITION)
-        moving += [f"{name}_dot" for name in moving]
-        near = faults.guess(key.text, moving)
+        moving = names.moving()
+        near = intent.rate_of(key.text, moving)
+        if not near:
+            near = faults.guess(
+                key.text, [*moving, *(f"{name}_dot" for name in moving)]
+            )
         hint = "start values are those of coordinates, definitions and their rates"
         if near:  # read as that, or it would be reported as missing too
             hint = f"did you mean `{near}`?"
             self._all.add(near)
             self._given.add(near)
+        hint = faults.belongs(key.text) or hint
         text = f"`{key.text}` is no coordinate, velocity or definition"
         faults.add("unknown-name", text, key.place, hint)
 

@@ -8,7 +8,15 @@ from lagsim.model.model import Level, OneSided
 from lagsim.model.nodes import Mapping, Node, Sequence
 from lagsim.model.reader.dynamics import degrees, is_affine
 from lagsim.model.reader.expressions import NUMBERS, STATE
-from lagsim.model.reader.fields import fields, listed
+from lagsim.model.reader.fields import (
+    EXPRESSION,
+    described,
+    either,
+    fields,
+    keyed,
+    listed,
+    listing,
+)
 from lagsim.model.reader.names import Kind
 
 if TYPE_CHECKING:
@@ -16,8 +24,37 @@ if TYPE_CHECKING:
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.fields import Fields
 
-CONTACT = ("restitution", "friction", "slip")
-KEYS = (*CONTACT, "limit", "when")
+FRICTION = {
+    "static": described(
+        "Coefficient of what sticks, at least that of sliding.", EXPRESSION
+    ),
+    "dynamic": described("Coefficient of what slides.", EXPRESSION),
+}
+CONTACT = {
+    "restitution": described(
+        "Of a one-sided relation between positions: 0 stays down, 1 bounces back.",
+        EXPRESSION,
+    ),
+    "friction": described(
+        "Coefficient of friction; needs `slip`.",
+        either(EXPRESSION, keyed(FRICTION, FRICTION)),
+    ),
+    "slip": described(
+        "The sliding velocity that friction opposes: one expression, or two.",
+        either(EXPRESSION, listing(EXPRESSION, 1, 2)),
+    ),
+}
+KEYS = {
+    **CONTACT,
+    "limit": described(
+        "Of an equality between velocities: the largest size of its multiplier, past "
+        "which it slips.",
+        EXPRESSION,
+    ),
+    "when": described(
+        "In force while this condition, of t and parameters, is true.", EXPRESSION
+    ),
+}
 
 
 def between_velocities(relation: Relation, x: Expressions) -> bool:
@@ -154,11 +191,10 @@ def _friction(
         return None, None
     if not isinstance(node, Mapping):
         return _coefficient(node, f"the friction of {what}", x)[0], None
-    keys = ("static", "dynamic")
     place = below.place_of("friction")
-    given = fields(node, f"the friction of {what}", keys, x.faults, place)
+    given = fields(node, f"the friction of {what}", FRICTION, x.faults, place)
     found: list[tuple[int | None, float | None]] = []
-    for key in keys:
+    for key in FRICTION:
         part = given.value(key)
         if part is None:
             text = f"the friction of {what} has no `{key}`"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import FUNCTIONS, JOINING
 from lagsim.model.nodes import Mapping, Scalar
-from lagsim.model.reader.fields import entries, shortened
+from lagsim.model.reader.fields import IGNORED, Form, entries, shortened
 
 if TYPE_CHECKING:
     from lagsim.errors import Place
@@ -21,6 +21,23 @@ if TYPE_CHECKING:
 RESERVED = (
     "t", "pi", "kinetic", "potential", "lagrangian", "energy", "work",
 )  # fmt: skip
+
+# A letter, then letters, digits and `_`. Patterns know no letters but those of ASCII,
+# so that anything beyond ASCII passes.
+_NAME = r"^(x-.*|[^\x00-@\[-`{-\x7f][^\x00-/:-@\[-^`{-\x7f]*)$"
+
+
+def naming(form: Form, *, rates: bool = False) -> Form:
+    """Give the form of a mapping whose keys are names, or `rates` of what has one."""
+    forbidden: list[Form] = [{"enum": [*RESERVED, *JOINING]}]
+    if not rates:
+        forbidden.append({"pattern": "_d?dot$"})
+    return {
+        "type": ["object", "null"],
+        "propertyNames": {"pattern": _NAME, "not": {"anyOf": forbidden}},
+        **IGNORED,
+        "additionalProperties": form,
+    }
 
 
 class Kind(Enum):
@@ -124,6 +141,10 @@ class Names:
         """Give the names of one kind, in the order of the file."""
         return [name for name, k in self.variables.items() if k is kind]
 
+    def moving(self) -> list[str]:
+        """Give the names that have rates: coordinates and definitions."""
+        return self.of(Kind.COORDINATE) + self.of(Kind.DEFINITION)
+
     def meaning(self, name: str) -> Meaning | None:
         """Give what `name` means in an expression, or None."""
         if name in self.variables:
@@ -179,7 +200,10 @@ class Names:
             near = faults.guess(base, self.constraints)
             hint = f"did you mean `lambda_{near}`?" if near else ""
             return f"there is no constraint `{base}`", hint
-        hint = faults.did_you_mean(name, self.variables)
+        from lagsim.model.reader import intent
+
+        hint = intent.of_name(name, self.moving())
+        hint = hint or faults.did_you_mean(name, self.variables)
         if not hint and name in FUNCTIONS:
             hint = f"a function is followed by its arguments: {name}(...)"
         return f"unknown name `{shortened(name)}`", hint
@@ -196,8 +220,7 @@ class Names:
             return f"{text} and has no rate here", (
                 "rates are those of coordinates and of definitions of positions"
             )
-        moving = [n for n, k in self.variables.items() if k is not Kind.PARAMETER]
-        near = faults.guess(base, moving)
+        near = faults.guess(base, self.moving())
         hint = f"did you mean `{near}{ending}`?" if near else ""
         return f"`{name}`: there is no coordinate or definition `{base}`", hint
 

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.model.model import Coordinate, Parameter
-from lagsim.model.nodes import Broken, Mapping, Node, Scalar, argument
+from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence, argument
 from lagsim.model.reader.expressions import NUMBERS
-from lagsim.model.reader.fields import fields
-from lagsim.model.reader.names import Kind
+from lagsim.model.reader.fields import (
+    EXPRESSION,
+    PLAIN,
+    described,
+    either,
+    fields,
+    keyed,
+)
+from lagsim.model.reader.names import Kind, naming
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from collections.abc import Mapping as MappingType
 
     from lagsim.language.parser import Parsed
@@ -21,6 +30,17 @@ if TYPE_CHECKING:
     from lagsim.model.reader.fields import Entry
 
 Value = tuple[float, float]
+
+_WORD = re.compile(r"\w+")
+# What stands at these is no expression.
+_TEXTS = ("name", "description", "source", "title", "unit")
+
+UNIT = described("Plain text; numbers are not scaled by it.", PLAIN)
+DESCRIPTION = described("Plain text.", PLAIN)
+COORDINATE_KEYS = {"unit": UNIT, "description": DESCRIPTION}
+COORDINATES = {**naming(keyed(COORDINATE_KEYS)), "minProperties": 1}
+VALUE_KEYS = {"value": described("An expression.", EXPRESSION), **COORDINATE_KEYS}
+VALUE = either(EXPRESSION, keyed(VALUE_KEYS, ["value"]))
 
 
 class Unfolded(Graph):
@@ -68,12 +88,12 @@ def value_entry(
     """Give expression, unit and description of `name: expression` or a mapping."""
     if not isinstance(node, Mapping):
         return node, "", ""
-    known = ("value", "unit", "description")
-    found = fields(node, what, known, x.faults, key.place)
+    found = fields(node, what, VALUE_KEYS, x.faults, key.place)
     value = found.value("value")
     if value is None:
         text = f"{what} has no `value`"
-        x.faults.add("missing-key", text, key.place, "write {value: ..., unit: ...}")
+        hint = x.faults.belongs(key.text) or "write {value: ..., unit: ...}"
+        x.faults.add("missing-key", text, key.place, hint)
         value = Broken(key.place)
     return value, found.text("unit", x.faults), found.text("description", x.faults)
 
@@ -159,6 +179,21 @@ class Parameters:
         return value
 
 
+def unused(root: Node, names: Iterable[str]) -> tuple[str, ...]:
+    """Give the parameters that no expression of the file names, used or replaced."""
+    said: set[str] = set()
+    below = [root]
+    while below:
+        node = below.pop()
+        if isinstance(node, Mapping):
+            below += [v for k, v in node.entries if k.text not in _TEXTS]
+        elif isinstance(node, Sequence):
+            below += node.items
+        elif isinstance(node, Scalar):
+            said.update(_WORD.findall(node.text))
+    return tuple(name for name in names if name not in said)
+
+
 def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
     """Give the coordinates."""
     found = []
@@ -173,7 +208,7 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
             )
             found.append(Coordinate(key.text))
             continue
-        below = fields(node, what, ("unit", "description"), x.faults, key.place)
+        below = fields(node, what, COORDINATE_KEYS, x.faults, key.place)
         unit, about = (below.text(k, x.faults) for k in ("unit", "description"))
         found.append(Coordinate(key.text, unit, about))
     return tuple(found)

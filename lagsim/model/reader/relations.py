@@ -9,15 +9,33 @@ from lagsim.model.model import Constraint, OneSided, Relation, Sense
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar
 from lagsim.model.reader import laws
 from lagsim.model.reader.expressions import STATE
-from lagsim.model.reader.fields import Fields, entries, fields
-from lagsim.model.reader.names import Kind, check_name
+from lagsim.model.reader.fields import (
+    EXPRESSION,
+    PLAIN,
+    Fields,
+    described,
+    either,
+    entries,
+    fields,
+    keyed,
+)
+from lagsim.model.reader.names import Kind, check_name, naming
 
 if TYPE_CHECKING:
     from lagsim.language.parser import ParsedRelation
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.fields import Entry
 
-KEYS = ("relation", *laws.KEYS, "description")
+KEYS = {
+    "relation": described("lhs = rhs, lhs <= rhs or lhs >= rhs.", EXPRESSION),
+    **laws.KEYS,
+    "description": described("Plain text.", PLAIN),
+}
+_LAW = {
+    **keyed(KEYS, ["relation"]),
+    "dependencies": {"friction": ["slip"], "slip": ["friction"]},
+}
+FORM = naming(described("A relation, or one with a law.", either(EXPRESSION, _LAW)))
 
 
 def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:

@@ -7,7 +7,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.model.nodes import Scalar, argument
-from lagsim.model.reader.fields import Fields, fields
+from lagsim.model.reader.fields import (
+    EXPRESSION,
+    PLAIN,
+    Fields,
+    described,
+    fields,
+    keyed,
+)
 from lagsim.model.reader.relations import read_relation
 from lagsim.model.settings import DEFAULT_ROWS, Settings
 
@@ -19,10 +26,32 @@ if TYPE_CHECKING:
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.fields import Entry
 
-KEYS = (
-    "start", "duration", "end", "until", "output_step", "method", "rtol", "atol",
-    "step", "formulation", "gain", "spectral_radius",
-)  # fmt: skip
+KEYS = {
+    "start": described("When the run begins; default 0.", EXPRESSION),
+    "duration": described("How long it lasts, more than 0; or `end`.", EXPRESSION),
+    "end": described("When the run ends; or `duration`.", EXPRESSION),
+    "until": described(
+        "A relation at which the run stops, if before the end.", EXPRESSION
+    ),
+    "output_step": described("Spacing of the rows; default duration/1000.", EXPRESSION),
+    "method": described("The integration method, see `lagsim methods`.", PLAIN),
+    "rtol": described("Relative tolerance; default 1e-11.", EXPRESSION),
+    "atol": described(
+        "Absolute tolerance; default rtol times the component's own scale.", EXPRESSION
+    ),
+    "step": described("Only for methods of a fixed step.", EXPRESSION),
+    "formulation": described("How constraints are met, and what is left out.", PLAIN),
+    "gain": described(
+        "Only for the formulation baumgarte, per unit of time; default "
+        "0.1/output_step.",
+        EXPRESSION,
+    ),
+    "spectral_radius": described(
+        "Only for the method generalized-alpha: at infinite frequency, 0 to 1.",
+        EXPRESSION,
+    ),
+}
+FORM = {**keyed(KEYS), "not": {"required": ["duration", "end"]}}
 
 MAX_ROWS = 10**8
 # The last output step may be this much shorter or longer than the others.

@@ -1,0 +1,103 @@
+"""`lagsim schema`: it takes what the reader takes, and refuses wrong shapes."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+import yaml
+
+from tests.json_schema import faults
+from tests.model._files import completed
+from tests.model.test_reader_faults import CASES
+from tests.support import MODELS, ROOT
+
+SHIPPED = ROOT / "lagsim/lagsim.schema.json"
+SCHEMA = json.loads(SHIPPED.read_text(encoding="utf-8"))
+FILES = sorted([*MODELS.rglob("*.yaml"), *(ROOT / "lagsim/cli/templates").glob("*")])
+# What a file's shape shows. Other faults need its names, its expressions or its text.
+SHAPES = {
+    "unknown-key", "not-a-mapping", "not-a-list", "not-a-text", "not-a-truth",
+    "not-an-expression", "missing-key", "both-given", "format-version", "wrong-count",
+    "bad-name", "reserved-name", "bad-model-name", "unknown-method",
+}  # fmt: skip
+# Letters are those of Unicode; whether a contact needs a restitution its relation says.
+UNSEEN = {
+    "text with control character", "name not NFKC", "no restitution",
+    "no restitution in braces",
+}  # fmt: skip
+FAULTY = [n for n, case in CASES.items() if case[0] in SHAPES and n not in UNSEEN]
+
+
+class Loader(yaml.SafeLoader):
+    """YAML 1.2, where `on` and `no` are names."""
+
+
+Loader.yaml_implicit_resolvers = {
+    first: found
+    for first, found in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    if first not in tuple("oOyYnN")
+}
+
+
+def loaded(text):
+    return yaml.load(text, Loader)  # noqa: S506  a safe one
+
+
+def test_the_shipped_file_is_what_the_command_prints(lagsim):
+    called = lagsim("schema")
+    assert (called.code, called.err) == (0, "")
+    assert called.out == SHIPPED.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_models_are_valid(path):
+    assert faults(loaded(path.read_text(encoding="utf-8")), SCHEMA) == []
+
+
+@pytest.mark.parametrize("name", FAULTY)
+def test_faulty_models_are_not(name):
+    text = re.sub("[⟪⟫]", "", CASES[name][2])
+    data = loaded(completed(text))
+    assert faults(data, SCHEMA) != []
+
+
+@pytest.mark.parametrize("section", ["coordinates", "energy", "initial"])
+def test_required_sections(section):
+    assert faults(loaded(completed("name: a", section)), SCHEMA) == [
+        f": `{section}` is missing"
+    ]
+
+
+def walk(schema, at="lagsim"):
+    yield at, schema
+    for word in ("properties", "patternProperties"):
+        for key, inner in schema.get(word, {}).items():
+            if isinstance(inner, dict):
+                yield from walk(inner, f"{at}.{key}")
+    for word in ("items", "additionalProperties"):
+        if isinstance(schema.get(word), dict):
+            yield from walk(schema[word], at)
+    for inner in schema.get("anyOf", ()):
+        yield from walk(inner, at)
+
+
+def test_every_key_says_what_it_is_for():
+    for at, schema in walk(SCHEMA):
+        if schema.get("additionalProperties") is False:
+            silent = [
+                k for k, s in schema["properties"].items() if not s["description"]
+            ]
+            assert silent == [], at
+
+
+def test_mappings_take_no_unknown_keys_but_those_of_the_user():
+    for at, schema in walk(SCHEMA):
+        if "properties" in schema or "propertyNames" in schema:
+            assert schema["additionalProperties"] is not True, at
+            assert schema["patternProperties"] == {"^x-": {}}, at
+    data = loaded(completed("x-mine: [1, {a: b}]\nsimulation: {x-a: 1}"))
+    assert faults(data, SCHEMA) == []
+    data["y-mine"] = 1
+    assert faults(data, SCHEMA) != []
