@@ -262,10 +262,8 @@ class _Examiner:
                 return q, v, found.reason
             errors = self.point.solved_errors(q, v, (self.q0, self.v0))
             names = self.solver.names(free, velocities=velocities)
-            moved = x[free] != before
-            self.errors.update(
-                {n: errors[n] for n, m in zip(names, moved, strict=True) if m}
-            )
+            moved = zip(names, x[free] != before, strict=True)
+            self.errors.update({name: errors[name] for name, far in moved if far})
         return q, v, ""
 
     def _errors(self, judged: _Judged) -> dict[str, float]:
@@ -281,8 +279,7 @@ class _Examiner:
         return errors
 
     def _analysed(self, q: Floats, v: Floats, levels: Sequence[str]) -> _Judged:
-        ranks = RankReport(0, 1.0, 0, 1.0)
-        judged = _Judged(q, v, ranks, ())
+        judged = _Judged(q, v, RankReport(0, 1.0, 0, 1.0), ())
         sizes, both = self.point.sizes(q, v), ((q, self.q0), (v, self.v0))
         way_q, way_v = (
             np.asarray(np.linalg.norm(sizes * (x - x0)) / sizes) for x, x0 in both

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.errors import InputError, Problem
+from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -49,7 +50,12 @@ def refuse_infinite(
         more = [law.row for law in e.laws if law.constraint not in off]
         held = {row.name: row for row in (*e.rows, *more)}
         named += [(f"constraint {name}", row.residual) for name, row in held.items()]
-        named += [(f"the rate of {name}", row.rate) for name, row in held.items()]
+        apart = _open(point, q, v)
+        named += [
+            (f"the rate of {name}", row.rate)
+            for name, row in held.items()
+            if name not in apart
+        ]
         named += [
             (f"the bound of {law.multiplier}", law.bound)
             for law in e.laws
@@ -70,3 +76,10 @@ def refuse_infinite(
     ]
     if problems:
         raise InputError(problems)
+
+
+def _open(point: Point, q: Floats, v: Floats) -> set[str]:
+    """Give the contacts whose gaps are open: of them no rate is asked."""
+    contacts = [law for law in point.e.laws if law.kind is Kind.CONTACT]
+    gaps = point.array([law.row.residual for law in contacts], q, v)
+    return {law.row.name for law, gap in zip(contacts, gaps, strict=True) if gap > 0.0}

@@ -330,3 +330,15 @@ initial: {y: START}
         assert [v.redundant for v in start.verdicts] == [False, True]
         assert start.start.ranks.rank == 1
         assert start.start.ranks.dependences == ()
+
+
+def test_a_gap_that_is_open_needs_no_rate():
+    # hypot has no gradient at the pivot, where a slack string begins.
+    text = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+constraints: {string: {relation: "hypot(x, y) <= 1", restitution: 0.5}}
+initial: {x: 0, y: 0, x_dot: 0.3}
+simulation: {duration: 1}
+"""
+    assert judged(text).admissible
