@@ -50,20 +50,24 @@ class Problem(NamedTuple):
 
     def __str__(self) -> str:
         """Give the fault as FILE:LINE:COLUMN, the source line, a caret and the hint."""
+        return self.shown()
+
+    def shown(self, window: int = WINDOW) -> str:
+        """Give the same, with no more than so many letters of the source line."""
         lines = [f"{self.place}: {self.text}" if self.place else self.text]
         if self.place and self.place.source:
-            lines += self._pointed(self.place)
+            lines += self._pointed(self.place, window)
         if self.hint:
             lines.append(f"  hint: {self.hint}")
         return "\n".join(lines)
 
     @staticmethod
-    def _pointed(place: Place) -> list[str]:
+    def _pointed(place: Place, window: int) -> list[str]:
         """Give the source line, or a window of a very long one, and the caret."""
         column, source = place.column - 1, place.source
-        if len(source) > WINDOW:
-            first = max(0, column - WINDOW // 2)
-            source, column = source[first : first + WINDOW], column - first
+        if len(source) > window:
+            first = max(0, column - window // 2)
+            source, column = source[first : first + window], column - first
         before = source[:column]
         # A tab before the caret keeps its width, so the caret stays below.
         pad = "".join("\t" if c == "\t" else " " for c in before)

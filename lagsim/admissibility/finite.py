@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.errors import InputError, Problem
+from lagsim.language.derivatives import gradient
 from lagsim.mechanics.laws import Kind
+from lagsim.model.model import Level
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
     from lagsim.admissibility.point import Point
+    from lagsim.errors import Place
     from lagsim.language.arrays import Floats
 
 NO_VALUE = (
@@ -65,17 +68,77 @@ def refuse_infinite(
     found = [(name, node) for name, node in named if node is not None]
     values = point.array([node for _, node in found], q, v)
     resting = {name for name, rate in zip(e.velocities, v, strict=True) if not rate}
-    problems = [
-        Problem(
-            "not-finite",
-            f"{name} is {value} at the start, not finite",
-            hint=DIRECTION if e.graph.depends([node]) & resting else NO_VALUE,
-        )
+    faulty = [
+        (name, node, value)
         for (name, node), value in zip(found, values, strict=True)
         if not np.isfinite(value)
     ]
-    if problems:
-        raise InputError(problems)
+    if not faulty:
+        return
+    sources = _sources(point, q, v)
+    problems = []
+    for name, node, value in faulty:
+        through, place = _source(point, node, sources)
+        text = f"{name} is {value} at the start, not finite{through}"
+        hint = DIRECTION if e.graph.depends([node]) & resting else NO_VALUE
+        problems.append(Problem("not-finite", text, place, hint))
+    raise InputError(problems)
+
+
+class _Source(NamedTuple):
+    """What the file says that has no value, or no slope, at the start."""
+
+    what: str
+    node: int
+    place: Place | None
+
+
+def _sources(point: Point, q: Floats, v: Floats) -> list[_Source]:
+    """Give these, each definition and energy before what uses it."""
+    e, model = point.e, point.e.model
+    said = [
+        _Source(f"the definition `{d.name}`", d.node, model.places.get(d.name))
+        for d in sorted(model.definitions, key=lambda d: d.node)
+        if d.level is not Level.OUTPUT
+    ]
+    energies = {
+        "kinetic": model.kinetic,
+        "potential": model.potential,
+        "dissipation": model.dissipation,
+    }
+    if model.kinetic is None:
+        energies["lagrangian"] = model.lagrangian
+    said += [
+        _Source(f"`{name}`", node, model.places.get(name))
+        for name, node in energies.items()
+        if node is not None
+    ]
+    said += [_Source(f"the force on `{f.on}`", f.node, f.place) for f in model.forces]
+    said += [
+        _Source(f"the constraint `{c.name}`", c.relation.node, c.relation.place)
+        for c in model.constraints
+    ]
+    moving = [e.graph.variable(name) for name in (*e.q, *e.velocities)]
+    found = []
+    for source in said:
+        slopes = gradient(e.graph, source.node, moving)
+        if not np.all(np.isfinite(point.array([source.node, *slopes], q, v))):
+            found.append(source)
+    return found
+
+
+def _source(
+    point: Point, node: int, sources: list[_Source]
+) -> tuple[str, Place | None]:
+    """Give by what of the file `node` is not finite, where that is clear."""
+    inside = set(point.e.graph.cone([node]))
+    for source in sources:
+        if source.node in inside or len(sources) == 1:
+            return f", by {source.what}", source.place
+    users = [s for s in sources if sources[0].node in point.e.graph.cone([s.node])]
+    if users == sources:  # all of them by the first
+        return f", by {sources[0].what}", sources[0].place
+    return "", None
 
 
 def _open(point: Point, q: Floats, v: Floats) -> set[str]:

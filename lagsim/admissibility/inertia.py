@@ -46,7 +46,7 @@ def needs_constraints(
         return False
     if inertia[0] < -RANK:
         direction = directions[:, 0] / size
-        raise InputError([_problem(point.e.q, direction, negative=True)])
+        raise InputError([_problem(point, direction, negative=True)])
     rows = A / size
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     kernel = null_space(rows / np.where(lengths > 0, lengths, 1.0))
@@ -57,7 +57,7 @@ def needs_constraints(
         return True
     direction = (kernel @ directions[:, 0]) / size
     always = " that always holds" if point.e.laws else ""
-    raise InputError([_problem(point.e.q, direction, negative=False, which=always)])
+    raise InputError([_problem(point, direction, negative=False, which=always)])
 
 
 def _varies(point: Point) -> bool:
@@ -73,8 +73,10 @@ def _factor(c: float) -> str:
 
 
 def _problem(
-    names: tuple[str, ...], direction: Floats, *, negative: bool, which: str = ""
+    point: Point, direction: Floats, *, negative: bool, which: str = ""
 ) -> Problem:
+    names, places = point.e.q, point.e.model.places
+    place = places.get("kinetic", places.get("lagrangian"))
     direction = direction / direction[np.argmax(np.abs(direction))]
     parts = [
         f"{_factor(c)}{name}"
@@ -88,11 +90,13 @@ def _problem(
             "negative-inertia",
             f"the kinetic energy falls with the speed of the {what} {along} at the "
             "start: the mass matrix is indefinite",
-            hint="look for a negative mass or a wrong sign in `kinetic`",
+            place,
+            "look for a negative mass or a wrong sign in `kinetic`",
         )
     return Problem(
         "no-inertia",
         f"the {what} {along} has no inertia at the start, and no constraint"
         f"{which} determines its acceleration",
-        hint="give it a mass in `kinetic`, a constraint, or make it a definition",
+        place,
+        "give it a mass in `kinetic`, a constraint, or make it a definition",
     )

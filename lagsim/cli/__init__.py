@@ -82,7 +82,7 @@ def _guarded(app: typer.Typer) -> int:
     from lagsim.cli import _streams
 
     try:
-        code = app(standalone_mode=False)
+        code = app(prog_name="lagsim", standalone_mode=False)
         _streams.put(lambda: None)
     except typer.Exit as wish:
         return int(wish.exit_code)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from typing import TYPE_CHECKING, Any
 
-from lagsim.cli._streams import complain
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.cli._streams import complain, width_of
+from lagsim.errors import WINDOW, InputError, LagsimError, Problem
 from lagsim.run.session import StartError
 
 if TYPE_CHECKING:
@@ -52,7 +53,9 @@ def faults_shown(
 
 
 def _print_problems(problems: list[Problem]) -> None:
-    complain("\n\n".join(map(str, problems)))
+    width = width_of(sys.stderr)
+    window = WINDOW if width is None else min(WINDOW, width - 2)
+    complain("\n\n".join(problem.shown(window) for problem in problems))
     if len(problems) > 1:
         complain(f"\n{len(problems)} problems")
 

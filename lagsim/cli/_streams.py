@@ -5,15 +5,21 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
+import shutil
 import sys
-from typing import TYPE_CHECKING
+import textwrap
+from typing import TYPE_CHECKING, TextIO
 
 import typer
 
 from lagsim.errors import LagsimError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Iterator
+
+# What stands before the text of a line: an indent, and a name with two blanks after it.
+_LABEL = re.compile(r"\s*(?:\S+(?: \S+)?\s{2,})?")
 
 
 class UnwritableError(LagsimError):
@@ -34,8 +40,33 @@ def prepare() -> None:
 
 
 def say(text: str) -> None:
-    """Print on stdout."""
-    put(lambda: print(text))
+    """Print on stdout what is for a person: no line is wider than a terminal."""
+    put(lambda: print(fitted(text, sys.stdout)))
+
+
+def width_of(stream: TextIO) -> int | None:
+    """Give how many letters a line takes; None where no terminal counts them."""
+    return shutil.get_terminal_size().columns if stream.isatty() else None
+
+
+def fitted(text: str, stream: TextIO) -> str:
+    """Break lines that are wider than the terminal, below where their text begins."""
+    width = width_of(stream)
+    return text if width is None else "\n".join(_broken(text.split("\n"), width))
+
+
+def _broken(lines: Iterable[str], width: int) -> Iterator[str]:
+    for line in lines:
+        label = _LABEL.match(line)
+        indent = len(label[0]) if label else 0
+        if len(line) <= width or indent > width // 2:
+            yield line
+            continue
+        yield from textwrap.wrap(
+            line[indent:], width, initial_indent=line[:indent],
+            subsequent_indent=" " * (indent or 2), break_on_hyphens=False,
+            break_long_words=False,
+        )  # fmt: skip
 
 
 def put(write: Callable[[], object]) -> None:
@@ -62,7 +93,7 @@ def full(error: OSError) -> int:
 def complain(text: str) -> None:
     """Print on stderr; where that cannot be written, nobody can be told."""
     with contextlib.suppress(OSError):
-        print(text, file=sys.stderr, flush=True)
+        print(fitted(text, sys.stderr), file=sys.stderr, flush=True)
 
 
 def _mute() -> None:

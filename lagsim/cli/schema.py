@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from lagsim.cli._streams import say
+from lagsim.cli._streams import put
 
 
 def command() -> int:
@@ -14,5 +14,6 @@ def command() -> int:
     from lagsim.plan.formulation import formulations
 
     choices = {"method": ["auto", *names()], "formulation": formulations()}
-    say(json.dumps(schema(choices), indent=2))
+    document = json.dumps(schema(choices), indent=2)
+    put(lambda: print(document))
     return 0

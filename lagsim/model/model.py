@@ -195,7 +195,8 @@ class Model:
     `kinetic - potential` otherwise. `initial` has one entry for every coordinate and
     every velocity, in the order of the coordinates, positions first, then the start
     values of definitions. `until` ends a run. `stated` is what `bind` and `settings`
-    evaluate. `unused` are parameters that nothing names.
+    evaluate. `unused` are parameters that nothing names. `places`
+    are those of parameters, coordinates, definitions and energies in the file.
     """
 
     name: str
@@ -219,6 +220,7 @@ class Model:
     description: str = ""
     source: str = ""
     unused: tuple[str, ...] = ()
+    places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
 
     def bind(
         self,

@@ -209,6 +209,35 @@ def test_the_handler_of_sigterm_is_given_back(lagsim):
     assert signal.getsignal(signal.SIGTERM) is before
 
 
+@pytest.mark.parametrize("width", [60, 80])
+def test_lines_fit_a_terminal(lagsim, write, monkeypatch, width):
+    monkeypatch.setenv("COLUMNS", str(width))
+    monkeypatch.setenv("NO_COLOR", "1")
+    model = write(ON_THE_CURVE, "on-the-curve.yaml")
+    plain = lagsim("check", model).out
+    assert max(map(len, plain.splitlines())) > 60, "or nothing is tested"
+    terminal = Terminal()
+    with contextlib.redirect_stdout(terminal):
+        lagsim("check", model)
+    shown = terminal.shown
+    assert max(map(len, shown.splitlines())) <= width
+    assert shown.split() == plain.split()
+
+
+def test_the_caret_stays_under_its_token_on_a_terminal(lagsim, write, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "50")
+    line = "theta_dot^2/2" + " + 0*theta" * 9 + " + wrong" + " + 0*theta" * 9
+    model = write(PENDULUM.replace("kinetic: ", f"kinetic: {line} + "))
+    terminal = Terminal()
+    with contextlib.redirect_stderr(terminal):
+        assert lagsim("check", model).code == 2
+    lines = terminal.shown.splitlines()
+    assert max(map(len, lines)) <= 50
+    [k] = [k for k, text in enumerate(lines) if "^^" in text]
+    at = lines[k].index("^")
+    assert lines[k - 1][at : at + 5] == "wrong"
+
+
 @pytest.mark.parametrize("width", ["80", "100"])
 def test_help_cuts_no_summary(lagsim, monkeypatch, width):
     monkeypatch.setenv("COLUMNS", width)

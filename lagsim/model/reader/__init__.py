@@ -259,6 +259,7 @@ class _File:
             graph=x.graph,
             parameters=values,
             unused=parameters.unused(self.node, known),
+            places={**self.names.places, **dynamics.places(self.energy)},
             coordinates=coordinates,
             definitions=definitions.read(),
             lagrangian=energies.lagrangian,

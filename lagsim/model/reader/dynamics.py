@@ -94,6 +94,11 @@ def _check_complete(found: Fields, faults: Faults) -> None:
         faults.add("missing-key", text, found.place, hint)
 
 
+def places(found: Fields) -> dict[str, Place]:
+    """Give where each energy stands."""
+    return {name: node.place for name, (_, node) in found.found.items()}
+
+
 def read_energies(found: Fields, x: Expressions) -> Energies:
     """Build the energies."""
     nodes: dict[str, int | None] = {}
