@@ -11,12 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.advice import (
-    about_names,
-    about_ranks,
-    multiple_roots,
-    rough_starts,
-)
+from lagsim.admissibility import advice
 from lagsim.admissibility.dependence import LEVELS
 from lagsim.admissibility.finite import refuse_infinite
 from lagsim.admissibility.inertia import needs_constraints
@@ -194,7 +189,7 @@ class _Examiner:
         stated = (q.copy(), v.copy())
         met = all(verdict.satisfied for verdict in (*verdicts, *laws, *unmet))
         if met:
-            warnings += rough_starts(self.e, verdicts, starts)
+            warnings += advice.rough_starts(self.e, verdicts, starts)
             judged = self._exact(q, v, laws)
             q, v = judged.q, judged.v
         else:
@@ -202,11 +197,11 @@ class _Examiner:
         errors = self._errors(judged)
         always = Point(self.always, point.t)
         augmented = needs_constraints(always, judged.q, judged.v, errors)
-        warnings += about_names(self.e.model)
-        warnings += multiple_roots(self.e)
+        warnings += advice.about_names(self.e.model)
+        warnings += advice.multiple_roots(self.e)
         thin = judged.thin.names if judged.thin else ()
         sound = not judged.contradictions and not thin
-        warnings += about_ranks(self.e, judged.ranks, thin, sound=sound)
+        warnings += advice.about_ranks(self.e, judged.ranks, thin, sound=sound)
         reach: Reach | None = None
         redundant = {d.name for d in judged.ranks.dependences}
         verdicts = [x._replace(redundant=x.name in redundant) for x in verdicts]

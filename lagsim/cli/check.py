@@ -23,11 +23,20 @@ def command(
         bool, typer.Option("--repair", help="Print the nearest admissible state.")
     ] = False,
     as_json: AsJson = False,
+    quiet: Annotated[
+        bool, typer.Option("-q", "--quiet", help="Say nothing of admissible starts.")
+    ] = False,
 ) -> int:
     """Tell whether a start is admissible, and what constrains it."""
     documents: list[Any] = []
     codes = [
-        _one(model, sets, repair=repair, documents=documents if as_json else None)
+        _one(
+            model,
+            sets,
+            repair=repair,
+            quiet=quiet,
+            documents=documents if as_json else None,
+        )
         for model in models
     ]
     if as_json:
@@ -40,6 +49,7 @@ def _one(
     sets: Sequence[str] | None,
     *,
     repair: bool,
+    quiet: bool,
     documents: list[Any] | None,
 ) -> int:
     """Check one model; give the exit code."""
@@ -53,7 +63,7 @@ def _one(
         case, choices = check(model)
         if documents is not None:
             documents.append(document(case.equations, case.examined, choices))
-        else:
+        elif not (quiet and case.examined.admissible):
             say(report(case.equations, case.examined, choices, repair=repair))
         code.append(0 if case.examined.admissible else 1)
     return code[-1]

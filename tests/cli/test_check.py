@@ -338,3 +338,13 @@ def test_a_check_takes_no_longer_than_three_times_its_imports(name):
     bare = quickest("-c", "import numpy, yaml, typer")
     checked = quickest("-m", "lagsim", "check", str(MODELS / f"{name}.yaml"))
     assert checked < 3 * bare
+
+
+def test_quiet_says_only_what_is_wrong(lagsim, write):
+    good, bad = write(ON_THE_CURVE, "good.yaml"), write(CAPTION, "bad.yaml")
+    called = lagsim("check", "-q", good)
+    assert (called.code, called.out, called.err) == (0, "", "")
+    called = lagsim("check", "-q", good, bad)
+    assert (called.code, called.err) == (1, "")
+    assert called.out == lagsim("check", bad).out
+    assert lagsim("check", "-q", good, "--json").json["admissible"]
