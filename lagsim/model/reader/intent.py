@@ -37,6 +37,9 @@ _ELSEWHERE = {
     "deg2rad": "x*pi/180",
     "radians": "x*pi/180",
 }
+# What is meant shows within so many letters of a fault; patterns that are tried at each
+# of a million would take for ever.
+WINDOW = 100
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _CALLED = "|".join(sorted((*FUNCTIONS, *_ELSEWHERE), key=len, reverse=True))
 # Each is looked for around the fault: what is matched, and what to write instead.
@@ -82,8 +85,10 @@ def of_text(text: str, offset: int, known: Collection[str]) -> str:
     known
         The variables of the file.
     """
+    first = max(0, offset - WINDOW)
+    whole, text, offset = text, text[first : offset + WINDOW], offset - first
     quantity = _QUANTITY.fullmatch(text)
-    if quantity:
+    if quantity and text == whole:
         number, unit = (part.replace(" ", "") for part in quantity.groups())
         beside = f"a unit stands beside its number: {{value: {number}, unit: {unit}}}"
         product = _is_product(quantity[2], known)
@@ -131,6 +136,8 @@ def _ordinal(rate: str) -> str:
 
 def rate_of(name: str, moving: Collection[str]) -> str:
     """Give the rate that is spelt otherwise, such as `x_dot` for `xdot`, or nothing."""
+    if len(name) > WINDOW:
+        return ""
     for mark, ending in _COMBINING.items():
         plain = unicodedata.normalize("NFD", name)
         if mark in plain and plain.replace(mark, "") in moving:
