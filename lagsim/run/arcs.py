@@ -250,7 +250,7 @@ class Run:
                 state.smallest_step or None,
                 self.arcs,
             ),
-            events=sorted(recorder.events, key=attrgetter("time")),  # rest is foreseen
+            events=tuple(sorted(recorder.events, key=attrgetter("time"))),
             event_counts=dict(recorder.counts),
             warnings=(
                 *recorder.cautions,
