@@ -258,6 +258,7 @@ def test_shipped_models_start_exactly_where_they_say(path):
     assert not {"rough-start", "redundant", "vanishing-gradient"} & set(codes(start))
 
 
+@pytest.mark.slow
 def test_a_repaired_mechanism_pastes_back():
     # 20 coordinates, 24 rows of rank 23.
     stated = model_text("bricard")

@@ -41,6 +41,7 @@ def folder_of(tmp_path):
     return Path(os.environ.get("HUNT_FOLDER", tmp_path / "failures"))
 
 
+@pytest.mark.slow
 def test_a_few_scenes_hold(lagsim, tmp_path):
     tally, told = hunted("few", 3, lagsim, folder_of(tmp_path))
     assert not tally.faults, told

@@ -73,7 +73,7 @@ def motion(e, plan, y, t):
     return runner.function("observe")(t, y[: system.size])[wanted]
 
 
-@pytest.mark.parametrize("n", [5, 20])
+@pytest.mark.parametrize("n", [5, pytest.param(20, marks=pytest.mark.slow)])
 def test_the_solve_is_that_of_the_full_form(n):
     case = case_of(rod_chain(n, 1.0))
     e, plan = case.equations, case.plan()
@@ -93,7 +93,7 @@ def test_tapes_give_the_bits_of_compiled_code(path):
         assert np.array_equal(tape, code, equal_nan=True)
 
 
-@pytest.mark.parametrize("n", [5, 20])
+@pytest.mark.parametrize("n", [5, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_run_is_that_of_the_full_form(n):
     text = rod_chain(n, 0.3)
     full = run(text, loops=True)

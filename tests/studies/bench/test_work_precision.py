@@ -35,6 +35,7 @@ def entries(found, method):
     return [e for e in found.entries if e.method == method]
 
 
+@pytest.mark.slow
 def test_the_error_of_rk4_is_that_of_its_amplification(measured):
     for entry in entries(measured, "rk4"):
         h, turns = entry.value, round(0.1 / entry.value)
@@ -54,6 +55,7 @@ def test_the_error_of_rk4_is_that_of_its_amplification(measured):
         assert entry.evaluations == 4 * 200 * turns + 1
 
 
+@pytest.mark.slow
 def test_tighter_tolerances_give_smaller_errors(measured):
     for method in ("dop853", "scipy:LSODA"):
         errors = [e.error for e in entries(measured, method)]
@@ -64,6 +66,7 @@ def test_tighter_tolerances_give_smaller_errors(measured):
         assert errors[-1] < 1e-2 * errors[0]
 
 
+@pytest.mark.slow
 def test_the_rows_of_what_auto_takes_are_marked(measured):
     # The oscillator is linear: one exponential from row to row.
     taken = [e for e in measured.entries if e.chosen]
@@ -71,6 +74,7 @@ def test_the_rows_of_what_auto_takes_are_marked(measured):
     assert {e.outcome for e in measured.entries} == {"done"}
 
 
+@pytest.mark.slow
 def test_both_references_agree_on_what_is_known(measured):
     reference = measured.reference
     assert reference.horizon is None
@@ -79,6 +83,7 @@ def test_both_references_agree_on_what_is_known(measured):
     assert np.max(np.abs(reference.rows[:, 1] - exact)) < 4e-12
 
 
+@pytest.mark.slow
 def test_the_front_holds_nothing_that_is_beaten(measured):
     for of in ("seconds", "evaluations"):
         front = [measured.entries[k] for k in measured.front(of)]
