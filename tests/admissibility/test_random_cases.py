@@ -166,10 +166,7 @@ def test_rank_combinations_and_consistency(block):
 
 @pytest.mark.parametrize(
     "block",
-    [
-        pytest.param(k, marks=pytest.mark.nightly if k else pytest.mark.slow)
-        for k in range(20)
-    ],
+    [pytest.param(k, marks=pytest.mark.nightly) for k in range(20)],
 )
 def test_rank_combinations_and_consistency_of_2000(block):
     for seed in range(1000 + 100 * block, 1100 + 100 * block):

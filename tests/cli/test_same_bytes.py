@@ -39,8 +39,13 @@ def digests(folder, model, **around):
     }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("model", ["elastic-pendulum-steered", "dry-friction"])
+@pytest.mark.parametrize(
+    "model",
+    [
+        pytest.param("elastic-pendulum-steered", marks=pytest.mark.nightly),
+        pytest.param("dry-friction", marks=pytest.mark.slow),
+    ],
+)
 def test_whatever_is_set_around_it(tmp_path, model):
     usual = digests(tmp_path / "usual", model)
     assert len(usual) > 3

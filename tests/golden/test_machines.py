@@ -85,8 +85,16 @@ def nudged(ir):
     return ir
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SHIPPED)
+def some_nightly(every, slow):
+    """Give test parameters: some are slow, the others wait for the night."""
+    marks = {True: pytest.mark.slow, False: pytest.mark.nightly}
+    return [pytest.param(one, marks=marks[one in slow]) for one in every]
+
+
+FEW = ["andrews", "bouncing-ball", "double-pendulum", "elastic-pendulum", "kepler"]
+
+
+@pytest.mark.parametrize("name", some_nightly(SHIPPED, FEW))
 @pytest.mark.usefixtures("rounding_otherwise")
 def test_functions_that_round_otherwise(name):
     found = judged(name, scene(name))
@@ -111,8 +119,7 @@ def other_targets():
     return ["generic", "x86-64", *(["x86-64-v3"] if v3 else [])]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("target", other_targets())
+@pytest.mark.parametrize("target", some_nightly(other_targets(), ["generic"]))
 def test_other_processors(target, monkeypatch):
     monkeypatch.setenv("LAGSIM_CPU", target)
     for name in SHIPPED:

@@ -45,7 +45,17 @@ def noisy(column):
     return column.startswith(("residual_", "error", "perihelion"))
 
 
+# Bodies that only strike each other, and never press: their multipliers are 0.
+STRIKING = ("ball-on-a-vibrating-table", "newtons-cradle")
+# Polynomials of t, between impacts that are located: rk4 solves them exactly.
+POLYNOMIAL = ("appell-hamel", "ball-on-a-vibrating-table", "bouncing-ball")
+# What a motion does not depend on: a block whose friction holds it, whatever it is.
+UNFELT = {("rocking-block", "mu")}
+
+
 def lambda_sign(name, _random):
+    if name in STRIKING:
+        return
     other, motion, _ = whole(name)
     for column in [c for c in motion.columns if c.startswith("lambda_")][:2]:
         k = motion.columns.index(column)
@@ -54,7 +64,7 @@ def lambda_sign(name, _random):
 
 def parameters(name, random):
     model = scene(name).equations.model
-    some = [p for p in model.parameters if p.value]
+    some = [p for p in model.parameters if p.value and (name, p.name) not in UNFELT]
     for k in random.permutation(len(some))[:2]:
         changed = {some[k].name: some[k].value * (1 + 1e-6)}
         yield some[k].name, scene(name, **changed), None
@@ -89,7 +99,7 @@ def columns_swapped(name, random):
 
 
 def coarse_rk4(name, _random):
-    if name == "appell-hamel":  # a polynomial of t, which it solves exactly
+    if name in POLYNOMIAL:
         return
     other = scene(name)
     step = other.settings.duration / 100
@@ -155,7 +165,7 @@ def variants(name):
             yield method, other.asking(method=method)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_nothing_else_is_flagged():
     flagged, count = [], 0
     for name in SHIPPED:

@@ -96,7 +96,7 @@ def test_a_few_contacts_hold(lagsim, tmp_path):
     assert not told, told
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_fifteen_contacts_hold(lagsim, tmp_path):
     kinds, told = hunted("fifteen", 15, lagsim, folder_of(tmp_path))
     assert not told, told

@@ -47,7 +47,7 @@ def test_a_few_scenes_hold(lagsim, tmp_path):
     assert not tally.faults, told
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_twenty_scenes_hold(lagsim, tmp_path):
     tally, told = hunted("twenty", 20, lagsim, folder_of(tmp_path))
     assert not tally.faults, told

@@ -232,8 +232,13 @@ def test_four_bars_pass_their_dead_points(N, speed, length):
     check_told(result, N, speed)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("N", [10, 40])
+@pytest.mark.parametrize(
+    "N",
+    [
+        pytest.param(10, marks=pytest.mark.slow),
+        pytest.param(40, marks=pytest.mark.nightly),
+    ],
+)
 def test_many_four_bars_pass_their_dead_points(N):
     check_four_bars(run(four_bars(N)), N, 1.0, 1.0)
 

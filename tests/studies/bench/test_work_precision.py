@@ -134,8 +134,10 @@ def test_a_solve_that_takes_too_long_leaves_a_gap(monkeypatch):
     monkeypatch.setattr("lagsim.studies.bench.work_precision.PATIENCE_TIMES", 0.0)
     names = ("scipy:DOP853", "scipy:Radau", "scipy:LSODA")
     found = measure(scene(oscillator(ROWS)), Wish(names, (1e-3, 1e-9)))
-    # One gap each: what is tighter is not tried.
-    assert [e.method for e in found.entries] == list(names)
+    # What is looser may take longest: after four gaps no tighter one is tried.
+    assert [e.method for e in found.entries] == [
+        name for name in names for _ in range(4)
+    ]
     for entry in found.entries:
         assert (entry.outcome, entry.error, entry.seconds) == ("too slow", None, None)
         assert "given up" in entry.reason
@@ -182,7 +184,7 @@ def test_what_only_one_solution_says_is_not_known():
     assert found.errors(wrong)[0] == pytest.approx(5e-4, rel=1e-2)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_reference_of_chaos_ends_where_solutions_part():
     model = read_file(str(MODELS / "double-pendulum.yaml"))
     reference = make_reference(open_case(model))
