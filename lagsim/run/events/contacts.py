@@ -30,13 +30,15 @@ if TYPE_CHECKING:
     from collections.abc import Sequence as Some
 
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.contact import Impact
     from lagsim.run.arc import Arc
 
 # What gives an impulse: a force that is bounded gives none in no time.
 STRIKING = (Kind.CONTACT, Kind.FREEWHEEL, Kind.SLIP, Kind.TIMED)
 # What has bounced so often comes to rest by a series, not by one impact.
 SERIES = 3
-# An impact that raises the energy by more than this part of what it changes is told.
+# An impact that raises the energy by more than this part of what impulses exchange is
+# told.
 RAISED = 1e-9
 # An impulse this small against the largest is rounding.
 NO_IMPULSE = 1e-12
@@ -213,7 +215,7 @@ class Contacts(Source):
                 if self.bounces[k] > SERIES:
                     found.events.append(Event(ends[k], "zeno", name))
                 self.bounces[k] = 0
-        found.cautions += self._told_of(here, some, result.energy, result.open)
+        found.cautions += self._told_of(here, some, result)
 
     def _ends(
         self,
@@ -242,18 +244,20 @@ class Contacts(Source):
             yield Kind.TIMED if k in ends or gone else law.kind
 
     def _told_of(
-        self, here: Touching, some: Some[int], change: float, open_: bool
+        self, here: Touching, some: Some[int], result: Impact
     ) -> list[Caution]:
         """Warn of what the law of impacts leaves open, or gets wrong."""
         told: list[Caution] = []
         names, t = self._names(some), here.arc.t
-        if open_:
+        if result.open:
             told += self._once(
                 "impact-order",
                 f"at t = {t:.9g} {names} strike at one time, and the outcome depends "
                 "on their order: they were taken as simultaneous",
             )
-        if change > 0.0 and change > RAISED * _largest(here.arc):
+        change, rates = result.energy, here.rates[list(some)]
+        exchanged = np.abs(result.impulses) @ (np.abs(rates) + np.abs(result.after))
+        if change > RAISED * exchanged:
             told += self._once(
                 "impact-energy",
                 f"at t = {t:.9g} the impact at {names} raises the energy by "
@@ -275,11 +279,6 @@ def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
         return gaps / own if own > 0.0 else np.zeros(1)
     answer = D[np.ix_(deep, deep)]
     return np.asarray(np.linalg.lstsq(answer, gaps, rcond=None)[0], float)
-
-
-def _largest(arc: Arc) -> float:
-    """Give the largest number in the row of the state reached."""
-    return float(np.max(np.abs(arc.observed()[1:]), initial=0.0))
 
 
 def _impossible(ending: Ending) -> Problem:
