@@ -8,7 +8,7 @@ no algorithm on the graph recurses.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lagsim.language.functions import OPERATIONS
 
@@ -34,6 +34,8 @@ class Graph:
         "truth".
     args : list of tuple of int
         The arguments of each node.
+    remembered : dict
+        See `language.remembered`.
     """
 
     def __init__(self) -> None:
@@ -41,6 +43,7 @@ class Graph:
         self.args: list[tuple[int, ...]] = []
         self._payload: dict[int, float | str | bool] = {}
         self._known: dict[tuple[object, ...], int] = {}
+        self.remembered: dict[object, Any] = {}
         self.zero = self.constant(0.0)
         self.one = self.constant(1.0)
 

@@ -212,7 +212,8 @@ class Attempts:
             thin = picture_thinning(case.equations.model, names)
         if self.store.rows:
             self.store.begin_anew()
-        others: list[Observer] = [account, checkpoints]
+        others: list[Observer] = [account]
+        others += [] if self.error_bars is ErrorBars.NEVER else [checkpoints]
         others += [thin] if thin else []
         relay = Relay(self.store, others, self.interrupt)
         clock = self.clock

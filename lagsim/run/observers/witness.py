@@ -48,16 +48,18 @@ class Witness:
 
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
-        finite = rows[np.isfinite(rows[:, self._energy])]
-        if len(finite):
-            self._low = np.fmin(self._low, np.min(finite, axis=0))
-            self._high = np.fmax(self._high, np.max(finite, axis=0))
-        first = -self._seen % self._stride
-        self._kept += list(self._parts_of(rows[first :: self._stride]))
-        self._seen += len(rows)
-        while len(self._kept) > MOST_ROWS:
+        finite = np.isfinite(rows[:, self._energy])
+        known = rows if finite.all() else rows[finite]
+        if len(known):
+            self._low = np.fmin(self._low, np.min(known, axis=0))
+            self._high = np.fmax(self._high, np.max(known, axis=0))
+        seen = self._seen + len(rows)
+        while seen > MOST_ROWS * self._stride:
             self._kept = self._kept[::2]
             self._stride *= 2
+        first = -self._seen % self._stride
+        self._kept += list(self._parts_of(rows[first :: self._stride]))
+        self._seen = seen
 
     def _parts_of(self, rows: Floats) -> Floats:
         """Give energy - work, the kinetic energy, t, q, q', q'' of each row."""

@@ -12,6 +12,7 @@ from lagsim.methods.parts import driver
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.link.cache import kernel_object
 from lagsim.native.link.engine import Engine
+from lagsim.run.pace import Pace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -71,10 +72,13 @@ class Runner:
     Attributes
     ----------
     method : module
+    pace : Pace
+        That of the runs so far.
     """
 
     def __init__(self, system: Compiled, name: str) -> None:
         self.system = system
+        self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
         until = system.equations.model.until is not None
