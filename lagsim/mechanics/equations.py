@@ -89,7 +89,11 @@ class Equations:
 
     def of(self, model: Model) -> Equations:
         """Give the same equations of the model bound to other values."""
-        return replace(self, model=model)
+        given = {c.name: c.law.restitution for c in model.constraints if c.law}
+        laws = self.laws
+        if any(law.restitution != given.get(law.constraint, 0.0) for law in laws):
+            laws = tuple(law.bouncing(given.get(law.constraint, 0.0)) for law in laws)
+        return replace(self, model=model, laws=laws)
 
     @property
     def accelerations(self) -> tuple[str, ...]:

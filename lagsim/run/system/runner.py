@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from copy import copy
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -105,6 +106,12 @@ class Runner:
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
         self._work = np.empty(LANES * (1 + system.size + system.rows_observed))
         self._room = self._work.ctypes.data
+
+    def over(self, system: Compiled) -> Runner:
+        """Give the same code over the memory of a system bound to other values."""
+        new = copy(self)
+        new.__dict__ |= {"system": system, "_functions": {}}
+        return new
 
     def function(
         self, name: str, length: int | None = None
