@@ -11,7 +11,16 @@ import typer
 
 from lagsim.cli._closing import progress_bar, summary
 from lagsim.cli._faults import faults_shown
-from lagsim.cli._shared import AsJson, ModelPath, Sets, assignments, show_json
+from lagsim.cli._github import ERROR, annotate
+from lagsim.cli._shared import (
+    AsJson,
+    ModelPath,
+    Sets,
+    Strict,
+    assignments,
+    refused,
+    show_json,
+)
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit, cut_short, open_table
 from lagsim.methods import names
@@ -104,6 +113,7 @@ def command(
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
     ] = False,
+    strict: Strict = False,
 ) -> int:
     """Check the start, integrate, write a table and pictures."""
     options = {
@@ -118,7 +128,10 @@ def command(
         "output_step": output_step,
     }
     given = {name: text for name, text in options.items() if text is not None}
-    job = _Job(folder, error_bar, plots=not no_plots, as_json=as_json, quiet=quiet)
+    job = _Job(
+        folder, error_bar, plots=not no_plots, as_json=as_json, quiet=quiet,
+        strict=strict,
+    )  # fmt: skip
     documents: list[Any] = []
     with faults_shown(documents if as_json else None, file=model) as code:
         code.append(job.run(model, assignments(sets), given))
@@ -138,12 +151,14 @@ class _Job:
         plots: bool,
         as_json: bool,
         quiet: bool,
+        strict: bool,
     ) -> None:
         self.folder = folder
         self.error_bars = error_bars
         self.plots = plots
         self.as_json = as_json
         self.quiet = quiet
+        self.strict = strict
         # The processor time so far is close to what starting and importing took.
         self.clock = Clock()
         self.clock.timings["import"] = time.process_time()
@@ -191,7 +206,9 @@ class _Job:
             return UnwritableError.exit_code
         if interrupt.signal is not None:
             return 128 + interrupt.signal
-        return 0 if found.trajectory.outcome.complete else 3
+        if not found.trajectory.outcome.complete:
+            return 3
+        return self._strictly(found, document)
 
     def _write(self, found: Attempt, results: Results) -> OSError | None:
         """Write what stands beside the table; give what kept one from being written."""
@@ -205,12 +222,23 @@ class _Job:
                 self.clock.lap("plots")
         return None
 
+    def _strictly(self, found: Attempt, document: Mapping[str, Any]) -> int:
+        """Give the exit code of a run that is complete; say why it is not 0."""
+        cautions = document["warnings"]
+        if not (self.strict and cautions):
+            return 0
+        model = found.session.case.equations.model
+        told = refused(model.name, [caution["code"] for caution in cautions])
+        complain(told)
+        annotate(ERROR, told.removeprefix("lagsim: "), model.file)
+        return 1
+
     def _report(
         self, found: Attempt, document: Mapping[str, Any], folder: Path
     ) -> None:
         if not document["complete"]:
             complain(f"lagsim: {document['reason']}")
-        if not self.quiet:
+        if not self.quiet or self.strict:
             for caution in document["warnings"]:
                 complain(f"warning: {caution['text']}")
         if self.as_json:
