@@ -253,7 +253,8 @@ ELSEWHERE = ("python3 -m venv", "M(q,q',t) q''", "lagsim derive MODEL")
 def test_no_block_is_forgotten():
     known = {README_MODEL, *(b.text for b in CONSOLE), *(b.text for b in SETTINGS)}
     words = (
-        *ELSEWHERE, "golden models/*.yaml", "--strict models/*.yaml", "derive models/elastic", "format version",
+        *ELSEWHERE, "golden models/*.yaml", "--strict models/*.yaml",
+        "derive models/elastic", "format version",
         "Equation of θ", "from equations import", "a freewheel",
     )  # fmt: skip
     left = [

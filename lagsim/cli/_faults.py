@@ -6,7 +6,6 @@ import contextlib
 import sys
 from typing import TYPE_CHECKING, Any
 
-from lagsim.cli._github import annotate_problem, annotate_start
 from lagsim.cli._streams import complain, width_of
 from lagsim.errors import WINDOW, InputError, LagsimError, Problem
 from lagsim.run.session import StartError
@@ -40,6 +39,7 @@ def faults_shown(
         yield code
     except StartError as error:
         code.append(error.exit_code)
+        from lagsim.cli._github import annotate_start
         from lagsim.cli._verdict import report
         from lagsim.outputs.examined import document
 
@@ -52,6 +52,8 @@ def faults_shown(
             documents.append(document(error.equations, error.examined))
     except LagsimError as error:
         code.append(error.exit_code)
+        from lagsim.cli._github import annotate_problem
+
         problems = [Problem("failed", str(error))]
         if isinstance(error, InputError):
             problems = list(error.problems)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lagsim.cli._faults import faults_shown
-from lagsim.cli._github import annotate_start
 from lagsim.cli._shared import AsJson, Sets, Strict, assignments, refused, show_json
 from lagsim.cli._streams import complain, say
 
@@ -71,7 +70,10 @@ def _one(
             documents.append(document(case.equations, case.examined, choices))
         elif not (quiet and admissible and not alarmed):
             say(report(case.equations, case.examined, choices, repair=repair))
-        annotate_start(case.equations, case.examined)
+        if warnings or not admissible:
+            from lagsim.cli._github import annotate_start
+
+            annotate_start(case.equations, case.examined)
         if alarmed:
             complain(refused(model.name, [w.code for w in warnings]))
         code.append(0 if admissible and not alarmed else 1)

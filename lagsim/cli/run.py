@@ -11,7 +11,6 @@ import typer
 
 from lagsim.cli._closing import progress_bar, summary
 from lagsim.cli._faults import faults_shown
-from lagsim.cli._github import ERROR, annotate
 from lagsim.cli._shared import (
     AsJson,
     ModelPath,
@@ -227,6 +226,8 @@ class _Job:
         cautions = document["warnings"]
         if not (self.strict and cautions):
             return 0
+        from lagsim.cli._github import ERROR, annotate
+
         model = found.session.case.equations.model
         told = refused(model.name, [caution["code"] for caution in cautions])
         complain(told)
