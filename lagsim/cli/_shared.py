@@ -38,6 +38,7 @@ Jobs = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit 1 if there are warnings.")]
 
 
 def _show_version(asked: bool) -> None:
@@ -82,6 +83,13 @@ def assignments(sets: Iterable[str] | None) -> dict[str, str]:
     if problems:
         raise InputError(problems)
     return found
+
+
+def refused(name: str, codes: Iterable[str]) -> str:
+    """Say that `--strict` does not let warnings with these codes pass."""
+    codes = list(codes)
+    told = ", ".join(dict.fromkeys(codes))
+    return f"lagsim: {name}: {counted(len(codes), 'warning')} ({told}), and --strict"
 
 
 def show_json(document: Any) -> None:

@@ -11,7 +11,15 @@ import typer
 
 from lagsim.cli._closing import progress_bar, summary
 from lagsim.cli._faults import faults_shown
-from lagsim.cli._shared import AsJson, Jobs, Sets, assignments, show_json
+from lagsim.cli._shared import (
+    AsJson,
+    Jobs,
+    Sets,
+    Strict,
+    assignments,
+    refused,
+    show_json,
+)
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit, cut_short, open_table
 from lagsim.methods import names
@@ -111,6 +119,7 @@ def command(
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
     ] = False,
+    strict: Strict = False,
 ) -> int:
     """Check the start, integrate, write a table and pictures."""
     options = {
@@ -125,7 +134,9 @@ def command(
         "output_step": output_step,
     }
     given = {name: text for name, text in options.items() if text is not None}
-    job = partial(Job, error_bars=error_bar, plots=not no_plots, quiet=quiet)
+    job = partial(
+        Job, error_bars=error_bar, plots=not no_plots, quiet=quiet, strict=strict
+    )
     if len(models) > 1:
         from lagsim.cli._several import Batch
 
@@ -160,6 +171,7 @@ class Job:
         *,
         plots: bool,
         quiet: bool,
+        strict: bool,
         documents: list[Any] | None = None,
         interrupt: Interrupt | None = None,
     ) -> None:
@@ -168,6 +180,7 @@ class Job:
         self.plots = plots
         self.documents = documents
         self.quiet = quiet
+        self.strict = strict
         self.interrupt = interrupt or Interrupt()
         self.clock = Clock()
 
@@ -219,7 +232,9 @@ class Job:
             return UnwritableError.exit_code
         if interrupt.signal is not None:
             return 128 + interrupt.signal
-        return 0 if found.trajectory.outcome.complete else 3
+        if not found.trajectory.outcome.complete:
+            return 3
+        return self._strictly(found, document)
 
     def _write(self, found: Attempt, results: Results) -> OSError | None:
         """Write what stands beside the table; give what kept one from being written."""
@@ -233,12 +248,25 @@ class Job:
                 self.clock.lap("plots")
         return None
 
+    def _strictly(self, found: Attempt, document: Mapping[str, Any]) -> int:
+        """Give the exit code of a run that is complete; say why it is not 0."""
+        cautions = document["warnings"]
+        if not (self.strict and cautions):
+            return 0
+        from lagsim.cli._github import ERROR, annotate
+
+        model = found.session.case.equations.model
+        told = refused(model.name, [caution["code"] for caution in cautions])
+        complain(told)
+        annotate(ERROR, told.removeprefix("lagsim: "), model.file)
+        return 1
+
     def _report(
         self, found: Attempt, document: Mapping[str, Any], folder: Path
     ) -> None:
         if not document["complete"]:
             complain(f"lagsim: {document['reason']}")
-        if not self.quiet:
+        if not self.quiet or self.strict:
             for caution in document["warnings"]:
                 complain(f"warning: {caution['text']}")
         if self.documents is not None:
