@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import typer
 
 COMMANDS = (
-    "new", "run", "check", "derive", "compare", "golden", "bench", "stability",
+    "new", "run", "sweep", "check", "derive", "compare", "golden", "bench", "stability",
     "methods", "schema",
 )  # fmt: skip
 
