@@ -100,6 +100,9 @@ def command(
         ),
     ] = ErrorBars.AUTO,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
+    animate: Annotated[
+        bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
+    ] = False,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -118,7 +121,10 @@ def command(
         "output_step": output_step,
     }
     given = {name: text for name, text in options.items() if text is not None}
-    job = _Job(folder, error_bar, plots=not no_plots, as_json=as_json, quiet=quiet)
+    job = _Job(
+        folder, error_bar, plots=not no_plots, animate=animate, as_json=as_json,
+        quiet=quiet,
+    )  # fmt: skip
     documents: list[Any] = []
     with faults_shown(documents if as_json else None, file=model) as code:
         code.append(job.run(model, assignments(sets), given))
@@ -136,12 +142,13 @@ class _Job:
         error_bars: ErrorBars,
         *,
         plots: bool,
+        animate: bool,
         as_json: bool,
         quiet: bool,
     ) -> None:
         self.folder = folder
         self.error_bars = error_bars
-        self.plots = plots
+        self.plots, self.animate = plots, animate
         self.as_json = as_json
         self.quiet = quiet
         # The processor time so far is close to what starting and importing took.
@@ -176,7 +183,8 @@ class _Job:
         ):  # fmt: skip
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
-                thinned=self.plots, progress=partial(progress_bar, quiet=self.quiet),
+                thinned=self.plots, animated=self.animate,
+                progress=partial(progress_bar, quiet=self.quiet),
             ).best(session)  # fmt: skip
             full = found.fault or self._write(found, results)
             cautions = found.cautions()
@@ -196,7 +204,7 @@ class _Job:
     def _write(self, found: Attempt, results: Results) -> OSError | None:
         """Write what stands beside the table; give what kept one from being written."""
         try:
-            for name, content in found.files(found.thin):
+            for name, content in found.files(found.thin, found.frames):
                 results.write(name, content)
         except OSError as error:
             return error
