@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import yaml
 
+from tests.cli._results import table
 from tests.cli.conftest import lagsim  # noqa: F401
 from tests.support import MODELS, ROOT
 
@@ -135,13 +136,15 @@ def test_the_derivation_that_is_shown(lagsim, folder):  # noqa: F811
 @pytest.mark.slow
 @pytest.mark.usefixtures("folder")
 def test_goldens_as_shown(lagsim, tmp_path):  # noqa: F811
-    lines = commands(only("README.md", "", "golden models/*.yaml --update"))
-    assert len(lines) == 2
+    blocks = [b.text for b in BLOCKS if (b.page, b.kind) == ("docs/ci.md", "")]
+    lines = [line for text in blocks for line in commands(text)]
+    assert len(lines) == 5
     for line in lines:
         called = lagsim(*expanded(line, tmp_path)[1:])
         assert called.code == 0, called.err
     stored = {p.name for p in (tmp_path / "models/golden").iterdir()}
     assert {"kepler.csv", "kepler.json"} <= stored
+    assert (tmp_path / "reports/golden.xml").is_file()
 
 
 SETTINGS = [b for b in BLOCKS if "pip install" in b.text and b.kind in ("yaml", "")] + [
@@ -242,17 +245,38 @@ def test_the_laws_of_constraints_are_those_of_the_page(lagsim, tmp_path):  # noq
     assert lagsim("derive", "laws.yaml").code == 0
 
 
+def test_the_reactions_are_those_of_the_page(lagsim, tmp_path):  # noqa: F811
+    found = []
+    for name in ("swinging", "two-rods"):
+        (tmp_path / "m.yaml").write_text(only("docs/reactions.md", "yaml", name))
+        assert lagsim("run", "m.yaml").code == 0
+        header, rows = table(tmp_path / "results" / name)
+        found.append(dict(zip(header, rows.T, strict=True)))
+        assert (tmp_path / "results" / name / "plot_1.png").exists()
+    r = found[0]
+    said = 1.5 * 9.81 * np.cos(r["a"]) + 1.5 * 1.1 * r["a_dot"] ** 2
+    assert np.allclose(r["tension"], said, rtol=1e-12)
+    r = found[1]
+    done = np.sum((r["drive"][1:] + r["drive"][:-1]) / 2 * np.diff(r["t"]))
+    # The trapezium's error is the sum of h^3/12 of second derivatives.
+    bound = 0.003 / 12 * np.sum(np.abs(np.diff(r["drive"], 2)))
+    gained = r["kinetic"] + r["potential"]
+    assert abs(gained[-1] - gained[0] - done) < 2 * bound < 0.01
+
+
 # Blocks that other tests run: the installation by .ci/run, the gallery by
 # tests/failing, the Python interface by tests/test_python, and those that are no
 # examples (a formula, an output shown above).
-ELSEWHERE = ("python3 -m venv", "M(q,q',t) q''", "lagsim derive MODEL")
+ELSEWHERE = ("python3 -m venv", "M(q,q',t) q''", "lagsim derive MODEL", "reaction.x = ")
 
 
 def test_no_block_is_forgotten():
     known = {README_MODEL, *(b.text for b in CONSOLE), *(b.text for b in SETTINGS)}
     words = (
-        *ELSEWHERE, "golden models/*.yaml", "derive models/elastic", "format version",
+        *ELSEWHERE, "golden models/*.yaml", "--strict models/*.yaml",
+        "derive models/elastic", "format version",
         "Equation of θ", "from equations import", "a freewheel",
+        "name: swinging", "name: two-rods",
     )  # fmt: skip
     left = [
         b
