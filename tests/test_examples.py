@@ -196,6 +196,15 @@ def test_the_repair_that_is_shown_is_the_nearest(folder, lagsim):  # noqa: F811
         assert other == pytest.approx(one, rel=1e-12)
 
 
+@pytest.mark.parametrize("page", ["docs/tutorial.md", "docs/errors.md"])
+def test_the_fault_that_is_shown(page, folder, lagsim):  # noqa: F811
+    model = only("docs/tutorial.md", "yaml", "name: pendulum")
+    (folder / "pendulum.yaml").write_text(model.replace("sin(theta)", "sin theta"))
+    called = lagsim("check", "pendulum.yaml")
+    assert (called.code, called.out) == (2, "")
+    assert called.err == only(page, "text", "l*sin theta")
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("block", SETTINGS, ids=lambda b: b.name)

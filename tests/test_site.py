@@ -28,9 +28,6 @@ def test_links_lead_somewhere(page):
             continue
         path, _, place = link.partition("#")
         target = ((ROOT / page).parent / path).resolve() if path else ROOT / page
-        # The README is the first page of the site.
-        if not target.exists() and target.name == "index.md":
-            target = ROOT / "README.md"
         assert target.exists(), f"{page}: {link}"
         if place and target.suffix == ".md":
             name = target.relative_to(ROOT).as_posix()
