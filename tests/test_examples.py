@@ -20,6 +20,7 @@ import pytest
 import yaml
 
 import lagsim as house
+from tests.cli._results import table
 from tests.cli.conftest import lagsim  # noqa: F401
 from tests.pages import PAGES, blocks, commands, indented, text_of, words_of
 from tests.support import MODELS, ROOT
@@ -43,7 +44,7 @@ NOT_RUN = {
     "python benchmarks/": "measures for minutes",
 }
 # Pages whose examples take more than a second or two.
-SLOW = {"docs/commands.md", "docs/tutorial.md"}
+SLOW = {"docs/ci.md", "docs/commands.md", "docs/tutorial.md"}
 # Starts that are shown to be refused.
 REFUSED = {"caption", "swing"}
 CAPTION = "docs/model-file.md"
@@ -292,6 +293,25 @@ def test_the_laws_of_constraints_are_those_of_the_page(folder, lagsim):  # noqa:
         "floor": "sticks", "wheel": "engaged", "brake": "sticks", "latch": "in force",
     }  # fmt: skip
     assert lagsim("derive", "laws.yaml").code == 0
+
+
+def test_the_reactions_are_those_of_the_page(lagsim, tmp_path):  # noqa: F811
+    found = []
+    for name in ("swinging", "two-rods"):
+        (tmp_path / "m.yaml").write_text(only("docs/reactions.md", "yaml", name))
+        assert lagsim("run", "m.yaml").code == 0
+        header, rows = table(tmp_path / "results" / name)
+        found.append(dict(zip(header, rows.T, strict=True)))
+        assert (tmp_path / "results" / name / "plot_1.png").exists()
+    r = found[0]
+    said = 1.5 * 9.81 * np.cos(r["a"]) + 1.5 * 1.1 * r["a_dot"] ** 2
+    assert np.allclose(r["tension"], said, rtol=1e-12)
+    r = found[1]
+    done = np.sum((r["drive"][1:] + r["drive"][:-1]) / 2 * np.diff(r["t"]))
+    # The trapezium's error is the sum of h^3/12 of second derivatives.
+    bound = 0.003 / 12 * np.sum(np.abs(np.diff(r["drive"], 2)))
+    gained = r["kinetic"] + r["potential"]
+    assert abs(gained[-1] - gained[0] - done) < 2 * bound < 0.01
 
 
 def test_what_is_compared_was_measured():

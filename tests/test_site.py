@@ -71,6 +71,8 @@ def test_commands_in_the_text_are_commands():
             assert set(options) <= known | {"--help"}, f"{page}: {text}"
             found += 1
     assert found > 20
+    listed = re.findall(r"^\| `lagsim (\w+)", text_of("docs/commands.md"), re.MULTILINE)
+    assert sorted(listed) == sorted(COMMANDS)
 
 
 def test_pages_that_are_made_are_in_step():
