@@ -25,6 +25,17 @@ initial: {x: L, y: 0}
 simulation: {duration: 2, output_step: 0.05}
 scene: {points: {pivot: [0, 0], bob: [x, y]}, links: [[pivot, bob]]}
 """
+# The same in its angle: the rod's force is a reaction, asked for.
+SWINGING = """\
+parameters: {L: 2, m: 3, g: 9.8}
+coordinates: {theta: }
+definitions: {x: L*sin(theta), y: -L*cos(theta)}
+energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
+initial: {theta: pi/2}
+simulation: {duration: 2, output_step: 0.05}
+scene: {points: {pivot: [0, 0], bob: [x, y]}, links: [[pivot, bob]]}
+output: {reactions: [x, y]}
+"""
 # Two masses over a pulley: each hangs on the same tension.
 ATWOOD = """\
 parameters: {m1: 1, m2: 2, g: 9.8}
@@ -104,6 +115,14 @@ def test_a_rod_pulls_its_bob_to_the_pivot():
     # m v^2 = -2 m g y from rest at the height of the pivot: the tension is 3 m g |y|/L.
     expected = -3 * 3 * 9.8 * np.abs(y) / 2 * np.stack((x, y)) / 2
     assert np.allclose(force_on(film, "bob", "rod"), expected.T, atol=1e-7)
+    assert len(film.pushes) == 1
+
+
+def test_a_reaction_pulls_likewise():
+    film, result = filmed(SWINGING)
+    x, y = result["x"], result["y"]
+    expected = -3 * 3 * 9.8 * np.abs(y) / 2 * np.stack((x, y)) / 2
+    assert np.allclose(force_on(film, "bob", "reaction"), expected.T, atol=1e-7)
     assert len(film.pushes) == 1
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.model.model import Level, Scene
-from lagsim.outputs.animation.pushes import Levers, Push
+from lagsim.outputs.animation.pushes import Levers, Push, reactions
 from lagsim.run.observers.frames import Frames
 
 if TYPE_CHECKING:
@@ -101,6 +101,7 @@ def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:
     names += equations.multipliers
     known = frozenset(columns)
     names += ENERGIES
+    names += [f"reaction.{name}" for name in equations.model.output.reactions]
     names = [name for name in names if name in known]
     # Positions and rates; forces, at two points at most; time and energies.
     parts = sum(len(c) for c in scene.points.values())
@@ -137,7 +138,7 @@ def film(
     tracks = _tracks(equations, scene, values, len(table))
     with np.errstate(all="ignore"):
         levers = Levers(equations, scene, values, len(table))
-        pushes = levers.pushes()
+        pushes = [*levers.pushes(), *reactions(model, scene, columns)]
         broken = frames.broken | _swift(tracks, columns["t"])
     told = list(notes)
     if frames.stride > 1:

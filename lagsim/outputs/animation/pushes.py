@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Scene
+    from lagsim.model.model import Model, Scene
 
 # Frames in which it is tried which points carry a constraint, and in which part of them
 # they must: at a dead point none may.
@@ -176,6 +176,21 @@ class Levers:
                 key = row.constraint, point
                 found[key] = found[key] + here if key in found else here
         return [Push(*key, force) for key, force in found.items()]
+
+
+def reactions(
+    model: Model, scene: Scene, columns: Mapping[str, Floats]
+) -> Iterator[Push]:
+    """Give the reactions that the model asks for, on points that are made of them."""
+    asked = {
+        d.node: d.name for d in model.definitions if d.name in model.output.reactions
+    }
+    for point, parts in scene.points.items():
+        found = [columns.get(f"reaction.{asked.get(node)}") for node in parts]
+        some = next((x for x in found if x is not None), None)
+        if some is not None:
+            force = [np.zeros_like(some) if x is None else x for x in found]
+            yield Push("reaction", point, np.stack(force, axis=1))
 
 
 def _rows(e: Equations) -> Iterator[_Row]:
