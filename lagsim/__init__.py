@@ -120,8 +120,10 @@ class Result:
 
         return pd.DataFrame(self.table, columns=list(self.columns))
 
-    def write(self, folder: str | Path, *, plots: bool = True) -> None:
-        """Write what `lagsim run` writes: table, events, pictures, run.json.
+    def write(
+        self, folder: str | Path, *, plots: bool = True, animate: bool = False
+    ) -> None:
+        """Write what `lagsim run` writes: table, events, pictures, page, run.json.
 
         Raises
         ------
@@ -140,13 +142,20 @@ class Result:
             path = results.part(table.NAME)
             with contextlib.closing(table.TableWriter(path, self.columns)) as writer:
                 writer.add(self.table)
-            thin = None
+            thin = frames = None
+            equations, names = (
+                made.session.case.equations,
+                made.session.system.columns.names,
+            )
             if plots:
-                session = made.session
-                model = session.case.equations.model
-                thin = picture_thinning(model, session.system.columns.names)
+                thin = picture_thinning(equations.model, names)
                 thin.add(self._rows)
-            for name, content in made.files(thin):
+            if animate:
+                from lagsim.outputs.animation import frames_of
+
+                frames = frames_of(equations, names)
+                frames.add(self._rows)
+            for name, content in made.files(thin, frames):
                 results.write(name, content)
             files = [*results.names, MANIFEST]
             results.commit(encode(self.record | {"files": files}))

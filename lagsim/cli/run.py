@@ -115,6 +115,9 @@ def command(
         ),
     ] = ErrorBars.AUTO,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
+    animate: Annotated[
+        bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
+    ] = False,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -135,8 +138,9 @@ def command(
     }
     given = {name: text for name, text in options.items() if text is not None}
     job = partial(
-        Job, error_bars=error_bar, plots=not no_plots, quiet=quiet, strict=strict
-    )
+        Job, error_bars=error_bar, plots=not no_plots, animate=animate, quiet=quiet,
+        strict=strict,
+    )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import Batch
 
@@ -170,6 +174,7 @@ class Job:
         error_bars: ErrorBars,
         *,
         plots: bool,
+        animate: bool,
         quiet: bool,
         strict: bool,
         documents: list[Any] | None = None,
@@ -177,7 +182,7 @@ class Job:
     ) -> None:
         self.folder = folder
         self.error_bars = error_bars
-        self.plots = plots
+        self.plots, self.animate = plots, animate
         self.documents = documents
         self.quiet = quiet
         self.strict = strict
@@ -217,7 +222,8 @@ class Job:
         ):  # fmt: skip
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
-                thinned=self.plots, progress=partial(progress_bar, quiet=self.quiet),
+                thinned=self.plots, animated=self.animate,
+                progress=partial(progress_bar, quiet=self.quiet),
             ).best(session)  # fmt: skip
             full = found.fault or self._write(found, results)
             cautions = found.cautions()
@@ -239,7 +245,7 @@ class Job:
     def _write(self, found: Attempt, results: Results) -> OSError | None:
         """Write what stands beside the table; give what kept one from being written."""
         try:
-            for name, content in found.files(found.thin):
+            for name, content in found.files(found.thin, found.frames):
                 results.write(name, content)
         except OSError as error:
             return error
