@@ -13,9 +13,11 @@ from lagsim.cli._closing import progress_bar, summary
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import AsJson, ModelPath, Sets, assignments, show_json
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import commit, cut_short, open_table
+from lagsim.cli._writing import commit, cut_short, finish, open_table
+from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
+from lagsim.outputs import Format
 from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
 
@@ -99,6 +101,12 @@ def command(
             "takes no more than about 2 s."
         ),
     ] = ErrorBars.AUTO,
+    table: Annotated[
+        Format, typer.Option(help="How the table is kept: trajectory.csv, and so on.")
+    ] = Format.CSV,
+    units: Annotated[
+        bool, typer.Option("--units", help="A line of units below the header of CSV.")
+    ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
     as_json: AsJson = False,
     quiet: Annotated[
@@ -118,7 +126,10 @@ def command(
         "output_step": output_step,
     }
     given = {name: text for name, text in options.items() if text is not None}
-    job = _Job(folder, error_bar, plots=not no_plots, as_json=as_json, quiet=quiet)
+    job = _Job(
+        folder, error_bar, table, show_units=units, plots=not no_plots,
+        as_json=as_json, quiet=quiet,
+    )  # fmt: skip
     documents: list[Any] = []
     with faults_shown(documents if as_json else None, file=model) as code:
         code.append(job.run(model, assignments(sets), given))
@@ -134,13 +145,16 @@ class _Job:
         self,
         folder: Path | None,
         error_bars: ErrorBars,
+        table: Format,
         *,
+        show_units: bool,
         plots: bool,
         as_json: bool,
         quiet: bool,
     ) -> None:
         self.folder = folder
         self.error_bars = error_bars
+        self.table, self.show_units = table, show_units
         self.plots = plots
         self.as_json = as_json
         self.quiet = quiet
@@ -155,6 +169,10 @@ class _Job:
         from lagsim.model.reader import read_file
 
         clock = self.clock
+        if self.show_units and self.table is not Format.CSV:
+            text = f"--units means nothing with --table {self.table}"
+            hint = "run.json has the units of all columns, and Parquet its own"
+            raise InputError([Problem("usage", text, hint=hint)])
         clock.lap("import")
         model = read_file(path, overrides, options)
         settings = wanted(model, "run", hint="add it, or give --duration")
@@ -170,21 +188,21 @@ class _Job:
         from lagsim.run.interrupt import Interrupt
         from lagsim.studies.attempts import Attempts
 
-        columns, interrupt = session.system.columns, Interrupt()
-        with open_table(results, columns.names[: columns.table]) as writer, (
-            interrupt.noted()
-        ):  # fmt: skip
+        units, interrupt = session.system.units(), Interrupt()
+        table = open_table(results, self.table, units, show_units=self.show_units)
+        with table as writer, interrupt.noted():
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
                 thinned=self.plots, progress=partial(progress_bar, quiet=self.quiet),
             ).best(session)  # fmt: skip
-            full = found.fault or self._write(found, results)
+            lost = finish(writer, results, self.table)
+            full = lost or found.fault or self._write(found, results)
             cautions = found.cautions()
             self.clock.lap("output")
             files = [*results.names, MANIFEST]
             document = found.record(cautions, self.clock.timings, files)
             if full:
-                document |= cut_short(writer, found, full)
+                document |= cut_short(writer, found, full, lost=lost is not None)
             commit(results, document, {})
         self._report(found, document, results.folder)
         if full:
