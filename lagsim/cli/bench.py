@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.model.model import Model
+    from lagsim.outputs.results import Results
     from lagsim.run.session import Case
     from lagsim.studies.bench.work_precision import Wish, WorkPrecision
 
@@ -34,7 +35,11 @@ if TYPE_CHECKING:
 def command(
     models: Annotated[
         list[str],
-        typer.Argument(metavar="MODEL...", help="Model files; - is standard input."),
+        typer.Argument(
+            metavar="MODEL...",
+            help="Model files; - is standard input. A work_precision.json is drawn "
+            "anew, with --methods only these.",
+        ),
     ],
     folder: Annotated[
         Path | None,
@@ -102,6 +107,8 @@ class _Job:
 
     def run(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
         """Do it; give the exit code."""
+        if path.endswith(".json"):
+            return self._draw(path, overrides, wish)
         from lagsim.model.reader import read_file
         from lagsim.run.session import open_case, wanted
 
@@ -114,11 +121,9 @@ class _Job:
         with open_results(folder, MANIFEST) as results:
             return self._measure(case, wish, results)
 
-    def _measure(self, case: Case, wish: Wish, results: Any) -> int:
+    def _measure(self, case: Case, wish: Wish, results: Results) -> int:
         from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.bench.chart import chart
-        from lagsim.studies.bench.document import CHART, MANIFEST, TABLE, document
-        from lagsim.studies.bench.document import table as entries_table
+        from lagsim.studies.bench.document import FILES, document
         from lagsim.studies.bench.solving import GivenUpError
         from lagsim.studies.bench.work_precision import measure
 
@@ -129,13 +134,40 @@ class _Job:
             except GivenUpError:
                 return 128 + (interrupt.signal or 0)
         model = case.equations.model
-        content = document(model, case.settings, found, [TABLE, CHART, MANIFEST])
-        drawn = chart(model.name, found, content)
-        commit(results, content, {TABLE: entries_table(found.entries), CHART: drawn})
-        self.documents.append(content)
+        content = document(model, case.settings, found, list(FILES))
+        self._commit(content, content["rows"], results)
         if not self.quiet and not self.as_json:
             say(_summary(model, found, results.folder))
         return 128 + interrupt.signal if interrupt.signal is not None else 0
+
+    def _draw(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
+        """Draw again what was measured."""
+        from lagsim.outputs.results import open_results
+        from lagsim.studies.bench.document import FILES, MANIFEST, read_document
+        from lagsim.studies.bench.work_precision import Wish
+
+        if overrides or wish != Wish(wish.methods):
+            text = f"{path} holds what was measured: only --methods can be chosen of it"
+            hint = "measure anew: lagsim bench MODEL"
+            raise InputError([Problem("usage", text, hint=hint)])
+        content = read_document(path) | {"files": list(FILES)}
+        shown = [row for row in content["rows"] if wish.wants(row["method"])]
+        with open_results(self.folder or Path(path).parent, MANIFEST) as results:
+            self._commit(content, shown, results)
+        if not self.quiet and not self.as_json:
+            say(f"{coloured('drawn', '32')}: {results.folder}: {', '.join(FILES)}")
+        return 0
+
+    def _commit(self, content: dict[str, Any], shown: Any, results: Results) -> None:
+        """Write everything; the chart shows these rows."""
+        from lagsim.studies.bench.chart import chart
+        from lagsim.studies.bench.document import CHART, TABLE
+        from lagsim.studies.bench.document import table as rows_table
+
+        drawn = chart(content | {"rows": shown})
+        files = {TABLE: rows_table(content["rows"]), CHART: drawn}
+        commit(results, content, files)
+        self.documents.append(content)
 
 
 def _wish(methods: str | None, tolerances: str | None, steps: str | None) -> Wish:
@@ -190,7 +222,7 @@ def _between(
 
 def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
     """Give the closing lines."""
-    from lagsim.studies.bench.document import CHART, MANIFEST, TABLE
+    from lagsim.studies.bench.document import FILES
 
     reference = found.reference
     state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")
@@ -207,7 +239,7 @@ def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
     rows += [("" if k else "left out", text) for k, text in enumerate(_left_out(found))]
     front = [found.entries[k] for k in found.front("seconds")]
     rows += [("" if k else "best", _point(e)) for k, e in enumerate(front)]
-    rows.append(("files", f"{folder}: {TABLE}, {CHART}, {MANIFEST}"))
+    rows.append(("files", f"{folder}: {', '.join(FILES)}"))
     return head + "\n" + table(rows)
 
 

@@ -73,6 +73,43 @@ def test_the_document(lagsim, write):
     assert all(curve["compile_seconds"] >= 0 for curve in document["curves"])
 
 
+def test_a_chart_is_drawn_again_from_its_document(lagsim, write):
+    lagsim("bench", write(PENDULUM), *SOME, "-o", "out", "-q")
+    before = {path.name: path.read_bytes() for path in Path("out").iterdir()}
+    Path("out/work_precision.png").unlink()
+    called = lagsim("bench", "out/work_precision.json")
+    assert (called.code, called.err) == (0, "")
+    assert called.out.startswith("drawn: out")
+    assert {path.name: path.read_bytes() for path in Path("out").iterdir()} == before
+    # Some of it, elsewhere; what was measured stays whole.
+    some = ("--methods", "rk4", "-o", "some", "-q")
+    assert lagsim("bench", "out/work_precision.json", *some).code == 0
+    drawn = {path.name: path.read_bytes() for path in Path("some").iterdir()}
+    assert drawn.keys() == before.keys()
+    assert {name for name in drawn if drawn[name] != before[name]} == {
+        "work_precision.png"
+    }
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "said"),
+    [
+        ("{", [], "bad.json: "),
+        ("[]", [], "none of `lagsim bench`"),
+        ('{"rows": []}', [], "`lagsim` is missing"),
+        ("{}", ["--set", "g=1"], "only --methods"),
+        ("{}", ["--steps", "1:0.1"], "only --methods"),
+        (None, [], "cannot be read"),
+    ],
+)
+def test_what_is_no_document_is_refused(lagsim, content, options, said):
+    if content is not None:
+        Path("bad.json").write_text(content)
+    called = lagsim("bench", "bad.json", *options)
+    assert (called.code, called.out) == (2, "")
+    assert said in called.err
+
+
 def test_several_models(lagsim, write):
     files = [write(PENDULUM, f"{name}.yaml") for name in "ab"]
     quick = ("--methods", "dop853", "--tolerances", "1e-4:1e-4")

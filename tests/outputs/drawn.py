@@ -6,6 +6,8 @@ places in pixels from the lower left corner, as on the picture.
 
 from __future__ import annotations
 
+import itertools
+import struct
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -135,3 +137,19 @@ def drawn(draw, *args, **kwargs):
 def finite(x, y):
     there = np.isfinite(x) & np.isfinite(y)
     return x[there], y[there]
+
+
+def assert_legible(drawing):
+    """Every text of a PNG lies on it, beside panels and beside other texts."""
+    width, height = struct.unpack(">II", drawing.sheet[16:24])
+    boxes = [(text.box, text.said) for text in drawing.texts]
+    for box, text in boxes:
+        assert box.x0 >= 0, text
+        assert box.x1 <= width, text
+        assert box.y0 >= 0, text
+        assert box.y1 <= height, text
+        for panel in drawing.panels:
+            assert not box.overlaps(panel.box), text
+    for (one, text), (other, text2) in itertools.combinations(boxes, 2):
+        # The frame of a letter is wider than its ink.
+        assert not one.padded(-2).overlaps(other.padded(-2)), (text, text2)

@@ -150,9 +150,9 @@ def _one_sided(
 
 def _once(relation: Relation, x: Expressions) -> Relation:
     """Take a multiple root once."""
-    moving = (Kind.COORDINATE, Kind.VELOCITY)
-    names = {n for n, kind in x.names.variables.items() if kind in moving}
-    names |= {f"{n}_dot" for n in names}
+    moving, kinds = (Kind.COORDINATE, Kind.VELOCITY), x.names.variables
+    used = x.graph.depends([relation.node])
+    names = {n for n in used if kinds.get(n.removesuffix("_dot")) in moving}
     root = simple_root(x.graph, relation.node, names)
     return relation._replace(node=root, multiple=root != relation.node)
 

@@ -16,6 +16,7 @@ from lagsim.studies.bench.reference import index_one, make_reference, state_size
 from lagsim.studies.bench.scipy_solvers import NAMES as SCIPY
 from lagsim.studies.bench.scipy_solvers import Scipy
 from lagsim.studies.bench.scipy_solvers import refusal as scipy_refusal
+from lagsim.studies.bench.shown import DRIFT
 from lagsim.studies.bench.solving import (
     GivenUpError,
     Own,
@@ -50,7 +51,6 @@ STALLED = 1e-6
 GIVE_UPS = 4
 
 TOO_SLOW = "too slow"
-DRIFT = "drift"
 
 # The errors of state and lambda, energy drift, constraint residual.
 Measured = tuple[float | None, float | None, float | None, float | None]
