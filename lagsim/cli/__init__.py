@@ -95,7 +95,9 @@ def _guarded(app: typer.Typer) -> int:
             return _usage(error)
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
             return _streams.full(error)  # help, on a disk without room for it
-        return _bug()
+        from lagsim.cli._faults import bug
+
+        return bug()
     return code if isinstance(code, int) else 0
 
 
@@ -112,19 +114,6 @@ def _usage(error: Exception) -> int:
         with contextlib.suppress(OSError):
             error.show()  # type: ignore[attr-defined]
     return 2
-
-
-def _bug() -> int:
-    import traceback
-
-    from lagsim.cli._streams import complain
-
-    complain(traceback.format_exc())
-    complain(
-        "This is a bug in lagsim, not in your model. Please report it with the "
-        "model file and the lines above."
-    )
-    return 70
 
 
 @contextlib.contextmanager

@@ -16,7 +16,10 @@ if TYPE_CHECKING:
 
 @contextlib.contextmanager
 def faults_shown(
-    documents: list[Any] | None = None, *, file: str | None = None
+    documents: list[Any] | None = None,
+    *,
+    file: str | None = None,
+    raised: list[LagsimError] | None = None,
 ) -> Iterator[list[int]]:
     """Print the faults of the input, or why a start is not admissible.
 
@@ -28,28 +31,56 @@ def faults_shown(
         Gets them instead, as the document that `--json` prints.
     file
         Named with faults that have no place in it.
+    raised
+        Gets what was raised, too.
     """
     code: list[int] = []
     try:
         yield code
     except StartError as error:
         code.append(error.exit_code)
+        from lagsim.cli._github import annotate_start
         from lagsim.cli._verdict import report
         from lagsim.outputs.examined import document
 
+        if raised is not None:
+            raised.append(error)
+        annotate_start(error.equations, error.examined)
         if documents is None:
             complain(report(error.equations, error.examined))
         else:
             documents.append(document(error.equations, error.examined))
     except LagsimError as error:
         code.append(error.exit_code)
+        from lagsim.cli._github import annotate_problem
+
         problems = [Problem("failed", str(error))]
         if isinstance(error, InputError):
             problems = list(error.problems)
+        if raised is not None:
+            raised.append(error)
+        for problem in problems:
+            annotate_problem(problem, None if problem.code in _OUTSIDE else file)
         if documents is None:
             _print_problems(problems)
         else:
             documents.append(errors_document(problems, file))
+
+
+def plain(error: LagsimError) -> str:
+    """Give what `faults_shown` prints of an error, for what is no terminal."""
+    if isinstance(error, StartError):
+        from lagsim.cli._verdict import faults
+
+        return f"inadmissible start: {'; '.join(faults(error.examined))}"
+    return str(error)
+
+
+def code_of(error: LagsimError) -> str:
+    """Give the code of an error's first fault."""
+    if isinstance(error, InputError):
+        return error.problems[0].code
+    return "inadmissible" if isinstance(error, StartError) else "failed"
 
 
 def _print_problems(problems: list[Problem]) -> None:
@@ -82,3 +113,15 @@ def _as_mapping(problem: Problem, file: str | None) -> Mapping[str, Any]:
         "text": problem.text,
         "hint": problem.hint,
     }
+
+
+def bug() -> int:
+    """Tell of the exception that nobody has foreseen; give the exit code."""
+    import traceback
+
+    complain(traceback.format_exc())
+    complain(
+        "This is a bug in lagsim, not in your model. Please report it with the "
+        "model file and the lines above."
+    )
+    return 70

@@ -33,7 +33,7 @@ def report(
     if start.admissible:
         head = coloured("admissible", "32") + f": {name}"
     else:
-        head = coloured("inadmissible", "31") + f": {name}: {'; '.join(_faults(start))}"
+        head = coloured("inadmissible", "31") + f": {name}: {'; '.join(faults(start))}"
     lines = [
         head,
         (
@@ -51,17 +51,17 @@ def report(
     return "\n".join(lines)
 
 
-def _faults(start: StartReport) -> list[str]:
+def faults(start: StartReport) -> list[str]:
     """Say what keeps a start from being admissible."""
-    faults = [d.contradiction() for d in start.contradictions]
+    found = [d.contradiction() for d in start.contradictions]
     if start.thin is not None:
-        faults.append(str(start.thin))
+        found.append(str(start.thin))
     told = {d.name for d in start.contradictions}
     told |= {name for d in start.contradictions for name, _ in d.combination}
-    faults += [
+    found += [
         _violation(v) for v in start.verdicts if not v.satisfied and v.name not in told
     ]
-    return faults
+    return found
 
 
 def _violation(verdict: Verdict) -> str:

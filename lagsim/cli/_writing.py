@@ -9,10 +9,32 @@ from lagsim.cli._streams import UnwritableError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     from lagsim.outputs.results import Results
     from lagsim.outputs.table import TableWriter
     from lagsim.studies.attempts import Attempt
+
+
+def put_file(path: Path, content: bytes) -> None:
+    """Write a file as a whole, and the folders that it needs.
+
+    Raises
+    ------
+    UnwritableError
+        Where that fails.
+    """
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside.unlink(missing_ok=True)  # of one that was killed
+        with beside.open("xb") as file:  # through no link
+            file.write(content)
+        beside.replace(path)
+    except OSError as error:
+        where = path if path.parent.is_dir() else path.parent
+        text = f"lagsim: {where} cannot be written: {error.strerror}"
+        raise UnwritableError(text) from None
 
 
 def open_table(

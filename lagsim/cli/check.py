@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lagsim.cli._faults import faults_shown
-from lagsim.cli._shared import AsJson, Sets, assignments, show_json
-from lagsim.cli._streams import say
+from lagsim.cli._shared import AsJson, Sets, Strict, assignments, refused, show_json
+from lagsim.cli._streams import complain, say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,6 +26,7 @@ def command(
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing of admissible starts.")
     ] = False,
+    strict: Strict = False,
 ) -> int:
     """Tell whether a start is admissible, and what constrains it."""
     documents: list[Any] = []
@@ -35,6 +36,7 @@ def command(
             sets,
             repair=repair,
             quiet=quiet,
+            strict=strict,
             documents=documents if as_json else None,
         )
         for model in models
@@ -50,6 +52,7 @@ def _one(
     *,
     repair: bool,
     quiet: bool,
+    strict: bool,
     documents: list[Any] | None,
 ) -> int:
     """Check one model; give the exit code."""
@@ -61,9 +64,17 @@ def _one(
     with faults_shown(documents, file=path) as code:
         model = read_file(path, assignments(sets))
         case, choices = check(model)
+        admissible, warnings = case.examined.admissible, case.examined.warnings
+        alarmed = strict and admissible and bool(warnings)
         if documents is not None:
             documents.append(document(case.equations, case.examined, choices))
-        elif not (quiet and case.examined.admissible):
+        elif not (quiet and admissible and not alarmed):
             say(report(case.equations, case.examined, choices, repair=repair))
-        code.append(0 if case.examined.admissible else 1)
+        if warnings or not admissible:
+            from lagsim.cli._github import annotate_start
+
+            annotate_start(case.equations, case.examined)
+        if alarmed:
+            complain(refused(model.name, [w.code for w in warnings]))
+        code.append(0 if admissible and not alarmed else 1)
     return code[-1]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path  # noqa: TC003  typer looks at it
-from typing import TYPE_CHECKING, Annotated, Any
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from lagsim.cli._faults import faults_shown
+from lagsim.cli._faults import code_of, faults_shown, plain
+from lagsim.cli._github import ERROR, annotate
 from lagsim.cli._shared import (
     AsJson,
     coloured,
@@ -15,13 +17,20 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.cli._writing import put_file
 from lagsim.cli.compare import LISTED, as_mapping, listing
+from lagsim.errors import InputError, LagsimError, Problem
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.model.model import Model
+    from lagsim.outputs.junit import Outcome
     from lagsim.run.session import Case
     from lagsim.studies.golden.judging import Judgement
     from lagsim.studies.golden.measuring import Golden
+
+SUITE = "lagsim golden"
 
 
 def command(
@@ -38,84 +47,170 @@ def command(
     update: Annotated[
         bool, typer.Option("--update", help="Store the goldens, in place of old ones.")
     ] = False,
+    plots: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Draw the worst columns of what differs: DIR/NAME.png."
+        ),
+    ] = None,
+    junit: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write JUnit's XML, which CI servers read."),
+    ] = None,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Only what differs, and faults.")
     ] = False,
 ) -> int:
     """Run models and compare them with their goldens."""
-    codes, faults = [0], []
-    told: list[Any] = []
-    job = _Job(folder, update=update, as_json=as_json, quiet=quiet)
-    for path in models:
-        documents: list[Any] = []
-        with faults_shown(documents if as_json else None, file=path) as code:
-            code.append(job.run(path))
-        for found in documents:
-            faults += found.get("errors", [])
-            if "errors" not in found:  # an inadmissible start
-                name, file = found["model"]["name"], found["model"]["file"]
-                job.documents.append(found | {"model": name, "file": file})
-        codes += code
-    told += job.documents
-    code_of_all = max(codes)
+    job = _Job(plots, update=update, as_json=as_json, quiet=quiet)
+    with faults_shown(job.faults if as_json else None) as codes:
+        wanted = [_wanted(path, folder) for path in models]
+        _refuse_twins(wanted)
+        codes += [job.run(one) for one in wanted]
+        if junit is not None:
+            from lagsim.outputs.junit import document as written
+
+            put_file(junit, written(SUITE, job.outcomes))
+    code = max(codes)
     if as_json:
-        content: dict[str, Any] = {"pass": code_of_all == 0, "models": told}
+        faults = [error for found in job.faults for error in found["errors"]]
+        content: dict[str, Any] = {"pass": code == 0, "models": job.documents}
         show_json(content | ({"errors": faults} if faults else {}))
-    return code_of_all
+    return code
+
+
+class _Wanted(NamedTuple):
+    """A model, or why it cannot be read, and the folder of its golden."""
+
+    path: str
+    model: Model | LagsimError
+    folder: Path
+
+
+def _wanted(path: str, folder: Path | None) -> _Wanted:
+    from lagsim.model.reader import read_file
+    from lagsim.studies.golden.storing import folder_of
+
+    folder = folder or folder_of(path)
+    try:
+        return _Wanted(path, read_file(path), folder)
+    except LagsimError as error:
+        return _Wanted(path, error, folder)
+
+
+def _refuse_twins(wanted: Sequence[_Wanted]) -> None:
+    """Refuse models whose goldens would be the same files.
+
+    Raises
+    ------
+    InputError
+        That names both files.
+    """
+    first: dict[tuple[Path, str], str] = {}
+    problems = []
+    for path, model, folder in wanted:
+        if isinstance(model, LagsimError):
+            continue
+        other = first.setdefault((folder.resolve(), model.name), path)
+        if Path(other).resolve() != Path(path).resolve():
+            text = (
+                f"{other} and {path} are both named `{model.name}`, and would share "
+                f"one golden in {folder}"
+            )
+            hint = "give one of them another `name`; nothing was run"
+            problems.append(Problem("same-name", text, hint=hint))
+    if problems:
+        raise InputError(problems)
 
 
 class _Job:
-    """The manners of the command."""
+    """The manners of the command, and what it has found."""
 
     def __init__(
-        self, folder: Path | None, *, update: bool, as_json: bool, quiet: bool
+        self, plots: Path | None, *, update: bool, as_json: bool, quiet: bool
     ) -> None:
-        self.folder, self.update = folder, update
+        self.plots, self.update = plots, update
         self.as_json, self.quiet = as_json, quiet
         self.documents: list[Any] = []
+        self.faults: list[Any] = []
+        self.outcomes: list[Outcome] = []
 
-    def run(self, path: str) -> int:
+    def run(self, wanted: _Wanted) -> int:
         """Do it for one model; give the exit code."""
-        from lagsim.model.reader import read_file
-        from lagsim.run.session import open_case, wanted
-        from lagsim.studies.golden.storing import folder_of, load
+        from lagsim.outputs.junit import Outcome
 
-        model = read_file(path)
+        path, model, folder = wanted
+        began = time.perf_counter()
+        told: list[Any] = []
+        raised: list[LagsimError] = []
+        why = ("", "", "")
+        with faults_shown(
+            told if self.as_json else None, file=path, raised=raised
+        ) as codes:
+            if isinstance(model, LagsimError):
+                raise model
+            code, why = self._judged(model, folder)
+            codes.append(code)
+        for found in told:
+            if "errors" in found:
+                self.faults.append(found)
+            else:  # an inadmissible start
+                name, file = found["model"]["name"], found["model"]["file"]
+                self.documents.append(found | {"model": name, "file": file})
+        for error in raised:
+            why = "error", code_of(error), plain(error)
+        name = Path(path).stem if isinstance(model, LagsimError) else model.name
+        seconds = time.perf_counter() - began
+        self.outcomes.append(Outcome(name, path, seconds, *why))
+        return codes[-1]
+
+    def _judged(self, model: Model, folder: Path) -> tuple[int, tuple[str, str, str]]:
+        """Give the exit code, and what `Outcome` says of why."""
+        from lagsim.run.session import open_case, wanted
+        from lagsim.studies.golden.storing import load
+
         settings = wanted(model, "golden")
-        folder = self.folder or folder_of(path)
         stored = None if self.update else load(folder, model.name)
         case = open_case(model, settings)
         if stored is None:
             return self._store(case, folder)
         from lagsim.studies.golden.judging import judge, run
 
-        judgement = judge(case, run(case, stored), stored)
-        self.documents.append(document(model, judgement, stored.golden))
-        if not self.as_json and not (self.quiet and judgement.passed):
-            say(report(model, judgement, stored.golden))
-        return 0 if judgement.passed else 1
+        motion = run(case, stored)
+        judgement = judge(case, motion, stored)
+        found = document(model, judgement, stored.golden)
+        lines = report(judgement)
+        if not judgement.passed and self.plots is not None:
+            from lagsim.studies.golden.picture import picture
 
-    def _store(self, case: Case, folder: Path) -> int:
+            path = self.plots / f"{model.name}.png"
+            put_file(path, picture(case, motion, stored, judgement))
+            lines.append(f"  picture: {path}")
+            found["picture"] = str(path)
+        self.documents.append(found)
+        if not self.as_json and not (self.quiet and judgement.passed):
+            say("\n".join([headline(model, judgement, stored.golden), *lines]))
+        if judgement.passed:
+            return 0, ("", "", "")
+        text = f"{model.name} differs from its golden: {worst(judgement)}"
+        annotate(ERROR, text, model.file)
+        return 1, ("failure", "differs", "\n".join([text, *lines]))
+
+    def _store(self, case: Case, folder: Path) -> tuple[int, tuple[str, str, str]]:
         from lagsim.studies.golden.measuring import measure
         from lagsim.studies.golden.storing import document, names, table
 
         model = case.equations.model
         golden, base = measure(case)
         if not base.trajectory.outcome.complete:
-            complain(f"lagsim: no golden of {model.name}: {base.trajectory.reason}")
+            text = f"no golden of {model.name}: {base.trajectory.reason}"
+            complain(f"lagsim: {text}")
             self.documents.append(_name(model) | {"pass": False})
-            return UnwritableError.exit_code
+            return UnwritableError.exit_code, ("error", "incomplete", text)
         contents = table(golden), document(case, golden, base)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            for name, content in zip(names(model.name), contents, strict=True):
-                beside = folder / f".{name}.part"
-                beside.write_bytes(content)
-                beside.replace(folder / name)
-        except OSError as error:
-            text = f"lagsim: {folder} cannot be written: {error.strerror}"
-            raise UnwritableError(text) from None
+        for name, content in zip(names(model.name), contents, strict=True):
+            put_file(folder / name, content)
         found = {"pass": True, "stored": True, "horizon": golden.horizon}
         self.documents.append(_name(model) | found)
         if not self.as_json and not self.quiet:
@@ -126,7 +221,7 @@ class _Job:
                 f"{counted(len(golden.columns), 'column')}, {size:.0f} kB"
                 f"{_horizon(golden)}"
             )
-        return 0
+        return 0, ("", "", "")
 
 
 def _name(model: Model) -> dict[str, Any]:
@@ -139,16 +234,33 @@ def _horizon(golden: Golden) -> str:
     return f"; past t = {golden.horizon:.4g} only what it keeps constant"
 
 
-def report(model: Model, judgement: Judgement, golden: Golden) -> str:
-    """Give what a person reads: the verdict, then the worst columns."""
+def headline(model: Model, judgement: Judgement, golden: Golden) -> str:
+    """Give the verdict on a line."""
     passed = judgement.passed
     verdict = coloured("same", "32") if passed else coloured("differs", "31")
-    lines = [f"{verdict}: {model.name}, {counted(len(golden.rows), 'row')} compared"]
-    lines[0] += _horizon(golden)
-    lines += [f"  {fault}" for fault in judgement.faults]
-    for what in ("missing", "extra"):
-        if names := getattr(judgement, what):
-            lines.append(f"  {what}: {', '.join(names)}")
+    rows = counted(len(golden.rows), "row")
+    return f"{verdict}: {model.name}, {rows} compared{_horizon(golden)}"
+
+
+def worst(judgement: Judgement) -> str:
+    """Say what differs, in a few words."""
+    failed = [d for d in judgement.worst if not d.passed]
+    said = [*judgement.faults]
+    if judgement.missing:
+        said.append(f"{counted(len(judgement.missing), 'column')} missing")
+    if failed:
+        said.append(
+            f"{counted(len(failed), 'column')} beyond the bound, the worst "
+            f"{failed[0].column} at t = {failed[0].t:.9g}"
+        )
+    return "; ".join(said)
+
+
+def report(judgement: Judgement) -> list[str]:
+    """Give what a person reads below the verdict: notes, and the worst columns."""
+    lines = [f"  {fault}" for fault in judgement.faults]
+    columns = {"missing": judgement.missing, "extra": judgement.extra}
+    lines += [f"  {what}: {', '.join(c)}" for what, c in columns.items() if c]
     lines += [f"  note: {note}" for note in judgement.notes]
     failed = [d for d in judgement.worst if not d.passed]
     if failed:
@@ -159,7 +271,7 @@ def report(model: Model, judgement: Judgement, golden: Golden) -> str:
         lines += ["  " + line for line in listing(failed[:LISTED])]
     if len(failed) > LISTED:
         lines.append(f"  and {len(failed) - LISTED} more")
-    return "\n".join(lines)
+    return lines
 
 
 def document(model: Model, judgement: Judgement, golden: Golden) -> dict[str, Any]:

@@ -11,11 +11,20 @@ import typer
 
 from lagsim.cli._closing import progress_bar, summary
 from lagsim.cli._faults import faults_shown
-from lagsim.cli._shared import AsJson, ModelPath, Sets, assignments, show_json
+from lagsim.cli._shared import (
+    AsJson,
+    Jobs,
+    Sets,
+    Strict,
+    assignments,
+    refused,
+    show_json,
+)
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit, cut_short, open_table
 from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
+from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
 
@@ -28,13 +37,19 @@ if TYPE_CHECKING:
 
 
 def command(
-    model: ModelPath,
+    models: Annotated[
+        list[str], typer.Argument(metavar="MODEL...", help="Model files; - is stdin.")
+    ],
     folder: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", metavar="DIR", help="Folder; default results/NAME."
+            "-o",
+            "--output",
+            metavar="DIR",
+            help="Folder; default results/NAME. Of several models: DIR/NAME.",
         ),
     ] = None,
+    jobs: Jobs = None,
     sets: Sets = None,
     method: Annotated[
         str | None,
@@ -104,6 +119,7 @@ def command(
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
     ] = False,
+    strict: Strict = False,
 ) -> int:
     """Check the start, integrate, write a table and pictures."""
     options = {
@@ -118,17 +134,35 @@ def command(
         "output_step": output_step,
     }
     given = {name: text for name, text in options.items() if text is not None}
-    job = _Job(folder, error_bar, plots=not no_plots, as_json=as_json, quiet=quiet)
-    documents: list[Any] = []
-    with faults_shown(documents if as_json else None, file=model) as code:
-        code.append(job.run(model, assignments(sets), given))
-    for faults in documents:
-        show_json(faults)
+    job = partial(
+        Job, error_bars=error_bar, plots=not no_plots, quiet=quiet, strict=strict
+    )
+    if len(models) > 1:
+        from lagsim.cli._several import Batch
+
+        batch = Batch(models, folder, job, as_json=as_json, quiet=quiet)
+        return batch.run(sets, given, jobs)
+    documents: list[Any] | None = [] if as_json else None
+    own = job(folder, documents=documents)
+    # The processor time so far is close to what starting and importing took.
+    own.clock.timings["import"] = time.process_time()
+    with faults_shown(documents, file=models[0]) as code:
+        from lagsim.model.reader import text_of
+
+        code.append(own.run(*text_of(models[0]), assignments(sets), given))
+    for document in documents or ():
+        show_json(document)
     return code[-1]
 
 
-class _Job:
-    """One run of one model, with its clock and its manners."""
+class Job:
+    """One run of one model, with its clock and its manners.
+
+    Parameters
+    ----------
+    documents
+        Gets run.json, which nobody is told of then; None where a person reads.
+    """
 
     def __init__(
         self,
@@ -136,41 +170,48 @@ class _Job:
         error_bars: ErrorBars,
         *,
         plots: bool,
-        as_json: bool,
         quiet: bool,
+        strict: bool,
+        documents: list[Any] | None = None,
+        interrupt: Interrupt | None = None,
     ) -> None:
         self.folder = folder
         self.error_bars = error_bars
         self.plots = plots
-        self.as_json = as_json
+        self.documents = documents
         self.quiet = quiet
-        # The processor time so far is close to what starting and importing took.
+        self.strict = strict
+        self.interrupt = interrupt or Interrupt()
         self.clock = Clock()
-        self.clock.timings["import"] = time.process_time()
 
     def run(
-        self, path: str, overrides: Mapping[str, str], options: Mapping[str, str]
+        self,
+        text: str,
+        file: str,
+        overrides: Mapping[str, str],
+        options: Mapping[str, str],
     ) -> int:
         """Do it; give the exit code."""
-        from lagsim.model.reader import read_file
+        from lagsim.model.reader import read
 
         clock = self.clock
         clock.lap("import")
-        model = read_file(path, overrides, options)
+        model = read(text, file, overrides, options)
         settings = wanted(model, "run", hint="add it, or give --duration")
         clock.lap("read")
         session = open_case(model, settings, clock=clock).ready(clock=clock)
         from lagsim.outputs.results import open_results
 
+        if self.interrupt.asked:
+            raise KeyboardInterrupt
         with open_results(self.folder or Path("results") / model.name) as results:
             return self._integrate(session, results)
 
     def _integrate(self, session: Session, results: Results) -> int:
         from lagsim.outputs.results import MANIFEST
-        from lagsim.run.interrupt import Interrupt
         from lagsim.studies.attempts import Attempts
 
-        columns, interrupt = session.system.columns, Interrupt()
+        columns, interrupt = session.system.columns, self.interrupt
         with open_table(results, columns.names[: columns.table]) as writer, (
             interrupt.noted()
         ):  # fmt: skip
@@ -191,7 +232,9 @@ class _Job:
             return UnwritableError.exit_code
         if interrupt.signal is not None:
             return 128 + interrupt.signal
-        return 0 if found.trajectory.outcome.complete else 3
+        if not found.trajectory.outcome.complete:
+            return 3
+        return self._strictly(found, document)
 
     def _write(self, found: Attempt, results: Results) -> OSError | None:
         """Write what stands beside the table; give what kept one from being written."""
@@ -205,15 +248,28 @@ class _Job:
                 self.clock.lap("plots")
         return None
 
+    def _strictly(self, found: Attempt, document: Mapping[str, Any]) -> int:
+        """Give the exit code of a run that is complete; say why it is not 0."""
+        cautions = document["warnings"]
+        if not (self.strict and cautions):
+            return 0
+        from lagsim.cli._github import ERROR, annotate
+
+        model = found.session.case.equations.model
+        told = refused(model.name, [caution["code"] for caution in cautions])
+        complain(told)
+        annotate(ERROR, told.removeprefix("lagsim: "), model.file)
+        return 1
+
     def _report(
         self, found: Attempt, document: Mapping[str, Any], folder: Path
     ) -> None:
         if not document["complete"]:
             complain(f"lagsim: {document['reason']}")
-        if not self.quiet:
+        if not self.quiet or self.strict:
             for caution in document["warnings"]:
                 complain(f"warning: {caution['text']}")
-        if self.as_json:
-            show_json(document)
+        if self.documents is not None:
+            self.documents.append(document)
         elif not self.quiet:
             say(summary(found, document, folder))

@@ -31,6 +31,7 @@ def lagsim(monkeypatch, capsys, tmp_path):
     """Give a function that calls `lagsim` in an empty folder."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.delenv("GITHUB_ACTIONS", raising=False)  # where these tests run
 
     def call(*arguments):
         monkeypatch.setattr(sys, "argv", ["lagsim", *map(str, arguments)])

@@ -61,14 +61,11 @@ def measured(pendulum, monkeypatch):
     return measured
 
 
-@pytest.mark.parametrize(
-    ("kind", "times"),
-    [("looser", 1), ("tighter", 10), ("perturbed", 10), ("method", 10)],
-)
-def test_bounds_grow_with_the_spread(measured, kind, times):
+@pytest.mark.parametrize("kind", ["looser", "tighter", "perturbed", "method"])
+def test_bounds_grow_with_the_spread(measured, kind):
     golden, base = measured((kind, "a", lambda t: TINY * np.exp(t / 2)))
     t = golden.rows[:, 0]
-    spread = times * TINY * np.exp(t / 2)
+    spread = 10 * TINY * np.exp(t / 2)
     bounds = golden.bounds("a")
     assert np.all(bounds >= LEAST * spread * (1 - 1e-9))
     assert np.all(bounds <= MOST * spread * 1.05 + 1e-8)
@@ -80,14 +77,14 @@ def test_bounds_grow_with_the_spread(measured, kind, times):
     assert len(base.rows) == 101
 
 
-def test_looser_and_the_largest_of_the_samples_add_up(measured):
+def test_the_largest_of_the_samples_counts(measured):
     golden, _ = measured(
         ("looser", "a", lambda t: TINY + 0 * t),
         ("perturbed", "a", lambda t: -2 * TINY + 0 * t),
         ("perturbed", "a", lambda t: 3 * TINY + 0 * t),
         ("method", "a", lambda t: TINY + 0 * t),
     )
-    expected = (1 + 10 * 3) * TINY
+    expected = 10 * 3 * TINY
     assert golden.steps["a"][0][1] == pytest.approx(1.05 * expected, rel=0.04)
     assert golden.steps["a"][0][1] >= 1.05 * expected
 
@@ -105,14 +102,14 @@ def test_the_horizon_is_where_a_third_of_the_scale_is_lost(measured):
     # The angle swings by about 2 rad, its rate by about 6 rad/s.
     golden, base = measured(("looser", "a", lambda t: 1e-9 * 10.0 ** (0.9 * t)))
     width = np.ptp(base.rows[:, base.columns.index("a")])
-    lost = math.log10(width / 3 / 1e-9) / 0.9
+    lost = math.log10(width / 3 / 1e-8) / 0.9
     assert golden.horizon == pytest.approx(lost, abs=0.15)
     assert golden.rows[-1, 0] < golden.horizon
     assert measured(("looser", "a", lambda t: 0 * t + TINY))[0].horizon is None
 
 
-@pytest.mark.parametrize(("kind", "times"), [("looser", 1), ("method", 10)])
-def test_the_bound_of_an_energy_can_fail(measured, pendulum, kind, times):
+@pytest.mark.parametrize("kind", ["looser", "method"])
+def test_the_bound_of_an_energy_can_fail(measured, pendulum, kind):
     golden, base = measured((kind, "energy", lambda t: TINY * t / 10))
     [name] = [n for n in golden.invariants if n.startswith("energy")]
     kept = golden.invariants[name]
@@ -120,7 +117,7 @@ def test_the_bound_of_an_energy_can_fail(measured, pendulum, kind, times):
     energy = first[base.columns.index("energy")] - first[base.columns.index("work")]
     assert kept.value == pytest.approx(energy)
     own = 10 * np.max(np.abs(ledger(base) - kept.value))
-    assert times * TINY <= kept.bound <= 1.11 * (times * TINY + own + 1e-7)
+    assert 10 * TINY <= kept.bound <= 1.11 * (10 * TINY + own + 1e-7)
     about = {"output_step": 0.1, "end": 10.0, "outcome": "done"}
     for part, passes in ((0.5, True), (3.0, False)):
         energies = base.rows[:, base.columns.index("energy")].copy()
@@ -191,10 +188,13 @@ def test_what_is_run_besides(pendulum):
     assert own in ("dop853", "taylor")
     other = {"dop853": "taylor", "taylor": "dop853"}[own]
     told = {(kind, method) for kind, method, _ in asked}
-    assert {("looser", own), ("tighter", own), ("method", other)} <= told
+    # Nobody has named a method: at another tolerance another may be the best.
+    assert {("looser", "auto"), ("tighter", "auto"), ("method", other)} <= told
     assert ("method", "radau") in told
-    rates = {kind: rtol for kind, _, rtol in asked if kind in ("looser", "tighter")}
-    assert rates == {"looser": pytest.approx(1e-7), "tighter": pytest.approx(1e-10)}
+    looser = [rtol for kind, _, rtol in asked if kind == "looser"]
+    assert max(looser) == pytest.approx(1e-7)
+    assert min(looser) >= 1e-8
+    assert [r for k, _, r in asked if k == "tighter"] == [pytest.approx(1e-10)]
     assert [kind for kind, _, _ in asked].count("perturbed") == 4
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,9 @@ from lagsim.outputs.sheet import EDGE, PENS, WIDTH, Pen, Sheet, in_house_style, 
 from lagsim.run.observers.thinning import Thinning
 
 if TYPE_CHECKING:
-    from lagsim.studies.comparison.judging import Comparison
+    from collections.abc import Sequence
+
+    from lagsim.studies.comparison.judging import Comparison, Deviation
     from lagsim.studies.comparison.reading import Table
 
 # So many columns are shown.
@@ -30,30 +32,56 @@ BAND: Pen = {"color": "#009E73", "linewidth": 5.0}
 PLACE = mark("o", 4.0, PENS[2]["color"], "none")
 
 
-@in_house_style
+class Curve(NamedTuple):
+    """A column: its worst cell, and its rows as `Thinning` keeps them.
+
+    Those are time, golden, new, apart, bound.
+    """
+
+    worst: Deviation
+    rows: Thinning
+
+
 def picture(title: str, golden: Table, new: Table, found: Comparison) -> bytes:
     """Draw the worst columns of a comparison; give a PNG."""
-    shown = [d for d in found.worst if d.column != "t"][:MOST] or found.worst[:1]
-    sheet = Sheet(WIDTH, TOP + len(shown) * (HEIGHT + GAP) + BELOW)
-    sheet.heading("same" if found.passed else "differ", title)
+    curves = [
+        Curve(d, _series(d.column, golden, new, found)) for d in shown(found.worst)
+    ]
+    return drawn("same" if found.passed else "differ", title, curves)
+
+
+def shown(worst: Sequence[Deviation]) -> Sequence[Deviation]:
+    """Choose what is drawn; the time only where there is nothing else."""
+    return [d for d in worst if d.column != "t"][:MOST] or worst[:1]
+
+
+def thinned() -> Thinning:
+    """Give what a curve's rows go into."""
+    return Thinning(("t", "golden", "new", "apart", "bound"), paths=())
+
+
+@in_house_style
+def drawn(verdict: str, title: str, curves: Sequence[Curve]) -> bytes:
+    """Draw columns below each other; give a PNG."""
+    sheet = Sheet(WIDTH, TOP + len(curves) * (HEIGHT + GAP) + BELOW)
+    sheet.heading(verdict, title)
     width = WIDTH / 2 - LEFT - EDGE
     right = WIDTH / 2 + LEFT
     sheet.legend(LEFT, 0.46, [("golden", GOLDEN), ("new", NEW)], width)
     entries = [("difference", APART), ("passes", BAND), ("worst", PLACE)]
     sheet.legend(right - 0.4, 0.46, entries, width + 0.4)
-    for k, deviation in enumerate(shown):
+    for k, (deviation, rows) in enumerate(curves):
         top = TOP + k * (HEIGHT + GAP)
-        drawn = _series(deviation.column, golden, new, found)
-        (t, g), (_, n) = drawn.series("golden"), drawn.series("new")
-        below = ("t", "s") if k + 1 == len(shown) else (" ", "")
+        (t, g), (_, n) = rows.series("golden"), rows.series("new")
+        below = ("t", "s") if k + 1 == len(curves) else (" ", "")
         with sheet.panel(
             (LEFT, top, width, HEIGHT), time_scale(t), value_scale(g, n),
             below=below, side=(deviation.column, ""), ticks=(5, 5),
         ) as axes:  # fmt: skip
             series(axes, t, g, GOLDEN)
-            series(axes, drawn.series("new")[0], n, NEW)
+            series(axes, rows.series("new")[0], n, NEW)
         # The size of the difference, and the band that it has to stay in.
-        (t, apart), (times, bound) = drawn.series("apart"), drawn.series("bound")
+        (t, apart), (times, bound) = rows.series("apart"), rows.series("bound")
         whole = log_scale(apart, bound, margin=0.0, least=0.5)
         scale = Scale(max(whole.low, LEAST * whole.high), whole.high, log=True)
         with sheet.panel(
@@ -70,7 +98,7 @@ def picture(title: str, golden: Table, new: Table, found: Comparison) -> bytes:
 
 def _series(column: str, golden: Table, new: Table, found: Comparison) -> Thinning:
     """Give what is drawn of a column, thinned."""
-    thin = Thinning(("t", "golden", "new", "apart", "bound"), paths=())
+    thin = thinned()
     for k in range(0, len(found.rows.golden), ROWS):
         mine = found.rows.golden[k : k + ROWS]
         g, n = golden[column][mine], new[column][found.rows.new[k : k + ROWS]]

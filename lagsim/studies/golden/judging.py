@@ -19,9 +19,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
+    from lagsim.language.arrays import Floats
     from lagsim.run.session import Case
     from lagsim.studies.golden.measuring import Golden
     from lagsim.studies.golden.storing import Stored
+
+# What an invariant is called beside the column of its name.
+CONSTANT = " (constant)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +66,7 @@ def run(case: Case, stored: Stored) -> Motion:
 def judge(case: Case, motion: Motion, stored: Stored) -> Judgement:
     """Hold a motion against the golden of its model."""
     golden, about = stored.golden, stored.about
-    found = _columns(motion, golden, float(about["output_step"]))
+    found = _columns(motion, stored)
     found += _invariants(case, motion, golden)
     missing = tuple(c for c in golden.columns if c not in motion.columns)
     known = about.get("columns", golden.columns)
@@ -76,10 +80,17 @@ def judge(case: Case, motion: Motion, stored: Stored) -> Judgement:
     )
 
 
-def _columns(motion: Motion, golden: Golden, spacing: float) -> list[Deviation]:
+def aligned(motion: Motion, stored: Stored) -> Floats:
+    """Give the rows (k, columns) of a motion that belong to those of a golden."""
+    golden = stored.golden
+    near = SAME_TIME * float(stored.about["output_step"])
+    return motion.at(golden.rows[:, 0], near, ends=golden.horizon is None)
+
+
+def _columns(motion: Motion, stored: Stored) -> list[Deviation]:
+    golden, rows = stored.golden, aligned(motion, stored)
     t = golden.rows[:, 0]
-    near = SAME_TIME * spacing
-    rows = motion.at(t, near, ends=golden.horizon is None)
+    near = SAME_TIME * float(stored.about["output_step"])
     found = []
     for k, name in enumerate(golden.columns):
         if name in motion.columns:
@@ -98,7 +109,7 @@ def _invariants(case: Case, motion: Motion, golden: Golden) -> list[Deviation]:
         values = now.get(name)
         if values is not None:
             value, bound = (np.full(len(values), x) for x in (kept.value, kept.bound))
-            label = f"{name} (constant)"
+            label = f"{name}{CONSTANT}"
             found.append(deviations(label, motion.rows[:, 0], value, values, bound))
     return found
 

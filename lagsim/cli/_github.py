@@ -1,0 +1,77 @@
+"""Annotations: what GitHub Actions shows beside a line of a file, where it runs us.
+
+They go to stderr, which the runner reads as it does stdout, so that stdout stays what
+it is for everybody else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lagsim.admissibility import StartReport
+    from lagsim.errors import Problem
+    from lagsim.mechanics.equations import Equations
+
+ERROR, WARNING = "error", "warning"
+
+
+def annotate(
+    level: str, text: str, file: str | None, line: int | None = None,
+    column: int | None = None,
+) -> None:  # fmt: skip
+    """Annotate a file; do nothing where nobody runs a workflow."""
+    if os.environ.get("GITHUB_ACTIONS") != "true":
+        return
+    place = {"file": _within(file), "line": line, "col": column}
+    named = ",".join(f"{k}={_property(str(v))}" for k, v in place.items() if v)
+    with contextlib.suppress(OSError):
+        start = f"::{level} {named}".rstrip()
+        print(f"{start}::{_data(text)}", file=sys.stderr, flush=True)
+
+
+def annotate_problem(problem: Problem, file: str | None = None) -> None:
+    """Annotate the line of a fault; `file` is where it is if it does not say so."""
+    hint = f"\nhint: {problem.hint}" if problem.hint else ""
+    annotate(
+        ERROR, problem.text + hint, problem.file or file, problem.line, problem.column
+    )
+
+
+def annotate_start(equations: Equations, start: StartReport) -> None:
+    """Annotate the constraint that a start violates, or what it is warned of."""
+    from lagsim.cli._verdict import faults
+
+    model = equations.model
+    if not start.admissible:
+        wrong = {v.name for v in start.verdicts if not v.satisfied}
+        places = [c.relation.place for c in model.constraints if c.name in wrong]
+        places += [v.place for v in model.initial]
+        line, column = (places[0].line, places[0].column) if places else (None, None)
+        text = f"inadmissible: {model.name}: {'; '.join(faults(start))}"
+        annotate(ERROR, text, model.file, line, column)
+    for caution in start.warnings:
+        annotate(WARNING, f"{model.name}: {caution.text}", model.file)
+
+
+def _within(file: str | None) -> str | None:
+    """Give a file's path in the repository, which is what annotations name."""
+    if file is None or file == "-" or file.startswith("<"):  # standard input
+        return None
+    root = os.environ.get("GITHUB_WORKSPACE")
+    path = Path(file).absolute()
+    if root and path.is_relative_to(root):
+        return path.relative_to(root).as_posix()
+    return file
+
+
+def _data(text: str) -> str:
+    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+
+def _property(text: str) -> str:
+    return _data(text).replace(":", "%3A").replace(",", "%2C")

@@ -1,0 +1,65 @@
+"""JUnit's XML, which CI servers read: cases that passed, failed, or are broken."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, NamedTuple
+from xml.etree import ElementTree as ET
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+# What XML 1.0 cannot say, escaped or not.
+_UNSPEAKABLE = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+class Outcome(NamedTuple):
+    """One case and what came of it.
+
+    `kind` is empty for one that passed, `failure` for one that was judged and failed,
+    `error` for one that could not be judged; `code` and `text` say why.
+    """
+
+    name: str
+    file: str
+    seconds: float
+    kind: str = ""
+    code: str = ""
+    text: str = ""
+
+
+def document(suite: str, cases: Sequence[Outcome]) -> bytes:
+    """Give the document."""
+    whole = {
+        "tests": str(len(cases)),
+        "failures": str(sum(case.kind == "failure" for case in cases)),
+        "errors": str(sum(case.kind == "error" for case in cases)),
+        "time": _seconds(sum(case.seconds for case in cases)),
+    }
+    root = ET.Element("testsuites", whole)
+    element = ET.SubElement(root, "testsuite", {"name": suite, **whole})
+    for case in cases:
+        about = {
+            "classname": suite,
+            "name": _spoken(case.name),
+            "file": _spoken(case.file),
+            "time": _seconds(case.seconds),
+        }
+        found = ET.SubElement(element, "testcase", about)
+        if case.kind:
+            text = _spoken(case.text)
+            message = text.split("\n", 1)[0]
+            why = {"type": _spoken(case.code), "message": message}
+            ET.SubElement(found, case.kind, why).text = text
+    ET.indent(root)
+    written = ET.tostring(root, encoding="utf-8", xml_declaration=True)
+    return bytes(written) + b"\n"
+
+
+def _seconds(time: float) -> str:
+    return f"{time:.3f}"
+
+
+def _spoken(text: str) -> str:
+    """Write letters that XML has no way to write as Python does, with a backslash."""
+    return _UNSPEAKABLE.sub(lambda m: ascii(m[0])[1:-1], text)
