@@ -120,8 +120,27 @@ class Result:
 
         return pd.DataFrame(self.table, columns=list(self.columns))
 
-    def write(self, folder: str | Path, *, plots: bool = True) -> None:
-        """Write what `lagsim run` writes: table, events, pictures, run.json.
+    def write(
+        self,
+        folder: str | Path,
+        *,
+        plots: bool = True,
+        table: Literal["csv", "npz", "parquet"] = "csv",
+        units: bool = False,
+        animate: bool = False,
+    ) -> None:
+        """Write what `lagsim run` writes: table, events, pictures, page, run.json.
+
+        Parameters
+        ----------
+        plots
+            The pictures, too.
+        table
+            How the table is kept.
+        units
+            A line of units below the header of CSV.
+        animate
+            The page that shows the motion.
 
         Raises
         ------
@@ -130,23 +149,34 @@ class Result:
         OSError
             Where there is no room; then the folder is as it was.
         """
-        from lagsim.outputs import table
+        from lagsim.outputs import Format
         from lagsim.outputs.manifest import encode
         from lagsim.outputs.results import MANIFEST, open_results
+        from lagsim.outputs.table import table_writer
         from lagsim.run.observers.thinning import picture_thinning
 
-        made = self._made
+        made, form = self._made, Format(table)
+        known = made.session.system.units()
         with open_results(Path(folder)) as results:
-            path = results.part(table.NAME)
-            with contextlib.closing(table.TableWriter(path, self.columns)) as writer:
+            path = results.part(form.file)
+            writer = table_writer(form, path, known, show_units=units)
+            with contextlib.closing(writer):
                 writer.add(self.table)
-            thin = None
+                writer.finish()
+            thin = frames = None
+            equations, names = (
+                made.session.case.equations,
+                made.session.system.columns.names,
+            )
             if plots:
-                session = made.session
-                model = session.case.equations.model
-                thin = picture_thinning(model, session.system.columns.names)
+                thin = picture_thinning(equations.model, names)
                 thin.add(self._rows)
-            for name, content in made.files(thin):
+            if animate:
+                from lagsim.outputs.animation import frames_of
+
+                frames = frames_of(equations, names)
+                frames.add(self._rows)
+            for name, content in made.files(thin, frames):
                 results.write(name, content)
             files = [*results.names, MANIFEST]
             results.commit(encode(self.record | {"files": files}))

@@ -59,11 +59,11 @@ class Axis(NamedTuple):
             units |= {d.name: d.unit for d in model.definitions}
             base = name.removesuffix("_dot")
             unit = units.get(name) or (f"{u}/s" if (u := units.get(base, "")) else "")
-        values = [_plain(x) for x in texts[1:]]
-        values = [
+        plain = [None, *map(_plain, texts[1:])]  # one shows that the name is bound
+        values = (
             value_of(bound(model, {name: text}), name) if x is None else x
-            for text, x in zip(texts, [None, *values], strict=True)
-        ]
+            for text, x in zip(texts, plain, strict=True)
+        )
         return cls(name, starts, tuple(texts), tuple(values), unit)
 
 

@@ -35,15 +35,17 @@ def written(
     OSError
         Where there is no room.
     """
-    from lagsim.outputs import table
+    from lagsim.outputs import Format
     from lagsim.outputs.manifest import encode
     from lagsim.outputs.results import MANIFEST, open_results
+    from lagsim.outputs.table import table_writer
 
-    clock, columns = Clock(), session.system.columns
-    names = columns.names[: columns.table]
+    clock, units = Clock(), session.system.units()
     with open_results(folder) as results:
-        path = results.part(table.NAME)
-        with contextlib.closing(table.TableWriter(path, names)) as writer:
+        path = results.part(Format.CSV.file)
+        with contextlib.closing(
+            table_writer(Format.CSV, path, units, show_units=False)
+        ) as writer:
             attempts = Attempts(
                 Followed(writer, extremes), interrupt, clock, error_bars=error_bars,
                 thinned=plots,
@@ -51,7 +53,8 @@ def written(
             found = attempts.best(session)
             if found.fault is not None:
                 raise found.fault
-        for name, content in found.files(found.thin):
+            writer.finish()
+        for name, content in found.files(found.thin, found.frames):
             results.write(name, content)
         clock.lap("output")
         files = [*results.names, MANIFEST]
