@@ -26,9 +26,14 @@ def remembered(
     @wraps(function)
     def known(g: Graph, /, *args: Given.args, **keywords: Given.kwargs) -> Found:
         key = (function, args, tuple(keywords.items()))
-        if key not in g.remembered:
-            g.remembered[key] = function(g, *args, **keywords)
-        found: Found = g.remembered[key]
-        return found
+        return once(g, key, lambda: function(g, *args, **keywords))
 
     return known
+
+
+def once(g: Graph, key: object, find: Callable[[], Found]) -> Found:
+    """Find something out that rests on the key alone, if it is not known yet."""
+    if key not in g.remembered:
+        g.remembered[key] = find()
+    found: Found = g.remembered[key]
+    return found

@@ -96,6 +96,22 @@ class Equations:
         return replace(self, model=model, laws=laws)
 
     @property
+    def nodes(self) -> tuple[object, ...]:
+        """The names and nodes of the motion, the same for all values of parameters."""
+        rows = (*self.rows, *(law.row for law in self.laws))
+        return (
+            self.q,
+            tuple(tuple(row.entries.items()) for row in self.M),
+            self.f,
+            tuple(
+                (x.name, x.residual, x.rate, x.b, *x.A.entries.items()) for x in rows
+            ),
+            len(self.rows),
+            self.power,
+            self.quadratures,
+        )
+
+    @property
     def accelerations(self) -> tuple[str, ...]:
         """The names of the variables q''."""
         return tuple(f"{q}_ddot" for q in self.q)

@@ -40,10 +40,10 @@ class Extremes:
         """Take rows (k, columns)."""
         if not len(rows):
             return
-        shown = rows[:, : self._columns]
-        self.low = np.fmin(self.low, np.fmin.reduce(shown, axis=0))
-        self.high = np.fmax(self.high, np.fmax.reduce(shown, axis=0))
-        self.end = shown[-1].copy()
+        columns = np.ascontiguousarray(rows[:, : self._columns].T)
+        self.low = np.fmin(self.low, np.fmin.reduce(columns, axis=1))
+        self.high = np.fmax(self.high, np.fmax.reduce(columns, axis=1))
+        self.end = columns[:, -1].copy()
         self.last = float(self.end[0])
         self.rows += len(rows)
 

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 
 # So many ways of compiling a model are kept; the one longest out of use goes.
 MOST_FORMS = 16
-# Runs leave circles of objects behind, which are collected after so many.
+# Runs leave circles of objects behind, which are collected after so many: the young
+# ones only, all else is there to stay.
 COLLECTED = 50
 INADMISSIBLE, UNUSABLE = "inadmissible", "unusable"
 NOTHING = np.empty((3, 0))
@@ -159,7 +160,7 @@ class Runs:
         """Make a run; None where it was interrupted."""
         self._done += 1
         if self._done % COLLECTED == 0 and not gc.isenabled():
-            gc.collect()
+            gc.collect(0)
         grid = self.work.grid
         try:
             session = self._session(grid.texts(number))
