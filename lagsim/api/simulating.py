@@ -171,8 +171,9 @@ class Result:
         plots: bool = True,
         table: Literal["csv", "npz", "parquet"] = "csv",
         units: bool = False,
+        animate: bool = False,
     ) -> None:
-        """Write what `lagsim run` writes: table, events, pictures, run.json.
+        """Write what `lagsim run` writes: table, events, pictures, page, run.json.
 
         Parameters
         ----------
@@ -182,6 +183,8 @@ class Result:
             How the table is kept.
         units
             A line of units below the header of CSV.
+        animate
+            The page that shows the motion.
 
         Raises
         ------
@@ -203,7 +206,14 @@ class Result:
                 writer.add(self.table)
                 writer.finish()
             thin = self._thinned() if plots else None
-            for name, content in made.files(thin):
+            frames = None
+            if animate:
+                from lagsim.outputs.animation import frames_of
+
+                session = made.session
+                frames = frames_of(session.case.equations, session.system.columns.names)
+                frames.add(self._rows)
+            for name, content in made.files(thin, frames):
                 results.write(name, content)
             files = [*results.names, MANIFEST]
             results.commit(encode(self.record | {"files": files}))

@@ -123,6 +123,9 @@ def command(
         bool, typer.Option("--units", help="A line of units below the header of CSV.")
     ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
+    animate: Annotated[
+        bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
+    ] = False,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -144,7 +147,7 @@ def command(
     given = {name: text for name, text in options.items() if text is not None}
     job = partial(
         Job, error_bars=error_bar, table=table, show_units=units, plots=not no_plots,
-        quiet=quiet, strict=strict,
+        animate=animate, quiet=quiet, strict=strict,
     )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import Batch
@@ -181,6 +184,7 @@ class Job:
         *,
         show_units: bool,
         plots: bool,
+        animate: bool,
         quiet: bool,
         strict: bool,
         documents: list[Any] | None = None,
@@ -189,7 +193,7 @@ class Job:
         self.folder = folder
         self.error_bars = error_bars
         self.table, self.show_units = table, show_units
-        self.plots = plots
+        self.plots, self.animate = plots, animate
         self.documents = documents
         self.quiet = quiet
         self.strict = strict
@@ -232,7 +236,8 @@ class Job:
         with table as writer, interrupt.noted():
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
-                thinned=self.plots, progress=partial(progress_bar, quiet=self.quiet),
+                thinned=self.plots, animated=self.animate,
+                progress=partial(progress_bar, quiet=self.quiet),
             ).best(session)  # fmt: skip
             lost = finish(writer, results, self.table)
             full = lost or found.fault or self._write(found, results)
@@ -255,7 +260,7 @@ class Job:
     def _write(self, found: Attempt, results: Results) -> OSError | None:
         """Write what stands beside the table; give what kept one from being written."""
         try:
-            for name, content in found.files(found.thin):
+            for name, content in found.files(found.thin, found.frames):
                 results.write(name, content)
         except OSError as error:
             return error
