@@ -121,9 +121,26 @@ class Result:
         return pd.DataFrame(self.table, columns=list(self.columns))
 
     def write(
-        self, folder: str | Path, *, plots: bool = True, animate: bool = False
+        self,
+        folder: str | Path,
+        *,
+        plots: bool = True,
+        table: Literal["csv", "npz", "parquet"] = "csv",
+        units: bool = False,
+        animate: bool = False,
     ) -> None:
         """Write what `lagsim run` writes: table, events, pictures, page, run.json.
+
+        Parameters
+        ----------
+        plots
+            The pictures, too.
+        table
+            How the table is kept.
+        units
+            A line of units below the header of CSV.
+        animate
+            The page that shows the motion.
 
         Raises
         ------
@@ -132,16 +149,20 @@ class Result:
         OSError
             Where there is no room; then the folder is as it was.
         """
-        from lagsim.outputs import table
+        from lagsim.outputs import Format
         from lagsim.outputs.manifest import encode
         from lagsim.outputs.results import MANIFEST, open_results
+        from lagsim.outputs.table import table_writer
         from lagsim.run.observers.thinning import picture_thinning
 
-        made = self._made
+        made, form = self._made, Format(table)
+        known = made.session.system.units()
         with open_results(Path(folder)) as results:
-            path = results.part(table.NAME)
-            with contextlib.closing(table.TableWriter(path, self.columns)) as writer:
+            path = results.part(form.file)
+            writer = table_writer(form, path, known, show_units=units)
+            with contextlib.closing(writer):
                 writer.add(self.table)
+                writer.finish()
             thin = frames = None
             equations, names = (
                 made.session.case.equations,
