@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -165,6 +166,8 @@ class _Job:
         from lagsim.studies.sweep import journal
         from lagsim.studies.sweep.document import identity
 
+        if self.resume and (code := self._known(found, results.folder)) is not None:
+            return code
         interrupt = Interrupt()
         rows = journal.Journal(results.folder / journal.NAME, identity(found))
         try:
@@ -185,6 +188,24 @@ class _Job:
         code = self._finish(found, results)
         rows.remove()
         return code
+
+    def _known(self, found: Found, folder: Path) -> int | None:
+        """Give the exit code of a sweep that has come to its end before."""
+        from lagsim.studies.sweep import journal
+        from lagsim.studies.sweep.document import MANIFEST, mark
+
+        try:
+            there = json.loads((folder / MANIFEST).read_bytes())
+        except (OSError, ValueError):
+            return None
+        other = not isinstance(there, dict) or there.get("identity") != mark(found)
+        if other or (folder / journal.NAME).exists():
+            return None
+        if self.as_json:
+            self.documents.append(there)
+        elif not self.quiet:
+            say(f"nothing is left to do: {folder} holds this sweep")
+        return _code(there["outcomes"], there["complete"], there["runs"])
 
     def _make(self, found: Found, rows: Journal, interrupt: Interrupt) -> None:
         """Make the runs that are missing."""
@@ -208,26 +229,26 @@ class _Job:
     def _finish(self, found: Found, results: Results) -> int:
         """Write what was found, and tell it; give the exit code."""
         from lagsim.studies.sweep import document
-        from lagsim.studies.sweep.runs import INADMISSIBLE
 
-        files = {document.TABLE: document.table(found)}
-        if self.plots:
-            from lagsim.studies.sweep.chart import chart
-
-            files[document.CHART] = chart(found)
+        files = dict(document.files(found, plots=self.plots))
         content = document.document(found, [*files, document.MANIFEST])
         commit(results, content, files)
         if not self.quiet:
-            for caution in content["warnings"]:
-                complain(f"warning: {caution['text']}")
-        incomplete = [row for row in found.rows.values() if not row.complete]
+            for note in content["notes"]:
+                complain(f"note: {note}")
         if self.as_json:
             self.documents.append(content)
-        elif incomplete or not self.quiet:
+        elif not self.quiet:
             say(summary(found, content, results.folder))
-        if all(row.outcome == INADMISSIBLE for row in found.rows.values()):
-            return 1
-        return 3 if incomplete else 0
+        return _code(content["outcomes"], content["complete"], found.grid.runs)
+
+
+def _code(outcomes: Mapping[str, int], complete: int, runs: int) -> int:
+    from lagsim.studies.sweep.runs import INADMISSIBLE
+
+    if outcomes.get(INADMISSIBLE) == runs:
+        return 1
+    return 0 if complete == runs else 3
 
 
 def summary(found: Found, document: Mapping[str, Any], folder: Path) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from lagsim.notes import Caution
 from lagsim.outputs.manifest import versions
 from lagsim.outputs.table import table_of
 from lagsim.studies.sweep.grid import COMPLETE, ERROR, OUTCOME, REASON
@@ -63,16 +64,21 @@ def identity(found: Found) -> dict[str, Any]:
     }
 
 
+def mark(found: Found) -> str:
+    """Give a word for the same."""
+    return hashlib.sha256(json.dumps(identity(found)).encode()).hexdigest()
+
+
 def document(found: Found, files: Sequence[str]) -> dict[str, Any]:
     """Give the content of sweep.json; keys are only ever added."""
     model, rows = found.model, found.rows.values()
     what = identity(found)
-    forms = {row.form for row in rows if row.numbers.size}
     columns = {name: found.units.get(name, "") for name in found.columns}
     return {
         "lagsim": __version__,
         "versions": versions(),
         "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
+        "identity": mark(found),
         "parameters": what["parameters"],
         "options": what["options"],
         "grid": [
@@ -88,21 +94,31 @@ def document(found: Found, files: Sequence[str]) -> dict[str, Any]:
         "runs": found.grid.runs,
         "complete": sum(row.complete for row in rows),
         "outcomes": dict(Counter(row.outcome for row in rows)),
-        "compiled": len(forms),
-        "warnings": [{"code": c.code, "text": c.text} for c in cautions(found)],
+        "compiled": _forms(found),
+        "notes": notes(found),
         "columns": columns,
         "timings": {"runs": round(found.seconds, 6)},
         "files": list(files),
     }
 
 
-def cautions(found: Found) -> list[Caution]:
-    """Give what there is to know."""
-    forms = {row.form for row in found.rows.values() if row.numbers.size}
-    if len(forms) < 2:
+def files(found: Found, *, plots: bool) -> Iterator[tuple[str, bytes]]:
+    """Give name and content of what stands beside sweep.json."""
+    yield TABLE, table(found)
+    if plots:
+        from lagsim.studies.sweep.chart import chart
+
+        yield CHART, chart(found)
+
+
+def notes(found: Found) -> list[str]:
+    """Say what there is to know."""
+    forms = _forms(found)
+    if forms < 2:
         return []
-    text = (
-        f"what is swept changes the form of what is integrated: {len(forms)} forms "
-        "were compiled, which takes longer than runs of one form"
-    )
-    return [Caution("several-forms", text)]
+    text = f"what is swept changes the form of what is integrated: {forms} forms were "
+    return [text + "compiled, which takes longer than runs of one form"]
+
+
+def _forms(found: Found) -> int:
+    return len({row.form for row in found.rows.values() if row.numbers.size})

@@ -132,11 +132,15 @@ def grid_of(model: Model, given: Mapping[str, Iterable[float | str]]) -> Grid:
             problems.append(Problem("usage", text, hint="give it another name"))
     grid = Grid(tuple(axes))
     if not problems and grid.runs > MOST_RUNS:
-        text = f"these are {grid.runs} runs, more than {MOST_RUNS}"
-        problems.append(Problem("usage", text, hint="sweep them in parts"))
+        problems.append(_too_many(grid.runs))
     if problems:
         raise InputError(problems)
     return grid
+
+
+def _too_many(runs: int) -> Problem:
+    text = f"these are {runs} runs, more than {MOST_RUNS}"
+    return Problem("usage", text, hint="sweep them in parts")
 
 
 def parsed(model: Model, arguments: Iterable[str]) -> Grid:
@@ -174,6 +178,8 @@ def _values(model: Model, name: str, text: str) -> list[str]:
     if not (many.strip().isdecimal() and int(many) >= 2 and last and ":" not in last):
         found = f"{name}={text}: two ends and how many values, 2 or more, are expected"
         raise InputError([Problem("usage", found, hint=EXAMPLE)])
+    if int(many) > MOST_RUNS:
+        raise InputError([_too_many(int(many))])
     a, b = Axis.of(model, name, (first, last)).values
     return [repr(x) for x in between(a, b, int(many))]
 
