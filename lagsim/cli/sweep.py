@@ -97,7 +97,7 @@ def command(
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
     ] = False,
 ) -> int:
-    """Run a model at all combinations of values of its parameters and its start."""
+    """Run a model at all combinations of values."""
     options = given(
         method=method, rtol=rtol, atol=atol, step=step, formulation=formulation,
         gain=gain, spectral_radius=spectral_radius, duration=duration,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.disjoint_sets import DisjointSets
-from lagsim.language.remembered import once
+from lagsim.language.graph import once
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

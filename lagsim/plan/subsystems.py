@@ -15,8 +15,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.start import start_at
 from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.evaluate import evaluate
-from lagsim.language.graph import VARIABLE
-from lagsim.language.remembered import once
+from lagsim.language.graph import VARIABLE, once
 from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.instant import Instant
 from lagsim.mechanics.ldl import Elimination, TooLongError

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.language.graph import remembered
 from lagsim.language.normal_form import normal_form
-from lagsim.language.remembered import remembered
 from lagsim.language.series import series_operations, taylor_series
 from lagsim.methods.taylor import order_for
 

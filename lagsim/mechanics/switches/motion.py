@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.language.remembered import remembered
+from lagsim.language.graph import remembered
 from lagsim.mechanics.switches.find import Switches, find_switches
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
-from lagsim.language.remembered import once, remembered
+from lagsim.language.graph import once, remembered
 from lagsim.methods.parts.looks import LARGE, LARGEST, NEAR_ZERO, SMALL
 
 if TYPE_CHECKING:
