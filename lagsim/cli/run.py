@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -34,6 +35,14 @@ if TYPE_CHECKING:
     from lagsim.outputs.results import Results
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
+
+
+class Form(Enum):
+    """What pictures are written as."""
+
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
 
 
 def command(
@@ -115,6 +124,9 @@ def command(
         ),
     ] = ErrorBars.AUTO,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
+    form: Annotated[
+        Form, typer.Option("--format", help="Of pictures: svg and pdf are for print.")
+    ] = Form.PNG,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -135,8 +147,9 @@ def command(
     }
     given = {name: text for name, text in options.items() if text is not None}
     job = partial(
-        Job, error_bars=error_bar, plots=not no_plots, quiet=quiet, strict=strict
-    )
+        Job, error_bars=error_bar, plots=None if no_plots else form, quiet=quiet,
+        strict=strict,
+    )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import Batch
 
@@ -169,7 +182,7 @@ class Job:
         folder: Path | None,
         error_bars: ErrorBars,
         *,
-        plots: bool,
+        plots: Form | None,
         quiet: bool,
         strict: bool,
         documents: list[Any] | None = None,
@@ -217,7 +230,8 @@ class Job:
         ):  # fmt: skip
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
-                thinned=self.plots, progress=partial(progress_bar, quiet=self.quiet),
+                thinned=self.plots is not None,
+                progress=partial(progress_bar, quiet=self.quiet),
             ).best(session)  # fmt: skip
             full = found.fault or self._write(found, results)
             cautions = found.cautions()
@@ -239,7 +253,8 @@ class Job:
     def _write(self, found: Attempt, results: Results) -> OSError | None:
         """Write what stands beside the table; give what kept one from being written."""
         try:
-            for name, content in found.files(found.thin):
+            form = (self.plots or Form.PNG).value
+            for name, content in found.files(found.thin, form):
                 results.write(name, content)
         except OSError as error:
             return error

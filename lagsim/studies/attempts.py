@@ -120,10 +120,12 @@ class Attempt(NamedTuple):
             {name: round(t, 6) for name, t in timings.items()}, files,
         )  # fmt: skip
 
-    def files(self, rows: Thinning | None) -> Iterator[tuple[str, bytes]]:
+    def files(
+        self, rows: Thinning | None, form: str = "png"
+    ) -> Iterator[tuple[str, bytes]]:
         """Give name and content of what stands beside its table: events, and pictures.
 
-        `rows` are those for pictures; there are none without.
+        `rows` are those for pictures, in the format `form`; there are none without.
         """
         equations, trajectory = self.session.case.equations, self.trajectory
         if equations.laws:
@@ -137,22 +139,25 @@ class Attempt(NamedTuple):
         # It tells on stderr of a home that it cannot write to, which is no news.
         logging.getLogger("matplotlib").setLevel(logging.ERROR)
         from lagsim.outputs.events import marked
+        from lagsim.outputs.letters import Letters
         from lagsim.outputs.plots import pictures
-        from lagsim.outputs.time_panels import Record
+        from lagsim.outputs.record import Record
+        from lagsim.outputs.units import units
 
         listed, happened = len(trajectory.events), sum(trajectory.event_counts.values())
         note = "" if listed == happened else f"marks: the first {listed} of {happened}"
         if not trajectory.outcome.complete:
             note = f"incomplete: {trajectory.reason}"
         horizon = None if isinstance(self.bar, str) else self.bar.horizon
+        model = equations.model
+        names = [c.name for c in model.coordinates]
+        names += [d.name for d in model.definitions]
         record = Record(
-            equations.model.name, rows, self.session.system.units(), note=note,
-            horizon=math.inf if horizon is None else horizon,
-            **marked(trajectory.events),
+            model.name, rows, units(equations, self.session.system.units()), note=note,
+            horizon=math.inf if horizon is None else horizon, form=form,
+            letters=Letters(names), **marked(trajectory.events),
         )  # fmt: skip
-        yield from pictures(
-            record, equations.model, energy_is_sum=equations.energy_is_sum
-        )
+        yield from pictures(record, model, energy_is_sum=equations.energy_is_sum)
 
 
 class Attempts:

@@ -90,7 +90,7 @@ def chart(title: str, found: Stability, varied: str | None) -> bytes:
         assert varied is not None
         work(sheet, work_at, found, varied)
     sheet.notes(notes_at + 0.04, notes)
-    return sheet.png()
+    return sheet.content()
 
 
 def _maps_height(found: Stability, varied: str | None) -> float:
