@@ -22,9 +22,11 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import commit, cut_short, open_table
+from lagsim.cli._writing import commit, cut_short, finish, open_table
+from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
+from lagsim.outputs import Format
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
@@ -37,7 +39,7 @@ if TYPE_CHECKING:
     from lagsim.studies.attempts import Attempt
 
 
-class Form(Enum):
+class Picture(Enum):
     """What pictures are written as."""
 
     PNG = "png"
@@ -123,10 +125,20 @@ def command(
             "takes no more than about 2 s."
         ),
     ] = ErrorBars.AUTO,
+    table: Annotated[
+        Format, typer.Option(help="How the table is kept: trajectory.csv, and so on.")
+    ] = Format.CSV,
+    units: Annotated[
+        bool, typer.Option("--units", help="A line of units below the header of CSV.")
+    ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
     form: Annotated[
-        Form, typer.Option("--format", help="Of pictures: svg and pdf are for print.")
-    ] = Form.PNG,
+        Picture,
+        typer.Option("--format", help="Of pictures; svg, pdf for print."),
+    ] = Picture.PNG,
+    animate: Annotated[
+        bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
+    ] = False,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -147,8 +159,8 @@ def command(
     }
     given = {name: text for name, text in options.items() if text is not None}
     job = partial(
-        Job, error_bars=error_bar, plots=None if no_plots else form, quiet=quiet,
-        strict=strict,
+        Job, error_bars=error_bar, table=table, show_units=units,
+        plots=None if no_plots else form, animate=animate, quiet=quiet, strict=strict,
     )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import Batch
@@ -181,8 +193,11 @@ class Job:
         self,
         folder: Path | None,
         error_bars: ErrorBars,
+        table: Format,
         *,
-        plots: Form | None,
+        show_units: bool,
+        plots: Picture | None,
+        animate: bool,
         quiet: bool,
         strict: bool,
         documents: list[Any] | None = None,
@@ -190,7 +205,8 @@ class Job:
     ) -> None:
         self.folder = folder
         self.error_bars = error_bars
-        self.plots = plots
+        self.table, self.show_units = table, show_units
+        self.plots, self.animate = plots, animate
         self.documents = documents
         self.quiet = quiet
         self.strict = strict
@@ -208,6 +224,10 @@ class Job:
         from lagsim.model.reader import read
 
         clock = self.clock
+        if self.show_units and self.table is not Format.CSV:
+            why = f"--units means nothing with --table {self.table}"
+            hint = "run.json has the units of all columns, and Parquet its own"
+            raise InputError([Problem("usage", why, hint=hint)])
         clock.lap("import")
         model = read(text, file, overrides, options)
         settings = wanted(model, "run", hint="add it, or give --duration")
@@ -224,22 +244,22 @@ class Job:
         from lagsim.outputs.results import MANIFEST
         from lagsim.studies.attempts import Attempts
 
-        columns, interrupt = session.system.columns, self.interrupt
-        with open_table(results, columns.names[: columns.table]) as writer, (
-            interrupt.noted()
-        ):  # fmt: skip
+        units, interrupt = session.system.units(), self.interrupt
+        table = open_table(results, self.table, units, show_units=self.show_units)
+        with table as writer, interrupt.noted():
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
-                thinned=self.plots is not None,
+                thinned=self.plots is not None, animated=self.animate,
                 progress=partial(progress_bar, quiet=self.quiet),
             ).best(session)  # fmt: skip
-            full = found.fault or self._write(found, results)
+            lost = finish(writer, results, self.table)
+            full = lost or found.fault or self._write(found, results)
             cautions = found.cautions()
             self.clock.lap("output")
             files = [*results.names, MANIFEST]
             document = found.record(cautions, self.clock.timings, files)
             if full:
-                document |= cut_short(writer, found, full)
+                document |= cut_short(writer, found, full, lost=lost is not None)
             commit(results, document, {})
         self._report(found, document, results.folder)
         if full:
@@ -253,8 +273,8 @@ class Job:
     def _write(self, found: Attempt, results: Results) -> OSError | None:
         """Write what stands beside the table; give what kept one from being written."""
         try:
-            form = (self.plots or Form.PNG).value
-            for name, content in found.files(found.thin, form):
+            form = (self.plots or Picture.PNG).value
+            for name, content in found.files(found.thin, found.frames, form):
                 results.write(name, content)
         except OSError as error:
             return error

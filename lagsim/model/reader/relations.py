@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.language.roots import simple_root
 from lagsim.model.model import Constraint, OneSided, Relation, Sense
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar
 from lagsim.model.reader import laws
@@ -150,6 +149,8 @@ def _one_sided(
 
 def _once(relation: Relation, x: Expressions) -> Relation:
     """Take a multiple root once."""
+    from lagsim.language.roots import simple_root
+
     moving, kinds = (Kind.COORDINATE, Kind.VELOCITY), x.names.variables
     used = x.graph.depends([relation.node])
     names = {n for n in used if kinds.get(n.removesuffix("_dot")) in moving}
