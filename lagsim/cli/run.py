@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,19 +12,6 @@ import typer
 
 from lagsim.cli._closing import progress_bar, summary
 from lagsim.cli._faults import faults_shown
-from lagsim.cli._options import (
-    Atol,
-    Duration,
-    ErrorBar,
-    Formulation,
-    Gain,
-    Method,
-    OutputStep,
-    Rtol,
-    SpectralRadius,
-    Step,
-    given,
-)
 from lagsim.cli._shared import (
     AsJson,
     Jobs,
@@ -36,6 +24,8 @@ from lagsim.cli._shared import (
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit, cut_short, finish, open_table
 from lagsim.errors import InputError, Problem
+from lagsim.methods import names
+from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.outputs import Format
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Clock, open_case, wanted
@@ -47,6 +37,80 @@ if TYPE_CHECKING:
     from lagsim.outputs.results import Results
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
+
+
+class Picture(Enum):
+    """What pictures are written as."""
+
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
+
+
+Method = Annotated[
+    str | None,
+    typer.Option(
+        metavar="M",
+        help="Integration method; see `lagsim methods`.",
+        autocompletion=lambda: ["auto", *names()],
+    ),
+]
+Rtol = Annotated[
+    str | None,
+    typer.Option(metavar="X", help=f"Relative tolerance; default {DEFAULT_RTOL:g}."),
+]
+Atol = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X",
+        help="Absolute tolerance; default rtol times each component's scale.",
+    ),
+]
+Step = Annotated[
+    str | None,
+    typer.Option(
+        metavar="H", help="Step of fixed-step methods; default the output step."
+    ),
+]
+Formulation = Annotated[
+    str | None,
+    typer.Option(
+        metavar="F",
+        help="How constraints are met: projection, elimination, baumgarte, drift; "
+        "full: nothing is reduced.",
+    ),
+]
+Gain = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X",
+        help="Of baumgarte, per unit of time; "
+        f"default {1 / ROWS_TO_DECAY:g}/output step.",
+    ),
+]
+SpectralRadius = Annotated[
+    str | None,
+    typer.Option(metavar="X", help="Of generalized-alpha, from 0 to 1."),
+]
+Duration = Annotated[str | None, typer.Option(metavar="T", help="How long to run.")]
+OutputStep = Annotated[
+    str | None,
+    typer.Option(
+        metavar="H", help=f"Spacing of rows; default duration/{DEFAULT_ROWS}."
+    ),
+]
+ErrorBar = Annotated[
+    ErrorBars,
+    typer.Option(
+        help="Repeat the run more tightly to estimate its error; auto: where that "
+        "takes no more than about 2 s."
+    ),
+]
+
+
+def given(**options: str | None) -> dict[str, str]:
+    """Give the options that have been given, by the keys of `simulation`."""
+    return {name: text for name, text in options.items() if text is not None}
 
 
 def command(
@@ -81,6 +145,10 @@ def command(
         bool, typer.Option("--units", help="A line of units below the header of CSV.")
     ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
+    form: Annotated[
+        Picture,
+        typer.Option("--format", help="Of pictures; svg, pdf for print."),
+    ] = Picture.PNG,
     animate: Annotated[
         bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
     ] = False,
@@ -97,8 +165,8 @@ def command(
         output_step=output_step,
     )  # fmt: skip
     job = partial(
-        Job, error_bars=error_bar, table=table, show_units=units, plots=not no_plots,
-        animate=animate, quiet=quiet, strict=strict,
+        Job, error_bars=error_bar, table=table, show_units=units,
+        plots=None if no_plots else form, animate=animate, quiet=quiet, strict=strict,
     )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import Batch
@@ -134,7 +202,7 @@ class Job:
         table: Format,
         *,
         show_units: bool,
-        plots: bool,
+        plots: Picture | None,
         animate: bool,
         quiet: bool,
         strict: bool,
@@ -187,7 +255,7 @@ class Job:
         with table as writer, interrupt.noted():
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
-                thinned=self.plots, animated=self.animate,
+                thinned=self.plots is not None, animated=self.animate,
                 progress=partial(progress_bar, quiet=self.quiet),
             ).best(session)  # fmt: skip
             lost = finish(writer, results, self.table)
@@ -211,7 +279,8 @@ class Job:
     def _write(self, found: Attempt, results: Results) -> OSError | None:
         """Write what stands beside the table; give what kept one from being written."""
         try:
-            for name, content in found.files(found.thin, found.frames):
+            form = (self.plots or Picture.PNG).value
+            for name, content in found.files(found.thin, found.frames, form):
                 results.write(name, content)
         except OSError as error:
             return error

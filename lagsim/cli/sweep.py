@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,19 +11,6 @@ import typer
 
 from lagsim.cli._closing import progress_bar
 from lagsim.cli._faults import faults_shown
-from lagsim.cli._options import (
-    Atol,
-    Duration,
-    ErrorBar,
-    Formulation,
-    Gain,
-    Method,
-    OutputStep,
-    Rtol,
-    SpectralRadius,
-    Step,
-    given,
-)
 from lagsim.cli._shared import (
     AsJson,
     Jobs,
@@ -38,6 +24,19 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit
+from lagsim.cli.run import (
+    Atol,
+    Duration,
+    ErrorBar,
+    Formulation,
+    Gain,
+    Method,
+    OutputStep,
+    Rtol,
+    SpectralRadius,
+    Step,
+    given,
+)
 from lagsim.studies.attempts import ErrorBars
 
 if TYPE_CHECKING:
@@ -49,8 +48,8 @@ if TYPE_CHECKING:
     from lagsim.studies.sweep.sweeping import Found
     from lagsim.studies.workers import Hired
 
-# Reasons that are told; the table has all of them.
-LISTED = 3
+# So many letters of a reason are told; the table has all of it.
+REASON = 160
 
 
 def command(
@@ -258,18 +257,20 @@ def summary(found: Found, document: Mapping[str, Any], folder: Path) -> str:
     head = f"{coloured('done', colour)}: {document['model']['name']}, "
     head += f"{complete} of {counted(grid.runs, 'run')} complete"
     rows = [("swept", f"{axis.name}: {_spread(axis.values)}") for axis in grid.axes]
-    reasons = Counter(
-        f"{row.outcome}: {row.reason}" for row in found.rows.values() if row.reason
-    )
-    for reason, count in reasons.most_common(LISTED):
-        rows.append(("not complete", f"{counted(count, 'run')} {reason}"))
-    if len(reasons) > LISTED:
-        rows.append(("", f"and others: {document['files'][0]} has all reasons"))
+    first = {r.outcome: r.reason for _, r in sorted(found.rows.items(), reverse=True)}
+    for outcome, count in document["outcomes"].items():
+        if reason := first[outcome]:
+            told = f"{counted(count, 'run')}, the first: {_cut(reason)}"
+            rows.append((outcome, told))
     seconds = document["timings"]["runs"]
     each = seconds / max(1, grid.runs)
     rows.append(("took", f"{seconds:.3g} s, {each * 1e3:.3g} ms a run"))
     rows.append(("files", f"{folder}: {', '.join(document['files'])}"))
     return head + "\n" + table(rows)
+
+
+def _cut(reason: str) -> str:
+    return reason if len(reason) <= REASON else reason[:REASON].rstrip() + " ..."
 
 
 def _spread(values: Sequence[float]) -> str:

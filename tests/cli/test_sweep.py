@@ -192,7 +192,7 @@ def test_failures_are_rows_with_their_reasons(lagsim, write):
     assert second["reason"]
     assert (third["outcome"], third["complete"]) == ("done", "true")
     assert "1 of 3 runs complete" in called.out
-    assert "1 run failed: " in called.out
+    assert "failed    1 run, the first: the step size became too small" in called.out
 
 
 def test_inadmissible_starts_are_rows(lagsim, write):

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.outputs.curves import curve, line
+from lagsim.outputs.letters import Letters, raised
 from lagsim.outputs.scale import Scale, value_scale
 from lagsim.outputs.sheet import (
     EDGE,
     LINE,
+    NOTHING,
     PENS,
+    Named,
     Pen,
     Sheet,
     in_house_style,
@@ -20,10 +23,11 @@ from lagsim.outputs.sheet import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from lagsim.studies.sweep.grid import Axis
     from lagsim.studies.sweep.sweeping import Found
 
     Array = NDArray[np.float64]
@@ -48,13 +52,14 @@ COLOURS = "viridis"
 
 @in_house_style
 def chart(found: Found) -> bytes:
-    """Draw what was found. Returns a PNG."""
+    """Draw what was found. Returns the picture."""
     axes = found.grid.axes
     shown = shown_columns(found)
     notes = wrapped(_notes(found, len(shown)), WIDTH - 2 * EDGE)
     shown = shown[:MOST]
     each = (CURVES if len(axes) == 1 else MAP + BELOW + 0.1) + GAP
-    sheet = Sheet(WIDTH, TOP + len(shown) * each + BELOW + LINE * len(notes))
+    low = TOP + len(shown) * each + (BELOW if len(axes) == 1 else 0.0) - 0.1
+    sheet = Sheet(WIDTH, low + LINE * len(notes) + 0.1)
     sheet.heading(found.model.name, f"{found.grid.runs} runs")
     missing = not all(row.numbers.size for row in found.rows.values())
     missing |= not all(row.complete for row in found.rows.values())
@@ -62,8 +67,8 @@ def chart(found: Found) -> bytes:
         _curves(sheet, found, shown, missing=missing)
     else:
         _maps(sheet, found, shown, missing=missing)
-    sheet.notes(TOP + len(shown) * each + BELOW - 0.1, notes)
-    return sheet.png()
+    sheet.notes(low, notes)
+    return sheet.content()
 
 
 def shown_columns(found: Found) -> list[str]:
@@ -97,10 +102,10 @@ def _curves(sheet: Sheet, found: Found, shown: list[str], *, missing: bool) -> N
         cells = values_of(found, name, order)
         last = k + 1 == len(shown)
         place = (LEFT, TOP + k * (CURVES + GAP), WIDTH - LEFT - RIGHT, CURVES)
-        below = (axis.name, axis.unit) if last else ("", "")
+        below = _written(found, axis.name, axis.unit) if last else NOTHING
+        side = _written(found, name, found.units.get(name, ""))
         up = value_scale(cells[np.isfinite(cells)])
-        unit = found.units.get(name, "")
-        with sheet.panel(place, scale, up, below=below, side=(name, unit)) as panel:
+        with sheet.panel(place, scale, up, below=below, side=side) as panel:
             _band(panel, x, cells, up, missing=missing)
 
 
@@ -128,35 +133,36 @@ def _maps(sheet: Sheet, found: Found, shown: list[str], *, missing: bool) -> Non
         look: Pen = {"color": NO_RESULT, "linewidth": 8.0, "solid_capstyle": "butt"}
         sheet.legend(EDGE, 0.5, [("not complete", look)], WIDTH - 2 * EDGE)
     width = (WIDTH - LEFT - ACROSS - 0.85) / 2
+    named = tuple(_written(found, a.name, a.unit) for a in (first, second))
     for k, name in enumerate(shown):
         cells = values_of(found, name, numbers.ravel())
         for j, (part, said) in enumerate(((END, "at the end"), (HIGH, "greatest"))):
             content = cells[:, part].reshape(numbers.shape)
             left = LEFT + j * (width + ACROSS)
             top = TOP + k * (MAP + BELOW + 0.1 + GAP)
+            shown_name, unit = _written(found, name, found.units.get(name, ""))
             _map(
-                sheet, (left, top, width, MAP), (first, second), edges, content,
-                (f"{name}, {said}", found.units.get(name, "")),
+                sheet, (left, top, width, MAP), named, edges, content,
+                (f"{shown_name}, {said}", unit),
             )  # fmt: skip
 
 
 def _map(
     sheet: Sheet,
     place: tuple[float, float, float, float],
-    named: tuple[Axis, Axis],
+    named: Sequence[Named],
     edges: tuple[Array, Array],
     content: Array,
-    title: tuple[str, str],
+    title: Named,
 ) -> None:
     """Draw a map, and at its right what its colours mean."""
-    first, second = named
+    below, side = named
     scale = value_scale(content[np.isfinite(content)], margin=0.0)
     look: Pen = {"cmap": COLOURS, "vmin": scale.low, "vmax": scale.high, "zorder": 1.0}
     x, y = (Scale(e[0], e[-1], log=_is_log(e)) for e in edges)
     with sheet.panel(
-        place, x, y, below=(first.name, first.unit), side=(second.name, second.unit),
-        above=title, ticks=(5, 5),
-    ) as panel:  # fmt: skip
+        place, x, y, below=below, side=side, above=title, ticks=(5, 5)
+    ) as panel:
         ground = np.isnan(content)
         if ground.any():
             grey = np.where(ground, 0.6, np.nan)
@@ -167,6 +173,13 @@ def _map(
     strip = (left + width + NEAR, top, STRIP, height)
     with sheet.panel(strip, Scale(0.0, 1.0), scale, ticks=(2, 5)) as panel:
         panel.pcolormesh([0.0, 1.0], levels, levels[:-1, None], **look)
+
+
+def _written(found: Found, name: str, unit: str) -> Named:
+    """Give a name and its unit as pictures write them."""
+    model = found.model
+    names = [c.name for c in model.coordinates] + [d.name for d in model.definitions]
+    return Letters(names).name(name), raised(unit)
 
 
 def _numbers(found: Found) -> NDArray[np.int64]:

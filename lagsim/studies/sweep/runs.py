@@ -167,7 +167,7 @@ class Runs:
         except (StartError, InputError) as error:
             outcome = INADMISSIBLE if isinstance(error, StartError) else UNUSABLE
             values = tuple(grid.values(number))
-            return Row(values, outcome, False, None, str(error), NOTHING, 0)
+            return Row(values, outcome, False, None, _reason(error), NOTHING, 0)
         extremes = Extremes(len(self.columns))
         found = self._attempt(number, session, extremes, interrupt)
         trajectory, bar = found.trajectory, found.bar
@@ -208,6 +208,12 @@ class Runs:
             )
         attempts = Attempts(extremes, interrupt, Clock(), error_bars=work.error_bars)
         return attempts.best(session)
+
+
+def _reason(error: StartError | InputError) -> str:
+    if isinstance(error, StartError):
+        return str(error)
+    return "; ".join(problem.text for problem in error.problems)
 
 
 def folder_of(number: int, grid: Grid) -> str:
