@@ -129,7 +129,7 @@ function pause() {
 function faster(factor) {
   state.speed = Math.min(64 * usual, Math.max(usual / 256, state.speed * factor));
   const rounded = Number(state.speed.toPrecision(3));
-  $("speed").textContent = `${rounded >= 0.01 ? rounded : rounded.toExponential(0)}×`;
+  $("speed").textContent = `${rounded >= 1e-4 ? rounded : rounded.toExponential(1)}×`;
   show();
 }
 

@@ -29,7 +29,7 @@ _DATA = re.compile(
 )
 # Of the length of a link: within this it does not change; of the frames: so many with
 # a contact's link at its longest make it a string.
-RIGID, TAUT = 5e-3, 0.02
+RIGID, TAUT = 1e-3, 0.02
 # A view shows all of the motion, unless some hundredths of it go so many times as far.
 MOST, OUTLYING = 98.0, 20.0
 # Events beyond these are not told apart on a time line.
