@@ -256,6 +256,7 @@ class Sheet:
                 names = [fitted(name, share, SMALL) for name in names]
         for name, (_, pen) in zip(names, entries, strict=True):
             dots = {None: 2, ".": 7}.get(pen.get("marker"), 1)
+            dots = 3 if "markevery" in pen else dots  # a line with a mark on it
             along = np.linspace(x, x + 0.28, dots) if dots > 1 else np.array([x + 0.14])
             if pen:
                 level = np.full(dots, self.height - y + 0.04)
