@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 # Without -o there is one of each.
 DEFAULT = (Path("results/overlay.png"), Path("results/overlay.html"))
 PAGE = ".html"
+# A page of more runs is not called by their names.
+MOST_NAMES = 4
 PICTURES = (".png",)
 
 
@@ -96,7 +98,9 @@ def _content(
         return None
     from lagsim.outputs.animation import page
 
-    return page(found, ", ".join(run["name"] for run in found))
+    names = [run["name"] for run in found]
+    many = len(names) > MOST_NAMES
+    return page(found, counted(len(names), "run") if many else ", ".join(names))
 
 
 def _write(path: Path, content: bytes) -> bool:
