@@ -105,10 +105,10 @@ document.body.dataset.heard = JSON.stringify(heard);
 
 @pytest.mark.slow
 def test_keys(tmp_path):
-    page = written(SPRING, tmp_path / "results")
+    page = written(BALL, tmp_path / "results")
     pressed = {
         "right": "ArrowRight", "far": ("ArrowRight", True), "back": "ArrowLeft",
-        "end": "End", "home": "Home", "faster": "+", "slower": "-", "trails": "t",
+        "struck": "PageDown", "end": "End", "home": "Home", "faster": "+", "slower": "-", "trails": "t",
         "names": "N", "play": " ", "pause": " ",
     }  # fmt: skip
     keys = [[name, *([k] if isinstance(k, str) else k)] for name, k in pressed.items()]
@@ -116,10 +116,12 @@ def test_keys(tmp_path):
     script = KEYS.replace("KEYS", json.dumps(keys))
     page.write_text(text.replace("</body>", script), encoding="utf-8")
     found = json.loads(said(page, tmp_path / "home", "#t=0")["heard"])
-    # A 200th of ten seconds, and ten times that.
-    times = {"right": 0.05, "far": 0.55, "back": 0.5, "end": 10.0, "home": 0.0}
+    # A 200th of 1.9 s, and ten times that; the ball strikes after 1 s.
+    bit = 1.9 / 200
+    times = {"right": bit, "far": 11 * bit, "back": 10 * bit, "end": 1.9, "home": 0.0}
+    times["struck"] = 1.0
     for name, t in times.items():
-        assert math.isclose(found[name]["t"], t, abs_tol=1e-12), name
+        assert math.isclose(found[name]["t"], t, abs_tol=1e-9), name
     assert (found["faster"]["speed"], found["slower"]["speed"]) == ("2×", "1×")
     assert found["trails"]["trails"] == "Whole path"
     assert (found["home"]["names"], found["names"]["names"]) == ("false", "true")

@@ -144,12 +144,15 @@ function toggle(name) {
 }
 
 const fine = () => span / 200;
+const jump = (t) => { if (t !== undefined) { pause(); seek(t); } };
 const KEYS = {
   " ": () => state.playing ? pause() : play(),
   ArrowLeft: (far) => { pause(); seek(state.t - (far ? 10 : 1) * fine()); },
   ArrowRight: (far) => { pause(); seek(state.t + (far ? 10 : 1) * fine()); },
   Home: () => { pause(); seek(line.start); },
   End: () => { pause(); seek(line.end); },
+  PageUp: () => jump(line.event(state.t, false)),
+  PageDown: () => jump(line.event(state.t, true)),
   "+": () => faster(2), "=": () => faster(2), "-": () => faster(0.5), "_": () => faster(0.5),
   l: () => toggle("loop"), t: () => toggle("trails"), f: () => toggle("forces"), n: () => toggle("names"),
   o: () => { if (together) toggle("together"); },
@@ -209,6 +212,7 @@ function tell() {
   const notes = runs.flatMap((run) => run.notes.map((note) => many ? `${run.name}: ${note}` : note));
   $("notes").textContent = notes.join("; ");
   $("together").hidden = !together;
+  $("jumps").hidden = !line.times.length;
   if (together) $("turning").before(Object.assign(element("kbd"), {textContent: "O"}), " one picture; ");
   $("forces").hidden = !runs.some((run) => run.usual > 0);
   if (runs.some((run) => run.dimension === 3)) $("turning").textContent = "drag to turn";
