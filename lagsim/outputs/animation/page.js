@@ -38,7 +38,7 @@ const line = new TimeLine($("line"), runs, (t) => { pause(); seek(t); });
 // A run of seconds is shown as fast as it is; shorter and longer ones in seconds.
 function usualSpeed(span) {
   if (span >= 1.5 && span <= 90) return 1;
-  const wanted = span / 12, power = 10 ** Math.floor(Math.log10(wanted));
+  const wanted = span / 8, power = 10 ** Math.floor(Math.log10(wanted));
   return power * [1, 2, 5].findLast((m) => m * power <= wanted * 1.0001);
 }
 
