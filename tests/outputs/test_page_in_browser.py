@@ -108,8 +108,8 @@ def test_keys(tmp_path):
     page = written(BALL, tmp_path / "results")
     pressed = {
         "right": "ArrowRight", "far": ("ArrowRight", True), "back": "ArrowLeft",
-        "struck": "PageDown", "end": "End", "home": "Home", "faster": "+", "slower": "-",
-        "trails": "t", "names": "N", "play": " ", "pause": " ",
+        "struck": "PageDown", "end": "End", "home": "Home", "faster": "+",
+        "slower": "-", "trails": "t", "names": "N", "play": " ", "pause": " ",
     }  # fmt: skip
     keys = [[name, *([k] if isinstance(k, str) else k)] for name, k in pressed.items()]
     text = page.read_text("utf-8")

@@ -9,6 +9,7 @@ const root = document.documentElement;
 const box = many ? common(runs) : null;
 const ranges = runs.map(reach);
 const range = [Math.min(...ranges.map(([low]) => low)), Math.max(...ranges.map(([, high]) => high))];
+const most = Math.max(...runs.map((run) => run.usual));
 
 function staged(label, runs, view, ...more) {
   const names = runs.flatMap((run) => run.points.map((point) => point.name)).join(", ");
@@ -20,14 +21,14 @@ function staged(label, runs, view, ...more) {
 }
 
 const panels = runs.map((run, k) => {
-  const view = new View(box ? {...run, box} : run);
+  const view = new View(box ? {...run, box, usual: most} : run);
   const bars = new Bars(run, box ? range : ranges[k]);
   const made = staged(run.name, [run], view, bars.box);
   if (many) made.canvas.before(element("h2", {}, run.name));
   return {...made, run, bars, drawing: new Drawing(made.canvas, run, view)};
 });
 // All runs in one picture, each in a colour of its own.
-const together = box && staged("all runs", runs, new View({...runs[0], box}));
+const together = box && staged("all runs", runs, new View({...runs[0], box, usual: most}));
 if (together) {
   together.drawings = runs.map((run, k) => new Drawing(together.canvas, run, together.view, k));
   together.titles = runs.map((run) => element("span", {}, run.name));
