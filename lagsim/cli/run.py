@@ -251,6 +251,10 @@ class Job:
         from lagsim.studies.attempts import Attempts
 
         units, interrupt = session.system.units(), self.interrupt
+        if self.show_units or self.table is Format.PARQUET:
+            from lagsim.outputs.units import of_table
+
+            units = of_table(session.case.equations, units)
         table = open_table(results, self.table, units, show_units=self.show_units)
         with table as writer, interrupt.noted():
             found = Attempts(
