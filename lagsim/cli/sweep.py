@@ -246,6 +246,10 @@ class _Job:
         files = dict(document.files(found, plots=self.plots))
         content = document.document(found, [*files, document.MANIFEST])
         commit(results, content, files)
+        missing = found.grid.runs - content["complete"]
+        if missing:
+            whole = counted(found.grid.runs, "run")
+            complain(f"lagsim: {missing} of {whole} are not complete")
         if not self.quiet:
             for note in content["notes"]:
                 complain(f"note: {note}")

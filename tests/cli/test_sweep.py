@@ -194,6 +194,7 @@ def test_failures_are_rows_with_their_reasons(lagsim, write):
     assert second["reason"]
     assert (third["outcome"], third["complete"]) == ("done", "true")
     assert "1 of 3 runs complete" in called.out
+    assert called.err == "lagsim: 2 of 3 runs are not complete\n"
     assert "failed    1 run, the first: the step size became too small" in called.out
 
 
