@@ -185,18 +185,17 @@ class _Joined:
 
     def of(self, n: int) -> Sum:
         """Give the sum that node `n` is, joined."""
-        whole = dict(self.terms.sums[n])
-        waiting = list(whole)
-        while waiting:
-            m = waiting.pop()
-            found = next(self._joint(whole, m), None) if m in whole else None
-            if found is not None:
-                second, joint, c = found
-                del whole[m], whole[second]
-                whole[joint] = whole.get(joint, 0.0) + c
-                if not whole[joint]:
-                    del whole[joint]
-                waiting.append(joint)
+        whole, terms = dict(self.terms.sums[n]), -1
+        while len(whole) != terms:  # what was joined may join others
+            terms = len(whole)
+            for m in list(whole):
+                found = next(self._joint(whole, m), None) if m in whole else None
+                if found is not None:
+                    second, joint, c = found
+                    del whole[m], whole[second]
+                    total = whole.pop(joint, 0.0) + c
+                    if total:
+                        whole[joint] = total
         return whole
 
     def _joint(self, whole: Sum, m: int) -> Iterator[tuple[int, int, float]]:
