@@ -68,6 +68,9 @@ class Equations:
     power : int or None
         The rate of `work`, with the multipliers as variables `lambda_<c>`; None where
         the model has nothing that could do work.
+    unforced : frozenset of str
+        The coordinates on which no force acts and that L does not name: without
+        constraints they keep their momenta.
     quadratures : tuple of Quadrature
         What is integrated beside these equations: the action where it is asked for,
         and coordinates, see `reduction`.
@@ -85,6 +88,7 @@ class Equations:
     energy_is_sum: bool
     kinetic_form: int
     power: int | None
+    unforced: frozenset[str] = frozenset()
     quadratures: tuple[Quadrature, ...] = ()
     laws: tuple[Law, ...] = ()
 
@@ -220,6 +224,11 @@ def derive(model: Model) -> Equations:
         energy_is_sum=is_sum,
         kinetic_form=kinetic_form,
         power=_power(g, model, Q, rates, rows, laws, dL_dt),
+        unforced=frozenset(
+            name
+            for name, *pushes in zip(q, dL_dq, Q, strict=True)
+            if set(pushes) == {g.zero}
+        ),
         quadratures=_action(g, model),
         laws=laws,
     )
