@@ -47,6 +47,7 @@ from lagsim.methods.parts.state import (
     STEP_TOO_SMALL,
     State,
 )
+from lagsim.methods.parts.sums import add_change, keep_rest
 from lagsim.methods.parts.tableau import Tableau
 from lagsim.native.kernels.words import apart, at, total, unrolled
 from lagsim.native.layout import array, part
@@ -164,6 +165,7 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     k = s.k
     z = s.z
     new = s.new
+    left = s.left
     if CONSTRAINED:
         p.least_health = 1.0
     for stage in unrolled(1, 12):
@@ -173,7 +175,9 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
         derivative(t + C[stage] * h, z, p, at(k, stage * size))
     s.evaluations += 11.0
     for i in apart(size):
-        new[i] = y[i] + h * total(B[j] * k[j * size + i] for j in unrolled(12))
+        new[i] = y[i]
+        left[i] = h * total(B[j] * k[j * size + i] for j in unrolled(12))
+    add_change(s, p, k, h, new)
     set_tolerances(s, p, t + h, new, k, h)
     errors = s.errors
     for i in apart(size):
@@ -244,6 +248,7 @@ def accept(s: Dop853, p: Parameters, h: float) -> None:
     for i in range(size):
         y[i] = new[i]
         k[i] = k[12 * size + i]
+    keep_rest(s)
     record_measured(s, p)
 
 

@@ -36,6 +36,7 @@ from lagsim.methods.parts.state import (
     State,
 )
 from lagsim.methods.parts.strays import strayed, take_back
+from lagsim.methods.parts.sums import forget_rest
 from lagsim.methods.parts.switching import find_end
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.kernels.words import at, rare, unrolled
@@ -251,6 +252,7 @@ def pulled(s: State, y: Floats, former: Floats, first: int) -> float:
 def begin(s: State, p: Parameters) -> None:
     """Begin an arc if this is one."""
     if s.fresh > 0.0:
+        forget_rest(s)
         start(s, p)
         if UNTIL:
             arm(s, p, s.work)
