@@ -44,7 +44,7 @@ NOT_RUN = {
     "python benchmarks/": "measures for minutes",
 }
 # Pages whose examples take more than a second or two.
-SLOW = {"docs/ci.md", "docs/commands.md", "docs/tutorial.md"}
+SLOW = {"docs/animation.md", "docs/ci.md", "docs/commands.md", "docs/tutorial.md"}
 # Starts that are shown to be refused.
 REFUSED = {"caption", "swing"}
 CAPTION = "docs/model-file.md"
