@@ -5,6 +5,7 @@ Drawn from work_precision.json alone, so that it can be drawn again.
 
 from __future__ import annotations
 
+import itertools
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
 # Inches: the sheet, its margins, the panels and what is between them; names beside.
 WIDTH, TOP, HEIGHT, GAP, BELOW = 7.6, 0.62, 3.0, 0.42, 0.5
-NAMES, BETWEEN = 2.2, 0.16
+NAMES, BETWEEN = 2.7, 0.16
 
 
 @in_house_style
@@ -52,7 +53,7 @@ def chart(document: Mapping[str, Any]) -> bytes:
     across = error_scale(by_cost["seconds"], floor)
     for k, (of, curves) in enumerate(by_cost.items()):
         place = (BESIDE, TOP + k * (HEIGHT + GAP), width, HEIGHT)
-        front = _front(rows, of)
+        front = _front(found, of)
         cost_panel(
             sheet, place, across, curves, of, floor=floor, below=k == 1, front=front
         )
@@ -82,7 +83,8 @@ def _costs(found: Shown, of: str) -> list[Cost]:
     ]
 
 
-def _front(rows: Iterable[Row], of: str) -> tuple[Any, Any]:
+def _front(found: Shown, of: str) -> tuple[Any, Any]:
+    rows = itertools.chain.from_iterable(found.curves.values())
     front = sorted((r["error"], r[of]) for r in rows if r[f"front_{of}"])
     points = np.array(front, float).reshape(-1, 2)
     return seen(points[:, 0]), seen(points[:, 1])

@@ -38,9 +38,9 @@ SECONDS = 40.0
 # Rows count as known while both agree to this part of each coordinate's range: to the
 # first of these that holds for all rows ...
 WHOLE = (1e-10, 1e-8, 1e-6)
-# ... or else for more than a few of them.
+# ... or else for more than a few of them: so many, or a part where rows are few.
 LEVELS = (*WHOLE, 1e-4, 1e-2)
-FEW = 0.1
+MANY, FEW = 50, 0.1
 # A range that is this small beside others of its unit is that of rounding errors.
 NOISE = 1e-11
 
@@ -227,9 +227,12 @@ def _known(apart: Floats) -> int:
     for level in LEVELS:
         lost = np.flatnonzero(~(apart <= level))
         known[level] = int(lost[0]) if len(lost) else count
-    whole = any(known[level] == count for level in WHOLE)
-    enough = max(2.0, FEW * count)
-    return count if whole else next((k for k in known.values() if k >= enough), count)
+    if any(known[level] == count for level in WHOLE):
+        return count
+    enough = max(2.0, min(MANY, FEW * count))
+    last = known[LEVELS[-1]]
+    otherwise = last if last > 1 else count
+    return next((k for k in known.values() if k >= enough), otherwise)
 
 
 def differences(

@@ -196,6 +196,16 @@ def test_where_all_agree_to_less_all_is_known_to_less(size):
     assert "smaller errors cannot be told" in found.trust
 
 
+def test_where_motion_parts_early_errors_are_those_before():
+    # 1e-10 of the range is passed at t = log(2e-10/1e-11) = 3, with 30 rows of 201: a
+    # tenth of them; ten times as far apart nothing is left of that.
+    _, found = parting(1e-11)
+    assert found.horizon == pytest.approx(math.log(20), abs=0.11)
+    _, found = parting(1e-9)
+    assert found.horizon == pytest.approx(math.log(20), abs=0.11)
+    assert found.floor == pytest.approx(1e-8, rel=0.11)
+
+
 def test_what_parts_at_once_still_gives_a_chart():
     # One per cent apart from the first step on, and by 1e6 in the end.
     _, found = parting(0.02)
