@@ -67,7 +67,7 @@ def chart(document):
         note = f"{scene['rows']} rows"
         sheet.text(left + width, top - 0.06, note, size=SMALL, ha="right", color=DIM)
     sheet.notes(under + 0.04, notes)
-    return sheet.png()
+    return sheet.content()
 
 
 def costs(scene):
