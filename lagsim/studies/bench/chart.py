@@ -38,8 +38,8 @@ NAMES, BETWEEN = 2.7, 0.16
 
 
 @in_house_style
-def chart(document: Mapping[str, Any]) -> bytes:
-    """Draw what work_precision.json says. Returns a PNG."""
+def chart(document: Mapping[str, Any], form: str = "png") -> bytes:
+    """Draw what work_precision.json says. Returns a PNG, SVG or PDF."""
     rows = document["rows"]
     found = shown(rows, WORST)
     by_cost = {of: _costs(found, of) for of in ("seconds", "evaluations")}
@@ -47,7 +47,7 @@ def chart(document: Mapping[str, Any]) -> bytes:
     width = WIDTH - BESIDE - BETWEEN - beside - EDGE
     notes = wrapped(_notes(document, found), WIDTH - 2 * EDGE)
     under = TOP + 2 * HEIGHT + GAP + BELOW
-    sheet = Sheet(WIDTH, under + LINE * len(notes) + 0.1)
+    sheet = Sheet(WIDTH, under + LINE * len(notes) + 0.1, form)
     sheet.heading(document["model"]["name"], "what an error costs")
     floor = float(seen([document["reference"]["floor"]])[0])
     across = error_scale(by_cost["seconds"], floor)
