@@ -171,7 +171,8 @@ def _cells(
         colours[steps[cell.step], columns[cell.value]] = colour
     if len(columns) != len(x) - 1:
         colours = colours.swapaxes(0, 1)
-    axes.pcolormesh(x, y, colours, zorder=1.0)
+    # Edges of their own colour close the seams that viewers of vectors leave.
+    axes.pcolormesh(x, y, colours, zorder=1.0, edgecolors="face", linewidth=0.3)
 
 
 def _maps(sheet: Sheet, found: Stability, varied: Named) -> None:
