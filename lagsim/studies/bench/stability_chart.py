@@ -172,7 +172,7 @@ def _cells(
     if len(columns) != len(x) - 1:
         colours = colours.swapaxes(0, 1)
     # Edges of their own colour close the seams that viewers of vectors leave.
-    axes.pcolormesh(x, y, colours, zorder=1.0, edgecolors="face", linewidth=0.3)
+    axes.pcolormesh(x, y, colours, zorder=1.0, edgecolors="face", linewidth=0.7)
 
 
 def _maps(sheet: Sheet, found: Stability, varied: Named) -> None:
