@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from enum import Enum
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -36,6 +37,19 @@ Jobs = Annotated[
         min=1,
         help="Processes; default one for each core.",
     ),
+]
+
+
+class Picture(Enum):
+    """What pictures are written as."""
+
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
+
+
+PictureForm = Annotated[
+    Picture, typer.Option("--format", help="Of pictures; svg, pdf for print.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit 1 if there are warnings.")]

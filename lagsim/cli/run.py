@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +14,8 @@ from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
     Jobs,
+    Picture,
+    PictureForm,
     Sets,
     Strict,
     assignments,
@@ -36,14 +37,6 @@ if TYPE_CHECKING:
     from lagsim.outputs.results import Results
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
-
-
-class Picture(Enum):
-    """What pictures are written as."""
-
-    PNG = "png"
-    SVG = "svg"
-    PDF = "pdf"
 
 
 Method = Annotated[
@@ -144,10 +137,7 @@ def command(
         bool, typer.Option("--units", help="A line of units below the header of CSV.")
     ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
-    form: Annotated[
-        Picture,
-        typer.Option("--format", help="Of pictures; svg, pdf for print."),
-    ] = Picture.PNG,
+    form: PictureForm = Picture.PNG,
     animate: Annotated[
         bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
     ] = False,
