@@ -24,7 +24,7 @@ def direction(g: Builder, x: int, y: int) -> int | None:
     if size is None:
         return None
     for u in _either(g, size):
-        rest = _without(g, x, u)
+        rest = without(g, x, u)
         if rest is not None:
             found = g.call("mul", rest, _signed(g, u, q))
             return found if part == g.one else g.call("div", found, part)
@@ -84,7 +84,7 @@ def _size_in(g: Builder, y: int, depth: int = DEEP) -> tuple[int, int | None, fl
     return g.one, None, 0.0
 
 
-def _without(g: Builder, x: int, u: int, depth: int = DEEP) -> int | None:
+def without(g: Builder, x: int, u: int, depth: int = DEEP) -> int | None:
     """Give x/u where u is seen to be a factor of x."""
     if x == u:
         return g.one
@@ -93,11 +93,11 @@ def _without(g: Builder, x: int, u: int, depth: int = DEEP) -> int | None:
         return None
     if op == "mul":
         for a, other in (args, args[::-1]):
-            rest = _without(g, a, u, depth - 1)
+            rest = without(g, a, u, depth - 1)
             if rest is not None:
                 return g.call("mul", rest, other)
     elif op in ("div", "neg"):
-        rest = _without(g, args[0], u, depth - 1)
+        rest = without(g, args[0], u, depth - 1)
         if rest is not None:
             return g.call(op, rest, *args[1:])
     return None

@@ -6,6 +6,7 @@ import math
 import sys
 from typing import TYPE_CHECKING
 
+from lagsim.language import radicals
 from lagsim.language.directions import directed_product, direction
 
 if TYPE_CHECKING:
@@ -49,7 +50,8 @@ def mul(g: Builder, x: int, y: int) -> int | None:
         return g.call("neg", g.call("mul", g.args[x][0], y))
     if g.ops[y] == "neg":
         return g.call("neg", g.call("mul", x, g.args[y][0]))
-    return directed_product(g, x, y)
+    found = directed_product(g, x, y)
+    return radicals.product(g, x, y) if found is None else found
 
 
 def _scaled(g: Builder, c: float, x: int, y: int) -> int | None:
@@ -121,7 +123,7 @@ def power(g: Builder, x: int, y: int) -> int | None:
         return g.call("sqrt", x)
     if exponent is not None and exponent % 2 == 0 and g.ops[x] == "neg":
         return g.call("pow", g.args[x][0], y)
-    return None
+    return None if exponent is None else radicals.raised(g, x, exponent)
 
 
 def choice(g: Builder, condition: int, x: int, y: int) -> int | None:
