@@ -7,6 +7,7 @@ Python or sympy.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, NamedTuple
@@ -65,6 +66,8 @@ class ParsedRelation(NamedTuple):
 
 
 # Binding powers. Unary minus binds weaker than `^` and tighter than `*`.
+# What stands before an operator that is missing.
+_LAST = re.compile(r"[\w.]+$")
 _BINARY = {
     row.sign.strip(): (row.binds, name)
     for name, row in OPERATIONS.items()
@@ -162,7 +165,7 @@ class _Parser:
     def _function(self, token: Token) -> None:
         if token.text not in FUNCTIONS:
             near = get_close_matches(token.text, FUNCTIONS, 1)
-            hint = f"did you mean `{near[0]}`?" if near else "a product is written `*`"
+            hint = f"did you mean `{near[0]}`?" if near else ""
             raise ExpressionError(
                 token.offset, len(token.text), f"there is no function `{token.text}`",
                 hint, "unknown-function",
@@ -190,8 +193,7 @@ class _Parser:
                 left = self.pending[-1].token
                 raise ExpressionError(
                     left.offset, len(left.text), "this parenthesis is never closed",
-                    "an expression in {} must be quoted if it contains a comma",
-                    "parenthesis",
+                    code="parenthesis",
                 )  # fmt: skip
             return False
         raise self._missing_operator(token)
@@ -200,7 +202,10 @@ class _Parser:
         if token.kind == "relation":
             return _relation_inside(token)
         before = self.text[: token.offset].rstrip()
+        left = _LAST.search(before)
         hint = "there is no implicit product: write `*`"
+        if left is not None and token.kind != "open":
+            hint += f", {left[0]}*{token.text}"
         if token.text == "not":
             hint = ""
         return ExpressionError(

@@ -17,6 +17,34 @@ simulation: {{duration: {duration}}}
 SOUND = {"parameter": "1", "definition": "x", "initial": "0", "duration": "1"}
 HINTS = [
     ("parameter", "1 m", "{value: 1, unit: m}"),
+    ("parameter", "1m", "{value: 1, unit: m}"),
+    ("parameter", '"1 [kg]"', "{value: 1, unit: kg}"),
+    ("parameter", "9.81 m/s²", "{value: 9.81, unit: m/s^2}"),
+    ("parameter", "9.81 m s^-2", "{value: 9.81, unit: m*s^-2}"),
+    ("parameter", "2 kg·m²", "{value: 2, unit: kg*m^2}"),
+    ("parameter", "10 cm", "write 10/100, in m"),
+    ("parameter", "3 kN", "write 3*1000, in N"),
+    ("parameter", "5 %", "write 5/100"),
+    ("parameter", "1 000", "write 1000"),
+    ("parameter", "½", "write 1/2"),
+    ("parameter", "1x10^-3", "write 1e-3"),
+    ("parameter", "1.5 × 10^3", "write 1.5e3"),
+    ("parameter", "1.5.2", "one decimal point"),
+    ("parameter", "0x10", "decimal"),
+    ("parameter", "5e", "5e0"),
+    ("parameter", "inf", "finite"),
+    ("duration", "500 ms", "write 500/1000, in s"),
+    ("duration", "2 min", "write 2*60, in s"),
+    ("duration", "10s", "write 10"),
+    ("duration", "1:30", "one number"),
+    ("initial", "30deg", "30*pi/180"),
+    ("initial", "30 º", "30*pi/180"),
+    ("initial", "30*deg", "pi/180"),
+    ("initial", "radians(30)", "x*pi/180"),
+    ("initial", "math.radians(30)", "x*pi/180"),
+    ("initial", "pi/6 rad", "leave the unit out"),
+    ("initial", "3π/4", "3*pi"),
+    ("initial", "3pi/4", "3*pi"),
     ("parameter", "9.81 m/s^2", "{value: 9.81, unit: m/s^2}"),
     ("parameter", "25.6 N/m", "{value: 25.6, unit: N/m}"),
     ("duration", "10 s", "write 10"),
@@ -29,6 +57,61 @@ HINTS = [
     ("definition", "2 m", "a product is written 2*m"),
     ("definition", "3 x", "write `*`"),
     ("definition", "sin theta", "sin(theta)"),
+    ("definition", "sin 2*theta", "sin(2*theta)"),
+    ("definition", "sintheta", "sin(theta)"),
+    ("definition", "Sin(theta)", "write sin"),
+    ("definition", "SIN(theta)", "write sin"),
+    ("definition", "sin[theta]", "sin(theta)"),
+    ("definition", "sin²(x)", "sin(x)^2"),
+    ("definition", "sin² x", "sin(x)^2"),
+    ("definition", "sin^-1(x)", "asin"),
+    ("definition", "cos^(-1)(x)", "acos"),
+    ("definition", "ln x", "log(x)"),
+    ("definition", "lg(x)", "log10(x)"),
+    ("definition", "log(x, 2)", "log(x)/log(2)"),
+    ("definition", "cot(x)", "1/tan(x)"),
+    ("definition", "sh(x)", "sinh(x)"),
+    ("definition", "round(x)", "floor(x + 0.5)"),
+    ("definition", "mod(x, l)", "floor(x/y)"),
+    ("definition", "atan(x, l)", "atan2(x, l)"),
+    ("definition", "max(x, l, 1)", "max(x, max(l, 1))"),
+    ("definition", "max(x; l)", "`,`"),
+    ("definition", "np.arctan2(x, l)", "`atan2`"),
+    ("definition", "numpy.e", "exp(1)"),
+    ("definition", "E^x", "exp(x)"),
+    ("definition", "x if x > 0 else l", "if(x > 0, x, l)"),
+    ("definition", "x > 0 ? x : l", "if(x > 0, x, l)"),
+    ("definition", "if x > 0 then x else l", "if(x > 0, x, l)"),
+    ("definition", "if(x == 0, 1, 2)", "compared by <"),
+    ("definition", "if(x =< 0, 1, 2)", "`<=`"),
+    ("definition", "x // 2", "floor(x/2)"),
+    ("definition", "x!", "no factorial"),
+    ("definition", "x·l", "`*`"),
+    ("definition", "x⋅l", "`*`"),
+    ("definition", "x^{2}", "^(2)"),
+    ("definition", "∛x", "cbrt(x)"),
+    ("definition", "2x", "2*x"),
+    ("definition", "x l", "x*l"),
+    ("definition", "ml", "m*l"),
+    ("definition", "x2", "x^2"),
+    ("definition", "x(t)", "write x, without `(t)`"),
+    ("definition", "x(l + 1)", "x*(...)"),
+    ("definition", "0.5m*x_dot^2", "0.5*m"),
+    ("definition", "x_dot2", "x_dot^2"),
+    ("definition", "v_x", "x_dot"),
+    ("definition", "velocity_x", "x_dot"),
+    ("definition", "v", "theta_dot"),
+    ("definition", "xDot", "x_dot"),
+    ("definition", "x.dot", "x_dot"),
+    ("definition", "x-dot", "x_dot"),
+    ("definition", "d(theta)/dt", "theta_dot"),
+    ("definition", "Derivative(x, t)", "x_dot"),
+    ("definition", "dot(x)", "x_dot"),
+    ("definition", "d^2x/dt^2", "x_ddot"),
+    ("definition", "x''", "x_ddot"),
+    ("definition", "thetȧ", "theta_dot"),
+    ("definition", "θ", "`theta`"),
+    ("definition", "θ_dot", "`theta_dot`"),
     ("definition", "l*cos 2", "cos(2)"),
     ("definition", "sin^2(x)", "sin(x)^2"),
     ("definition", "cos**2(x + l)", "cos(x + l)^2"),
@@ -84,3 +167,39 @@ def test_a_rate_in_initial(key):
 )
 def test_a_key_in_a_wrong_place(text, hint):
     assert any(problem.hint.startswith(hint) for problem in problems(text))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("parameters: {m: 1, l: 1}", "parameters: {m: 1, l: 1,5}"),
+        ("parameters: {m: 1, l: 1}", "parameters: {m: 1, l: {value: 1,5}}"),
+        ("initial: {theta: 0, x: 0}", "initial: {theta: 0,5, x: 0}"),
+        ("simulation: {duration: 1}", "simulation: {duration: 1,5}"),
+    ],
+)
+def test_decimal_commas_in_braces(old, new):
+    text = SCENE.format(**SOUND)
+    assert old in text
+    found = problems(text.replace(old, new))
+    assert any(problem.hint == "a decimal point is written `.`" for problem in found)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("{theta: {}, x: {}}", "{θ: {}, x: {}}"), ("x: {}}", "X: {}}")],
+)
+def test_names_in_other_letters(old, new):
+    text = SCENE.format(**SOUND)
+    assert old in text
+    name = new.strip("{").partition(":")[0]
+    found = problems(text.replace(old, new))
+    assert any(f"`{name}" in problem.hint for problem in found)
+
+
+@pytest.mark.parametrize(
+    "text", ["((((" * 5000, "1 " * 5000, "sin " * 5000, "x" * 20000, "?:" * 9999]
+)
+def test_long_texts_take_no_longer(text):
+    # Patterns that backtrack over all of it would take for ever.
+    assert problems(SCENE.format(**{**SOUND, "definition": text}))

@@ -283,6 +283,8 @@ def _beginning(case: _Case) -> Diagnosis | None:
     if entry is not None and "{" not in entry["value"] and "#" not in entry["value"]:
         quoted = entry["value"].strip().replace('"', "'")
         hint += f': "{quoted}"'
+        if size := re.fullmatch(r"\|+([^|]+)\|+([^|]*)", quoted):
+            hint = f"write abs({size[1]}){size[2]}"
     return case.fault(text, (case.at[0], at), hint, set_aside=True)
 
 

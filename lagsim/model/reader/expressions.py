@@ -203,6 +203,7 @@ class Expressions:
         if meaning is None:
             if not self.names.is_faulty(name) and self.names.complete:
                 text, hint = self.names.unknown(name, self.faults)
+                hint = hint or self.faults.meant(scalar, offset, self.names.variables)
                 self.faults.add("unknown-name", text, place, hint)
             return None
         if meaning.kind not in allowed:
