@@ -71,7 +71,10 @@ def _application() -> typer.Typer:
     )
     app.callback()(ask_version)
     for name in called or COMMANDS:
-        app.command(name)(import_module(f"lagsim.cli.{name}").command)
+        command = import_module(f"lagsim.cli.{name}").command
+        # Said, it is wrapped; what is taken from the long help is cut to a line.
+        summary = (command.__doc__ or "").partition("\n")[0]
+        app.command(name, short_help=summary)(command)
     return app
 
 

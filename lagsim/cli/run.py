@@ -199,6 +199,11 @@ class _Job:
             document = found.record(cautions, self.clock.timings, files)
             if full:
                 document |= cut_short(writer, found, full)
+            if self.folder is None and (before := results.before()):
+                from lagsim.outputs.replaced import replaced
+
+                caution = replaced(before, document, results.folder)
+                document["warnings"] += [caution._asdict()] if caution else []
             commit(results, document, {})
         self._report(found, document, results.folder)
         if full:

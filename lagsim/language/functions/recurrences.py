@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.language.radicals import UNDONE
+from lagsim.language.sizes import UNDONE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
