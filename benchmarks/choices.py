@@ -1,32 +1,40 @@
 """Is `auto` near the Pareto front? lagsim bench over the shipped models.
 
     python benchmarks/choices.py [--charts DIR] [MODEL ...]
+    python benchmarks/choices.py --draw DIR [MODEL ...]
 
 By errors of 1e-6, 1e-9 and 1e-12: what the cheapest method costs, what `auto` costs,
 both read off their curves. scipy's solvers are left out, but for the charts: a step of
-theirs is a Python call, and none has ever been near.
+theirs is a Python call, and none has ever been near. What charts show is kept in
+charts/ here; --draw draws them anew from there.
 """
 
 from __future__ import annotations
 
 import argparse
 import io
+import json
 import sys
 from pathlib import Path
 
-from measure import MODELS, Table, cost_at
+from measure import HERE, MODELS, Table, cost_at
 from PIL import Image
 
 from lagsim.methods import names
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case
 from lagsim.studies.bench.chart import chart
-from lagsim.studies.bench.document import document
+from lagsim.studies.bench.document import document, read_document
 from lagsim.studies.bench.reference import NoReferenceError
-from lagsim.studies.bench.work_precision import Wish, measure
+from lagsim.studies.bench.wanted import Wish
+from lagsim.studies.bench.work_precision import measure
 
 ERRORS = (1e-6, 1e-9, 1e-12)
 GOAL = 2.0
+KEPT = HERE / "charts"
+# More digits of a time, or of an error, say nothing; and this a chart does not show.
+DIGITS = 4
+HIDDEN = ("reason", "error_lambda", "energy_drift", "constraint_residual")
 
 
 def compared(found, error, of="seconds"):
@@ -60,16 +68,43 @@ def rows_of(model, charts=None):
     except NoReferenceError as why:
         return [[model, "", "", str(why), "", ""]]
     if charts:
-        draw(model, found, case, charts)
+        keep(model, found, case)
+        draw(model, charts)
     return [row_of(model, found, error) for error in ERRORS]
 
 
-def draw(model, found, case, folder):
+def keep(model, found, case):
+    """Keep what a chart shows."""
+    content = document(case.equations.model, case.settings, found, [])
+    content = {k: v for k, v in content.items() if k not in ("parameters", "files")}
+    content["model"]["file"] = f"models/{model}.yaml"
+    rows = [
+        {k: v for k, v in row.items() if k not in HIDDEN} for row in content["rows"]
+    ]
+    KEPT.mkdir(exist_ok=True)
+    lines = ",\n".join(json.dumps(row) for row in rounded(rows))
+    text = json.dumps(content | {"rows": []})[: -len("[]}")]
+    assert text.endswith('"rows": ')
+    (KEPT / f"{model}.json").write_text(f"{text}[\n{lines}\n]}}\n", encoding="utf-8")
+
+
+def rounded(value):
+    """Give the same with few digits."""
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}")
+    if isinstance(value, list):
+        return [rounded(part) for part in value]
+    if isinstance(value, dict):
+        return {k: rounded(v) for k, v in value.items()}
+    return value
+
+
+def draw(model, folder):
     """Draw the chart of a model, in a palette of colours: a tenth of the bytes."""
     folder.mkdir(parents=True, exist_ok=True)
-    content = document(case.equations.model, case.settings, found, [])
-    picture = Image.open(io.BytesIO(chart(model, found, content)))
-    picture.convert("RGB").quantize(48).save(folder / f"{model}.png", optimize=True)
+    drawn = chart(read_document(str(KEPT / f"{model}.json")))
+    picture = Image.open(io.BytesIO(drawn)).convert("RGB")
+    picture.quantize(48).save(folder / f"{model}.png", optimize=True)
 
 
 def row_of(model, found, error):
@@ -109,5 +144,10 @@ if __name__ == "__main__":
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     options.add_argument("models", nargs="*", metavar="MODEL")
     options.add_argument("--charts", type=Path, metavar="DIR")
+    options.add_argument("--draw", type=Path, metavar="DIR", help="measure nothing")
     asked = options.parse_args()
+    if asked.draw:
+        for name in asked.models or sorted(path.stem for path in KEPT.glob("*.json")):
+            draw(name, asked.draw)
+        sys.exit()
     print(tables(0, asked.models, asked.charts)[0].markdown())

@@ -2,8 +2,10 @@
 
     pip install .[benchmarks]
     python benchmarks/rivals.py [--scenes kepler,andrews] [--method taylor]
+    python benchmarks/rivals.py --draw
 
-writes results-rivals.md here and docs/speed.png. Every rival gets its equations from
+writes results-rivals.md and results-rivals.json here and docs/speed.png; with --draw
+anew from what was measured. Every rival gets its equations from
 lagsim's graph. The reference is heyoka's in quadruple precision, checked against itself
 at another tolerance; errors are the greatest of any coordinate or velocity in any row,
 against its range.
@@ -13,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import platform
 import subprocess
 import sys
 import time
@@ -23,6 +26,7 @@ import numpy as np
 from measure import HERE, MODELS, Table, cost_at
 
 DECADES = [float(f"1e-{k}") for k in range(4, 15)]
+KEPT = HERE / "results-rivals.json"
 REPORTED = (1e-8, 1e-12)
 # Past this a rival is tried no tighter.
 LONG_SECONDS = 2.0
@@ -95,8 +99,8 @@ def measured(case, method):
 
     from lagsim.model.reader import read_file
     from lagsim.run.session import open_case
-    from lagsim.studies.bench.reference import state_sizes
     from lagsim.studies.bench.scipy_solvers import Scipy
+    from lagsim.studies.bench.solutions import state_sizes
     from lagsim.studies.bench.solving import Own, Patience, least
 
     model = read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)
@@ -265,14 +269,28 @@ def compared(result, error, costs):
     return [*shown, f"{own / costs[name]:.2f}", f"{bare / costs[name]:.2f}"]
 
 
-def report(results):
-    """Give the page."""
-    from lagsim.studies.bench.machine import described, machine
+def document(results):
+    """Give what was measured, on what and when: all that page and chart say."""
+    from lagsim.studies.bench.machine import machine, today
     from lagsim.version import __version__
 
-    packages = ("heyoka", "scikit-sundae", "scipy", "numpy", "llvmlite")
-    versions = ", ".join(f"{p} {version(p)}" for p in packages)
-    about = [described(machine()), f"lagsim {__version__}, {versions}"]
+    packages = ("numpy", "llvmlite", "scipy", "heyoka", "scikit-sundae")
+    versions = {"python": platform.python_version()}
+    return {
+        "lagsim": __version__,
+        "versions": versions | {name: version(name) for name in packages},
+        "machine": machine(),
+        "date": today(),
+        "scenes": results,
+    }
+
+
+def report(found):
+    """Give the page."""
+    from lagsim.studies.bench.machine import stamp
+
+    results = found["scenes"]
+    about = [f"{stamp(found)}."]
     worst = max(r["agreement"] for r in results)
     about.append(f"At two tolerances the reference agrees with itself to {worst:.0e}.")
     lines = "\n".join(f"- {line}" for line in about)
@@ -285,7 +303,11 @@ def main():
     options.add_argument("--scenes", help="model names; default all")
     options.add_argument("--method", default="auto", help="lagsim's; default auto")
     options.add_argument("--one", help=argparse.SUPPRESS)
+    options.add_argument("--draw", action="store_true", help="measure nothing")
     given = options.parse_args()
+    if given.draw:
+        write(json.loads(KEPT.read_text(encoding="utf-8")))
+        return
     if given.one:
         case = next(c for c in CASES if c.model == given.one)
         print(json.dumps(measured(case, given.method)))
@@ -298,10 +320,17 @@ def main():
         done = subprocess.run(command, stdout=subprocess.PIPE, check=True)
         results.append(json.loads(done.stdout))
         print(f"{model} measured", file=sys.stderr, flush=True)
-    (HERE / "results-rivals.md").write_text(report(results), encoding="utf-8")
+    found = document(results)
+    KEPT.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    write(found)
+
+
+def write(found):
+    """Write the page and draw the chart."""
     from rivals_chart import chart
 
-    (HERE.parent / "docs" / "speed.png").write_bytes(chart(results))
+    (HERE / "results-rivals.md").write_text(report(found), encoding="utf-8")
+    (HERE.parent / "docs" / "speed.png").write_bytes(chart(found))
 
 
 if __name__ == "__main__":

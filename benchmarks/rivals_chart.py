@@ -2,61 +2,82 @@
 
 from __future__ import annotations
 
-import numpy as np
+from lagsim.outputs.sheet import (
+    DIM,
+    EDGE,
+    LINE,
+    SMALL,
+    Sheet,
+    in_house_style,
+    wrapped,
+)
+from lagsim.studies.bench.cost_panel import (
+    BESIDE,
+    WORST,
+    Cost,
+    cost_panel,
+    error_scale,
+    look,
+    look_of,
+    seen,
+)
+from lagsim.studies.bench.machine import stamp
 
-from lagsim.outputs.curves import curve, point
-from lagsim.outputs.scale import Scale, log_scale
-from lagsim.outputs.sheet import DIM, PENS, SMALL, Sheet, in_house_style, mark
+WIDTH, RIGHT, TOP = 7.6, 0.15, 0.78
+DOWN, HEIGHT = 0.72, 2.1
 
-WIDTH, LEFT, RIGHT, TOP = 7.6, 0.62, 0.15, 0.78
-ACROSS, DOWN, HEIGHT = 0.55, 0.62, 2.1
-
-STYLES = {
-    "lagsim": (PENS[0] | {"linewidth": 1.6}, "o"),
-    "heyoka": (PENS[2], "s"),
-    "scipy DOP853": ({"color": "#777777"}, "x"),
-    "IDA, GGL": (PENS[3], "^"),
-    "IDA, index 1": (PENS[4], "v"),
+LOOKS = {
+    "lagsim": look(0),
+    "heyoka": look(2, 1),
+    "scipy DOP853": look_of("scipy:DOP853"),
+    "IDA, GGL": look(3, 0, 1),
+    "IDA, index 1": look(4, 1, 1),
 }
-WORST, LEAST = 3.0, 1e-16
+WHAT = (
+    "Least of several, warm, compiling apart. lagsim writes every row with all its "
+    "columns, rivals the states of the same rows alone. Error: the greatest of any "
+    "coordinate or velocity in any row, against heyoka's in quadruple precision."
+)
 
 
 @in_house_style
-def chart(results):
-    """Draw all scenes; gives a PNG."""
-    rows = -(-len(results) // 2)
-    sheet = Sheet(WIDTH, TOP + rows * (HEIGHT + DOWN) + 0.1)
+def chart(document):
+    """Draw all scenes of results-rivals.json; gives a PNG."""
+    scenes = document["scenes"]
+    rows = -(-len(scenes) // 2)
+    notes = wrapped([WHAT, f"{stamp(document)}."], WIDTH - 2 * EDGE)
+    under = TOP + rows * (HEIGHT + DOWN)
+    sheet = Sheet(WIDTH, under + LINE * len(notes) + 0.1)
     sheet.heading("Time to integrate against the error made", "")
-    entries = [(n, mark(kind, 4.0, pen["color"])) for n, (pen, kind) in STYLES.items()]
-    sheet.legend(LEFT, 0.46, entries, WIDTH - LEFT - RIGHT)
-    width = (WIDTH - LEFT - RIGHT - ACROSS) / 2
-    for k, result in enumerate(results):
+    used = [name for name in LOOKS if any(name in s["points"] for s in scenes)]
+    lines = [(name, LOOKS[name].line) for name in used]
+    sheet.legend(BESIDE, 0.46, lines, WIDTH - BESIDE - RIGHT)
+    marks = [(name, LOOKS[name].mark) for name in used]
+    sheet.legend(BESIDE, 0.46, marks, WIDTH - BESIDE - RIGHT)
+    width = (WIDTH - RIGHT) / 2 - BESIDE
+    curves = [costs(scene) for scene in scenes]
+    floor = max(scene["agreement"] for scene in scenes)
+    across = error_scale([c for panel in curves for c in panel], floor)
+    for k, scene in enumerate(scenes):
         row, column = divmod(k, 2)
-        left = LEFT + column * (width + ACROSS)
+        left = BESIDE + column * (width + BESIDE)
         top = TOP + row * (HEIGHT + DOWN)
-        _panel(sheet, (left, top, width, HEIGHT), result)
+        place = (left, top, width, HEIGHT)
+        floor = scene["agreement"]
+        cost_panel(sheet, place, across, curves[k], "seconds", floor=floor)
+        sheet.text(left, top - 0.06, scene["title"], size=SMALL, bold=True)
+        note = f"{scene['rows']} rows"
+        sheet.text(left + width, top - 0.06, note, size=SMALL, ha="right", color=DIM)
+    sheet.notes(under + 0.04, notes)
     return sheet.png()
 
 
-def _panel(sheet, place, result):
-    curves = {}
-    for name, points in result["points"].items():
+def costs(scene):
+    """Give the curves of a scene."""
+    found = []
+    for name, points in scene["points"].items():
         kept = [p for p in points if p["error"] <= WORST]
-        x = np.array([max(p["error"], LEAST) for p in kept])
-        curves[name] = x, np.array([p["seconds"] for p in kept])
-    errors = Scale(2.0, 5e-15, log=True)
-    seconds = log_scale(*(y for _, y in curves.values()), margin=0.0, least=0.15)
-    left, top, width, _ = place
-    with sheet.panel(
-        place, errors, seconds, below=("greatest error against range", ""),
-        side=("seconds", "") if left == LEFT else ("", ""), ticks=(8, 6),
-    ) as axes:  # fmt: skip
-        for name, (x, y) in curves.items():
-            pen, kind = STYLES[name]
-            curve(axes, x, y, pen)
-            for across, up in zip(x, y, strict=True):
-                if errors.high <= across <= errors.low:
-                    point(axes, across, up, mark(kind, 3.2, pen["color"]))
-    sheet.text(left, top - 0.06, result["title"], size=SMALL, bold=True)
-    note = f"{result['rows']} rows"
-    sheet.text(left + width, top - 0.06, note, size=SMALL, ha="right", color=DIM)
+        errors = seen(p["error"] for p in kept)
+        seconds = seen(p["seconds"] for p in kept)
+        found.append(Cost(name, LOOKS[name], errors, seconds))
+    return found

@@ -1,64 +1,58 @@
 """Every example of README.md and docs/ is run, and prints what the page shows.
 
+A page is read from top to bottom, in one folder: its models are written there, its
+commands called, one after the other. What a fence says decides: `yaml` with
+coordinates is a model, `console` shows what its commands print, `sh` does not,
+`python` and `pycon` are programs; `text`, `csv`, `json` and `latex` are no examples.
 Numbers are masked by their shape: digits change with processors, words do not.
 """
 
 from __future__ import annotations
 
-import os
+import doctest
+import json
 import re
-import shlex
 import shutil
-import subprocess
 import sys
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
+import lagsim as house
+from tests.cli._results import table
 from tests.cli.conftest import lagsim  # noqa: F401
+from tests.pages import PAGES, blocks, commands, indented, text_of, words_of
 from tests.support import MODELS, ROOT
 
-PAGES = ("README.md", *(f"docs/{p.name}" for p in sorted((ROOT / "docs").glob("*.md"))))
+BLOCKS = [block for page in PAGES for block in blocks(page)]
 # Of commands on `models/*.yaml` a few models will do: the pattern is the shell's.
 FEW = ("kepler", "heavy-top", "forced-oscillator")
-FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-INDENTED = re.compile(r"(?:^    .*\n|^\n)+", re.MULTILINE)
+KINDS = {"yaml", "console", "sh", "python", "pycon", "text", "csv", "json", "latex"}
 
-
-@dataclass(frozen=True)
-class Block:
-    """A piece of a page that is set apart; `kind` is what its fence says."""
-
-    page: str
-    kind: str
-    text: str
-
-
-def blocks():
-    found = []
-    for page in PAGES:
-        text = (ROOT / page).read_text(encoding="utf-8")
-        found += [Block(page, kind, inside) for kind, inside in FENCED.findall(text)]
-        for piece in INDENTED.findall(FENCED.sub("", text)):
-            lines = [line[4:] for line in piece.split("\n")]
-            if "".join(lines).strip():
-                found.append(Block(page, "", "\n".join(lines).strip("\n") + "\n"))
-    return found
-
-
-BLOCKS = blocks()
+# Pages that other tests run.
+ELSEWHERE = {
+    "docs/failing.md": "tests/scenes/failing/test_gallery.py",
+    "docs/gallery.md": "tests/test_site.py; tests/golden run its models",
+    "docs/python.md": "tests/test_python.py",
+    "docs/recipes.md": "tests/test_recipes.py",
+}
+# Commands that are not run here, by their first words, and why.
+NOT_RUN = {
+    "python3 -m venv": ".ci/run runs it in a fresh clone",
+    "pip install": "needs the network",
+    "python benchmarks/": "measures for minutes",
+}
+# Pages whose examples take more than a second or two.
+SLOW = {"docs/ci.md", "docs/commands.md", "docs/tutorial.md"}
+# Starts that are shown to be refused.
+REFUSED = {"caption", "swing"}
+CAPTION = "docs/model-file.md"
 
 
 def only(page, kind, word):
     [block] = [b for b in BLOCKS if (b.page, b.kind) == (page, kind) and word in b.text]
     return block.text
-
-
-def commands(text):
-    return [line for line in text.splitlines() if re.match(r"\$? ?lagsim ", line)]
 
 
 def shape(text):
@@ -68,111 +62,165 @@ def shape(text):
     return re.sub(r"[ \t]+", " ", text).strip()
 
 
-README_MODEL = only("README.md", "yaml", "name: pendulum-on-a-spring")
+def is_model(block):
+    return block.kind == "yaml" and "\ncoordinates:" in f"\n{block.text}"
+
+
+SETTINGS = [b for b in BLOCKS if b.kind == "yaml" and not is_model(b)]
 
 
 @pytest.fixture
 def folder(tmp_path):
-    """Lay out a folder as a reader has it: a few models, and those of the page."""
+    """Lay out a folder as a reader has it, with some of the shipped models."""
     (tmp_path / "models").mkdir()
-    for name in (*FEW, "elastic-pendulum"):
-        shutil.copy(MODELS / f"{name}.yaml", tmp_path / "models")
-    (tmp_path / "pendulum-on-a-spring.yaml").write_text(README_MODEL)
-    # "The notes print such a start": the caption's.
-    caption = README_MODEL.replace("  u: l - l*theta^2\n", "  u: l\n")
-    caption = caption.replace("name: pendulum-on-a-spring", "name: caption")
-    assert caption != README_MODEL
-    (tmp_path / "caption.yaml").write_text(caption)
+    named = {
+        name
+        for page in PAGES
+        for block in blocks(page)
+        if page not in ELSEWHERE
+        for name in re.findall(r"\bmodels/([\w-]+)\.yaml", block.text)
+    }
+    for name in {*FEW, *named}:
+        if (MODELS / f"{name}.yaml").exists():
+            shutil.copy(MODELS / f"{name}.yaml", tmp_path / "models")
     return tmp_path
 
 
-def expanded(command, folder):
-    """Split a command as a shell would, with its patterns and without its comment."""
-    found = []
-    for word in shlex.split(command, comments=True):
-        files = sorted(folder.glob(word)) if "*" in word else []
-        found += [str(f.relative_to(folder)) for f in files] or [word]
-    return found
+class Reader:
+    """Does what a page shows, block by block."""
+
+    def __init__(self, call, folder):
+        self.call = call
+        self.folder = folder
+        self.names = {}
+        self.refused = False  # the start of the model that was shown last
+
+    def read(self, block):
+        if is_model(block):
+            self.model(block.text)
+        elif block.kind in ("console", "sh"):
+            for command, shown in commands(block):
+                self.command(command, shown)
+        elif block.kind == "python":
+            exec(compile(block.text, block.page, "exec"), self.names)
+        elif block.kind == "pycon":
+            self.session(block)
+
+    def model(self, text):
+        model = house.load(text)
+        self.refused = model.name in REFUSED
+        (self.folder / f"{model.name}.yaml").write_text(text, encoding="utf-8")
+        try:
+            result = house.simulate(model, duration=0.1, error_bar="never")
+        except house.InadmissibleError:
+            assert self.refused
+        else:
+            assert result.complete, result.reason
+            self.refused = False
+
+    def command(self, command, shown):
+        if any(command.startswith(begins) for begins in NOT_RUN):
+            return
+        program, *words = words_of(command, self.folder)
+        assert program == "lagsim", f"who runs `{command}`?"
+        called = self.call(*words)
+        assert called.code == (1 if self.refused else 0), called.err
+        if shown:
+            shows(called.out + called.err, shown)
+
+    def session(self, block):
+        test = doctest.DocTestParser().get_doctest(
+            block.text, self.names, block.page, None, 0
+        )
+        runner, told = doctest.DocTestRunner(), []
+        runner.run(test, out=told.append, clear_globs=False)
+        assert runner.failures == 0, "".join(told)
+        self.names = test.globs
 
 
-CONSOLE = [b for b in BLOCKS if b.kind == "console"]
-
-
-@pytest.mark.parametrize("block", CONSOLE, ids=lambda b: b.text.split("\n")[0])
-@pytest.mark.usefixtures("folder")
-def test_consoles_print_what_is_shown(block, lagsim, tmp_path):  # noqa: F811
-    first, _, shown = block.text.partition("\n")
-    _, *words = expanded(first.removeprefix("$ "), tmp_path)
-    called = lagsim(*words)
-    assert called.code == (1 if "check caption.yaml" in first else 0)
-    told = called.out + called.err
-    for line, printed in zip(shown.splitlines(), told.splitlines(), strict=True):
-        # Dots at the end of a line that is shown stand for the rest.
+def shows(told, shown):
+    """Hold what is printed against what a page shows; dots stand for the rest."""
+    lines, printed = shown.rstrip("\n").splitlines(), told.splitlines()
+    if lines[-1].strip() == "...":
+        lines.pop()
+        printed = printed[: len(lines)]
+    for line, other in zip(lines, printed, strict=True):
         expected, dots, _ = shape(line).partition("...")
-        assert shape(printed)[: len(expected) if dots else None] == expected
+        assert shape(other)[: len(expected) if dots else None] == expected
     # The first lines hold no times: they are the same to the letter.
-    assert told.splitlines()[0] == shown.splitlines()[0]
+    if "..." not in lines[0]:
+        assert printed[0] == lines[0]
+
+
+def _param(page):
+    marks = [pytest.mark.slow] if page in SLOW else []
+    return pytest.param(page, marks=marks, id=page)
+
+
+@pytest.mark.parametrize("page", [_param(p) for p in PAGES if p not in ELSEWHERE])
+def test_a_page_does_what_it_shows(page, lagsim, folder, monkeypatch):  # noqa: F811
+    monkeypatch.syspath_prepend(folder)  # modules that a page writes
+    reader = Reader(lagsim, folder)
+    for block in blocks(page):
+        reader.read(block)
+    sys.modules.pop("equations", None)
+
+
+def test_no_block_is_forgotten():
+    unknown = [b.name for b in BLOCKS if b.kind not in KINDS]
+    assert unknown == []
+    # What four blanks set apart says not what it is: a fence does.
+    loose = {page: indented(page) for page in PAGES if page not in ELSEWHERE}
+    assert {page: found for page, found in loose.items() if found} == {}
+    # What is not run holds no command that could be.
+    idle = [b.name for b in BLOCKS if b.kind == "text" and "$ lagsim" in b.text]
+    assert idle == []
+
+
+def test_the_pages_that_others_run_are_there():
+    for page, why in ELSEWHERE.items():
+        assert page in PAGES
+        test = ROOT / why.partition(";")[0]
+        assert page in test.read_text() or page.rpartition("/")[2] in test.read_text()
+
+
+# --- what single examples say ---------------------------------------------------------
 
 
 def test_the_repair_that_is_shown_is_the_nearest(folder, lagsim):  # noqa: F811
-    shown = only("README.md", "console", "check caption.yaml")
+    (folder / "caption.yaml").write_text(only(CAPTION, "yaml", "name: caption"))
+    shown = only(CAPTION, "console", "check caption.yaml")
     told = lagsim("check", "caption.yaml").out
     for name in ("theta", "u"):
         number = re.compile(rf"^ +{name}: ([\d.]+)$", re.MULTILINE)
         one, other = (float(number.search(text)[1]) for text in (shown, told))
         assert other == pytest.approx(one, rel=1e-12)
-    assert (folder / "caption.yaml").exists()
 
 
-def test_the_derivation_that_is_shown(lagsim, folder):  # noqa: F811
-    command = only("README.md", "", "lagsim derive models/elastic-pendulum.yaml")
-    shown = only("README.md", "", "Equation of θ")
-    called = lagsim(*expanded(command, folder)[1:])
-    assert called.code == 0
-    assert shown.strip() in called.out
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("folder")
-def test_goldens_as_shown(lagsim, tmp_path):  # noqa: F811
-    blocks = [b.text for b in BLOCKS if (b.page, b.kind) == ("docs/ci.md", "")]
-    lines = [line for text in blocks for line in commands(text)]
-    assert len(lines) == 5
-    for line in lines:
-        called = lagsim(*expanded(line, tmp_path)[1:])
-        assert called.code == 0, called.err
-    stored = {p.name for p in (tmp_path / "models/golden").iterdir()}
-    assert {"kepler.csv", "kepler.json"} <= stored
-    assert (tmp_path / "reports/golden.xml").is_file()
-
-
-SETTINGS = [b for b in BLOCKS if "pip install" in b.text and b.kind in ("yaml", "")] + [
-    b for b in BLOCKS if "language: system" in b.text
-]
+@pytest.mark.parametrize("page", ["docs/tutorial.md", "docs/errors.md"])
+def test_the_fault_that_is_shown(page, folder, lagsim):  # noqa: F811
+    model = only("docs/tutorial.md", "yaml", "name: pendulum")
+    (folder / "pendulum.yaml").write_text(model.replace("sin(theta)", "sin theta"))
+    called = lagsim("check", "pendulum.yaml")
+    assert (called.code, called.out) == (2, "")
+    assert called.err == only(page, "text", "l*sin theta")
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize("number", range(len(SETTINGS)))
-def test_settings_for_other_tools(number, lagsim, tmp_path):  # noqa: F811
+@pytest.mark.parametrize("block", SETTINGS, ids=lambda b: b.name)
+def test_settings_for_other_tools(block, lagsim, tmp_path):  # noqa: F811
     """Of pre-commit and GitHub: they parse, and their commands do what they are for."""
-    found = []
-
-    def walk(node):
-        if isinstance(node, dict):
-            for key, value in node.items():
-                if key in ("run", "entry"):
-                    found.append((value, node.get("files")))
-                walk(value)
-        elif isinstance(node, list):
-            for item in node:
-                walk(item)
-
-    walk(yaml.safe_load(SETTINGS[number].text))
+    found = [
+        (node[key], node.get("files"))
+        for node in _mappings(yaml.safe_load(block.text))
+        for key in ("run", "entry")
+        if key in node
+    ]
     own = [(c, files) for c, files in found if c.startswith("lagsim ")]
     assert own
     for command, files in own:
-        words = expanded(command, tmp_path)[1:]
+        words = words_of(command, tmp_path)[1:]
         if files is not None:  # pre-commit adds the files that match
             paths = [f"models/{name}.yaml" for name in FEW]
             assert all(re.search(files, path) for path in paths)
@@ -183,22 +231,27 @@ def test_settings_for_other_tools(number, lagsim, tmp_path):  # noqa: F811
         assert lagsim(*words).code == 0
 
 
-def test_the_module_that_is_derived(tmp_path, lagsim):  # noqa: F811
+def _mappings(node):
+    if isinstance(node, dict):
+        yield node
+    for below in node.values() if isinstance(node, dict) else node:
+        if isinstance(below, dict | list):
+            yield from _mappings(below)
+
+
+def test_the_module_that_is_derived(tmp_path, monkeypatch, lagsim):  # noqa: F811
     model = MODELS / "double-pendulum.yaml"
     called = lagsim("derive", model, "--format", "python", "-o", "equations.py")
     assert called.code == 0
-    code = only("docs/derive.md", "python", "from equations import")
-    code += "\nprint(list(acceleration(0.0, [0.1, 0.2], [0.3, 0.4])))\n"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True, text=True, check=True, cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(tmp_path)},
-    )  # fmt: skip
-    found = [float(x) for x in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", done.stdout)]
-    # Two equal rods of length 1 and masses 1: the textbook's equations.
-    text = model.read_text()
-    numbers = dict(re.findall(r"^  (\w+): \{value: ([\d.]+)", text, re.MULTILINE))
-    assert len(found) == 2
+    monkeypatch.syspath_prepend(tmp_path)
+    names = {}
+    exec(only("docs/derive.md", "python", "from equations import"), names)
+    monkeypatch.delitem(sys.modules, "equations")
+    found = names["acceleration"](0.0, [0.1, 0.2], [0.3, 0.4])
+    # Two rods with masses at their ends: the textbook's equations.
+    numbers = dict(
+        re.findall(r"^  (\w+): \{value: ([\d.]+)", model.read_text(), re.MULTILINE)
+    )
     assert np.allclose(found, double_pendulum(numbers), rtol=1e-12)
 
 
@@ -214,26 +267,24 @@ def double_pendulum(numbers):
     return np.linalg.solve(M, f)
 
 
-def test_the_whole_model_file_is_read(lagsim, tmp_path):  # noqa: F811
-    """Every key that the page shows, with the parameters that it leaves out."""
+def test_the_whole_model_file_is_whole(folder, lagsim):  # noqa: F811
+    """Every key that the reader knows stands in the page's first model."""
     text = only("docs/model-file.md", "yaml", "format version")
-    text = text.replace("  M: 1.0\n", "  M: 1.0\n  c: 0.1\n  F0: 1\n  w: 2\n  d: 0.1\n")
-    (tmp_path / "whole.yaml").write_text(text)
-    called = lagsim("check", "whole.yaml")
-    assert (called.code, called.err) == (0, "")
-    # What only some methods and formulations take is said to be only theirs.
-    for key in ("step: 0.01", "gain: 5", "spectral_radius: 0.8"):
-        text = re.sub(rf"^  {key}.*\n", "", text, flags=re.MULTILINE)
-    (tmp_path / "whole.yaml").write_text(text)
+    (folder / "whole.yaml").write_text(text)
     called = lagsim("run", "whole.yaml", "--duration", "0.1")
     assert called.code == 0, called.err
-    files = {p.name for p in (tmp_path / "results/elastic-pendulum").iterdir()}
+    files = {p.name for p in (folder / "results/elastic-pendulum").iterdir()}
     assert {"trajectory.csv", "energy.png", "plot_1.png"} <= files
+    schema = json.loads((ROOT / "lagsim/lagsim.schema.json").read_text())
+    assert [key for key in schema["properties"] if f"\n{key}:" not in text] == []
+    for section in ("energy", "simulation", "scene", "output"):
+        keys = schema["properties"][section]["properties"]
+        assert [k for k in keys if not re.search(rf"\b{k}:", text)] == []
 
 
-def test_the_laws_of_constraints_are_those_of_the_page(lagsim, tmp_path):  # noqa: F811
+def test_the_laws_of_constraints_are_those_of_the_page(folder, lagsim):  # noqa: F811
     text = only("docs/model-file.md", "yaml", "a freewheel")
-    (tmp_path / "laws.yaml").write_text(text)
+    (folder / "laws.yaml").write_text(text)
     called = lagsim("check", "laws.yaml", "--json")
     assert called.code == 0, called.err
     found = {c["name"]: c["mode"] for c in called.json["constraints"]}
@@ -244,32 +295,49 @@ def test_the_laws_of_constraints_are_those_of_the_page(lagsim, tmp_path):  # noq
     assert lagsim("derive", "laws.yaml").code == 0
 
 
-# Blocks that other tests run: the installation by .ci/run, the gallery by
-# tests/failing, the Python interface by tests/test_python, and those that are no
-# examples (a formula, an output shown above).
-ELSEWHERE = ("python3 -m venv", "M(q,q',t) q''", "lagsim derive MODEL")
+def test_the_reactions_are_those_of_the_page(lagsim, tmp_path):  # noqa: F811
+    found = []
+    for name in ("swinging", "two-rods"):
+        (tmp_path / "m.yaml").write_text(only("docs/reactions.md", "yaml", name))
+        assert lagsim("run", "m.yaml").code == 0
+        header, rows = table(tmp_path / "results" / name)
+        found.append(dict(zip(header, rows.T, strict=True)))
+        assert (tmp_path / "results" / name / "plot_1.png").exists()
+    r = found[0]
+    said = 1.5 * 9.81 * np.cos(r["a"]) + 1.5 * 1.1 * r["a_dot"] ** 2
+    assert np.allclose(r["tension"], said, rtol=1e-12)
+    r = found[1]
+    done = np.sum((r["drive"][1:] + r["drive"][:-1]) / 2 * np.diff(r["t"]))
+    # The trapezium's error is the sum of h^3/12 of second derivatives.
+    bound = 0.003 / 12 * np.sum(np.abs(np.diff(r["drive"], 2)))
+    gained = r["kinetic"] + r["potential"]
+    assert abs(gained[-1] - gained[0] - done) < 2 * bound < 0.01
 
 
-def test_no_block_is_forgotten():
-    known = {README_MODEL, *(b.text for b in CONSOLE), *(b.text for b in SETTINGS)}
-    words = (
-        *ELSEWHERE, "golden models/*.yaml", "--strict models/*.yaml",
-        "derive models/elastic", "format version",
-        "Equation of θ", "from equations import", "a freewheel",
-    )  # fmt: skip
-    left = [
-        b
-        for b in BLOCKS
-        if b.page not in ("docs/failing.md", "docs/architecture.md")
-        and (b.page, b.kind) != ("docs/python.md", "pycon")
-        and b.text not in known
-        and not any(word in b.text for word in words)
+def test_what_is_compared_was_measured():
+    """The README's times are those of the benchmarks' tables."""
+    measured = "".join(
+        (ROOT / "benchmarks" / name).read_text()
+        for name in ("results.md", "results-rivals.md")
+    )
+    part = (
+        text_of("README.md").partition("## How it compares\n")[2].partition("\n## ")[0]
+    )
+    rows = [
+        re.split(r" *\| *", line)[1:-1]
+        for line in part.splitlines()
+        if line.startswith("|")
     ]
-    assert left == []
+    assert len(rows) > 5
+    for scene, error, own, best in rows[2:]:
+        assert f"| {scene} | {error} | {own} | {best} |" in measured
+    told = re.findall(r"\b(\d[\d.e+]*) ms\b", part)
+    assert told
+    assert all(re.search(rf"\| {re.escape(x)} \|", measured) for x in told)
 
 
 def test_the_continuous_integration_runs_the_commands_of_the_readme():
-    script = Path(ROOT / ".ci/run").read_text()
+    script = (ROOT / ".ci/run").read_text()
     assert "README.md" in script
     shells = [b.text for b in BLOCKS if (b.page, b.kind) == ("README.md", "sh")]
     assert len(shells) == 2

@@ -141,6 +141,19 @@ def multiple_roots(equations: Equations) -> Iterator[Caution]:
             )
 
 
+def about_reactions(equations: Equations) -> Iterator[Caution]:
+    """Say which reactions are 0 because nothing is written with their definitions."""
+    if not equations.model.output.reactions:
+        return
+    from lagsim.mechanics.reactions import reactions
+
+    for name, node in reactions(equations).items():
+        if node == equations.graph.zero:
+            text = f"`reaction.{name}` is 0 throughout: no energy, no force and no "
+            text += f"constraint is written with `{name}`"
+            yield Caution("reaction-zero", text)
+
+
 def about_ranks(
     equations: Equations, ranks: RankReport, thin: Collection[str], *, sound: bool
 ) -> Iterator[Caution]:

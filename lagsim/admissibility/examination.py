@@ -199,6 +199,7 @@ class _Examiner:
         augmented = needs_constraints(always, judged.q, judged.v, errors)
         warnings += advice.about_names(self.e.model)
         warnings += advice.multiple_roots(self.e)
+        warnings += advice.about_reactions(self.e)
         thin = judged.thin.names if judged.thin else ()
         sound = not judged.contradictions and not thin
         warnings += advice.about_ranks(self.e, judged.ranks, thin, sound=sound)

@@ -179,11 +179,13 @@ def _factored(A: Any, *, symmetric: bool = False) -> Any:
     """Give LU factors, `symmetric` without pivoting; None where A is singular."""
     from scipy.sparse.linalg import splu
 
-    threshold = 0.0 if symmetric else 1.0
+    # With rows exchanged an order that is good for A + A^T fills the factors: of a
+    # chain of 3,000 rods 13.6 million entries instead of 84,000.
+    order, threshold = ("MMD_AT_PLUS_A", 0.0) if symmetric else ("COLAMD", 1.0)
     try:
         return splu(
             A.tocsc(),
-            permc_spec="MMD_AT_PLUS_A",
+            permc_spec=order,
             diag_pivot_thresh=threshold,
             options={"SymmetricMode": symmetric},
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import gc
+import os
 import signal
 import sys
 import threading
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
     import typer
 
 COMMANDS = (
-    "new", "run", "check", "derive", "compare", "golden", "bench", "stability",
-    "methods", "schema",
+    "new", "run", "check", "derive", "compare", "overlay", "golden", "bench",
+    "stability", "methods", "schema",
 )  # fmt: skip
 
 _INTERRUPTED = 128 + signal.SIGINT
@@ -48,6 +49,10 @@ def entry() -> int:
     # Loading and deriving make many objects and no garbage; looking through them again
     # and again takes longer than integrating. What is left goes with the process.
     gc.disable()
+    # A thread for each core takes longer to begin than what the small matrices here
+    # take; numpy's OpenBLAS looks when it is loaded.
+    if "OMP_NUM_THREADS" not in os.environ:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     code = main()
     gc.freeze()
     return code
@@ -98,7 +103,9 @@ def _guarded(app: typer.Typer) -> int:
             return _usage(error)
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
             return _streams.full(error)  # help, on a disk without room for it
-        return _bug()
+        from lagsim.cli._faults import bug
+
+        return bug()
     return code if isinstance(code, int) else 0
 
 
@@ -115,19 +122,6 @@ def _usage(error: Exception) -> int:
         with contextlib.suppress(OSError):
             error.show()  # type: ignore[attr-defined]
     return 2
-
-
-def _bug() -> int:
-    import traceback
-
-    from lagsim.cli._streams import complain
-
-    complain(traceback.format_exc())
-    complain(
-        "This is a bug in lagsim, not in your model. Please report it with the "
-        "model file and the lines above."
-    )
-    return 70
 
 
 @contextlib.contextmanager

@@ -113,3 +113,15 @@ def _as_mapping(problem: Problem, file: str | None) -> Mapping[str, Any]:
         "text": problem.text,
         "hint": problem.hint,
     }
+
+
+def bug() -> int:
+    """Tell of the exception that nobody has foreseen; give the exit code."""
+    import traceback
+
+    complain(traceback.format_exc())
+    complain(
+        "This is a bug in lagsim, not in your model. Please report it with the "
+        "model file and the lines above."
+    )
+    return 70

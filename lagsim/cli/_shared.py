@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,7 +14,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
 ModelPath = Annotated[
     str, typer.Argument(metavar="MODEL", help="Model file; - is standard input.")
@@ -24,6 +25,16 @@ Sets = Annotated[
         "--set",
         metavar="NAME=EXPR",
         help="Give a parameter another value; may be repeated.",
+    ),
+]
+Jobs = Annotated[
+    int | None,
+    typer.Option(
+        "-j",
+        "--jobs",
+        metavar="N",
+        min=1,
+        help="Processes; default one for each core.",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
@@ -107,3 +118,19 @@ def table(rows: Iterable[tuple[str, str]], indent: str = "  ") -> str:
     rows = list(rows)
     width = max((len(name) for name, _ in rows), default=0)
     return "\n".join(f"{indent}{name:<{width}}  {text}" for name, text in rows)
+
+
+def aligned(rows: Sequence[Sequence[str]], lefts: int = 1, indent: str = "  ") -> str:
+    """Give rows of texts, which may end early, in columns.
+
+    The first `lefts` columns stand to the left, all others to the right.
+    """
+    widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
+    lines = []
+    for row in rows:
+        cells = [
+            text.ljust(width) if k < lefts else text.rjust(width)
+            for k, (text, width) in enumerate(zip(row, widths, strict=False))
+        ]
+        lines.append((indent + "  ".join(cells)).rstrip())
+    return "\n".join(lines)

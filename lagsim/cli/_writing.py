@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Any
 from lagsim.cli._streams import UnwritableError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
     from pathlib import Path
 
+    from lagsim.outputs import Format
     from lagsim.outputs.results import Results
-    from lagsim.outputs.table import TableWriter
+    from lagsim.outputs.table import Writer
     from lagsim.studies.attempts import Attempt
 
 
@@ -38,13 +39,16 @@ def put_file(path: Path, content: bytes) -> None:
 
 
 def open_table(
-    results: Results, columns: Sequence[str]
-) -> contextlib.closing[TableWriter]:
+    results: Results, form: Format, units: Mapping[str, str], *, show_units: bool
+) -> contextlib.closing[Writer]:
     """Open the table for its rows."""
-    from lagsim.outputs import table
+    from lagsim.outputs.table import table_writer
 
+    path = results.part(form.file)
     try:
-        return contextlib.closing(table.TableWriter(results.part(table.NAME), columns))
+        return contextlib.closing(
+            table_writer(form, path, units, show_units=show_units)
+        )
     except OSError as error:
         raise results.unusable(error) from None
 
@@ -68,9 +72,30 @@ def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
         raise UnwritableError(text) from None
 
 
-def cut_short(writer: TableWriter, made: Attempt, full: OSError) -> dict[str, Any]:
-    """Give what run.json says of a run whose results did not fit on the disk."""
+def finish(writer: Writer, results: Results, form: Format) -> OSError | None:
+    """Make the table whole; give what kept it from that, and then there is none."""
+    try:
+        writer.finish()
+    except OSError as error:
+        results.drop(form.file)
+        return error
+    return None
+
+
+def cut_short(
+    writer: Writer, made: Attempt, full: OSError, *, lost: bool
+) -> dict[str, Any]:
+    """Give what run.json says of a run whose results did not fit on the disk.
+
+    `lost`: not even the table did.
+    """
     found: dict[str, Any] = {"outcome": "failed", "complete": False}
+    if lost:
+        found["reason"] = (
+            f"the table could not be packed: {full.strerror}; as CSV it takes its room "
+            "while it grows, and its rows are kept"
+        )
+        return found
     if made.fault is None:
         found["reason"] = (
             "events or a picture could not be written: "

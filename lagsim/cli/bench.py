@@ -27,14 +27,20 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.model.model import Model
+    from lagsim.outputs.results import Results
     from lagsim.run.session import Case
-    from lagsim.studies.bench.work_precision import Wish, WorkPrecision
+    from lagsim.studies.bench.wanted import Wish
+    from lagsim.studies.bench.work_precision import WorkPrecision
 
 
 def command(
     models: Annotated[
         list[str],
-        typer.Argument(metavar="MODEL...", help="Model files; - is standard input."),
+        typer.Argument(
+            metavar="MODEL...",
+            help="Model files; - is standard input. A work_precision.json is drawn "
+            "anew, with --methods only these.",
+        ),
     ],
     folder: Annotated[
         Path | None,
@@ -64,6 +70,10 @@ def command(
             metavar="A:B", help="Of fixed-step methods, halved from the first on."
         ),
     ] = None,
+    budget: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="For each model; default 180."),
+    ] = None,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -74,7 +84,7 @@ def command(
     codes = [0]
     faults: list[Any] = []
     with faults_shown(faults if as_json else None) as code:
-        wish = _wish(methods, tolerances, steps)
+        wish = _wish(methods, tolerances, steps, budget)
         overrides = assignments(sets)
         code.append(0)
     codes += code
@@ -102,6 +112,8 @@ class _Job:
 
     def run(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
         """Do it; give the exit code."""
+        if path.endswith(".json"):
+            return self._draw(path, overrides, wish)
         from lagsim.model.reader import read_file
         from lagsim.run.session import open_case, wanted
 
@@ -114,11 +126,9 @@ class _Job:
         with open_results(folder, MANIFEST) as results:
             return self._measure(case, wish, results)
 
-    def _measure(self, case: Case, wish: Wish, results: Any) -> int:
+    def _measure(self, case: Case, wish: Wish, results: Results) -> int:
         from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.bench.chart import chart
-        from lagsim.studies.bench.document import CHART, MANIFEST, TABLE, document
-        from lagsim.studies.bench.document import table as entries_table
+        from lagsim.studies.bench.document import FILES, document
         from lagsim.studies.bench.solving import GivenUpError
         from lagsim.studies.bench.work_precision import measure
 
@@ -129,23 +139,55 @@ class _Job:
             except GivenUpError:
                 return 128 + (interrupt.signal or 0)
         model = case.equations.model
-        content = document(model, case.settings, found, [TABLE, CHART, MANIFEST])
-        drawn = chart(model.name, found, content)
-        commit(results, content, {TABLE: entries_table(found.entries), CHART: drawn})
-        self.documents.append(content)
+        content = document(model, case.settings, found, list(FILES))
+        self._commit(content, content["rows"], results)
         if not self.quiet and not self.as_json:
             say(_summary(model, found, results.folder))
         return 128 + interrupt.signal if interrupt.signal is not None else 0
 
+    def _draw(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
+        """Draw again what was measured."""
+        from lagsim.outputs.results import open_results
+        from lagsim.studies.bench.document import FILES, MANIFEST, read_document
+        from lagsim.studies.bench.wanted import Wish
 
-def _wish(methods: str | None, tolerances: str | None, steps: str | None) -> Wish:
+        if overrides or wish != Wish(wish.methods):
+            text = f"{path} holds what was measured: only --methods can be chosen of it"
+            hint = "measure anew: lagsim bench MODEL"
+            raise InputError([Problem("usage", text, hint=hint)])
+        content = read_document(path) | {"files": list(FILES)}
+        shown = [row for row in content["rows"] if wish.wants(row["method"])]
+        with open_results(self.folder or Path(path).parent, MANIFEST) as results:
+            self._commit(content, shown, results)
+        if not self.quiet and not self.as_json:
+            say(f"{coloured('drawn', '32')}: {results.folder}: {', '.join(FILES)}")
+        return 0
+
+    def _commit(self, content: dict[str, Any], shown: Any, results: Results) -> None:
+        """Write everything; the chart shows these rows."""
+        from lagsim.studies.bench.chart import chart
+        from lagsim.studies.bench.document import CHART, TABLE
+        from lagsim.studies.bench.document import table as rows_table
+
+        drawn = chart(content | {"rows": shown})
+        files = {TABLE: rows_table(content["rows"]), CHART: drawn}
+        commit(results, content, files)
+        self.documents.append(content)
+
+
+def _wish(
+    methods: str | None,
+    tolerances: str | None,
+    steps: str | None,
+    budget: float | None,
+) -> Wish:
     """Take the options apart.
 
     Raises
     ------
     InputError
     """
-    from lagsim.studies.bench.work_precision import TOLERANCES, Wish
+    from lagsim.studies.bench.wanted import BUDGET, TOLERANCES, Wish
 
     problems: list[Problem] = []
     wanted = None
@@ -153,7 +195,11 @@ def _wish(methods: str | None, tolerances: str | None, steps: str | None) -> Wis
         wanted = tuple(name.strip() for name in methods.split(","))
         problems += _unknown(wanted)
     between = _between("--tolerances", tolerances, problems) or TOLERANCES
-    wish = Wish(wanted, between, _between("--steps", steps, problems))
+    seconds = BUDGET if budget is None else budget
+    if not 0.0 < seconds < float("inf"):
+        text = f"--budget {seconds:g}: a number of seconds above 0 is expected"
+        problems.append(Problem("usage", text))
+    wish = Wish(wanted, between, _between("--steps", steps, problems), seconds)
     if problems:
         raise InputError(problems)
     return wish
@@ -190,25 +236,33 @@ def _between(
 
 def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
     """Give the closing lines."""
-    from lagsim.studies.bench.document import CHART, MANIFEST, TABLE
+    from lagsim.studies.bench.document import FILES
 
-    reference = found.reference
     state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")
     head = (
         f"{coloured(state, colour)}: {model.name}, "
         f"{counted(len(found.entries), 'solve')} by "
         f"{counted(len(found.curves()), 'method')}"
     )
-    known = f"{reference.made} and {reference.verified}, which agree to "
-    known += f"{reference.floor:.1g}"
-    if reference.horizon is not None:
-        known += f" up to t = {reference.horizon:.4g}: no row past it is judged"
-    rows = [("reference", known)]
+    rows = [("reference", found.reference.trust)]
     rows += [("" if k else "left out", text) for k, text in enumerate(_left_out(found))]
     front = [found.entries[k] for k in found.front("seconds")]
     rows += [("" if k else "best", _point(e)) for k, e in enumerate(front)]
-    rows.append(("files", f"{folder}: {TABLE}, {CHART}, {MANIFEST}"))
+    rows.append(("time", _time(found)))
+    rows.append(("files", f"{folder}: {', '.join(FILES)}"))
     return head + "\n" + table(rows)
+
+
+def _time(found: WorkPrecision) -> str:
+    """Say what all took, and what there was no time for."""
+    from lagsim.studies.bench.work_precision import OUT_OF_TIME
+
+    cut = {e.curve: None for e in found.entries if e.outcome == OUT_OF_TIME}
+    said = f"{found.seconds:.3g} s of {found.budget:g}"
+    if not cut:
+        return said
+    names = ", ".join(f"{method} ({formulation})" for method, formulation in cut)
+    return f"{said}: too little to finish {names}; --budget gives more"
 
 
 def _left_out(found: WorkPrecision) -> list[str]:

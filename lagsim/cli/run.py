@@ -13,7 +13,7 @@ from lagsim.cli._closing import progress_bar, summary
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
-    ModelPath,
+    Jobs,
     Sets,
     Strict,
     assignments,
@@ -21,9 +21,12 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import commit, cut_short, open_table
+from lagsim.cli._writing import commit, cut_short, finish, open_table
+from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
+from lagsim.outputs import Format
+from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
 
@@ -36,13 +39,19 @@ if TYPE_CHECKING:
 
 
 def command(
-    model: ModelPath,
+    models: Annotated[
+        list[str], typer.Argument(metavar="MODEL...", help="Model files; - is stdin.")
+    ],
     folder: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", metavar="DIR", help="Folder; default results/NAME."
+            "-o",
+            "--output",
+            metavar="DIR",
+            help="Folder; default results/NAME. Of several models: DIR/NAME.",
         ),
     ] = None,
+    jobs: Jobs = None,
     sets: Sets = None,
     method: Annotated[
         str | None,
@@ -107,7 +116,16 @@ def command(
             "takes no more than about 2 s."
         ),
     ] = ErrorBars.AUTO,
+    table: Annotated[
+        Format, typer.Option(help="How the table is kept: trajectory.csv, and so on.")
+    ] = Format.CSV,
+    units: Annotated[
+        bool, typer.Option("--units", help="A line of units below the header of CSV.")
+    ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
+    animate: Annotated[
+        bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
+    ] = False,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -127,79 +145,114 @@ def command(
         "output_step": output_step,
     }
     given = {name: text for name, text in options.items() if text is not None}
-    job = _Job(
-        folder, error_bar, plots=not no_plots, as_json=as_json, quiet=quiet,
-        strict=strict,
+    job = partial(
+        Job, error_bars=error_bar, table=table, show_units=units, plots=not no_plots,
+        animate=animate, quiet=quiet, strict=strict,
     )  # fmt: skip
-    documents: list[Any] = []
-    with faults_shown(documents if as_json else None, file=model) as code:
-        code.append(job.run(model, assignments(sets), given))
-    for faults in documents:
-        show_json(faults)
+    if len(models) > 1:
+        from lagsim.cli._several import Batch
+
+        batch = Batch(models, folder, job, as_json=as_json, quiet=quiet)
+        return batch.run(sets, given, jobs)
+    documents: list[Any] | None = [] if as_json else None
+    own = job(folder, documents=documents)
+    # The processor time so far is close to what starting and importing took.
+    own.clock.timings["import"] = time.process_time()
+    with faults_shown(documents, file=models[0]) as code:
+        from lagsim.model.reader import text_of
+
+        code.append(own.run(*text_of(models[0]), assignments(sets), given))
+    for document in documents or ():
+        show_json(document)
     return code[-1]
 
 
-class _Job:
-    """One run of one model, with its clock and its manners."""
+# Where results go if nobody says where.
+RESULTS = Path("results")
+
+
+class Job:
+    """One run of one model, with its clock and its manners.
+
+    Parameters
+    ----------
+    documents
+        Gets run.json, which nobody is told of then; None where a person reads.
+    """
 
     def __init__(
         self,
         folder: Path | None,
         error_bars: ErrorBars,
+        table: Format,
         *,
+        show_units: bool,
         plots: bool,
-        as_json: bool,
+        animate: bool,
         quiet: bool,
         strict: bool,
+        documents: list[Any] | None = None,
+        interrupt: Interrupt | None = None,
     ) -> None:
         self.folder = folder
         self.error_bars = error_bars
-        self.plots = plots
-        self.as_json = as_json
+        self.table, self.show_units = table, show_units
+        self.plots, self.animate = plots, animate
+        self.documents = documents
         self.quiet = quiet
         self.strict = strict
-        # The processor time so far is close to what starting and importing took.
+        self.interrupt = interrupt or Interrupt()
         self.clock = Clock()
-        self.clock.timings["import"] = time.process_time()
 
     def run(
-        self, path: str, overrides: Mapping[str, str], options: Mapping[str, str]
+        self,
+        text: str,
+        file: str,
+        overrides: Mapping[str, str],
+        options: Mapping[str, str],
     ) -> int:
         """Do it; give the exit code."""
-        from lagsim.model.reader import read_file
+        from lagsim.model.reader import read
 
         clock = self.clock
+        if self.show_units and self.table is not Format.CSV:
+            why = f"--units means nothing with --table {self.table}"
+            hint = "run.json has the units of all columns, and Parquet its own"
+            raise InputError([Problem("usage", why, hint=hint)])
         clock.lap("import")
-        model = read_file(path, overrides, options)
+        model = read(text, file, overrides, options)
         settings = wanted(model, "run", hint="add it, or give --duration")
         clock.lap("read")
         session = open_case(model, settings, clock=clock).ready(clock=clock)
         from lagsim.outputs.results import open_results
 
-        with open_results(self.folder or Path("results") / model.name) as results:
+        if self.interrupt.asked:
+            raise KeyboardInterrupt
+        with open_results(self.folder or RESULTS / model.name) as results:
             return self._integrate(session, results)
 
     def _integrate(self, session: Session, results: Results) -> int:
         from lagsim.outputs.results import MANIFEST
-        from lagsim.run.interrupt import Interrupt
         from lagsim.studies.attempts import Attempts
 
-        columns, interrupt = session.system.columns, Interrupt()
-        with open_table(results, columns.names[: columns.table]) as writer, (
-            interrupt.noted()
-        ):  # fmt: skip
+        units, interrupt = session.system.units(), self.interrupt
+        table = open_table(results, self.table, units, show_units=self.show_units)
+        with table as writer, interrupt.noted():
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
-                thinned=self.plots, progress=partial(progress_bar, quiet=self.quiet),
+                thinned=self.plots, animated=self.animate,
+                progress=partial(progress_bar, quiet=self.quiet),
             ).best(session)  # fmt: skip
-            full = found.fault or self._write(found, results)
+            lost = finish(writer, results, self.table)
+            full = lost or found.fault or self._write(found, results)
             cautions = found.cautions()
             self.clock.lap("output")
             files = [*results.names, MANIFEST]
             document = found.record(cautions, self.clock.timings, files)
             if full:
-                document |= cut_short(writer, found, full)
-            if self.folder is None and (before := results.before()):
+                document |= cut_short(writer, found, full, lost=lost is not None)
+            usual = results.folder == RESULTS / document["model"]["name"]
+            if usual and (before := results.before()):
                 from lagsim.outputs.replaced import replaced
 
                 caution = replaced(before, document, results.folder)
@@ -217,7 +270,7 @@ class _Job:
     def _write(self, found: Attempt, results: Results) -> OSError | None:
         """Write what stands beside the table; give what kept one from being written."""
         try:
-            for name, content in found.files(found.thin):
+            for name, content in found.files(found.thin, found.frames):
                 results.write(name, content)
         except OSError as error:
             return error
@@ -247,7 +300,7 @@ class _Job:
         if not self.quiet or self.strict:
             for caution in document["warnings"]:
                 complain(f"warning: {caution['text']}")
-        if self.as_json:
-            show_json(document)
+        if self.documents is not None:
+            self.documents.append(document)
         elif not self.quiet:
             say(summary(found, document, folder))

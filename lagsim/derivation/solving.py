@@ -16,6 +16,7 @@ from lagsim.derivation.inertia import without_inertia
 from lagsim.derivation.names import Name
 from lagsim.derivation.tidy import cost
 from lagsim.derivation.translation import number
+from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.symbolic import symbol, to_sympy
 from lagsim.mechanics.ldl import Elimination, TooLongError
 
@@ -141,18 +142,12 @@ def inverted(x: Translation, M: Matrix) -> Inverse | None:
 
 def _connected(M: Matrix) -> list[list[int]]:
     """Give the blocks of M: which rows hang together."""
-    left, blocks = list(range(len(M))), []
-    while left:
-        block, stack = {left[0]}, [left[0]]
-        while stack:
-            i = stack.pop()
-            for j in left:
-                if j not in block and M[i][j] != 0:
-                    block.add(j)
-                    stack.append(j)
-        blocks.append(sorted(block))
-        left = [j for j in left if j not in block]
-    return blocks
+    found = DisjointSets(len(M))
+    for i, row in enumerate(M):
+        for j in range(i):
+            if row[j] != 0:
+                found.merge(i, j)
+    return found.sets()
 
 
 def multipliers_of(

@@ -7,7 +7,7 @@ native code in tests. Never raises: outside a domain values are nan or inf.
 from __future__ import annotations
 
 import math
-from itertools import product
+from itertools import product, repeat, starmap
 from typing import TYPE_CHECKING, Any
 
 from lagsim.language.functions import OPERATIONS
@@ -16,6 +16,7 @@ from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
 
 UNIT_ROUNDOFF = 2.0**-53
@@ -36,6 +37,46 @@ def evaluate(
         else:
             found[n] = OPERATIONS[op](*(found[a] for a in g.args[n]))
     return [found[n] for n in nodes]
+
+
+def evaluate_rows(
+    g: Graph, nodes: Iterable[int], values: Mapping[str, float | Floats], count: int
+) -> Floats:
+    """Give `nodes` in each of `count` rows, (nodes, count).
+
+    For what is wanted of some thousand rows after a run, too little to be compiled.
+
+    Parameters
+    ----------
+    g, nodes
+        What to evaluate.
+    values
+        The variables: numbers, or arrays (count,).
+    """
+    import numpy as np
+
+    nodes = list(nodes)
+    fixed: dict[int, Any] = {}
+    moving: dict[int, list[Any]] = {}
+    for n in g.cone(nodes):
+        op, args = g.ops[n], g.args[n]
+        if op == VARIABLE:
+            value = values[str(g.payload(n))]
+            if isinstance(value, np.ndarray):
+                moving[n] = value.tolist()
+            else:
+                fixed[n] = value
+        elif op in (CONSTANT, TRUTH):
+            fixed[n] = g.payload(n)
+        elif any(a in moving for a in args):
+            rows = [moving[a] if a in moving else repeat(fixed[a]) for a in args]
+            moving[n] = list(starmap(OPERATIONS[op].__call__, zip(*rows, strict=False)))
+        else:
+            fixed[n] = OPERATIONS[op](*(fixed[a] for a in args))
+    found = np.empty((len(nodes), count))
+    for row, n in zip(found, nodes, strict=True):
+        row[:] = moving[n] if n in moving else fixed[n]
+    return found
 
 
 def evaluate_with_error(

@@ -144,7 +144,7 @@ class Graph:
 
     def dependent(self, nodes: Iterable[int], names: Collection[str]) -> set[int]:
         """Give those nodes of the cone of `nodes` that depend on any of `names`."""
-        found: set[int] = set()
+        names, found = frozenset(names), set[int]()
         for n in self.cone(nodes):
             if self.ops[n] == VARIABLE:
                 if self._payload[n] in names:
@@ -160,19 +160,25 @@ class Graph:
         MOST_DEGREE stands there as the next two degrees, of no one degree. None where
         `node` is not (seen to be) a polynomial in them; the empty set for zero.
         """
-        degrees: dict[int, frozenset[int] | None] = {}
+        return self.degrees([node], names)[0]
+
+    def degrees(
+        self, nodes: Iterable[int], names: Collection[str]
+    ) -> list[frozenset[int] | None]:
+        """Give the degrees of several, as `degree` does."""
+        nodes, names = list(nodes), frozenset(names)
+        found: dict[int, frozenset[int] | None] = {}
         flat = frozenset((0,))
-        for n in self.cone([node]):
+        for n in self.cone(nodes):
             op = self.ops[n]
             if op == VARIABLE:
                 inside = self._payload[n] in names
-                degrees[n] = frozenset((1,)) if inside else flat
+                found[n] = frozenset((1,)) if inside else flat
             elif op in (CONSTANT, TRUTH):
-                degrees[n] = frozenset() if n == self.zero else flat
+                found[n] = frozenset() if n == self.zero else flat
             else:
-                below = [degrees[a] for a in self.args[n]]
-                degrees[n] = self._degree_of(n, op, below)
-        return degrees[node]
+                found[n] = self._degree_of(n, op, [found[a] for a in self.args[n]])
+        return [found[n] for n in nodes]
 
     def _degree_of(
         self, n: int, op: str, below: list[frozenset[int] | None]

@@ -35,10 +35,12 @@ class Token(NamedTuple):
     offset: int
 
 
+# Of the columns with a point in their names those that expressions may name.
+DOTTED = r"(?:reaction\.)?"
 _TOKEN = re.compile(
-    r"""(?P<space>\s+)
+    rf"""(?P<space>\s+)
   | (?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)
-  | (?P<name>[^\W\d_]\w*)
+  | (?P<name>{DOTTED}[^\W\d_]\w*)
   | (?P<operator>\*\*|<=|>=|==|!=|<>|&&|\|\||[-+*/^<>=])
   | (?P<open>\()
   | (?P<close>\))

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.language.disjoint_sets import DisjointSets
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -81,10 +83,10 @@ def structure(equations: Equations) -> Structure:
     levels = {row.holonomic for row in rows}
     kinds = {(): "none", (True,): "holonomic", (False,): "nonholonomic"}
     constants = g.depends([*entries, *A])
-    degrees = [g.degree(node, state) for node in right]
+    degrees = g.degrees(right, state)
     power = [] if equations.power is None else [equations.power]
     # Multipliers are affine where all else is.
-    of_power = [g.degree(node, (*state, *equations.multipliers)) for node in power]
+    of_power = g.degrees(power, state.union(equations.multipliers))
     return Structure(
         mass_varies_with=_varies(equations, entries),
         diagonal=all(i == j for i, j in mass),
@@ -102,15 +104,10 @@ def structure(equations: Equations) -> Structure:
 
 
 def _blocks(n: int, entries: Iterable[tuple[int, int]]) -> int:
-    leader = list(range(n))
-    for pair in entries:
-        i, j = pair
-        while leader[i] != i:
-            i = leader[i]
-        while leader[j] != j:
-            j = leader[j]
-        leader[max(i, j)] = min(i, j)
-    return sum(1 for j in range(n) if leader[j] == j)
+    found = DisjointSets(n)
+    for i, j in entries:
+        found.merge(i, j)
+    return len(found.sets())
 
 
 def _varies(equations: Equations, entries: list[int]) -> str:

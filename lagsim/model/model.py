@@ -167,12 +167,26 @@ class Plot(NamedTuple):
 
 
 class Output(NamedTuple):
-    """Which definitions become columns, the extra plots, and the optional columns."""
+    """Which definitions become columns, the extra plots, and the optional columns.
+
+    `reactions` are definitions whose reactions are asked for.
+    """
 
     columns: tuple[str, ...]
     plots: tuple[Plot, ...] = ()
     gauss: bool = False
     action: bool = False
+    reactions: tuple[str, ...] = ()
+
+
+class Separation(NamedTuple):
+    """A model in which some definitions are coordinates of their own.
+
+    `expressions` are what they are defined as, in terms of each other, too.
+    """
+
+    model: Model
+    expressions: dict[str, int]
 
 
 class Stated(Protocol):
@@ -185,6 +199,9 @@ class Stated(Protocol):
 
     def settings(self, options: Mapping[str, str]) -> Settings:
         """Give how the file wants to be run; see `Model.settings`."""
+
+    def separated(self, model: Model) -> Separation:
+        """Give `model`, of this file, in other coordinates; see `Model.separated`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,6 +287,13 @@ class Model:
             As where the file said so.
         """
         return self.stated.settings(_texts(options or {}))
+
+    def separated(self) -> Separation:
+        """Give the model in which the definitions of `output.reactions` are apart.
+
+        On the same graph, as coordinates that nothing holds to what defines them.
+        """
+        return self.stated.separated(self)
 
 
 def _texts(values: Mapping[str, float | str]) -> dict[str, str]:

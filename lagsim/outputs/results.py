@@ -58,9 +58,13 @@ class Results:
         try:
             _write(self.part(name), content)
         except OSError:
-            self.names.remove(name)
-            self._part(name).unlink(missing_ok=True)
+            self.drop(name)
             raise
+
+    def drop(self, name: str) -> None:
+        """Do without a file that was begun."""
+        self.names.remove(name)
+        self._part(name).unlink(missing_ok=True)
 
     def commit(self, manifest: bytes) -> None:
         """Put all files in their places, remove what the last run left, then run.json.

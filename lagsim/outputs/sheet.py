@@ -228,6 +228,7 @@ class Sheet:
 
     def heading(self, title: str, subject: str) -> None:
         """Write a title at the left and what is shown at the right."""
+        title = fitted(title, 0.65 * self.width, HEADING, bold=True)
         self.text(EDGE, 0.22, title, size=HEADING, bold=True)
         room = self.width - 2 * EDGE - text_width(title, HEADING, bold=True) - GAP
         right = self.width - EDGE

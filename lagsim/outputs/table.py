@@ -1,23 +1,78 @@
-"""trajectory.csv: RFC 4180, a header, then one row per output time.
+"""The table of a run: as CSV, or packed (`outputs.packed`).
 
-Floats are the shortest text that reads back to the same bits.
+trajectory.csv: RFC 4180, a header, then one row per output time. Floats are the
+shortest text that reads back to the same bits. On request a line of units follows the
+header.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import orjson
 
+from lagsim.outputs import Format
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
     from lagsim.language.arrays import Floats
 
-NAME = "trajectory.csv"
 _LINE = b"\r\n"
+
+
+class Writer(Protocol):
+    """Writes rows as they come, see `TableWriter`."""
+
+    rows: int
+    last: float | None
+
+    def add(self, rows: Floats) -> None:
+        """Write rows (k, at least the columns)."""
+
+    def begin_anew(self) -> None:
+        """Take all rows back."""
+
+    def finish(self) -> None:
+        """Make the table whole."""
+
+    def close(self) -> None:
+        """Close the file."""
+
+
+def table_writer(
+    form: Format, path: Path, units: Mapping[str, str], *, show_units: bool
+) -> Writer:
+    """Open a table for the columns that `units` names.
+
+    Parameters
+    ----------
+    show_units
+        CSV gets a line of them.
+
+    Raises
+    ------
+    InputError
+        Where the format needs what is not installed.
+    OSError
+    """
+    if form is Format.CSV:
+        line = [numberless(unit) for unit in units.values()] if show_units else None
+        return TableWriter(path, list(units), line)
+    from lagsim.outputs.packed import PackedWriter
+
+    return PackedWriter(form, path, units)
+
+
+def numberless(unit: str) -> str:
+    """Give a unit as a line of units has it, where a number would make a row of it."""
+    try:
+        float(unit)
+    except ValueError:
+        return unit
+    return ""
 
 
 def table_of(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> bytes:
@@ -42,6 +97,8 @@ class TableWriter:
         Where to write.
     columns
         The header; rows may be wider, and are cut to it.
+    units
+        The second line, if there is to be one.
 
     Attributes
     ----------
@@ -51,12 +108,14 @@ class TableWriter:
         The first column of the last of them.
     """
 
-    def __init__(self, path: Path, columns: Sequence[str]) -> None:
+    def __init__(
+        self, path: Path, columns: Sequence[str], units: Sequence[str] | None = None
+    ) -> None:
         self.rows = 0
         self.last: float | None = None
         self._width = len(columns)
         self._file = path.open("wb", buffering=0)
-        self._file.write(",".join(columns).encode() + _LINE)
+        self._file.write(table_of(columns, [] if units is None else [units]))
         self._head = self._file.tell()
 
     def add(self, rows: Floats) -> None:
@@ -88,8 +147,11 @@ class TableWriter:
         self._file.truncate()
         self.rows, self.last = 0, None
 
+    def finish(self) -> None:
+        """Make the table whole, as it is after each row."""
+
     def close(self) -> None:
-        """Finish the file."""
+        """Close the file."""
         self._file.close()
 
     def _count(self, written: Floats) -> None:

@@ -21,7 +21,7 @@ from lagsim.plan.solve import (
     independence_of,
     set_aside,
 )
-from lagsim.plan.subsystems import Subsystem, refusal, saving, subsystems
+from lagsim.plan.subsystems import LARGEST, Subsystem, refusal, saving, subsystems
 
 if TYPE_CHECKING:
     from lagsim.admissibility import Start
@@ -177,7 +177,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
 def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part, ...]:
     """Give the subsystems to be integrated apart, if there are any and it pays."""
     asked = settings.formulation
-    if asked not in ("auto", "apart"):
+    if asked != "apart" and (asked != "auto" or len(equations.q) > LARGEST):
         return ()
     why = refusal(equations)
     if equations.laws:

@@ -7,14 +7,13 @@ other. Groups that do not are integrated apart, each with its own steps.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import reduce
-from operator import or_
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.start import start_at
+from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import VARIABLE
 from lagsim.language.sparse import SparseVector
@@ -24,10 +23,12 @@ from lagsim.model.model import Output, Parameter, Scene
 from lagsim.plan.cost import step_cost
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from lagsim.admissibility import Start
     from lagsim.language.arrays import Floats
+    from lagsim.language.graph import Graph
+    from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
 
@@ -39,6 +40,9 @@ COMPILING = 1e8
 RADIANS = 1.0
 # Of the state: how far it is moved to see how fast the motion is.
 NUDGE = 1e-6
+
+# Whose coordinates a node depends on: of no group, or of more than one.
+NOBODY, SEVERAL = -1, -2
 
 
 class Subsystem(NamedTuple):
@@ -82,41 +86,119 @@ def refusal(equations: Equations) -> str:
 def groups(equations: Equations) -> list[list[int]]:
     """Give the coordinates that touch one another, group by group."""
     e, g = equations, equations.graph
-    bit = {name: 1 << j for j, name in enumerate(e.q)}
-    bit |= {name: 1 << j for j, name in enumerate(e.velocities)}
     together = [
-        ([*row.entries.values(), e.f[i]], 1 << i | _bits(row.entries))
+        ([*row.entries.values(), e.f[i]], [i, *row.entries])
         for i, row in enumerate(e.M)
     ]
     together += [
-        ([row.residual, row.rate, row.b, *row.A.entries.values()], _bits(row.A.entries))
+        ([row.residual, row.rate, row.b, *row.A.entries.values()], [*row.A.entries])
         for row in e.rows
     ]
+    names = _names(e)
+    found = DisjointSets(len(e.q))
+    # Of each node one of the coordinates below it: the others are in the same set.
     touched: dict[int, int] = {}
+
+    def unite(below: list[int], nodes: Iterable[int]) -> int | None:
+        below = below + [touched[n] for n in nodes if n in touched]
+        for j in below[1:]:
+            found.merge(below[0], j)
+        return below[0] if below else None
+
     for node in g.cone(node for nodes, _ in together for node in nodes):
-        mask = bit.get(str(g.payload(node)), 0) if g.ops[node] == VARIABLE else 0
-        for a in g.args[node]:
-            mask |= touched[a]
-        touched[node] = mask
-    found: list[int] = []
+        leaf = g.ops[node] == VARIABLE
+        j = names.get(str(g.payload(node))) if leaf else unite([], g.args[node])
+        if j is not None:
+            touched[node] = j
     for nodes, own in together:
-        mask = reduce(or_, (touched[node] for node in nodes), own)
-        apart = [other for other in found if not other & mask]
-        found = [*apart, reduce(or_, (o for o in found if o & mask), mask)]
-    n = range(len(e.q))
-    return sorted([j for j in n if mask >> j & 1] for mask in found)
+        unite(own, nodes)
+    return found.sets()
 
 
-def _bits(indices: Iterable[int]) -> int:
-    return reduce(or_, (1 << j for j in indices), 0)
+def _names(e: Equations) -> dict[str, int]:
+    """Give the coordinate that each variable of the state belongs to."""
+    return {name: j for names in (e.q, e.velocities) for j, name in enumerate(names)}
 
 
 def subsystems(equations: Equations, start: Instant) -> list[Subsystem]:
     """Give the subsystems of equations that `refusal` does not refuse."""
-    return [_part(equations, start, group) for group in groups(equations)]
+    found = groups(equations)
+    energies = shares(equations, found, equations.energy)
+    forms = shares(equations, found, equations.kinetic_form)
+    group_of = {j: i for i, group in enumerate(found) for j in group}
+    rows: list[list[Row]] = [[] for _ in found]
+    for row in equations.rows:
+        if row.A.entries:
+            rows[group_of[min(row.A.entries)]].append(row)
+    names = _names(equations)
+    return [
+        _part(replace(equations, energy=h, kinetic_form=form), start, own, names, group)
+        for group, own, h, form in zip(found, rows, energies, forms, strict=True)
+    ]
 
 
-def _part(e: Equations, start: Instant, group: Sequence[int]) -> Subsystem:
+def shares(e: Equations, found: Sequence[Sequence[int]], node: int) -> list[int]:
+    """Give what there is in `node` of each group, but for a constant.
+
+    A sum is shared out; what touches several groups and is no sum goes to each of them.
+    """
+    g = e.graph
+    group_of = {j: i for i, group in enumerate(found) for j in group}
+    names = {name: group_of[j] for name, j in _names(e).items()}
+    given, factors = [g.zero] * len(found), {node: g.one}
+    cone = g.cone([node])
+    owners = _owners(g, cone, names)
+    for n in reversed(cone):
+        factor = factors.get(n)
+        if factor is None or owners[n] == NOBODY:
+            continue
+        if owners[n] == SEVERAL and (addends := _addends(g, n, factor, owners)):
+            for a, c in addends:
+                factors[a] = g.call("add", factors.get(a, g.zero), c)
+            continue
+        term = g.call("mul", factor, n)
+        for i in {names[name] for name in g.depends([n]) if name in names}:
+            given[i] = g.call("add", given[i], term)
+    return given
+
+
+def _owners(g: Graph, cone: Iterable[int], names: Mapping[str, int]) -> dict[int, int]:
+    """Give the group that each node depends on, or NOBODY or SEVERAL."""
+    found: dict[int, int] = {}
+    for n in cone:
+        if g.ops[n] == VARIABLE:
+            found[n] = names.get(str(g.payload(n)), NOBODY)
+        else:
+            below = {found[a] for a in g.args[n]} - {NOBODY}
+            found[n] = SEVERAL if len(below) > 1 else below.pop() if below else NOBODY
+    return found
+
+
+def _addends(
+    g: Graph, n: int, factor: int, owners: Mapping[int, int]
+) -> list[tuple[int, int]]:
+    """Give what `factor` times `n` is a sum of, each with its factor, or nothing."""
+    op, args = g.ops[n], g.args[n]
+    if op in ("add", "sub"):
+        other = factor if op == "add" else g.call("neg", factor)
+        return [(args[0], factor), (args[1], other)]
+    if op == "neg":
+        return [(args[0], g.call("neg", factor))]
+    if op == "mul" and NOBODY in (owners[args[0]], owners[args[1]]):
+        fixed, one = sorted(args, key=lambda a: owners[a] != NOBODY)
+        return [(one, g.call("mul", factor, fixed))]
+    if op == "div" and owners[args[1]] == NOBODY:
+        return [(args[0], g.call("div", factor, args[1]))]
+    return []
+
+
+def _part(
+    e: Equations,
+    start: Instant,
+    rows: Iterable[Row],
+    names: Mapping[str, int],
+    group: Sequence[int],
+) -> Subsystem:
     g = e.graph
     place = {j: i for i, j in enumerate(group)}
 
@@ -124,11 +206,13 @@ def _part(e: Equations, start: Instant, group: Sequence[int]) -> Subsystem:
         kept = {place[j]: node for j, node in x.entries.items()}
         return SparseVector(g, len(group), kept)
 
-    # What energies hold of the others is a constant: they stand at their start values.
+    # What its energies still hold of the others is a constant: at their start values.
     fixed: dict[str, float] = {}
-    for j, (name, rate) in enumerate(zip(e.q, e.velocities, strict=True)):
+    for name in sorted(g.depends([e.energy, e.kinetic_form]) & names.keys()):
+        j = names[name]
         if j not in place:
-            fixed |= {name: float(start.q[j]), rate: float(start.v[j])}
+            value = start.q[j] if name == e.q[j] else start.v[j]
+            fixed[name] = float(value)
     new = {g.variable(name): g.variable(f"start.{name}") for name in fixed}
     energy, kinetic_form = g.substitute([e.energy, e.kinetic_form], new)
     added = [Parameter(f"start.{name}", value) for name, value in fixed.items()]
@@ -139,11 +223,7 @@ def _part(e: Equations, start: Instant, group: Sequence[int]) -> Subsystem:
         velocities=tuple(e.velocities[j] for j in group),
         M=tuple(vector(e.M[j]) for j in group),
         f=tuple(e.f[j] for j in group),
-        rows=tuple(
-            replace(row, A=vector(row.A))
-            for row in e.rows
-            if any(j in place for j in row.A.entries)
-        ),
+        rows=tuple(replace(row, A=vector(row.A)) for row in rows),
         momenta=tuple(e.momenta[j] for j in group),
         energy=energy,
         kinetic_form=kinetic_form,
@@ -170,8 +250,6 @@ def _model(
 
 def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) -> float:
     """Give about how many operations it saves to integrate the parts apart."""
-    if len(equations.q) > LARGEST:
-        return -np.inf
     steps = duration / RADIANS
     paces = [pace(part) for part in parts]
     apart = sum(

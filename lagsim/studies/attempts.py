@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from lagsim.run.error import ErrorBar
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer, Store
+    from lagsim.run.observers.frames import Frames
     from lagsim.run.observers.thinning import Thinning
     from lagsim.run.session import Clock, Session
     from lagsim.run.trajectory import Trajectory
@@ -88,7 +89,8 @@ class Account:
 class Attempt(NamedTuple):
     """The rows of a run, as far as they are known afterwards.
 
-    `fault` is why not all of them could be stored.
+    `thin` are those for pictures, `frames` those for the page; where they were asked
+    for. `fault` is why not all of them could be stored.
     """
 
     session: Session
@@ -96,6 +98,7 @@ class Attempt(NamedTuple):
     account: Account
     checkpoints: Checkpoints
     thin: Thinning | None
+    frames: Frames | None
     bar: ErrorBar | str
     fault: OSError | None
 
@@ -104,7 +107,12 @@ class Attempt(NamedTuple):
         from lagsim.studies.alarms import alarms
 
         own = self.account
-        return alarms(self.session, self.trajectory, own.ledger, own.witness, self.bar)
+        found = alarms(self.session, self.trajectory, own.ledger, own.witness, self.bar)
+        if self.frames is not None:
+            from lagsim.outputs.animation import nothing_to_draw
+
+            found += nothing_to_draw(self.session.case.equations.model)
+        return found
 
     def record(
         self,
@@ -120,16 +128,21 @@ class Attempt(NamedTuple):
             {name: round(t, 6) for name, t in timings.items()}, files,
         )  # fmt: skip
 
-    def files(self, rows: Thinning | None) -> Iterator[tuple[str, bytes]]:
-        """Give name and content of what stands beside its table: events, and pictures.
+    def files(
+        self, rows: Thinning | None, frames: Frames | None = None
+    ) -> Iterator[tuple[str, bytes]]:
+        """Give name and content of what stands beside its table.
 
-        `rows` are those for pictures; there are none without.
+        That is events; a page, of which `frames` are; and pictures, of which `rows`
+        are. What is None is not made.
         """
         equations, trajectory = self.session.case.equations, self.trajectory
         if equations.laws:
             from lagsim.outputs import events
 
             yield events.NAME, events.table(trajectory.events)
+        if frames is not None:
+            yield from self._page(frames)
         if rows is None:
             return
         import logging
@@ -144,15 +157,32 @@ class Attempt(NamedTuple):
         note = "" if listed == happened else f"marks: the first {listed} of {happened}"
         if not trajectory.outcome.complete:
             note = f"incomplete: {trajectory.reason}"
-        horizon = None if isinstance(self.bar, str) else self.bar.horizon
         record = Record(
             equations.model.name, rows, self.session.system.units(), note=note,
-            horizon=math.inf if horizon is None else horizon,
-            **marked(trajectory.events),
+            horizon=self.horizon, **marked(trajectory.events),
         )  # fmt: skip
         yield from pictures(
             record, equations.model, energy_is_sum=equations.energy_is_sum
         )
+
+    @property
+    def horizon(self) -> float:
+        """Where a forecast ends."""
+        horizon = None if isinstance(self.bar, str) else self.bar.horizon
+        return math.inf if horizon is None else horizon
+
+    def _page(self, frames: Frames) -> Iterator[tuple[str, bytes]]:
+        from lagsim.outputs.animation import NAME, film, page, record
+
+        trajectory = self.trajectory
+        complete = trajectory.outcome.complete
+        shown = film(
+            self.session.case.equations, frames, trajectory.events,
+            horizon=self.horizon, units=self.session.system.units(),
+            notes=[] if complete else [f"incomplete: {trajectory.reason}"],
+        )  # fmt: skip
+        if shown is not None:
+            yield NAME, page([record(shown)], shown.name)
 
 
 class Attempts:
@@ -162,8 +192,8 @@ class Attempts:
     ----------
     store
         Gets the rows.
-    thinned
-        They are kept for pictures, too.
+    thinned, animated
+        They are kept for pictures, and for a page, too.
     progress
         Gives what is to be called with the fraction done.
     """
@@ -176,10 +206,12 @@ class Attempts:
         *,
         error_bars: ErrorBars = ErrorBars.AUTO,
         thinned: bool = False,
+        animated: bool = False,
         progress: Progress = contextlib.nullcontext,
     ) -> None:
         self.store, self.interrupt, self.clock = store, interrupt, clock
         self.error_bars, self.thinned, self.progress = error_bars, thinned, progress
+        self.animated = animated
         # What all that judges the first attempt may cost.
         self.allowance: Allowance | None = None
 
@@ -205,15 +237,19 @@ class Attempts:
         case, names = session.case, session.system.columns.names
         account = Account(session)
         checkpoints = Checkpoints(len(case.equations.q), case.settings)
-        thin = None
+        thin = frames = None
         if self.thinned:
             from lagsim.run.observers.thinning import picture_thinning
 
             thin = picture_thinning(case.equations.model, names)
+        if self.animated:
+            from lagsim.outputs.animation import frames_of
+
+            frames = frames_of(case.equations, names)
         if self.store.rows:
             self.store.begin_anew()
         others: list[Observer] = [account, checkpoints]
-        others += [thin] if thin else []
+        others += [x for x in (thin, frames) if x is not None]
         relay = Relay(self.store, others, self.interrupt)
         clock = self.clock
         with self.progress() as progress:
@@ -228,7 +264,7 @@ class Attempts:
             self._charge(session, trajectory)
             bar = self._error_bar(session, trajectory, checkpoints)
         return Attempt(
-            session, trajectory, account, checkpoints, thin, bar, relay.fault
+            session, trajectory, account, checkpoints, thin, frames, bar, relay.fault
         )
 
     def _charge(self, session: Session, trajectory: Trajectory) -> None:

@@ -101,3 +101,21 @@ def test_a_coordinate_without_inertia(monkeypatch):
     start = examine(derive(read(text, "rods.yaml")))
     assert start.augmented
     assert start.degrees_of_freedom == 6
+
+
+def test_factors_grow_with_a_chain(monkeypatch):
+    sizes = []
+    factored = large._factored
+
+    def counted(A, **options):
+        factors = factored(A, **options)
+        sizes.append(factors.nnz)
+        return factors
+
+    monkeypatch.setattr(large, "_factored", counted)
+    e = derive(read(rod_chain(400, 1.0), "rods.yaml"))
+    examine(e)
+    # Five unknowns a rod, whose matrix has 13 entries; eliminated from one end to the
+    # other it fills to at most the square of what hangs on one rod.
+    assert sizes
+    assert max(sizes) < 400 * 5**2 * 2

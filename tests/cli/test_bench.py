@@ -63,6 +63,8 @@ def test_the_document(lagsim, write):
     reference = document["reference"]
     assert reference["floor"] < 1e-11
     assert reference["horizon"] is None
+    assert "agrees with it to" in reference["trust"]
+    assert 0 < document["budget"]["spent"] < document["budget"]["seconds"] == 180
     assert reference["agreement"].keys() == {"theta", "theta_dot"}
     assert document["versions"].keys() >= {"python", "numpy", "scipy"}
     assert document["machine"]["cores"] > 0
@@ -71,6 +73,43 @@ def test_the_document(lagsim, write):
     assert document["rows"][0].keys() >= set(HEADER.split(","))
     assert any(row["front_seconds"] for row in document["rows"])
     assert all(curve["compile_seconds"] >= 0 for curve in document["curves"])
+
+
+def test_a_chart_is_drawn_again_from_its_document(lagsim, write):
+    lagsim("bench", write(PENDULUM), *SOME, "-o", "out", "-q")
+    before = {path.name: path.read_bytes() for path in Path("out").iterdir()}
+    Path("out/work_precision.png").unlink()
+    called = lagsim("bench", "out/work_precision.json")
+    assert (called.code, called.err) == (0, "")
+    assert called.out.startswith("drawn: out")
+    assert {path.name: path.read_bytes() for path in Path("out").iterdir()} == before
+    # Some of it, elsewhere; what was measured stays whole.
+    some = ("--methods", "rk4", "-o", "some", "-q")
+    assert lagsim("bench", "out/work_precision.json", *some).code == 0
+    drawn = {path.name: path.read_bytes() for path in Path("some").iterdir()}
+    assert drawn.keys() == before.keys()
+    assert {name for name in drawn if drawn[name] != before[name]} == {
+        "work_precision.png"
+    }
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "said"),
+    [
+        ("{", [], "bad.json: "),
+        ("[]", [], "none of `lagsim bench`"),
+        ('{"rows": []}', [], "`lagsim` is missing"),
+        ("{}", ["--set", "g=1"], "only --methods"),
+        ("{}", ["--steps", "1:0.1"], "only --methods"),
+        (None, [], "cannot be read"),
+    ],
+)
+def test_what_is_no_document_is_refused(lagsim, content, options, said):
+    if content is not None:
+        Path("bad.json").write_text(content)
+    called = lagsim("bench", "bad.json", *options)
+    assert (called.code, called.out) == (2, "")
+    assert said in called.err
 
 
 def test_several_models(lagsim, write):
@@ -100,6 +139,7 @@ def test_parameters_are_set(lagsim, write):
         (["--tolerances", "1e-3"], "--tolerances 1e-3: two numbers above 0"),
         (["--tolerances", "0:1e-3"], "two numbers above 0"),
         (["--steps", "a:b"], "--steps a:b: two numbers above 0"),
+        (["--budget", "0"], "--budget 0: a number of seconds above 0"),
         (["--set", "l"], "--set l: a name and an expression"),
     ],
 )

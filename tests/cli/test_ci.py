@@ -212,3 +212,15 @@ def test_two_models_of_one_name_share_no_golden(lagsim, write, tmp_path):
     write(named, "other/b.yaml")
     assert lagsim("golden", "a.yaml", "other/b.yaml", "--update").code == 0
     assert lagsim("golden", "a.yaml", "other/b.yaml", "--dir", "all").code == 2
+
+
+def test_strictness_of_several(lagsim, write):
+    files = write(PENDULUM, "good.yaml"), write(WARNED, "warned.yaml")
+    options = ["--no-plots", "-j", "1"]
+    assert lagsim("run", *files, *options).code == 0
+    called = lagsim("run", *files, *options, "--strict")
+    assert called.code == 1
+    assert called.err.count("--strict") == 1
+    assert names("results/warned") == ["run.json", "trajectory.csv"]
+    called = lagsim("run", *files, *options, "--set", "l=2")
+    assert called.err.count("this replaces the result with l = 1.0") == 2

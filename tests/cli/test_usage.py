@@ -73,7 +73,7 @@ def test_version(lagsim):
 
 USAGE = {
     "no model": (["run"], "MODEL"),
-    "two models": (["run", "a.yaml", "b.yaml"], "b.yaml"),
+    "two models": (["stability", "a.yaml", "b.yaml"], "b.yaml"),
     "unknown option": (["run", "a.yaml", "--bogus"], "--bogus"),
     "unknown command": (["simulate"], "simulate"),
     "option without value": (["run", "a.yaml", "--rtol"], "--rtol"),

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import mpmath as mp
+import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 
-from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.language.evaluate import evaluate, evaluate_rows, evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from tests.language._programs import (
@@ -29,6 +30,18 @@ MARGIN = 4.0
 def with_error(text: str, **values: tuple[float, float]) -> tuple[float, float]:
     g = AsWritten()
     return evaluate_with_error(g, [parse(text).build(g, g.variable)], values)[0]
+
+
+def test_in_many_rows() -> None:
+    g = Graph()
+    x, y, c = (g.variable(name) for name in "xyc")
+    texts = ["c^2", "x*y + c", "if(x > y, 1/x, sqrt(y))", "x", "2"]
+    nodes = [parse(text).build(g, g.variable) for text in texts]
+    xs, ys = np.array([1.0, 4.0, 0.0]), np.array([9.0, 2.0, -1.0])
+    found = evaluate_rows(g, nodes, {"x": xs, "y": ys, "c": 3.0}, 3)
+    expected = [[9, 9, 9], xs * ys + 3, [3, 0.25, math.inf], xs, [2, 2, 2]]
+    assert np.array_equal(found, expected)
+    assert evaluate_rows(g, [x, y, c], {"x": xs, "y": 1.0, "c": xs}, 3).shape == (3, 3)
 
 
 def test_several_nodes_in_the_order_asked_for() -> None:

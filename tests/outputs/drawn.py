@@ -6,6 +6,8 @@ places in pixels from the lower left corner, as on the picture.
 
 from __future__ import annotations
 
+import itertools
+import struct
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -85,6 +87,8 @@ def panel_of(axes):
         corners = patch.get_transform().transform(patch.get_path().vertices)
         panel.areas.append((to_hex(patch.get_facecolor()), corners))
     for collection in axes.collections:
+        if not len(collection.get_facecolor()):  # outlines
+            continue
         for path in collection.get_paths():
             corners = collection.get_transform().transform(path.vertices)
             panel.areas.append((to_hex(collection.get_facecolor()[0]), corners))
@@ -106,7 +110,7 @@ def noted():
 
     def text(self, renderer):
         plain[Text](self, renderer)
-        if self.get_visible() and self.get_text():
+        if self.get_visible() and self.get_text().strip():
             place = self.get_transform().transform(self.get_position())
             drawing.texts.append(SimpleNamespace(
                 said=self.get_text(), box=self.get_window_extent(renderer).frozen(),
@@ -135,3 +139,19 @@ def drawn(draw, *args, **kwargs):
 def finite(x, y):
     there = np.isfinite(x) & np.isfinite(y)
     return x[there], y[there]
+
+
+def assert_legible(drawing):
+    """Every text of a PNG lies on it, beside panels and beside other texts."""
+    width, height = struct.unpack(">II", drawing.sheet[16:24])
+    boxes = [(text.box, text.said) for text in drawing.texts]
+    for box, text in boxes:
+        assert box.x0 >= 0, text
+        assert box.x1 <= width, text
+        assert box.y0 >= 0, text
+        assert box.y1 <= height, text
+        for panel in drawing.panels:
+            assert not box.overlaps(panel.box), text
+    for (one, text), (other, text2) in itertools.combinations(boxes, 2):
+        # The frame of a letter is wider than its ink.
+        assert not one.padded(-2).overlaps(other.padded(-2)), (text, text2)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from lagsim.errors import InputError
+from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
-from lagsim.plan.subsystems import groups
+from lagsim.plan.subsystems import groups, subsystems
 from lagsim.run.arcs import BLOCK
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.trajectory import Outcome
@@ -160,3 +161,63 @@ def test_it_must_pay_to_be_chosen():
     plan = case_of(three(20000), output_step=100).plan()
     assert len(plan.parts) == 3
     assert "subsystems: 3 integrated apart" in [c.choice for c in plan.choices]
+
+
+@pytest.mark.parametrize(
+    "kinetic",
+    [
+        "(a_dot^2 + b_dot^2)/2",
+        "-(-3*b_dot^2 - a_dot^2)",
+        "c*(a_dot^2/c - c*(0 - b_dot^2))",
+        # Not seen to be apart as it is written.
+        "(a_dot + b_dot)^2/2 - a_dot*b_dot",
+    ],
+)
+def test_energies_are_shared_out(kinetic):
+    text = f"""
+    parameters: {{c: 1.7}}
+    coordinates: {{a: {{}}, b: {{}}}}
+    energy: {{kinetic: "{kinetic}", potential: 3 - (cos(a) + 5)*c - (2 - b^2)/c}}
+    initial: {{a: 0.3, b: 0.4, a_dot: 0.5, b_dot: 0.6}}
+    simulation: {{duration: 1}}
+    """
+    case = case_of(text)
+    e = case.equations
+    parts = subsystems(e, case.start)
+    assert [part.equations.q for part in parts] == [("a",), ("b",)]
+
+    def energies(state):
+        nodes = [e.energy, *(part.equations.energy for part in parts)]
+        given = dict(zip(("a", "b", "a_dot", "b_dot"), state, strict=True))
+        for part in parts:
+            values = {p.name: p.value for p in part.equations.model.parameters}
+            given |= values
+        return np.array(evaluate(e.graph, nodes, given))
+
+    base = energies((0.3, 0.4, 0.5, 0.6))
+    for moved, others in (
+        ((-1.0, 0.4, 2.0, 0.6), 2),  # `a` alone: nothing changes for `b`
+        ((0.3, 2.5, 0.5, -1.1), 1),
+    ):
+        whole, *of = energies(moved) - base
+        assert of[2 - others] == pytest.approx(whole, rel=1e-12)
+        assert of[others - 1] == 0.0
+
+
+def test_the_work_grows_with_the_number_of_subsystems():
+    def added(n):
+        q = [f"q{i}" for i in range(n)]
+        text = f"""
+        coordinates: {{{", ".join(f"{x}: {{}}" for x in q)}}}
+        energy:
+          kinetic: ({" + ".join(f"{x}_dot^2" for x in q)})/2
+          potential: {" + ".join(f"cos({x})" for x in q)}
+        initial: {{{", ".join(f"{x}: 1" for x in q)}}}
+        simulation: {{duration: 1}}
+        """
+        case = case_of(text)
+        before = len(case.equations.graph)
+        assert len(subsystems(case.equations, case.start)) == n
+        return len(case.equations.graph) - before
+
+    assert added(80) <= 2 * added(40) + 10

@@ -228,11 +228,13 @@ class _File:
         }
         constraints = relations.declared_constraints(top.value("constraints"), x)
         self._check_names()
+        self.names.reactions += drawing.asked_reactions(top.found.get("output"))
 
         asked = simulation.simulation_fields(top.found.get("simulation"), x, self.root)
         sections = Sections(
-            given["parameters"], constraints, top.found.get("initial"),
-            asked, self.root,
+            given["parameters"], given["definitions"], self.energy,
+            top.value("forces"), constraints, top.found.get("initial"), asked,
+            self.root,
         )  # fmt: skip
         stated = Stated(self.file, sections, x, overrides, options)
         values, known = stated.parameters()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.model.model import Output, Plot, Scene
-from lagsim.model.nodes import Broken, Node, Scalar, Sequence
+from lagsim.model.model import Level, Output, Plot, Scene
+from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence
 from lagsim.model.reader.expressions import OUTPUT, STATE
 from lagsim.model.reader.fields import (
     EXPRESSION,
@@ -22,6 +22,9 @@ from lagsim.model.reader.fields import (
 from lagsim.model.reader.names import Kind, check_name, naming
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from lagsim.errors import Place
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.fields import Entry
 
@@ -46,6 +49,10 @@ OUTPUT_KEYS = {
     "plots": described("A picture each.", listing(keyed(PLOT_KEYS, ["x", "y"]))),
     "gauss": described("Adds columns of Gauss's principle.", TRUTH),
     "action": described("Adds a column of the action.", TRUTH),
+    "reactions": described(
+        "Definitions: adds for each the force that holds it to its expression.",
+        listing(PLAIN),
+    ),
 }
 
 
@@ -119,7 +126,8 @@ def read_output(entry: Entry | None, x: Expressions) -> Output:
     columns: tuple[str, ...] = everything
     node = found.value("columns")
     if isinstance(node, Sequence):
-        columns = _columns(node, x)
+        hint = "coordinates are columns in any case"
+        columns = tuple(_definitions(node.items, "column", hint, x))
     elif node is not None:
         items(node, "`columns`", x.faults)
         if isinstance(node, Scalar) and node.empty:
@@ -136,36 +144,68 @@ def read_output(entry: Entry | None, x: Expressions) -> Output:
         tuple(plot for plot in plots if plot),
         gauss=found.truth("gauss", x.faults),
         action=found.truth("action", x.faults),
+        reactions=_reactions(found.value("reactions"), x),
     )
 
 
-def _columns(node: Sequence, x: Expressions) -> tuple[str, ...]:
+def asked_reactions(entry: Entry | None) -> list[str]:
+    """Give the names that `reactions` lists, sound or not: definitions may use them."""
+    section = entry[1] if entry else None
+    for key, node in section.entries if isinstance(section, Mapping) else ():
+        if key.text == "reactions" and isinstance(node, Sequence):
+            return [item.text for item in node.items if isinstance(item, Scalar)]
+    return []
+
+
+def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
+    """Give the definitions of positions and time that a list names."""
+    if node is None:
+        return ()
+    given = items(node, "`reactions`", x.faults)
+    hint = "what constraints do to a coordinate is Qc_<name>"
+    found = []
+    for name, place in _definitions(given, "reaction", hint, x).items():
+        definition = x.definitions.get(name)
+        if definition is None or definition.node is None:
+            continue  # faulty itself, and told
+        if definition.level is Level.POSITION:
+            found.append(name)
+            continue
+        text = f"`{name}` has no reaction: it depends on {definition.level.value}"
+        hint = "a reaction holds a definition of positions and time to what it is"
+        x.faults.add("no-reaction", text, place, hint)
+    return tuple(found)
+
+
+def _definitions(
+    given: Iterable[Node], what: str, hint: str, x: Expressions
+) -> dict[str, Place]:
+    """Give the definitions that items of a list name; `hint` is for coordinates."""
     names, faults = x.names, x.faults
-    found: list[str] = []
-    for item in node.items:
+    found: dict[str, Place] = {}
+    for item in given:
         if isinstance(item, Broken):
             continue
         if not isinstance(item, Scalar):
-            text = f"a column is the name of a definition, found {kind_of(item)}"
+            text = f"a {what} is the name of a definition, found {kind_of(item)}"
             faults.add("not-a-text", text, item.place)
             continue
         name = item.text
         kind = names.variables.get(name)
         if name in found:
-            faults.add("duplicate-column", f"the column `{name}` stands twice",
+            faults.add(f"duplicate-{what}", f"the {what} `{name}` stands twice",
                        item.place)  # fmt: skip
         elif kind is Kind.DEFINITION:
-            found.append(name)
+            found[name] = item.place
         elif kind is not None:
-            text = f"`{name}` is {kind.value}; columns are definitions"
-            hint = "coordinates are columns in any case"
-            hint = hint if kind is Kind.COORDINATE else ""
-            faults.add("not-a-definition", text, item.place, hint)
+            text = f"`{name}` is {kind.value}; {what}s are definitions"
+            more = hint if kind is Kind.COORDINATE else ""
+            faults.add("not-a-definition", text, item.place, more)
         elif name not in names.faulty and names.complete:
             text = f"there is no definition `{name}`"
-            hint = faults.did_you_mean(name, names.of(Kind.DEFINITION))
-            faults.add("unknown-name", text, item.place, hint)
-    return tuple(found)
+            near = faults.did_you_mean(name, names.of(Kind.DEFINITION))
+            faults.add("unknown-name", text, item.place, near)
+    return found
 
 
 def _plot(node: Node, x: Expressions) -> Plot | None:

@@ -22,6 +22,9 @@ RESERVED = (
     "t", "pi", "kinetic", "potential", "lagrangian", "energy", "work",
 )  # fmt: skip
 
+# What stands before the name of a definition in the name of its reaction.
+REACTION = "reaction."
+
 # A letter, then letters, digits and `_`. Patterns know no letters but those of ASCII,
 # so that anything beyond ASCII passes.
 _NAME = r"^(x-.*|[^\x00-@\[-`{-\x7f][^\x00-/:-@\[-^`{-\x7f]*)$"
@@ -55,6 +58,7 @@ class Kind(Enum):
     MULTIPLIER = "a constraint multiplier"
     CONSTRAINT_FORCE = "a constraint force"
     ENERGY = "an energy"
+    REACTION = "a reaction"
 
 
 _RATES = {Kind.COORDINATE: Kind.VELOCITY, Kind.DEFINITION: Kind.RATE}
@@ -85,6 +89,8 @@ class Names:
         Names given where a fault was reported; using them is no second fault.
     constraints
         Names of the constraints; a namespace of their own.
+    reactions
+        The definitions whose reactions are asked for, as far as that can be read.
     readable
         False where a section that gives names could not be read.
     """
@@ -94,6 +100,7 @@ class Names:
     variables: dict[str, Kind] = field(default_factory=dict)
     places: dict[str, Place] = field(default_factory=dict)
     constraints: list[str] = field(default_factory=list)
+    reactions: list[str] = field(default_factory=list)
     faulty: set[str] = field(default_factory=set)
 
     @property
@@ -155,6 +162,9 @@ class Names:
             name in ("kinetic", "potential") and not self.has_lagrangian
         ):
             return Meaning(Kind.ENERGY, name)
+        base = name.removeprefix(REACTION)
+        if base != name and base in self.reactions:
+            return Meaning(Kind.REACTION, base)
         return self._rate(name) or self._of_constraints(name)
 
     def _rate(self, name: str) -> Meaning | None:
@@ -184,6 +194,13 @@ class Names:
 
     def unknown(self, name: str, faults: Faults) -> tuple[str, str]:
         """Say why `name` means nothing, with a hint."""
+        if name.startswith(REACTION):
+            base = name.removeprefix(REACTION)
+            near = faults.guess(base, self.of(Kind.DEFINITION)) or base
+            return (
+                f"there is no column `{name}`: it is not asked for",
+                f"ask for it: output: {{reactions: [{near}]}}",
+            )
         for ending in ("_ddot", "_dot"):
             base = name.removesuffix(ending)
             if base != name:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.language.roots import simple_root
 from lagsim.model.model import Constraint, OneSided, Relation, Sense
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar
 from lagsim.model.reader import laws
@@ -150,9 +149,11 @@ def _one_sided(
 
 def _once(relation: Relation, x: Expressions) -> Relation:
     """Take a multiple root once."""
-    moving = (Kind.COORDINATE, Kind.VELOCITY)
-    names = {n for n, kind in x.names.variables.items() if kind in moving}
-    names |= {f"{n}_dot" for n in names}
+    from lagsim.language.roots import simple_root
+
+    moving, kinds = (Kind.COORDINATE, Kind.VELOCITY), x.names.variables
+    used = x.graph.depends([relation.node])
+    names = {n for n in used if kinds.get(n.removesuffix("_dot")) in moving}
     root = simple_root(x.graph, relation.node, names)
     return relation._replace(node=root, multiple=root != relation.node)
 

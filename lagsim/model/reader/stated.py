@@ -19,16 +19,20 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.errors import Place
-    from lagsim.model.model import InitialValue, Model, Parameter
+    from lagsim.model.model import InitialValue, Model, Parameter, Separation
+    from lagsim.model.nodes import Node
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.fields import Entry, Fields
     from lagsim.model.settings import Settings
 
 
 class Sections(NamedTuple):
-    """The sections of a file that hold numbers, and where the file begins."""
+    """The sections of a file that are read again, and where the file begins."""
 
     parameters: list[Entry]
+    definitions: list[Entry]
+    energy: Fields
+    forces: Node | None
     constraints: list[Entry]
     initial: Entry | None
     simulation: Fields
@@ -94,4 +98,13 @@ class Stated:
         faults.raise_if_any()
         return replace(
             model, parameters=values, constraints=laws, initial=starts, stated=new
+        )
+
+    def separated(self, model: Model) -> Separation:
+        """Give `model` in other coordinates, see `Model.separated`."""
+        from lagsim.model.reader.separation import separated
+
+        s = self.sections
+        return separated(
+            model, s.definitions, s.energy, s.forces, s.constraints, self.x
         )

@@ -59,6 +59,8 @@ class Columns:
         new |= {
             g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)
         }
+        reactions = [f"reaction.{x}" for x in model.output.reactions]
+        new |= {g.variable(name): nodes[name] for name in reactions}
         written = g.substitute(nodes.values(), new)
         self.nodes = dict(zip(nodes, g.substitute(written, recovered), strict=True))
 
@@ -92,7 +94,7 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
 
 
 def _optional(equations: Equations) -> dict[str, int]:
-    """Give the columns of contacts, and what `output.gauss` and `.action` ask for."""
+    """Give the columns of contacts, and what keys of `output` ask for."""
     e, g = equations, equations.graph
     nodes: dict[str, int] = {}
     for law in e.laws:
@@ -117,4 +119,8 @@ def _optional(equations: Equations) -> dict[str, int]:
         nodes["gauss.G"] = g.call("mul", g.constant(0.5), square)
     if e.model.output.action:
         nodes[ACTION] = g.variable(ACTION)
+    if e.model.output.reactions:
+        from lagsim.mechanics.reactions import reactions
+
+        nodes.update((f"reaction.{name}", node) for name, node in reactions(e).items())
     return nodes

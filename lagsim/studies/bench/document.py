@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import orjson
 
+from lagsim.errors import InputError, Problem
 from lagsim.outputs.manifest import versions
 from lagsim.outputs.table import table_of
-from lagsim.studies.bench.machine import machine
+from lagsim.studies.bench.machine import machine, today
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from lagsim.model.model import Model
     from lagsim.model.settings import Settings
     from lagsim.studies.bench.reference import Reference
-    from lagsim.studies.bench.work_precision import Entry, WorkPrecision
+    from lagsim.studies.bench.work_precision import WorkPrecision
 
 TABLE = "work_precision.csv"
 CHART = "work_precision.png"
 MANIFEST = "work_precision.json"
+FILES = (TABLE, CHART, MANIFEST)
 
 COLUMNS = (
     "method", "formulation", "setting", "value", "seconds", "evaluations", "error",
@@ -30,9 +34,38 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def table(entries: Sequence[Entry]) -> bytes:
-    """Give the content of work_precision.csv."""
-    return table_of(COLUMNS, ([getattr(x, name) for name in COLUMNS] for x in entries))
+# Without these no chart can be drawn.
+NEEDED = (
+    "lagsim", "versions", "machine", "date", "model", "end", "reference", "refused",
+    "rows",
+)  # fmt: skip
+
+
+def table(rows: Iterable[Mapping[str, Any]]) -> bytes:
+    """Give the content of work_precision.csv; the rows are those of the JSON."""
+    return table_of(COLUMNS, ([row[name] for name in COLUMNS] for row in rows))
+
+
+def read_document(path: str) -> dict[str, Any]:
+    """Give what `bench` has measured and kept in work_precision.json.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        found = orjson.loads(Path(path).read_bytes())
+    except OSError as error:
+        why = f"{path} cannot be read: {error.strerror}"
+        raise InputError([Problem("unreadable", why)]) from None
+    except ValueError as error:
+        raise InputError([Problem("not-json", f"{path}: {error}")]) from None
+    missing = [key for key in NEEDED if not isinstance(found, dict) or key not in found]
+    if missing:
+        why = f"{path} is none of `lagsim bench`, or an older one: `{missing[0]}` is "
+        hint = "measure anew: lagsim bench MODEL"
+        raise InputError([Problem("not-a-bench", f"{why}missing", hint=hint)])
+    return dict(found)
 
 
 def document(
@@ -54,12 +87,14 @@ def document(
         "lagsim": __version__,
         "versions": versions() | {"scipy": _scipy_version()},
         "machine": machine(),
+        "date": today(),
         "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
         "parameters": {p.name: p.value for p in model.parameters},
         "start": settings.start,
         "end": settings.end,
         "output_step": settings.output_step,
         "complete": not found.interrupted,
+        "budget": {"seconds": found.budget, "spent": found.seconds},
         "reference": _reference(found.reference),
         "curves": curves,
         "refused": [refused._asdict() for refused in found.refused],
@@ -73,6 +108,7 @@ def _reference(reference: Reference) -> dict[str, Any]:
     return {
         "made": reference.made,
         "verified": reference.verified,
+        "trust": reference.trust,
         "floor": reference.floor,
         "horizon": reference.horizon,
         "rows": len(reference.rows),

@@ -1,11 +1,20 @@
-"""What a time was measured on."""
+"""What a time was measured on, when, and with what."""
 
 from __future__ import annotations
 
 import os
 import platform
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+# What times depend on.
+PACKAGES = ("python", "numpy", "llvmlite", "scipy", "heyoka", "scikit-sundae")
+# Besides what measures, something else was running.
+BUSY = 1.5
 
 
 def machine() -> dict[str, Any]:
@@ -21,7 +30,28 @@ def machine() -> dict[str, Any]:
 
 def described(found: dict[str, Any]) -> str:
     """Give the same in words."""
-    return f"{found['processor']}, {found['cores']} cores, {found['system']}"
+    threads = f"one of {found['cores']} threads"
+    said = f"{found['processor']}, {threads}, {found['system']}"
+    load = found["load"] or 0.0
+    return f"{said}, busy (load {load:.1f})" if load > BUSY else said
+
+
+def today() -> str:
+    """Give the date."""
+    return datetime.now(UTC).date().isoformat()
+
+
+def stamp(document: Mapping[str, Any]) -> str:
+    """Say in words when, where and with what a document's numbers were found.
+
+    Where and when are left out where they do not matter.
+    """
+    known = document["versions"]
+    packages = [f"{name} {known[name]}" for name in PACKAGES if name in known]
+    with_ = ", ".join([f"lagsim {document['lagsim']}", *packages])
+    if "machine" not in document:
+        return f"Found with {with_}"
+    return f"Measured {document['date']} on {described(document['machine'])}; {with_}"
 
 
 def _processor() -> str:

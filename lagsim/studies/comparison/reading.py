@@ -1,7 +1,9 @@
-"""Reading a table of results, in blocks of whole lines, so that large ones fit.
+"""Reading a table of results, whatever its format; the one reader that there is.
 
-NumPy reads a block at a stroke. Where it finds fault with one, or passes over a line,
-the block is read cell by cell, and the first cell that is no number is named.
+CSV is read in blocks of whole lines, so that large ones fit, with or without a line of
+units below the header. NumPy reads a block at a stroke. Where it finds fault with one,
+or passes over a line, the block is read cell by cell, and the first cell that is no
+number is named.
 """
 
 from __future__ import annotations
@@ -10,15 +12,17 @@ import contextlib
 import csv
 import io
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
 
 import numpy as np
 import orjson
 
 from lagsim.errors import InputError, Problem
+from lagsim.outputs import Format
 from lagsim.outputs.results import MANIFEST
-from lagsim.outputs.table import NAME
+from lagsim.outputs.table import numberless
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -31,6 +35,8 @@ if TYPE_CHECKING:
 BLOCK = 1 << 19
 # Bytes of a header at most: beyond, the file is something else.
 LONGEST_HEADER = 1 << 24
+# What time is in, in a line of units: a row that begins with words is none.
+TIME = "s"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +80,9 @@ def read_results(path: Path) -> Table:
     """
     if not path.is_dir():
         return read_table(path)
-    table = read_table(path / NAME)
-    units: Mapping[str, str] = {}
+    found = [path / form.file for form in Format if (path / form.file).exists()]
+    table = read_table((found or [path / Format.CSV.file])[0])
+    units = table.units
     remarks: tuple[str, ...] = ()
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
         manifest: Any = orjson.loads((path / MANIFEST).read_bytes())
@@ -86,18 +93,20 @@ def read_results(path: Path) -> Table:
 
 
 def read_table(path: Path) -> Table:
-    """Read a CSV file with a header and rows of numbers.
+    """Read a table of numbers: CSV with a header, NPZ or Parquet, by its name's end.
 
     Raises
     ------
     InputError
         If it cannot be read or is not a table of numbers.
     """
+    read = _PACKED.get(path.suffix, _read)
     try:
         with path.open("rb") as file:
-            return _read(file, str(path))
+            return read(file, str(path))
     except OSError as error:
-        raise unusable(str(path), f"cannot be read: {error.strerror}") from None
+        why = error.strerror or "it is damaged"
+        raise unusable(str(path), f"cannot be read: {why}") from None
 
 
 def unusable(name: str, why: str) -> InputError:
@@ -108,14 +117,19 @@ def unusable(name: str, why: str) -> InputError:
 def _read(file: BinaryIO, name: str) -> Table:
     head = file.readline(LONGEST_HEADER)
     columns = _header(head, name)
+    second = file.readline(LONGEST_HEADER)
+    units = _units(second, columns)
+    body, line = len(head), 2
+    if units:
+        body, line = body + len(second), 3
     size = file.seek(0, io.SEEK_END)
     # Every row ends with a line break, but for the last one of a foreign table.
-    most = _line_breaks(file, len(head)) + 1
+    most = _line_breaks(file, body) + 1
     # No row is shorter than its commas: nothing else is made room for.
     most = min(most, size // max(1, 2 * len(columns) - 1) + 1)
     data = np.empty((len(columns), most))
-    rows, line = 0, 2
-    file.seek(len(head))
+    rows = 0
+    file.seek(body)
     for block in _blocks(file):
         part = _plain(block, len(columns))
         if part is None:
@@ -126,7 +140,66 @@ def _read(file: BinaryIO, name: str) -> Table:
     if not rows:
         raise unusable(name, "there are no rows after the header")
     data = data[:, :rows]
-    return Table(name, columns, data)
+    return Table(name, columns, data, units)
+
+
+def _units(line: bytes, columns: tuple[str, ...]) -> dict[str, str]:
+    """Give the units of columns, where a line is one of units and not a row.
+
+    That is where no cell of it is a number, and time has a unit.
+    """
+    try:
+        cells = next(csv.reader([line.decode().rstrip("\r\n")], strict=True))
+    except (UnicodeDecodeError, csv.Error, StopIteration):
+        return {}
+    cells = [cell.strip() for cell in cells]
+    if len(cells) != len(columns) or any(numberless(cell) != cell for cell in cells):
+        return {}
+    found = dict(zip(columns, cells, strict=True))
+    return found if found["t"] == TIME else {}
+
+
+def _read_npz(file: BinaryIO, name: str) -> Table:
+    """Read an archive with an array of numbers for each column."""
+    try:
+        archive = np.load(file, allow_pickle=False)
+        if isinstance(archive, np.ndarray):
+            raise unusable(name, "it is one array, and not one for each column")
+        return _joined({key: archive[key] for key in archive.files}, name)
+    except (BadZipFile, ValueError, EOFError):
+        raise unusable(name, "it is no archive of arrays of numbers") from None
+
+
+def _read_parquet(file: BinaryIO, name: str) -> Table:
+    from lagsim.outputs.packed import arrow
+
+    try:
+        found = arrow().read_table(file)
+        arrays = {x: found[x].to_numpy() for x in found.column_names}
+    except ValueError:
+        raise unusable(name, "it is no table in Parquet's format") from None
+    said = {field.name: (field.metadata or {}).get(b"unit") for field in found.schema}
+    units = {x: unit.decode() for x, unit in said.items() if unit}
+    return replace(_joined(arrays, name), units=units)
+
+
+_PACKED = {".npz": _read_npz, ".parquet": _read_parquet}
+
+
+def _joined(arrays: dict[str, Any], name: str) -> Table:
+    """Give the table of some columns, which must be numbers, and as many."""
+    if "t" not in arrays:
+        raise unusable(name, "there is no column `t`, the time")
+    many = np.shape(arrays["t"])
+    for column, array in arrays.items():
+        if array.dtype.kind not in "fiu" or array.ndim != 1 or array.shape != many:
+            raise unusable(name, f"{column} is no column of as many numbers as `t`")
+    if not many[0]:
+        raise unusable(name, "there are no rows")
+    data = np.empty((len(arrays), *many))
+    for row, array in zip(data, arrays.values(), strict=True):
+        row[:] = array
+    return Table(name, tuple(arrays), data)
 
 
 def _header(head: bytes, name: str) -> tuple[str, ...]:

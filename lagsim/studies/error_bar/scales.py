@@ -65,7 +65,7 @@ def linked(equations: Equations, start: Instant, found: Floats) -> Floats:
     labels = np.array(joined(len(found), [row.A for row in equations.rows]))
     roots = _roots(equations, start)
     whole = np.array(found)
-    for label in np.unique(labels[labels != np.arange(len(found))]):
+    for label in sorted({k for i, k in enumerate(labels.tolist()) if k != i}):
         group = labels == label
         whole[group] = _largest(roots[group], found[group])
     return whole

@@ -108,6 +108,60 @@ def test_quotes_spaces_and_a_byte_order_mark(tmp_path):
     assert table["a"].tolist() == [1.5, 2.0, 1.0]
 
 
+def test_a_line_of_units_is_no_row(tmp_path):
+    found = table_of(tmp_path, 't,a,"b"\r\ns,m/s^2,\r\n0,1,2\r\n1,2,3\r\n')
+    assert found.units == {"t": "s", "a": "m/s^2", "b": ""}
+    assert found.data.tolist() == [[0, 1], [1, 2], [2, 3]]
+    # Where anything in it is a number, or time has no unit, it is a row with a fault.
+    assert fault(tmp_path, "t,a\ns,1\n1,1\n") == "line 2: t is `s`, and not a number"
+    assert fault(tmp_path, "t,a\n,m\n1,1\n").startswith("line 2: t is empty")
+    assert fault(tmp_path, "t,a\ns,m\n1,x\n") == "line 3: a is `x`, and not a number"
+    assert fault(tmp_path, "t,a\ns,m\n") == "there are no rows after the header"
+
+
+def packed(path, **arrays):
+    np.savez(path, **arrays)
+    return path
+
+
+def test_archives_of_others_are_read(tmp_path):
+    path = packed(tmp_path / "a.npz", a=np.arange(3), t=np.array([0, 0.5, 1], "f4"))
+    found = read_table(path)
+    assert found.columns == ("a", "t")
+    assert found.data.tolist() == [[0, 1, 2], [0, 0.5, 1]]
+    assert found.data.dtype == np.float64
+
+
+@pytest.mark.parametrize(
+    ("arrays", "why"),
+    [
+        ({"a": np.ones(3)}, "there is no column `t`, the time"),
+        ({"t": np.ones(3), "a": np.ones(2)}, "a is no column of as many numbers"),
+        ({"t": np.ones(3), "a": np.array(["x"] * 3)}, "a is no column of as many"),
+        ({"t": np.ones((2, 2))}, "t is no column of as many"),
+        ({"t": np.ones(0)}, "there are no rows"),
+        ({"t": np.ones(1), "a": np.array([None])}, "no archive of arrays of numbers"),
+    ],
+)
+def test_archives_that_are_no_tables(tmp_path, arrays, why):
+    with pytest.raises(InputError, match=why):
+        read_table(packed(tmp_path / "a.npz", **arrays))
+
+
+def test_what_is_not_what_its_name_says(tmp_path):
+    for name in ("a.npz", "a.parquet"):
+        if name == "a.parquet":
+            pytest.importorskip("pyarrow", reason="needs pyarrow")
+        for content in (b"", b"t,a\n0,1\n", b"PK\x03\x04 and no more", b"PAR1"):
+            (tmp_path / name).write_bytes(content)
+            with pytest.raises(InputError, match=rf"{name}: it is no "):
+                read_table(tmp_path / name)
+    np.save(tmp_path / "one.npy", np.ones(3))
+    (tmp_path / "one.npy").rename(tmp_path / "one.npz")
+    with pytest.raises(InputError, match="one array"):
+        read_table(tmp_path / "one.npz")
+
+
 COMPARE = """
 import resource, sys
 from lagsim.cli import main

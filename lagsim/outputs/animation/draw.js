@@ -1,0 +1,393 @@
+// One picture of a run: ground, trails, links, points, forces.
+
+// M. Okabe, K. Ito (2008): told apart by the colour blind.
+const COLOURS = {
+  light: ["#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9"],
+  dark: ["#4db2ef", "#ff9152", "#35cfa3", "#f5bd4f", "#e6a3ca", "#8fd4fb"],
+};
+const MANY = 12;
+
+class Drawing {
+  // `one`: the number of the colour that all points have, where several runs share a view.
+  constructor(canvas, run, view, one = null) {
+    Object.assign(this, {canvas, run, view, one});
+    this.pen = canvas.getContext("2d");
+    const moving = run.moving.length;
+    this.colours = new Map(run.moving.map((k, n) => [k, n]));
+    this.shaded = moving > COLOURS.light.length;
+    const linked = new Set(), grounds = new Set();
+    for (const {ends: [a, b]} of run.links) {
+      const still = run.points[a].fixed && run.points[b].fixed;
+      for (const end of [a, b]) (still ? grounds : linked).add(end);
+    }
+    Object.assign(this, {linked, grounds});
+  }
+
+  resize() {
+    const {clientWidth: width, clientHeight: height} = this.canvas;
+    const ratio = window.devicePixelRatio || 1;
+    this.canvas.width = Math.max(1, Math.round(width * ratio));
+    this.canvas.height = Math.max(1, Math.round(height * ratio));
+    this.pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    Object.assign(this.view, {width: Math.max(width, 1), height: Math.max(height, 1)});
+    this.size = Math.min(this.view.width, this.view.height);
+  }
+
+  // The colour of a moving point; a chain goes from one hue to another.
+  colour(k) {
+    const n = this.colours.get(k);
+    if (n === undefined) return this.ink.ground;
+    if (this.one !== null) return COLOURS[this.theme][this.one % COLOURS[this.theme].length];
+    if (!this.shaded) return COLOURS[this.theme][n];
+    const hue = 205 - 185 * n / Math.max(1, this.colours.size - 1);
+    return this.theme === "dark" ? `hsl(${hue} 75% 65%)` : `hsl(${hue} 72% 42%)`;
+  }
+
+  draw(t, {trails, forces, names, glow, theme, ink}) {
+    Object.assign(this, {theme, ink});
+    const {pen, run, view} = this;
+    if (!this.one) pen.clearRect(0, 0, view.width, view.height);
+    pen.lineCap = pen.lineJoin = "round";
+    const moment = run.moment(t);
+    const places = run.points.map((_, k) => run.place(k, moment));
+    const dots = places.map((place) => view.at(place));
+    this.radius = Math.max(3, Math.min(11, this.size * (run.points.length > MANY ? 0.011 : 0.02)));
+    if (view.space) this.base(places, dots); else if (!this.one) this.grid();
+    if (trails) for (const k of run.moving) this.trail(k, t, trails);
+    this.links(places, dots);
+    this.marks(t, dots, glow);
+    this.dots(dots);
+    if (forces) this.forces(moment, dots);
+    if (names) this.names(dots);
+    if (view.space && !this.one) this.axes();
+    return places;
+  }
+
+  line(points, close) {
+    const {pen} = this;
+    pen.beginPath();
+    for (const [x, y] of points) pen.lineTo(x, y);
+    if (close) pen.closePath();
+  }
+
+  grid() {
+    const {pen, view, ink} = this;
+    const [left, top] = view.under(0, 0), [right, bottom] = view.under(view.width, view.height);
+    const step = stepOf(110 / view.scale, 1);
+    pen.lineWidth = 1;
+    pen.strokeStyle = ink.grid;
+    pen.fillStyle = ink.dim;
+    pen.font = "11px system-ui, sans-serif";
+    const unit = this.run.units.length;
+    pen.textBaseline = "alphabetic";
+    pen.textAlign = "center";
+    for (let k = Math.ceil(left / step); k * step <= right; k++) {
+      const x = Math.round(view.at([k * step, 0])[0]) + 0.5;
+      this.line([[x, 0], [x, view.height]]);
+      pen.stroke();
+      if (x > 44 && x < view.width - 24) pen.fillText(written(k * step, step), x, view.height - 6);
+    }
+    pen.textAlign = "left";
+    pen.textBaseline = "middle";
+    for (let k = Math.ceil(bottom / step); k * step <= top; k++) {
+      const y = Math.round(view.at([0, k * step])[1]) + 0.5;
+      this.line([[0, y], [view.width, y]]);
+      pen.stroke();
+      if (y > 12 && y < view.height - 22) pen.fillText(written(k * step, step), 7, y);
+    }
+    if (unit) pen.fillText(unit, 7, view.height - 9);
+  }
+
+  // The floor of a space, and on it the shadows of what moves.
+  base(places, dots) {
+    const {pen, view, run, ink} = this, z = view.floor;
+    const reach = 0.6 * Math.max(...view.spans), step = stepOf(2 * reach, 10);
+    const [a, b] = view.middle.map((m) => Math.round(m / step) * step);
+    const n = Math.ceil(reach / step);
+    const corner = (i, j) => view.at([a + i * step, b + j * step, z]);
+    pen.lineWidth = 1;
+    if (!this.one) {
+      pen.fillStyle = ink.floor;
+      this.line([corner(-n, -n), corner(n, -n), corner(n, n), corner(-n, n)], true);
+      pen.fill();
+      pen.strokeStyle = ink.faint;
+      for (let k = -n; k <= n; k++) {
+        this.line([corner(k, -n), corner(k, n)]);
+        pen.stroke();
+        this.line([corner(-n, k), corner(n, k)]);
+        pen.stroke();
+      }
+    }
+    if (view.raised <= 0) return;
+    const shadow = (p) => view.at([p[0], p[1], z]);
+    pen.strokeStyle = ink.ground;
+    pen.globalAlpha = 0.5;
+    pen.setLineDash([2, 4]);
+    if (run.moving.length <= 4) for (const k of run.moving) {
+      this.line([dots[k], shadow(places[k])]);
+      pen.stroke();
+    }
+    pen.setLineDash([]);
+    pen.globalAlpha = 1;
+    pen.strokeStyle = pen.fillStyle = ink.shadow;
+    pen.lineWidth = 3;
+    for (const {ends: [i, j]} of run.links) {
+      this.line([shadow(places[i]), shadow(places[j])]);
+      pen.stroke();
+    }
+    for (const k of run.moving) {
+      const [x, y] = shadow(places[k]);
+      pen.beginPath();
+      pen.ellipse(x, y, this.radius, this.radius * Math.max(0.2, Math.sin(view.raised)), 0, 0, 7);
+      pen.fill();
+    }
+  }
+
+  trail(k, t, {from, fading}) {
+    const {pen, run, view} = this;
+    const path = run.path(k, Math.max(run.start, from), t).map((p) => view.at(p));
+    pen.strokeStyle = this.colour(k);
+    const pieces = fading ? 24 : 1, thin = run.moving.length > MANY ? 0.6 : 1;
+    for (let n = 0; n < pieces; n++) {
+      const age = (n + 1) / pieces;
+      pen.globalAlpha = fading ? 0.75 * age * age : 0.45;
+      pen.lineWidth = thin * (fading ? 0.8 + 1.8 * age : 1.3);
+      const first = Math.floor(n / pieces * (path.length - 1));
+      const last = Math.floor((n + 1) / pieces * (path.length - 1));
+      pen.lineCap = "butt";
+      pen.beginPath();
+      let gap = true;
+      for (let i = first; i <= last && i < path.length; i++) {
+        const [x, y] = path[i];
+        if (!Number.isFinite(x + y)) { gap = true; continue; }
+        if (gap) pen.moveTo(x, y); else pen.lineTo(x, y);
+        gap = false;
+      }
+      pen.stroke();
+    }
+    pen.globalAlpha = 1;
+    pen.lineCap = "round";
+  }
+
+  links(places, dots) {
+    const {pen, run, ink} = this;
+    for (const link of run.links) {
+      const [i, j] = link.ends, a = dots[i], b = dots[j];
+      if (![...a, ...b].every(Number.isFinite)) continue;
+      if (run.points[i].fixed && run.points[j].fixed) { this.ground(a, b); continue; }
+      pen.strokeStyle = ink.rod;
+      pen.lineWidth = Math.max(1.5, Math.min(4, this.radius * 0.34));
+      if (link.kind === "spring") this.spring(a, b, link);
+      else if (link.kind === "string") this.string(a, b, link, places[i], places[j]);
+      else { this.line([a, b]); pen.stroke(); }
+    }
+  }
+
+  // What joins two fixed points is ground: hatched below.
+  ground(a, b) {
+    const {pen, ink} = this;
+    pen.strokeStyle = ink.ground;
+    pen.lineWidth = 2;
+    this.line([a, b]);
+    pen.stroke();
+    const length = Math.hypot(b[0] - a[0], b[1] - a[1]);
+    if (length < 1) return;
+    const [ux, uy] = [(b[0] - a[0]) / length, (b[1] - a[1]) / length];
+    const side = ux >= 0 ? 1 : -1;
+    pen.lineWidth = 1;
+    for (let s = 8; s <= length; s += 9) {
+      const x = a[0] + s * ux, y = a[1] + s * uy;
+      this.line([[x, y], [x - 7 * ux - 7 * side * uy, y - 7 * uy + 7 * side * ux]]);
+      pen.stroke();
+    }
+  }
+
+  // A link whose length changes: a coil with as many turns at any length.
+  spring(a, b, link) {
+    const {pen, view} = this;
+    const length = Math.hypot(b[0] - a[0], b[1] - a[1]);
+    if (length < 1) return;
+    const [ux, uy] = [(b[0] - a[0]) / length, (b[1] - a[1]) / length];
+    const usual = link.usual * view.scale;
+    const turns = Math.max(5, Math.min(16, Math.round(usual / 15)));
+    const wide = Math.max(3, Math.min(9, 0.055 * usual, 0.9 * this.radius));
+    const lead = 0.1 * length, body = length - 2 * lead, forth = 0.5 * wide;
+    const points = [a];
+    for (let n = 0; n <= turns * 16; n++) {
+      const phase = n / 16 * 2 * Math.PI;
+      const s = lead + forth + (body - 2 * forth) * n / (turns * 16) - forth * Math.cos(phase);
+      const w = wide * Math.sin(phase);
+      points.push([a[0] + s * ux - w * uy, a[1] + s * uy + w * ux]);
+    }
+    points.push(b);
+    pen.lineWidth = Math.max(1.2, Math.min(2, this.radius * 0.2));
+    this.line(points);
+    pen.stroke();
+  }
+
+  // A string hangs where its ends are nearer than it is long.
+  string(a, b, link, from, to) {
+    const {pen, view} = this;
+    const apart = Math.hypot(...from.map((x, k) => x - to[k]));
+    const slack = Math.sqrt(Math.max(0, link.longest ** 2 - apart ** 2));
+    const sag = slack > 1e-3 * link.longest ? 0.86 * slack * view.scale : 0;
+    pen.lineWidth = 1.6;
+    pen.beginPath();
+    pen.moveTo(a[0], a[1]);
+    pen.quadraticCurveTo((a[0] + b[0]) / 2, (a[1] + b[1]) / 2 + sag, b[0], b[1]);
+    pen.stroke();
+  }
+
+  dots(dots) {
+    const {pen, run, view} = this;
+    const order = dots.map((_, k) => k);
+    if (view.space) order.sort((a, b) => dots[a][2] - dots[b][2]);
+    else order.sort((a, b) => !run.points[a].fixed - !run.points[b].fixed);
+    for (const k of order) {
+      const [x, y] = dots[k];
+      if (!Number.isFinite(x + y)) continue;
+      if (run.points[k].fixed) { this.fixed(k, x, y); continue; }
+      pen.beginPath();
+      pen.arc(x, y, this.radius, 0, 7);
+      pen.fillStyle = this.colour(k);
+      pen.fill();
+      pen.lineWidth = 1.5;
+      pen.strokeStyle = this.ink.card;
+      pen.stroke();
+      pen.beginPath();
+      pen.arc(x - 0.3 * this.radius, y - 0.32 * this.radius, 0.28 * this.radius, 0, 7);
+      pen.fillStyle = "rgba(255, 255, 255, .5)";
+      pen.fill();
+    }
+  }
+
+  // A support where something hangs on it or stands on it, else a small square.
+  fixed(k, x, y) {
+    const {pen, ink, view} = this, r = Math.max(3, 0.5 * this.radius);
+    if (this.grounds.has(k)) return;
+    pen.fillStyle = ink.ground;
+    pen.strokeStyle = ink.ground;
+    if (!this.linked.has(k) || view.space) {
+      pen.fillRect(x - r, y - r, 2 * r, 2 * r);
+      return;
+    }
+    const side = this.run.points[k].fixed[1] >= view.middle[1] ? -1 : 1;
+    const [w, h] = [1.9 * r + 5, side * (2 * r + 6)];
+    pen.lineWidth = 1.4;
+    pen.globalAlpha = 0.45;
+    this.line([[x, y], [x - 0.62 * w, y + h], [x + 0.62 * w, y + h]], true);
+    pen.fill();
+    pen.globalAlpha = 1;
+    this.line([[x - w, y + h], [x + w, y + h]]);
+    pen.stroke();
+    pen.lineWidth = 1;
+    for (let s = -w + 2; s <= w + 1; s += 5) {
+      this.line([[x + s, y + h], [x + s - 4, y + h + side * 5]]);
+      pen.stroke();
+    }
+    pen.beginPath();
+    pen.arc(x, y, r, 0, 7);
+    pen.fillStyle = ink.card;
+    pen.fill();
+    pen.lineWidth = 1.6;
+    pen.strokeStyle = ink.rod;
+    pen.stroke();
+  }
+
+  // A ring where something has just struck.
+  marks(t, dots, glow) {
+    const {pen, run} = this;
+    for (const event of run.recent(t, glow)) {
+      const age = (t - event.t) / glow;
+      pen.globalAlpha = 1 - age;
+      pen.strokeStyle = this.ink.force;
+      pen.lineWidth = 3 * (1 - age) + 0.5;
+      for (const k of event.kind === "impact" ? event.points : []) {
+        pen.beginPath();
+        pen.arc(dots[k][0], dots[k][1], this.radius * (1.2 + 2.4 * age), 0, 7);
+        pen.stroke();
+      }
+    }
+    pen.globalAlpha = 1;
+  }
+
+  forces(moment, dots) {
+    const {pen, run, view, ink} = this;
+    if (!run.usual) return;
+    const full = 0.24 * this.size, reach = 1.5 * full;
+    pen.strokeStyle = pen.fillStyle = ink.force;
+    for (const push of run.pushes) {
+      const force = run.force(push, moment);
+      const [x, y] = dots[push.point];
+      if (!force || !Number.isFinite(x + y)) continue;
+      const [dx, dy] = view.along(force).map((c) => c / view.scale * full / run.usual);
+      const length = Math.hypot(dx, dy);
+      if (length < 1.5) continue;
+      const cut = Math.min(1, reach / length);
+      this.arrow(x, y, x + cut * dx, y + cut * dy, cut < 1);
+    }
+    if (this.one) return;
+    const round = stepOf(run.usual, 2);
+    const long = round / run.usual * full, y = view.height - 34;
+    this.arrow(46, y, 46 + long, y, false);
+    pen.fillStyle = ink.dim;
+    pen.font = "12px system-ui, sans-serif";
+    pen.textAlign = "left";
+    pen.textBaseline = "middle";
+    const unit = run.units.force || "";
+    pen.fillText(`constraint force ${written(round, round)} ${unit}`.trim(), 54 + long, y);
+  }
+
+  // One that is longer than shown has a gap in its shaft.
+  arrow(x, y, tox, toy, cut) {
+    const {pen, ink} = this;
+    const length = Math.hypot(tox - x, toy - y), head = Math.min(11, 0.6 * length);
+    const [ux, uy] = [(tox - x) / length, (toy - y) / length];
+    const [bx, by] = [tox - head * ux, toy - head * uy];
+    pen.fillStyle = pen.strokeStyle = ink.force;
+    pen.lineWidth = 2.6;
+    pen.lineCap = "butt";
+    const shaft = (a, b) => {
+      this.line([[x + a * ux, y + a * uy], [x + b * ux, y + b * uy]]);
+      pen.stroke();
+    };
+    const whole = Math.max(0, length - head);
+    if (cut) { shaft(0, 0.6 * whole); shaft(0.6 * whole + 5, whole); } else shaft(0, whole);
+    this.line([[tox, toy], [bx - 0.42 * head * uy, by + 0.42 * head * ux],
+      [bx + 0.42 * head * uy, by - 0.42 * head * ux]], true);
+    pen.fill();
+    pen.lineCap = "round";
+  }
+
+  names(dots) {
+    const {pen, run, ink} = this;
+    pen.font = "12px system-ui, sans-serif";
+    pen.textAlign = "left";
+    pen.textBaseline = "middle";
+    run.points.forEach((point, k) => {
+      const [x, y] = dots[k];
+      if (!Number.isFinite(x + y)) return;
+      pen.lineWidth = 3;
+      pen.strokeStyle = ink.card;
+      pen.strokeText(point.name, x + this.radius + 5, y - this.radius);
+      pen.fillStyle = ink.ink;
+      pen.fillText(point.name, x + this.radius + 5, y - this.radius);
+    });
+  }
+
+  axes() {
+    const {pen, view, ink} = this, x = view.width - 48, y = view.height - 46;
+    pen.font = "12px system-ui, sans-serif";
+    pen.textAlign = "center";
+    pen.textBaseline = "middle";
+    pen.lineWidth = 1.5;
+    for (const [k, name] of ["x", "y", "z"].entries()) {
+      const [dx, dy] = [30 * view.right[k], -30 * view.up[k]];
+      pen.strokeStyle = ink.ground;
+      this.line([[x, y], [x + dx, y + dy]]);
+      pen.stroke();
+      pen.fillStyle = ink.dim;
+      pen.fillText(name, x + 1.3 * dx, y + 1.3 * dy);
+    }
+  }
+}

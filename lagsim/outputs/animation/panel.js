@@ -1,0 +1,245 @@
+// What stands around a picture: energies, the time line, the mouse.
+
+const ENERGIES = {
+  kinetic: ["kinetic", "kinetic"], potential: ["potential", "potential"],
+  lagrangian: ["lagrangian", "potential"], energy: ["energy", "total"], work: ["work", "work"],
+};
+
+// Shape and colour of each kind of event; what it is called.
+const EVENTS = {
+  impact: ["M-4-5H4L0 4Z", "force", "impact"],
+  contact: ["M-4 0a4 4 0 1 0 8 0a4 4 0 1 0-8 0Z", "work", "contact"],
+  release: ["M-3.4 0a3.4 3.4 0 1 0 6.8 0a3.4 3.4 0 1 0-6.8 0", "potential", "release"],
+  stick: ["M-3.5-3.5H3.5V3.5H-3.5Z", "total", "stick"],
+  slip: ["M0-5L4.5 0L0 5L-4.5 0Z", "kinetic", "slip"],
+  zeno: ["M0-5L4 4H-4Z", "total", "at rest"],
+  switch: ["M0-5V5", "dim", "switch"],
+  rank: ["M-3.5-3.5L3.5 3.5M3.5-3.5L-3.5 3.5", "force", "loss of rank"],
+};
+const HOLLOW = new Set(["release", "switch", "rank"]);
+const eventLook = (kind) => EVENTS[kind] || ["M0-5V5", "dim", kind];
+
+function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}
+
+// The least and the greatest energy of a run, or 0.
+function reach(run) {
+  let low = 0, high = 0;
+  for (const values of Object.values(run.energies))
+    for (const value of values)
+      if (Number.isFinite(value)) { low = Math.min(low, value); high = Math.max(high, value); }
+  return [low, high];
+}
+
+class Bars {
+  constructor(run, [low, high]) {
+    this.run = run;
+    this.box = element("aside", {class: "side", "aria-label": "Energies"});
+    [this.low, this.span] = [low, high - low || 1];
+    this.bars = Object.keys(run.energies).filter((name) => name in ENERGIES).map((name) => {
+      const [label, colour] = ENERGIES[name];
+      const value = element("span"), bar = element("i", {style: `background: var(--${colour})`});
+      const zero = element("u", {style: `--zero: ${-100 * this.low / this.span}%`});
+      const track = element("div", {class: "track", "aria-hidden": "true"}, bar, zero);
+      this.box.append(element("div", {class: "bar"},
+        element("b", {}, label), value, track));
+      return {name, value, bar};
+    });
+  }
+
+  show(moment) {
+    const part = (value) => 100 * Math.min(1, Math.max(0, (value - this.low) / this.span));
+    const unit = this.run.units.energy || "";
+    for (const {name, value, bar} of this.bars) {
+      const now = this.run.energy(name, moment);
+      const [from, to] = [part(Math.min(0, now)), part(Math.max(0, now))];
+      bar.style.setProperty("--from", `${from}%`);
+      bar.style.setProperty("--long", `${to - from}%`);
+      value.textContent = `${short(now)} ${unit}`.trim();
+    }
+  }
+}
+
+class TimeLine {
+  constructor(canvas, runs, seek) {
+    Object.assign(this, {canvas, runs, seek});
+    this.pen = canvas.getContext("2d");
+    this.start = Math.min(...runs.map((run) => run.start));
+    this.end = Math.max(...runs.map((run) => run.end));
+    const horizons = runs.map((run) => run.horizon).filter((t) => t !== null);
+    this.horizon = horizons.length ? Math.min(...horizons) : null;
+    this.marks = Object.keys(EVENTS).concat("").flatMap((kind) => {
+      const found = runs.flatMap((run) => run.events)
+        .filter((e) => kind ? e.kind === kind : !(e.kind in EVENTS));
+      return found.length ? [{kind: kind || found[0].kind, times: found.map((e) => e.t)}] : [];
+    });
+    canvas.setAttribute("aria-valuemin", this.start);
+    canvas.setAttribute("aria-valuemax", this.end);
+    const follow = (event) => seek(this.time(event.offsetX));
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      follow(event);
+    });
+    canvas.addEventListener("pointermove", (event) => { if (event.buttons) follow(event); });
+  }
+
+  x(t) { return 12 + (this.width - 24) * (t - this.start) / (this.end - this.start || 1); }
+
+  time(x) {
+    const part = Math.min(1, Math.max(0, (x - 12) / (this.width - 24)));
+    return this.start + part * (this.end - this.start);
+  }
+
+  resize() {
+    const ratio = window.devicePixelRatio || 1;
+    this.width = Math.max(60, this.canvas.clientWidth);
+    this.height = this.canvas.clientHeight || 66;
+    this.canvas.width = Math.round(this.width * ratio);
+    this.canvas.height = Math.round(this.height * ratio);
+    this.pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  }
+
+  show(t, ink) {
+    const {pen, height} = this, level = height - 25;
+    pen.clearRect(0, 0, this.width, height);
+    if (this.runs.length === 1) this.energy(this.runs[0], level, ink);
+    if (this.horizon !== null) this.unknown(level, ink);
+    const bar = (from, to, colour) => {
+      pen.fillStyle = colour;
+      pen.beginPath();
+      pen.roundRect(this.x(from), level - 3, Math.max(1, this.x(to) - this.x(from)), 6, 3);
+      pen.fill();
+    };
+    bar(this.start, this.end, ink.edge);
+    bar(this.start, t, ink.accent);
+    this.ticks(level, ink);
+    for (const {kind, times} of this.marks) this.mark(kind, times, level, ink);
+    pen.fillStyle = ink.accent;
+    pen.strokeStyle = ink.paper;
+    pen.lineWidth = 2;
+    pen.beginPath();
+    pen.arc(this.x(t), level, 8, 0, 7);
+    pen.fill();
+    pen.stroke();
+    this.canvas.setAttribute("aria-valuenow", t);
+    this.canvas.setAttribute("aria-valuetext", `t = ${short(t)} s`);
+  }
+
+  // How much of the energy is in motion, behind all the rest.
+  energy(run, level, ink) {
+    const values = run.energies.kinetic;
+    if (!values) return;
+    let most = 0;
+    for (const value of values) if (value > most && value < Infinity) most = value;
+    if (!most) return;
+    const {pen} = this, high = level - 12;
+    pen.fillStyle = ink.kinetic;
+    pen.globalAlpha = 0.22;
+    pen.beginPath();
+    pen.moveTo(this.x(run.start), level);
+    for (let x = 12; x <= this.width - 12; x++) {
+      const from = run.frame(this.time(x - 0.5)), to = run.frame(this.time(x + 0.5));
+      let top = values[from];
+      for (let i = from; i <= to; i++) if (values[i] > top) top = values[i];
+      if (Number.isFinite(top)) pen.lineTo(x, level - high * top / most);
+    }
+    pen.lineTo(this.x(run.end), level);
+    pen.fill();
+    pen.globalAlpha = 1;
+  }
+
+  unknown(level, ink) {
+    const {pen} = this, from = this.x(this.horizon), to = this.x(this.end);
+    pen.save();
+    pen.beginPath();
+    pen.rect(from, 2, to - from, level - 2);
+    pen.clip();
+    pen.strokeStyle = ink.ground;
+    pen.globalAlpha = 0.35;
+    pen.lineWidth = 1;
+    for (let x = from - level; x < to; x += 7) {
+      pen.beginPath();
+      pen.moveTo(x, level);
+      pen.lineTo(x + level, 0);
+      pen.stroke();
+    }
+    pen.restore();
+    pen.fillStyle = ink.dim;
+    pen.font = "11px system-ui, sans-serif";
+    pen.textBaseline = "top";
+    pen.textAlign = from > this.width / 2 ? "right" : "left";
+    pen.fillText("no forecast from here on", from + (from > this.width / 2 ? -5 : 5), 3);
+  }
+
+  ticks(level, ink) {
+    const {pen} = this, span = this.end - this.start;
+    if (!(span > 0)) return;
+    const step = stepOf(span, Math.max(2, Math.min(12, this.width / 80)));
+    pen.font = "11px system-ui, sans-serif";
+    pen.textAlign = "center";
+    pen.textBaseline = "top";
+    pen.fillStyle = ink.dim;
+    for (let k = Math.ceil(this.start / step - 1e-9); k * step <= this.end + 1e-9 * span; k++) {
+      const x = this.x(k * step), last = x > this.width - 30;
+      pen.fillRect(Math.round(x), level + 5, 1, 4);
+      pen.fillText(written(k * step, step) + (last ? " s" : ""), last ? x - 4 : x, level + 11);
+    }
+  }
+
+  mark(kind, times, level, ink) {
+    const [shape, colour] = eventLook(kind), {pen} = this, path = new Path2D(shape);
+    pen.fillStyle = pen.strokeStyle = ink[colour];
+    pen.lineWidth = 1.5;
+    let before = -Infinity;
+    for (const t of times) {
+      const x = this.x(t);
+      if (x - before < 1.5) continue;
+      before = x;
+      pen.save();
+      pen.translate(x, level - 11);
+      if (HOLLOW.has(kind)) pen.stroke(path); else pen.fill(path);
+      pen.restore();
+    }
+  }
+}
+
+// Drag moves the plane and turns the space; wheel and two fingers zoom.
+function follow(canvas, view, redraw) {
+  const fingers = new Map();
+  const spread = () => {
+    const [a, b] = [...fingers.values()];
+    return {apart: Math.hypot(a[0] - b[0], a[1] - b[1]), x: (a[0] + b[0]) / 2, y: (a[1] + b[1]) / 2};
+  };
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const before = fingers.get(event.pointerId);
+    if (!before) return;
+    const was = fingers.size === 2 ? spread() : null;
+    fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    if (was) {
+      const now = spread();
+      view.enlarge(now.apart / (was.apart || 1), now.x, now.y);
+      view.move(now.x - was.x, now.y - was.y);
+    } else {
+      const dx = event.offsetX - before[0], dy = event.offsetY - before[1];
+      if (view.space && !event.shiftKey) view.turn(dx * 0.008, dy * 0.008);
+      else view.move(dx, dy);
+    }
+    redraw();
+  });
+  for (const name of ["pointerup", "pointercancel"])
+    canvas.addEventListener(name, (event) => fingers.delete(event.pointerId));
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    view.enlarge(Math.exp(-0.0015 * event.deltaY), event.offsetX, event.offsetY);
+    redraw();
+  }, {passive: false});
+  canvas.addEventListener("dblclick", () => { view.reset(); redraw(); });
+}

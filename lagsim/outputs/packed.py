@@ -1,0 +1,148 @@
+"""Tables in NumPy's and in Parquet's format: spooled, and packed at the end.
+
+Both keep columns one after the other, so the rows go to a file of their own first, in
+the folder of the results, and nothing but blocks of them is ever in memory.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import zipfile
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lagsim.errors import InputError, Problem
+from lagsim.outputs import Format
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
+
+    from lagsim.language.arrays import Floats
+
+    Blocks = Callable[[], Iterator[Floats]]
+    Pack = Callable[[Path, Mapping[str, str], int, Blocks], None]
+
+# Numbers that are packed at once.
+BLOCK = 1 << 20
+# The oldest date that a zip file knows: bytes do not tell when they were written.
+NO_DATE = (1980, 1, 1, 0, 0, 0)
+
+
+class PackedWriter:
+    """Writes rows as they come, as `TableWriter` does; `finish` packs them.
+
+    Raises
+    ------
+    InputError
+        Where Parquet is asked for and cannot be written here.
+    """
+
+    def __init__(self, form: Format, path: Path, units: Mapping[str, str]) -> None:
+        self.rows = 0
+        self.last: float | None = None
+        self._path, self._units = path, units
+        self._pack: Pack = _as_npz
+        if form is Format.PARQUET:
+            arrow()
+            self._pack = _as_parquet
+        self._file = tempfile.TemporaryFile(  # noqa: SIM115  (until `close`)
+            dir=path.parent, buffering=0
+        )
+
+    def add(self, rows: Floats) -> None:
+        """Keep rows (k, at least the columns).
+
+        Raises
+        ------
+        OSError
+            If there is no room for them; then whole rows are kept.
+        """
+        block = np.ascontiguousarray(rows[:, : len(self._units)])
+        left = memoryview(block.tobytes())
+        written = 0
+        try:
+            while written < len(left):
+                written += self._file.write(left[written:])
+        finally:
+            whole = written // (8 * len(self._units))
+            self.rows += whole
+            if whole:
+                self.last = float(block[whole - 1, 0])
+
+    def begin_anew(self) -> None:
+        """Take all rows back."""
+        self._file.seek(0)
+        self._file.truncate()
+        self.rows, self.last = 0, None
+
+    def finish(self) -> None:
+        """Make the table of the rows.
+
+        Raises
+        ------
+        OSError
+            If there is no room for it.
+        """
+        self._pack(self._path, self._units, self.rows, self._blocks)
+
+    def _blocks(self) -> Iterator[Floats]:
+        """Give the rows again, some at a time."""
+        width = len(self._units)
+        many = max(1, BLOCK // width)
+        self._file.seek(0)
+        for start in range(0, self.rows, many):
+            count = min(many, self.rows - start)
+            data = self._file.read(8 * count * width)
+            yield np.frombuffer(data).reshape(count, width)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def arrow() -> Any:
+    """Give pyarrow's module of Parquet.
+
+    Raises
+    ------
+    InputError
+        Where it is not installed.
+    """
+    try:
+        import pyarrow.parquet
+    except ImportError:
+        text = "tables in Parquet need pyarrow, which is not installed"
+        hint = "pip install pyarrow; or take npz, which needs nothing more"
+        raise InputError([Problem("missing-package", text, hint=hint)]) from None
+    return pyarrow.parquet
+
+
+def _as_npz(path: Path, units: Mapping[str, str], rows: int, blocks: Blocks) -> None:
+    """Write an array for each column, as `numpy.savez` would."""
+    head = {"descr": "<f8", "fortran_order": False, "shape": (rows,)}
+    with zipfile.ZipFile(path, "w") as archive:
+        for k, name in enumerate(units):
+            entry = zipfile.ZipInfo(f"{name}.npy", NO_DATE)
+            with archive.open(entry, "w", force_zip64=True) as file:
+                np.lib.format.write_array_header_1_0(file, head)
+                for block in blocks():
+                    file.write(block[:, k].astype("<f8").tobytes())
+
+
+def _as_parquet(
+    path: Path, units: Mapping[str, str], _rows: int, blocks: Blocks
+) -> None:
+    """Write a column for each, with its unit where there is one."""
+    import pyarrow as pa
+
+    fields = [
+        pa.field(name, pa.float64(), False, {"unit": unit} if unit else None)
+        for name, unit in units.items()
+    ]
+    schema = pa.schema(fields)
+    with arrow().ParquetWriter(path, schema) as writer:
+        for block in blocks():
+            arrays = [pa.array(np.ascontiguousarray(x)) for x in block.T]
+            writer.write_table(pa.table(arrays, schema=schema))

@@ -1,0 +1,206 @@
+"""Pieces of work, handed one by one to processes.
+
+A process has one piece at a time, so it is known what one that dies had. It goes when
+its parent goes, however that ends, and leaves signals to it: when the parent closes the
+line between them, runs under way come to an end in order.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections import deque
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    ProcessPoolExecutor,
+    wait,
+)
+from multiprocessing import connection
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+
+from lagsim.run.interrupt import Interrupt
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+    from concurrent.futures import Future
+
+Piece = TypeVar("Piece")
+Found = TypeVar("Found")
+
+# How long a piece may take to end in order once it has been asked to: its pictures are
+# drawn, its files synced.
+GRACE_SECONDS = 10.0
+# How often somebody looks whether the user wants an end.
+GLANCE_SECONDS = 0.1
+
+# That of a process of workers: asked where the parent wants an end.
+_ASKED = Interrupt()
+
+
+class Died:
+    """What comes instead of a result where the process ended that was to give it."""
+
+
+class Crew(NamedTuple):
+    """Who takes pieces: at most `most` at a time; `stop` asks for an end in order."""
+
+    executor: Executor
+    most: int
+    stop: Callable[[], None]
+
+
+def cores() -> int:
+    """Give how many processes this one may keep busy."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class _Processes(ProcessPoolExecutor):
+    """Processes that do not run the script again that this one is running.
+
+    They look for work in lagsim alone; a script without `if __name__ == "__main__"`
+    would begin anew in each.
+    """
+
+    def submit(self, *arguments: Any, **keywords: Any) -> Future[Any]:
+        """Hand out a call; processes begin here."""
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            return super().submit(*arguments, **keywords)
+        finally:
+            sys.modules["__main__"] = main
+
+
+@contextlib.contextmanager
+def processes(most: int) -> Iterator[Crew]:
+    """Give processes of this machine, fresh ones: none inherits threads or locks."""
+    context = multiprocessing.get_context("spawn")
+    theirs, ours = context.Pipe(duplex=False)
+    executor = _Processes(most, context, _enlist, (theirs,))
+    try:
+        yield Crew(executor, most, ours.close)
+    finally:
+        ours.close()
+        executor.shutdown(cancel_futures=True)
+        theirs.close()
+
+
+def _enlist(stop: connection.Connection) -> None:
+    """Begin a process of workers."""
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, signal.SIG_IGN)
+    gc.disable()  # see `cli.entry`; work collects what it has left
+    threading.Thread(target=_watch, args=(stop,), daemon=True).start()
+
+
+def _watch(stop: connection.Connection) -> None:
+    """End what this process does when it is to stop, and then the process."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    if parent.sentinel not in connection.wait([parent.sentinel, stop]):
+        _ASKED.stop()
+        connection.wait([parent.sentinel], GRACE_SECONDS)
+    os._exit(1)
+
+
+def _done(work: Callable[[Piece, Interrupt], Found], piece: Piece) -> Found:
+    return work(piece, _ASKED)
+
+
+def spread(
+    work: Callable[[Piece, Interrupt], Found],
+    pieces: Iterable[Piece],
+    most: int,
+    interrupt: Interrupt,
+    hired: Callable[[int], contextlib.AbstractContextManager[Crew]] = processes,
+) -> Iterator[tuple[int, Found | Died]]:
+    """Do all pieces; give number and result of each as it is done.
+
+    Where a process dies, and others with it, each piece that was under way is done
+    again by a process of its own: the one that dies once more is told as that. After an
+    interrupt no piece is begun, and those under way end in order.
+
+    Parameters
+    ----------
+    work
+        A function of a module, of a piece and an interrupt; it raises nothing.
+    most
+        So many pieces at a time; one at a time is done by this process.
+    hired
+        Gives a crew of so many.
+    """
+    left, suspects = deque(enumerate(pieces)), deque[tuple[int, Piece]]()
+    if most == 1 and hired is processes:
+        while left and not interrupt.asked:
+            number, piece = left.popleft()
+            yield number, work(piece, interrupt)
+    while (left or suspects) and not interrupt.asked:
+        queue, alone = (suspects, True) if suspects else (left, False)
+        with hired(1 if alone else min(most, len(left))) as crew:
+            shift = _Shift(work, crew, queue, interrupt)
+            yield from shift.results()
+        if alone and not interrupt.asked:
+            yield from ((number, Died()) for number, _ in shift.lost)
+        else:
+            suspects += shift.lost
+
+
+class _Shift(Generic[Piece, Found]):
+    """What a crew does until a process of it dies, or all is done.
+
+    Attributes
+    ----------
+    lost : list
+        Number and piece of what was under way when a process died.
+    """
+
+    def __init__(
+        self,
+        work: Callable[[Piece, Interrupt], Found],
+        crew: Crew,
+        queue: deque[tuple[int, Piece]],
+        interrupt: Interrupt,
+    ) -> None:
+        self.work, self.crew, self.queue = work, crew, queue
+        self.interrupt = interrupt
+        self.lost: list[tuple[int, Piece]] = []
+        self._out: dict[Future[Found], tuple[int, Piece]] = {}
+
+    def results(self) -> Iterator[tuple[int, Found]]:
+        """Give what is found, as it comes."""
+        self._hand_out()
+        stopped = False
+        while self._out:
+            done, _ = wait(self._out, GLANCE_SECONDS, FIRST_COMPLETED)
+            if self.interrupt.asked and not stopped:
+                self.crew.stop()
+                stopped = True
+            for future in done:
+                number, piece = self._out.pop(future)
+                try:
+                    yield number, future.result()
+                except BrokenExecutor:
+                    self.lost.append((number, piece))
+            self._hand_out()
+
+    def _hand_out(self) -> None:
+        while not (self.lost or self.interrupt.asked) and self.queue:
+            if len(self._out) == self.crew.most:
+                return
+            number, piece = self.queue.popleft()
+            try:
+                future = self.crew.executor.submit(_done, self.work, piece)
+            except BrokenExecutor:
+                self.lost.append((number, piece))
+                return
+            self._out[future] = number, piece

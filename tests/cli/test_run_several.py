@@ -1,0 +1,166 @@
+"""`lagsim run` of several models: each as if it were run alone."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from lagsim.run.observers.ledger import Ledger
+from tests.cli._results import manifest, names, table
+from tests.cli._scenes import CAPTION, CONTACT, ENDLESS, FALL, PENDULUM
+from tests.support import ROOT
+
+
+def named(name, text=PENDULUM):
+    return f"name: {name}\n{text}"
+
+
+@pytest.fixture
+def three(write):
+    """Give three models: two that run, and between them one whose start is wrong."""
+    for name, text in (("a", PENDULUM), ("b", CAPTION), ("c", CONTACT)):
+        write(named(name, text), f"{name}.yaml")
+    return "a.yaml", "b.yaml", "c.yaml"
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_each_gives_the_bytes_of_a_run_alone(lagsim, three, jobs):
+    called = lagsim("run", *three, "--no-plots", "-o", "all", "-j", jobs)
+    assert called.code == 1  # the worst
+    assert names("all") == ["a", "c"]
+    assert called.err.startswith("b.yaml:\n  inadmissible: b: constraint `path`")
+    head, _, *rows = called.out.splitlines()
+    assert head == "done: 2 of 3 models, in all/NAME"
+    assert [row.split()[:2] for row in rows] == [
+        ["a", "done"], ["b", "inadmissible"], ["c", "done"],
+    ]  # fmt: skip
+    for name in ("a", "c"):
+        assert lagsim("run", f"{name}.yaml", "--no-plots", "-o", "alone").code == 0
+        for file in names("alone"):
+            if file != "run.json":
+                one, other = (Path(x) / file for x in ("alone", f"all/{name}"))
+                assert one.read_bytes() == other.read_bytes()
+        differing = {"timings", "versions"}  # these are of what is loaded
+        one, other = manifest("alone"), manifest(f"all/{name}")
+        assert {k for k in one if one[k] != other[k]} <= differing
+
+
+def test_by_default_each_has_the_folder_of_its_name(lagsim, write):
+    write(named("a"), "1.yaml"), write(named("b"), "2.yaml")
+    called = lagsim("run", "1.yaml", "2.yaml", "--no-plots", "-q", "-j", 1)
+    assert (called.code, called.out, called.err) == (0, "", "")
+    assert names("results") == ["a", "b"]
+
+
+def test_json_is_a_list_in_the_order_of_the_models(lagsim, three):
+    called = lagsim("run", *three, "none.yaml", "--no-plots", "--json", "-j", 1)
+    assert called.code == 2
+    first, second, third, last = called.json
+    assert (first["model"]["name"], third["model"]["name"]) == ("a", "c")
+    assert first == manifest("results/a")
+    assert second["admissible"] is False
+    assert last["errors"][0]["file"] == "none.yaml"
+
+
+def test_a_run_that_cannot_finish_keeps_the_others(lagsim, write):
+    write(named("a", FALL), "a.yaml"), write(named("b"), "b.yaml")
+    called = lagsim("run", "a.yaml", "b.yaml", "--no-plots", "-j", 1)
+    assert called.code == 3
+    assert called.err.startswith("a.yaml:\n  lagsim: ")
+    assert manifest("results/a")["outcome"] == "failed"
+    assert manifest("results/b")["outcome"] == "done"
+
+
+def test_a_fault_of_the_command_line_is_told_once(lagsim, three):
+    called = lagsim("run", *three, "--set", "g", "--no-plots")
+    assert called.code == 2
+    assert called.err.count("a name and an expression are expected") == 1
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_two_of_one_name_are_refused_before_anything_runs(lagsim, write, as_json):
+    (
+        write(named("a"), "1.yaml"),
+        write(named("b"), "2.yaml"),
+        write(named("a"), "3.yaml"),
+    )
+    more = ["--json"] if as_json else []
+    called = lagsim("run", "1.yaml", "2.yaml", "3.yaml", "--no-plots", *more)
+    assert called.code == 2
+    text = "1.yaml and 3.yaml have one name, `a`"
+    assert text in (called.json["errors"][0]["text"] if as_json else called.err)
+    assert not Path("results").exists()
+
+
+def test_an_unforeseen_fault_of_one_keeps_the_others(lagsim, three, monkeypatch):
+    def add(self, rows):
+        if "theta" in self.columns:
+            raise RuntimeError("unforeseen")
+        return taken(self, rows)
+
+    def begin(self, columns):
+        self.columns = columns
+        return begun(self, columns)
+
+    taken, begun = Ledger.add, Ledger.__init__
+    monkeypatch.setattr(Ledger, "add", add)
+    monkeypatch.setattr(Ledger, "__init__", begin)
+    called = lagsim("run", *three, "--no-plots", "-j", 1)
+    assert called.code == 70
+    assert "RuntimeError: unforeseen" in called.err
+    assert "a bug in lagsim" in called.err
+    assert names("results") == ["a", "c"]  # the folder of the first stays empty
+    assert names("results/a") == []
+    assert manifest("results/c")["complete"]
+
+
+@pytest.mark.usefixtures("heeded_signals")
+def test_an_interrupt_ends_the_one_that_runs_and_begins_no_other(
+    lagsim, write, monkeypatch
+):
+    def add(self, rows):
+        signal.raise_signal(signal.SIGINT)
+        return taken(self, rows)
+
+    taken = Ledger.add
+    monkeypatch.setattr(Ledger, "add", add)
+    write(named("a", ENDLESS), "a.yaml"), write(named("b"), "b.yaml")
+    called = lagsim("run", "a.yaml", "b.yaml", "--no-plots", "-j", 1)
+    assert called.code == 130
+    assert manifest("results/a")["outcome"] == "interrupted"
+    assert names("results") == ["a"]
+    assert called.out.splitlines()[-1].split() == ["b", "not", "begun"]
+
+
+@pytest.mark.usefixtures("heeded_signals")
+@pytest.mark.parametrize(
+    "kind", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM]
+)
+def test_a_signal_ends_all_processes_with_whole_files(write, tmp_path, kind):
+    write(named("a", ENDLESS), "a.yaml"), write(named("b", ENDLESS), "b.yaml")
+    command = [sys.executable, "-m", "lagsim", "run", "a.yaml", "b.yaml", "-j", "2"]
+    run = subprocess.Popen(
+        [*command, "--no-plots"], cwd=tmp_path, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    tables = [tmp_path / "results" / x / ".lagsim-trajectory.csv.part" for x in "ab"]
+    end = time.monotonic() + 60.0
+    while time.monotonic() < end:
+        if all(x.exists() and x.stat().st_size > 1000 for x in tables):
+            break
+        time.sleep(0.02)
+    run.send_signal(kind)
+    _, err = run.communicate(timeout=60.0)
+    assert run.returncode == 128 + kind
+    assert err.count("interrupted") == 2
+    for name in "ab":
+        folder = tmp_path / "results" / name
+        assert names(folder) == ["run.json", "trajectory.csv"]
+        assert len(table(folder)[1]) == manifest(folder)["rows"]

@@ -1,0 +1,344 @@
+"""Reactions against closed forms, explicit constraints, and rates of momentum."""
+
+from __future__ import annotations
+
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lagsim.errors import InputError
+from lagsim.model.reader import read
+from lagsim.run.session import check
+from tests.support import at_outputs, ready, run
+
+G = 9.81
+PENDULUM = """
+parameters: {m: 1.5, l: 1.1, g: 9.81}
+coordinates: {a: {unit: rad}}
+definitions:
+  x: l*sin(a)
+  y: -l*cos(a)
+  unused: 2*a
+  tension: -(reaction.x*x + reaction.y*y)/l
+energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
+initial: {a: 1, a_dot: 0.5}
+simulation: {duration: 3, output_step: 0.05}
+output:
+  reactions: [x, unused, y]
+  plots: [{x: t, y: "hypot(reaction.x, reaction.y)"}]
+"""
+
+
+def at_rows(model: Any, **options: Any) -> dict[str, Any]:
+    """Give the columns of a run by name."""
+    r = run(model, **options)
+    return {name: r[name] for name in r.system.columns.names}
+
+
+def at_start(text: str, **values: float) -> dict[str, float]:
+    """Give the columns at a start, for other values of start and parameters."""
+    session = ready(read(text, "model.yaml").bind(**values))
+    runner = session.system.link("dop853")
+    runner.prepare()
+    start = session.case.start
+    row = runner.function("observe")(start.t, session.system.begin(start))
+    return dict(zip(session.system.columns.names, row, strict=False))
+
+
+def test_the_rod_of_a_pendulum():
+    # Newton: T - m g cos(a) = m l a'^2.
+    r = at_rows(PENDULUM)
+    T = 1.5 * G * np.cos(r["a"]) + 1.5 * 1.1 * r["a_dot"] ** 2
+    assert r["tension"] == pytest.approx(T, rel=1e-12)
+    # Along the rod, towards the pivot; of x'' and y'' it is all but the weight.
+    assert r["reaction.x"] == pytest.approx(-T * np.sin(r["a"]), rel=1e-11, abs=1e-12)
+    assert r["reaction.y"] == pytest.approx(T * np.cos(r["a"]), rel=1e-11)
+    assert r["plot.0.y"] == pytest.approx(T, rel=1e-12)
+    assert not r["reaction.unused"].any()
+
+
+def test_they_stand_last_in_the_table_and_change_no_other_column():
+    formula = "hypot(reaction.x, reaction.y)"
+    plain = PENDULUM.replace("  reactions: [x, unused, y]\n", "")
+    plain = plain.replace("  tension: -(reaction.x*x + reaction.y*y)/l\n", "")
+    asked, others = run(PENDULUM), at_rows(plain.replace(formula, "a"))
+    columns = asked.system.columns
+    names = columns.names[: columns.table]
+    assert names[-3:] == ("reaction.x", "reaction.unused", "reaction.y")
+    shared = [name for name in names if name in others]
+    assert len(shared) == len(names) - 4
+    for name in shared:
+        assert np.array_equal(asked[name], others[name])
+
+
+def test_the_string_of_an_atwood_machine():
+    r = at_rows("""
+parameters: {m1: 3, m2: 2, l: 4, g: 9.81}
+coordinates: {s: {}}
+definitions: {y1: -s, y2: s - l}
+energy: {kinetic: (m1*y1_dot^2 + m2*y2_dot^2)/2, potential: g*(m1*y1 + m2*y2)}
+initial: {s: 1}
+simulation: {duration: 1}
+output: {reactions: [y1, y2]}
+""")
+    T = 2 * 3 * 2 * G / (3 + 2)
+    assert r["reaction.y1"] == pytest.approx(T, rel=1e-12)
+    assert r["reaction.y2"] == pytest.approx(T, rel=1e-12)
+
+
+def test_a_pivot_that_is_moved_does_the_work():
+    r = at_rows("""
+parameters: {m: 1.5, l: 1.1, g: 9.81, A: 0.2, w: 7}
+coordinates: {a: {}}
+definitions:
+  px: A*sin(w*t)
+  py: 2*A*cos(2*w*t)
+  x: px + l*sin(a)
+  y: py - l*cos(a)
+energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
+initial: {a: 1}
+simulation: {duration: 2, output_step: 0.001}
+output: {reactions: [x, py, px]}
+""")
+    a, w, e = r["a"], r["a_dot"], r["a_ddot"]
+    x2 = -0.2 * 49 * np.sin(7 * r["t"]) + 1.1 * (np.cos(a) * e - np.sin(a) * w**2)
+    y2 = -0.4 * 196 * np.cos(14 * r["t"]) + 1.1 * (np.sin(a) * e + np.cos(a) * w**2)
+    scale = 1.5 * 0.4 * 196
+    for name, force in (
+        ("x", 1.5 * x2),
+        ("px", 1.5 * x2),
+        ("py", 1.5 * (y2 + G)),
+    ):
+        assert r[f"reaction.{name}"] == pytest.approx(force, abs=1e-12 * scale)
+    # The power of what holds the pivot; the trapezium's error is h^2/12 of its slopes.
+    vx, vy = 0.2 * 7 * np.cos(7 * r["t"]), -0.4 * 14 * np.sin(14 * r["t"])
+    power = r["reaction.px"] * vx + r["reaction.py"] * vy
+    energy = r["kinetic"] + r["potential"]
+    done = np.sum((power[1:] + power[:-1]) / 2 * np.diff(r["t"]))
+    assert energy[-1] - energy[0] == pytest.approx(
+        done, abs=2e-5 * np.max(np.abs(power))
+    )
+
+
+DOUBLE = """
+parameters: {m1: 1.5, m2: 0.7, l1: 1.1, l2: 0.8, g: 9.81}
+coordinates: {a: {}, b: {}}
+definitions:
+  x1: l1*sin(a)
+  y1: -l1*cos(a)
+  x2: x1 + l2*sin(b)
+  y2: y1 - l2*cos(b)
+energy:
+  kinetic: m1*(x1_dot^2 + y1_dot^2)/2 + m2*(x2_dot^2 + y2_dot^2)/2
+  potential: g*(m1*y1 + m2*y2)
+initial: {a: 0, b: 0}
+simulation: {duration: 3}
+output: {reactions: [x1, y1, x2, y2]}
+"""
+CARTESIAN = """
+parameters: {m1: 1.5, m2: 0.7, l1: 1.1, l2: 0.8, g: 9.81, a: 0, b: 0, va: 0, vb: 0}
+coordinates: {x1: {}, y1: {}, x2: {}, y2: {}}
+energy:
+  kinetic: m1*(x1_dot^2 + y1_dot^2)/2 + m2*(x2_dot^2 + y2_dot^2)/2
+  potential: g*(m1*y1 + m2*y2)
+constraints:
+  one: x1^2 + y1^2 = l1^2
+  two: (x2 - x1)^2 + (y2 - y1)^2 = l2^2
+initial:
+  x1: l1*sin(a)
+  y1: -l1*cos(a)
+  x2: x1 + l2*sin(b)
+  y2: y1 - l2*cos(b)
+  x1_dot: l1*cos(a)*va
+  y1_dot: l1*sin(a)*va
+  x2_dot: x1_dot + l2*cos(b)*vb
+  y2_dot: y1_dot + l2*sin(b)*vb
+simulation: {duration: 3}
+"""
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_both_rods_of_a_double_pendulum_against_cartesian_multipliers(seed):
+    a, b, va, vb = np.random.default_rng(seed).uniform(-3, 3, 4)
+    ours = at_start(DOUBLE, a=a, b=b, a_dot=va, b_dot=vb)
+    theirs = at_start(CARTESIAN, a=a, b=b, va=va, vb=vb)
+    for c in "xy":
+        inner = 2 * theirs["lambda_one"] * theirs[f"{c}1"]
+        outer = 2 * theirs["lambda_two"] * (theirs[f"{c}2"] - theirs[f"{c}1"])
+        # What hangs on x1 is both bobs: the inner rod holds it.
+        assert ours[f"reaction.{c}1"] == pytest.approx(inner, rel=1e-10, abs=1e-10)
+        assert ours[f"reaction.{c}2"] == pytest.approx(outer, rel=1e-10, abs=1e-10)
+
+
+def test_what_a_reaction_is_does_not_hang_on_what_else_is_asked_for():
+    both = at_start(DOUBLE, a=1, b=2, a_dot=0.3, b_dot=-0.7)
+    for name in ("x1", "y1", "x2", "y2"):
+        text = DOUBLE.replace("[x1, y1, x2, y2]", f"[{name}]")
+        alone = at_start(text, a=1, b=2, a_dot=0.3, b_dot=-0.7)
+        column = f"reaction.{name}"
+        assert alone[column] == pytest.approx(both[column], rel=1e-12)
+
+
+def test_external_forces_make_the_momentum():
+    r = at_rows(DOUBLE.replace("a: 0, b: 0}", "a: 1, b: -0.5}") + """
+forces: {x2: -0.4*x2_dot, y1: 3*sin(5*t)}
+""", output_step=0.001)  # fmt: skip
+    px, py = (1.5 * rate(r, f"{c}1") + 0.7 * rate(r, f"{c}2") for c in "xy")
+    drag = -0.4 * rate(r, "x2")
+    # What central differences of the momenta miss is h^2/6 of their third derivatives.
+    for p, force in (
+        (px, r["reaction.x1"] + drag),
+        (py, r["reaction.y1"] + 3 * np.sin(5 * r["t"]) - G * (1.5 + 0.7)),
+    ):
+        slope = (p[2:] - p[:-2]) / 0.002
+        assert slope == pytest.approx(force[1:-1], abs=1e-4 * np.max(np.abs(force)))
+
+
+def rate(r: dict[str, Any], name: str) -> Any:
+    """Give the rate of a bob's place in DOUBLE, by hand."""
+    turn = np.cos if name[0] == "x" else np.sin
+    inner = 1.1 * turn(r["a"]) * r["a_dot"]
+    return inner + 0.8 * turn(r["b"]) * r["b_dot"] * (name[1] == "2")
+
+
+# The same twice: with x and y as definitions whose reactions are asked for, and as
+# coordinates that constraints hold.
+IMPLICIT = """
+coordinates: {th: {}, u: {}}
+definitions: {x: (l + u)*sin(th) + c*t^2, y: -(l + u)*cos(th)}
+output: {reactions: [x, y]}
+constraints:
+"""
+EXPLICIT = """
+coordinates: {th: {}, u: {}, x: {}, y: {}}
+constraints:
+  hold_x: x = (l + u)*sin(th) + c*t^2
+  hold_y: y = -(l + u)*cos(th)
+"""
+GUESSED = ", ".join(f"{name}: {{guess: 0.1}}" for name in ("x", "y", "x_dot", "y_dot"))
+PARTS = """
+parameters: {l: 1, k: 40, g: 9.81, c: 0.1, mu: 0.3, r: 0.4}
+forces:
+  x: 2*sin(3*t) - 0.1*x_dot
+  u: -0.3*u_dot
+simulation: {duration: 1.5, output_step: 0.01}
+"""
+PLAIN = "kinetic: (x_dot^2 + y_dot^2)/2 + r*u_dot^2, potential: g*y + k*u^2/2"
+SPINNING = "(x_dot^2 + y_dot^2)/2 + r*u_dot^2 + x*y_dot - y*x_dot - g*y - k*u^2/2"
+FLOOR = "y >= -0.9, restitution: 0.5, friction: mu, slip: x_dot"
+REST = "th: 1, u: 0"
+PATH = "th: 1, th_dot: 0.5, u: {guess: 0}, u_dot: {guess: 0}"
+ROLL = "th: 1, th_dot: 0.5, u: 0, u_dot: {guess: 0}"
+# Energies, constraints, start.
+SCENES = {
+    "dissipation": (f"{PLAIN}, dissipation: c*(x_dot - u_dot)^2 + c*y_dot^4", "", REST),
+    "lagrangian": (f"lagrangian: {SPINNING}", "", REST),
+    "path": (PLAIN, "path: u = 0.2*x^2 - y^3/9", PATH),
+    "slip": (PLAIN, "roll: x_dot*cos(th) = 0.3*y_dot + u_dot", ROLL),
+    "limit": (PLAIN, "brake: {relation: x_dot = 0, limit: 3}", REST),
+    "floor": (PLAIN, f"floor: {{relation: {FLOOR}}}", REST),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_against_the_multipliers_of_explicit_constraints(name):
+    energy, constraint, start = SCENES[name]
+    parts = f"  {constraint}\n{PARTS}\nenergy: {{{energy}}}\n"
+    ours = at_rows(f"{IMPLICIT}{parts}initial: {{{start}}}\n")
+    theirs = at_rows(f"{EXPLICIT}{parts}initial: {{{start}, {GUESSED}}}\n")
+    assert len(ours["t"]) == len(theirs["t"]) > 100
+    # The two rows of an impact lie at times that are known to rounding only.
+    apart = at_outputs(ours["t"], 0.0, 0.01)
+    assert ours["th"] == pytest.approx(theirs["th"], abs=1e-10)
+    for c in "xy":
+        one, other = ours[f"reaction.{c}"], theirs[f"lambda_hold_{c}"]
+        size = np.max(np.abs(other[apart]))
+        assert size > 1
+        # As near as the two motions are.
+        assert one[apart] == pytest.approx(other[apart], abs=1e-10 * size)
+
+
+CURVE = """
+parameters: {l: 1, g: 9.81, M: 2}
+coordinates: {theta: {}, u: {}, z: {}}
+definitions: {x: (l + u)*sin(theta), y: -(l + u)*cos(theta)}
+energy: {kinetic: M*(x_dot^2 + y_dot^2)/2 + z_dot^2, potential: M*g*y}
+constraints: {path: u = l - l*theta^2}
+initial: {theta: 1, u: 0, z: 0, z_dot: 1}
+simulation: {duration: 1, output_step: 0.01}
+output: {reactions: [x, y]}
+"""
+
+
+USED = {
+    "elimination": "reduction.eliminated",
+    "projection": "formulation",
+    "baumgarte": "gain",
+    "ignorable": "reduction.ignored",
+    "apart": "parts",
+}
+
+
+@pytest.mark.parametrize("formulation", USED)
+def test_however_the_equations_are_integrated(formulation):
+    r = run(CURVE, formulation=formulation)
+    assert attrgetter(USED[formulation])(r.plan)
+    # M x'' = R_x, M y'' = R_y - M g, with x'' and y'' from their definitions by hand.
+    s, c, w, e = np.sin(r["theta"]), np.cos(r["theta"]), r["theta_dot"], r["theta_ddot"]
+    arm, along, turning = 1 + r["u"], r["u_ddot"], 2 * r["u_dot"] * w
+    x = along * s + turning * c + arm * (e * c - w**2 * s)
+    y = -along * c + turning * s + arm * (e * s + w**2 * c)
+    assert r["reaction.x"] == pytest.approx(2 * x, rel=1e-11, abs=1e-10)
+    assert r["reaction.y"] == pytest.approx(2 * y + 2 * G, rel=1e-11, abs=1e-10)
+
+
+def test_by_loops_too():
+    straight, loops = at_rows(CURVE), at_rows(CURVE, loops=True)
+    for name in ("reaction.x", "reaction.y"):
+        assert straight[name] == pytest.approx(loops[name], rel=1e-8, abs=1e-8)
+
+
+def test_dry_friction_that_holds_is_in_it():
+    # Pulled by 2 < mu m g it sticks: friction is -2, which what is pulled transmits.
+    r = at_rows("""
+parameters: {m: 1, g: 9.81, mu: 0.4}
+coordinates: {q: {}}
+definitions: {x: 2*q}
+energy: {kinetic: m*q_dot^2/2, potential: 0}
+forces: {x: -mu*m*g*sign(x_dot), q: 4}
+initial: {q: 0}
+simulation: {duration: 1}
+output: {reactions: [x]}
+""")
+    assert np.max(np.abs(r["q"])) < 1e-12
+    assert r["reaction.x"][1:] == pytest.approx(2.0, rel=1e-12)
+
+
+def test_other_parameters_bind_it_anew():
+    heavier = at_start(PENDULUM, m=3)
+    assert heavier["tension"] == pytest.approx(2 * at_start(PENDULUM)["tension"])
+
+
+def test_what_nothing_is_written_with_is_told():
+    found = check(read(PENDULUM, "model.yaml"))[0].examined.warnings
+    [told] = [w for w in found if w.code == "reaction-zero"]
+    assert "`reaction.unused`" in told.text
+
+
+def test_multipliers_of_other_relations_are_refused():
+    # q^2 = 0 is met as q = 0; with x apart x*q = 0 is no multiple root.
+    model = read("""
+coordinates: {q: {}, z: {}}
+definitions: {x: q}
+energy: {kinetic: (x_dot^2 + z_dot^2)/2, potential: 0}
+constraints: {c: x*q = 0}
+initial: {q: 0, z: 0}
+simulation: {duration: 1}
+output: {reactions: [x]}
+""", "model.yaml")  # fmt: skip
+    with pytest.raises(InputError) as told:
+        ready(model)
+    [problem] = told.value.problems
+    assert (problem.code, problem.line) == ("multiple-root", 5)

@@ -1,0 +1,139 @@
+"""Tables in NumPy's and Parquet's formats: to the bit, in blocks, and never half."""
+
+from __future__ import annotations
+
+import errno
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from lagsim.errors import InputError
+from lagsim.outputs import Format, packed
+from lagsim.outputs.table import table_writer
+
+UNITS = {"t": "s", "theta": "rad", "reaction.x": "", "u": "m"}
+ROWS = np.random.default_rng(3).standard_normal((100, 6))
+ROWS[5, 1:4] = np.nan, -0.0, 5e-324
+
+
+def written(path, form, *, again=False):
+    writer = table_writer(form, path, UNITS, show_units=False)
+    if again:
+        writer.add(ROWS[::-1])
+        writer.begin_anew()
+    for start in range(0, 100, 13):
+        writer.add(ROWS[start : start + 13])
+    writer.finish()
+    writer.close()
+    assert (writer.rows, writer.last) == (100, ROWS[-1, 0])
+    return path
+
+
+def columns_of(path):
+    if path.suffix == ".npz":
+        with np.load(path, allow_pickle=False) as found:
+            return {name: found[name] for name in found.files}
+    parquet = pytest.importorskip("pyarrow.parquet", reason="needs pyarrow")
+    table = parquet.read_table(path)
+    assert [f.metadata for f in table.schema] == [
+        {b"unit": b"s"}, {b"unit": b"rad"}, None, {b"unit": b"m"},
+    ]  # fmt: skip
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+@pytest.mark.parametrize("form", [Format.NPZ, Format.PARQUET])
+def test_columns_come_back_to_the_bit(tmp_path, monkeypatch, form):
+    if form is Format.PARQUET:
+        pytest.importorskip("pyarrow.parquet", reason="needs pyarrow")
+    paths = [tmp_path / f"{k}.{form}" for k in range(3)]
+    written(paths[0], form)
+    monkeypatch.setattr(packed, "BLOCK", 30)  # seven rows
+    written(paths[1], form)
+    written(paths[2], form, again=True)
+    for path in paths:
+        found = columns_of(path)
+        assert list(found) == list(UNITS)
+        for k, values in enumerate(found.values()):
+            assert values.tobytes() == ROWS[:, k].tobytes()
+    assert paths[1].read_bytes() == paths[2].read_bytes()
+    # What it was spooled to is gone.
+    assert sorted(tmp_path.iterdir()) == paths
+
+
+def test_no_rows_are_no_fault(tmp_path):
+    writer = table_writer(Format.NPZ, tmp_path / "t.npz", UNITS, show_units=False)
+    writer.add(ROWS[:0])
+    writer.finish()
+    writer.close()
+    assert [x.shape for x in columns_of(tmp_path / "t.npz").values()] == [(0,)] * 4
+
+
+class Full:
+    """A file on a disk with room for so many bytes more."""
+
+    def __init__(self, file, room):
+        self.file, self.room = file, room
+
+    def write(self, data):
+        if not self.room:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        part = data[: self.room]
+        self.room -= len(part)
+        return self.file.write(part)
+
+    def __getattr__(self, name):
+        return getattr(self.file, name)
+
+
+def test_a_full_disk_leaves_whole_rows(tmp_path):
+    path = tmp_path / "t.npz"
+    writer = table_writer(Format.NPZ, path, UNITS, show_units=False)
+    writer.add(ROWS[:2])
+    writer._file = Full(writer._file, 3 * 8 * len(UNITS) + 17)
+    with pytest.raises(OSError, match="No space left"):
+        writer.add(ROWS[2:])
+    assert (writer.rows, writer.last) == (5, ROWS[4, 0])
+    writer.finish()
+    writer.close()
+    assert np.array_equal(columns_of(path)["u"], ROWS[:5, 3])
+
+
+def test_parquet_says_what_it_needs(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    with pytest.raises(InputError) as told:
+        table_writer(Format.PARQUET, tmp_path / "t", UNITS, show_units=False)
+    [problem] = told.value.problems
+    assert problem.code == "missing-package"
+    assert "pip install pyarrow" in problem.hint
+    assert not list(tmp_path.iterdir())
+
+
+PEAK = """
+import resource, sys
+import numpy as np
+from pathlib import Path
+from lagsim.outputs import Format
+from lagsim.outputs.table import table_writer
+names = dict.fromkeys(["t", *(f"c{k}" for k in range(14))], "")
+writer = table_writer(Format.NPZ, Path(sys.argv[2]), names, show_units=False)
+block = np.random.default_rng(1).standard_normal((2000, 15))
+for _ in range(int(sys.argv[1])):
+    writer.add(block)
+writer.finish()
+writer.close()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no resource module")
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_rows(tmp_path):
+    peaks = []
+    for blocks in (5, 500):  # 10^4 and 10^6 rows, 120 MB
+        command = [sys.executable, "-c", PEAK, str(blocks), str(tmp_path / "t.npz")]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        peaks.append(int(done.stdout) * (1 if sys.platform == "darwin" else 1024))
+    assert peaks[1] - peaks[0] < 50e6

@@ -1,0 +1,126 @@
+"""What the page draws, asked of a real browser, against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import lagsim
+from lagsim.outputs import animation
+from tests.outputs.browser import needs_browser, shown
+from tests.support import MODELS
+
+pytestmark = needs_browser
+
+# Numbers of a page have 24 bits.
+ROUNDED = 2.0**-23
+# Rows so far apart that a straight line between them would be off by step^2/8 = 0.03.
+SPRING = """\
+coordinates: {q: {unit: m}}
+definitions: {x: q, y: 2*q}
+energy: {kinetic: q_dot^2/2, potential: q^2/2}
+initial: {q: 1}
+simulation: {duration: 10, output_step: 0.5}
+"""
+# Falls from 4.9 m in 1 s, and rises again with half of the speed for 0.5 s.
+BALL = """\
+coordinates: {y: {unit: m}}
+energy: {kinetic: y_dot^2/2, potential: 9.8*y}
+constraints: {floor: {relation: y >= 0, restitution: 0.5}}
+initial: {y: 4.9}
+simulation: {duration: 1.9, output_step: 0.3}
+scene: {points: {ball: [0, y], floor: [0, 0]}}
+"""
+CIRCLE = """\
+parameters: {r: 3}
+coordinates: {a: }
+energy: {kinetic: a_dot^2/2, potential: 0}
+initial: {a: 0, a_dot: 1}
+simulation: {start: 1, end: 7, output_step: 0.1}
+scene: {points: {hub: [0, 0, 1], rim: [r*cos(a), r*sin(a), 1]}, links: [[hub, rim]]}
+"""
+
+
+def written(text, folder):
+    result = lagsim.simulate(lagsim.load(text), error_bar="never")
+    result.write(folder, plots=False, animate=True)
+    assert "animation.html" in result_files(folder)
+    return folder / "animation.html"
+
+
+def result_files(folder):
+    return {path.name for path in folder.iterdir()}
+
+
+def test_between_rows(tmp_path):
+    page = written(SPRING, tmp_path / "results")
+    t, points = shown(page, tmp_path / "home", "#t=2.3")
+    assert t == 2.3
+    x, y = points["point"]
+    # Hermite's cubic is off by at most step^4/384 of the fourth derivative.
+    assert math.isclose(x, math.cos(2.3), abs_tol=0.5**4 / 384)
+    assert math.isclose(y, 2 * math.cos(2.3), abs_tol=2 * 0.5**4 / 384)
+
+
+def test_beside_an_impact(tmp_path):
+    page = written(BALL, tmp_path / "results")
+    # 0.05 s after it, between the impact at 1 s and the row at 1.2 s: a parabola, which
+    # a cubic meets; across the impact it would be far off.
+    _, points = shown(page, tmp_path / "home", "#t=1.05")
+    assert points["floor"] == [0, 0]
+    expected = 4.9 * 0.05 - 4.9 * 0.05**2
+    assert math.isclose(points["ball"][1], expected, abs_tol=4.9 * ROUNDED)
+
+
+def test_in_space_and_at_the_ends(tmp_path):
+    page = written(CIRCLE, tmp_path / "results")
+    t, points = shown(page, tmp_path / "home", "#t=100")
+    assert t == 7.0
+    assert points["hub"] == [0, 0, 1]
+    expected = [3 * math.cos(6), 3 * math.sin(6), 1]
+    assert np.allclose(points["rim"], expected, rtol=ROUNDED, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("moment", [1.5, 3.0])
+def test_every_model_with_a_scene(tmp_path, moment):
+    """All on one page: small enough each, and where their rows say."""
+    runs, expected = [], {}
+    for path in sorted(MODELS.glob("*.yaml")):
+        model = lagsim.load(path)
+        if not animation.stage(model).points:
+            continue
+        result = lagsim.simulate(model, error_bar="never")
+        result.write(tmp_path / model.name, plots=False, animate=True)
+        content = (tmp_path / model.name / "animation.html").read_text("utf-8")
+        assert len(content.encode()) < 3e6
+        runs += animation.recorded(content)
+        expected |= places(result, model, moment)
+    assert len(runs) >= 27
+    page = tmp_path / "all.html"
+    page.write_bytes(animation.page(runs, "all"))
+    t, points = shown(page, tmp_path / "home", f"#t={moment!r}")
+    assert t == moment
+    moved = {name: place for name, place in expected.items() if place is not None}
+    assert len(moved) > 60
+    for name, place in moved.items():
+        size = max(1e-3, *map(abs, place))
+        assert np.allclose(points[name], place, rtol=0, atol=4 * ROUNDED * size), name
+
+
+def places(result, model, t):
+    """Give where the points of a result are, if it has a row then, or has ended."""
+    rows = result._rows
+    row = min(np.searchsorted(rows[:, 0], t - 1e-9), len(rows) - 1)
+    there = rows[row, 0] >= t or row == len(rows) - 1
+    near = abs(rows[row, 0] - t) < 1e-9 or row == len(rows) - 1
+    names = result._made.session.system.columns.names
+    found = {}
+    for name, parts in animation.stage(model).points.items():
+        columns = [f"point.{name}.{k + 1}" for k in range(len(parts))]
+        known = near and there and set(columns) <= set(names)
+        place = [float(rows[row, names.index(c)]) for c in columns] if known else None
+        found[f"{model.name}/{name}"] = place
+    return found

@@ -1,0 +1,93 @@
+"""README.md and docs/ as data: blocks that are set apart, headings, links, commands."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from typing import TYPE_CHECKING, NamedTuple
+
+from tests.support import ROOT
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+PAGES = ("README.md", *(f"docs/{p.name}" for p in sorted((ROOT / "docs").glob("*.md"))))
+_FENCED = re.compile(r"^( *)```(\w*)[^\n]*\n(.*?)^ *```$", re.DOTALL | re.MULTILINE)
+_INDENTED = re.compile(r"(?:^\n)(?:^    .*\n|^\n)+", re.MULTILINE)
+
+
+class Block(NamedTuple):
+    """A piece of a page that is set apart; `kind` is what its fence says."""
+
+    page: str
+    kind: str
+    text: str
+
+    @property
+    def name(self) -> str:
+        """Its first line, for the names of tests."""
+        return f"{self.page}: {self.text.partition(chr(10))[0]}"
+
+
+def text_of(page: str) -> str:
+    """Read a page by its path from the root."""
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def blocks(page: str) -> list[Block]:
+    """Give the fenced blocks of a page, in order."""
+    found = []
+    for margin, kind, inside in _FENCED.findall(text_of(page)):
+        lines = [line.removeprefix(margin) for line in inside.splitlines()]
+        found.append(Block(page, kind, "\n".join(lines) + "\n"))
+    return found
+
+
+def indented(page: str) -> list[str]:
+    """Give what is set apart by four blanks alone, and so says not what it is."""
+    rest = _FENCED.sub("", text_of(page))
+    return [piece for piece in _INDENTED.findall(rest) if piece.strip()]
+
+
+def prose(page: str) -> str:
+    """Give a page without its blocks."""
+    return _FENCED.sub("", text_of(page))
+
+
+def commands(block: Block) -> Iterator[tuple[str, str]]:
+    """Give the commands of a block, each with what it is shown to print."""
+    if block.kind == "sh":
+        for line in block.text.replace("\\\n", "").splitlines():
+            if line.strip() and not line.startswith("#"):
+                yield line, ""
+    elif block.kind == "console":
+        for piece in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
+            first, _, shown = piece.partition("\n")
+            yield first, shown
+
+
+def words_of(command: str, folder: Path) -> list[str]:
+    """Split a command as a shell would, with its patterns and without its comment."""
+    found = []
+    for word in shlex.split(command, comments=True):
+        files = sorted(folder.glob(word)) if "*" in word else []
+        found += [str(f.relative_to(folder)) for f in files] or [word]
+    return found
+
+
+def anchors(page: str) -> set[str]:
+    """Give the anchors of a page's headings, as GitHub and the site make them."""
+    found: set[str] = set()
+    for title in re.findall(r"^#+ +(.*?) *#*$", prose(page), re.MULTILINE):
+        words = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", title).replace("`", "")
+        name = re.sub(r"[^\w\- ]", "", words.lower()).replace(" ", "-")
+        found.add(name)
+    return found
+
+
+def links(page: str) -> list[str]:
+    """Give the targets of a page's links and pictures."""
+    plain = re.sub(r"`[^`\n]*`", "", prose(page))
+    marked = re.findall(r"\]\(<?([^)\s>]+)>?(?: [^)]*)?\)", plain)
+    return marked + re.findall(r'(?:src|href)="([^"]+)"', plain)

@@ -1,0 +1,197 @@
+"""The work-precision chart: what is on it, read off what is drawn."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+
+import pytest
+
+from lagsim.methods import names
+from lagsim.studies.bench.chart import chart
+from lagsim.studies.bench.cost_panel import look_of
+from lagsim.studies.bench.machine import stamp
+from lagsim.studies.bench.scipy_solvers import NAMES as SCIPY
+from lagsim.studies.bench.shown import MOST, shown
+from tests.outputs.drawn import assert_legible, drawn
+
+FRONT_SECONDS = 1e-3
+
+
+def row(method, formulation, error, times, *, chosen=False, outcome="done"):
+    """A row that costs so many times what the front does; without error a gap."""
+    front = chosen and error is not None
+    return {
+        "method": method, "formulation": formulation, "setting": "rtol", "value": 1e-6,
+        "seconds": times * FRONT_SECONDS, "evaluations": int(1000 * times),
+        "error": error, "outcome": outcome, "chosen": chosen,
+        "front_seconds": front, "front_evaluations": front,
+    }  # fmt: skip
+
+
+def curve(method, formulation, times, *, decades=range(2, 13), chosen=False):
+    return [
+        row(method, formulation, 10.0**-k, times * 1.2**k, chosen=chosen)
+        for k in decades
+    ]
+
+
+def document(rows, **more):
+    reference = {
+        "trust": "taylor at rtol 1e-14; dop853 at rtol 1e-14 agrees with it to 1e-12",
+        "floor": 1e-12,
+    }  # fmt: skip
+    return {
+        "lagsim": "1.2.3",
+        "versions": {"python": "3.13.1", "numpy": "2.4.6", "llvmlite": "0.50.0"},
+        "machine": {
+            "processor": "Some Processor of 2030", "cores": 4, "system": "Linux",
+            "load": 0.4,
+        },
+        "date": "2030-04-01",
+        "model": {"name": "a-scene"},
+        "end": 20.0,
+        "reference": reference,
+        "refused": [{"method": "moreau", "formulation": "auto", "reason": "why"}],
+        "rows": rows,
+    } | more  # fmt: skip
+
+
+def crowd():
+    """Everything there is, in every formulation, each dearer than the one before."""
+    kinds = ("projection", "elimination", "baumgarte", "drift")
+    rows = curve("radau", "elimination", 1.0, chosen=True)
+    times = (2.0 + k for k in itertools.count())
+    for method in names():
+        for kind in kinds:
+            if (method, kind) != ("radau", "elimination"):
+                rows += curve(method, kind, next(times), decades=range(1, 9))
+    for method in SCIPY:
+        rows += curve(method, "drift", next(times))
+    rows.append(row("rk4", "projection", None, 1.0, outcome="too slow"))
+    return rows
+
+
+DOCUMENTS = {
+    "crowd": document(crowd()),
+    "one": document(curve("dop853", "none", 1.0, chosen=True)),
+    "flat": document(curve("dop853", "none", 1.0, decades=[3, 3], chosen=True)),
+    "nothing": document([row("rk4", "none", None, 1.0, outcome="failed")]),
+    "long names": document(
+        crowd(),
+        model={"name": "a very long name " * 20},
+        machine=document([])["machine"] | {"processor": "a processor " * 30},
+    ),
+    "exact": document(curve("exponential", "none", 1.0, decades=[16, 400])),
+    "horizon": document(
+        curve("taylor", "none", 1.0, decades=range(10), chosen=True),
+        reference=document([])["reference"] | {"floor": 1e-3},
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def crowded():
+    return drawn(chart, DOCUMENTS["crowd"])
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_every_text_lies_on_the_sheet_and_over_no_other(name, crowded):
+    drawing = crowded if name == "crowd" else drawn(chart, DOCUMENTS[name])
+    assert len(drawing.panels) == 2
+    assert_legible(drawing)
+
+
+def test_at_most_a_dozen_curves_and_the_rest_is_named(crowded):
+    rows = crowd()
+    found = shown(rows, 3.0)
+    assert len(found.curves) == MOST
+    everything = {(r["method"], r["formulation"]) for r in rows}
+    assert {*found.curves, *found.left_out} == everything
+    assert not set(found.curves) & set(found.left_out)
+    # What `auto` takes, then every method once before any comes twice.
+    assert ("radau", "elimination") in found.curves
+    methods = [method for method, _ in found.curves]
+    assert len(set(methods)) == MOST
+    assert sum(method in SCIPY for method in methods) == 2
+    said = " ".join(crowded.written())
+    for method, kind in found.left_out:
+        assert f"{method} {kind}" in said or f"{method} (" in said
+
+
+def test_how_much_dearer_is_that_of_equal_errors():
+    rows = curve("dop853", "none", 1.0, chosen=True)
+    times = {method: 2.0 + k for k, method in enumerate(names()) if method != "dop853"}
+    for method, dearer in times.items():
+        rows += curve(method, "none", dearer)
+    found = shown(rows, 3.0)
+    assert [method for method, _ in found.curves] == list(names()[:MOST])
+    assert found.left_out == {
+        (method, "none"): pytest.approx(times[method]) for method in names()[MOST:]
+    }
+
+
+def test_curves_differ_in_colour_and_in_grey():
+    kinds = ("none", "elimination", "baumgarte", "drift")
+    looks = [look_of(*key) for key in itertools.product(names(), kinds)]
+    looks += [look_of(method) for method in SCIPY]
+    coloured = {(a.line["color"], a.line.get("dashes"), b) for a, b in marked(looks)}
+    grey = {(a.line.get("dashes"), b) for a, b in marked(looks)}
+    assert len(coloured) == len(grey) == len(looks)
+    # Methods differ in colour or dashes already.
+    own = [look_of(method).line for method in names()]
+    assert len({(pen["color"], pen.get("dashes")) for pen in own}) == len(own)
+
+
+def marked(looks):
+    return [(look, look.mark["marker"]) for look in looks]
+
+
+def test_names_stand_beside_a_sample_of_their_curve(crowded):
+    said = {text.said: text.place[1] for text in crowded.texts}
+    for key in shown(crowd(), 3.0).curves:
+        look, name = look_of(*key), " ".join(key)
+        level = said[name if name in said else key[0]]
+        beside = [s for s in crowded.samples if abs(s.y[0] - level) < 0.06 * 200]
+        assert {s.marker for s in beside} >= {look.mark["marker"]}
+        assert look.line["color"].lower() in {s.colour.lower() for s in beside}
+
+
+def test_what_is_better_and_what_it_was_measured_on_is_said():
+    drawing = drawn(chart, DOCUMENTS["one"])
+    for panel in drawing.panels:
+        assert panel.labels[1].startswith("← faster")
+        assert panel.limits[0][0] < panel.limits[0][1]  # errors grow to the right
+        assert panel.limits[1][0] < panel.limits[1][1]
+    assert drawing.panels[1].labels[0].startswith("← more accurate")
+    assert drawing.written().count("↙ better") == 2
+    said = " ".join(drawing.written())
+    assert stamp(DOCUMENTS["one"]) in said.replace("\n", " ")
+    for part in ("Some Processor of 2030", "one of 4 threads", "2030-04-01"):
+        assert part in said
+    for part in ("lagsim 1.2.3", "python 3.13.1", "numpy 2.4.6", "llvmlite 0.50.0"):
+        assert part in said
+    assert "busy" not in said
+    loaded = document([], machine=document([])["machine"] | {"load": 3.0})
+    assert "busy (load 3.0)" in " ".join(drawn(chart, loaded).written())
+
+
+def test_what_auto_takes_has_rings(crowded):
+    for panel in crowded.panels:
+        rings = [line for line in panel.lines if line.marker == "o" and line.dots]
+        assert len([r for r in rings if r.colour == "#000000"]) == 11
+
+
+def test_errors_below_the_floor_are_shaded():
+    [_, panel] = drawn(chart, DOCUMENTS["horizon"]).panels
+    [(_, corners)] = panel.areas
+    low, high = panel.limits[0]
+    # From the left edge of the panel to an error of 1e-3, on logarithms.
+    share = (corners[:, 0].max() - panel.box.x0) / panel.box.width
+    assert share == pytest.approx(math.log(1e-3 / low) / math.log(high / low), abs=1e-3)
+    assert corners[:, 0].min() == pytest.approx(panel.box.x0, abs=1.0)
+
+
+def test_the_same_document_gives_the_same_bytes(crowded):
+    assert chart(json.loads(json.dumps(DOCUMENTS["crowd"]))) == crowded.sheet

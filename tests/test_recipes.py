@@ -1,0 +1,127 @@
+"""The models of docs/recipes.md against the formulas that stand beside them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from scipy.special import ellipj, roots_laguerre
+
+import lagsim
+from tests.pages import blocks
+
+MODELS = {
+    re.search(r"^name: (\S+)", block.text)[1]: block.text
+    for block in blocks("docs/recipes.md")
+    if block.kind == "yaml"
+}
+G = 9.81
+# Runs are good to about 1e-11 of a range, forces to a few digits less.
+CLOSE = {"rtol": 1e-8, "atol": 1e-9}
+
+
+@pytest.fixture
+def result(request):
+    found = lagsim.simulate(lagsim.load(MODELS[request.param]), error_bar="never")
+    assert found.complete
+    return found
+
+
+HELD = set()
+
+
+def of(name):
+    HELD.add(name)
+    return pytest.mark.parametrize("result", [name], indirect=True, ids=[name])
+
+
+@of("joint-force")
+def test_the_force_of_a_pivot(result):
+    # Newton along the rod, with theta_dot^2 from the conservation of energy.
+    theta = result["theta"]
+    pull = 2.0 * G * (3 * np.cos(theta) - 2 * np.cos(1.2))
+    assert np.allclose(result["lambda_across"], -pull * np.sin(theta), **CLOSE)
+    assert np.allclose(result["lambda_along"], pull * np.cos(theta), **CLOSE)
+
+
+@of("rolling-cylinder")
+def test_a_cylinder_rolls_down(result):
+    down = G * np.sin(np.radians(20))
+    assert np.allclose(result["s"], down * result.t**2 / 3, **CLOSE)
+    assert np.allclose(result["lambda_rolls"], -3.0 * down / 3, **CLOSE)
+
+
+@of("ball-on-a-turntable")
+def test_a_ball_circles_on_a_turntable(result):
+    # z'' = i (2/7) w z', with z = x + i y.
+    rate = 2j / 7 * 7.0
+    z = 0.3 + 0.1 / rate * (np.exp(rate * result.t) - 1)
+    assert np.allclose(result["x"] + 1j * result["y"], z, **CLOSE)
+    assert np.ptp(result["x"]) > 0.05
+
+
+@of("moving-trolley")
+def test_a_pendulum_on_a_trolley_that_speeds_up(result):
+    theta, a, tilt = result["theta"], 3.0, np.arctan(3.0 / G)
+    rate = 2 * np.hypot(G, a) * (np.cos(theta + tilt) - np.cos(tilt))
+    assert np.allclose(result["theta_dot"] ** 2, rate, **CLOSE)
+    # The turning point lies between rows, at most half a row from one.
+    assert theta.min() == pytest.approx(-2 * tilt, abs=0.005**2 * np.hypot(G, a))
+    balance = result["energy"] - result["work"]
+    assert np.ptp(balance) < 1e-8 * np.ptp(result["energy"])
+
+
+@of("block-on-a-slope")
+def test_a_block_sticks_on_a_slope(result):
+    slope = np.radians(15)
+    weight, rubs = np.sin(slope), 0.4 * np.cos(slope)
+    stops = 3.0 / (G * (weight + rubs))
+    [event] = result.events
+    assert (event.kind, event.constraint) == ("stick", "friction")
+    assert event.time == pytest.approx(stops, rel=1e-9)
+    later = result.t > stops
+    assert np.allclose(result["x"][later], 3.0 * stops / 2, **CLOSE)
+    assert np.allclose(result["lambda_friction"][later], 2 * G * weight, **CLOSE)
+    assert np.allclose(result["lambda_friction"][~later], -2 * G * rubs, **CLOSE)
+
+
+@of("dropped-ball")
+def test_a_dropped_ball_comes_to_rest(result):
+    first = np.sqrt(2 / G)
+    times = [event.time for event in result.events if event.kind == "impact"]
+    assert np.allclose(times[:3], first * np.array([1, 2, 2.5]), rtol=1e-10)
+    [rest] = [event.time for event in result.events if event.kind == "zeno"]
+    assert rest == pytest.approx(first * 3, rel=1e-9)
+    assert np.allclose(result["lambda_floor"][result.t > rest], 0.5 * G, **CLOSE)
+
+
+@of("hanging-chain")
+def test_a_chain_swings_in_its_lowest_mode(result):
+    zeros, _ = roots_laguerre(3)
+    mode = 1e-4 * np.cos(np.sqrt(zeros[0] * G / 0.3) * result.t)
+    # Amplitude s changes the rate by (s/l)^2/16, and the other modes no more.
+    tolerance = 1e-4 * (1e-4 / 0.3) ** 2 * np.sqrt(G / 0.3) * 10
+    assert np.allclose(result["x3"], mode, rtol=0, atol=tolerance)
+    assert np.allclose(result["lambda_link1"], -3 * 0.1 * G, rtol=1e-6)
+
+
+@of("tumbling-body")
+def test_a_body_tumbles(result):
+    one, two, three = 1.0, 2.0, 3.0
+    w1, w3 = 3.0, 2.0
+    energy = one * w1**2 + three * w3**2  # twice the energy
+    spin = (one * w1) ** 2 + (three * w3) ** 2
+    assert spin > energy * two
+    low, high = energy * three - spin, spin - energy * one
+    rate = np.sqrt((three - two) * high / (one * two * three))
+    m = (two - one) * low / ((three - two) * high)
+    sn, cn, dn, _ = ellipj(rate * result.t, m)
+    assert np.allclose(result["w1"], np.sqrt(low / (one * (three - one))) * cn, **CLOSE)
+    assert np.allclose(result["w2"], np.sqrt(low / (two * (three - two))) * sn, **CLOSE)
+    top = np.sqrt(high / (three * (three - one)))
+    assert np.allclose(result["w3"], top * dn, **CLOSE)
+
+
+def test_each_recipe_is_held_against_its_formula():
+    assert set(MODELS) == HELD
