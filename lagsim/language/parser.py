@@ -153,7 +153,7 @@ class _Parser:
                 token.offset, 1, "the expression ends where a value is expected"
             )
         if token.kind == "relation":
-            return _relation_inside(token)
+            return _relation_inside(token, self.text)
         hint = ""
         if token.kind == "close" and self.pending and self.pending[-1].call:
             hint = f"`{self.pending[-1].op}` takes {_count(self.pending[-1].op)}"
@@ -200,7 +200,7 @@ class _Parser:
 
     def _missing_operator(self, token: Token) -> ExpressionError:
         if token.kind == "relation":
-            return _relation_inside(token)
+            return _relation_inside(token, self.text)
         before = self.text[: token.offset].rstrip()
         left = _LAST.search(before)
         hint = "there is no implicit product: write `*`"
@@ -293,11 +293,11 @@ def _wrong_kind(expected: str, at: Token, wants: bool) -> ExpressionError:
     return ExpressionError(at.offset, len(at.text), text, "write if(condition, a, b)")
 
 
-def _relation_inside(token: Token) -> ExpressionError:
-    return ExpressionError(
-        token.offset, 1, "`=` has no meaning here",
-        "relations stand only in constraints and `until`, one each",
-    )  # fmt: skip
+def _relation_inside(token: Token, text: str) -> ExpressionError:
+    hint = "relations stand only in constraints and `until`, one each"
+    if text[: token.offset].strip().isidentifier():
+        hint = f"write only what stands right of it, or elsewhere: {hint}"
+    return ExpressionError(token.offset, 1, "`=` has no meaning here", hint)
 
 
 def parse(text: str) -> Parsed:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from lagsim.errors import InputError
+from lagsim.model.reader import read
 from tests.model._files import problems
 
 SCENE = """\
@@ -203,3 +205,100 @@ def test_names_in_other_letters(old, new):
 def test_long_texts_take_no_longer(text):
     # Patterns that backtrack over all of it would take for ever.
     assert problems(SCENE.format(**{**SOUND, "definition": text}))
+
+
+FILE = """\
+parameters:
+  l: 1
+  g: 9.8
+coordinates:
+  theta: {unit: rad}
+energy:
+  kinetic: l^2*theta_dot^2/2
+  potential: -g*l*cos(theta)
+initial:
+  theta: 1
+simulation:
+  duration: 2
+"""
+ENERGY = FILE[FILE.index("energy:") : FILE.index("initial:")]
+
+
+def faults(text):
+    """Give the faults of a text to which nothing is added."""
+    with pytest.raises(InputError) as raised:
+        read(text, "model.yaml")
+    return raised.value.problems
+
+
+def indented(text):
+    return "".join(f"  {line}\n" for line in text.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told", "line"),
+    [
+        (  # a section in another
+            "parameters:\n  l: 1\n  g: 9.8\ncoordinates:\n",
+            "coordinates:\n  parameters:\n    l: 1\n    g: 9.8\n",
+            "`parameters` stands at the top of the file, without indentation", 2,
+        ),
+        (ENERGY, indented(ENERGY), "`energy` stands at the top of the file", 6),
+        (
+            "initial:\n  theta: 1\n", "  initial:\n    theta: 1\n",
+            "`initial` stands at the top of the file", 9,
+        ),
+        (
+            "simulation:\n  duration: 2", "  simulation: {duration: 2}",
+            "`simulation` stands at the top of the file", 11,
+        ),
+        # a key of a section beside it
+        ("simulation:\n  dur", "simulation:\ndur", "`duration` stands below", 12),
+        ("simulation:\n  duration", "duration", "below `simulation:`, indented", 11),
+        (ENERGY, "lagrangian: theta_dot^2\n", "below `energy:`, indented", 6),
+        # what belongs to an empty section
+        ("initial:\n  theta", "initial:\ntheta", "belongs to `initial`", 10),
+        ("  l: 1\n  g: 9.8", "l: 1\ng: 9.8", "belongs to `parameters`", 2),
+        ("  theta: {", "theta: {", "belongs to `coordinates`", 5),
+        # a key that is called otherwise elsewhere
+        ("parameters", "constants", "`parameters`", 1),
+        ("coordinates", "variables", "`coordinates`", 4),
+        ("  kinetic", "  T", "`kinetic`", 7),
+        ("  potential", "  U", "`potential`", 8),
+        ("  potential", "  potential energy", "`potential`", 8),
+        ("initial", "initial_conditions", "`initial`", 9),
+        ("  duration", "  time", "`duration`", 12),
+        ("  duration: 2", "  duration: 2\n  dt: 0.1", "`output_step`", 13),
+        ("unit: rad", "units: rad", "`unit`", 5),
+        # a key and its value
+        ("  l: 1", "  l = 1", "write `l: 1`", 2),
+        ("  l: 1", "  l=1", "write `l: 1`", 2),
+        ("  l: 1\n  g: 9.8\n", "  l = 1\n", "a colon is missing: `l: 1`", 2),
+        ("  l: 1", "  l: [1, m]", "{value: ..., unit: ...}", 2),
+        ("  theta: 1", "  theta: 1\n  theta': 0", "`theta_dot`", 11),
+        ("kinetic: l", "kinetic: T = l", "right of it", 7),
+    ],
+)  # fmt: skip
+def test_keys_that_are_misplaced_or_called_otherwise(old, new, told, line):
+    assert FILE.count(old) >= 1
+    first, *_ = faults(FILE.replace(old, new, 1))
+    assert told in first.hint
+    assert first.line == line
+
+
+@pytest.mark.parametrize(
+    "inner",
+    [
+        "coordinates:\n  parameters:\n    l: 1\n    g: 9.8\n",
+        "coordinates:\nparameters:\nl: 1\ng: 9.8\n",
+    ],
+)
+def test_what_is_misplaced_is_told_once(inner):
+    text = FILE.replace("parameters:\n  l: 1\n  g: 9.8\ncoordinates:\n", inner)
+    assert len(faults(text)) <= 2  # and not that `l` and `g` are unknown
+
+
+def test_names_may_be_those_of_sections():
+    text = FILE.replace("  l: 1", "  l: 1\n  scene: {value: 3, unit: m}\n  output: 2")
+    text = text.replace("cos(theta)", "cos(theta) + scene*output")
+    assert read(text, "model.yaml").name == "model"

@@ -33,6 +33,7 @@ from lagsim.model.reader.fields import (
     PLAIN,
     described,
     fields,
+    is_odd,
     keyed,
     shortened,
 )
@@ -199,6 +200,10 @@ class _File:
     def __init__(self, root: Node, file: str, faults: Faults) -> None:
         self.file = file
         self.faults = faults
+        if is_odd(root, SECTIONS):
+            from lagsim.model.reader.misplaced import in_place
+
+            root = in_place(root, SECTIONS, faults)
         self.root, self.node = root.place, root
         self.top = fields(root, "the file", SECTIONS, faults, self.root)
         if not self.top.sound:

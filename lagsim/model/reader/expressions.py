@@ -11,7 +11,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.parser import Parsed, parse, parse_condition, parse_relation
 from lagsim.language.tokens import ExpressionError
 from lagsim.model.model import Level
-from lagsim.model.nodes import Broken, Node, Scalar
+from lagsim.model.nodes import Broken, Node, Scalar, Sequence
 from lagsim.model.reader.fields import kind_of
 from lagsim.model.reader.names import Kind
 
@@ -36,6 +36,8 @@ STATE = NUMBERS | {
 }
 OUTPUT = frozenset(Kind)
 
+# A number and its unit, in a list.
+PAIR = 2
 _VELOCITIES = (Kind.VELOCITY, Kind.RATE)
 
 
@@ -98,6 +100,8 @@ class Expressions:
         if isinstance(node, Scalar) and (node.quoted or not node.empty):
             return node
         hint = "quote it if it contains `{`, `[` or begins with a sign of YAML"
+        if isinstance(node, Sequence) and len(node.items) == PAIR:
+            hint = "a unit stands beside its number: {value: ..., unit: ...}"
         if isinstance(node, Scalar):
             hint = ""
         text = f"{what} must be an expression, found {kind_of(node)}"

@@ -65,10 +65,16 @@ class Faults:
             return ""
         return intent.of_text(scalar.text, offset, known)
 
-    def belongs(self, key: str) -> str:
-        """Give a hint where in the file a key stands, if it does elsewhere."""
-        if key.isdecimal():
-            return "a decimal point is written `.`"
+    def belongs(self, key: str, *, otherwise: bool = False) -> str:
+        """Give a hint where in the file a key stands, if it does elsewhere.
+
+        `otherwise`: or one that it is a name for elsewhere.
+        """
+        if otherwise:
+            from lagsim.model.reader.spellings import KEYS
+
+            found = (self.belongs(other) for other in KEYS.get(key.casefold(), ()))
+            return next(filter(None, found), "")
         if key in self._sections:
             return f"`{key}` stands at the top of the file, without indentation"
         for name, form in self._sections.items():
@@ -93,6 +99,15 @@ class Faults:
             if intent.spelt_out(candidate) == plain:
                 return candidate
         return (get_close_matches(word, candidates, 1) or [""])[0]
+
+    def called(self, key: str, known: Collection[str]) -> str:
+        """Give the key that is called otherwise elsewhere, or is most like this one."""
+        from lagsim.model.reader.spellings import KEYS
+
+        for other in KEYS.get(key.casefold().replace(" ", "_"), ()):
+            if other in known:
+                return other
+        return self.guess(key, known)
 
     def did_you_mean(self, word: str, candidates: Iterable[str]) -> str:
         """Give a hint that names the candidate most like `word`, or no hint."""

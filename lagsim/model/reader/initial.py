@@ -189,6 +189,8 @@ class Initial:
             self._all.add(near)
             self._given.add(near)
         hint = faults.belongs(key.text) or hint
+        if key.text.isdecimal():
+            hint = "a decimal point is written `.`"
         text = f"`{key.text}` is no coordinate, velocity or definition"
         faults.add("unknown-name", text, key.place, hint)
 

@@ -75,6 +75,7 @@ _SPELLINGS: list[tuple[str, str | Callable[[re.Match[str]], str]]] = [
     (r"^\s*(?:if\s+)?(.+?)\s+if\s+(.+?)\s+else\s+(.+)$", "write if({1}, {0}, {2})"),
     (r"^\s*if\s+(.+?)\s+then\s+(.+?)\s+else\s+(.+)$", "write if({0}, {1}, {2})"),
     (r"^\s*(.+?)\s*\?\s*(.+?)\s*:\s*(.+)$", "write if({0}, {1}, {2})"),
+    (r":=", "write `=`"),
     (r"=<", "write `<=`"),
     (r"=>", "write `>=`"),
     (r"\bif\s*\([^()<>]*?(?:==|!=|=)", _EXACT),
@@ -133,12 +134,12 @@ _FRACTION = "\N{FRACTION SLASH}"
 
 _SECOND_RATES = [
     r"dd_?(.+)", r"d2_?(.+?)(?:_?dt2)?", r"(.+?)_?ddot", r"(.+)_dotdot", r"ddot_?(.+)",
-    r"(.+)_dd",
+    r"(.+)_dd", r"(.+)''",
 ]  # fmt: skip
 _RATES = [
     r"d_?(.+?)(?:_?dt)?", r"(.+?)_?dot", r"(.+)_(?:dt|d|t|prime)", r"dot_?(.+)",
     r"(?:velocity|vel|speed|omega|v|w)_?(.+)", r"(.+?)_?(?:velocity|vel|speed|rate)",
-    r"(.+)d",
+    r"(.+)d", r"(.+)'",
 ]  # fmt: skip
 _NUMBERS = {
     "π": "write pi",

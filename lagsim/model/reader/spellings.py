@@ -73,6 +73,37 @@ _REWRITTEN = {
     "rad2deg": "x*180/pi",
     "degrees": "x*180/pi",
 }
+# Keys of the file that are called otherwise elsewhere, in small letters.
+KEYS = {
+    **dict.fromkeys(("constants", "params", "consts", "given"), ("parameters",)),
+    **dict.fromkeys(
+        ("variables", "vars", "dof", "dofs", "generalized_coordinates", "q"),
+        ("coordinates",),
+    ),
+    **dict.fromkeys(
+        ("initial_conditions", "initial_state", "initial_values", "ic", "ics"),
+        ("initial",),
+    ),
+    **dict.fromkeys(("t", "ke", "ekin", "kinetic_energy"), ("kinetic", "duration")),
+    **dict.fromkeys(("v", "u", "pe", "epot", "potential_energy"), ("potential",)),
+    **dict.fromkeys(("l", "lagrange", "lagrange_function"), ("lagrangian",)),
+    **dict.fromkeys(("d", "r", "rayleigh", "friction", "damping"), ("dissipation",)),
+    **dict.fromkeys(("time", "tmax", "t_max", "length"), ("duration",)),
+    **dict.fromkeys(("t_end", "tend", "stop", "t_final"), ("end",)),
+    **dict.fromkeys(("t0", "t_start", "begin"), ("start",)),
+    **dict.fromkeys(
+        ("dt", "timestep", "time_step", "sampling"), ("output_step", "step")
+    ),
+    **dict.fromkeys(("tol", "tolerance", "reltol", "precision"), ("rtol",)),
+    **dict.fromkeys(("abstol",), ("atol",)),
+    **dict.fromkeys(("solver", "integrator", "scheme"), ("method",)),
+    **dict.fromkeys(("units", "dimension"), ("unit",)),
+    **dict.fromkeys(("help", "comment", "text", "label"), ("description",)),
+    **dict.fromkeys(("mu",), ("friction",)),
+    **dict.fromkeys(("e", "bounce"), ("restitution",)),
+    **dict.fromkeys(("lines", "rods"), ("links",)),
+    **dict.fromkeys(("masses", "bodies"), ("points",)),
+}
 # What gives a rate, of its first argument.
 RATES = ("d", "D", "der", "deriv", "derivative", "Derivative", "diff", "Diff", "dot")
 # Every name that stands for a function somewhere, the longest first.
