@@ -86,7 +86,7 @@ def _content(
     from lagsim.studies import overlay
 
     if path.suffix.lower() in PICTURES:
-        return overlay.picture(runs, overlay.chosen(runs, names)).png()
+        return overlay.picture(runs, overlay.chosen(runs, names)).content()
     found, told = overlay.motions(runs)
     if not found and not also:
         raise InputError([Problem("nothing-to-draw", text) for text in told])

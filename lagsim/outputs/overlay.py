@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.outputs.curves import series
+from lagsim.outputs.record import LEFT, REACH, RIGHT
 from lagsim.outputs.scale import time_scale, value_scale
 from lagsim.outputs.sheet import (
     EDGE,
@@ -20,7 +21,6 @@ from lagsim.outputs.sheet import (
     in_house_style,
     text_width,
 )
-from lagsim.outputs.time_panels import LEFT, REACH, RIGHT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
