@@ -177,12 +177,13 @@ class Attempt(NamedTuple):
 
     def _page(self, frames: Frames) -> Iterator[tuple[str, bytes]]:
         from lagsim.outputs.animation import NAME, film, page, record
+        from lagsim.outputs.units import units
 
-        trajectory = self.trajectory
+        equations, trajectory = self.session.case.equations, self.trajectory
         complete = trajectory.outcome.complete
         shown = film(
-            self.session.case.equations, frames, trajectory.events,
-            horizon=self.horizon, units=self.session.system.units(),
+            equations, frames, trajectory.events, horizon=self.horizon,
+            units=units(equations, self.session.system.units()),
             notes=[] if complete else [f"incomplete: {trajectory.reason}"],
         )  # fmt: skip
         if shown is not None:
