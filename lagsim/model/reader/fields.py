@@ -27,7 +27,7 @@ PLAIN: Form = {"type": ["string", "number", "boolean", "null"]}
 TRUTH: Form = {"type": "boolean"}
 IGNORED: Form = {"patternProperties": {"^x-": {}}}
 
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 _EQUALS = re.compile(r"(\w+)\s*=\s*([^=\s].*)")
 _NO_SPACE = re.compile(r"([^\s:]+):([^\s:]\S*)")
 
