@@ -7,6 +7,7 @@ Python or sympy.
 
 from __future__ import annotations
 
+import functools
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -300,8 +301,9 @@ def _relation_inside(token: Token, text: str) -> ExpressionError:
     return ExpressionError(token.offset, 1, "`=` has no meaning here", hint)
 
 
+@functools.lru_cache(maxsize=1024)
 def parse(text: str) -> Parsed:
-    """Parse an expression.
+    """Parse an expression, once: bindings do so again and again.
 
     Raises
     ------
