@@ -12,7 +12,7 @@ from lagsim.language.parser import Parsed, parse, parse_condition, parse_relatio
 from lagsim.language.tokens import ExpressionError
 from lagsim.model.model import Level
 from lagsim.model.nodes import Broken, Node, Scalar, Sequence
-from lagsim.model.reader.fields import kind_of
+from lagsim.model.reader.fields import kind_of, shortened
 from lagsim.model.reader.names import Kind
 
 if TYPE_CHECKING:
@@ -208,6 +208,7 @@ class Expressions:
             if not self.names.is_faulty(name) and self.names.complete:
                 text, hint = self.names.unknown(name, self.faults)
                 hint = hint or self.faults.meant(scalar, offset, self.names.variables)
+                hint = hint or f"give `{shortened(name)}` a value in `parameters`"
                 self.faults.add("unknown-name", text, place, hint)
             return None
         if meaning.kind not in allowed:

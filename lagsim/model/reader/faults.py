@@ -54,6 +54,7 @@ class Faults:
         if not hint and fault.code == "unknown-function":
             argument = text[end:].strip().removeprefix("(").partition(")")[0].strip()
             hint = intent.of_function(text[fault.offset : end], argument, known)
+            hint = hint or fault.hint or "a function of your own is a definition"
         self.add(f"expression-{fault.code}", fault.text, place, hint or fault.hint)
 
     def meant(self, scalar: Scalar, offset: int, known: Collection[str]) -> str:

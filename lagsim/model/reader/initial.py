@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 from lagsim.model.model import InitialValue, Level, Target
@@ -178,7 +179,8 @@ class Initial:
 
         names, faults = self.x.names, self.x.faults
         moving = names.moving()
-        near = intent.rate_of(key.text, moving)
+        near = re.sub(r"_?0$|\(0\)$", "", key.text)  # x0, x(0)
+        near = near if near in moving else intent.rate_of(key.text, moving)
         if not near:
             near = faults.guess(
                 key.text, [*moving, *(f"{name}_dot" for name in moving)]

@@ -76,6 +76,8 @@ _SPELLINGS: list[tuple[str, str | Callable[[re.Match[str]], str]]] = [
     (r"^\s*if\s+(.+?)\s+then\s+(.+?)\s+else\s+(.+)$", "write if({0}, {1}, {2})"),
     (r"^\s*(.+?)\s*\?\s*(.+?)\s*:\s*(.+)$", "write if({0}, {1}, {2})"),
     (r":=", "write `=`"),
+    (r"(\d)\s*([-+])\s*[eE](\d+)\b", "write {0}e{1}{2}"),
+    (r"\bif\s+[^(\s]", "write if(condition, a, b)"),
     (r"=<", "write `<=`"),
     (r"=>", "write `>=`"),
     (r"\bif\s*\([^()<>]*?(?:==|!=|=)", _EXACT),
@@ -147,6 +149,8 @@ _NUMBERS = {
     "e": "write exp(x) for e^x, exp(1) for e",
     **dict.fromkeys(("deg", "degree", "degrees"), f"write pi/180: {RADIANS}"),
     **dict.fromkeys(("inf", "infinity", "nan"), "every number is finite"),
+    **dict.fromkeys(("free", "guess"), "a value to be solved is written {guess: 0}"),
+    **dict.fromkeys(("none", "true", "false"), "write a number, such as 0"),
 }
 _COMBINING = {"\u0307": "_dot", "\u0308": "_ddot"}
 _SPEEDS = ("v", "w", "ω", "omega", "vel", "velocity", "speed", "dt")

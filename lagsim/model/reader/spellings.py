@@ -89,16 +89,20 @@ KEYS = {
     **dict.fromkeys(("l", "lagrange", "lagrange_function"), ("lagrangian",)),
     **dict.fromkeys(("d", "r", "rayleigh", "friction", "damping"), ("dissipation",)),
     **dict.fromkeys(("time", "tmax", "t_max", "length"), ("duration",)),
-    **dict.fromkeys(("t_end", "tend", "stop", "t_final"), ("end",)),
+    **dict.fromkeys(
+        ("t_end", "tend", "tf", "stop", "tstop", "t_stop", "t_final"), ("end",)
+    ),
     **dict.fromkeys(("t0", "t_start", "begin"), ("start",)),
     **dict.fromkeys(
-        ("dt", "timestep", "time_step", "sampling"), ("output_step", "step")
+        ("dt", "timestep", "time_step", "sampling", "fps", "n"),
+        ("output_step", "step"),
     ),
     **dict.fromkeys(("tol", "tolerance", "reltol", "precision"), ("rtol",)),
     **dict.fromkeys(("abstol",), ("atol",)),
     **dict.fromkeys(("solver", "integrator", "scheme"), ("method",)),
     **dict.fromkeys(("units", "dimension"), ("unit",)),
     **dict.fromkeys(("help", "comment", "text", "label"), ("description",)),
+    **dict.fromkeys(("eq", "equation", "expression", "expr"), ("relation", "value")),
     **dict.fromkeys(("mu",), ("friction",)),
     **dict.fromkeys(("e", "bounce"), ("restitution",)),
     **dict.fromkeys(("lines", "rods"), ("links",)),
