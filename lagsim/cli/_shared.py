@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._streams import put, say
-from lagsim.errors import InputError, Problem
+from lagsim.cli._streams import colour, put, say
+from lagsim.errors import InputError, Problem, visible
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -111,6 +111,8 @@ def show_json(document: Any) -> None:
     from lagsim.outputs.manifest import encode
 
     content = encode(document)
+    if sys.stdout.isatty():
+        content = visible(content.decode(), json=True).encode()
     put(lambda: sys.stdout.buffer.write(content))
 
 
@@ -119,7 +121,7 @@ def coloured(text: str, code: str) -> str:
     plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
     if plain or not sys.stdout.isatty():
         return text
-    return f"\x1b[{code}m{text}\x1b[0m"
+    return colour(text, code)
 
 
 def counted(number: int, noun: str) -> str:

@@ -175,6 +175,10 @@ def command(
     return code[-1]
 
 
+# Where results go if nobody says where.
+RESULTS = Path("results")
+
+
 class Job:
     """One run of one model, with its clock and its manners.
 
@@ -232,7 +236,7 @@ class Job:
 
         if self.interrupt.asked:
             raise KeyboardInterrupt
-        with open_results(self.folder or Path("results") / model.name) as results:
+        with open_results(self.folder or RESULTS / model.name) as results:
             return self._integrate(session, results)
 
     def _integrate(self, session: Session, results: Results) -> int:
@@ -259,6 +263,12 @@ class Job:
             document = found.record(cautions, self.clock.timings, files)
             if full:
                 document |= cut_short(writer, found, full, lost=lost is not None)
+            usual = results.folder == RESULTS / document["model"]["name"]
+            if usual and (before := results.before()):
+                from lagsim.outputs.replaced import replaced
+
+                caution = replaced(before, document, results.folder)
+                document["warnings"] += [caution._asdict()] if caution else []
             commit(results, document, {})
         self._report(found, document, results.folder)
         if full:
