@@ -138,7 +138,7 @@ def constraint_forces(
     panels = Panels(record, [(name,) for name in shown])
     top = header_height(record)
     sheet = record.sheet(WIDTH, top + panels.total)
-    subject = "constraint forces Qc and multipliers lambda"
+    subject = "constraint forces Qc and multipliers λ"
     if impulses:
         subject = "constraint forces and impulses"
     header(sheet, record, _counted(subject, len(shown), total))
@@ -159,7 +159,7 @@ def _counted(subject: str, shown: int, total: int) -> str:
 def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Sheet:
     """Draw one entry of the model's `output.plots`, `number` counted from 0."""
     panel = PlotPanel(record, number, wanted, scene)
-    top = header_height(record)
+    top = header_height(record, timed=panel.timed)
     lines = [LINE for shown in (wanted.title, len(panel.pens()) > 1) if shown]
     top += 0.06 + sum(lines)
     sheet = record.sheet(panel.width, top + panel.height)

@@ -72,7 +72,7 @@ def of_colour(panel, pen):
 
 
 def test_impacts_are_marked_in_every_panel_and_named_once():
-    run = record(impacts=[1.0, 2.0])
+    run = record(events={"impact": [1.0, 2.0]})
     for drawing in against_time(run):
         assert drawing.written().count("impacts") == 1
         assert "events" not in drawing.written()
@@ -84,7 +84,7 @@ def test_impacts_are_marked_in_every_panel_and_named_once():
 @pytest.mark.parametrize("count", [2, 50, 1000, 10_000])
 def test_however_many_impacts_leave_the_curves_free(count):
     times = np.linspace(0.5, 3.5, count)
-    for drawing in against_time(record(impacts=list(times))):
+    for drawing in against_time(record(events={"impact": list(times)})):
         for panel in drawing.panels:
             [ticks] = of_colour(panel, IMPACTS)
             assert ticks.dots
@@ -99,7 +99,7 @@ def test_however_many_impacts_leave_the_curves_free(count):
 
 
 def test_rest_is_a_line_across():
-    for drawing in against_time(record(impacts=[1.0], rests=[2.0])):
+    for drawing in against_time(record(events={"impact": [1.0], "zeno": [2.0]})):
         assert drawing.written().count("comes to rest") == 1
         for panel in drawing.panels:
             thin = [line for line in panel.thin if line.colour == RESTS["color"]]
@@ -133,7 +133,7 @@ def test_jumps_are_upright_in_bands_too():
 
 
 def test_impulses_are_stems_and_what_is_zero_gives_way():
-    drawing = forces(record(impacts=[1.0, 2.0]))
+    drawing = forces(record(events={"impact": [1.0, 2.0]}))
     labels = [side or above for _, side, above in (p.labels for p in drawing.panels)]
     assert labels == ["Qc_y", "λ_floor", "impulse.floor"]
     assert "constraint forces and impulses, 3 of 5" in drawing.written()
@@ -152,7 +152,7 @@ def test_without_impulses_all_forces_are_shown():
     columns = {k: v for k, v in ball().items() if not k.startswith("impulse.")}
     drawing = forces(record(columns))
     assert len(drawing.panels) == 4
-    assert "constraint forces Qc and multipliers lambda" in drawing.written()
+    assert "constraint forces Qc and multipliers λ" in drawing.written()
 
 
 def test_friction_is_among_the_multipliers():
@@ -182,5 +182,5 @@ def test_what_is_marked():
         Event(5.0, "until"),
     ]
     assert marked(events) == {
-        "impacts": [1.0, 2.0], "rests": [3.0], "events": [3.5, 4.0],
+        "impact": [1.0, 2.0], "zeno": [3.0], "switch": [3.5], "release": [4.0],
     }  # fmt: skip

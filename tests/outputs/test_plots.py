@@ -147,7 +147,7 @@ SCRIPT = """
 import hashlib, sys
 sys.path.insert(0, {folder!r})
 import test_plots as t
-run = t.record(t.swing(9000), events=(1.0, 2.0), note="stopped")
+run = t.record(t.swing(9000), events={"switch": (1.0, 2.0)}, note="stopped")
 for sheet in (*t.all_sheets(run), t.plots.trajectory(*t.chain(9))):
     print(hashlib.sha256(sheet.content()).hexdigest())
 assert "matplotlib.pyplot" not in sys.modules
@@ -204,7 +204,9 @@ def test_names_units_and_titles_are_written_as_they_are():
 
 
 def drawings_of_every_kind():
-    events = record(swing(), events=(1.0, 2.0, 5.5), note="step size too small " * 20)
+    events = record(
+        swing(), events={"switch": (1.0, 2.0, 5.5)}, note="step size too small " * 20
+    )
     yield from all_drawings(events)
     yield from all_drawings(record(swing(), title="a very long name " * 20))
     yield drawn(energies, record({"t": [0.0, 1.0], "energy": [1.0, 2.0]}), is_sum=False)
@@ -285,7 +287,7 @@ def test_too_many_coordinates_are_chosen_and_counted():
     assert {"θ₀ (rad)", "θ₈₉ (rad)"} <= set(said)
     assert chosen(list("abcdefg"), 3) == ["a", "d", "g"]
     forces = written(plots.constraint_forces, run, names, [])
-    assert "constraint forces Qc and multipliers lambda, 40 of 90" in forces
+    assert "constraint forces Qc and multipliers λ, 40 of 90" in forces
 
 
 def test_scenes_have_equal_scales():
