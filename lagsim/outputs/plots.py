@@ -31,6 +31,10 @@ from lagsim.outputs.time_panels import (
 )
 from lagsim.run.observers.thinning import DRIFT
 
+# Panels are above each other up to so many; the least that they take with a view of the
+# scene beside them, in inches.
+STACKED, BESIDE = 5, 3.3
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
@@ -100,14 +104,17 @@ def _written(value: float) -> str:
 def trajectory(record: Record, coordinates: Sequence[str], scene: Scene) -> Sheet:
     """Draw the coordinates against time, and the paths of the scene's points."""
     shown = chosen(coordinates, MOST_PANELS)
-    panels = Panels(record, grouped(record, shown))
-    views = ScenePanel(record, scene)
+    groups = grouped(record, shown)
+    views = ScenePanel(record, scene, narrow=len(groups) <= STACKED)
+    panels = Panels(record, groups, BESIDE if views.beside else 0.0)
+    if views.beside:
+        panels.leave(views.width_for(panels.tall))
     top = header_height(record)
     sheet = record.sheet(WIDTH, top + panels.total + views.height)
     header(sheet, record, _counted("coordinates", len(shown), len(coordinates)))
     panels.draw(sheet, top)
-    if views.height:
-        views.draw(sheet, top + panels.total)
+    if not views.empty:
+        views.draw(sheet, top + panels.total, top + panels.gap)
     return sheet
 
 

@@ -81,6 +81,9 @@ class Scale(NamedTuple):
             axis.set_minor_locator(NullLocator())
         limit = axes.set_xlim if direction == "x" else axes.set_ylim
         limit(self.low, self.high)
+        if not most:
+            axis.set_major_locator(NullLocator())
+            return np.empty(0)
         for scale, count in self._ways(most):
             locator, formatter = scale.ticks(count)
             axis.set_major_locator(locator)

@@ -187,6 +187,22 @@ def _lent() -> tuple[Figure, Axes, tuple[Line2D, ...]]:
     return figure, axes, kept
 
 
+def in_lines(
+    entries: Sequence[tuple[str, Pen]], room: float
+) -> list[list[tuple[str, Pen]]]:
+    """Break the entries of a legend into lines of at most `room` inches."""
+    lines: list[list[tuple[str, Pen]]] = [[]]
+    left = room
+    for name, pen in entries:
+        wanted = SAMPLE + text_width(name, SMALL) + GAP
+        if lines[-1] and wanted > left:
+            lines.append([])
+            left = room
+        lines[-1].append((name, pen))
+        left -= wanted
+    return lines
+
+
 class Sheet:
     """A white sheet of a given size; everything is drawn when it comes."""
 
@@ -246,6 +262,10 @@ class Sheet:
         for k, line in enumerate(lines):
             self.text(EDGE, top + k * LINE, line, size=SMALL, color=DIM)
 
+    def line(self, x: Sequence[float], y: Sequence[float], pen: Pen) -> None:
+        """Draw a line beside the panels, from places in inches."""
+        self._draw(Line2D(x, [self.height - level for level in y], **pen))
+
     def legend(
         self,
         x: float,
@@ -294,7 +314,7 @@ class Sheet:
         below, side, above : name and unit of what an axis shows, written below, at the
             left (`reach` inches from the frame, and at most `spare` longer than it) and
             above. Without `below` there are no numbers there either.
-        ticks : how many at most, across and up; else as many as fit.
+        ticks : how many at most, across and up, 0 for none; else as many as fit.
         over : over the panel that was drawn last, with its own scale at the right.
         """
         left, top, width, height = place

@@ -69,20 +69,34 @@ class Panels:
     Attributes
     ----------
     total : how much of a sheet the panels take, with the time axis below.
+    gap : how much of it is above each of them.
     """
 
-    def __init__(self, record: Record, groups: Sequence[tuple[str, ...]]) -> None:
+    def __init__(
+        self, record: Record, groups: Sequence[tuple[str, ...]], least: float = 0.0
+    ) -> None:
         self._record, self._groups = record, groups
+        self._aside = 0.0
         self._columns, self._height = next(
             size for most, *size in GRIDS if len(groups) <= most
         )
         self._wide = self._columns == 1
         self._headed = [self._is_headed(group) for group in groups]
-        self._gap = 0.25
+        self.gap = 0.25
         if self._wide:
-            self._gap = 0.24 if any(self._headed) else 0.12
+            self.gap = 0.24 if any(self._headed) else 0.12
         rows = -(-len(groups) // self._columns)
-        self.total = rows * (self._height + self._gap) + 0.45
+        self._height = max(self._height, least / rows - self.gap)
+        self.total = rows * (self._height + self.gap) + 0.45
+
+    @property
+    def tall(self) -> float:
+        """How high they are, from the frame of the first to that of the last."""
+        return self.total - 0.45 - self.gap
+
+    def leave(self, width: float) -> None:
+        """Leave so much free at their right."""
+        self._aside = width
 
     def _is_headed(self, group: tuple[str, ...]) -> bool:
         """Whether the name stands above the panel and not at its side."""
@@ -98,7 +112,7 @@ class Panels:
         width = (WIDTH - RIGHT - EDGE) / self._columns - NUMBERS
         left = EDGE + NUMBERS
         if self._wide:
-            left, width = LEFT, WIDTH - LEFT - RIGHT
+            left, width = LEFT, WIDTH - LEFT - RIGHT - self._aside
         count = len(self._groups)
         sizes: dict[str, float] = {}
         for name in (name for group in self._groups for name in group):
@@ -107,7 +121,7 @@ class Panels:
         for k, group in enumerate(self._groups):
             row, column = divmod(k, self._columns)
             x = left + column * (width + NUMBERS)
-            y = top + row * (self._height + self._gap) + self._gap
+            y = top + row * (self._height + self.gap) + self.gap
             drawn = [record.rows.series(name) for name in group]
             size = sizes[record.unit(group[0])]
             scale = value_scale(*(values for _, values in drawn), size=size)

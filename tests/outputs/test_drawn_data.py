@@ -72,6 +72,8 @@ def panels(drawing):
     """Read all panels of a drawing, in the order in which they are drawn."""
     found = []
     for panel in drawing.panels:
+        if not panel.y:
+            continue  # without scales there is nothing to read off
         # Panels above each other share the numbers of the lowest.
         numbered = next(
             p
