@@ -9,7 +9,7 @@ from lagsim.outputs.curves import series
 from lagsim.outputs.paper import Pixels
 from lagsim.outputs.plot_panel import PlotPanel
 from lagsim.outputs.record import LEFT, REACH, RIGHT, Record, header, header_height
-from lagsim.outputs.scale import noise_scale, power_of_ten, value_scale
+from lagsim.outputs.scale import noise_scale, power_of_ten
 from lagsim.outputs.scene_panel import ScenePanel
 from lagsim.outputs.sheet import (
     BLACK,
@@ -21,6 +21,7 @@ from lagsim.outputs.sheet import (
     Sheet,
     in_house_style,
 )
+from lagsim.outputs.spread import spread_scale
 from lagsim.outputs.time_panels import (
     IMPULSE,
     MOST_PANELS,
@@ -28,6 +29,7 @@ from lagsim.outputs.time_panels import (
     chosen,
     grouped,
     height_of,
+    tell,
 )
 from lagsim.run.observers.thinning import DRIFT
 
@@ -61,13 +63,14 @@ def energy(record: Record, *, is_sum: bool) -> Sheet:
     names = [name for name in named if name in record.rows]
     pens = dict(zip(names, (*PENS[: len(names) - 1], BLACK), strict=True))
     drawn = {name: record.rows.series(name) for name in names}
-    values = value_scale(*(values for _, values in drawn.values()))
+    values = spread_scale(*drawn.values())
     side = ("energy", record.unit("energy"))
     place = (LEFT, top, width, 2.2)
     with sheet.panel(place, record.time(), values, side=side, reach=REACH) as axes:
         record.mark(axes)
         for name in names:
             series(axes, *drawn[name], pens[name])
+    tell(sheet, place, values, list(drawn.values()))
     entries = [(named[name], pens[name]) for name in names]
     sheet.legend(LEFT, top - 0.06, entries, width)
     _drift(sheet, record, (LEFT, top + 2.56, width, 1.1))
@@ -173,7 +176,7 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Sheet:
     header(sheet, record, "", timed=panel.timed)
     if wanted.title:
         at = top - 0.06 - (LINE if len(lines) > 1 else 0.0)
-        sheet.text(LEFT, at, wanted.title, size=SMALL, room=panel.width - LEFT)
+        sheet.text(LEFT, at, wanted.title, size=SMALL, room=panel.width - LEFT - RIGHT)
     panel.draw(sheet, top)
     return sheet
 

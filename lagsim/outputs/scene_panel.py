@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from lagsim.outputs.sheet import Pen
     from lagsim.run.observers.thinning import Array
 
-# Inches: the least for a view, and the space for the numbers between two of them.
-LEAST, BETWEEN = 0.9, 0.62
+# Inches: the least for a view, for one beside curves, and between two, for numbers.
+LEAST, LEAST_ASIDE, BETWEEN = 0.9, 1.3, 0.62
 # What views may take across and up: the names beside them, above them, in space, and
 # beside the curves.
 SQUARE, BROAD, SPACE = (4.4, 4.2), (WIDTH - LEFT - RIGHT, 3.8), (5.42, 3.9)
@@ -149,7 +149,7 @@ class ScenePanel:
         scale = self._scale_for(((0.0, across), (0.0, up)), (widest, tallest))
         self._lengths = [max(LEAST, FREE * span / scale) for span in spans]
         if self.beside:
-            self._lengths[1] = tallest
+            self._lengths = [max(LEAST_ASIDE, self._lengths[0]), tallest]
         self._ranges = _around(self._extents, self._lengths, scale)
 
     def _scale_for(

@@ -173,7 +173,8 @@ def _lent() -> tuple[Figure, Axes, tuple[Line2D, ...]]:
         axis.offsetText.set_visible(False)
         axis.label.set(fontproperties=_font(NORMAL), va="baseline")
         # All further ticks take after the first.
-        axis.get_major_ticks(1)[0].label1.set_fontproperties(_font(SMALL))
+        for side in ("label1", "label2"):
+            getattr(axis.get_major_ticks(1)[0], side).set_fontproperties(_font(SMALL))
     grid: Pen = {"color": FAINT, "linewidth": 0.4, "zorder": 0.6}
     edge: Pen = {"color": DIM, "linewidth": 0.6, "zorder": 2.6, "clip_on": False}
     corners = ([0, 1, 1, 0, 0], [0, 0, 1, 1, 0])
@@ -257,6 +258,13 @@ class Sheet:
         right = self.width - EDGE
         self.text(right, 0.22, subject, room=room, ha="right", color=DIM)
 
+    def corner(self, place: Place, text: str, side: str) -> None:
+        """Write small print into an upper corner of a panel, at the left or right."""
+        left, top, width, _ = place
+        x = left + 0.05 if side == "left" else left + width - 0.05
+        look: Pen = {"size": SMALL, "ha": side, "color": DIM, "room": width - 0.1}
+        self.text(x, top + 0.16, text, **look)
+
     def notes(self, top: float, lines: Sequence[str]) -> None:
         """Write lines in small print."""
         for k, line in enumerate(lines):
@@ -336,7 +344,8 @@ class Sheet:
         kept[0].set_data(levels, np.resize([0.0, 1.0, np.nan], len(levels)))
         levels = np.repeat(y.put(axes, "y", fit[1]), 3)
         kept[1].set_data(np.resize([0.0, 1.0, np.nan], len(levels)), levels)
-        axes.set_xlabel(_label(axes.xaxis, below, width + 0.5))
+        beside = min(0.25, left, self.width - left - width)
+        axes.set_xlabel(_label(axes.xaxis, below, width + 2 * beside))
         axes.xaxis.set_label_coords(0.5, -0.31 / height)
         axes.set_ylabel(_label(axes.yaxis, side, height + spare))
         aside = reach / width

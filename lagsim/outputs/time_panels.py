@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lagsim.outputs.curves import series, stems
 from lagsim.outputs.record import LEFT, REACH, RIGHT
-from lagsim.outputs.scale import extent, value_scale
+from lagsim.outputs.scale import extent, read_off, value_scale
 from lagsim.outputs.sheet import EDGE, NOTHING, PENS, WIDTH, Sheet, text_width
+from lagsim.outputs.spread import spread_scale
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.outputs.record import Record
+    from lagsim.outputs.scale import Scale
+    from lagsim.outputs.sheet import Place
     from lagsim.run.observers.thinning import Array
 
 # Inches for the numbers at the left of a small panel.
@@ -106,6 +111,14 @@ class Panels:
         beside = self._wide and text_width(text) <= self._height - 0.05
         return len(group) > 1 or not beside
 
+    @staticmethod
+    def _scale(
+        group: Sequence[str], drawn: Sequence[tuple[Array, Array]], size: float
+    ) -> Scale:
+        if group[0].startswith(IMPULSE):  # single values, each with a size of its own
+            return value_scale(*(values for _, values in drawn), size=size)
+        return spread_scale(*drawn, size=size)
+
     def draw(self, sheet: Sheet, top: float) -> None:
         """Draw them below `top`."""
         record = self._record
@@ -124,7 +137,7 @@ class Panels:
             y = top + row * (self._height + self.gap) + self.gap
             drawn = [record.rows.series(name) for name in group]
             size = sizes[record.unit(group[0])]
-            scale = value_scale(*(values for _, values in drawn), size=size)
+            scale = self._scale(group, drawn, size)
             written = [record.letters.name(name) for name in group]
             named = (", ".join(written), record.unit(group[0]))
             above = self._headed[k] and len(group) == 1
@@ -139,9 +152,31 @@ class Panels:
                 shown = stems if group[0].startswith(IMPULSE) else series
                 for (t, values), pen in zip(drawn, PENS, strict=False):
                     shown(axes, t, values, pen)
+            tell(sheet, (x, y, width, self._height), scale, drawn)
             if len(group) > 1:
                 names = list(zip(written, PENS, strict=False))
                 sheet.legend(x, y - 0.06, names, width)
+
+
+def tell(
+    sheet: Sheet,
+    place: Place,
+    scale: Scale,
+    drawn: Sequence[tuple[Array, Array]],
+) -> None:
+    """Say in a panel where powers of ten begin, and what the greatest value is."""
+    if not scale.linear:
+        return
+    every = [np.where(np.isfinite(values), values, 0.0) for _, values in drawn]
+    sizes = [float(np.abs(values).max(initial=0.0)) for values in every]
+    k = int(np.argmax(sizes))
+    at = int(np.abs(every[k]).argmax())
+    t, most = drawn[k][0], read_off(float(every[k][at]))
+    text = f"{most} at t = {read_off(t[at], 5)}"
+    text += f"; powers of ten beyond {read_off(scale.linear)}"
+    # Where the greatest value is not.
+    side = "left" if t[at] - t[0] > 0.5 * (t[-1] - t[0]) else "right"
+    sheet.corner(place, text, side)
 
 
 def height_of(values: Array) -> float:
