@@ -56,6 +56,8 @@ LOST = "#dddddd"
 BAND = 0.5
 # A jump in a pixel with more values than this is hidden in its band.
 CROWD = 4
+# Of a band: swings no broader than so many pixels.
+NARROW = 10
 # Lines that cover more than the area they span leave nothing to see.
 BLOT = 1.5
 # Of a line that such areas are asked of, in inches.
@@ -97,12 +99,30 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
     columns = np.flatnonzero(np.diff(parts, prepend=-1.0))
     low = np.minimum.reduceat(values[seen], columns)
     high = np.maximum.reduceat(values[seen], columns)
+    if piece[-1] == piece[0] and not jump.any():
+        low, high = _envelope(low, high, values[seen])
     ends = np.flatnonzero(np.diff(piece[columns])) + 1
     t, low, high = (
         np.insert(part, ends, np.nan) for part in (t[seen][columns], low, high)
     )
     look = {"facecolor": (pen["color"], 0.45), "edgecolor": pen["color"]}
     axes.fill_between(t, low, high, **look, linewidth=0.5, zorder=1.8)
+
+
+def _envelope(low: Array, high: Array, values: Array) -> tuple[Array, Array]:
+    """Widen what is filled at each pixel to what a swing fills, if that is narrow.
+
+    Else the pixels in which swings turn, and those between, would be seen as a pattern.
+    """
+    turns = int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
+    swing = 2.0 * len(low) / max(turns, 1)
+    if swing > NARROW:
+        return low, high
+    half = math.ceil(1.5 * swing)
+    beside = np.lib.stride_tricks.sliding_window_view
+    low, high = (np.pad(part, half, mode="edge") for part in (low, high))
+    width = 2 * half + 1
+    return beside(low, width).min(axis=1), beside(high, width).max(axis=1)
 
 
 def path(axes: Axes, x: Array, y: Array, pen: Pen, trusted: int) -> None:

@@ -34,8 +34,9 @@ LEAST, LEAST_ASIDE, BETWEEN = 0.9, 1.3, 0.62
 # beside the curves.
 SQUARE, BROAD, SPACE = (4.4, 4.2), (WIDTH - LEFT - RIGHT, 3.8), (5.42, 3.9)
 ASIDE = 2.0
-# How much wider than high paths are that stand so; the last beside the curves.
-BROAD_FROM, NARROW_TO = 1.3, 0.7
+# How much wider than high paths are that have names above them, few names or many; and
+# that stand beside the curves.
+BROAD_FROM, NARROW_TO = (1.3, 2.2), 0.7
 
 # How much longer than the paths an axis is.
 FREE = 1.12
@@ -43,8 +44,8 @@ FREE = 1.12
 # From one name to the next: below, and line by line.
 LINE, DOWN = 0.16, 0.18
 
-# More names than this do not fit beside the views.
-MOST_NAMES = 14
+# More names than this do not fit beside the views; so many are few.
+MOST_NAMES, FEW_NAMES = 14, 7
 
 START_LINK: Pen = {"color": DIM, "linewidth": 0.7}
 END_LINK: Pen = {"color": INK, "dashes": (3.0, 1.5), "linewidth": 0.7}
@@ -103,7 +104,7 @@ class ScenePanel:
         elif narrow and broad < NARROW_TO:
             self.beside = True
             self._in_lines()
-        elif broad < BROAD_FROM or len(self._entries) > MOST_NAMES // 2:
+        elif broad < (BROAD_FROM[len(self._entries) > FEW_NAMES]):
             self._measure(*SQUARE)
             self.height = max(self._lengths[1], LINE * len(self._entries)) + 0.65
         else:
@@ -113,7 +114,7 @@ class ScenePanel:
     def _in_lines(self) -> None:
         """Let names stand in lines, across the sheet."""
         self._lines = in_lines(self._entries, WIDTH - LEFT - RIGHT)
-        self.height = DOWN * len(self._lines)
+        self.height = DOWN * len(self._lines) + 0.08
         if not self.beside:
             up = [self._lengths[v.up] for v in self._views if v.column == 0]
             self.height += sum(up) + BETWEEN * (len(up) - 1) + 0.7

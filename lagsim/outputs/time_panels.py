@@ -9,7 +9,16 @@ import numpy as np
 from lagsim.outputs.curves import series, stems
 from lagsim.outputs.record import LEFT, REACH, RIGHT
 from lagsim.outputs.scale import extent, read_off, value_scale
-from lagsim.outputs.sheet import EDGE, NOTHING, PENS, WIDTH, Sheet, text_width
+from lagsim.outputs.sheet import (
+    DIM,
+    EDGE,
+    NOTHING,
+    PENS,
+    SMALL,
+    WIDTH,
+    Sheet,
+    text_width,
+)
 from lagsim.outputs.spread import spread_scale
 
 if TYPE_CHECKING:
@@ -152,7 +161,7 @@ class Panels:
                 shown = stems if group[0].startswith(IMPULSE) else series
                 for (t, values), pen in zip(drawn, PENS, strict=False):
                     shown(axes, t, values, pen)
-            tell(sheet, (x, y, width, self._height), scale, drawn)
+            tell(sheet, (x, y, width, self._height), scale, drawn, above=above)
             if len(group) > 1:
                 names = list(zip(written, PENS, strict=False))
                 sheet.legend(x, y - 0.06, names, width)
@@ -163,8 +172,10 @@ def tell(
     place: Place,
     scale: Scale,
     drawn: Sequence[tuple[Array, Array]],
+    *,
+    above: bool = False,
 ) -> None:
-    """Say in a panel where powers of ten begin, and what the greatest value is."""
+    """Say in a panel, or above, where powers of ten begin and what is greatest."""
     if not scale.linear:
         return
     every = [np.where(np.isfinite(values), values, 0.0) for _, values in drawn]
@@ -172,11 +183,16 @@ def tell(
     k = int(np.argmax(sizes))
     at = int(np.abs(every[k]).argmax())
     t, most = drawn[k][0], read_off(float(every[k][at]))
-    text = f"{most} at t = {read_off(t[at], 5)}"
-    text += f"; powers of ten beyond {read_off(scale.linear)}"
+    said = f"powers of ten beyond {read_off(scale.linear)}"
+    if above:  # in a small panel it would stand across the curve
+        left, top, width, _ = place
+        room, x = 0.68 * width, left + width
+        text = f"{most}; {said}"
+        sheet.text(x, top - 0.06, text, size=SMALL, room=room, ha="right", color=DIM)
+        return
     # Where the greatest value is not.
     side = "left" if t[at] - t[0] > 0.5 * (t[-1] - t[0]) else "right"
-    sheet.corner(place, text, side)
+    sheet.corner(place, f"{most} at t = {read_off(t[at], 5)}; {said}", side)
 
 
 def height_of(values: Array) -> float:

@@ -8,7 +8,7 @@ import pytest
 from lagsim.model.model import Scene
 from lagsim.notes import Event
 from lagsim.outputs import plots
-from lagsim.outputs.curves import IMPACTS, RESTS
+from lagsim.outputs.curves import IMPACTS, MARKS, RESTS
 from lagsim.outputs.events import marked
 from lagsim.outputs.record import Record
 from lagsim.outputs.sheet import DPI
@@ -184,3 +184,41 @@ def test_what_is_marked():
     assert marked(events) == {
         "impact": [1.0, 2.0], "zeno": [3.0], "switch": [3.5], "release": [4.0],
     }  # fmt: skip
+
+
+def test_kinds_of_events_are_told_apart_and_named():
+    """By a mark at the top of each: filled where something holds from then on."""
+    times = {"stick": [1.0, 3.0], "slip": [2.0], "release": [2.5], "switch": [3.5]}
+    for drawing in against_time(record(events=times)):
+        said = drawing.written()
+        assert {"sticks", "slips", "lets go", "switches"} <= set(said)
+        assert "impacts" not in said
+        for panel in drawing.panels:
+            looks = {}
+            for kind, own in times.items():
+                top = MARKS[kind].top
+                if top is None:
+                    continue
+                [found] = [
+                    line
+                    for line in panel.lines
+                    if line.marker == top["marker"] and len(line.x) == len(own)
+                    and line.x == pytest.approx(places(panel, own), abs=PIXEL)
+                ]  # fmt: skip
+                looks[kind] = (found.marker, top["markerfacecolor"])
+                assert np.all(found.y > panel.box.y1 - 0.1 * DPI)
+            assert len(set(looks.values())) == len(looks)
+    # More names than fit beside the title have a line of their own.
+    texts = {text.said: text.box for text in drawing.texts}
+    assert texts["sticks"].y1 < texts["ball"].y0
+
+
+def test_fast_swings_are_the_band_that_they_fill():
+    """Of a steady amplitude: level, without a pattern of pixels and turns."""
+    t = np.linspace(0.0, 1.0, 40_000)
+    for swings in (150, 333, 999):
+        run = record({"t": t, "y": np.sin(2 * np.pi * swings * t)})
+        panel = drawn(plots.trajectory, run, ["y"], Scene({})).panels[0]
+        [(_, corners)] = panel.areas
+        top = corners[corners[:, 1] > panel.box.y0 + 0.5 * panel.box.height]
+        assert np.ptp(top[:, 1]) < 0.02 * panel.box.height
