@@ -201,6 +201,12 @@ def units(equations: Equations, told: Mapping[str, str]) -> dict[str, str]:
     return {name: text for name, text in found.items() if text}
 
 
+def of_table(equations: Equations, told: Mapping[str, str]) -> dict[str, str]:
+    """Give the unit of each column of the table, those that follow too."""
+    found = units(equations, told)
+    return {name: found.get(name, "") for name in told}
+
+
 def _drawn(equations: Equations) -> Iterator[tuple[str, int]]:
     """Give name and expression of what pictures draw besides columns."""
     model = equations.model
@@ -215,11 +221,16 @@ def _drawn(equations: Equations) -> Iterator[tuple[str, int]]:
 def _forces(
     equations: Equations, dimensions: Dimensions, energy: Unit
 ) -> Iterator[tuple[str, Unit]]:
-    """Give constraint forces and multipliers: what they do work on is known."""
+    """Give constraint forces, multipliers and reactions: they work on what is known."""
     for q in equations.q:
         along = dimensions.of(equations.graph.variable(q))
         if along is not None:
             yield f"Qc_{q}", times(energy, along, -1.0)
+    defined = {d.name: d.node for d in equations.model.definitions}
+    for name in equations.model.output.reactions:
+        along = dimensions.of(defined[name])
+        if along is not None:
+            yield f"reaction.{name}", times(energy, along, -1.0)
     rows = {f"lambda_{row.name}": row for row in equations.rows}
     rows |= {law.multiplier: law.row for law in equations.laws}
     for name, row in rows.items():

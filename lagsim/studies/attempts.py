@@ -181,12 +181,13 @@ class Attempt(NamedTuple):
 
     def _page(self, frames: Frames) -> Iterator[tuple[str, bytes]]:
         from lagsim.outputs.animation import NAME, film, page, record
+        from lagsim.outputs.units import units
 
-        trajectory = self.trajectory
+        equations, trajectory = self.session.case.equations, self.trajectory
         complete = trajectory.outcome.complete
         shown = film(
-            self.session.case.equations, frames, trajectory.events,
-            horizon=self.horizon, units=self.session.system.units(),
+            equations, frames, trajectory.events, horizon=self.horizon,
+            units=units(equations, self.session.system.units()),
             notes=[] if complete else [f"incomplete: {trajectory.reason}"],
         )  # fmt: skip
         if shown is not None:
@@ -263,7 +264,8 @@ class Attempts:
             frames = frames_of(case.equations, names)
         if self.store.rows:
             self.store.begin_anew()
-        others: list[Observer] = [account, checkpoints]
+        others: list[Observer] = [account]
+        others += [] if self.error_bars is ErrorBars.NEVER else [checkpoints]
         others += [x for x in (thin, frames) if x is not None]
         relay = Relay(self.store, others, self.interrupt)
         clock = self.clock
