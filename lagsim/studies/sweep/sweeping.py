@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # what the others then find.
 ALONE_SECONDS = 0.5
 # Others are worth beginning where so much is left to do.
-WORTH_SECONDS = 2.0
+WORTH_SECONDS = 5.0
 # A piece takes about so long; each process gets some.
 PIECE_SECONDS = 0.5
 PIECES = 4
