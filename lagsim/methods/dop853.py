@@ -26,7 +26,7 @@ from lagsim.methods.parts.controller import (
 from lagsim.methods.parts.dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
 from lagsim.methods.parts.interface import derivative
 from lagsim.methods.parts.looks import suspect
-from lagsim.methods.parts.noise import hardly_moves
+from lagsim.methods.parts.noise import add_change, hardly_moves, keep_rest
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
 from lagsim.methods.parts.singular import (
@@ -47,7 +47,6 @@ from lagsim.methods.parts.state import (
     STEP_TOO_SMALL,
     State,
 )
-from lagsim.methods.parts.sums import add_change, keep_rest
 from lagsim.methods.parts.tableau import Tableau
 from lagsim.native.kernels.words import apart, at, total, unrolled
 from lagsim.native.layout import array, part

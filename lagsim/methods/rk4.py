@@ -22,10 +22,10 @@ from lagsim.methods.parts.fixed import (
     take,
 )
 from lagsim.methods.parts.interface import derivative
+from lagsim.methods.parts.noise import add_change, keep_rest
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
 from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED
-from lagsim.methods.parts.sums import add_change, keep_rest
 from lagsim.methods.parts.tableau import Tableau
 from lagsim.native.kernels.words import at, total, unrolled
 from lagsim.native.layout import array

@@ -25,7 +25,6 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.adaptive import usable_step
 from lagsim.methods.parts.controller import (
     LOCAL,
-    TIGHT,
     against,
     foresee,
     look_again,
@@ -35,7 +34,13 @@ from lagsim.methods.parts.controller import (
 )
 from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
-from lagsim.methods.parts.noise import look_at_rounding
+from lagsim.methods.parts.noise import (
+    TIGHT,
+    add_change,
+    add_slope,
+    keep_rest,
+    look_at_rounding,
+)
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import leave_loss, record_health
@@ -46,7 +51,6 @@ from lagsim.methods.parts.state import (
     STEP_TOO_SMALL,
     State,
 )
-from lagsim.methods.parts.sums import add_change, add_slope, keep_rest
 from lagsim.native.kernels.words import at, unrolled
 from lagsim.native.layout import array
 

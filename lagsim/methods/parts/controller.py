@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import derivative, measure, rounding, terms
 from lagsim.methods.parts.noise import (
     RATE_NOISE,
+    TIGHT,
     hardly_moves,
     look_at_rounding,
     look_between,
@@ -42,10 +43,8 @@ WIDTH = 0.7
 INSTANT = 1e-6
 # A value is not known better than this part of itself.
 NOISE = 4.0 * 2.0**-53
-# Below this tolerance, which no repeat of a usual run has, the floor is a part of the
-# last place: truncation up to NOISE would act the same way in every step and so outgrow
-# rounding, of which `sums` loses little.
-TIGHT = 5e-14
+# At tight tolerances the floor is a part of the last place: truncation up to NOISE acts
+# the same way in every step and so outgrows rounding, of which sums lose little.
 FINEST = 2.0**-55
 # Below this a number has no digits to control: some of the smallest steps between two.
 UNDERFLOW = 2.0**-1068

@@ -20,6 +20,7 @@ from lagsim.methods.parts.interface import (
     until,
 )
 from lagsim.methods.parts.looks import overlooked
+from lagsim.methods.parts.noise import forget_rest
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project, project_rows
 from lagsim.methods.parts.singular import watch
@@ -36,7 +37,6 @@ from lagsim.methods.parts.state import (
     State,
 )
 from lagsim.methods.parts.strays import strayed, take_back
-from lagsim.methods.parts.sums import forget_rest
 from lagsim.methods.parts.switching import find_end
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.kernels.words import at, rare, unrolled

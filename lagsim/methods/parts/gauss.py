@@ -33,10 +33,10 @@ from lagsim.methods.parts.interface import (
 )
 from lagsim.methods.parts.lu import decompose, solve, too_large
 from lagsim.methods.parts.newton import CONVERGED, LOST, MOST, RENEW
+from lagsim.methods.parts.noise import add
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import largest_part
 from lagsim.methods.parts.state import DONE, NEWTON_FAILED, NOT_FINITE
-from lagsim.methods.parts.sums import add
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 

@@ -94,7 +94,7 @@ class State(Memory):
 
     y: Floats = array(lambda s: s.size)
     # What rounding has cut off of y, and what the step that is made leaves of it; see
-    # `sums`.
+    # `noise`.
     rest: Floats = array(lambda s: s.size)
     left: Floats = array(lambda s: s.size)
     sizes: Floats = array(lambda s: s.size)  # the largest of y so far

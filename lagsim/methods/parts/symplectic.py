@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.fixed import Fixed
 from lagsim.methods.parts.interface import derivative, power
+from lagsim.methods.parts.noise import add
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.sums import add
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
