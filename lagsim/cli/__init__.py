@@ -8,12 +8,11 @@ import gc
 import os
 import signal
 import sys
-import threading
 from importlib import import_module
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable
 
     import typer
 
@@ -22,30 +21,30 @@ COMMANDS = (
     "methods", "schema",
 )  # fmt: skip
 
-_INTERRUPTED = 128 + signal.SIGINT
-_TERMINATED = 128 + signal.SIGTERM
-
-
-class _Terminated(BaseException):
-    """SIGTERM, raised where it arrives so that what was begun is removed."""
-
 
 def main() -> int:
     """Run the command line; give the exit code."""
-    from lagsim.cli import _streams
+    from lagsim.cli import _signals, _streams
+    from lagsim.run.interrupt import Terminated
 
     _streams.prepare()
     try:
-        with _terminable():
-            return _guarded(_application())
-    except _Terminated:
-        return _TERMINATED
+        with _signals.raised():
+            return _guarded(_application)
+    except Terminated:
+        return 128 + signal.SIGTERM
     except KeyboardInterrupt:
-        return _INTERRUPTED
+        return 128 + signal.SIGINT
 
 
 def entry() -> int:
     """Run the command line as a process of its own; give the exit code."""
+    from lagsim.cli import _signals
+
+    _signals.prepare()
+    # What this one starts is to look for its modules where this one does, and not in
+    # the working directory, which may be a stranger's.
+    os.environ.setdefault("PYTHONSAFEPATH", "1")
     # Loading and deriving make many objects and no garbage; looking through them again
     # and again takes longer than integrating. What is left goes with the process.
     gc.disable()
@@ -80,22 +79,23 @@ def _application() -> typer.Typer:
     return app
 
 
-def _guarded(app: typer.Typer) -> int:
-    """Call the application; anything unforeseen is a bug, exit 70."""
+def _guarded(application: Callable[[], typer.Typer]) -> int:
+    """Make and call the application; anything unforeseen is a bug, exit 70."""
     import typer
 
-    from lagsim.cli import _streams
+    from lagsim.cli import _signals, _streams
 
     try:
-        code = app(prog_name="lagsim", standalone_mode=False)
+        code = application()(prog_name="lagsim", standalone_mode=False)
         _streams.put(lambda: None)
     except typer.Exit as wish:
         return int(wish.exit_code)
     except SystemExit as done:  # a shell has asked how a line goes on
         return int(done.code or 0)
     except typer.Abort:
-        return _INTERRUPTED
+        raise KeyboardInterrupt from None
     except Exception as error:  # noqa: BLE001  the last resort of a command line
+        _signals.again()
         if callable(getattr(error, "show", None)):  # a usage error
             return _usage(error)
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
@@ -119,22 +119,3 @@ def _usage(error: Exception) -> int:
         with contextlib.suppress(OSError):
             error.show()  # type: ignore[attr-defined]
     return 2
-
-
-@contextlib.contextmanager
-def _terminable() -> Iterator[None]:
-    """Turn SIGTERM into an exception (in the main thread, where it is not ignored)."""
-    from lagsim.run.interrupt import ignored
-
-    def stop(_number: int, _frame: object) -> NoReturn:
-        raise _Terminated
-
-    main = threading.current_thread() is threading.main_thread()
-    if not main or ignored(signal.SIGTERM):
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -14,7 +14,7 @@ from lagsim.cli._faults import bug, errors_document, faults_shown
 from lagsim.cli._shared import aligned, assignments, coloured, show_json
 from lagsim.cli._streams import complain, say
 from lagsim.errors import InputError, Problem
-from lagsim.run.interrupt import Interrupt
+from lagsim.run.interrupt import Interrupt, Terminated
 from lagsim.studies.workers import Died, cores, spread
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def done(piece: Piece, interrupt: Interrupt) -> Done:
                 code.append(
                     job.run(piece.text, piece.file, piece.overrides, piece.options)
                 )
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Terminated):
             code = [INTERRUPTED]
         except Exception:  # noqa: BLE001  the others are run all the same
             code = [bug()]

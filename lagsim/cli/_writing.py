@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from lagsim.cli._streams import UnwritableError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from lagsim.outputs import Format
@@ -25,13 +25,22 @@ def put_file(path: Path, content: bytes) -> None:
     UnwritableError
         Where that fails.
     """
-    beside = path.with_name(f".{path.name}.part")
+    from lagsim.outputs.results import put
+
+    with writing(path):
+        put(path, content)
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Tell what keeps a file from being written, or files into a folder.
+
+    Raises
+    ------
+    UnwritableError
+    """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside.unlink(missing_ok=True)  # of one that was killed
-        with beside.open("xb") as file:  # through no link
-            file.write(content)
-        beside.replace(path)
+        yield
     except OSError as error:
         where = path if path.parent.is_dir() else path.parent
         text = f"lagsim: {where} cannot be written: {error.strerror}"
@@ -44,8 +53,8 @@ def open_table(
     """Open the table for its rows."""
     from lagsim.outputs.table import table_writer
 
-    path = results.part(form.file)
     try:
+        path = results.part(form.file)
         return contextlib.closing(
             table_writer(form, path, units, show_units=show_units)
         )
@@ -63,13 +72,10 @@ def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
     """
     from lagsim.outputs.manifest import encode
 
-    try:
+    with writing(results.folder):
         for name, content in files.items():
             results.write(name, content)
         results.commit(encode(document))
-    except OSError as error:
-        text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
-        raise UnwritableError(text) from None
 
 
 def finish(writer: Writer, results: Results, form: Format) -> OSError | None:

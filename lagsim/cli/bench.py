@@ -128,20 +128,21 @@ class _Job:
         from lagsim.studies.bench.work_precision import measure
 
         interrupt = Interrupt()
-        with interrupt.noted(), progress_bar(quiet=self.quiet) as progress:
-            try:
-                found = measure(case, wish, interrupt=interrupt, progress=progress)
-            except GivenUpError:
-                return 128 + (interrupt.signal or 0)
-        model = case.equations.model
-        content = document(model, case.settings, found, list(FILES))
-        self._commit(content, content["rows"], results)
+        with interrupt.noted():
+            with progress_bar(quiet=self.quiet) as progress:
+                try:
+                    found = measure(case, wish, interrupt=interrupt, progress=progress)
+                except GivenUpError:
+                    return 128 + (interrupt.signal or 0)
+            content = document(case.equations.model, case.settings, found, list(FILES))
+            self._commit(content, content["rows"], results, interrupt)
         if not self.quiet and not self.as_json:
-            say(_summary(model, found, results.folder))
+            say(_summary(case.equations.model, found, results.folder))
         return 128 + interrupt.signal if interrupt.signal is not None else 0
 
     def _draw(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
         """Draw again what was measured."""
+        from lagsim.run.interrupt import Interrupt
         from lagsim.outputs.results import open_results
         from lagsim.studies.bench.document import FILES, MANIFEST, read_document
         from lagsim.studies.bench.work_precision import Wish
@@ -153,7 +154,7 @@ class _Job:
         content = read_document(path) | {"files": list(FILES)}
         shown = [row for row in content["rows"] if wish.wants(row["method"])]
         with open_results(self.folder or Path(path).parent, MANIFEST) as results:
-            self._commit(content, shown, results)
+            self._commit(content, shown, results, Interrupt())
         if not self.quiet and not self.as_json:
             say(f"{coloured('drawn', '32')}: {results.folder}: {', '.join(FILES)}")
         return 0

@@ -26,7 +26,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.outputs import Format
-from lagsim.run.interrupt import Interrupt
+from lagsim.run.interrupt import Interrupt, Terminated
 from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
 
@@ -216,14 +216,13 @@ class Job:
             hint = "run.json has the units of all columns, and Parquet its own"
             raise InputError([Problem("usage", why, hint=hint)])
         clock.lap("import")
-        model = read(text, file, overrides, options)
-        settings = wanted(model, "run", hint="add it, or give --duration")
-        clock.lap("read")
-        session = open_case(model, settings, clock=clock).ready(clock=clock)
+        with self.interrupt.raised():
+            model = read(text, file, overrides, options)
+            settings = wanted(model, "run", hint="add it, or give --duration")
+            clock.lap("read")
+            session = open_case(model, settings, clock=clock).ready(clock=clock)
         from lagsim.outputs.results import open_results
 
-        if self.interrupt.asked:
-            raise KeyboardInterrupt
         with open_results(self.folder or Path("results") / model.name) as results:
             return self._integrate(session, results)
 
@@ -252,22 +251,39 @@ class Job:
         if full:
             return UnwritableError.exit_code
         if interrupt.signal is not None:
+            if document["complete"]:
+                complain("lagsim: interrupted: all rows are there, pictures may not be")
             return 128 + interrupt.signal
         if not found.trajectory.outcome.complete:
             return 3
         return self._strictly(found, document)
 
     def _write(self, found: Attempt, results: Results) -> OSError | None:
-        """Write what stands beside the table; give what kept one from being written."""
+        """Write what stands beside the table; give what kept one from being written.
+
+        A signal ends that: pictures can be drawn again, rows cannot.
+        """
         try:
-            for name, content in found.files(found.thin, found.frames):
-                results.write(name, content)
+            try:
+                self._draw(found, results)
+            except (KeyboardInterrupt, Terminated):
+                for name, content in found.files(None):
+                    results.write(name, content)
         except OSError as error:
             return error
         finally:
             if found.thin is not None:
                 self.clock.lap("plots")
         return None
+
+    def _draw(self, found: Attempt, results: Results) -> None:
+        made = found.files(found.thin, found.frames)
+        while True:
+            with self.interrupt.raised():
+                name, content = next(made, ("", b""))
+            if not name:
+                return
+            results.write(name, content)
 
     def _strictly(self, found: Attempt, document: Mapping[str, Any]) -> int:
         """Give the exit code of a run that is complete; say why it is not 0."""

@@ -20,6 +20,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lagsim import files
 from lagsim.native.kernels import keys
 from lagsim.native.link import engine
 
@@ -156,7 +157,7 @@ def _digest(parts: Iterable[str]) -> str:
 def _read(path: Path) -> bytes | None:
     """Read an object; None if there is none, or not the whole of one."""
     try:
-        content = path.read_bytes()
+        content = files.content(path)
     except OSError:
         return None
     start = len(_MAGIC) + hashlib.sha256().digest_size
@@ -191,17 +192,17 @@ def _write(path: Path, code: bytes) -> None:
 
 def prune(where: Path, limit: int = LIMIT_BYTES) -> None:
     """Remove the files not used for longest, down to half the limit if over it."""
-    files = []
+    there = []
     with contextlib.suppress(OSError):
         for path in where.iterdir():
             found = path.stat()
             age = time.time() - found.st_mtime
             if path.suffix == _SUFFIX or age > _ABANDONED_SECONDS:
-                files.append((found.st_mtime, found.st_size, path))
-    size = sum(s for _, s, _ in files)
+                there.append((found.st_mtime, found.st_size, path))
+    size = sum(s for _, s, _ in there)
     if size <= limit:
         return
-    for _, removed, path in sorted(files):
+    for _, removed, path in sorted(there):
         with contextlib.suppress(OSError):
             path.unlink()
         size -= removed
