@@ -26,7 +26,8 @@ from lagsim.run.session import open_case
 from lagsim.studies.bench.chart import chart
 from lagsim.studies.bench.document import document, read_document
 from lagsim.studies.bench.reference import NoReferenceError
-from lagsim.studies.bench.work_precision import Wish, measure
+from lagsim.studies.bench.wanted import Wish
+from lagsim.studies.bench.work_precision import measure
 
 ERRORS = (1e-6, 1e-9, 1e-12)
 GOAL = 2.0

@@ -99,8 +99,8 @@ def measured(case, method):
 
     from lagsim.model.reader import read_file
     from lagsim.run.session import open_case
-    from lagsim.studies.bench.reference import state_sizes
     from lagsim.studies.bench.scipy_solvers import Scipy
+    from lagsim.studies.bench.solutions import state_sizes
     from lagsim.studies.bench.solving import Own, Patience, least
 
     model = read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)

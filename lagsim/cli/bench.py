@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.outputs.results import Results
     from lagsim.run.session import Case
-    from lagsim.studies.bench.work_precision import Wish, WorkPrecision
+    from lagsim.studies.bench.wanted import Wish
+    from lagsim.studies.bench.work_precision import WorkPrecision
 
 
 def command(
@@ -69,6 +70,10 @@ def command(
             metavar="A:B", help="Of fixed-step methods, halved from the first on."
         ),
     ] = None,
+    budget: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="For each model; default 180."),
+    ] = None,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -79,7 +84,7 @@ def command(
     codes = [0]
     faults: list[Any] = []
     with faults_shown(faults if as_json else None) as code:
-        wish = _wish(methods, tolerances, steps)
+        wish = _wish(methods, tolerances, steps, budget)
         overrides = assignments(sets)
         code.append(0)
     codes += code
@@ -145,7 +150,7 @@ class _Job:
         from lagsim.run.interrupt import Interrupt
         from lagsim.outputs.results import open_results
         from lagsim.studies.bench.document import FILES, MANIFEST, read_document
-        from lagsim.studies.bench.work_precision import Wish
+        from lagsim.studies.bench.wanted import Wish
 
         if overrides or wish != Wish(wish.methods):
             text = f"{path} holds what was measured: only --methods can be chosen of it"
@@ -171,14 +176,19 @@ class _Job:
         self.documents.append(content)
 
 
-def _wish(methods: str | None, tolerances: str | None, steps: str | None) -> Wish:
+def _wish(
+    methods: str | None,
+    tolerances: str | None,
+    steps: str | None,
+    budget: float | None,
+) -> Wish:
     """Take the options apart.
 
     Raises
     ------
     InputError
     """
-    from lagsim.studies.bench.work_precision import TOLERANCES, Wish
+    from lagsim.studies.bench.wanted import BUDGET, TOLERANCES, Wish
 
     problems: list[Problem] = []
     wanted = None
@@ -186,7 +196,11 @@ def _wish(methods: str | None, tolerances: str | None, steps: str | None) -> Wis
         wanted = tuple(name.strip() for name in methods.split(","))
         problems += _unknown(wanted)
     between = _between("--tolerances", tolerances, problems) or TOLERANCES
-    wish = Wish(wanted, between, _between("--steps", steps, problems))
+    seconds = BUDGET if budget is None else budget
+    if not 0.0 < seconds < float("inf"):
+        text = f"--budget {seconds:g}: a number of seconds above 0 is expected"
+        problems.append(Problem("usage", text))
+    wish = Wish(wanted, between, _between("--steps", steps, problems), seconds)
     if problems:
         raise InputError(problems)
     return wish
@@ -225,23 +239,31 @@ def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
     """Give the closing lines."""
     from lagsim.studies.bench.document import FILES
 
-    reference = found.reference
     state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")
     head = (
         f"{coloured(state, colour)}: {model.name}, "
         f"{counted(len(found.entries), 'solve')} by "
         f"{counted(len(found.curves()), 'method')}"
     )
-    known = f"{reference.made} and {reference.verified}, which agree to "
-    known += f"{reference.floor:.1g}"
-    if reference.horizon is not None:
-        known += f" up to t = {reference.horizon:.4g}: no row past it is judged"
-    rows = [("reference", known)]
+    rows = [("reference", found.reference.trust)]
     rows += [("" if k else "left out", text) for k, text in enumerate(_left_out(found))]
     front = [found.entries[k] for k in found.front("seconds")]
     rows += [("" if k else "best", _point(e)) for k, e in enumerate(front)]
+    rows.append(("time", _time(found)))
     rows.append(("files", f"{folder}: {', '.join(FILES)}"))
     return head + "\n" + table(rows)
+
+
+def _time(found: WorkPrecision) -> str:
+    """Say what all took, and what there was no time for."""
+    from lagsim.studies.bench.work_precision import OUT_OF_TIME
+
+    cut = {e.curve: None for e in found.entries if e.outcome == OUT_OF_TIME}
+    said = f"{found.seconds:.3g} s of {found.budget:g}"
+    if not cut:
+        return said
+    names = ", ".join(f"{method} ({formulation})" for method, formulation in cut)
+    return f"{said}: too little to finish {names}; --budget gives more"
 
 
 def _left_out(found: WorkPrecision) -> list[str]:

@@ -63,6 +63,8 @@ def test_the_document(lagsim, write):
     reference = document["reference"]
     assert reference["floor"] < 1e-11
     assert reference["horizon"] is None
+    assert "agrees with it to" in reference["trust"]
+    assert 0 < document["budget"]["spent"] < document["budget"]["seconds"] == 180
     assert reference["agreement"].keys() == {"theta", "theta_dot"}
     assert document["versions"].keys() >= {"python", "numpy", "scipy"}
     assert document["machine"]["cores"] > 0
@@ -137,6 +139,7 @@ def test_parameters_are_set(lagsim, write):
         (["--tolerances", "1e-3"], "--tolerances 1e-3: two numbers above 0"),
         (["--tolerances", "0:1e-3"], "two numbers above 0"),
         (["--steps", "a:b"], "--steps a:b: two numbers above 0"),
+        (["--budget", "0"], "--budget 0: a number of seconds above 0"),
         (["--set", "l"], "--set l: a name and an expression"),
     ],
 )

@@ -87,6 +87,8 @@ def panel_of(axes):
         corners = patch.get_transform().transform(patch.get_path().vertices)
         panel.areas.append((to_hex(patch.get_facecolor()), corners))
     for collection in axes.collections:
+        if not len(collection.get_facecolor()):  # outlines
+            continue
         for path in collection.get_paths():
             corners = collection.get_transform().transform(path.vertices)
             panel.areas.append((to_hex(collection.get_facecolor()[0]), corners))
@@ -108,7 +110,7 @@ def noted():
 
     def text(self, renderer):
         plain[Text](self, renderer)
-        if self.get_visible() and self.get_text():
+        if self.get_visible() and self.get_text().strip():
             place = self.get_transform().transform(self.get_position())
             drawing.texts.append(SimpleNamespace(
                 said=self.get_text(), box=self.get_window_extent(renderer).frozen(),

@@ -26,14 +26,19 @@ function element(tag, attributes = {}, ...children) {
   return made;
 }
 
+// The least and the greatest energy of a run, or 0.
+function reach(run) {
+  let low = 0, high = 0;
+  for (const values of Object.values(run.energies))
+    for (const value of values)
+      if (Number.isFinite(value)) { low = Math.min(low, value); high = Math.max(high, value); }
+  return [low, high];
+}
+
 class Bars {
-  constructor(run) {
+  constructor(run, [low, high]) {
     this.run = run;
     this.box = element("aside", {class: "side", "aria-label": "Energies"});
-    let low = 0, high = 0;
-    for (const values of Object.values(run.energies))
-      for (const value of values)
-        if (Number.isFinite(value)) { low = Math.min(low, value); high = Math.max(high, value); }
     [this.low, this.span] = [low, high - low || 1];
     this.bars = Object.keys(run.energies).filter((name) => name in ENERGIES).map((name) => {
       const [label, colour] = ENERGIES[name];

@@ -85,6 +85,16 @@ class View {
   move(dx, dy) { this.shift = [this.shift[0] + dx, this.shift[1] + dy]; }
 }
 
+// A box about all of some runs, each a good part of it; else null.
+function common(runs) {
+  if (runs.some((run) => run.dimension !== runs[0].dimension || !run.box.length)) return null;
+  const box = runs[0].box.map((_, k) => [
+    Math.min(...runs.map((run) => run.box[k][0])), Math.max(...runs.map((run) => run.box[k][1])),
+  ]);
+  const size = (sides) => Math.max(...sides.map(([low, high]) => high - low));
+  return runs.every((run) => size(run.box) >= 0.2 * size(box)) ? box : null;
+}
+
 // About so many round steps in a range.
 function stepOf(range, count) {
   const rough = range / count, power = 10 ** Math.floor(Math.log10(rough));

@@ -96,7 +96,7 @@ def _name(key: Key, keys: Iterable[Key]) -> str:
 
 
 def _notes(document: Mapping[str, Any], found: Shown) -> list[str]:
-    lines = [_known(document)]
+    lines = [f"Reference: {document['reference']['trust']}."]
     keys = {(row["method"], row["formulation"]): None for row in document["rows"]}
     gaps = _gaps(document["rows"], found, list(keys))
     if gaps:
@@ -120,19 +120,6 @@ def _notes(document: Mapping[str, Any], found: Shown) -> list[str]:
 
 def _rounded(times: float) -> str:
     return f"{float(f'{times:.2g}'):g}" if np.isfinite(times) else "no digits"
-
-
-def _known(document: Mapping[str, Any]) -> str:
-    """Say what errors are measured against, and how far."""
-    reference = document["reference"]
-    agreed = f"{reference['verified']} agrees with it to {reference['floor']:.1g}"
-    known = f"Reference: {reference['made']}; {agreed}"
-    if reference["horizon"] is not None:
-        known += (
-            f" up to t = {reference['horizon']:.4g} of {document['end']:.4g}, past "
-            "which the motion is not known: errors are those of the rows before"
-        )
-    return f"{known}."
 
 
 def _gaps(rows: Sequence[Row], found: Shown, keys: Sequence[Key]) -> list[str]:

@@ -94,6 +94,7 @@ def document(
         "end": settings.end,
         "output_step": settings.output_step,
         "complete": not found.interrupted,
+        "budget": {"seconds": found.budget, "spent": found.seconds},
         "reference": _reference(found.reference),
         "curves": curves,
         "refused": [refused._asdict() for refused in found.refused],
@@ -107,6 +108,7 @@ def _reference(reference: Reference) -> dict[str, Any]:
     return {
         "made": reference.made,
         "verified": reference.verified,
+        "trust": reference.trust,
         "floor": reference.floor,
         "horizon": reference.horizon,
         "rows": len(reference.rows),

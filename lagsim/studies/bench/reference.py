@@ -1,46 +1,45 @@
 """What errors are measured against, and how far it is to be trusted.
 
 Two solutions by different means, as tight as double precision allows. What they agree
-to is what is known; where motions part exponentially that is soon nothing, and errors
-are those of the rows before.
+to is what is known: errors below that are not told. Where motions part exponentially
+that is soon nothing, and errors are those of the rows before.
 """
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.errors import InputError, LagsimError
-from lagsim.studies.bench.scipy_solvers import PREFIX, Scipy
-from lagsim.studies.bench.scipy_solvers import refusal as scipy_refusal
-from lagsim.studies.bench.solving import GivenUpError, Own, Patience, Solver
+from lagsim.errors import LagsimError
+from lagsim.studies.bench.solutions import between_rows, others, tightest
+from lagsim.studies.bench.solving import Patience
 from lagsim.studies.moved import IMPACT, moved, within
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Event
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
+    from lagsim.studies.bench.solutions import Solution
 
-# The first of these that a scene lets through makes the reference ...
-FIRST = ("exponential", "taylor", "dop853")
-# ... and the one of these that comes closest to it verifies it.
-SECOND = ("taylor", "dop853", "kahan-li8", "gauss4", "radau", "rk4")
-TOLERANCES = (1e-14, 1e-13, 1e-12)
-SCIPY_TOLERANCE = 3e-14
-# Fixed steps are halved this often, from a quarter of a row's spacing on, ...
-HALVINGS = 10
-# ... until an agreement this good ends the search.
+# An agreement this good ends the search for a better one.
 GOOD = 1e-12
-SECONDS = 5.0
+# One solve may take this part of the time for all of them.
+ONE = 0.25
+SECONDS = 40.0
 
-# Rows count as known while both agree to this part of each coordinate's range.
-TRUSTED = 1e-10
+# Rows count as known while both agree to this part of each coordinate's range: to the
+# first of these that holds for all rows ...
+WHOLE = (1e-10, 1e-8, 1e-6)
+# ... or else for more than a few of them.
+LEVELS = (*WHOLE, 1e-4, 1e-2)
+FEW = 0.1
 # A range that is this small beside others of its unit is that of rounding errors.
 NOISE = 1e-11
 
@@ -49,17 +48,6 @@ class NoReferenceError(LagsimError):
     """Nothing can be measured, for there is nothing to measure against (exit 3)."""
 
     exit_code = 3
-
-
-@dataclass(frozen=True, slots=True)
-class Solution:
-    """Rows, what their columns are, and how they were made."""
-
-    how: str
-    method: str
-    columns: tuple[str, ...]
-    rows: Floats
-    events: Sequence[Event] = ()
 
 
 @dataclass(frozen=True)
@@ -106,6 +94,27 @@ class Reference:
         """Errors below this cannot be told."""
         return float(np.max(self.agreement[self.state]))
 
+    @property
+    def whole(self) -> bool:
+        """Whether all rows are known."""
+        return self.horizon is None
+
+    @property
+    def trust(self) -> str:
+        """How far it is to be trusted, in words."""
+        said = f"{self.made}; {self.verified} agrees with it to {self.floor:.1g}"
+        if self.horizon is not None:
+            end = self.rows[-1, 0]
+            said += (
+                f" up to t = {self.horizon:.4g} of {end:.4g}, past which the motion "
+                "is not known: errors are those of the rows before"
+            )
+        elif self.floor > LEVELS[-1]:
+            said += ": nothing confirms it, and errors say little"
+        elif self.floor > WHOLE[0]:
+            said += ": smaller errors cannot be told"
+        return said
+
     def errors(
         self, rows: Floats, events: Sequence[Event] = ()
     ) -> tuple[float, float | None]:
@@ -131,45 +140,68 @@ class Reference:
         return differences(rows, others, jumping, (events, self.events))
 
 
-def make_reference(case: Case, interrupt: Interrupt | None = None) -> Reference:
+def make_reference(
+    case: Case,
+    interrupt: Interrupt | None = None,
+    seconds: float = SECONDS,
+    progress: Callable[[float], None] | None = None,
+) -> Reference:
     """Solve as tightly as can be, by different means, and compare.
+
+    Parameters
+    ----------
+    seconds
+        That all of it may take.
+    progress
+        Is called with the part of them that is spent.
 
     Raises
     ------
     NoReferenceError
-        Where not two solutions can be had, or they have nothing in common.
+        Where no two solutions can be had.
     """
-    patience = Patience(SECONDS, interrupt)
-    first = next(_first(case, patience), None)
+    began = time.perf_counter()
+    patience = Patience(ONE * seconds, interrupt, began + seconds)
+    first = next(tightest(case, patience), None)
     if first is None:
         text = "nothing to measure errors against: the motion cannot be solved to its "
-        text += "end as tightly as double precision allows"
-        raise NoReferenceError(text)
+        text += f"end at any tolerance in {patience.seconds:.3g} s"
+        hint = "; `lagsim run` says where it fails, --budget gives it more time"
+        raise NoReferenceError(text + hint)
+    motion = between_rows(case, first, patience)
     best: Reference | None = None
-    for second in _verifiers(case, first, patience):
-        found = _compared(case.equations, first, second)
-        if best is None or (found.known, -found.floor) > (best.known, -best.floor):
+    for second in others(case, first, patience):
+        found = _compared(case.equations, first, second, motion)
+        if best is None or _rank(found) > _rank(best):
             best = found
-        if best.horizon is None and best.floor <= GOOD:
+        if progress is not None:
+            progress(min(1.0, (time.perf_counter() - began) / seconds))
+        if best.whole and best.floor <= GOOD:
             break
-    if best is None or best.known < 2:
-        text = f"nothing to measure errors against: {first.how} is not confirmed"
+    if best is None:
+        text = f"nothing to measure errors against: {first.how} is all that can be had"
         raise NoReferenceError(text)
     return best
 
 
-def _compared(e: Equations, first: Solution, second: Solution) -> Reference:
+def _rank(found: Reference) -> tuple[bool, int, float]:
+    """Give what is larger for a better reference."""
+    level = next((x for x in LEVELS if found.floor <= x), 1.0)
+    return found.whole and level in WHOLE, int(found.known / level), -found.floor
+
+
+def _compared(
+    e: Equations, first: Solution, second: Solution, motion: Floats | None = None
+) -> Reference:
     columns = first.columns
     state = [columns.index(name) for name in (*e.q, *e.velocities)]
     multipliers = [columns.index(name) for name in e.multipliers]
     count = min(len(first.rows), len(second.rows))
     a, b = first.rows[:count], second.rows[:count]
-    scales = _scales(e, first.rows, state, multipliers)
+    scales = _scales(e, first.rows if motion is None else motion, state, multipliers)
     jumping = state[len(e.q) :], multipliers
     apart = differences(a, b, jumping, (first.events, second.events)) / scales
-    lost = np.flatnonzero(np.max(apart[:, state], axis=1) > TRUSTED)
-    known = int(lost[0]) if len(lost) else count
-    agreement = np.max(apart[: max(known, 1)], axis=0)
+    known = _known(np.max(apart[:, state], axis=1))
     return Reference(
         columns=columns,
         made=first.how,
@@ -179,9 +211,21 @@ def _compared(e: Equations, first: Solution, second: Solution) -> Reference:
         multipliers=multipliers,
         scales=scales,
         known=known,
-        agreement=agreement,
+        agreement=np.max(apart[:known], axis=0),
         events=first.events,
     )
+
+
+def _known(apart: Floats) -> int:
+    """Give how many rows are known: all, where nothing better can be said."""
+    count = len(apart)
+    known = {}
+    for level in LEVELS:
+        lost = np.flatnonzero(~(apart <= level))
+        known[level] = int(lost[0]) if len(lost) else count
+    whole = any(known[level] == count for level in WHOLE)
+    enough = max(2.0, FEW * count)
+    return count if whole else next((k for k in known.values() if k >= enough), count)
 
 
 def differences(
@@ -211,76 +255,6 @@ def differences(
     return apart
 
 
-def _first(case: Case, patience: Patience) -> Iterator[Solution]:
-    for name in FIRST:
-        if own := _able(case, name):
-            yield from _solved(own, TOLERANCES, patience)
-
-
-def _able(case: Case, name: str) -> Own | None:
-    """Give a method that is there and can handle the scene."""
-    try:
-        return Own(case, name)
-    except InputError:
-        return None
-
-
-def _verifiers(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
-    for name in SECOND:
-        if name != first.method and (own := _able(case, name)):
-            values = _steps(own) if own.setting == "step" else TOLERANCES
-            yield from _solved(own, values, patience)
-    yield from _by_scipy(case, first, patience)
-
-
-def _by_scipy(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
-    own = index_one(case)
-    if not scipy_refusal(own):
-        sizes = state_sizes(own, first.rows)
-        solver = Scipy(own, f"{PREFIX}DOP853", first.rows[:, 0], sizes)
-        yield from _solved(solver, (SCIPY_TOLERANCE,), patience)
-
-
-def index_one(case: Case) -> Own:
-    """Give what has the right-hand side with lambda solved away, and nothing else."""
-    return Own(case, "dop853", "drift" if case.equations.rows else "full")
-
-
-def state_sizes(own: Own, rows: Floats) -> Floats:
-    """Give the largest size of each component of y, none of them 0."""
-    wanted = [*own.case.equations.q, *own.case.equations.velocities]
-    wanted += ["work"] if own.system.has_work else []
-    sizes = [float(np.max(np.abs(rows[:, own.names.index(name)]))) for name in wanted]
-    whole = max(sizes) or 1.0
-    return np.array([size or whole for size in sizes])
-
-
-def _solved(
-    solver: Solver, values: Sequence[float], patience: Patience
-) -> Iterator[Solution]:
-    """Give the solution at the tightest tolerance that can be met, or for each step."""
-    for value in values:
-        try:
-            solved = solver.solve(value, patience)
-        except GivenUpError:
-            if patience.pressed:
-                raise
-            if solver.setting == "step":
-                return
-            continue
-        if solved.rows is not None:
-            how = f"{solver.method} at {solver.setting} {value:.3g}"
-            rows, events = solved.rows, solved.events
-            yield Solution(how, solver.method, solver.names, rows, events)
-            if solver.setting == "rtol":
-                return
-
-
-def _steps(own: Own) -> list[float]:
-    """Give steps for a method that has no tolerance, each half the one before."""
-    return [own.case.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
-
-
 def _scales(
     e: Equations, rows: Floats, state: list[int], multipliers: list[int]
 ) -> Floats:
@@ -293,7 +267,7 @@ def _scales(
     ranges = np.ptp(rows, axis=0)
     scales = np.full(rows.shape[1], np.inf)
     units = [c.unit for c in e.model.coordinates]
-    duration = float(rows[-1, 0] - rows[0, 0]) or 1.0
+    duration = float(np.ptp(rows[:, 0])) or 1.0
     for columns in (state[:n], state[n:]):
         for unit in set(units):
             alike = [c for c, u in zip(columns, units, strict=True) if u == unit]

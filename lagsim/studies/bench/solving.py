@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
@@ -43,16 +44,29 @@ class Patience:
         For one solve.
     interrupt
         Ends it at once.
+    until
+        Of the clock `time.perf_counter`: no solve lasts longer.
     """
 
-    def __init__(self, seconds: float, interrupt: Interrupt | None = None) -> None:
+    def __init__(
+        self,
+        seconds: float,
+        interrupt: Interrupt | None = None,
+        until: float = math.inf,
+    ) -> None:
         self.seconds = seconds
         self.interrupt = interrupt
+        self.until = until
         self.begin()
 
     def begin(self) -> None:
         """Begin a solve."""
-        self._end = time.perf_counter() + self.seconds
+        self._end = min(time.perf_counter() + self.seconds, self.until)
+
+    @property
+    def over(self) -> bool:
+        """Whether there is no time left for any solve."""
+        return time.perf_counter() > self.until
 
     @property
     def pressed(self) -> bool:
@@ -209,7 +223,10 @@ def least(solve: Callable[[], Solved]) -> Solved:
         and repeats < MOST_REPEATS
         and spent + best.seconds < REPEATING_SECONDS
     ):
-        again = solve()
+        try:
+            again = solve()
+        except GivenUpError:
+            break
         spent += again.seconds
         repeats += 1
         if again.seconds < best.seconds:

@@ -9,18 +9,22 @@ from matplotlib.colors import to_rgba
 from matplotlib.ticker import NullFormatter
 
 from lagsim.outputs.curves import curve, point
+from lagsim.outputs.manifest import versions
 from lagsim.outputs.scale import Scale
 from lagsim.outputs.sheet import (
     EDGE,
     INK,
     LINE,
+    NOTHING,
     SMALL,
+    Named,
     Pen,
     Sheet,
     in_house_style,
     mark,
     wrapped,
 )
+from lagsim.studies.bench.machine import stamp
 from lagsim.studies.bench.stability_document import prediction
 from lagsim.studies.bench.stability_panels import (
     ALONG,
@@ -44,6 +48,7 @@ from lagsim.studies.bench.trial import (
     KICK,
     VERDICTS,
 )
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,15 +60,16 @@ TOP, LEFT = 0.82, 1.3
 STRIP, STRIP_GAP = 0.2, 0.06
 MAP_HEIGHT, MAP_GAP, MAP_ACROSS, MAPS = 1.5, 0.62, 0.5, 3
 BELOW = 0.5
+STEPS = "step h      cheaper →"
 
-# Okabe and Ito's colours, pale for what is well, told apart in grey too.
+# Okabe and Ito's hues from pale to dark, so that they are told apart in grey as well.
 VERDICT_COLOURS = {
-    HOLDS: "#BFE3F5",
-    DECAYS: "#F0E442",
+    HOLDS: "#DDEFF9",
+    DECAYS: "#E3D22B",
     GROWS: "#E69F00",
     DIVERGES: "#D55E00",
-    BREAKS: "#CC79A7",
-    FAILS: "#777777",
+    BREAKS: "#8A3D6E",
+    FAILS: "#3C3C3C",
 }
 FOUND: Pen = {"color": INK, "linewidth": 1.8}
 PREDICTED = (mark("D", 4.6, fill="white"), mark("v", 5.0, fill="#0072B2"))
@@ -72,7 +78,8 @@ PREDICTED_LINE: Pen = {"color": "#0072B2", "dashes": (3.0, 1.5), "linewidth": 1.
 
 @in_house_style
 def chart(title: str, found: Stability, varied: str | None) -> bytes:
-    """Draw what was found. Returns a PNG."""
+    """Draw what was found as a parameter, or none, varied. Returns a PNG."""
+    over = _named(found, varied)
     notes = wrapped(_notes(found, varied), WIDTH - 2 * EDGE)
     regions_at = TOP + _maps_height(found, varied)
     work_at = regions_at + regions_height(found)
@@ -84,13 +91,18 @@ def chart(title: str, found: Stability, varied: str | None) -> bytes:
         if varied is None:
             _strips(sheet, found)
         else:
-            _maps(sheet, found, varied)
+            _maps(sheet, found, over)
         regions(sheet, regions_at, found)
     if found.adaptive:
-        assert varied is not None
-        work(sheet, work_at, found, varied)
+        work(sheet, work_at, found, over)
     sheet.notes(notes_at + 0.04, notes)
     return sheet.png()
+
+
+def _named(found: Stability, varied: str | None) -> Named:
+    """Give what varies, and its unit."""
+    units = {p.name: p.unit for p in found.subject.equations.model.parameters}
+    return NOTHING if varied is None else (varied, units[varied])
 
 
 def _maps_height(found: Stability, varied: str | None) -> float:
@@ -128,7 +140,7 @@ def _strips(sheet: Sheet, found: Stability) -> None:
     borders = {border.method: border for border in found.borders}
     for k, method in enumerate(found.methods):
         top = TOP + k * (STRIP + STRIP_GAP)
-        below = "step h" if k + 1 == len(found.methods) else ""
+        below = STEPS if k + 1 == len(found.methods) else ""
         place = (LEFT, top, width, STRIP)
         with sheet.panel(
             place, across, Scale(-0.5, 0.5), below=(below, ""), ticks=(9, 3)
@@ -162,7 +174,7 @@ def _cells(
     axes.pcolormesh(x, y, colours, zorder=1.0)
 
 
-def _maps(sheet: Sheet, found: Stability, varied: str) -> None:
+def _maps(sheet: Sheet, found: Stability, varied: Named) -> None:
     """Draw a map over the parameter and the step for each method."""
     across, columns = spread([value for value in found.values if value is not None])
     up, steps = spread(found.steps)
@@ -173,8 +185,8 @@ def _maps(sheet: Sheet, found: Stability, varied: str) -> None:
         left = NUMBERS + column * (width + MAP_ACROSS)
         top = TOP + 0.12 + row * (MAP_HEIGHT + MAP_GAP)
         with sheet.panel(
-            (left, top, width, MAP_HEIGHT), across, up, below=(varied, ""),
-            side=("" if column else "step h", ""), ticks=(4, 6), reach=NUMBERS - 0.2,
+            (left, top, width, MAP_HEIGHT), across, up, below=varied, spare=0.4,
+            side=("" if column else STEPS, ""), ticks=(4, 6), reach=NUMBERS - 0.2,
         ) as axes:  # fmt: skip
             _cells(axes, found, method, columns, steps)
             borders = [b for b in found.borders if b.method == method]
@@ -210,4 +222,6 @@ def _notes(found: Stability, varied: str | None) -> list[str]:
         lines.append(f"Predicted to grow at every step: {', '.join(never)}.")
     if subject.unknown:
         lines.append(f"No eigenvalues: {subject.unknown}.")
+    versions_of = {"lagsim": __version__, "versions": versions()}
+    lines.append(f"{stamp(versions_of)}.")
     return lines

@@ -10,7 +10,8 @@ import numpy as np
 from lagsim.methods import method as method_named
 from lagsim.outputs.curves import curve
 from lagsim.outputs.scale import Scale, log_scale
-from lagsim.outputs.sheet import DIM, EDGE, PENS, SMALL, Pen, Sheet, mark
+from lagsim.outputs.sheet import DIM, EDGE, NOTHING, SMALL, Named, Pen, Sheet, mark
+from lagsim.studies.bench.cost_panel import look_of
 from lagsim.studies.bench.stability_document import prediction
 
 if TYPE_CHECKING:
@@ -50,7 +51,9 @@ def regions(sheet: Sheet, top: float, found: Stability) -> None:
     """Draw each method's region of stability with h times the eigenvalues."""
     left = 0.5
     width = (WIDTH - left - EDGE - (REGIONS - 1) * REGION_ACROSS) / REGIONS
-    text = "where a step does not amplify (blue), in the plane of z = h · eigenvalue"
+    text = (
+        "where a step does not amplify (blue): z = h · eigenvalue, Re z across, Im z up"
+    )
     sheet.text(EDGE, top + 0.06, text, size=SMALL, color=DIM)
     for k, name in enumerate(found.methods):
         row, column = divmod(k, REGIONS)
@@ -64,7 +67,7 @@ def regions(sheet: Sheet, top: float, found: Stability) -> None:
         across, up = (Scale(wide * a, wide * b) for a, b in (REAL, IMAGINARY))
         with sheet.panel(
             (x, y, width, REGION_HEIGHT), across, up, below=(" ", ""),
-            side=("Im z" if k == 0 else "", ""), ticks=(5, 5), reach=left - 0.17,
+            side=("" if column else "Im z", ""), ticks=(5, 5), reach=left - 0.17,
         ) as axes:  # fmt: skip
             _region(axes, method_named(name).amplification, across, up)
             axes.axvline(0.0, color="#999999", linewidth=0.6)
@@ -136,19 +139,16 @@ def work_height(found: Stability) -> float:
     return HEADROOM + 3 * (WORK_HEIGHT + WORK_GAP) + 0.35 if found.adaptive else 0.0
 
 
-def work(sheet: Sheet, top: float, found: Stability, varied: str) -> None:
+def work(sheet: Sheet, top: float, found: Stability, varied: Named) -> None:
     """Draw what methods that choose their steps do as the parameter varies."""
     across, _ = spread([value for value in found.values if value is not None])
     width = WIDTH - NUMBERS - RIGHT
-    pens = {
-        name: PENS[k % len(PENS)] | {"linewidth": 1.2 + 0.6 * (k // len(PENS))}
-        for k, name in enumerate(found.adaptive)
-    }
+    pens = {name: look_of(name).line for name in found.adaptive}
     sheet.legend(NUMBERS, top + 0.16, list(pens.items()), width)
     asked: list[tuple[str, Callable[[Cell], float | None]]] = [
         ("evaluations / time", lambda cell: _share(cell.evaluations, cell)),
         ("rejections", lambda cell: _positive(cell.rejections)),
-        ("smallest step / run", lambda cell: _share(cell.smallest_step, cell)),
+        ("least step / run", lambda cell: _share(cell.smallest_step, cell)),
     ]
     for row, (label, of) in enumerate(asked):
         y = top + HEADROOM + row * (WORK_HEIGHT + WORK_GAP)
@@ -158,7 +158,7 @@ def work(sheet: Sheet, top: float, found: Stability, varied: str) -> None:
         }
         with sheet.panel(
             (NUMBERS, y, width, WORK_HEIGHT), across, log_scale(*curves.values()),
-            below=(varied if row == 2 else "", ""), side=(label, ""), ticks=(9, 5),
+            below=varied if row == 2 else NOTHING, side=(label, ""), ticks=(9, 5),
             reach=0.5, spare=0.2,
         ) as axes:  # fmt: skip
             for name, values in curves.items():

@@ -3,54 +3,44 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from lagsim.methods import names
 from lagsim.run.observers.ledger import Ledger
 from lagsim.studies.bench.front import pareto
-from lagsim.studies.bench.reference import index_one, make_reference, state_sizes
-from lagsim.studies.bench.scipy_solvers import NAMES as SCIPY
-from lagsim.studies.bench.scipy_solvers import Scipy
-from lagsim.studies.bench.scipy_solvers import refusal as scipy_refusal
+from lagsim.studies.bench.reference import make_reference
 from lagsim.studies.bench.shown import DRIFT
-from lagsim.studies.bench.solving import (
-    GivenUpError,
-    Own,
-    Patience,
-    asking,
-    formulations,
-    least,
-)
+from lagsim.studies.bench.solving import GivenUpError, Patience, least
+from lagsim.studies.bench.wanted import Auto, curves_of, decades
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator
 
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
     from lagsim.studies.bench.reference import Reference
-    from lagsim.studies.bench.solving import Solved, Solver
+    from lagsim.studies.bench.solving import Solved
+    from lagsim.studies.bench.wanted import Curve, Refused, Wish
 
 # A solve may last this long, and what `auto` takes for the tightest may take this many
 # times: past it, a curve has left the picture.
 PATIENCE_SECONDS = 1.0
 PATIENCE_TIMES = 30.0
 
-TOLERANCES = (1e-3, 1e-13)
-# Fixed steps begin at so many rows, and are halved this often at most ...
-LARGEST_STEP = 16
-MOST_HALVINGS = 20
-# ... or until two halvings do not halve an error that is this small: it is rounding.
+# Steps are halved until two halvings do not halve an error that is this small: it is
+# rounding.
 STALLED = 1e-6
 
 # Steps too long for a scene may take longest: so many that are too slow end a curve
 # that has not begun.
 GIVE_UPS = 4
 
-TOO_SLOW = "too slow"
+TOO_SLOW, OUT_OF_TIME = "too slow", "out of time"
+# Of the seconds for everything the part that the reference may take, and the least for
+# a curve and for a solve.
+OF_REFERENCE, LEAST_SECONDS, ONE = 0.3, 0.2, 0.1
 
 # The errors of state and lambda, energy drift, constraint residual.
 Measured = tuple[float | None, float | None, float | None, float | None]
@@ -94,42 +84,6 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Wish:
-    """What is asked for.
-
-    Attributes
-    ----------
-    methods
-        Only these, ours or `scipy:NAME`; None for all.
-    tolerances, steps
-        Loosest and tightest; steps None for a choice from the scene.
-    """
-
-    methods: tuple[str, ...] | None = None
-    tolerances: tuple[float, float] = TOLERANCES
-    steps: tuple[float, float] | None = None
-
-    def wants(self, name: str) -> bool:
-        """Tell whether a method is asked for."""
-        return self.methods is None or name in self.methods
-
-
-class Curve(NamedTuple):
-    """A solver and the settings it is to be swept over."""
-
-    solver: Solver
-    values: list[float]
-
-
-class Refused(NamedTuple):
-    """A method, in a formulation, that does not apply; `auto` stands for all."""
-
-    method: str
-    formulation: str
-    reason: str
-
-
-@dataclass(frozen=True)
 class WorkPrecision:
     """Everything measured on one scene.
 
@@ -140,6 +94,8 @@ class WorkPrecision:
         What making each curve's solver ready took.
     interrupted : bool
         The user ended it; the curves measured so far are whole.
+    seconds : float
+        What all took, of those that it might have taken.
     """
 
     reference: Reference
@@ -147,6 +103,8 @@ class WorkPrecision:
     refused: list[Refused]
     compile_seconds: dict[tuple[str, str], float]
     interrupted: bool
+    seconds: float
+    budget: float
 
     def solved(self) -> list[int]:
         """Give the entries that have an answer."""
@@ -190,56 +148,41 @@ def measure(
     GivenUpError
         Interrupted before anything was measured.
     """
-    reference = make_reference(case, interrupt)
+    began = time.perf_counter()
+    told = progress or (lambda _fraction: None)
+    reference = make_reference(
+        case, interrupt, OF_REFERENCE * wish.budget, lambda x: told(OF_REFERENCE * x)
+    )
     auto = Auto(case, decades(wish.tolerances))
     refused: list[Refused] = []
-    curves = list(_curves(case, wish, reference, auto, refused))
-    total = sum(len(values) for _, values in curves) or 1
-    patience = Patience(_patience(auto), interrupt)
-    done = 0
-    entries: list[Entry] = []
-    seconds: dict[tuple[str, str], float] = {}
-    for solver, values in curves:
+    curves = list(curves_of(case, wish, reference, auto, refused))
+    # What `auto` takes comes first: no time may run out before it is known.
+    order = sorted(range(len(curves)), key=lambda k: curves[k].key not in auto.chosen)
+    patience = Patience(min(_patience(auto), ONE * wish.budget), interrupt)
+    entries: dict[int, list[Entry]] = {}
+    for done, k in enumerate(order):
         if patience.pressed:
             break
-        curve = solver.method, solver.formulation
-        seconds[curve] = solver.compile_seconds
-        sweep = _Sweep(solver, auto, reference, patience)
-        chosen = auto.chosen.get(curve, {})
-        for value in values:
-            done += 1
-            if patience.pressed or (sweep.over and value not in chosen):
-                continue
-            entries.append(sweep.entry(value))
-            if progress is not None:
-                progress(done / total)
+        now = time.perf_counter()
+        share = (began + wish.budget - now) / (len(order) - done)
+        patience.until = now + max(share, LEAST_SECONDS)
+        sweep = _Sweep(curves[k], auto, reference, patience)
+        entries[k] = []
+        for part, entry in sweep.entries():
+            entries[k].append(entry)
+            so_far = (done + part) / len(order)
+            told(OF_REFERENCE + (1.0 - OF_REFERENCE) * so_far)
     return WorkPrecision(
-        reference, entries, refused, seconds, interrupted=patience.pressed
+        reference=reference,
+        entries=[entry for k in sorted(entries) for entry in entries[k]],
+        refused=refused,
+        compile_seconds={
+            curves[k].key: curves[k].solver.compile_seconds for k in sorted(entries)
+        },
+        interrupted=patience.pressed,
+        seconds=time.perf_counter() - began,
+        budget=wish.budget,
     )
-
-
-class Auto:
-    """What `auto` takes at each tolerance."""
-
-    def __init__(self, case: Case, tolerances: Sequence[float]) -> None:
-        self.case = case
-        self.tolerances = tolerances
-        self.chosen: dict[tuple[str, str], dict[float, float]] = defaultdict(dict)
-        for rtol in tolerances:
-            plan = asking(case, rtol=rtol).plan()
-            value = plan.rtol if plan.step is None else plan.step
-            assert value is not None
-            self.chosen[plan.method, plan.formulation][value] = rtol
-        self._solvers: dict[tuple[str, str], Own] = {}
-
-    def solver(self, curve: tuple[str, str], value: float) -> Own | None:
-        """Give what `auto` makes of the scene, where that is this; None elsewhere."""
-        rtol = self.chosen.get(curve, {}).get(value)
-        if rtol is None:
-            return None
-        if curve not in self._solvers:
-            self._solvers[curve] = Own(self.case, "auto", "auto", rtol)
-        return self._solvers[curve]
 
 
 def _patience(auto: Auto) -> float:
@@ -259,16 +202,28 @@ class _Sweep:
     """One solver, from loose to tight, until that makes no more sense."""
 
     def __init__(
-        self, solver: Solver, auto: Auto, reference: Reference, patience: Patience
+        self, curve: Curve, auto: Auto, reference: Reference, patience: Patience
     ) -> None:
-        self.solver, self.auto = solver, auto
+        self.curve, self.auto = curve, auto
+        self.solver = curve.solver
         self.reference, self.patience = reference, patience
         self.errors: list[float] = []
         self._given_up = 0
 
+    def entries(self) -> Iterator[tuple[float, Entry]]:
+        """Solve at one setting after the other; give the part done, too."""
+        chosen = self.auto.chosen.get(self.curve.key, {})
+        for done, value in enumerate(self.curve.values, start=1):
+            if self.patience.pressed:
+                return
+            if value in chosen or not self.over:
+                yield done / len(self.curve.values), self.entry(value)
+
     @property
     def over(self) -> bool:
-        """Whether tighter settings would show nothing new."""
+        """Whether tighter settings would show nothing new, or nobody can wait."""
+        if self._given_up and self.patience.over:
+            return True
         if self._given_up >= (1 if self.errors else GIVE_UPS):
             return True
         if self.solver.setting != "step" or len(self.errors) < 3:
@@ -277,7 +232,7 @@ class _Sweep:
         return before < STALLED and 2 * min(self.errors[-2:]) > before
 
     def entry(self, value: float) -> Entry:
-        curve = self.solver.method, self.solver.formulation
+        curve = self.curve.key
         own = self.auto.solver(curve, value)
         solver = own or self.solver
         try:
@@ -301,17 +256,17 @@ class _Sweep:
         )
 
     def _gap(self, value: float, *, chosen: bool) -> Entry:
-        solver = self.solver
-        reason = f"given up after {self.patience.seconds:.2g} s"
+        outcome, reason = TOO_SLOW, f"given up after {self.patience.seconds:.2g} s"
+        if self.patience.over:
+            outcome, reason = OUT_OF_TIME, "its share of the time for all was spent"
         return Entry(
-            solver.method,
-            solver.formulation,
-            solver.setting,
+            *self.curve.key,
+            self.solver.setting,
             value,
             None,
             None,
             *NOTHING,
-            TOO_SLOW,
+            outcome,
             chosen,
             reason,
         )
@@ -326,50 +281,3 @@ class _Sweep:
         ledger = Ledger(self.reference.columns)
         ledger.add(rows)
         return error, of_lambda, ledger.energy_drift, ledger.constraint_residual
-
-
-def decades(between: tuple[float, float]) -> list[float]:
-    """Give tolerances from the first to the second, both included, ten times apart.
-
-    About ten times, where the ends are not powers of ten from each other.
-    """
-    first, last = (math.log10(x) for x in between)
-    count = round(abs(last - first))
-    return [float(f"{10**x:.6g}") for x in np.linspace(first, last, count + 1)]
-
-
-def halvings(between: tuple[float, float]) -> list[float]:
-    """Give steps from the first down to the second, each half the one before."""
-    first, last = between
-    count = max(0, math.floor(math.log2(first / last) + 1e-9))
-    return [first / 2**k for k in range(count + 1)]
-
-
-def _curves(
-    case: Case, wish: Wish, reference: Reference, auto: Auto, refused: list[Refused]
-) -> Iterator[Curve]:
-    """Give everything that applies; what does not goes to `refused`."""
-    tolerances = decades(wish.tolerances)
-    largest = LARGEST_STEP * case.settings.output_step
-    largest = min(largest, case.settings.duration / 2)
-    steps = halvings(wish.steps or (largest, largest / 2**MOST_HALVINGS))
-    for name in names():
-        if not wish.wants(name):
-            continue
-        solvers, reasons = formulations(case, name)
-        refused += [Refused(name, *why) for why in reasons.items()]
-        for own in solvers:
-            values = tolerances if own.setting == "rtol" else steps
-            more = auto.chosen.get((own.method, own.formulation), {})
-            yield Curve(own, sorted({*values, *more}, reverse=True))
-    wanted = [name for name in SCIPY if wish.wants(name)]
-    if not wanted:
-        return
-    own = index_one(case)
-    if refusal := scipy_refusal(own):
-        refused += [Refused(name, "auto", refusal) for name in wanted]
-        return
-    rows = reference.rows
-    sizes = state_sizes(own, rows)
-    for name in wanted:
-        yield Curve(Scipy(own, name, rows[:, 0], sizes), tolerances)

@@ -11,9 +11,11 @@ import pytest
 from lagsim.model.reader import read, read_file
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import open_case
-from lagsim.studies.bench.reference import Solution, _compared, make_reference
+from lagsim.studies.bench.reference import _compared, make_reference
+from lagsim.studies.bench.solutions import Solution
 from lagsim.studies.bench.solving import GivenUpError, Own, Patience
-from lagsim.studies.bench.work_precision import Wish, decades, halvings, measure
+from lagsim.studies.bench.wanted import Wish, decades, halvings
+from lagsim.studies.bench.work_precision import OF_REFERENCE, measure
 from tests.small_scenes import fall, oscillator
 from tests.support import MODELS
 
@@ -42,10 +44,9 @@ def test_the_error_of_rk4_is_that_of_its_amplification(measured):
         z = 1j * h
         one = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24
         rows = [(one ** (k * turns), cmath.exp(1j * 0.1 * k)) for k in range(201)]
-        # x = Re, -x_dot = Im; their ranges over whole turns, as the rows see them.
+        # x = Re, -x_dot = Im; over whole turns both go from -1 to 1.
         expected = max(
-            max(abs(part(a) - part(b)) for a, b in rows)
-            / (max(part(b) for _, b in rows) - min(part(b) for _, b in rows))
+            max(abs(part(a) - part(b)) for a, b in rows) / 2.0
             for part in (lambda w: w.real, lambda w: w.imag)
         )
         assert entry.error == pytest.approx(expected, rel=1e-4)
@@ -148,8 +149,8 @@ def test_a_solve_that_takes_too_long_leaves_a_gap(monkeypatch):
 def test_an_interrupt_keeps_what_was_measured():
     interrupt = Interrupt()
 
-    def progress(_fraction):
-        interrupt.signal = 2
+    def progress(fraction):
+        interrupt.signal = 2 if fraction > OF_REFERENCE else None
 
     wish = Wish(("dop853", "rk4"), (1e-3, 1e-9))
     found = measure(
@@ -161,27 +162,76 @@ def test_an_interrupt_keeps_what_was_measured():
         Patience(1.0, interrupt).check()
 
 
-def test_what_only_one_solution_says_is_not_known():
-    # Two that part as 1e-16 exp(t): they agree to 1e-10 of the range, here 2, while
-    # t < log(2e6) = 14.5.
+def parting(size):
+    """Give how two solutions compare that part as size * exp(t); the range is 2."""
     scene_ = scene(oscillator("duration: 20, output_step: 0.1"))
     own = Own(scene_, "dop853")
     rows, names = own.solve(1e-13, Patience(10.0)).rows, own.names
     other = rows.copy()
-    other[:, 1] += 1e-16 * np.exp(rows[:, 0])
-    found = _compared(
-        scene_.equations,
-        Solution("a", "a", names, rows),
-        Solution("b", "b", names, other),
-    )
-    assert found.horizon == pytest.approx(math.log(2e6), abs=0.11)
+    other[:, 1] += size * np.exp(rows[:, 0])
+    first = Solution("a", "a", 1e-13, names, rows)
+    second = Solution("b", "b", 1e-13, names, other)
+    return rows, _compared(scene_.equations, first, second)
+
+
+def test_what_only_one_solution_says_is_not_known():
+    # They agree to 1e-10 of the range while t < log(2e2) = 5.3.
+    rows, found = parting(1e-12)
+    assert found.horizon == pytest.approx(math.log(2e2), abs=0.11)
     assert found.floor == pytest.approx(1e-10, rel=0.11)
+    assert f"up to t = {found.horizon:.4g} of 20" in found.trust
     # Errors past the horizon are not errors.
     wrong = rows.copy()
     wrong[found.known :, 1] += 1.0
     assert found.errors(wrong)[0] == 0.0
     wrong[found.known - 1, 1] += 1e-3
     assert found.errors(wrong)[0] == pytest.approx(5e-4, rel=1e-2)
+
+
+@pytest.mark.parametrize("size", [1e-16, 1e-15])
+def test_where_all_agree_to_less_all_is_known_to_less(size):
+    _, found = parting(size)
+    assert found.horizon is None
+    assert found.floor == pytest.approx(size * math.exp(20) / 2, rel=1e-3)
+    assert "smaller errors cannot be told" in found.trust
+
+
+def test_what_parts_at_once_still_gives_a_chart():
+    # One per cent apart from the first step on, and by 1e6 in the end.
+    _, found = parting(0.02)
+    assert found.horizon is None
+    assert found.floor == pytest.approx(0.01 * math.exp(20), rel=1e-3)
+    assert "nothing confirms it" in found.trust
+
+
+def test_ranges_are_those_of_the_motion_between_rows():
+    # Rows a whole period apart see a planet that stands still at (0.4, 0).
+    text = (MODELS / "kepler.yaml").read_text()
+    text = text.replace("output_step: pi/100", "output_step: 2*pi")
+    reference = make_reference(scene(text))
+    ranges = dict(zip(reference.columns, reference.scales, strict=True))
+    # The ellipse of e = 0.6: 2 a along x, 2 b = 2 sqrt(1 - e^2) along y; at the
+    # perihelion y_dot = 2, at the aphelion -0.5.
+    assert ranges["x"] == pytest.approx(2.0, rel=1e-4)
+    assert ranges["y"] == pytest.approx(1.6, rel=1e-4)
+    assert ranges["y_dot"] == pytest.approx(2.5, rel=1e-4)
+    assert reference.horizon is None
+    assert reference.floor < 1e-11
+
+
+@pytest.mark.slow
+def test_the_time_for_all_is_bounded_and_what_it_cuts_is_said():
+    wish = Wish(("dop853", "euler", "rk4", "scipy:BDF"), budget=0.5)
+    found = measure(scene(oscillator(ROWS)), wish)
+    assert found.budget == 0.5
+    cut = {e.method for e in found.entries if e.outcome == "out of time"}
+    assert "euler" in cut
+    assert "dop853" not in cut
+    assert {e.method for e in found.entries} == {"dop853", "euler", "rk4", "scipy:BDF"}
+    for entry in found.entries:
+        if entry.outcome == "out of time":
+            assert (entry.error, entry.seconds) == (None, None)
+            assert "share of the time" in entry.reason
 
 
 @pytest.mark.nightly

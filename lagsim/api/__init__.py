@@ -1,0 +1,1 @@
+"""What `import lagsim` shows, one file for each thing that it does."""

@@ -1,0 +1,100 @@
+"""The chart of stability: what is on it, read off what is drawn."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import pytest
+from matplotlib.colors import to_rgb
+
+from lagsim.methods import method, names
+from lagsim.model.reader import read
+from lagsim.run.session import open_case
+from lagsim.studies.bench.scope import Wish
+from lagsim.studies.bench.stability import measure
+from lagsim.studies.bench.stability_chart import VERDICT_COLOURS, chart
+from lagsim.studies.bench.trial import VERDICTS
+from tests.outputs.drawn import assert_legible, drawn
+
+SPRING = """
+parameters: {k: {value: 4, unit: N/m}}
+coordinates: {x: {unit: m}}
+energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
+initial: {x: 1}
+simulation: {duration: 10, output_step: 0.1}
+"""
+
+
+def found(**wish):
+    case = open_case(read(SPRING, "model.yaml"))
+
+    def case_at(value):
+        return case if value is None else case.bind({"k": value})
+
+    few = {"methods": ("rk4", "verlet"), "strip": 3, "map": (3, 2)}
+    return measure(case_at, Wish(**(few | wish)))
+
+
+@pytest.fixture(scope="module")
+def strips():
+    return found()
+
+
+@pytest.fixture(scope="module")
+def maps():
+    some = ("rk4", "verlet", "dop853", "taylor")
+    return found(name="k", between=(1.0, 16.0), methods=some)
+
+
+def everything(strips):
+    """As many methods as there are, and every verdict that a cell can have."""
+    fixed = [name for name in names() if not method(name).ADAPTIVE]
+    (border,) = [b for b in strips.borders if b.method == "rk4"]
+    cells = strips.of("rk4")
+    verdicts = itertools.cycle(VERDICTS)
+    return replace(
+        strips,
+        methods=tuple(fixed),
+        borders=[replace(border, method=name, note="why") for name in fixed],
+        runs=dict.fromkeys(fixed, (100, 1000)),
+        cells=[
+            replace(cell, method=name, verdict=next(verdicts))
+            for name in fixed
+            for cell in cells
+        ],
+    )
+
+
+def test_every_text_of_strips_lies_on_the_sheet_and_over_no_other(strips):
+    assert_legible(drawn(chart, "spring", strips, None))
+
+
+def test_every_text_of_a_crowd_does(strips):
+    drawing = drawn(chart, "a long name " * 20, everything(strips), None)
+    assert_legible(drawing)
+    assert set(VERDICTS) <= set(drawing.written())
+
+
+def test_every_text_of_maps_does_and_axes_have_their_units(maps):
+    drawing = drawn(chart, "spring", maps, "k")
+    assert_legible(drawing)
+    labels = {label for panel in drawing.panels for label in panel.labels[:2]}
+    assert {"k (N/m)", "step h      cheaper →", "evaluations / time"} <= labels
+    assert not any("…" in label for label in labels)
+
+
+def test_what_it_was_found_with_is_said(strips):
+    said = " ".join(drawn(chart, "spring", strips, None).written())
+    assert "Found with lagsim " in said
+    assert "numpy " in said
+
+
+def test_verdicts_are_told_apart_in_grey():
+    weights = (0.299, 0.587, 0.114)
+    greys = [
+        sum(w * part for w, part in zip(weights, to_rgb(colour), strict=True))
+        for colour in VERDICT_COLOURS.values()
+    ]
+    # A dozen greys from black to white can be told apart side by side.
+    assert all(abs(a - b) > 1 / 12 for a, b in itertools.combinations(greys, 2))
