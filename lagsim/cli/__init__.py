@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,9 +39,12 @@ def main() -> int:
 
 def entry() -> int:
     """Run the command line as a process of its own; give the exit code."""
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(kind) is not signal.SIG_IGN:
+            signal.signal(kind, _leave)
     from lagsim.cli import _signals
 
-    _signals.prepare()
+    _signals.watch()
     # What this one starts is to look for its modules where this one does, and not in
     # the working directory, which may be a stranger's.
     os.environ.setdefault("PYTHONSAFEPATH", "1")
@@ -55,6 +58,11 @@ def entry() -> int:
     code = main()
     gc.freeze()
     return code
+
+
+def _leave(number: int, _frame: object) -> NoReturn:
+    """End where nothing is begun yet, or all is done."""
+    os._exit(128 + number)
 
 
 def _application() -> typer.Typer:

@@ -42,17 +42,14 @@ def again() -> None:
         raise exception_of(_heard[0])
 
 
-def prepare() -> None:
-    """Let signals end this process from now on, which does nothing else."""
+def watch() -> None:
+    """See to it that signals end this process, whatever it does."""
     sys.unraisablehook = _told
     if sys.platform != "win32":  # where this takes a socket
         reads, writes = os.pipe()
         os.set_blocking(writes, False)
         signal.set_wakeup_fd(writes, warn_on_full_buffer=False)
         threading.Thread(target=_watch, args=(reads,), daemon=True).start()
-    for kind in ENDING:
-        if not ignored(kind):
-            signal.signal(kind, _leave)
 
 
 @contextlib.contextmanager
@@ -79,11 +76,6 @@ def _told(raised: sys.UnraisableHookArgs) -> None:
     """Tell of an exception that nobody gets; one of a signal comes again."""
     if raised.exc_type not in (KeyboardInterrupt, Terminated):
         sys.__unraisablehook__(raised)
-
-
-def _leave(number: int, _frame: object) -> NoReturn:
-    """End where nothing is begun yet, or all is done."""
-    os._exit(128 + number)
 
 
 def _watch(reads: int) -> None:

@@ -6,14 +6,16 @@ import contextlib
 from typing import TYPE_CHECKING, Any
 
 from lagsim.cli._streams import UnwritableError
+from lagsim.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from lagsim.outputs import Format
     from lagsim.outputs.results import Results
     from lagsim.outputs.table import Writer
+    from lagsim.run.interrupt import Interrupt
     from lagsim.studies.attempts import Attempt
 
 
@@ -41,6 +43,9 @@ def writing(path: Path) -> Iterator[None]:
     """
     try:
         yield
+    except InputError as error:  # of a folder that cannot be
+        text = f"lagsim: {path} cannot be written: {error.problems[0].text}"
+        raise UnwritableError(text) from None
     except OSError as error:
         where = path if path.parent.is_dir() else path.parent
         text = f"lagsim: {where} cannot be written: {error.strerror}"
@@ -76,6 +81,23 @@ def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
         for name, content in files.items():
             results.write(name, content)
         results.commit(encode(document))
+
+
+def commit_with_chart(
+    results: Results,
+    document: dict[str, Any],
+    files: Mapping[str, bytes],
+    name: str,
+    draw: Callable[[], bytes],
+    interrupt: Interrupt,
+) -> dict[str, Any]:
+    """Commit numbers and their chart, which a signal leaves out; give the document."""
+    drawn: dict[str, bytes] = {}
+    if not interrupt.cut(lambda: drawn.update({name: draw()})):
+        left = [file for file in document["files"] if file != name]
+        document = document | {"files": left}
+    commit(results, document, {**files, **drawn})
+    return document
 
 
 def finish(writer: Writer, results: Results, form: Format) -> OSError | None:

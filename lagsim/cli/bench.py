@@ -19,18 +19,23 @@ from lagsim.cli._shared import (
     table,
 )
 from lagsim.cli._streams import say
-from lagsim.cli._writing import commit
+from lagsim.cli._writing import commit_with_chart
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from lagsim.model.model import Model
     from lagsim.outputs.results import Results
+    from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
     from lagsim.studies.bench.wanted import Wish
     from lagsim.studies.bench.work_precision import WorkPrecision
+
+
+# Exit codes above it are those of signals.
+SIGNALLED = 128
 
 
 def command(
@@ -97,6 +102,8 @@ def command(
         codes += code
         documents += [x for x in faults if "errors" not in x]  # inadmissible starts
         faults = [x for x in faults if "errors" in x]
+        if codes[-1] > SIGNALLED:
+            break
     if as_json:
         problems = [problem for fault in faults for problem in fault["errors"]]
         show_json({"errors": problems} if problems else documents)
@@ -142,13 +149,14 @@ class _Job:
             content = document(case.equations.model, case.settings, found, list(FILES))
             self._commit(content, content["rows"], results, interrupt)
         if not self.quiet and not self.as_json:
-            say(_summary(case.equations.model, found, results.folder))
+            files = self.documents[-1]["files"]
+            say(_summary(case.equations.model, found, results.folder, files))
         return 128 + interrupt.signal if interrupt.signal is not None else 0
 
     def _draw(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
         """Draw again what was measured."""
-        from lagsim.run.interrupt import Interrupt
         from lagsim.outputs.results import open_results
+        from lagsim.run.interrupt import Interrupt
         from lagsim.studies.bench.document import FILES, MANIFEST, read_document
         from lagsim.studies.bench.wanted import Wish
 
@@ -164,16 +172,27 @@ class _Job:
             say(f"{coloured('drawn', '32')}: {results.folder}: {', '.join(FILES)}")
         return 0
 
-    def _commit(self, content: dict[str, Any], shown: Any, results: Results) -> None:
+    def _commit(
+        self,
+        content: dict[str, Any],
+        shown: Any,
+        results: Results,
+        interrupt: Interrupt,
+    ) -> None:
         """Write everything; the chart shows these rows."""
-        from lagsim.studies.bench.chart import chart
         from lagsim.studies.bench.document import CHART, TABLE
         from lagsim.studies.bench.document import table as rows_table
 
-        drawn = chart(content | {"rows": shown})
-        files = {TABLE: rows_table(content["rows"]), CHART: drawn}
-        commit(results, content, files)
-        self.documents.append(content)
+        def drawn() -> bytes:
+            from lagsim.studies.bench.chart import chart
+
+            return chart(content | {"rows": shown})
+
+        document = commit_with_chart(
+            results, content, {TABLE: rows_table(content["rows"])},
+            CHART, drawn, interrupt,
+        )  # fmt: skip
+        self.documents.append(document)
 
 
 def _wish(
@@ -235,10 +254,10 @@ def _between(
     return max(first, last), min(first, last)
 
 
-def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
+def _summary(
+    model: Model, found: WorkPrecision, folder: Path, files: Sequence[str]
+) -> str:
     """Give the closing lines."""
-    from lagsim.studies.bench.document import FILES
-
     state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")
     head = (
         f"{coloured(state, colour)}: {model.name}, "
@@ -250,7 +269,7 @@ def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
     front = [found.entries[k] for k in found.front("seconds")]
     rows += [("" if k else "best", _point(e)) for k, e in enumerate(front)]
     rows.append(("time", _time(found)))
-    rows.append(("files", f"{folder}: {', '.join(FILES)}"))
+    rows.append(("files", f"{folder}: {', '.join(files)}"))
     return head + "\n" + table(rows)
 
 

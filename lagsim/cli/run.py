@@ -26,12 +26,12 @@ from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.outputs import Format
-from lagsim.run.interrupt import Interrupt, Terminated
+from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from lagsim.outputs.results import Results
     from lagsim.run.session import Session
@@ -263,27 +263,20 @@ class Job:
 
         A signal ends that: pictures can be drawn again, rows cannot.
         """
+
+        def put(made: Iterable[tuple[str, bytes]]) -> None:
+            for name, content in made:
+                results.write(name, content)
+
         try:
-            try:
-                self._draw(found, results)
-            except (KeyboardInterrupt, Terminated):
-                for name, content in found.files(None):
-                    results.write(name, content)
+            put(found.files(None))
+            self.interrupt.cut(lambda: put(found.files(found.thin, found.frames)))
         except OSError as error:
             return error
         finally:
             if found.thin is not None:
                 self.clock.lap("plots")
         return None
-
-    def _draw(self, found: Attempt, results: Results) -> None:
-        made = found.files(found.thin, found.frames)
-        while True:
-            with self.interrupt.raised():
-                name, content = next(made, ("", b""))
-            if not name:
-                return
-            results.write(name, content)
 
     def _strictly(self, found: Attempt, document: Mapping[str, Any]) -> int:
         """Give the exit code of a run that is complete; say why it is not 0."""

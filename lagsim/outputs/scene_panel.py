@@ -7,6 +7,9 @@ engineering drawing: from the front (x, z), from the side (y, z), and from above
 
 from __future__ import annotations
 
+import lagsim.outputs.bare_matplotlib  # noqa: F401
+
+# isort: split
 from typing import TYPE_CHECKING
 
 import numpy as np

@@ -9,7 +9,7 @@ import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
 """The signals that ask for an end."""
@@ -84,6 +84,17 @@ class Interrupt:
             yield
         finally:
             self._raises = before
+
+    def cut(self, work: Callable[[], object]) -> bool:
+        """Do what a noted signal may end without loss; tell whether it was done."""
+        try:
+            with self.raised():
+                work()
+        except (KeyboardInterrupt, Terminated):
+            if not self.asked:
+                raise
+            return False
+        return True
 
     def _note(self, number: int, _frame: object) -> None:
         now = time.monotonic()

@@ -145,10 +145,6 @@ class Attempt(NamedTuple):
             yield from self._page(frames)
         if rows is None:
             return
-        import logging
-
-        # It tells on stderr of a home that it cannot write to, which is no news.
-        logging.getLogger("matplotlib").setLevel(logging.ERROR)
         from lagsim.outputs.events import marked
         from lagsim.outputs.plots import pictures
         from lagsim.outputs.time_panels import Record
