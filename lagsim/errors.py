@@ -85,8 +85,8 @@ class InputError(LagsimError):
     """The input is unusable (exit 2): every fault of it, in the order of the file."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
-        super().__init__()
         self.problems = tuple(problems)
+        super().__init__(self.problems)  # another process makes it anew from these
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.problems))

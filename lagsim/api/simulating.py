@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.thinning import Thinning
     from lagsim.studies.attempts import Attempt
+    from lagsim.studies.spectrum import Spectrum
 
 
 class Result:
@@ -59,11 +61,12 @@ class Result:
         """The times of the rows (rows,)."""
         return self["t"]
 
-    @property
+    @cached_property
     def units(self) -> dict[str, str]:
-        """The unit of each column, where it is known."""
-        found: dict[str, str] = self.record["columns"]
-        return found
+        """The unit of each column, where it is known or follows."""
+        from lagsim.outputs.units import of_table
+
+        return of_table(self._made.session.case.equations, self.record["columns"])
 
     def __getitem__(self, name: str) -> Floats:
         if name not in self.columns:
@@ -103,14 +106,32 @@ class Result:
             Where there is no such column.
         """
         from lagsim.outputs.figure import Column, figure
+        from lagsim.outputs.letters import Letters, raised
 
         model = self._made.session.case.equations.model
-        names = columns or tuple(c.name for c in model.coordinates)
-        values = {name: self[name] for name in (against, *names)}
-        first, *others = (
-            Column(name, self.units[name], values[name]) for name in (against, *names)
-        )
-        return figure(model.name, first, others)
+        coordinates = [c.name for c in model.coordinates]
+        letters = Letters([*coordinates, *(d.name for d in model.definitions)])
+        values = {name: self[name] for name in (against, *(columns or coordinates))}
+        drawn = {
+            name: Column(letters.name(name), raised(self.units[name]), column)
+            for name, column in values.items()
+        }
+        others = [drawn[name] for name in columns or coordinates]
+        return figure(model.name, drawn[against], others)
+
+    def spectrum(self, column: str) -> Spectrum:
+        """Give how large a sine of each frequency is in a column.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such column.
+        InputError
+            Where the rows are too few, or not equally spaced.
+        """
+        from lagsim.studies.spectrum import spectrum
+
+        return spectrum(self.t, self[column], column, self.units[column])
 
     def __repr__(self) -> str:
         outcome, span, *_ = (text for _, text in self._summary())

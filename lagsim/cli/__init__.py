@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     import typer
 
 COMMANDS = (
-    "new", "run", "check", "derive", "compare", "overlay", "golden", "bench",
-    "stability", "methods", "schema",
+    "new", "run", "sweep", "check", "derive", "compare", "overlay", "spectrum",
+    "golden", "bench", "stability", "methods", "schema",
 )  # fmt: skip
 
 

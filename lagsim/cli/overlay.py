@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 # Without -o there is one of each.
 DEFAULT = (Path("results/overlay.png"), Path("results/overlay.html"))
 PAGE = ".html"
-PICTURES = (".png",)
+# A page of more runs is not called by their names.
+MOST_NAMES = 4
+PICTURES = (".png", ".svg", ".pdf")
 
 
 def command(
@@ -34,7 +36,7 @@ def command(
             "-o",
             "--output",
             metavar="FILE",
-            help="A page (.html) or a picture (.png); default both, "
+            help="A page (.html) or a picture (.png, .svg, .pdf); default "
             "results/overlay.html and .png.",
         ),
     ] = None,
@@ -67,7 +69,7 @@ def command(
 
 def _known(path: Path) -> None:
     if path.suffix.lower() not in (PAGE, *PICTURES):
-        kinds = " or ".join((PAGE, *PICTURES))
+        kinds = f"{', '.join(PICTURES)} or {PAGE}"
         text = f"-o {path}: a name that ends in {kinds} is expected"
         raise InputError([Problem("usage", text, hint=f"such as -o overlay{PAGE}")])
 
@@ -87,7 +89,8 @@ def _content(
     from lagsim.studies import overlay
 
     if path.suffix.lower() in PICTURES:
-        return overlay.picture(runs, overlay.chosen(runs, names)).png()
+        form = path.suffix.lower()[1:]
+        return overlay.picture(runs, overlay.chosen(runs, names), form).content()
     found, told = overlay.motions(runs)
     if not found and not also:
         raise InputError([Problem("nothing-to-draw", text) for text in told])
@@ -97,7 +100,9 @@ def _content(
         return None
     from lagsim.outputs.animation import page
 
-    return page(found, ", ".join(run["name"] for run in found))
+    names = [run["name"] for run in found]
+    many = len(names) > MOST_NAMES
+    return page(found, counted(len(names), "run") if many else ", ".join(names))
 
 
 def _write(path: Path, content: bytes) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -38,6 +39,80 @@ if TYPE_CHECKING:
     from lagsim.studies.attempts import Attempt
 
 
+class Picture(Enum):
+    """What pictures are written as."""
+
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
+
+
+Method = Annotated[
+    str | None,
+    typer.Option(
+        metavar="M",
+        help="Integration method; see `lagsim methods`.",
+        autocompletion=lambda: ["auto", *names()],
+    ),
+]
+Rtol = Annotated[
+    str | None,
+    typer.Option(metavar="X", help=f"Relative tolerance; default {DEFAULT_RTOL:g}."),
+]
+Atol = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X",
+        help="Absolute tolerance; default rtol times each component's scale.",
+    ),
+]
+Step = Annotated[
+    str | None,
+    typer.Option(
+        metavar="H", help="Step of fixed-step methods; default the output step."
+    ),
+]
+Formulation = Annotated[
+    str | None,
+    typer.Option(
+        metavar="F",
+        help="How constraints are met: projection, elimination, baumgarte, drift; "
+        "full: nothing is reduced.",
+    ),
+]
+Gain = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X",
+        help="Of baumgarte, per unit of time; "
+        f"default {1 / ROWS_TO_DECAY:g}/output step.",
+    ),
+]
+SpectralRadius = Annotated[
+    str | None,
+    typer.Option(metavar="X", help="Of generalized-alpha, from 0 to 1."),
+]
+Duration = Annotated[str | None, typer.Option(metavar="T", help="How long to run.")]
+OutputStep = Annotated[
+    str | None,
+    typer.Option(
+        metavar="H", help=f"Spacing of rows; default duration/{DEFAULT_ROWS}."
+    ),
+]
+ErrorBar = Annotated[
+    ErrorBars,
+    typer.Option(
+        help="Repeat the run more tightly to estimate its error; auto: where that "
+        "takes no more than about 2 s."
+    ),
+]
+
+
+def given(**options: str | None) -> dict[str, str]:
+    """Give the options that have been given, by the keys of `simulation`."""
+    return {name: text for name, text in options.items() if text is not None}
+
+
 def command(
     models: Annotated[
         list[str], typer.Argument(metavar="MODEL...", help="Model files; - is stdin.")
@@ -53,69 +128,16 @@ def command(
     ] = None,
     jobs: Jobs = None,
     sets: Sets = None,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            metavar="M",
-            help="Integration method; see `lagsim methods`.",
-            autocompletion=lambda: ["auto", *names()],
-        ),
-    ] = None,
-    rtol: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X", help=f"Relative tolerance; default {DEFAULT_RTOL:g}."
-        ),
-    ] = None,
-    atol: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X",
-            help="Absolute tolerance; default rtol times each component's scale.",
-        ),
-    ] = None,
-    step: Annotated[
-        str | None,
-        typer.Option(
-            metavar="H", help="Step of fixed-step methods; default the output step."
-        ),
-    ] = None,
-    formulation: Annotated[
-        str | None,
-        typer.Option(
-            metavar="F",
-            help="How constraints are met: projection, elimination, baumgarte, "
-            "drift; full: nothing is reduced.",
-        ),
-    ] = None,
-    gain: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X",
-            help="Of baumgarte, per unit of time; "
-            f"default {1 / ROWS_TO_DECAY:g}/output step.",
-        ),
-    ] = None,
-    spectral_radius: Annotated[
-        str | None,
-        typer.Option(metavar="X", help="Of generalized-alpha, from 0 to 1."),
-    ] = None,
-    duration: Annotated[
-        str | None, typer.Option(metavar="T", help="How long to run.")
-    ] = None,
-    output_step: Annotated[
-        str | None,
-        typer.Option(
-            metavar="H", help=f"Spacing of rows; default duration/{DEFAULT_ROWS}."
-        ),
-    ] = None,
-    error_bar: Annotated[
-        ErrorBars,
-        typer.Option(
-            help="Repeat the run more tightly to estimate its error; auto: where that "
-            "takes no more than about 2 s."
-        ),
-    ] = ErrorBars.AUTO,
+    method: Method = None,
+    rtol: Rtol = None,
+    atol: Atol = None,
+    step: Step = None,
+    formulation: Formulation = None,
+    gain: Gain = None,
+    spectral_radius: SpectralRadius = None,
+    duration: Duration = None,
+    output_step: OutputStep = None,
+    error_bar: ErrorBar = ErrorBars.AUTO,
     table: Annotated[
         Format, typer.Option(help="How the table is kept: trajectory.csv, and so on.")
     ] = Format.CSV,
@@ -123,6 +145,10 @@ def command(
         bool, typer.Option("--units", help="A line of units below the header of CSV.")
     ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
+    form: Annotated[
+        Picture,
+        typer.Option("--format", help="Of pictures; svg, pdf for print."),
+    ] = Picture.PNG,
     animate: Annotated[
         bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
     ] = False,
@@ -133,27 +159,20 @@ def command(
     strict: Strict = False,
 ) -> int:
     """Check the start, integrate, write a table and pictures."""
-    options = {
-        "method": method,
-        "rtol": rtol,
-        "atol": atol,
-        "step": step,
-        "formulation": formulation,
-        "gain": gain,
-        "spectral_radius": spectral_radius,
-        "duration": duration,
-        "output_step": output_step,
-    }
-    given = {name: text for name, text in options.items() if text is not None}
+    options = given(
+        method=method, rtol=rtol, atol=atol, step=step, formulation=formulation,
+        gain=gain, spectral_radius=spectral_radius, duration=duration,
+        output_step=output_step,
+    )  # fmt: skip
     job = partial(
-        Job, error_bars=error_bar, table=table, show_units=units, plots=not no_plots,
-        animate=animate, quiet=quiet, strict=strict,
+        Job, error_bars=error_bar, table=table, show_units=units,
+        plots=None if no_plots else form, animate=animate, quiet=quiet, strict=strict,
     )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import Batch
 
         batch = Batch(models, folder, job, as_json=as_json, quiet=quiet)
-        return batch.run(sets, given, jobs)
+        return batch.run(sets, options, jobs)
     documents: list[Any] | None = [] if as_json else None
     own = job(folder, documents=documents)
     # The processor time so far is close to what starting and importing took.
@@ -161,7 +180,7 @@ def command(
     with faults_shown(documents, file=models[0]) as code:
         from lagsim.model.reader import text_of
 
-        code.append(own.run(*text_of(models[0]), assignments(sets), given))
+        code.append(own.run(*text_of(models[0]), assignments(sets), options))
     for document in documents or ():
         show_json(document)
     return code[-1]
@@ -183,7 +202,7 @@ class Job:
         table: Format,
         *,
         show_units: bool,
-        plots: bool,
+        plots: Picture | None,
         animate: bool,
         quiet: bool,
         strict: bool,
@@ -231,11 +250,15 @@ class Job:
         from lagsim.studies.attempts import Attempts
 
         units, interrupt = session.system.units(), self.interrupt
+        if self.show_units or self.table is Format.PARQUET:
+            from lagsim.outputs.units import of_table
+
+            units = of_table(session.case.equations, units)
         table = open_table(results, self.table, units, show_units=self.show_units)
         with table as writer, interrupt.noted():
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
-                thinned=self.plots, animated=self.animate,
+                thinned=self.plots is not None, animated=self.animate,
                 progress=partial(progress_bar, quiet=self.quiet),
             ).best(session)  # fmt: skip
             lost = finish(writer, results, self.table)
@@ -263,6 +286,7 @@ class Job:
 
         A signal ends that: pictures can be drawn again, rows cannot.
         """
+        form = (self.plots or Picture.PNG).value
 
         def put(made: Iterable[tuple[str, bytes]]) -> None:
             for name, content in made:
@@ -270,7 +294,7 @@ class Job:
 
         try:
             put(found.files(None))
-            self.interrupt.cut(lambda: put(found.files(found.thin, found.frames)))
+            self.interrupt.cut(lambda: put(found.files(found.thin, found.frames, form)))
         except OSError as error:
             return error
         finally:

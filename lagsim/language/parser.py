@@ -7,6 +7,7 @@ Python or sympy.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, NamedTuple
@@ -295,8 +296,9 @@ def _relation_inside(token: Token) -> ExpressionError:
     )  # fmt: skip
 
 
+@functools.lru_cache(maxsize=1024)
 def parse(text: str) -> Parsed:
-    """Parse an expression.
+    """Parse an expression, once: bindings do so again and again.
 
     Raises
     ------

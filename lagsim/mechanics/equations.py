@@ -89,7 +89,27 @@ class Equations:
 
     def of(self, model: Model) -> Equations:
         """Give the same equations of the model bound to other values."""
-        return replace(self, model=model)
+        given = {c.name: c.law.restitution for c in model.constraints if c.law}
+        laws = self.laws
+        if any(law.restitution != given.get(law.constraint, 0.0) for law in laws):
+            laws = tuple(law.bouncing(given.get(law.constraint, 0.0)) for law in laws)
+        return replace(self, model=model, laws=laws)
+
+    @property
+    def nodes(self) -> tuple[object, ...]:
+        """The names and nodes of the motion, the same for all values of parameters."""
+        rows = (*self.rows, *(law.row for law in self.laws))
+        return (
+            self.q,
+            tuple(tuple(row.entries.items()) for row in self.M),
+            self.f,
+            tuple(
+                (x.name, x.residual, x.rate, x.b, *x.A.entries.items()) for x in rows
+            ),
+            len(self.rows),
+            self.power,
+            self.quadratures,
+        )
 
     @property
     def accelerations(self) -> tuple[str, ...]:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.outputs.curves import series
+from lagsim.outputs.letters import Letters
+from lagsim.outputs.record import LEFT, REACH, RIGHT
 from lagsim.outputs.scale import time_scale, value_scale
 from lagsim.outputs.sheet import (
     EDGE,
@@ -20,7 +22,6 @@ from lagsim.outputs.sheet import (
     in_house_style,
     text_width,
 )
-from lagsim.outputs.time_panels import LEFT, REACH, RIGHT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -46,7 +47,10 @@ def pens(count: int) -> list[Pen]:
 
 @in_house_style
 def picture(
-    runs: Mapping[str, Thinning], units: Mapping[str, str], notes: Sequence[str] = ()
+    runs: Mapping[str, Thinning],
+    units: Mapping[str, str],
+    notes: Sequence[str] = (),
+    form: str = "png",
 ) -> Sheet:
     """Draw each column of `units` against time, with all runs on the same axes.
 
@@ -58,16 +62,20 @@ def picture(
         Of the columns; the first one is that of the time, `t`.
     notes : sequence of str
         Said below the legend.
+    form : str
+        png, svg or pdf.
     """
     columns = [name for name in units if name != "t"]
+    letters = Letters(columns)
     entries = list(zip(runs, pens(len(runs)), strict=True))
     width = WIDTH - LEFT - RIGHT
     lines = list(_lines(entries, width))
     height = HEIGHTS[len(columns) - 1] if len(columns) <= len(HEIGHTS) else LEAST
     top = TOP + LINE * (len(lines) - 1 + len(notes))
     panels = len(columns) * (height + BETWEEN) - BETWEEN
-    sheet = Sheet(WIDTH, top + panels + BELOW)
-    sheet.heading(f"{len(runs)} runs", ", ".join(columns))
+    sheet = Sheet(WIDTH, top + panels + BELOW, form)
+    subject = ", ".join(letters.name(name) for name in columns)
+    sheet.heading(f"{len(runs)} runs", subject)
     for k, line in enumerate(lines):
         sheet.legend(LEFT, 0.42 + k * LINE, line, width)
     for k, note in enumerate(notes):
@@ -86,7 +94,7 @@ def picture(
             times,
             value_scale(*(values for (_, values), _ in drawn[name])),
             below=("t", units.get("t", "")) if last else ("", ""),
-            side=(name, units[name]),
+            side=(letters.name(name), units[name]),
             reach=REACH,
         ) as axes:
             for (t, values), pen in drawn[name]:

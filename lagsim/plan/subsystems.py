@@ -15,7 +15,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.start import start_at
 from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.evaluate import evaluate
-from lagsim.language.graph import VARIABLE
+from lagsim.language.graph import VARIABLE, once
 from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.instant import Instant
 from lagsim.mechanics.ldl import Elimination, TooLongError
@@ -85,6 +85,11 @@ def refusal(equations: Equations) -> str:
 
 def groups(equations: Equations) -> list[list[int]]:
     """Give the coordinates that touch one another, group by group."""
+    key = groups, equations.nodes
+    return once(equations.graph, key, lambda: _groups(equations))
+
+
+def _groups(equations: Equations) -> list[list[int]]:
     e, g = equations, equations.graph
     together = [
         ([*row.entries.values(), e.f[i]], [i, *row.entries])

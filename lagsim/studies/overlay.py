@@ -16,6 +16,7 @@ from lagsim import files
 from lagsim.errors import InputError, Problem
 from lagsim.notes import Event
 from lagsim.outputs import animation
+from lagsim.outputs.animation.film import page_units
 from lagsim.outputs.animation.tables import film_of_columns
 from lagsim.outputs.results import MANIFEST
 from lagsim.studies.comparison.reading import read_results
@@ -148,8 +149,8 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
     return list(dict.fromkeys(names))
 
 
-def picture(runs: Sequence[Shown], columns: Sequence[str]) -> Sheet:
-    """Draw columns of all runs on the same axes."""
+def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") -> Sheet:
+    """Draw columns of all runs on the same axes; `form` is png, svg or pdf."""
     from lagsim.outputs.overlay import picture
     from lagsim.run.observers.thinning import Thinning
 
@@ -163,7 +164,8 @@ def picture(runs: Sequence[Shown], columns: Sequence[str]) -> Sheet:
     for name in ("t", *columns):
         known = {run.table.units.get(name, "") for run in runs} - {""}
         units[name] = " or ".join(sorted(known))
-    return picture(rows, units, [x for run in runs for x in run.table.remarks])
+    remarks = [remark for run in runs for remark in run.table.remarks]
+    return picture(rows, units, remarks, form)
 
 
 def motions(runs: Sequence[Shown]) -> tuple[list[dict[str, Any]], list[str]]:
@@ -198,15 +200,13 @@ def _recorded(run: Shown) -> list[dict[str, Any]]:
 def _film(run: Shown) -> animation.Film | None:
     table = run.table
     columns = dict(zip(table.columns, table.data, strict=True))
-    units = {
-        "length": table.units.get("x", ""),
-        "energy": table.units.get("energy", ""),
-    }
+    known = table.units
+    lengths = {known.get(axis, "") for axis in "xyz"}
     events = [
         Event(float(e["time"]), str(e["kind"]), e.get("constraint"))
         for e in run.record.get("events", ())
     ]
     return film_of_columns(
-        run.label, columns, events, horizon=run.horizon, units=units,
-        notes=table.remarks,
+        run.label, columns, events, horizon=run.horizon,
+        units=page_units(lengths, known.get("energy", "")), notes=table.remarks,
     )  # fmt: skip

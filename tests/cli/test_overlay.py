@@ -79,6 +79,14 @@ def test_o_says_what_is_made(overlay, tmp_path):
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.parametrize(
+    ("name", "begins"), [("it.svg", b"<?xml"), ("it.pdf", b"%PDF")]
+)
+def test_a_picture_for_print(overlay, tmp_path, name, begins):
+    assert overlay("round", "-o", name).code == 0
+    assert (tmp_path / name).read_bytes().startswith(begins)
+
+
 def test_a_folder_that_is_given_twice_has_two_names(overlay, tmp_path):
     assert overlay("round", "round", "-o", "it.html").code == 0
     assert [r["name"] for r in page_of(tmp_path / "it.html")] == ["round", "round #2"]
@@ -103,7 +111,10 @@ FAULTS = {
     "only the time": (["round", "--columns", "t"], "are drawn against"),
     "no columns": (["round", "--columns", ","], "names of columns are expected"),
     "nothing in common": (["round", "angle"], "no coordinate in common"),
-    "another kind of file": (["round", "-o", "it.doc"], "ends in .html or .png"),
+    "another kind of file": (
+        ["round", "-o", "it.doc"],
+        "ends in .png, .svg, .pdf or .html",
+    ),
     "nothing to draw": (["angle", "-o", "it.html"], "angle has nothing to draw"),
 }
 

@@ -314,7 +314,7 @@ class Drawing {
   forces(moment, dots) {
     const {pen, run, view, ink} = this;
     if (!run.usual) return;
-    const full = 0.24 * this.size, reach = 1.5 * full;
+    const full = 0.18 * this.size, reach = 1.5 * full;
     pen.strokeStyle = pen.fillStyle = ink.force;
     for (const push of run.pushes) {
       const force = run.force(push, moment);

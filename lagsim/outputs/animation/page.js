@@ -9,6 +9,7 @@ const root = document.documentElement;
 const box = many ? common(runs) : null;
 const ranges = runs.map(reach);
 const range = [Math.min(...ranges.map(([low]) => low)), Math.max(...ranges.map(([, high]) => high))];
+const most = Math.max(...runs.map((run) => run.usual));
 
 function staged(label, runs, view, ...more) {
   const names = runs.flatMap((run) => run.points.map((point) => point.name)).join(", ");
@@ -20,14 +21,14 @@ function staged(label, runs, view, ...more) {
 }
 
 const panels = runs.map((run, k) => {
-  const view = new View(box ? {...run, box} : run);
+  const view = new View(box ? {...run, box, usual: most} : run);
   const bars = new Bars(run, box ? range : ranges[k]);
   const made = staged(run.name, [run], view, bars.box);
   if (many) made.canvas.before(element("h2", {}, run.name));
   return {...made, run, bars, drawing: new Drawing(made.canvas, run, view)};
 });
 // All runs in one picture, each in a colour of its own.
-const together = box && staged("all runs", runs, new View({...runs[0], box}));
+const together = box && staged("all runs", runs, new View({...runs[0], box, usual: most}));
 if (together) {
   together.drawings = runs.map((run, k) => new Drawing(together.canvas, run, together.view, k));
   together.titles = runs.map((run) => element("span", {}, run.name));
@@ -38,7 +39,7 @@ const line = new TimeLine($("line"), runs, (t) => { pause(); seek(t); });
 // A run of seconds is shown as fast as it is; shorter and longer ones in seconds.
 function usualSpeed(span) {
   if (span >= 1.5 && span <= 90) return 1;
-  const wanted = span / 12, power = 10 ** Math.floor(Math.log10(wanted));
+  const wanted = span / 8, power = 10 ** Math.floor(Math.log10(wanted));
   return power * [1, 2, 5].findLast((m) => m * power <= wanted * 1.0001);
 }
 
@@ -129,7 +130,7 @@ function pause() {
 function faster(factor) {
   state.speed = Math.min(64 * usual, Math.max(usual / 256, state.speed * factor));
   const rounded = Number(state.speed.toPrecision(3));
-  $("speed").textContent = `${rounded >= 0.01 ? rounded : rounded.toExponential(0)}×`;
+  $("speed").textContent = `${rounded >= 1e-4 ? rounded : rounded.toExponential(1)}×`;
   show();
 }
 
@@ -144,12 +145,15 @@ function toggle(name) {
 }
 
 const fine = () => span / 200;
+const jump = (t) => { if (t !== undefined) { pause(); seek(t); } };
 const KEYS = {
   " ": () => state.playing ? pause() : play(),
   ArrowLeft: (far) => { pause(); seek(state.t - (far ? 10 : 1) * fine()); },
   ArrowRight: (far) => { pause(); seek(state.t + (far ? 10 : 1) * fine()); },
   Home: () => { pause(); seek(line.start); },
   End: () => { pause(); seek(line.end); },
+  PageUp: () => jump(line.event(state.t, false)),
+  PageDown: () => jump(line.event(state.t, true)),
   "+": () => faster(2), "=": () => faster(2), "-": () => faster(0.5), "_": () => faster(0.5),
   l: () => toggle("loop"), t: () => toggle("trails"), f: () => toggle("forces"), n: () => toggle("names"),
   o: () => { if (together) toggle("together"); },
@@ -209,6 +213,7 @@ function tell() {
   const notes = runs.flatMap((run) => run.notes.map((note) => many ? `${run.name}: ${note}` : note));
   $("notes").textContent = notes.join("; ");
   $("together").hidden = !together;
+  $("jumps").hidden = !line.times.length;
   if (together) $("turning").before(Object.assign(element("kbd"), {textContent: "O"}), " one picture; ");
   $("forces").hidden = !runs.some((run) => run.usual > 0);
   if (runs.some((run) => run.dimension === 3)) $("turning").textContent = "drag to turn";

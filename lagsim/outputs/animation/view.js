@@ -47,7 +47,9 @@ class View {
       across = wide;
       up = this.spans[2] * Math.cos(0.34) + wide * Math.sin(0.34);
     }
-    const edge = Math.min(64, 0.14 * Math.min(this.width, this.height));
+    // Arrows have room beyond the points.
+    const size = Math.min(this.width, this.height);
+    const edge = this.run.usual ? 0.2 * size : Math.min(64, 0.14 * size);
     return Math.min((this.width - 2 * edge) / across, (this.height - 2 * edge) / up);
   }
 
