@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from lagsim.studies.attempts import Attempt
 
 
-def put_file(path: Path, content: bytes) -> None:
-    """Write a file as a whole, and the folders that it needs.
+def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
+    """Write a file as a whole, and, if asked to, the folders that it needs.
 
     Raises
     ------
@@ -30,6 +30,8 @@ def put_file(path: Path, content: bytes) -> None:
     from lagsim.outputs.results import put
 
     with writing(path):
+        if folders:
+            path.parent.mkdir(parents=True, exist_ok=True)
         put(path, content)
 
 

@@ -71,7 +71,7 @@ def command(
         if junit is not None:
             from lagsim.outputs.junit import document as written
 
-            put_file(junit, written(SUITE, job.outcomes))
+            put_file(junit, written(SUITE, job.outcomes), folders=True)
     code = max(codes)
     if as_json:
         faults = [error for found in job.faults for error in found["errors"]]
@@ -185,7 +185,8 @@ class _Job:
             from lagsim.studies.golden.picture import picture
 
             path = self.plots / f"{model.name}.png"
-            put_file(path, picture(case, motion, stored, judgement))
+            drawn = picture(case, motion, stored, judgement)
+            put_file(path, drawn, folders=True)
             lines.append(f"  picture: {path}")
             found["picture"] = str(path)
         self.documents.append(found)

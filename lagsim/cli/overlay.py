@@ -106,5 +106,5 @@ def _content(
 
 
 def _write(path: Path, content: bytes) -> str:
-    put_file(path, content)
+    put_file(path, content, folders=True)
     return str(path)

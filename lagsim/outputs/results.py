@@ -249,7 +249,7 @@ def _sync(path: Path, flags: int = os.O_RDWR) -> None:
 
 
 def put(path: Path, content: bytes) -> None:
-    """Write one file as a whole or not at all, and the folders that it needs.
+    """Write one file as a whole or not at all.
 
     A link in its place is replaced, not followed. A pipe that is read and a terminal
     get the bytes.
@@ -261,7 +261,6 @@ def put(path: Path, content: bytes) -> None:
     """
     import secrets
 
-    path.parent.mkdir(parents=True, exist_ok=True)
     if path.is_relative_to("/dev") or (path.exists() and not path.is_file()):
         files.pour(path, content)
         return
