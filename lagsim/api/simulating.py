@@ -220,6 +220,10 @@ class Result:
         from lagsim.outputs.table import table_writer
 
         made, form = self._made, Format(table)
+        if form is not Format.CSV:
+            from lagsim.outputs.packed import check_format
+
+            check_format(form, show_units=units)
         with open_results(Path(folder)) as results:
             path = results.part(form.file)
             writer = table_writer(form, path, self.units, show_units=units)

@@ -23,7 +23,6 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit, cut_short, finish, open_table
-from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.outputs import Format
@@ -230,10 +229,10 @@ class Job:
         from lagsim.model.reader import read
 
         clock = self.clock
-        if self.show_units and self.table is not Format.CSV:
-            why = f"--units means nothing with --table {self.table}"
-            hint = "run.json has the units of all columns, and Parquet its own"
-            raise InputError([Problem("usage", why, hint=hint)])
+        if self.table is not Format.CSV:
+            from lagsim.outputs.packed import check_format
+
+            check_format(self.table, show_units=self.show_units)
         clock.lap("import")
         with self.interrupt.raised():
             model = read(text, file, overrides, options)

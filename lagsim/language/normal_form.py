@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping
+    from collections.abc import Collection, Container, Iterable, Mapping
 
     from lagsim.language.graph import Graph
 
@@ -35,6 +35,26 @@ def normal_form(g: Graph, nodes: Iterable[int], moving: Collection[int]) -> list
     for n in g.cone(nodes):
         form.sums[n] = form.of(n) if n in moving else {(): n}
     return [form.written(form.sums[n]) for n in nodes]
+
+
+def sum_node(
+    g: Graph,
+    terms: Mapping[tuple[tuple[int, int], ...], float],
+    still: Container[int],
+) -> int:
+    """Give the node of a sum of products: factors and their exponents -> a number.
+
+    What all products have in common is taken out; the factors that stand `still` are
+    collected.
+    """
+    form = _Form(g)
+    whole: Sum = {}
+    for factors, c in terms.items():
+        fixed = form.raised({n: Fraction(e) for n, e in factors if n in still})
+        moved = tuple((n, Fraction(e)) for n, e in factors if n not in still)
+        factor = g.call("mul", g.constant(c), fixed)
+        whole[moved] = g.call("add", whole.get(moved, g.zero), factor)
+    return form.written(whole)
 
 
 class _Form:
@@ -126,11 +146,11 @@ class _Form:
 
     def _term(self, monomial: Monomial, factor: int) -> int:
         g = self.g
-        top = self._raised({atom: e for atom, e in monomial if e > 0})
-        bottom = self._raised({atom: -e for atom, e in monomial if e < 0})
+        top = self.raised({atom: e for atom, e in monomial if e > 0})
+        bottom = self.raised({atom: -e for atom, e in monomial if e < 0})
         return g.call("div", g.call("mul", factor, top), bottom)
 
-    def _raised(self, exponents: Mapping[int, Fraction]) -> int:
+    def raised(self, exponents: Mapping[int, Fraction]) -> int:
         g = self.g
         total = g.one
         for atom, exponent in exponents.items():

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.derivatives import gradient, rate_of, tangent
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.sparse import SparseVector
+from lagsim.language.trigonometry import fewer_terms, turns
 from lagsim.mechanics.constraints import Flow, Row, constraint_row
 from lagsim.mechanics.laws import Law, laws_of
 from lagsim.model.model import Level
@@ -67,6 +68,9 @@ class Equations:
     power : int or None
         The rate of `work`, with the multipliers as variables `lambda_<c>`; None where
         the model has nothing that could do work.
+    unforced : frozenset of str
+        The coordinates on which no force acts and that L does not name: without
+        constraints they keep their momenta.
     quadratures : tuple of Quadrature
         What is integrated beside these equations: the action where it is asked for,
         and coordinates, see `reduction`.
@@ -84,6 +88,7 @@ class Equations:
     energy_is_sum: bool
     kinetic_form: int
     power: int | None
+    unforced: frozenset[str] = frozenset()
     quadratures: tuple[Quadrature, ...] = ()
     laws: tuple[Law, ...] = ()
 
@@ -192,6 +197,7 @@ def derive(model: Model) -> Equations:
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
     ]
+    M, f = _in_fewer_terms(g, model, flow, M, f, convective, Q)
     plain = [c for c in model.constraints if c.always]
     rows = tuple(constraint_row(g, c.name, c.relation.node, flow) for c in plain)
     laws = tuple(laws_of(g, model.constraints, flow))
@@ -218,6 +224,11 @@ def derive(model: Model) -> Equations:
         energy_is_sum=is_sum,
         kinetic_form=kinetic_form,
         power=_power(g, model, Q, rates, rows, laws, dL_dt),
+        unforced=frozenset(
+            name
+            for name, *pushes in zip(q, dL_dq, Q, strict=True)
+            if set(pushes) == {g.zero}
+        ),
         quadratures=_action(g, model),
         laws=laws,
     )
@@ -227,6 +238,48 @@ def _action(g: Graph, model: Model) -> tuple[Quadrature, ...]:
     if not model.output.action:
         return ()
     return (Quadrature(ACTION, model.lagrangian, g.zero),)
+
+
+def _in_fewer_terms(
+    g: Graph,
+    model: Model,
+    flow: Flow,
+    M: tuple[SparseVector, ...],
+    f: list[int],
+    convective: Sequence[int],
+    Q: Sequence[int],
+) -> tuple[tuple[SparseVector, ...], list[int]]:
+    """Give M and f with inertia as textbooks write it, where that is shorter.
+
+    What potentials and forces give stays as it is: differences that are small stand
+    there, and nothing may be multiplied out of them.
+    """
+    T, V = model.kinetic, model.potential
+    if T is None or V is None or not turns(g, [T]):
+        return M, f
+    if flow.velocities & g.depends([V]):
+        return M, f
+    n = len(f)
+    inertial = [
+        g.call("sub", a, c)
+        for a, c in zip(gradient(g, T, flow.positions), convective, strict=True)
+    ]
+    entries = [(i, j) for i, row in enumerate(M) for j in row.entries if i <= j]
+    moving = {*(c.name for c in model.coordinates), *flow.velocities, "t"}
+    before = [*(M[i][j] for i, j in entries), *inertial]
+    after = fewer_terms(g, before, moving)
+    if after == before:
+        return M, f
+    rows: list[dict[int, int]] = [{} for _ in range(n)]
+    for (i, j), node in zip(entries, after, strict=False):
+        rows[i][j] = rows[j][i] = node
+    forces = [
+        g.call("add", g.call("sub", a, b), c)
+        for a, b, c in zip(
+            after[len(entries) :], gradient(g, V, flow.positions), Q, strict=True
+        )
+    ]
+    return tuple(SparseVector(g, n, row) for row in rows), forces
 
 
 def _mass_matrix(

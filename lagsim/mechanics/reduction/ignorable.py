@@ -15,8 +15,6 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from lagsim.language.derivatives import tangent
-from lagsim.mechanics.constraints import Flow
 from lagsim.mechanics.equations import Quadrature
 from lagsim.mechanics.ldl import Factorisation, Meter
 from lagsim.mechanics.reduction._equations import (
@@ -51,20 +49,13 @@ def conserved(equations: Equations) -> list[int]:
     nodes += [bound for law in e.laws for bound in (law.bound, law.static)]
     seen = g.depends(nodes)
     held = {c for row in rows for c in row.A.entries}
-    found = [
-        c
-        for c, name in enumerate(e.q)
-        if name not in seen and c not in held and c in e.M[c].entries
-    ]
-    if not found:
-        return []
-    # f = -(d/dt dL/dq' at q'' = 0) there, and nothing else.
-    flow = Flow(g, e.q, e.velocities).forward
-    flows = tangent(g, [e.momenta[c] for c in found], flow)
     return [
         c
-        for c, rate in zip(found, flows, strict=True)
-        if e.f[c] == g.call("sub", g.zero, rate)
+        for c, name in enumerate(e.q)
+        if name in e.unforced
+        and name not in seen
+        and c not in held
+        and c in e.M[c].entries
     ]
 
 
