@@ -52,6 +52,19 @@ if TYPE_CHECKING:
 REASON = 160
 
 
+def _names(context: typer.Context, incomplete: str) -> list[str]:
+    """Give what may be swept of the model that stands before it."""
+    from lagsim.errors import LagsimError
+    from lagsim.model.reader import read_file
+
+    try:
+        model = read_file(str(context.params["model"]))
+    except (LagsimError, KeyError):
+        return []
+    names = [p.name for p in model.parameters] + [x.name for x in model.initial]
+    return [f"{name}=" for name in names if name.startswith(incomplete)]
+
+
 def command(
     model: ModelPath,
     values: Annotated[
@@ -60,6 +73,7 @@ def command(
             metavar="NAME=A:B:N|NAME=V1,V2,...",
             help="A parameter, or an entry of `initial`, and its values: from A to B, "
             "N of them, or a list; expressions.",
+            autocompletion=_names,
         ),
     ],
     folder: Annotated[
@@ -233,6 +247,10 @@ class _Job:
         files = dict(document.files(found, plots=self.plots))
         content = document.document(found, [*files, document.MANIFEST])
         commit(results, content, files)
+        missing = found.grid.runs - content["complete"]
+        if missing:
+            whole = counted(found.grid.runs, "run")
+            complain(f"lagsim: {missing} of {whole} are not complete")
         if not self.quiet:
             for note in content["notes"]:
                 complain(f"note: {note}")

@@ -12,10 +12,12 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from lagsim.cli.sweep import _names as completed
 from lagsim.run.observers.ledger import Ledger
 from lagsim.run.system import System
 from lagsim.studies.sweep.journal import NAME
@@ -192,6 +194,7 @@ def test_failures_are_rows_with_their_reasons(lagsim, write):
     assert second["reason"]
     assert (third["outcome"], third["complete"]) == ("done", "true")
     assert "1 of 3 runs complete" in called.out
+    assert called.err == "lagsim: 2 of 3 runs are not complete\n"
     assert "failed    1 run, the first: the step size became too small" in called.out
 
 
@@ -234,6 +237,16 @@ def test_kept_folders_are_those_of_single_runs(lagsim, write):
     assert_is_single(rows_of("out")[1], "single")
     kept, alone = manifest("out/run-2"), manifest("single")
     assert {key for key in alone if alone[key] != kept[key]} <= {"timings"}
+
+
+def test_the_shell_completes_names(write, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    context = SimpleNamespace(params={"model": write(SPRING)})
+    assert completed(context, "") == [
+        "l=", "g=", "K=", "theta=", "u=", "theta_dot=", "u_dot=",
+    ]  # fmt: skip
+    assert completed(context, "th") == ["theta=", "theta_dot="]
+    assert completed(SimpleNamespace(params={"model": "none.yaml"}), "") == []
 
 
 def test_unusable_input_runs_nothing(lagsim, write):

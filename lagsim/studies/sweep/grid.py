@@ -59,11 +59,13 @@ class Axis(NamedTuple):
             units |= {d.name: d.unit for d in model.definitions}
             base = name.removesuffix("_dot")
             unit = units.get(name) or (f"{u}/s" if (u := units.get(base, "")) else "")
-        plain = [None, *map(_plain, texts[1:])]  # one shows that the name is bound
-        values = (
-            value_of(bound(model, {name: text}), name) if x is None else x
-            for text, x in zip(texts, plain, strict=True)
-        )
+        values: list[float] = []
+        for text in texts:
+            # The first one shows that the name can be bound.
+            x = _plain(text) if values else None
+            if x is None:
+                x = value_of(bound(model, {name: text}), name)
+            values.append(x)
         return cls(name, starts, tuple(texts), tuple(values), unit)
 
 
