@@ -8,6 +8,7 @@ import gc
 import os
 import signal
 import sys
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, NoReturn
 
@@ -48,6 +49,9 @@ def entry() -> int:
     # What this one starts is to look for its modules where this one does, and not in
     # the working directory, which may be a stranger's.
     os.environ.setdefault("PYTHONSAFEPATH", "1")
+    # What is not a number is told in lagsim's words, with its place.
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
     # Loading and deriving make many objects and no garbage; looking through them again
     # and again takes longer than integrating. What is left goes with the process.
     gc.disable()
@@ -108,9 +112,9 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
             return _usage(error)
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
             return _streams.full(error)  # help, on a disk without room for it
-        from lagsim.cli._faults import bug
+        from lagsim.cli._faults import unforeseen
 
-        return bug()
+        return unforeseen()
     return code if isinstance(code, int) else 0
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from lagsim.cli._closing import progress_bar
-from lagsim.cli._faults import bug, errors_document, faults_shown
+from lagsim.cli._faults import BUG, errors_document, faults_shown, unforeseen
 from lagsim.cli._shared import aligned, assignments, coloured, show_json
 from lagsim.cli._streams import complain, say
 from lagsim.errors import InputError, Problem
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 HEADS = ("model", "outcome", "end", "rows", "error", "drift", "seconds")
 # What a model is called that gave no run.json, by its exit code.
 REFUSED = {1: "inadmissible", 2: "unusable"}
-BUG, INTERRUPTED = 70, 130
+INTERRUPTED = 130
 DIED = "its process ended before it had a result: was it killed, or out of memory?"
 
 
@@ -78,7 +78,7 @@ def done(piece: Piece, interrupt: Interrupt) -> Done:
         except (KeyboardInterrupt, Terminated):
             code = [INTERRUPTED]
         except Exception:  # noqa: BLE001  the others are run all the same
-            code = [bug()]
+            code = [unforeseen()]
     if not gc.isenabled():  # see `cli.entry`
         gc.collect()
     return Done(code[-1], documents, heard.getvalue())

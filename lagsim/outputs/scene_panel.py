@@ -113,7 +113,7 @@ class ScenePanel:
         """Return a pen for each point that moves, in their order."""
         paths = {}
         for name, position in self._positions.items():
-            spans = [f[1] - f[0] for c in position if (f := extent(c))]
+            spans = [_span(component) for component in position]
             if any(span > FLAT * self._size for span in spans):
                 widest = sorted(range(len(spans)), key=lambda k: -spans[k])[:2]
                 paths[name] = position[widest] / self._scale
@@ -181,3 +181,9 @@ class ScenePanel:
                 point(axes, x, y, mark("o", small * size, pen["color"], fill))
         for x, y in (p[:, 0] for name, p in shown.items() if name not in self._pens):
             point(axes, x, y, FIXED_MARK)
+
+
+def _span(values: Array) -> float:
+    """Give how far values spread; 0 where none is finite."""
+    found = extent(values)
+    return found[1] - found[0] if found else 0.0

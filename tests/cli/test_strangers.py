@@ -67,7 +67,7 @@ def test_a_pipe_is_no_table_and_no_golden(lagsim, write):
 def test_a_pipe_is_no_kept_object(tmp_path):
     pipe = tmp_path / "a.object"
     os.mkfifo(pipe)
-    assert cache._read(pipe) is None
+    assert cache._read(pipe, "a") is None
 
 
 def test_a_golden_is_not_written_through_links(lagsim, write):
