@@ -215,7 +215,9 @@ class Writer:
         degree = [0, 0, 0]
         for (group, *_), x in found:
             if group in _MOVING:
-                degree[_MOVING[group]] -= int(x.exp) if x.is_Pow else 1
+                degree[_MOVING[group]] -= (
+                    int(x.exp) if x.is_Pow and x.exp.is_Integer else 1
+                )
             elif group - 0.5 in _MOVING:  # a sum in which these are
                 degree[_MOVING[group - 0.5]] -= 2
         varying = sorted(place for place, _ in found if place[0] >= _VARYING)
