@@ -11,6 +11,8 @@ from lagsim.cli._closing import progress_bar
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
+    Picture,
+    PictureForm,
     Sets,
     assignments,
     coloured,
@@ -27,7 +29,7 @@ from lagsim.methods import names
 MOST_NAMES = 4
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from lagsim.model.model import Model
     from lagsim.outputs.results import Results
@@ -82,6 +84,7 @@ def command(
         float | None,
         typer.Option(metavar="SECONDS", help="For each model; default 180."),
     ] = None,
+    form: PictureForm = Picture.PNG,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -99,7 +102,7 @@ def command(
     for path in models if code[-1] == 0 else []:
         with faults_shown(faults if as_json else None, file=path) as code:
             target = folder / Path(path).stem if folder and models[1:] else folder
-            job = _Job(target, as_json=as_json, quiet=quiet)
+            job = _Job(target, form.value, as_json=as_json, quiet=quiet)
             code.append(job.run(path, overrides, wish))
             documents += job.documents
         codes += code
@@ -116,8 +119,11 @@ def command(
 class _Job:
     """One model, and the manners of the command."""
 
-    def __init__(self, folder: Path | None, *, as_json: bool, quiet: bool) -> None:
+    def __init__(
+        self, folder: Path | None, form: str, *, as_json: bool, quiet: bool
+    ) -> None:
         self.folder, self.as_json, self.quiet = folder, as_json, quiet
+        self.form = form
         self.documents: list[Any] = []
 
     def run(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
@@ -138,7 +144,7 @@ class _Job:
 
     def _measure(self, case: Case, wish: Wish, results: Results) -> int:
         from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.bench.document import FILES, document
+        from lagsim.studies.bench.document import document, files
         from lagsim.studies.bench.solving import GivenUpError
         from lagsim.studies.bench.work_precision import measure
 
@@ -149,30 +155,32 @@ class _Job:
                     found = measure(case, wish, interrupt=interrupt, progress=progress)
                 except GivenUpError:
                     return 128 + (interrupt.signal or 0)
-            content = document(case.equations.model, case.settings, found, list(FILES))
+            model = case.equations.model
+            content = document(model, case.settings, found, files(self.form))
             self._commit(content, content["rows"], results, interrupt)
         if not self.quiet and not self.as_json:
-            files = self.documents[-1]["files"]
-            say(_summary(case.equations.model, found, results.folder, files))
+            listed = ", ".join(self.documents[-1]["files"])
+            say(_summary(model, found, f"{results.folder}: {listed}"))
         return 128 + interrupt.signal if interrupt.signal is not None else 0
 
     def _draw(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
         """Draw again what was measured."""
         from lagsim.outputs.results import open_results
         from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.bench.document import FILES, MANIFEST, read_document
+        from lagsim.studies.bench.document import MANIFEST, files, read_document
         from lagsim.studies.bench.wanted import Wish
 
         if overrides or wish != Wish(wish.methods):
             text = f"{path} holds what was measured: only --methods can be chosen of it"
             hint = "measure anew: lagsim bench MODEL"
             raise InputError([Problem("usage", text, hint=hint)])
-        content = read_document(path) | {"files": list(FILES)}
+        content = read_document(path) | {"files": files(self.form)}
         shown = [row for row in content["rows"] if wish.wants(row["method"])]
         with open_results(self.folder or Path(path).parent, MANIFEST) as results:
             self._commit(content, shown, results, Interrupt())
         if not self.quiet and not self.as_json:
-            say(f"{coloured('drawn', '32')}: {results.folder}: {', '.join(FILES)}")
+            listed = ", ".join(content["files"])
+            say(f"{coloured('drawn', '32')}: {results.folder}: {listed}")
         return 0
 
     def _commit(
@@ -183,17 +191,17 @@ class _Job:
         interrupt: Interrupt,
     ) -> None:
         """Write everything; the chart shows these rows."""
-        from lagsim.studies.bench.document import CHART, TABLE
         from lagsim.studies.bench.document import table as rows_table
 
         def drawn() -> bytes:
             from lagsim.studies.bench.chart import chart
 
-            return chart(content | {"rows": shown})
+            return chart(content | {"rows": shown}, self.form)
 
+        table_name, chart_name, _ = content["files"]
         document = commit_with_chart(
-            results, content, {TABLE: rows_table(content["rows"])},
-            CHART, drawn, interrupt,
+            results, content, {table_name: rows_table(content["rows"])},
+            chart_name, drawn, interrupt,
         )  # fmt: skip
         self.documents.append(document)
 
@@ -257,9 +265,7 @@ def _between(
     return max(first, last), min(first, last)
 
 
-def _summary(
-    model: Model, found: WorkPrecision, folder: Path, files: Sequence[str]
-) -> str:
+def _summary(model: Model, found: WorkPrecision, files: str) -> str:
     """Give the closing lines."""
     state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")
     head = (
@@ -272,7 +278,7 @@ def _summary(
     front = [found.entries[k] for k in found.front("seconds")]
     rows += [("" if k else "best", _point(e)) for k, e in enumerate(front)]
     rows.append(("time", _time(found)))
-    rows.append(("files", f"{folder}: {', '.join(files)}"))
+    rows.append(("files", files))
     return head + "\n" + table(rows)
 
 

@@ -12,7 +12,7 @@ from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import ModelPath, Sets, assignments, show_json
 from lagsim.cli._streams import put
 from lagsim.cli._writing import put_file
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, visible
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -154,6 +154,8 @@ def _print(content: bytes) -> None:
     import sys
 
     text = content.decode()
+    if sys.stdout.isatty():
+        text = visible(text)
     encoding = sys.stdout.encoding or "utf-8"
     try:
         text.encode(encoding)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +14,8 @@ from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
     Jobs,
+    Picture,
+    PictureForm,
     Sets,
     Strict,
     assignments,
@@ -36,14 +37,6 @@ if TYPE_CHECKING:
     from lagsim.outputs.results import Results
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
-
-
-class Picture(Enum):
-    """What pictures are written as."""
-
-    PNG = "png"
-    SVG = "svg"
-    PDF = "pdf"
 
 
 Method = Annotated[
@@ -144,10 +137,7 @@ def command(
         bool, typer.Option("--units", help="A line of units below the header of CSV.")
     ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
-    form: Annotated[
-        Picture,
-        typer.Option("--format", help="Of pictures; svg, pdf for print."),
-    ] = Picture.PNG,
+    form: PictureForm = Picture.PNG,
     animate: Annotated[
         bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
     ] = False,
@@ -183,6 +173,10 @@ def command(
     for document in documents or ():
         show_json(document)
     return code[-1]
+
+
+# Where results go if nobody says where.
+RESULTS = Path("results")
 
 
 class Job:
@@ -241,7 +235,7 @@ class Job:
             session = open_case(model, settings, clock=clock).ready(clock=clock)
         from lagsim.outputs.results import open_results
 
-        with open_results(self.folder or Path("results") / model.name) as results:
+        with open_results(self.folder or RESULTS / model.name) as results:
             return self._integrate(session, results)
 
     def _integrate(self, session: Session, results: Results) -> int:
@@ -268,6 +262,12 @@ class Job:
             document = found.record(cautions, self.clock.timings, files)
             if full:
                 document |= cut_short(writer, found, full, lost=lost is not None)
+            usual = results.folder == RESULTS / document["model"]["name"]
+            if usual and (before := results.before()):
+                from lagsim.outputs.replaced import replaced
+
+                caution = replaced(before, document, results.folder)
+                document["warnings"] += [caution._asdict()] if caution else []
             commit(results, document, {})
         self._report(found, document, results.folder)
         if full:

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.derivatives import gradient, rate_of, tangent
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.sparse import SparseVector
-from lagsim.language.trigonometry import fewer_terms, turns
 from lagsim.mechanics.constraints import Flow, Row, constraint_row
 from lagsim.mechanics.laws import Law, laws_of
 from lagsim.model.model import Level
@@ -255,10 +254,12 @@ def _in_fewer_terms(
     there, and nothing may be multiplied out of them.
     """
     T, V = model.kinetic, model.potential
-    if T is None or V is None or not turns(g, [T]):
+    if T is None or V is None or flow.velocities & g.depends([V]):
         return M, f
-    if flow.velocities & g.depends([V]):
+    if not any(g.ops[node] in ("sin", "cos") for node in g.cone([T])):
         return M, f
+    from lagsim.language.trigonometry import fewer_terms
+
     n = len(f)
     inertial = [
         g.call("sub", a, c)

@@ -127,13 +127,17 @@ class Results:
             raise _unusable(self.folder, f"has a folder where {name} belongs")
         return self.folder / _PART.format(name)
 
+    def before(self) -> dict[str, Any]:
+        """Give what an earlier run's manifest says; nothing where there is none."""
+        try:
+            found = orjson.loads(files.content(self.folder / self.manifest))
+        except (OSError, ValueError):
+            return {}
+        return found if isinstance(found, dict) else {}
+
     def _listed(self) -> set[str]:
         """Give the files of the run before."""
-        try:
-            document: Any = orjson.loads(files.content(self.folder / self.manifest))
-            names = document["files"]
-        except (OSError, ValueError, KeyError, TypeError):
-            return set()
+        names = self.before().get("files")
         names = names if isinstance(names, list) else []
         own = {n for n in names if isinstance(n, str) and is_own(n)}
         return own - {self.manifest}

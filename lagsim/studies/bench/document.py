@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import orjson
 
-from lagsim import files
 from lagsim.errors import InputError, Problem
+from lagsim.files import content as content_of
 from lagsim.outputs.manifest import versions
 from lagsim.outputs.table import table_of
 from lagsim.studies.bench.machine import machine, today
@@ -24,9 +24,7 @@ if TYPE_CHECKING:
     from lagsim.studies.bench.work_precision import WorkPrecision
 
 TABLE = "work_precision.csv"
-CHART = "work_precision.png"
 MANIFEST = "work_precision.json"
-FILES = (TABLE, CHART, MANIFEST)
 
 COLUMNS = (
     "method", "formulation", "setting", "value", "seconds", "evaluations", "error",
@@ -39,6 +37,11 @@ NEEDED = (
     "lagsim", "versions", "machine", "date", "model", "end", "reference", "refused",
     "rows",
 )  # fmt: skip
+
+
+def files(form: str) -> list[str]:
+    """Give the files, with the chart as PNG, SVG or PDF in the middle."""
+    return [TABLE, f"work_precision.{form}", MANIFEST]
 
 
 def table(rows: Iterable[Mapping[str, Any]]) -> bytes:
@@ -54,7 +57,7 @@ def read_document(path: str) -> dict[str, Any]:
     InputError
     """
     try:
-        found = orjson.loads(files.content(path))
+        found = orjson.loads(content_of(path))
     except OSError as error:
         why = f"{path} cannot be read: {error.strerror}"
         raise InputError([Problem("unreadable", why)]) from None
