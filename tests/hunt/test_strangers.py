@@ -64,7 +64,8 @@ def test_no_file_is_a_bug(said):
 
 @pytest.mark.slow
 def test_no_file_is_a_bug_of_many(said):
-    hunt(said, 1500)
+    # Not `derive`: nothing bounds how long sympy takes for one of so many.
+    hunt(said, 600, st.sampled_from((("check",), ("check", "--json"))))
 
 
 @pytest.mark.nightly
