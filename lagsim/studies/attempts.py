@@ -12,6 +12,7 @@ import contextlib
 import math
 from dataclasses import replace
 from enum import Enum
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from lagsim.run.observers import Relay
@@ -265,8 +266,10 @@ class Attempts:
         others += [x for x in (thin, frames) if x is not None]
         relay = Relay(self.store, others, self.interrupt)
         clock = self.clock
+        clock.lap("output")
+        import_module("lagsim.run.arcs")  # not while the clock runs for it
+        clock.lap("import")
         with self.progress() as progress:
-            clock.lap("output")
             trajectory = session.run(
                 [relay], interrupt=self.interrupt, progress=progress, corners=corners
             )
@@ -304,6 +307,7 @@ class Attempts:
         """Estimate the error of the run, or say why not."""
         from lagsim.studies.error_bar import repeat
 
+        self.clock.lap("import")
         if self.error_bars is ErrorBars.NEVER:
             return "not asked for"
         if self.interrupt.asked:
