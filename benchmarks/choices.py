@@ -107,6 +107,16 @@ def draw(model, folder):
     picture.quantize(48).save(folder / f"{model}.png", optimize=True)
 
 
+def show(folder):
+    """Let the page beside the folder show every chart in it, where there is one."""
+    page = folder.parent / "charts.md"
+    if not page.exists():
+        return
+    text, _, _ = page.read_text(encoding="utf-8").partition("\n![")
+    shown = [f"![{p.stem}]({folder.name}/{p.name})" for p in sorted(folder.iterdir())]
+    page.write_text(text + "\n" + "\n\n".join(shown) + "\n", encoding="utf-8")
+
+
 def row_of(model, found, error):
     chosen = sorted({e.method for e in found.entries if e.chosen})
     result = compared(found, error)
@@ -149,5 +159,8 @@ if __name__ == "__main__":
     if asked.draw:
         for name in asked.models or sorted(path.stem for path in KEPT.glob("*.json")):
             draw(name, asked.draw)
+        show(asked.draw)
         sys.exit()
     print(tables(0, asked.models, asked.charts)[0].markdown())
+    if asked.charts:
+        show(asked.charts)

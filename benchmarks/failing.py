@@ -197,7 +197,7 @@ def bound():
     ):
         with constants(dop853, **values):
             t, h, rejections, _ = Motion("stiff-spring", **options).steps(4000)
-        some = slice(1000, 1080)
+        some = slice(1500, 1580)
         if values:
             steps.add(name, t[some], h[some], pen)
             steps.add("bound", t[some], np.full(80, 5.96e-4), EXACT)
@@ -257,7 +257,7 @@ def polar():
 
 def gimbal():
     found = run("sleeping-top")
-    view = View("Euler's angles of a top near the upright", "t", "rad")
+    view = View("Euler's angles of a top near the upright", "t", "angle (rad)")
     view.add("phi", found["t"], found["phi"], FAILS)
     view.add("psi", found["t"], found["psi"], OTHER)
     view.add("phi + psi", found["t"], found["phi"] + found["psi"], HOLDS)
@@ -269,11 +269,11 @@ def gimbal():
 def rank():
     found = run("parallelogram", duration=6, output_step=0.002)
     t = found["t"]
-    view = View("Multipliers near collinear positions", "t", "N")
+    view = View("Multipliers near collinear positions", "t", "lambda (N)")
     lam = found["lambda_left_x"]
     view.add("left_x", t, np.clip(lam, -30, 30), FAILS)
     view.add("right_x", t, np.clip(found["lambda_right_x"], -30, 30), MORE)
-    force = View("The force that they make", "t", "N")
+    force = View("The force that they make", "t", "force (N)")
     force.add("Qc of a", t, found["Qc_a"], HOLDS)
     force.add("Qc of b", t, found["Qc_b"], OTHER)
     return draw(view, force)
@@ -361,7 +361,7 @@ def graze():
     path = View("Grazed by 1e-8", "x (m)", "off its way (m)")
     path.add("located", found["x"], found["aside"], HOLDS)
     path.add("missed", found["x"], np.zeros(len(found["x"])), FAILS)
-    angles = View("The deflection", "depth", "rad", log_x=True, log_y=True)
+    angles = View("The deflection", "depth (m)", "angle (rad)", log_x=True, log_y=True)
     located = [run("graze", {"depth": d})["y_dot"][-1] for d in depths]
     angles.add("located", depths, np.arcsin(located), HOLDS)
     angles.add("at ends of steps", depths, [blind(d) for d in depths], FAILS)
@@ -399,7 +399,7 @@ def moreau():
         found = run("../bouncing-ball", **given)
         ball.add(name, found["t"], found["y"], pen)
     far = View(
-        "Largest error in 3 s", "h", "m", log_x=True, log_y=True,
+        "Largest error in 3 s", "h", "error (m)", log_x=True, log_y=True,
     )  # fmt: skip
     steps = 10.0 ** -np.arange(1.5, 5.01, 0.25)
     errors = []
@@ -415,7 +415,7 @@ def speed():
     found = run("constant-speed")
     path = View("The path", "x (m)", "y (m)", square=True)
     path.add("", found["x"], found["y"], HOLDS)
-    energy = View("The ledger: energy E, work W", "t", "J")
+    energy = View("The ledger: energy E, work W", "t", "energy (J)")
     energy.add("E", found["t"], found["energy"], FAILS)
     energy.add("W", found["t"], found["work"], OTHER)
     balance = found["energy"] - found["work"]

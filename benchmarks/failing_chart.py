@@ -13,7 +13,7 @@ from lagsim.outputs.scale import Scale, extent, log_scale, time_scale, value_sca
 from lagsim.outputs.sheet import SMALL, Sheet, in_house_style, mark
 
 WIDTH, HEIGHT = 6.4, 2.6
-LEFT, RIGHT, TOP, BOTTOM, BETWEEN = 0.72, 0.14, 0.52, 0.42, 0.82
+LEFT, RIGHT, TOP, BOTTOM, BETWEEN = 0.72, 0.2, 0.52, 0.42, 0.76
 
 # What fails is vermilion, what holds blue, the exact thin and black: told apart by
 # everyone, and by their dashes in print.
@@ -26,7 +26,7 @@ MORE = {"color": "#CC79A7", "dashes": (6.0, 1.5, 1.5, 1.5), "linewidth": 1.2}
 
 @dataclass
 class View:
-    """One panel: title, labels, and curves of (name, x, y, pen).
+    """One panel: title, labels as `x (m)`, and curves of (name, x, y, pen).
 
     With `log_x` or `log_y` a scale is logarithmic; `marks` puts a dot at every point;
     `square` gives both axes one scale.
@@ -103,7 +103,7 @@ def _scales(view, width, height):
 def _panel(sheet, view, place):
     left, top, width, height = place
     with sheet.panel(
-        place, *_scales(view, width, height), below=(view.x, ""), side=(view.y, ""),
+        place, *_scales(view, width, height), below=named(view.x), side=named(view.y),
         ticks=(6, 5), reach=0.48, spare=0.5,
     ) as axes:  # fmt: skip
         for _, x, y, pen in view.curves:
@@ -113,5 +113,11 @@ def _panel(sheet, view, place):
                     if np.isfinite(b):
                         point(axes, a, b, mark("o", 3.0, pen["color"]))
     sheet.text(left, top - 0.27, view.title, size=SMALL, bold=True)
-    named = [(name, pen) for name, _, _, pen in view.curves if name]
-    sheet.legend(left, top - 0.09, named, width)
+    entries = [(name, pen) for name, _, _, pen in view.curves if name]
+    sheet.legend(left, top - 0.09, entries, width)
+
+
+def named(text):
+    """Take `name (unit)` apart: an axis may count in powers of ten, named between."""
+    name, _, unit = text.partition(" (")
+    return name, unit.removesuffix(")")

@@ -50,10 +50,8 @@ def chart(document):
     sheet = Sheet(WIDTH, under + LINE * len(notes) + 0.1)
     sheet.heading("Time to integrate against the error made", "")
     used = [name for name in LOOKS if any(name in s["points"] for s in scenes)]
-    lines = [(name, LOOKS[name].line) for name in used]
-    sheet.legend(BESIDE, 0.46, lines, WIDTH - BESIDE - RIGHT)
-    marks = [(name, LOOKS[name].mark) for name in used]
-    sheet.legend(BESIDE, 0.46, marks, WIDTH - BESIDE - RIGHT)
+    named = [(name, LOOKS[name].sample) for name in used]
+    sheet.legend(BESIDE, 0.46, named, WIDTH - BESIDE - RIGHT)
     width = (WIDTH - RIGHT) / 2 - BESIDE
     curves = [costs(scene) for scene in scenes]
     floor = max(scene["agreement"] for scene in scenes)
@@ -69,7 +67,7 @@ def chart(document):
         note = f"{scene['rows']} rows"
         sheet.text(left + width, top - 0.06, note, size=SMALL, ha="right", color=DIM)
     sheet.notes(under + 0.04, notes)
-    return sheet.png()
+    return sheet.content()
 
 
 def costs(scene):

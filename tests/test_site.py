@@ -120,3 +120,15 @@ def test_the_citation_names_this_version():
     [author] = cited["authors"]
     assert f"Copyright (c) 2026 {author['name']}" in text_of("LICENSE")
     assert text_of("LICENSE").startswith(f"{cited['license']} License")
+
+
+def test_the_page_on_the_layout_has_every_room():
+    rooms = text_of("docs/architecture.md").partition("## The rooms")[2]
+    rooms = rooms.partition("\n## ")[0]
+    there = {p.parent.name for p in (ROOT / "lagsim").glob("*/__init__.py")}
+    told = set(
+        re.findall(
+            r"`(\w+)/`", "\n".join(re.findall(r"^\| .*? \|", rooms, re.MULTILINE))
+        )
+    )
+    assert told == there

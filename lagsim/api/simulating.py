@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.thinning import Thinning
     from lagsim.studies.attempts import Attempt
+    from lagsim.studies.spectrum import Spectrum
 
 
 class Result:
@@ -111,6 +112,20 @@ class Result:
             Column(name, self.units[name], values[name]) for name in (against, *names)
         )
         return figure(model.name, first, others)
+
+    def spectrum(self, column: str) -> Spectrum:
+        """Give how large a sine of each frequency is in a column.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such column.
+        InputError
+            Where the rows are too few, or not equally spaced.
+        """
+        from lagsim.studies.spectrum import spectrum
+
+        return spectrum(self.t, self[column], column, self.units[column])
 
     def __repr__(self) -> str:
         outcome, span, *_ = (text for _, text in self._summary())

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import typer
 
 COMMANDS = (
-    "new", "run", "check", "derive", "compare", "golden", "bench", "stability",
-    "methods", "schema",
+    "new", "run", "check", "derive", "compare", "overlay", "spectrum", "golden",
+    "bench", "stability", "methods", "schema",
 )  # fmt: skip
 
 _INTERRUPTED = 128 + signal.SIGINT

@@ -23,6 +23,9 @@ from lagsim.cli._writing import commit
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 
+# Of curves that there was no time for so many are named; the JSON has all.
+MOST_NAMES = 4
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -261,8 +264,10 @@ def _time(found: WorkPrecision) -> str:
     said = f"{found.seconds:.3g} s of {found.budget:g}"
     if not cut:
         return said
-    names = ", ".join(f"{method} ({formulation})" for method, formulation in cut)
-    return f"{said}: too little to finish {names}; --budget gives more"
+    names = [f"{method} ({formulation})" for method, formulation in cut]
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    named = ", ".join(names[:MOST_NAMES]) + more
+    return f"{said}: too little to finish {named}; --budget gives more"
 
 
 def _left_out(found: WorkPrecision) -> list[str]:

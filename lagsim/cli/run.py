@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -36,6 +37,14 @@ if TYPE_CHECKING:
     from lagsim.outputs.results import Results
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
+
+
+class Picture(Enum):
+    """What pictures are written as."""
+
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
 
 
 def command(
@@ -123,6 +132,10 @@ def command(
         bool, typer.Option("--units", help="A line of units below the header of CSV.")
     ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
+    form: Annotated[
+        Picture,
+        typer.Option("--format", help="Of pictures; svg, pdf for print."),
+    ] = Picture.PNG,
     animate: Annotated[
         bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
     ] = False,
@@ -146,8 +159,8 @@ def command(
     }
     given = {name: text for name, text in options.items() if text is not None}
     job = partial(
-        Job, error_bars=error_bar, table=table, show_units=units, plots=not no_plots,
-        animate=animate, quiet=quiet, strict=strict,
+        Job, error_bars=error_bar, table=table, show_units=units,
+        plots=None if no_plots else form, animate=animate, quiet=quiet, strict=strict,
     )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import Batch
@@ -183,7 +196,7 @@ class Job:
         table: Format,
         *,
         show_units: bool,
-        plots: bool,
+        plots: Picture | None,
         animate: bool,
         quiet: bool,
         strict: bool,
@@ -236,7 +249,7 @@ class Job:
         with table as writer, interrupt.noted():
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
-                thinned=self.plots, animated=self.animate,
+                thinned=self.plots is not None, animated=self.animate,
                 progress=partial(progress_bar, quiet=self.quiet),
             ).best(session)  # fmt: skip
             lost = finish(writer, results, self.table)
@@ -260,7 +273,8 @@ class Job:
     def _write(self, found: Attempt, results: Results) -> OSError | None:
         """Write what stands beside the table; give what kept one from being written."""
         try:
-            for name, content in found.files(found.thin, found.frames):
+            form = (self.plots or Picture.PNG).value
+            for name, content in found.files(found.thin, found.frames, form):
                 results.write(name, content)
         except OSError as error:
             return error

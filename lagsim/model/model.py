@@ -156,14 +156,32 @@ class Scene(NamedTuple):
     links: tuple[tuple[str, str], ...] = ()
 
 
-class Plot(NamedTuple):
-    """An entry of `output.plots`: two expressions and what the file calls them."""
+class Curve(NamedTuple):
+    """An expression that is drawn, and what the file calls it."""
 
-    x: int
-    y: int
-    x_text: str
-    y_text: str
+    node: int
+    text: str
+
+
+class Plot(NamedTuple):
+    """An entry of `output.plots`: what runs right, and what runs up at both sides.
+
+    `log` are the axes, `x`, `y` and `y2`, that show powers of ten.
+    """
+
+    x: Curve
+    y: tuple[Curve, ...]
+    y2: tuple[Curve, ...] = ()
+    log: frozenset[str] = frozenset()
     title: str = ""
+
+    def curves(self, number: int) -> dict[str, Curve]:
+        """Give the column of each expression, of the plot counted from 0."""
+        found = {f"plot.{number}.x": self.x}
+        for axis, curves in (("y", self.y), ("y2", self.y2)):
+            for k, curve in enumerate(curves, 1):
+                found[f"plot.{number}.{axis}.{k}"] = curve
+        return found
 
 
 class Output(NamedTuple):

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.lines import Line2D
 
+from lagsim.outputs.paper import DPI
 from lagsim.outputs.scale import extent
-from lagsim.outputs.sheet import DPI, Pen, mark
+from lagsim.outputs.sheet import Pen, mark
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -118,15 +119,18 @@ def marks(axes: Axes, times: Sequence[float], pen: Pen) -> None:
     if not len(inside):
         return
     # One for each pixel.
-    pixels = np.floor((inside - low) / (high - low) * axes.bbox.width)
+    pixels = np.floor(
+        (inside - low) / (high - low) * axes.bbox.width / _dpi(axes) * DPI
+    )
     inside = inside[np.unique(pixels, return_index=True)[1]]
     across = axes.get_xaxis_transform()
+    tall = axes.bbox.height / _dpi(axes)
     if "marker" in pen:
-        middle = 1.0 - pen["markersize"] / 144 * DPI / axes.bbox.height
+        middle = 1.0 - pen["markersize"] / 144 / tall
         level = np.full_like(inside, middle)
         line(axes, inside, level, pen, transform=across, zorder=1.6)
         return
-    reach = 0.06 * DPI / axes.bbox.height if len(inside) > MOST_LINES else 1.0
+    reach = 0.06 / tall if len(inside) > MOST_LINES else 1.0
     x = np.stack((inside, inside, np.full_like(inside, np.nan)), axis=1).ravel()
     y = np.tile([1.0, 1.0 - reach, np.nan], len(inside))
     line(axes, x, y, pen, transform=across, zorder=1.5)
@@ -147,8 +151,13 @@ def stems(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
 
 def inches(axes: Axes, x: Array, y: Array) -> tuple[Array, Array]:
     """Return where values lie on the sheet."""
-    across, up = axes.transData.transform(np.column_stack((x, y))).T / DPI
+    across, up = axes.transData.transform(np.column_stack((x, y))).T / _dpi(axes)
     return across, up
+
+
+def _dpi(axes: Axes) -> float:
+    """Return how many of what is drawn on are an inch."""
+    return float(axes.figure.dpi)
 
 
 def ink(x: Array, y: Array) -> float:

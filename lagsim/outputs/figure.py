@@ -19,6 +19,7 @@ from lagsim.outputs.sheet import (
     SMALL,
     WIDTH,
     in_house_style,
+    mark,
 )
 
 if TYPE_CHECKING:
@@ -31,7 +32,10 @@ if TYPE_CHECKING:
 # What has the unit of energy, known or not.
 ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 # Inches: of a panel, of one that shows a path, and of what is above and below.
-PANEL, PATH, REST = 1.9, 4.2, 0.75
+PANEL, PATH, SPECTRUM, REST = 1.9, 4.2, 3.2, 0.75
+# Of the largest amplitude, what a spectrum still shows.
+SHOWN = 1e-5
+DPI = 150
 
 
 class Column(NamedTuple):
@@ -51,9 +55,7 @@ class Picture(Figure):
     """A Figure that notebooks show without pyplot."""
 
     def _repr_png_(self) -> bytes:
-        file = io.BytesIO()
-        self.savefig(file, format="png", dpi=150)
-        return file.getvalue()
+        return content(self, "png")
 
 
 @in_house_style
@@ -75,6 +77,49 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
     found.align_ylabels()
     found.suptitle(title, x=0.01, ha="left", size=HEADING, weight="bold")
     return found
+
+
+@in_house_style
+def spectrum_figure(
+    title: str, across: Column, up: Column, peaks: Sequence[tuple[float, float]]
+) -> Picture:
+    """Draw amplitudes against frequencies, with the places of peaks, and their list."""
+    found = Picture(figsize=(WIDTH, SPECTRUM + REST), layout="constrained")
+    axes = found.subplots()
+    _draw(axes, across, [up])
+    axes.set_yscale("log")
+    axes.minorticks_off()
+    axes.set_xlabel(across.label, size=NORMAL)
+    largest = float(up.values.max(initial=0.0))
+    if largest:
+        axes.set_ylim(SHOWN * largest, 5 * largest)
+        seen = across.values[up.values >= SHOWN * largest]
+        axes.set_xlim(0.0, 1.05 * float(seen[-1]))
+    unit = f" {up.unit}" if up.unit else ""
+    for number, place in enumerate(peaks, 1):
+        axes.plot(*place, **mark("o", 3.0))
+        axes.annotate(
+            str(number), place, (3.0, 3.0), textcoords="offset points", size=SMALL
+        )
+    lines = [
+        f"{number}:  {frequency:.4g} {across.unit},  {amplitude:.3g}{unit}"
+        for number, (frequency, amplitude) in enumerate(peaks, 1)
+    ]
+    axes.text(
+        0.99, 0.98, "\n".join(lines), transform=axes.transAxes, size=SMALL, ha="right",
+        va="top", multialignment="left",
+        bbox={"facecolor": "white", "edgecolor": "none"},
+    )  # fmt: skip
+    found.suptitle(title, x=0.01, ha="left", size=HEADING, weight="bold")
+    return found
+
+
+def content(figure: Figure, form: str) -> bytes:
+    """Give a file of a figure, in a format of matplotlib's, without a date."""
+    dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+    file = io.BytesIO()
+    figure.savefig(file, format=form, dpi=DPI, metadata=dated.get(form))
+    return file.getvalue()
 
 
 def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:

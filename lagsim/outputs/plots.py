@@ -2,41 +2,37 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
-from lagsim.outputs.curves import dotted, inches, path, series
+from lagsim.outputs.curves import series
+from lagsim.outputs.paper import Pixels
+from lagsim.outputs.plot_panel import PlotPanel
+from lagsim.outputs.record import LEFT, REACH, RIGHT, Record, header, header_height
 from lagsim.outputs.scale import noise_scale, power_of_ten, value_scale
 from lagsim.outputs.scene_panel import ScenePanel
 from lagsim.outputs.sheet import (
     BLACK,
+    LINE,
     PENS,
     SMALL,
     WIDTH,
     Place,
     Sheet,
     in_house_style,
-    mark,
-    png,
 )
 from lagsim.outputs.time_panels import (
     IMPULSE,
-    LEFT,
     MOST_PANELS,
-    REACH,
-    RIGHT,
     Panels,
-    Record,
     chosen,
     grouped,
-    header,
-    header_height,
     height_of,
 )
 from lagsim.run.observers.thinning import DRIFT
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from lagsim.model.model import Model, Plot, Scene
 
@@ -53,7 +49,7 @@ def energy(record: Record, *, is_sum: bool) -> Sheet:
     """
     top = header_height(record) + 0.26
     width = WIDTH - LEFT - RIGHT
-    sheet = Sheet(WIDTH, top + 2.2 + 0.36 + 1.1 + 0.45)
+    sheet = record.sheet(WIDTH, top + 2.2 + 0.36 + 1.1 + 0.45)
     header(sheet, record, "energy")
     total = "energy T + V" if is_sum else "energy function h = Σ q′ ∂L/∂q′ − L"
     named = {"kinetic": "kinetic T", "potential": "potential V"}
@@ -107,7 +103,7 @@ def trajectory(record: Record, coordinates: Sequence[str], scene: Scene) -> Shee
     panels = Panels(record, grouped(record, shown))
     views = ScenePanel(record, scene)
     top = header_height(record)
-    sheet = Sheet(WIDTH, top + panels.total + views.height)
+    sheet = record.sheet(WIDTH, top + panels.total + views.height)
     header(sheet, record, _counted("coordinates", len(shown), len(coordinates)))
     panels.draw(sheet, top)
     if views.height:
@@ -141,7 +137,7 @@ def constraint_forces(
         left -= len(names)
     panels = Panels(record, [(name,) for name in shown])
     top = header_height(record)
-    sheet = Sheet(WIDTH, top + panels.total)
+    sheet = record.sheet(WIDTH, top + panels.total)
     subject = "constraint forces Qc and multipliers lambda"
     if impulses:
         subject = "constraint forces and impulses"
@@ -160,35 +156,18 @@ def _counted(subject: str, shown: int, total: int) -> str:
 
 
 @in_house_style
-def plot(record: Record, number: int, wanted: Plot) -> Sheet:
+def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Sheet:
     """Draw one entry of the model's `output.plots`, `number` counted from 0."""
-    x_name, y_name = f"plot.{number}.x", f"plot.{number}.y"
-    against_time = wanted.x_text.strip() == "t"
-    # Against time the envelope keeps spikes; other curves need both values of a row.
-    x, y = (
-        record.rows.series(y_name) if against_time else record.rows.path(x_name, y_name)
-    )
-    top = header_height(record) + (0.2 if wanted.title else 0.06)
-    place = (LEFT, top, WIDTH - LEFT - RIGHT, 3.6)
-    sheet = Sheet(WIDTH, top + 3.6 + 0.45)
-    header(sheet, record, "", timed=against_time)
-    with sheet.panel(
-        place,
-        record.time() if against_time else value_scale(x, margin=0.03),
-        value_scale(y),
-        below=(wanted.x_text, record.unit("t" if against_time else x_name)),
-        side=(wanted.y_text, record.unit(y_name)),
-        reach=REACH,
-    ) as axes:
-        if against_time:
-            record.mark(axes)
-            series(axes, x, y, PENS[0])
-        else:
-            dots = mark(".", 1.2, PENS[0]["color"])
-            pen = dots if dotted(*inches(axes, x, y)) else PENS[0]
-            path(axes, x, y, pen, record.trusted())
+    panel = PlotPanel(record, number, wanted, scene)
+    top = header_height(record)
+    lines = [LINE for shown in (wanted.title, len(panel.pens()) > 1) if shown]
+    top += 0.06 + sum(lines)
+    sheet = record.sheet(panel.width, top + panel.height)
+    header(sheet, record, "", timed=panel.timed)
     if wanted.title:
-        sheet.text(LEFT, top - 0.06, wanted.title, size=SMALL, room=place[2])
+        at = top - 0.06 - (LINE if len(lines) > 1 else 0.0)
+        sheet.text(LEFT, at, wanted.title, size=SMALL, room=panel.width - LEFT)
+    panel.draw(sheet, top)
     return sheet
 
 
@@ -196,26 +175,34 @@ def pictures(
     record: Record, model: Model, *, energy_is_sum: bool
 ) -> Iterator[tuple[str, bytes]]:
     """Give file name and content of every picture of a run, one after the other."""
-    # While one is drawn, the one before it is packed: zlib needs no interpreter.
     with ThreadPoolExecutor(1) as packer:
-        before: tuple[str, Future[bytes]] | None = None
+        before: tuple[str, Callable[[], bytes]] | None = None
         for name, sheet in _sheets(record, model, is_sum=energy_is_sum):
-            packing = packer.submit(png, sheet.pixels())
+            packed = _packed(sheet, packer)
             if before:
-                yield before[0], before[1].result()
-            before = name, packing
+                yield before[0], before[1]()
+            before = f"{name}.{record.form}", packed
         if before:
-            yield before[0], before[1].result()
+            yield before[0], before[1]()
+
+
+def _packed(sheet: Sheet, packer: ThreadPoolExecutor) -> Callable[[], bytes]:
+    """Have a sheet made a file; return what gives it."""
+    if isinstance(sheet.paper, Pixels):
+        # While the next is drawn: zlib needs no interpreter.
+        return packer.submit(sheet.content).result
+    content = in_house_style(sheet.content)()
+    return lambda: content
 
 
 def _sheets(
     record: Record, model: Model, *, is_sum: bool
 ) -> Iterator[tuple[str, Sheet]]:
     coordinates = [coordinate.name for coordinate in model.coordinates]
-    yield "energy.png", energy(record, is_sum=is_sum)
-    yield "trajectory.png", trajectory(record, coordinates, model.scene)
+    yield "energy", energy(record, is_sum=is_sum)
+    yield "trajectory", trajectory(record, coordinates, model.scene)
     if model.constraints:
         names = [constraint.name for constraint in model.constraints]
-        yield "constraint_forces.png", constraint_forces(record, coordinates, names)
+        yield "constraint_forces", constraint_forces(record, coordinates, names)
     for number, wanted in enumerate(model.output.plots):
-        yield f"plot_{number + 1}.png", plot(record, number, wanted)
+        yield f"plot_{number + 1}", plot(record, number, wanted, model.scene)

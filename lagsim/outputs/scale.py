@@ -18,7 +18,11 @@ from matplotlib.ticker import (
     ScalarFormatter,
 )
 
+from lagsim.outputs.letters import SUPERSCRIPTS
+
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
 
@@ -30,15 +34,17 @@ FLAT = 1e-9
 NOISE = 1e-14
 
 # Powers of ten from which on they stand in the label and not at the ticks.
-PLAIN, PLAIN_TIMES = (-3, 4), (-3, 6)
+PLAIN, PLAIN_TIMES, BRIEF = (-3, 4), (-3, 6), (-1, 3)
 
 # With fewer ticks than this, a scale cannot be read off.
 LEAST_TICKS = 3
 
+# Inches: a digit of the numbers at ticks with half of what is left free beside each
+# number; a panel that is wider has room for as many as it gets.
+DIGIT, FREE, CROWDED = 0.067, 0.1, 3.0
+
 # Past these, squares and differences leave the range of a double, or of an Axes.
 _HUGE, _TINY = 1e300, 1e-285
-
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class Scale(NamedTuple):
@@ -62,8 +68,12 @@ class Scale(NamedTuple):
         most: int,
         *,
         bare: bool = False,
+        room: float = math.inf,
     ) -> Array:
-        """Give Axes this range and some `most` ticks, `bare` or not; return where."""
+        """Give Axes this range and some `most` ticks, `bare` or not; return where.
+
+        Their numbers take no more than `room` inches beside each other.
+        """
         axis: Axis = axes.xaxis if direction == "x" else axes.yaxis
         kind = "log" if self.log else "linear"
         if axis.get_scale() != kind:
@@ -71,19 +81,41 @@ class Scale(NamedTuple):
             axis.set_minor_locator(NullLocator())
         limit = axes.set_xlim if direction == "x" else axes.set_ylim
         limit(self.low, self.high)
-        locator, formatter = self._powers(most) if self.log else self._round(most)
-        axis.set_major_locator(locator)
-        axis.set_major_formatter(NullFormatter() if bare else formatter)
-        # Nothing asks where the numbers end; to measure them costs as much as they do.
-        places = axis.get_majorticklocs()
+        for scale, count in self._ways(most):
+            locator, formatter = scale.ticks(count)
+            axis.set_major_locator(locator)
+            axis.set_major_formatter(NullFormatter() if bare else formatter)
+            # Nothing asks where numbers end; to measure them costs as much as they do.
+            places = axis.get_majorticklocs()
+            if bare or room >= CROWDED or self._fits(formatter, places, room):
+                break
         axis.set_major_locator(FixedLocator(list(places)))
         for tick in axis.get_major_ticks(len(places)):
             tick.label1.set_in_layout(False)
         return places
 
+    def _ways(self, most: int) -> Iterator[tuple[Scale, int]]:
+        """Give ways to write numbers, the best first."""
+        yield self, most if self.log else max(most, LEAST_TICKS)
+        for count in range(most, 1, -1):
+            yield self, count
+            yield self._replace(plain=BRIEF), count
+
+    def _fits(self, formatter: Formatter, places: Array, room: float) -> bool:
+        """Tell whether numbers, at least two, stand beside each other."""
+        low, high = sorted((self.low, self.high))
+        numbers = formatter.format_ticks([x for x in places if low <= x <= high])
+        breadth = DIGIT * max(map(len, numbers), default=0) + FREE
+        return len(numbers) > 1 and len(numbers) * breadth <= room
+
+    def ticks(self, most: int) -> tuple[Locator, Formatter]:
+        """Give some `most` ticks, and how their numbers are written."""
+        return self._powers(most) if self.log else self._round(most)
+
     def _round(self, most: int) -> tuple[Locator, Formatter]:
         steps = [1, 2, 2.5, 5, 10]
-        locator = MaxNLocator(max(2, most - 1), steps=steps, min_n_ticks=LEAST_TICKS)
+        least = min(most, LEAST_TICKS)
+        locator = MaxNLocator(max(1, most - 1), steps=steps, min_n_ticks=least)
         formatter = Counting()
         formatter.set_powerlimits(self.plain)
         return locator, formatter
@@ -134,7 +166,7 @@ def label(axis: Axis, name: str, unit: str = "") -> str:
 
 def power_of_ten(exponent: int) -> str:
     """Return 10 with a raised exponent, in plain text."""
-    return "10" + str(exponent).translate(_SUPERSCRIPTS)
+    return "10" + str(exponent).translate(SUPERSCRIPTS)
 
 
 def extent(*series: Array) -> tuple[float, float] | None:

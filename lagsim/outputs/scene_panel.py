@@ -13,9 +13,9 @@ import numpy as np
 from matplotlib.colors import to_hex
 
 from lagsim.outputs.curves import curve, dotted, path, point
+from lagsim.outputs.record import LEFT, RIGHT
 from lagsim.outputs.scale import FLAT, Scale, extent
 from lagsim.outputs.sheet import DIM, INK, PENS, Pen, Sheet, mark
-from lagsim.outputs.time_panels import LEFT, RIGHT, Record
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from lagsim.model.model import Scene
+    from lagsim.outputs.record import Record
     from lagsim.run.observers.thinning import Array
 
 # Inches: what the views may take together, the least for one of them, and the space
@@ -68,7 +69,7 @@ class ScenePanel:
         units = set()
         for name, parts in scene.points.items():
             columns = [f"point.{name}.{k + 1}" for k in range(len(parts))]
-            units |= {record.unit(column) for column in columns}
+            units |= {record.unit(column) for column in columns} - {""}
             known = [record.rows.sampled(column) for column in columns]
             flat = [np.zeros_like(known[0])] * (dimension - len(parts))
             self._positions[name] = np.stack(known + flat)

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
-import struct
 import warnings
-import zlib
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias, TypeVar
@@ -25,6 +23,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from lagsim.outputs.paper import DPI, PAPERS, Pixels
 from lagsim.outputs.scale import label
 
 if TYPE_CHECKING:
@@ -35,9 +34,9 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from numpy.typing import NDArray
 
+    from lagsim.outputs.paper import Paper
     from lagsim.outputs.scale import Scale
 
-DPI = 200
 # Inches: of a sheet, its edge, from one line of small print to the next.
 WIDTH, EDGE, LINE = 7.0, 0.12, 0.14
 
@@ -86,10 +85,11 @@ HOUSE: dict[Any, Any] = {
     "xtick.bottom": False, "ytick.left": False, "xtick.major.size": 0.0,
     "ytick.major.size": 0.0, "ytick.alignment": "center_baseline",
     "lines.linewidth": 0.9, "text.parse_math": False,
+    "svg.hashsalt": "lagsim",
 }  # fmt: skip
 _KINDS = (
     "text.", "font.", "lines.", "path.", "agg.", "figure.", "patch.", "axes.", "grid.",
-    "xtick.", "ytick.", "markers.", "contour.", "pcolor",
+    "xtick.", "ytick.", "markers.", "contour.", "pcolor", "svg.", "pdf.",
 )  # fmt: skip
 
 P = ParamSpec("P")
@@ -190,22 +190,29 @@ def _lent() -> tuple[Figure, Axes, tuple[Line2D, ...]]:
 class Sheet:
     """A white sheet of a given size; everything is drawn when it comes."""
 
-    def __init__(self, width: float, height: float) -> None:
+    def __init__(self, width: float, height: float, form: str = "png") -> None:
         self.width, self.height = width, height
-        size = (round(width * DPI), round(height * DPI))
-        self.renderer = RendererAgg(*size, DPI)  # type: ignore[no-untyped-call]
-        self.pixels()[:] = 255
+        self.paper: Paper = PAPERS[form](width, height)
+        self.renderer = self.paper.renderer
 
     def pixels(self) -> NDArray[np.uint8]:
         """Return the picture: (height, width, 4), its last colour opaque."""
-        return np.asarray(self.renderer.buffer_rgba())  # type: ignore[no-untyped-call]
+        assert isinstance(self.paper, Pixels)
+        return self.paper.pixels()
 
-    def png(self) -> bytes:
-        """Return the picture as a PNG file."""
-        return png(self.pixels())
+    def content(self) -> bytes:
+        """Return the file; nothing can be drawn after."""
+        return self.paper.content()
+
+    def _figure(self) -> Figure:
+        """Give the figure that all artists are in, as the paper counts."""
+        figure, *_ = _lent()
+        if figure.dpi != self.paper.dpi:
+            figure.set_dpi(self.paper.dpi)
+        return figure
 
     def _draw(self, artist: Artist) -> None:
-        figure, *_ = _lent()
+        figure = self._figure()
         artist.set_figure(figure)
         artist.set_transform(figure.dpi_scale_trans)
         artist.draw(self.renderer)
@@ -256,6 +263,7 @@ class Sheet:
                 names = [fitted(name, share, SMALL) for name in names]
         for name, (_, pen) in zip(names, entries, strict=True):
             dots = {None: 2, ".": 7}.get(pen.get("marker"), 1)
+            dots = 3 if "markevery" in pen else dots  # a line with a mark on it
             along = np.linspace(x, x + 0.28, dots) if dots > 1 else np.array([x + 0.14])
             if pen:
                 level = np.full(dots, self.height - y + 0.04)
@@ -277,6 +285,7 @@ class Sheet:
         ticks: tuple[int, int] | None = None,
         reach: float = 0.46,
         spare: float = 0.1,
+        over: bool = False,
     ) -> Iterator[Axes]:
         """Give Axes at a place; they are drawn in the end, and then lent to the next.
 
@@ -286,9 +295,11 @@ class Sheet:
             left (`reach` inches from the frame, and at most `spare` longer than it) and
             above. Without `below` there are no numbers there either.
         ticks : how many at most, across and up; else as many as fit.
+        over : over the panel that was drawn last, with its own scale at the right.
         """
         left, top, width, height = place
-        figure, axes, kept = _lent()
+        figure = self._figure()
+        _, axes, kept = _lent()
         for artist in (*axes.lines, *axes.patches, *axes.collections, *axes.texts):
             if artist not in kept:
                 artist.remove()
@@ -300,51 +311,29 @@ class Sheet:
             max(3, int(1.5 * width)),
             max(3, min(7, math.ceil(3.4 * height))),
         )
-        levels = np.repeat(x.put(axes, "x", fit[0], bare=not below[0]), 3)
+        places = x.put(axes, "x", fit[0], bare=not below[0], room=width)
+        levels = np.repeat(places, 3)
         kept[0].set_data(levels, np.resize([0.0, 1.0, np.nan], len(levels)))
         levels = np.repeat(y.put(axes, "y", fit[1]), 3)
         kept[1].set_data(np.resize([0.0, 1.0, np.nan], len(levels)), levels)
         axes.set_xlabel(_label(axes.xaxis, below, width + 0.5))
         axes.xaxis.set_label_coords(0.5, -0.31 / height)
         axes.set_ylabel(_label(axes.yaxis, side, height + spare))
-        axes.yaxis.set_label_coords(-reach / width, 0.5)
+        aside = reach / width
+        axes.yaxis.set_label_coords(1.0 + aside if over else -aside, 0.5)
         title = _label(axes.yaxis, above, width, SMALL)
         if title != axes.get_title(loc="left"):
             look: Pen = {"fontproperties": _font(SMALL), "y": 1.0, "pad": 0.06 * 72}
             axes.set_title(title, loc="left", **look)
         yield axes
+        if over:
+            axes.yaxis.tick_right()
+        for line in kept:
+            line.set_visible(not over)
         axes.draw(self.renderer)
+        if over:
+            axes.yaxis.tick_left()
 
 
 def _label(axis: Axis, named: Named, room: float, size: float = NORMAL) -> str:
     return fitted(label(axis, *named), room, size) if named[0] else ""
-
-
-def png(pixels: NDArray[np.uint8]) -> bytes:
-    """Return a PNG file of pixels : (height, width, 3 or more); needs no matplotlib.
-
-    No date, no version, nothing but the picture and its size on paper.
-    """
-    height, width, _ = pixels.shape
-    # Filter 2 of the standard: each row as its difference from the one above. Pictures
-    # of lines shrink by it as well as by trying all five, in a third of the time.
-    filtered = np.empty((height, 1 + 3 * width), np.uint8)
-    filtered[:, 0] = 2
-    for k in range(3):
-        colour, place = pixels[:, :, k], filtered[:, 1 + k :: 3]
-        place[0] = colour[0]
-        np.subtract(colour[1:], colour[:-1], out=place[1:])
-    per_metre = round(DPI / 0.0254)
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        (
-            _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
-            _chunk(b"pHYs", struct.pack(">IIB", per_metre, per_metre, 1)),
-            _chunk(b"IDAT", zlib.compress(filtered.data, 2)),
-            _chunk(b"IEND", b""),
-        )
-    )
-
-
-def _chunk(kind: bytes, data: bytes) -> bytes:
-    check = zlib.crc32(data, zlib.crc32(kind))
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", check)

@@ -2,48 +2,21 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from lagsim.outputs.curves import (
-    EVENTS,
-    IMPACTS,
-    LOST,
-    RESTS,
-    marks,
-    series,
-    shade,
-    stems,
-)
-from lagsim.outputs.scale import Scale, extent, time_scale, value_scale
-from lagsim.outputs.sheet import (
-    DIM,
-    EDGE,
-    GAP,
-    HEADING,
-    NOTHING,
-    PENS,
-    SAMPLE,
-    SMALL,
-    WIDTH,
-    Pen,
-    Sheet,
-    text_width,
-)
+from lagsim.outputs.curves import series, stems
+from lagsim.outputs.record import LEFT, REACH, RIGHT
+from lagsim.outputs.scale import extent, value_scale
+from lagsim.outputs.sheet import EDGE, NOTHING, PENS, WIDTH, Sheet, text_width
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
-    from matplotlib.axes import Axes
+    from lagsim.outputs.record import Record
+    from lagsim.run.observers.thinning import Array
 
-    from lagsim.run.observers.thinning import Array, Thinning
-
-# Inches at the sides of a sheet; for the numbers at the left of a small panel; from the
-# frame of a wide one to its label.
-LEFT, RIGHT, NUMBERS, REACH = 0.78, 0.18, 0.46, 0.58
+# Inches for the numbers at the left of a small panel.
+NUMBERS = 0.46
 
 # Coordinates of one unit share a panel while they are few, and while none of them
 # would be squeezed by the others into less than this part of it.
@@ -61,88 +34,6 @@ GRIDS = (
     (1, 1, 2.4), (2, 1, 1.6), (3, 1, 1.25), (4, 1, 1.05), (5, 1, 0.95), (12, 2, 0.95),
     (24, 3, 0.8), (MOST_PANELS, 5, 0.55),
 )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """What the pictures of one run have in common.
-
-    Attributes
-    ----------
-    title : the model's name; plain text, as everything that is written here.
-    rows : the thinned rows of the run.
-    units : unit of each column that has one; that of `t` too.
-    impacts, rests, events : times to mark: where velocities jump, where what bounces
-        comes to rest, where something else happens.
-    note : said below the title: that and why a run is incomplete; else empty.
-    horizon : rows past this time are no forecast; infinite where all are.
-    """
-
-    title: str
-    rows: Thinning
-    units: Mapping[str, str] = field(default_factory=dict)
-    events: Sequence[float] = ()
-    note: str = ""
-    horizon: float = math.inf
-    impacts: Sequence[float] = ()
-    rests: Sequence[float] = ()
-
-    def unit(self, column: str) -> str:
-        """Return the unit of a column, empty where none is known."""
-        return self.units.get(column, "")
-
-    def named(self, column: str) -> tuple[str, str]:
-        """Return a column's name and unit."""
-        return column, self.unit(column)
-
-    def marks(self) -> list[tuple[str, Pen, Sequence[float]]]:
-        """Return what there is to mark: its name, how it looks, its times."""
-        every: list[tuple[str, Pen, Sequence[float]]] = [
-            ("impacts", IMPACTS, self.impacts),
-            ("comes to rest", RESTS, self.rests),
-            ("events", EVENTS, self.events),
-        ]
-        return [(name, pen, times) for name, pen, times in every if times]
-
-    def mark(self, axes: Axes) -> None:
-        """Mark them on Axes against time, and shade what is no forecast."""
-        shade(axes, self.horizon)
-        for _, pen, times in self.marks():
-            marks(axes, times, pen)
-
-    def trusted(self) -> int:
-        """Return how many of the rows that paths show lie before the horizon."""
-        if math.isinf(self.horizon):
-            return self.rows.row_count
-        return int(np.searchsorted(self.rows.sampled("t"), self.horizon, side="right"))
-
-    def time(self) -> Scale:
-        """Return the scale of time, from the first row to the last."""
-        return time_scale(np.array([self.rows.first("t"), self.rows.last("t")]))
-
-
-def header_height(record: Record) -> float:
-    """Return how much of a sheet `header` takes."""
-    return 0.5 if record.note else 0.32
-
-
-def header(sheet: Sheet, record: Record, subject: str, *, timed: bool = True) -> None:
-    """Write the model's name, what the picture shows, and that a run is incomplete."""
-    right = sheet.width - RIGHT
-    sheet.text(right, 0.22, subject, ha="right", color=DIM)
-    right -= text_width(subject) + GAP
-    entries: list[tuple[str, Pen]] = []
-    if timed:
-        entries += [(name, pen) for name, pen, _ in record.marks()]
-    if record.horizon < record.rows.last("t"):
-        entries.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
-    right -= sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
-    sheet.legend(right, 0.22, entries, sheet.width)
-    room = right - EDGE - GAP
-    sheet.text(EDGE, 0.22, record.title, size=HEADING, bold=True, room=room)
-    if record.note:
-        room = sheet.width - 2 * EDGE
-        sheet.text(EDGE, 0.39, record.note, size=SMALL, color=DIM, room=room)
 
 
 def grouped(record: Record, names: Sequence[str]) -> list[tuple[str, ...]]:
@@ -196,7 +87,8 @@ class Panels:
     def _is_headed(self, group: tuple[str, ...]) -> bool:
         """Whether the name stands above the panel and not at its side."""
         # A power of ten may stand beside the unit.
-        text = f"{group[0]} (10⁻³ {self._record.unit(group[0])})"
+        name, unit = self._record.named(group[0])
+        text = f"{name} (10⁻³ {unit})"
         beside = self._wide and text_width(text) <= self._height - 0.05
         return len(group) > 1 or not beside
 
@@ -219,7 +111,8 @@ class Panels:
             drawn = [record.rows.series(name) for name in group]
             size = sizes[record.unit(group[0])]
             scale = value_scale(*(values for _, values in drawn), size=size)
-            named = (", ".join(group), record.unit(group[0]))
+            written = [record.letters.name(name) for name in group]
+            named = (", ".join(written), record.unit(group[0]))
             above = self._headed[k] and len(group) == 1
             with sheet.panel(
                 (x, y, width, self._height), record.time(), scale,
@@ -233,7 +126,7 @@ class Panels:
                 for (t, values), pen in zip(drawn, PENS, strict=False):
                     shown(axes, t, values, pen)
             if len(group) > 1:
-                names = list(zip(group, PENS, strict=False))
+                names = list(zip(written, PENS, strict=False))
                 sheet.legend(x, y - 0.06, names, width)
 
 

@@ -129,12 +129,12 @@ class Attempt(NamedTuple):
         )  # fmt: skip
 
     def files(
-        self, rows: Thinning | None, frames: Frames | None = None
+        self, rows: Thinning | None, frames: Frames | None = None, form: str = "png"
     ) -> Iterator[tuple[str, bytes]]:
         """Give name and content of what stands beside its table.
 
         That is events; a page, of which `frames` are; and pictures, of which `rows`
-        are. What is None is not made.
+        are, in the format `form`. What is None is not made.
         """
         equations, trajectory = self.session.case.equations, self.trajectory
         if equations.laws:
@@ -150,20 +150,24 @@ class Attempt(NamedTuple):
         # It tells on stderr of a home that it cannot write to, which is no news.
         logging.getLogger("matplotlib").setLevel(logging.ERROR)
         from lagsim.outputs.events import marked
+        from lagsim.outputs.letters import Letters
         from lagsim.outputs.plots import pictures
-        from lagsim.outputs.time_panels import Record
+        from lagsim.outputs.record import Record
+        from lagsim.outputs.units import units
 
         listed, happened = len(trajectory.events), sum(trajectory.event_counts.values())
         note = "" if listed == happened else f"marks: the first {listed} of {happened}"
         if not trajectory.outcome.complete:
             note = f"incomplete: {trajectory.reason}"
+        model = equations.model
+        names = [c.name for c in model.coordinates]
+        names += [d.name for d in model.definitions]
         record = Record(
-            equations.model.name, rows, self.session.system.units(), note=note,
-            horizon=self.horizon, **marked(trajectory.events),
+            model.name, rows, units(equations, self.session.system.units()), note=note,
+            horizon=self.horizon, form=form, letters=Letters(names),
+            **marked(trajectory.events),
         )  # fmt: skip
-        yield from pictures(
-            record, equations.model, energy_is_sum=equations.energy_is_sum
-        )
+        yield from pictures(record, model, energy_is_sum=equations.energy_is_sum)
 
     @property
     def horizon(self) -> float:
@@ -173,12 +177,13 @@ class Attempt(NamedTuple):
 
     def _page(self, frames: Frames) -> Iterator[tuple[str, bytes]]:
         from lagsim.outputs.animation import NAME, film, page, record
+        from lagsim.outputs.units import units
 
-        trajectory = self.trajectory
+        equations, trajectory = self.session.case.equations, self.trajectory
         complete = trajectory.outcome.complete
         shown = film(
-            self.session.case.equations, frames, trajectory.events,
-            horizon=self.horizon, units=self.session.system.units(),
+            equations, frames, trajectory.events, horizon=self.horizon,
+            units=units(equations, self.session.system.units()),
             notes=[] if complete else [f"incomplete: {trajectory.reason}"],
         )  # fmt: skip
         if shown is not None:

@@ -90,6 +90,27 @@ def test_the_table_is_rfc_4180(lagsim, write):
     assert not {b'"', b"#", b" "} & {content[i : i + 1] for i in range(len(content))}
 
 
+@pytest.mark.parametrize("form", ["svg", "pdf"])
+def test_pictures_in_another_format_take_the_place_of_the_others(lagsim, write, form):
+    model = write(PENDULUM + "output: {plots: [{x: t, y: theta}]}\n")
+    pictures = ["energy", "plot_1", "trajectory"]
+    for ending in ("png", form):
+        assert lagsim("run", model, "-o", "out", "--format", ending).code == 0
+        named = {f"{name}.{ending}" for name in pictures}
+        assert {f for f in names("out") if f.split(".")[0] in pictures} == named | {
+            "trajectory.csv"
+        }
+        listed = manifest("out")["files"]
+        assert named <= set(listed)
+        assert len(listed) == len(names("out"))
+
+
+def test_an_unknown_format_is_unusable(lagsim, write):
+    called = lagsim("run", write(PENDULUM), "-o", "out", "--format", "gif")
+    assert called.code == 2
+    assert "png" in called.err
+
+
 TYPES = {
     "lagsim": str,
     "versions": dict,

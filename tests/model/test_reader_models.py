@@ -235,10 +235,10 @@ class TestFullFile:
     def test_output(self, full):
         assert full.output.columns == ("y", "x")
         first, second = full.output.plots
-        assert (first.x_text, first.y_text) == ("theta", "u")
+        assert (first.x.text, [y.text for y in first.y]) == ("theta", ["u"])
         assert first.title == "Path in configuration space"
         assert second.title == ""
-        assert second.x == full.graph.variable("t")
+        assert second.x.node == full.graph.variable("t")
 
 
 class TestDefaults:

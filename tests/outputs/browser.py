@@ -22,13 +22,18 @@ needs_browser = pytest.mark.skipif(
 )
 
 
-def shown(page, folder, fragment=""):
-    """Give the time and the points that a page has drawn."""
+def said(page, folder, fragment="", *options):
+    """Give what the body of a page says of itself: its data attributes."""
     assert FOUND is not None
-    command = [FOUND, *OPTIONS, f"--user-data-dir={folder}", "--dump-dom"]
+    command = [FOUND, *OPTIONS, *options, f"--user-data-dir={folder}", "--dump-dom"]
     command.append(f"{page.resolve().as_uri()}{fragment}")
     done = subprocess.run(command, capture_output=True, timeout=60, check=True)
-    document = done.stdout.decode()
-    [body] = re.findall(r"<body[^>]*>", document)
-    said = dict(re.findall(r'data-(\w+)="([^"]*)"', body))
-    return float(said["t"]), json.loads(html.unescape(said["points"]))
+    [body] = re.findall(r"<body[^>]*>", done.stdout.decode())
+    found = re.findall(r'data-(\w+)="([^"]*)"', body)
+    return {name: html.unescape(text) for name, text in found}
+
+
+def shown(page, folder, fragment="", *options):
+    """Give the time and the points that a page has drawn."""
+    found = said(page, folder, fragment, *options)
+    return float(found["t"]), json.loads(found["points"])

@@ -19,6 +19,8 @@ from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from lagsim.model.model import Curve, Plot
+
 EVENTS = ("#888888",)
 
 
@@ -134,6 +136,11 @@ def drawn(draw, *args, **kwargs):
     with noted() as drawing:
         drawing.sheet = draw(*args, **kwargs)
     return drawing
+
+
+def against(x, y, title=""):
+    """One curve of a plot; the nodes of its expressions do not count."""
+    return Plot(Curve(0, x), (Curve(0, y),), title=title)
 
 
 def finite(x, y):

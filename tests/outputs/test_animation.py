@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import lagsim
+from lagsim.notes import Event
 from lagsim.outputs import animation
-from lagsim.outputs.animation.film import ROOM
+from lagsim.outputs.animation.film import ROOM, Film, Track
 from tests.support import MODELS
 
 # Numbers of a page have 24 bits.
@@ -204,6 +205,24 @@ def test_a_page_holds_its_film():
     assert np.allclose(bob, expected, rtol=ROUNDED, atol=0)
     energy = numbers(run["energies"]["kinetic"])
     assert np.allclose(energy, result["kinetic"], rtol=ROUNDED, atol=0)
+
+
+def test_what_diverges_can_be_shown():
+    """Places and energies without a number, or with more than 32 bits take."""
+    t = np.array([0.0, 1.0, 2.0])
+    place = np.array([[0.0, 0.0], [1e300, 1.0], [np.nan, np.inf]])
+    tracks = {"p": Track(place, place), "q": Track(place * np.nan, place)}
+    film = Film(
+        "far", "", t, np.zeros(3, bool), tracks, [("p", "q")],
+        energies={"energy": place[:, 0]}, events=[Event(1.0, "impact")] * 5000,
+    )  # fmt: skip
+    run = animation.record(film)
+    [shown] = animation.recorded(animation.page([run], "far").decode())
+    assert shown["box"] == [[0.0, 1e300], [0.0, 1.0]]
+    assert len(shown["events"]) < 5000
+    assert "of 5000 events" in shown["notes"][0]
+    nowhere = film._replace(tracks={"q": tracks["q"]}, links=())
+    assert animation.record(nowhere)["box"] == [[0.0, 0.0], [0.0, 0.0]]
 
 
 def test_no_text_of_a_model_ends_up_in_the_page():

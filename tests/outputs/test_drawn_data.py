@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from lagsim.model.model import Plot, Scene
+from lagsim.model.model import Scene
 from lagsim.outputs import plots
-from lagsim.outputs.time_panels import Record
+from lagsim.outputs.record import Record
 from lagsim.run.observers.thinning import DRIFT, Thinning
-from tests.outputs.drawn import drawn
+from tests.outputs.drawn import against, drawn
 
 EVENT, SHADE = "#888888", "#dddddd"
 PLAIN = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
@@ -217,7 +217,7 @@ def test_constraint_forces_and_multipliers():
     columns = {"t": T, "Qc_x": 1e4 * np.sin(T), "Qc_y": -3 * T, "lambda_rod": 2 + T}
     run = record(columns, units={"t": "s", "Qc_x": "N", "Qc_y": "N"})
     shown = panels(drawn(plots.constraint_forces, run, ["x", "y"], ["rod"]))
-    assert [p.y.name for p in shown] == ["Qc_x", "Qc_y", "lambda_rod"]
+    assert [p.y.name for p in shown] == ["Qc_x", "Qc_y", "λ_rod"]
     assert [p.y.unit for p in shown] == ["N", "N", ""]
     for p, name in zip(shown, list(columns)[1:], strict=True):
         [[(x, y)]] = p.lines.values()
@@ -228,8 +228,8 @@ def test_constraint_forces_and_multipliers():
 @pytest.mark.parametrize("shift", [0.0, 5e4, -5e4])
 def test_a_plot_of_the_model(shift):
     x, y = shift + np.cos(T), 1e-5 * np.sin(3 * T)
-    run = record({"t": T, "plot.0.x": x, "plot.0.y": y}, units={"plot.0.x": "m"})
-    [panel] = panels(drawn(plots.plot, run, 0, Plot(0, 0, "2*a", "b^2", "")))
+    run = record({"t": T, "plot.0.x": x, "plot.0.y.1": y}, units={"plot.0.x": "m"})
+    [panel] = panels(drawn(plots.plot, run, 0, against("2*a", "b^2"), Scene({})))
     assert (panel.x.name, panel.x.unit) == ("2*a", "m")
     assert (panel.y.name, panel.y.unit) == ("b^2", "")
     [[(found_x, found_y)]] = panel.lines.values()
@@ -239,9 +239,9 @@ def test_a_plot_of_the_model(shift):
 
 def test_a_plot_against_time():
     run = record(
-        {"t": T, "plot.0.x": T, "plot.0.y": T**2}, units={"t": "s"}, events=(2.0,)
+        {"t": T, "plot.0.x": T, "plot.0.y.1": T**2}, units={"t": "s"}, events=(2.0,)
     )
-    [panel] = panels(drawn(plots.plot, run, 0, Plot(0, 0, " t ", "u", "")))
+    [panel] = panels(drawn(plots.plot, run, 0, against(" t ", "u"), Scene({})))
     assert (panel.x.name, panel.x.unit) == (" t ", "s")
     [[(x, y)]] = panel.lines.values()
     same(x, T)

@@ -10,8 +10,8 @@ from lagsim.notes import Event
 from lagsim.outputs import plots
 from lagsim.outputs.curves import IMPACTS, RESTS
 from lagsim.outputs.events import marked
+from lagsim.outputs.record import Record
 from lagsim.outputs.sheet import DPI
-from lagsim.outputs.time_panels import Record
 from lagsim.run.observers.thinning import Thinning
 from tests.outputs.drawn import drawn
 
@@ -135,7 +135,7 @@ def test_jumps_are_upright_in_bands_too():
 def test_impulses_are_stems_and_what_is_zero_gives_way():
     drawing = forces(record(impacts=[1.0, 2.0]))
     labels = [side or above for _, side, above in (p.labels for p in drawing.panels)]
-    assert labels == ["Qc_y", "lambda_floor", "impulse.floor"]
+    assert labels == ["Qc_y", "λ_floor", "impulse.floor"]
     assert "constraint forces and impulses, 3 of 5" in drawing.written()
     panel = drawing.panels[2]
     low, high = panel.limits[1]
@@ -158,7 +158,7 @@ def test_without_impulses_all_forces_are_shown():
 def test_friction_is_among_the_multipliers():
     columns = ball(**{"friction.floor": np.sin(T)})
     labels = [p.labels[1] or p.labels[2] for p in forces(record(columns)).panels]
-    assert labels == ["Qc_y", "lambda_floor", "friction.floor", "impulse.floor"]
+    assert labels == ["Qc_y", "λ_floor", "friction.floor", "impulse.floor"]
 
 
 def test_a_path_along_an_axis_is_a_line_however_often_it_is_gone():

@@ -23,18 +23,18 @@ from lagsim.model.model import (
     Coordinate,
     Model,
     Output,
-    Plot,
     Relation,
     Scene,
     Sense,
 )
 from lagsim.outputs import plots
 from lagsim.outputs.curves import BAND, ink
+from lagsim.outputs.record import Record
 from lagsim.outputs.scale import value_scale
 from lagsim.outputs.sheet import DPI, fitted, text_width
-from lagsim.outputs.time_panels import Record, chosen, grouped
+from lagsim.outputs.time_panels import chosen, grouped
 from lagsim.run.observers.thinning import DRIFT, Thinning, picture_thinning
-from tests.outputs.drawn import drawn, finite
+from tests.outputs.drawn import against, drawn, finite
 
 UNITS = {"t": "s", "theta": "rad", "u": "m", "energy": "J"}
 SWING = Scene({"pivot": (0, 0), "bob": (0, 0)}, (("pivot", "bob"),))
@@ -69,7 +69,7 @@ def swing(count=600, **more):
         "point.bob.1": (1 + u) * np.sin(theta),
         "point.bob.2": -(1 + u) * np.cos(theta),
         "plot.0.x": theta,
-        "plot.0.y": u,
+        "plot.0.y.1": u,
         **more,
     }
 
@@ -102,14 +102,14 @@ def all_sheets(run):
     yield energies(run)
     yield plots.trajectory(run, ["theta", "u"], SWING)
     yield plots.constraint_forces(run, ["theta", "u"], ["path"])
-    yield plots.plot(run, 0, Plot(0, 0, "theta", "u", "Path"))
+    yield plots.plot(run, 0, against("theta", "u", "Path"), Scene({}))
 
 
 def all_drawings(run):
     yield drawn(energies, run)
     yield drawn(plots.trajectory, run, ["theta", "u"], SWING)
     yield drawn(plots.constraint_forces, run, ["theta", "u"], ["path"])
-    yield drawn(plots.plot, run, 0, Plot(0, 0, "theta", "u", "Path"))
+    yield drawn(plots.plot, run, 0, against("theta", "u", "Path"), Scene({}))
 
 
 def energies(run, *, is_sum=True):
@@ -135,7 +135,7 @@ def chunks(png):
 
 def test_a_picture_is_a_png_of_the_drawn_pixels():
     for sheet in all_sheets(record(swing())):
-        png = sheet.png()
+        png = sheet.content()
         assert list(chunks(png)) == [b"IHDR", b"pHYs", b"IDAT", b"IEND"]
         image = Image.open(io.BytesIO(png))
         assert image.size == (7 * DPI, round(sheet.height * DPI))
@@ -149,7 +149,7 @@ sys.path.insert(0, {folder!r})
 import test_plots as t
 run = t.record(t.swing(9000), events=(1.0, 2.0), note="stopped")
 for sheet in (*t.all_sheets(run), t.plots.trajectory(*t.chain(9))):
-    print(hashlib.sha256(sheet.png()).hexdigest())
+    print(hashlib.sha256(sheet.content()).hexdigest())
 assert "matplotlib.pyplot" not in sys.modules
 """
 
@@ -182,20 +182,22 @@ def test_the_style_of_the_user_does_not_show():
         "text.color": "red",
         "figure.dpi": 30,
     }
-    plain = [hashlib.sha256(sheet.png()).digest() for sheet in all_sheets(run)]
+    plain = [hashlib.sha256(sheet.content()).digest() for sheet in all_sheets(run)]
     with mpl.rc_context(theirs):
-        styled = [hashlib.sha256(sheet.png()).digest() for sheet in all_sheets(run)]
+        styled = [hashlib.sha256(sheet.content()).digest() for sheet in all_sheets(run)]
     assert styled == plain
 
 
 def test_names_units_and_titles_are_written_as_they_are():
     t = np.linspace(0, 1, 20)
     columns = {"t": t, "a_b": t, "$x$": t**2, "角": t**3}
-    columns |= {"plot.0.x": t, "plot.0.y": t, "energy": t}
+    columns |= {"plot.0.x": t, "plot.0.y.1": t, "energy": t}
     run = record(columns, title=STRANGE, units={"a_b": "$m$", "$x$": "m^2"})
     sheet = drawn(plots.trajectory, run, ["a_b", "$x$", "角"], Scene({}))
-    assert {STRANGE, "a_b ($m$)", "$x$ (m^2)", "角", "t"} <= set(sheet.written())
-    own = drawn(plots.plot, run, 0, Plot(0, 0, "$x$^2", "a_b*c", f"../{STRANGE}"))
+    assert {STRANGE, "a_b ($m$)", "$x$ (m²)", "角", "t"} <= set(sheet.written())
+    own = drawn(
+        plots.plot, run, 0, against("$x$^2", "a_b*c", f"../{STRANGE}"), Scene({})
+    )
     assert {"$x$^2", "a_b*c", f"../{STRANGE}"} <= set(own.written())
     for drawing in (sheet, own):
         assert not any(text.typeset for text in drawing.texts)
@@ -280,7 +282,7 @@ def test_too_many_coordinates_are_chosen_and_counted():
     run, names, scene = chain(90)
     said = written(plots.trajectory, run, names, scene)
     assert "coordinates, 40 of 90" in said
-    assert {"theta_0 (rad)", "theta_89 (rad)"} <= set(said)
+    assert {"θ₀ (rad)", "θ₈₉ (rad)"} <= set(said)
     assert chosen(list("abcdefg"), 3) == ["a", "d", "g"]
     forces = written(plots.constraint_forces, run, names, [])
     assert "constraint forces Qc and multipliers lambda, 40 of 90" in forces
@@ -307,7 +309,7 @@ def test_a_circle_is_round_in_the_picture():
     columns = {"t": t, "q": t, "point.a.1": 5 + np.cos(t), "point.a.2": np.sin(t)}
     scene = Scene({"a": (0, 0)})
     drawing = drawn(plots.trajectory, record(columns), ["q"], scene)
-    png = drawing.sheet.png()
+    png = drawing.sheet.content()
     pixels = np.asarray(Image.open(io.BytesIO(png))).astype(int)
     box = drawing.panels[-1].box
     top = int(pixels.shape[0] - box.y1)
@@ -374,7 +376,7 @@ def test_gaps_and_single_values_are_drawn():
 def test_runs_that_hardly_began_are_drawn(count):
     columns = {name: np.resize(c, 600)[:count] for name, c in swing().items()}
     for sheet in all_sheets(record(columns, note="stopped at the start")):
-        sheet.png()
+        sheet.content()
 
 
 def test_long_text_is_cut_in_the_middle():
@@ -407,10 +409,10 @@ def test_pictures_are_those_of_the_model():
         until=None,
         stated=None,
         scene=SWING,
-        output=Output((), (Plot(0, 0, "theta", "u"), Plot(0, 0, "t", "u/2", "../x"))),
+        output=Output((), (against("theta", "u"), against("t", "u/2", "../x"))),
     )
     t = np.linspace(0.0, 12.0, 600)
-    columns = swing(work=t * 1e-3, **{"plot.1.x": t, "plot.1.y": t})
+    columns = swing(work=t * 1e-3, **{"plot.1.x": t, "plot.1.y.1": t})
     thinning = picture_thinning(model, tuple(columns))
     thinning.add(np.stack([np.broadcast_to(c, 600) for c in columns.values()], axis=1))
     assert DRIFT in thinning
@@ -440,7 +442,9 @@ def test_paths_are_pale_past_the_horizon():
     coloured = []
     for part in (0.1, 0.5, 1.0):
         seen = replace(run, horizon=part * run.rows.last("t"))
-        pixels = plots.plot(seen, 0, Plot(0, 0, "theta", "u")).pixels().astype(int)
+        pixels = (
+            plots.plot(seen, 0, against("theta", "u"), Scene({})).pixels().astype(int)
+        )
         blue = pixels[:, :, 2] - pixels[:, :, 0] > 60
         coloured.append(np.sum(blue))
     assert 0 < coloured[0] < 0.5 * coloured[1] < 0.7 * coloured[2]

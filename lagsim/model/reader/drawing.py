@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.model.model import Level, Output, Plot, Scene
+from lagsim.model.model import Curve, Level, Output, Plot, Scene
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence
 from lagsim.model.reader.expressions import OUTPUT, STATE
 from lagsim.model.reader.fields import (
@@ -12,11 +12,13 @@ from lagsim.model.reader.fields import (
     PLAIN,
     TRUTH,
     described,
+    either,
     entries,
     fields,
     items,
     keyed,
     kind_of,
+    listed,
     listing,
 )
 from lagsim.model.reader.names import Kind, check_name, naming
@@ -36,9 +38,23 @@ SCENE_KEYS = {
         "Lines between points: [[pivot, bob]].", listing(listing(PLAIN, 2, 2))
     ),
 }
+# As many as pens tell apart.
+MOST_CURVES = 6
+AXES = ("x", "y", "y2")
 PLOT_KEYS = {
     "x": described("What runs to the right, any expression.", EXPRESSION),
-    "y": described("What runs upwards, any expression.", EXPRESSION),
+    "y": described(
+        "What runs upwards, any expression, or a list of them.",
+        either(EXPRESSION, listing(EXPRESSION, 1, MOST_CURVES)),
+    ),
+    "y2": described(
+        "What runs upwards on a scale of its own at the right: as `y`.",
+        either(EXPRESSION, listing(EXPRESSION, 1, MOST_CURVES)),
+    ),
+    "log": described(
+        "Axes that show powers of ten: x, y, y2, or a list of these.",
+        either({"enum": list(AXES)}, listing({"enum": list(AXES)})),
+    ),
     "title": described("Plain text above the picture.", PLAIN),
 }
 OUTPUT_KEYS = {
@@ -212,19 +228,51 @@ def _plot(node: Node, x: Expressions) -> Plot | None:
     if isinstance(node, Broken):
         return None
     found = fields(node, "a plot", PLOT_KEYS, x.faults, node.place)
-    axes: list[tuple[int, str]] = []
-    for axis in ("x", "y"):
+    curves: dict[str, tuple[Curve, ...]] = {}
+    for axis in AXES:
         value = found.value(axis)
-        if value is None:
-            if found.sound:
-                text = f"the plot has no `{axis}`"
-                hint = "such as {x: t, y: theta}"
-                x.faults.add("missing-key", text, node.place, hint)
-            continue
-        compiled = x.compile(value, f"`{axis}` of the plot", OUTPUT)
-        if compiled is not None and isinstance(value, Scalar):
-            axes.append((compiled[0], " ".join(value.text.split())))
+        if value is not None:
+            curves[axis] = _curves(value, axis, x)
+        elif axis != "y2" and found.sound:
+            text = f"the plot has no `{axis}`"
+            hint = "such as {x: t, y: theta}"
+            x.faults.add("missing-key", text, node.place, hint)
     title = found.text("title", x.faults)
-    if len(axes) < 2:
+    value = found.value("log")
+    log = frozenset(_axes(value, found.value("y2"), x) if value is not None else ())
+    if not (curves.get("x") and curves.get("y")):
         return None
-    return Plot(axes[0][0], axes[1][0], axes[0][1], axes[1][1], title)
+    return Plot(curves["x"][0], curves["y"], curves.get("y2", ()), log, title)
+
+
+def _curves(node: Node, axis: str, x: Expressions) -> tuple[Curve, ...]:
+    """Give the expressions of an axis; to the right there is one."""
+    nodes: Iterable[Node] = (node,)
+    if isinstance(node, Sequence) and axis != "x":
+        nodes = node.items
+        if not 1 <= len(node.items) <= MOST_CURVES:
+            text = f"`{axis}` of a plot has 1 to {MOST_CURVES} curves"
+            text += f", found {len(node.items)}"
+            x.faults.add("wrong-count", text, node.place, "make more plots of them")
+    found = []
+    for part in nodes:
+        compiled = x.compile(part, f"`{axis}` of the plot", OUTPUT)
+        if compiled is not None and isinstance(part, Scalar):
+            found.append(Curve(compiled[0], " ".join(part.text.split())))
+    return tuple(found)
+
+
+def _axes(node: Node, second: Node | None, x: Expressions) -> Iterable[str]:
+    """Give the axes that `log` names."""
+    for part in node.items if isinstance(node, Sequence) else (node,):
+        if isinstance(part, Broken):
+            continue
+        if not isinstance(part, Scalar) or part.text not in AXES:
+            text = f"`log` names axes, {listed(AXES)}, found {kind_of(part)}"
+            hint = "several are a list: [x, y]"
+            x.faults.add("unknown-axis", text, part.place, hint)
+        elif part.text == "y2" and second is None:
+            text = "`log` names `y2`, and the plot has none"
+            x.faults.add("unknown-axis", text, part.place)
+        else:
+            yield part.text

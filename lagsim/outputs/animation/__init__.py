@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.notes import Caution
-from lagsim.outputs.animation.film import film, frames_of, stage
+from lagsim.outputs.animation.film import Film, film, frames_of, stage
 from lagsim.outputs.animation.page import NAME, page, record, recorded
 
 if TYPE_CHECKING:
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NAME",
+    "Film",
     "film",
     "frames_of",
     "nothing_to_draw",

@@ -8,8 +8,9 @@ const COLOURS = {
 const MANY = 12;
 
 class Drawing {
-  constructor(canvas, run, view) {
-    Object.assign(this, {canvas, run, view});
+  // `one`: the number of the colour that all points have, where several runs share a view.
+  constructor(canvas, run, view, one = null) {
+    Object.assign(this, {canvas, run, view, one});
     this.pen = canvas.getContext("2d");
     const moving = run.moving.length;
     this.colours = new Map(run.moving.map((k, n) => [k, n]));
@@ -36,6 +37,7 @@ class Drawing {
   colour(k) {
     const n = this.colours.get(k);
     if (n === undefined) return this.ink.ground;
+    if (this.one !== null) return COLOURS[this.theme][this.one % COLOURS[this.theme].length];
     if (!this.shaded) return COLOURS[this.theme][n];
     const hue = 205 - 185 * n / Math.max(1, this.colours.size - 1);
     return this.theme === "dark" ? `hsl(${hue} 75% 65%)` : `hsl(${hue} 72% 42%)`;
@@ -44,20 +46,20 @@ class Drawing {
   draw(t, {trails, forces, names, glow, theme, ink}) {
     Object.assign(this, {theme, ink});
     const {pen, run, view} = this;
-    pen.clearRect(0, 0, view.width, view.height);
+    if (!this.one) pen.clearRect(0, 0, view.width, view.height);
     pen.lineCap = pen.lineJoin = "round";
     const moment = run.moment(t);
     const places = run.points.map((_, k) => run.place(k, moment));
     const dots = places.map((place) => view.at(place));
     this.radius = Math.max(3, Math.min(11, this.size * (run.points.length > MANY ? 0.011 : 0.02)));
-    if (view.space) this.base(places, dots); else this.grid();
+    if (view.space) this.base(places, dots); else if (!this.one) this.grid();
     if (trails) for (const k of run.moving) this.trail(k, t, trails);
     this.links(places, dots);
     this.marks(t, dots, glow);
     this.dots(dots);
     if (forces) this.forces(moment, dots);
     if (names) this.names(dots);
-    if (view.space) this.axes();
+    if (view.space && !this.one) this.axes();
     return places;
   }
 
@@ -103,16 +105,18 @@ class Drawing {
     const [a, b] = view.middle.map((m) => Math.round(m / step) * step);
     const n = Math.ceil(reach / step);
     const corner = (i, j) => view.at([a + i * step, b + j * step, z]);
-    pen.fillStyle = ink.floor;
-    this.line([corner(-n, -n), corner(n, -n), corner(n, n), corner(-n, n)], true);
-    pen.fill();
     pen.lineWidth = 1;
-    pen.strokeStyle = ink.faint;
-    for (let k = -n; k <= n; k++) {
-      this.line([corner(k, -n), corner(k, n)]);
-      pen.stroke();
-      this.line([corner(-n, k), corner(n, k)]);
-      pen.stroke();
+    if (!this.one) {
+      pen.fillStyle = ink.floor;
+      this.line([corner(-n, -n), corner(n, -n), corner(n, n), corner(-n, n)], true);
+      pen.fill();
+      pen.strokeStyle = ink.faint;
+      for (let k = -n; k <= n; k++) {
+        this.line([corner(k, -n), corner(k, n)]);
+        pen.stroke();
+        this.line([corner(-n, k), corner(n, k)]);
+        pen.stroke();
+      }
     }
     if (view.raised <= 0) return;
     const shadow = (p) => view.at([p[0], p[1], z]);
@@ -310,7 +314,7 @@ class Drawing {
   forces(moment, dots) {
     const {pen, run, view, ink} = this;
     if (!run.usual) return;
-    const full = 0.24 * this.size, reach = 1.5 * full;
+    const full = 0.18 * this.size, reach = 1.5 * full;
     pen.strokeStyle = pen.fillStyle = ink.force;
     for (const push of run.pushes) {
       const force = run.force(push, moment);
@@ -322,6 +326,7 @@ class Drawing {
       const cut = Math.min(1, reach / length);
       this.arrow(x, y, x + cut * dx, y + cut * dy, cut < 1);
     }
+    if (this.one) return;
     const round = stepOf(run.usual, 2);
     const long = round / run.usual * full, y = view.height - 34;
     this.arrow(46, y, 46 + long, y, false);

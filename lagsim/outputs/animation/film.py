@@ -18,6 +18,7 @@ from lagsim.run.observers.frames import Frames
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from collections.abc import Set as AbstractSet
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations
@@ -64,7 +65,7 @@ class Film(NamedTuple):
     horizon : float
         No forecast beyond this time.
     units : dict of str to str
-        Of `length` and `energy`, where they are known.
+        Of `length`, `energy` and `force`, where they are known.
     notes : sequence of str
     """
 
@@ -129,7 +130,7 @@ def film(
         Of columns.
     """
     model, scene = equations.model, stage(equations.model)
-    table, known = frames.table, units or {}
+    table = frames.table
     if not scene.points or not len(table):
         return None
     columns = {name: table[:, k] for k, name in enumerate(frames.names)}
@@ -143,17 +144,33 @@ def film(
     told = list(notes)
     if frames.stride > 1:
         told.append(f"one of {frames.stride} rows; positions between are interpolated")
-    lengths = {known.get(c, "") for c in ("x", "y", "z") if c in known}
     return Film(
         model.name, model.description, columns["t"], broken, tracks, scene.links,
         pushes, {k: columns[k] for k in ENERGIES if k in columns}, events,
         levers.struck, horizon,
-        {
-            "energy": known.get("energy", ""),
-            "length": lengths.pop() if len(lengths) == 1 else "",
-        },
+        _units(scene, units or {}),
         told,
     )  # fmt: skip
+
+
+def _units(scene: Scene, known: Mapping[str, str]) -> dict[str, str]:
+    """Give the units of what a page shows, from those of columns."""
+    columns = [
+        f"point.{name}.{k + 1}"
+        for name, x in scene.points.items()
+        for k in range(len(x))
+    ]
+    if not known.keys() & set(columns):
+        columns = list("xyz")
+    return page_units({known.get(c, "") for c in columns}, known.get("energy", ""))
+
+
+def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
+    """Give the units of a page; that of a force follows."""
+    [length, *others] = sorted(set(lengths) - {""}) or [""]
+    length = "" if others else length
+    force = "N" if (energy, length) == ("J", "m") else ""
+    return {"length": length, "energy": energy, "force": force}
 
 
 def _tracks(

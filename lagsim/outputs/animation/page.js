@@ -5,26 +5,41 @@ const runs = JSON.parse($("runs").textContent).map((data) => new Run(data));
 const many = runs.length > 1;
 const root = document.documentElement;
 
-const panels = runs.map((run) => {
-  const view = new View(run);
-  const names = run.points.map((point) => point.name).join(", ");
-  const canvas = element("canvas", {role: "img", "aria-label": `Motion of ${run.name}; points: ${names}`});
-  const stage = element("div", {class: "stage"}, canvas);
-  if (many) stage.prepend(element("h2", {}, run.name));
-  const bars = new Bars(run);
-  const box = element("section", {class: "panel"}, stage, bars.box);
-  $("panels").append(box);
-  const drawing = new Drawing(canvas, run, view);
+// What can be compared is shown at one scale.
+const box = many ? common(runs) : null;
+const ranges = runs.map(reach);
+const range = [Math.min(...ranges.map(([low]) => low)), Math.max(...ranges.map(([, high]) => high))];
+const most = Math.max(...runs.map((run) => run.usual));
+
+function staged(label, runs, view, ...more) {
+  const names = runs.flatMap((run) => run.points.map((point) => point.name)).join(", ");
+  const canvas = element("canvas", {role: "img", "aria-label": `Motion of ${label}; points: ${names}`});
+  const panel = element("section", {class: "panel"}, element("div", {class: "stage"}, canvas), ...more);
+  $("panels").append(panel);
   follow(canvas, view, show);
-  return {run, view, bars, box, drawing};
+  return {view, panel, canvas};
+}
+
+const panels = runs.map((run, k) => {
+  const view = new View(box ? {...run, box, usual: most} : run);
+  const bars = new Bars(run, box ? range : ranges[k]);
+  const made = staged(run.name, [run], view, bars.box);
+  if (many) made.canvas.before(element("h2", {}, run.name));
+  return {...made, run, bars, drawing: new Drawing(made.canvas, run, view)};
 });
-$("panels").classList.toggle("many", many);
+// All runs in one picture, each in a colour of its own.
+const together = box && staged("all runs", runs, new View({...runs[0], box, usual: most}));
+if (together) {
+  together.drawings = runs.map((run, k) => new Drawing(together.canvas, run, together.view, k));
+  together.titles = runs.map((run) => element("span", {}, run.name));
+  together.canvas.before(element("h2", {}, ...together.titles));
+}
 const line = new TimeLine($("line"), runs, (t) => { pause(); seek(t); });
 
 // A run of seconds is shown as fast as it is; shorter and longer ones in seconds.
 function usualSpeed(span) {
   if (span >= 1.5 && span <= 90) return 1;
-  const wanted = span / 12, power = 10 ** Math.floor(Math.log10(wanted));
+  const wanted = span / 8, power = 10 ** Math.floor(Math.log10(wanted));
   return power * [1, 2, 5].findLast((m) => m * power <= wanted * 1.0001);
 }
 
@@ -33,7 +48,7 @@ const usual = span > 0 ? usualSpeed(span) : 1;
 const TRAILS = ["fading", "whole", "none"];
 const state = {
   t: line.start, playing: false, speed: usual, loop: true, trails: 0, forces: true,
-  names: false, rest: 0,
+  names: false, together: false, rest: 0,
 };
 let ink = {}, before = null, shownTheme = "light";
 
@@ -57,14 +72,15 @@ function show() {
   const wishes = {
     trails, forces: state.forces, names: state.names, glow: 0.35 * state.speed, theme: shownTheme, ink,
   };
-  for (const {run, bars, box, drawing} of panels) {
-    const found = drawing.draw(t, wishes);
-    run.points.forEach((point, k) => {
-      places[many ? `${run.name}/${point.name}` : point.name] = found[k];
+  panels.forEach(({run, bars, panel, drawing}, k) => {
+    const found = (state.together ? together.drawings[k] : drawing).draw(t, wishes);
+    run.points.forEach((point, j) => {
+      places[many ? `${run.name}/${point.name}` : point.name] = found[j];
     });
-    bars.show(run.moment(t));
-    box.classList.toggle("ended", many && t > run.end);
-  }
+    if (state.together) together.titles[k].style.color = together.drawings[k].colour(run.moving[0]);
+    else bars.show(run.moment(t));
+    panel.classList.toggle("ended", many && t > run.end);
+  });
   line.show(t, ink);
   $("clock").innerHTML = "";
   $("clock").append(`t = ${written(t, span / 2000 || 1)} s`);
@@ -114,7 +130,7 @@ function pause() {
 function faster(factor) {
   state.speed = Math.min(64 * usual, Math.max(usual / 256, state.speed * factor));
   const rounded = Number(state.speed.toPrecision(3));
-  $("speed").textContent = `${rounded >= 0.01 ? rounded : rounded.toExponential(0)}×`;
+  $("speed").textContent = `${rounded >= 1e-4 ? rounded : rounded.toExponential(1)}×`;
   show();
 }
 
@@ -123,20 +139,25 @@ function toggle(name) {
   else state[name] = !state[name];
   const pressed = name === "trails" ? TRAILS[state.trails] !== "none" : state[name];
   $(name).setAttribute("aria-pressed", String(pressed));
+  if (name === "together") { arrange(); return; }
   if (name === "trails") $(name).textContent = ["Trails", "Whole path", "No trails"][state.trails];
   show();
 }
 
 const fine = () => span / 200;
+const jump = (t) => { if (t !== undefined) { pause(); seek(t); } };
 const KEYS = {
   " ": () => state.playing ? pause() : play(),
   ArrowLeft: (far) => { pause(); seek(state.t - (far ? 10 : 1) * fine()); },
   ArrowRight: (far) => { pause(); seek(state.t + (far ? 10 : 1) * fine()); },
   Home: () => { pause(); seek(line.start); },
   End: () => { pause(); seek(line.end); },
+  PageUp: () => jump(line.event(state.t, false)),
+  PageDown: () => jump(line.event(state.t, true)),
   "+": () => faster(2), "=": () => faster(2), "-": () => faster(0.5), "_": () => faster(0.5),
   l: () => toggle("loop"), t: () => toggle("trails"), f: () => toggle("forces"), n: () => toggle("names"),
-  0: () => { panels.forEach(({view}) => view.reset()); show(); },
+  o: () => { if (together) toggle("together"); },
+  0: () => { for (const {view} of [...panels, together].filter(Boolean)) view.reset(); show(); },
 };
 
 document.addEventListener("keydown", (event) => {
@@ -150,11 +171,19 @@ document.addEventListener("keydown", (event) => {
 $("play").addEventListener("click", KEYS[" "]);
 $("slower").addEventListener("click", () => faster(0.5));
 $("faster").addEventListener("click", () => faster(2));
-for (const name of ["loop", "trails", "forces", "names"]) $(name).addEventListener("click", () => toggle(name));
+for (const name of ["loop", "trails", "forces", "names", "together"]) $(name).addEventListener("click", () => toggle(name));
 $("theme").addEventListener("click", () => { look(shownTheme === "dark" ? "light" : "dark"); show(); });
 
+// One picture, or one for each run.
+function arrange() {
+  for (const {panel} of panels) panel.hidden = state.together;
+  if (together) together.panel.hidden = !state.together;
+  $("panels").classList.toggle("many", many && !state.together);
+  resize();
+}
+
 function resize() {
-  for (const {drawing} of panels) drawing.resize();
+  for (const drawing of state.together ? together.drawings : panels.map((panel) => panel.drawing)) drawing.resize();
   line.resize();
   show();
 }
@@ -183,6 +212,9 @@ function tell() {
   }
   const notes = runs.flatMap((run) => run.notes.map((note) => many ? `${run.name}: ${note}` : note));
   $("notes").textContent = notes.join("; ");
+  $("together").hidden = !together;
+  $("jumps").hidden = !line.times.length;
+  if (together) $("turning").before(Object.assign(element("kbd"), {textContent: "O"}), " one picture; ");
   $("forces").hidden = !runs.some((run) => run.usual > 0);
   if (runs.some((run) => run.dimension === 3)) $("turning").textContent = "drag to turn";
 }
@@ -192,7 +224,7 @@ dark.addEventListener("change", () => { look(dark.matches ? "dark" : "light"); s
 look(dark.matches ? "dark" : "light");
 tell();
 button();
-resize();
+arrange();
 faster(1);
 new ResizeObserver(resize).observe($("panels"));
 addEventListener("hashchange", () => { const t = wanted(); if (t !== null) { pause(); seek(t); } });

@@ -29,7 +29,7 @@ _DATA = re.compile(
 )
 # Of the length of a link: within this it does not change; of the frames: so many with
 # a contact's link at its longest make it a string.
-RIGID, TAUT = 5e-3, 0.02
+RIGID, TAUT = 1e-3, 0.02
 # A view shows all of the motion, unless some hundredths of it go so many times as far.
 MOST, OUTLYING = 98.0, 20.0
 # Events beyond these are not told apart on a time line.
@@ -38,6 +38,12 @@ MOST_EVENTS = 4000
 
 def record(film: Film) -> dict[str, Any]:
     """Give what a page shows of a film, as JSON takes it."""
+    # A motion that diverges passes every number.
+    with np.errstate(all="ignore"):
+        return _recorded(film)
+
+
+def _recorded(film: Film) -> dict[str, Any]:
     size = extent(film.tracks)
     names = list(film.tracks)
     points: list[dict[str, Any]] = []
@@ -48,7 +54,10 @@ def record(film: Film) -> dict[str, Any]:
             "place": _packed(place), "rate": _packed(rate),
         }  # fmt: skip
         points.append({"name": name, **found})
-    events = [e for e in film.events if e.kind != "until"][:MOST_EVENTS]
+    events = [e for e in film.events if e.kind != "until"]
+    notes = list(film.notes)
+    if len(events) > MOST_EVENTS:
+        notes.append(f"the first {MOST_EVENTS} of {len(events)} events are marked")
     return {
         "name": film.name,
         "description": film.description,
@@ -67,18 +76,17 @@ def record(film: Film) -> dict[str, Any]:
         "events": [
             {"t": e.time, "kind": e.kind, "what": e.constraint or e.switch or "",
              "points": [names.index(p) for p in film.struck.get(e.constraint, ())]}
-            for e in events
+            for e in events[:MOST_EVENTS]
         ],
         "horizon": film.horizon if math.isfinite(film.horizon) else None,
         "units": dict(film.units),
-        "notes": list(film.notes),
+        "notes": notes,
     }  # fmt: skip
 
 
 def _packed(values: Floats, kind: str = "<f4") -> str:
     """Give numbers as text, row by row."""
-    with np.errstate(over="ignore"):
-        return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
+    return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
 
 
 def _usual(force: Floats) -> float:
@@ -93,7 +101,7 @@ def _box(film: Film) -> list[list[float]]:
     every = np.concatenate([track.place for track in film.tracks.values()])
     every = every[np.isfinite(every).all(axis=1)]
     if not len(every):
-        return []
+        return [[0.0, 0.0] for _ in range(every.shape[1])]
     low, high = every.min(axis=0), every.max(axis=0)
     usual = np.percentile(every, (100.0 - MOST, MOST), axis=0)
     if np.max(high - low) > OUTLYING * np.max(usual[1] - usual[0]) > 0:

@@ -26,14 +26,19 @@ function element(tag, attributes = {}, ...children) {
   return made;
 }
 
+// The least and the greatest energy of a run, or 0.
+function reach(run) {
+  let low = 0, high = 0;
+  for (const values of Object.values(run.energies))
+    for (const value of values)
+      if (Number.isFinite(value)) { low = Math.min(low, value); high = Math.max(high, value); }
+  return [low, high];
+}
+
 class Bars {
-  constructor(run) {
+  constructor(run, [low, high]) {
     this.run = run;
     this.box = element("aside", {class: "side", "aria-label": "Energies"});
-    let low = 0, high = 0;
-    for (const values of Object.values(run.energies))
-      for (const value of values)
-        if (Number.isFinite(value)) { low = Math.min(low, value); high = Math.max(high, value); }
     [this.low, this.span] = [low, high - low || 1];
     this.bars = Object.keys(run.energies).filter((name) => name in ENERGIES).map((name) => {
       const [label, colour] = ENERGIES[name];
@@ -79,7 +84,25 @@ class TimeLine {
       canvas.setPointerCapture(event.pointerId);
       follow(event);
     });
-    canvas.addEventListener("pointermove", (event) => { if (event.buttons) follow(event); });
+    canvas.addEventListener("pointermove", (event) => {
+      if (event.buttons) follow(event);
+      canvas.title = this.about(event.offsetX);
+    });
+    this.times = [...new Set(runs.flatMap((run) => run.events.map((e) => e.t)))].sort((a, b) => a - b);
+  }
+
+  // What has happened at a place of the line: the nearest events.
+  about(x) {
+    const found = this.runs.flatMap((run) => run.events).filter((e) => Math.abs(this.x(e.t) - x) < 5);
+    const told = found.slice(0, 5).map((e) => `t = ${short(e.t)} s: ${eventLook(e.kind)[2]} ${e.what}`);
+    return [...told, ...(found.length > 5 ? [`and ${found.length - 5} more`] : [])].join("\n");
+  }
+
+  // The event before a time, or after it.
+  event(t, after) {
+    const least = 1e-9 * (this.end - this.start);
+    return after ? this.times.find((other) => other > t + least)
+      : this.times.findLast((other) => other < t - least);
   }
 
   x(t) { return 12 + (this.width - 24) * (t - this.start) / (this.end - this.start || 1); }

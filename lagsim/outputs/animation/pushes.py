@@ -185,12 +185,16 @@ def reactions(
     asked = {
         d.node: d.name for d in model.definitions if d.name in model.output.reactions
     }
+    dimension = max(len(parts) for parts in scene.points.values())
     for point, parts in scene.points.items():
         found = [columns.get(f"reaction.{asked.get(node)}") for node in parts]
         some = next((x for x in found if x is not None), None)
         if some is not None:
-            force = [np.zeros_like(some) if x is None else x for x in found]
-            yield Push("reaction", point, np.stack(force, axis=1))
+            force = np.zeros((len(some), dimension))
+            for k, x in enumerate(found):
+                if x is not None:
+                    force[:, k] = x
+            yield Push("reaction", point, force)
 
 
 def _rows(e: Equations) -> Iterator[_Row]:

@@ -47,7 +47,9 @@ class View {
       across = wide;
       up = this.spans[2] * Math.cos(0.34) + wide * Math.sin(0.34);
     }
-    const edge = Math.min(64, 0.14 * Math.min(this.width, this.height));
+    // Arrows have room beyond the points.
+    const size = Math.min(this.width, this.height);
+    const edge = this.run.usual ? 0.2 * size : Math.min(64, 0.14 * size);
     return Math.min((this.width - 2 * edge) / across, (this.height - 2 * edge) / up);
   }
 
@@ -83,6 +85,16 @@ class View {
   }
 
   move(dx, dy) { this.shift = [this.shift[0] + dx, this.shift[1] + dy]; }
+}
+
+// A box about all of some runs, each a good part of it; else null.
+function common(runs) {
+  if (runs.some((run) => run.dimension !== runs[0].dimension || !run.box.length)) return null;
+  const box = runs[0].box.map((_, k) => [
+    Math.min(...runs.map((run) => run.box[k][0])), Math.max(...runs.map((run) => run.box[k][1])),
+  ]);
+  const size = (sides) => Math.max(...sides.map(([low, high]) => high - low));
+  return runs.every((run) => size(run.box) >= 0.2 * size(box)) ? box : null;
 }
 
 // About so many round steps in a range.

@@ -54,7 +54,7 @@ class Columns:
             for k, node in enumerate(components, 1):
                 nodes[f"point.{name}.{k}"] = node
         for k, plot in enumerate(model.output.plots):
-            nodes |= {f"plot.{k}.x": plot.x, f"plot.{k}.y": plot.y}
+            nodes |= {name: curve.node for name, curve in plot.curves(k).items()}
         new = {g.variable("energy"): equations.energy}
         new |= {
             g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)

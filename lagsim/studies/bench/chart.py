@@ -65,7 +65,7 @@ def chart(document: Mapping[str, Any]) -> bytes:
     ]
     sheet.legend(BESIDE, TOP - 0.1, named, WIDTH - BESIDE - EDGE)
     sheet.notes(under + 0.1, notes)
-    return sheet.png()
+    return sheet.content()
 
 
 def _costs(found: Shown, of: str) -> list[Cost]:

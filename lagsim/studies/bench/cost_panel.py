@@ -53,6 +53,11 @@ class Look(NamedTuple):
     line: Pen
     mark: Pen
 
+    @property
+    def sample(self) -> Pen:
+        """Both, as a legend shows them."""
+        return self.mark | {"linestyle": "-", "markevery": [1]} | self.line
+
 
 class Cost(NamedTuple):
     """A curve: errors, what they cost, and which of its points have a ring."""
@@ -139,9 +144,7 @@ def names_beside(
         return
     sheet.text(x, y, ORDER, size=SMALL, color=DIM)
     y += NEXT
-    lines = [(c.name, c.look.line) for c in curves]
-    sheet.legend(x, y, lines, room, NEXT)
-    sheet.legend(x, y, [("", c.look.mark) for c in curves], room, NEXT)
+    sheet.legend(x, y, [(c.name, c.look.sample) for c in curves], room, NEXT)
 
 
 def room_beside(curves: Sequence[Cost], most: float) -> float:

@@ -37,8 +37,8 @@ def shown(rows: Sequence[Row], worst: float) -> Shown:
     """Choose among the rows of work_precision.json that have an error up to `worst`.
 
     First come the curves that `auto` takes, then of each method the formulation that
-    comes closest to the front and stays on the constraints, two of scipy's among them,
-    then other formulations. They are given cheapest first.
+    comes closest to the front, two of scipy's among them, then other formulations; of
+    them first those that stay on the constraints. They are given cheapest first.
     """
     curves: dict[Key, list[Row]] = defaultdict(list)
     for row in rows:
@@ -56,8 +56,9 @@ def shown(rows: Sequence[Row], worst: float) -> Shown:
 def _in_turn(ranked: list[Key], curves: Mapping[Key, list[Row]]) -> Iterator[Key]:
     """Give curves by how much a chart would miss them."""
     auto = [key for key in ranked if any(row["chosen"] for row in curves[key])]
+    ranked = sorted(ranked, key=lambda key: key[1] == DRIFT)
     first: list[Key] = []
-    for key in sorted(ranked, key=lambda key: key[1] == DRIFT):
+    for key in ranked:
         if key not in auto and key[0] not in {method for method, _ in (*auto, *first)}:
             first.append(key)
     scipy = [key for key in first if key[0].startswith(PREFIX)]

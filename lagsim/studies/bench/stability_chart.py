@@ -96,7 +96,7 @@ def chart(title: str, found: Stability, varied: str | None) -> bytes:
     if found.adaptive:
         work(sheet, work_at, found, over)
     sheet.notes(notes_at + 0.04, notes)
-    return sheet.png()
+    return sheet.content()
 
 
 def _named(found: Stability, varied: str | None) -> Named:

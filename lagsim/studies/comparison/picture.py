@@ -93,7 +93,7 @@ def drawn(verdict: str, title: str, curves: Sequence[Curve]) -> bytes:
             series(axes, t, np.where(apart > 0.0, apart, np.nan), APART)
             if 0.0 < deviation.difference < np.inf:
                 point(axes, deviation.t, deviation.difference, PLACE)
-    return sheet.png()
+    return sheet.content()
 
 
 def _series(column: str, golden: Table, new: Table, found: Comparison) -> Thinning:

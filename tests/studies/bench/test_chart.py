@@ -154,8 +154,9 @@ def test_names_stand_beside_a_sample_of_their_curve(crowded):
         look, name = look_of(*key), " ".join(key)
         level = said[name if name in said else key[0]]
         beside = [s for s in crowded.samples if abs(s.y[0] - level) < 0.06 * 200]
-        assert {s.marker for s in beside} >= {look.mark["marker"]}
-        assert look.line["color"].lower() in {s.colour.lower() for s in beside}
+        assert (look.mark["marker"], look.line["color"].lower()) in {
+            (s.marker, s.colour.lower()) for s in beside if len(s.x) == 3
+        }
 
 
 def test_what_is_better_and_what_it_was_measured_on_is_said():

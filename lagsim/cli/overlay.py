@@ -1,0 +1,114 @@
+"""`lagsim overlay`: several results on the same axes, and playing side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from lagsim.cli._faults import faults_shown
+from lagsim.cli._shared import counted
+from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.errors import InputError, Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from lagsim.studies.overlay import Shown
+
+# Without -o there is one of each.
+DEFAULT = (Path("results/overlay.png"), Path("results/overlay.html"))
+PAGE = ".html"
+# A page of more runs is not called by their names.
+MOST_NAMES = 4
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def command(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Folders of results.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="A page (.html) or a picture (.png, .svg, .pdf); default "
+            "results/overlay.html and .png.",
+        ),
+    ] = None,
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A,B", help="Columns of the picture; default the coordinates."
+        ),
+    ] = None,
+    quiet: Annotated[
+        bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
+    ] = False,
+) -> int:
+    """Draw several results in one picture, play them on one page."""
+    with faults_shown() as code:
+        wanted = DEFAULT if output is None else (output,)
+        for path in wanted:
+            _known(path)
+        from lagsim.studies.overlay import read
+
+        runs = read(folders)
+        names = None if columns is None else _names(columns)
+        made = [(path, _content(path, runs, names, output is None)) for path in wanted]
+        written = [str(p) for p, content in made if content and _write(p, content)]
+        if not quiet:
+            say(f"{counted(len(runs), 'run')}: {', '.join(written)}")
+        code.append(0)
+    return code[-1]
+
+
+def _known(path: Path) -> None:
+    if path.suffix.lower() not in (PAGE, *PICTURES):
+        kinds = f"{', '.join(PICTURES)} or {PAGE}"
+        text = f"-o {path}: a name that ends in {kinds} is expected"
+        raise InputError([Problem("usage", text, hint=f"such as -o overlay{PAGE}")])
+
+
+def _names(text: str) -> list[str]:
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if not names:
+        told = f"--columns {text}: names of columns are expected"
+        raise InputError([Problem("usage", told, hint="such as --columns x,y")])
+    return names
+
+
+def _content(
+    path: Path, runs: Sequence[Shown], names: Sequence[str] | None, also: bool
+) -> bytes | None:
+    """Give a file; None where there is nothing to draw and it was not asked for."""
+    from lagsim.studies import overlay
+
+    if path.suffix.lower() in PICTURES:
+        form = path.suffix.lower()[1:]
+        return overlay.picture(runs, overlay.chosen(runs, names), form).content()
+    found, told = overlay.motions(runs)
+    if not found and not also:
+        raise InputError([Problem("nothing-to-draw", text) for text in told])
+    for text in told:
+        complain(f"warning: {text}")
+    if not found:
+        return None
+    from lagsim.outputs.animation import page
+
+    names = [run["name"] for run in found]
+    many = len(names) > MOST_NAMES
+    return page(found, counted(len(names), "run") if many else ", ".join(names))
+
+
+def _write(path: Path, content: bytes) -> bool:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    except OSError as error:
+        text = f"lagsim: {path} cannot be written: {error.strerror}"
+        raise UnwritableError(text) from None
+    return True

@@ -1,0 +1,124 @@
+"""What the pictures of one run have in common, and what stands above each of them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.outputs.curves import EVENTS, IMPACTS, LOST, RESTS, marks, shade
+from lagsim.outputs.letters import Letters, raised
+from lagsim.outputs.scale import Scale, time_scale
+from lagsim.outputs.sheet import (
+    DIM,
+    EDGE,
+    GAP,
+    HEADING,
+    SAMPLE,
+    SMALL,
+    Sheet,
+    text_width,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.axes import Axes
+
+    from lagsim.outputs.sheet import Pen
+    from lagsim.run.observers.thinning import Thinning
+
+# Inches at the sides of a sheet; from the frame of a wide panel to its label.
+LEFT, RIGHT, REACH = 0.78, 0.18, 0.58
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """What the pictures of one run have in common.
+
+    Attributes
+    ----------
+    title : the model's name; plain text, as everything that is written here.
+    rows : the thinned rows of the run.
+    units : unit of each column that has one; that of `t` too.
+    impacts, rests, events : times to mark: where velocities jump, where what bounces
+        comes to rest, where something else happens.
+    note : said below the title: that and why a run is incomplete; else empty.
+    horizon : rows past this time are no forecast; infinite where all are.
+    letters : how names are written.
+    form : png, svg or pdf.
+    """
+
+    title: str
+    rows: Thinning
+    units: Mapping[str, str] = field(default_factory=dict)
+    events: Sequence[float] = ()
+    note: str = ""
+    horizon: float = math.inf
+    impacts: Sequence[float] = ()
+    rests: Sequence[float] = ()
+    letters: Letters = field(default_factory=Letters)
+    form: str = "png"
+
+    def sheet(self, width: float, height: float) -> Sheet:
+        """Return an empty sheet in the format of this run's pictures."""
+        return Sheet(width, height, self.form)
+
+    def unit(self, column: str) -> str:
+        """Return the unit of a column, empty where none is known."""
+        return raised(self.units.get(column, ""))
+
+    def named(self, column: str) -> tuple[str, str]:
+        """Return a column's name, as it is written, and its unit."""
+        return self.letters.name(column), self.unit(column)
+
+    def marks(self) -> list[tuple[str, Pen, Sequence[float]]]:
+        """Return what there is to mark: its name, how it looks, its times."""
+        every: list[tuple[str, Pen, Sequence[float]]] = [
+            ("impacts", IMPACTS, self.impacts),
+            ("comes to rest", RESTS, self.rests),
+            ("events", EVENTS, self.events),
+        ]
+        return [(name, pen, times) for name, pen, times in every if times]
+
+    def mark(self, axes: Axes) -> None:
+        """Mark them on Axes against time, and shade what is no forecast."""
+        shade(axes, self.horizon)
+        for _, pen, times in self.marks():
+            marks(axes, times, pen)
+
+    def trusted(self) -> int:
+        """Return how many of the rows that paths show lie before the horizon."""
+        if math.isinf(self.horizon):
+            return self.rows.row_count
+        return int(np.searchsorted(self.rows.sampled("t"), self.horizon, side="right"))
+
+    def time(self) -> Scale:
+        """Return the scale of time, from the first row to the last."""
+        return time_scale(np.array([self.rows.first("t"), self.rows.last("t")]))
+
+
+def header_height(record: Record) -> float:
+    """Return how much of a sheet `header` takes."""
+    return 0.5 if record.note else 0.32
+
+
+def header(sheet: Sheet, record: Record, subject: str, *, timed: bool = True) -> None:
+    """Write the model's name, what the picture shows, and that a run is incomplete."""
+    right = sheet.width - RIGHT
+    sheet.text(right, 0.22, subject, ha="right", color=DIM)
+    right -= text_width(subject) + GAP
+    entries: list[tuple[str, Pen]] = []
+    if timed:
+        entries += [(name, pen) for name, pen, _ in record.marks()]
+    if record.horizon < record.rows.last("t"):
+        entries.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
+    right -= sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
+    sheet.legend(right, 0.22, entries, sheet.width)
+    room = right - EDGE - GAP
+    sheet.text(EDGE, 0.22, record.title, size=HEADING, bold=True, room=room)
+    if record.note:
+        room = sheet.width - 2 * EDGE
+        sheet.text(EDGE, 0.39, record.note, size=SMALL, color=DIM, room=room)

@@ -1,0 +1,211 @@
+"""Several results beside each other: the same columns on the same axes, one clock.
+
+What is drawn is what the folders hold: the columns of their tables, and their pages;
+of a run without a page the point (x, y) or (x, y, z), where its table has these.
+"""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import orjson
+
+from lagsim.errors import InputError, Problem
+from lagsim.notes import Event
+from lagsim.outputs import animation
+from lagsim.outputs.animation.film import page_units
+from lagsim.outputs.animation.tables import film_of_columns
+from lagsim.outputs.results import MANIFEST
+from lagsim.studies.comparison.reading import read_results
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from lagsim.outputs.sheet import Sheet
+    from lagsim.studies.comparison.reading import Table
+
+# Columns that are shown where none are named, and parameters that a name tells.
+MOST_COLUMNS, MOST_NAMED = 4, 2
+# Rows that are thinned at once.
+ROWS = 1 << 16
+
+
+class Shown(NamedTuple):
+    """One of the results: what it is called, its run.json, its table."""
+
+    label: str
+    folder: Path
+    record: Mapping[str, Any]
+    table: Table
+
+    @property
+    def horizon(self) -> float:
+        """Where its forecast ends."""
+        found = (self.record.get("error") or {}).get("horizon")
+        return np.inf if found is None else float(found)
+
+
+def read(folders: Sequence[Path]) -> list[Shown]:
+    """Read results, each with a name of its own.
+
+    Raises
+    ------
+    InputError
+        With a problem for each folder that holds no results.
+    """
+    records: list[Mapping[str, Any]] = []
+    tables: list[Table] = []
+    problems: list[Problem] = []
+    for folder in folders:
+        try:
+            records.append(_record(folder))
+            tables.append(read_results(folder))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    labels = _labels(folders, records)
+    found = zip(labels, folders, records, tables, strict=True)
+    return [Shown(*each) for each in found]
+
+
+def _record(folder: Path) -> Mapping[str, Any]:
+    try:
+        record = orjson.loads((folder / MANIFEST).read_bytes())
+    except FileNotFoundError:
+        what = f"{folder} is not there"
+        if folder.exists():
+            what = f"{folder} holds no results: there is no {MANIFEST} in it"
+        hint = f"`lagsim run MODEL -o {folder}` makes it"
+        raise InputError([Problem("no-results", what, hint=hint)]) from None
+    except OSError as error:
+        why = f"{folder / MANIFEST} cannot be read: {error.strerror}"
+        raise InputError([Problem("no-results", why)]) from None
+    except ValueError:
+        record = None
+    if not isinstance(record, dict) or "columns" not in record:
+        why = f"{folder / MANIFEST} is no run.json of lagsim's"
+        raise InputError([Problem("no-results", why)])
+    return record
+
+
+def _labels(folders: Sequence[Path], records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Give each its folder's name, with the parameters that tell it from the others."""
+    names = [folder.resolve().name for folder in folders]
+    if len(set(names)) < len(names):
+        names = [str(folder) for folder in folders]
+    every: list[Mapping[str, float]] = [r.get("parameters") or {} for r in records]
+    common = set.intersection(*(set(each) for each in every))
+    differ = [
+        name
+        for name in every[0]
+        if name in common and len({each[name] for each in every}) > 1
+    ]
+    labels = []
+    for name, each in zip(names, every, strict=True):
+        told = [f"{p} = {each[p]:.6g}" for p in differ[:MOST_NAMED]]
+        labels.append(f"{name} ({', '.join(told)})" if told else name)
+    # A folder may be given twice.
+    return [
+        label if labels.index(label) == k else f"{label} #{k + 1}"
+        for k, label in enumerate(labels)
+    ]
+
+
+def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[str]:
+    """Give the columns to show: those named, or the coordinates that all have.
+
+    Raises
+    ------
+    InputError
+        With a problem for each run that lacks one, or where all have nothing in common.
+    """
+    if names is None:
+        first = runs[0].table.columns
+        common = set.intersection(*(set(run.table.columns) for run in runs))
+        found = [c for c in first if c in common and f"{c}_dot" in first]
+        found = [c for c in found if not c.endswith("_dot")]
+        if found:
+            return found[:MOST_COLUMNS]
+        what = "these results have no coordinate in common"
+        raise InputError([Problem("no-column", what, hint="name columns: --columns x")])
+    problems = []
+    for run in runs:
+        for name in names:
+            if name == "t" or name not in run.table.columns:
+                near = get_close_matches(name, run.table.columns[1:], 1)
+                hint = f"did you mean `{near[0]}`?" if near and name != "t" else ""
+                hint = hint or f"there are {', '.join(run.table.columns[1:])}"
+                what = f"{run.folder} has no column `{name}`"
+                if name == "t":
+                    what = "the column `t` is what the others are drawn against"
+                problems.append(Problem("no-column", what, hint=hint))
+    if problems:
+        raise InputError(problems)
+    return list(dict.fromkeys(names))
+
+
+def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") -> Sheet:
+    """Draw columns of all runs on the same axes; `form` is png, svg or pdf."""
+    from lagsim.outputs.overlay import picture
+    from lagsim.run.observers.thinning import Thinning
+
+    rows: dict[str, Thinning] = {}
+    for run in runs:
+        thin = rows[run.label] = Thinning(("t", *columns), paths=())
+        data = np.stack([run.table[name] for name in ("t", *columns)], axis=1)
+        for k in range(0, len(data), ROWS):
+            thin.add(data[k : k + ROWS])
+    units = {}
+    for name in ("t", *columns):
+        known = {run.table.units.get(name, "") for run in runs} - {""}
+        units[name] = " or ".join(sorted(known))
+    remarks = [remark for run in runs for remark in run.table.remarks]
+    return picture(rows, units, remarks, form)
+
+
+def motions(runs: Sequence[Shown]) -> tuple[list[dict[str, Any]], list[str]]:
+    """Give what a page of all runs plays, and what there is to say of the others."""
+    found: list[dict[str, Any]] = []
+    told: list[str] = []
+    for run in runs:
+        pages = _recorded(run)
+        if not pages:
+            film = _film(run)
+            pages = [] if film is None else [animation.record(film)]
+        if not pages:
+            told.append(
+                f"{run.folder} has nothing to draw: neither {animation.NAME} (`lagsim "
+                "run --animate` adds it) nor columns x and y"
+            )
+        found += [page | {"name": run.label} for page in pages[:1]]
+    return found, told
+
+
+def _recorded(run: Shown) -> list[dict[str, Any]]:
+    """Give what the run's own page plays; nothing where it has none."""
+    if animation.NAME not in run.record.get("files", ()):
+        return []
+    try:
+        content = (run.folder / animation.NAME).read_text("utf-8")
+    except (OSError, ValueError):
+        return []
+    return animation.recorded(content) or []
+
+
+def _film(run: Shown) -> animation.Film | None:
+    table = run.table
+    columns = dict(zip(table.columns, table.data, strict=True))
+    known = table.units
+    lengths = {known.get(axis, "") for axis in "xyz"}
+    events = [
+        Event(float(e["time"]), str(e["kind"]), e.get("constraint"))
+        for e in run.record.get("events", ())
+    ]
+    return film_of_columns(
+        run.label, columns, events, horizon=run.horizon,
+        units=page_units(lengths, known.get("energy", "")), notes=table.remarks,
+    )  # fmt: skip

@@ -1,0 +1,103 @@
+"""Pictures for print: SVG and PDF files, the same bytes each time."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from lagsim.outputs.paper import PAPERS
+from lagsim.outputs.sheet import Sheet, in_house_style
+from tests.outputs import test_plots
+
+SVG = "{http://www.w3.org/2000/svg}"
+VECTORS = [form for form in PAPERS if form != "png"]
+
+
+def made(form):
+    run = test_plots.record(test_plots.swing(), form=form, horizon=9.0)
+    return [in_house_style(s.content)() for s in test_plots.all_sheets(run)]
+
+
+SCRIPT = """
+import hashlib, sys
+sys.path.insert(0, {folder!r})
+from tests.outputs.test_paper import made
+for form in ("svg", "pdf"):
+    for content in made(form):
+        print(hashlib.sha256(content).hexdigest())
+"""
+
+
+@pytest.mark.slow
+def test_the_same_bytes_in_every_process():
+    root = str(Path(__file__).parents[2])
+    found = set()
+    for seed in ("1", "2"):
+        script = SCRIPT.format(folder=root)
+        around = os.environ | {"PYTHONHASHSEED": seed, "SOURCE_DATE_EPOCH": seed * 9}
+        command = [sys.executable, "-c", script]
+        done = subprocess.run(
+            command, env=around, capture_output=True, text=True, check=True
+        )
+        assert len(done.stdout.split()) == 8
+        found.add(done.stdout)
+    assert len(found) == 1
+
+
+@pytest.mark.parametrize("form", VECTORS)
+def test_the_same_bytes_again_and_after_a_picture_in_pixels(form):
+    first = made(form)
+    pixels = made("png")
+    assert made(form) == first
+    assert made("png") == pixels
+
+
+def test_an_svg_has_the_size_of_the_sheet_and_is_white():
+    sheet = in_house_style(lambda: Sheet(3.0, 2.0, "svg"))()
+    root = ET.fromstring(in_house_style(sheet.content)())
+    assert (root.get("width"), root.get("height")) == ("216pt", "144pt")
+    first = next(root.iter(f"{SVG}path"))
+    assert "#ffffff" in first.get("style")
+    numbers = np.array(re.findall(r"[\d.]+", first.get("d")), float).reshape(-1, 2)
+    assert numbers.min(0).tolist() == [0.0, 0.0]
+    assert numbers.max(0).tolist() == [216.0, 144.0]
+
+
+@pytest.mark.parametrize("form", VECTORS)
+def test_files_tell_no_date_and_nobody(form):
+    told = re.compile(rb"Date|Producer|Creator|<dc:|[Mm]atplotlib( v|.org)")
+    for content in made(form):
+        assert not told.search(content)
+
+
+def test_a_pdf_is_one_page_of_the_size_of_the_sheet():
+    for content, sheet in zip(
+        made("pdf"), test_plots.all_sheets(test_plots.record(test_plots.swing())),
+        strict=True,
+    ):  # fmt: skip
+        assert content.startswith(b"%PDF-")
+        assert content.rstrip().endswith(b"%%EOF")
+        [box] = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", content)
+        expected = [72 * sheet.width, 72 * sheet.height]
+        assert [float(x) for x in box] == pytest.approx(expected, abs=0.01)
+
+
+def test_a_line_stands_where_it_stands_in_pixels():
+    """The frame of the first panel, from both: inches from the upper left corner."""
+    from tests.outputs.drawn import drawn
+
+    places = {}
+    for form in ("png", "svg"):
+        run = test_plots.record(test_plots.swing(), form=form)
+        drawing = drawn(test_plots.energies, run)
+        dpi = drawing.sheet.paper.dpi
+        box = drawing.panels[0].box
+        places[form] = [box.x0 / dpi, box.y0 / dpi, box.x1 / dpi, box.y1 / dpi]
+    assert places["svg"] == pytest.approx(places["png"], abs=1e-6)

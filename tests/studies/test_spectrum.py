@@ -1,0 +1,112 @@
+"""Spectra of known sums of sines, of rows with impacts, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lagsim
+from lagsim.errors import InputError
+from lagsim.studies.spectrum import EVEN, LEAST_ROWS, spectrum
+
+STEP = 0.02
+SINES = {1.2345: 1.5, 4.444: 0.2, 2.718: 1e-3}
+
+
+def rows(count=1801):
+    t = 7.0 + STEP * np.arange(count)
+    waves = (a * np.sin(2 * np.pi * f * t + f) for f, a in SINES.items())
+    return t, 3.0 + sum(waves)
+
+
+def test_sines_have_their_frequency_and_amplitude():
+    found = spectrum(*rows(), "x", "m")
+    assert [(p.frequency, p.amplitude) for p in found.peaks] == [
+        # Far nearer than the rows tell two apart; the side lobes of others, 3e-5 of
+        # the largest, add to the smallest.
+        (pytest.approx(f, abs=1e-4), pytest.approx(a, rel=1e-5 + 1.5 * 3e-5 / a))
+        for f, a in SINES.items()
+    ]
+    assert found.mean == pytest.approx(3.0, abs=1e-4)
+    assert found.step == pytest.approx(STEP, rel=1e-12)
+    # Up to half the frequency of the rows, in the column's unit.
+    assert found.frequency[0] == 0.0
+    assert found.frequency[-1] == pytest.approx(0.5 / STEP, rel=1e-2)
+    assert len(found.frequency) == len(found.amplitude)
+    assert found.record["peaks"][0]["frequency"] == found.peaks[0].frequency
+
+
+def test_what_it_says_it_tells_apart_it_does():
+    t = STEP * np.arange(1800)
+    alone = spectrum(t, np.sin(t), "x").resolution
+    for apart, count in ((1.1 * alone, 2), (0.4 * alone, 1)):
+        x = np.sin(2 * np.pi * 3.0 * t) + np.sin(2 * np.pi * (3.0 + apart) * t)
+        assert len(spectrum(t, x, "x").peaks) == count
+
+
+def test_a_column_that_stays_has_no_peaks():
+    t, _ = rows()
+    for level in (0.0, 5.0):
+        found = spectrum(t, np.full_like(t, level), "x")
+        assert found.mean == pytest.approx(level, rel=1e-14)
+        assert max(found.amplitude) <= 1e-14 * level
+        assert len(found.peaks) <= 8
+    assert spectrum(t, np.zeros_like(t), "x").peaks == ()
+
+
+def test_the_last_row_may_lie_anywhere_and_impacts_are_left_out():
+    t, x = rows()
+    plain = spectrum(t, x, "x")
+    odd = spectrum(np.append(t, t[-1] + 0.3 * STEP), np.append(x, 9.0), "x")
+    assert odd.rows == plain.rows
+    assert odd.amplitude == pytest.approx(plain.amplitude, rel=1e-9)
+    # Two rows where something strikes, between the others and at one of them.
+    at = [t[40] + 0.3 * STEP] * 2
+    struck_t = np.insert(t, [41, 41, 100], [*at, t[100]])
+    struck_x = np.insert(x, [41, 41, 100], [50.0, -50.0, 70.0])
+    struck = spectrum(struck_t, struck_x, "x")
+    assert struck.rows == plain.rows
+    assert struck.amplitude == pytest.approx(plain.amplitude, rel=1e-9)
+
+
+def test_rounding_of_times_is_no_fault():
+    t = 1e5 + np.arange(20_000) * 1e-3  # 1.5e-11 is a bit of these
+    assert spectrum(t, np.sin(t), "x").step == pytest.approx(1e-3, rel=1e-10)
+
+
+def moved(t):
+    t = t.copy()
+    t[50] += 10 * EVEN * STEP
+    return t
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda t, x: (moved(t), x), "not equally spaced: see t = 8.0"),
+        (lambda t, x: (np.delete(t, 50), np.delete(x, 50)), "not equally spaced"),
+        (lambda t, x: (t[::-1], x), "do not go forward"),
+        (lambda t, x: (t[: LEAST_ROWS - 1], x[: LEAST_ROWS - 1]), "too few"),
+        (lambda t, x: (t, np.where(t == t[9], np.nan, x)), "no number at t = 7.18"),
+    ],
+)
+def test_what_has_no_spectrum_is_told(change, told):
+    with pytest.raises(InputError, match=told):
+        spectrum(*change(*rows()), "x")
+
+
+def test_a_result_has_the_spectrum_of_its_columns():
+    result = lagsim.simulate(lagsim.load("""
+coordinates: {x: {unit: m}}
+energy: {kinetic: x_dot^2/2, potential: 2*x^2}
+initial: {x: 1}
+simulation: {duration: 60, output_step: 0.05}
+"""), error_bar="never")  # fmt: skip
+    found = result.spectrum("x_dot")
+    [peak] = found.peaks
+    assert peak.frequency == pytest.approx(1 / np.pi, abs=1e-4)
+    assert peak.amplitude == pytest.approx(2.0, rel=1e-3)
+    [axes] = found.plot().axes
+    assert (axes.get_xlabel(), axes.get_yscale()) == ("frequency (Hz)", "log")
+    assert axes.get_ylabel() == "amplitude of x_dot (m/s)"
+    assert np.array_equal(axes.lines[0].get_ydata(), found.amplitude)
