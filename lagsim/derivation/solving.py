@@ -18,7 +18,8 @@ from lagsim.derivation.tidy import cost
 from lagsim.derivation.translation import number
 from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.symbolic import symbol, to_sympy
-from lagsim.mechanics.ldl import Elimination, TooLongError
+from lagsim.mechanics.ldl import Elimination
+from lagsim.mechanics.ordering import TooLongError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

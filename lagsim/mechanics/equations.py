@@ -13,23 +13,27 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.derivatives import gradient, rate_of, tangent
+from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.sparse import SparseVector
 from lagsim.language.trigonometry import fewer_terms, turns
 from lagsim.mechanics.constraints import Flow, Row, constraint_row
 from lagsim.mechanics.laws import Law, laws_of
+from lagsim.mechanics.mass import ChainedMass, mass_matrix
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.graph import Graph
+    from lagsim.mechanics.chains import Chains
     from lagsim.model.model import Model
 
 
 # The column, and the variable, of the integral of L.
 ACTION = "action.S"
+# Of so few coordinates the entries of M always take fewer operations than chains.
+FEW = 5
 
 
 class Quadrature(NamedTuple):
@@ -50,8 +54,9 @@ class Equations:
 
     Attributes
     ----------
-    M : tuple of SparseVector, shape (n, n)
-        Symmetric; entries that vanish identically are `graph.zero`.
+    M : sequence of SparseVector, shape (n, n)
+        Symmetric; entries that vanish identically are `graph.zero`. Of a ChainedMass
+        they are only made where they are read.
     f : tuple of int, shape (n,)
     rows : tuple of Row, length m
         The equality constraints that always hold.
@@ -77,7 +82,7 @@ class Equations:
     graph: Graph
     q: tuple[str, ...]
     velocities: tuple[str, ...]
-    M: tuple[SparseVector, ...]
+    M: Sequence[SparseVector]
     f: tuple[int, ...]
     rows: tuple[Row, ...]
     momenta: tuple[int, ...]
@@ -128,6 +133,41 @@ class Equations:
             for j, node in row.entries.items()
         }
 
+    @property
+    def chains(self) -> Chains | None:
+        """The chains that M is solved along; None where its entries are."""
+        return self.M.chains if isinstance(self.M, ChainedMass) else None
+
+    @property
+    def mass_nodes(self) -> list[int]:
+        """What M is made of: its entries, or the factors in its chains."""
+        chains = self.chains
+        return list(self.mass_entries.values()) if chains is None else chains.nodes
+
+    @property
+    def inertias(self) -> list[int]:
+        """The diagonal of M."""
+        if isinstance(self.M, ChainedMass):
+            return list(self.M.diagonal)
+        return [row[j] for j, row in enumerate(self.M)]
+
+    @property
+    def coupled(self) -> list[tuple[list[int], list[int]]]:
+        """Coordinates that M couples, in sets that may overlap: its nodes, and they."""
+        if (chains := self.chains) is not None:
+            return chains.groups()
+        rows = (row.entries for row in self.M)
+        return [([*x.values()], [i, *x]) for i, x in enumerate(rows)]
+
+    def mass_times(self, x: Sequence[int]) -> list[int]:
+        """Give M x (n,)."""
+        if (chains := self.chains) is not None:
+            return chains.product(self.graph, x)
+        return [
+            self.graph.product_sum((m, x[j]) for j, m in row.entries.items())
+            for row in self.M
+        ]
+
     def constraint_forces(self) -> list[int]:
         """Give Qc = A^T lambda, with the multipliers as variables."""
         g = self.graph
@@ -146,8 +186,10 @@ class Equations:
         g = self.graph
         accelerations = [g.variable(name) for name in self.accelerations]
         residuals = []
-        for M, f, held in zip(self.M, self.f, self.constraint_forces(), strict=True):
-            inertia = g.product_sum(zip(M, accelerations, strict=True))
+        inertias = self.mass_times(accelerations)
+        for inertia, f, held in zip(
+            inertias, self.f, self.constraint_forces(), strict=True
+        ):
             residuals.append(g.call("sub", inertia, g.call("add", f, held)))
         for row in self.rows:
             moved = g.product_sum(zip(row.A, accelerations, strict=True))
@@ -155,8 +197,14 @@ class Equations:
         return residuals
 
 
-def derive(model: Model) -> Equations:
-    """Derive the equations of motion of `model`."""
+def derive(model: Model, *, chained: bool = True) -> Equations:
+    """Derive the equations of motion of `model`.
+
+    Parameters
+    ----------
+    chained
+        M may stay in the chains that bodies hang in, where these take fewer operations.
+    """
     g = model.graph
     q = tuple(c.name for c in model.coordinates)
     velocities = tuple(f"{name}_dot" for name in q)
@@ -166,28 +214,29 @@ def derive(model: Model) -> Equations:
 
     slopes = gradient(g, model.lagrangian, [*rates, *positions, time])
     momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
-    M = _mass_matrix(g, momenta, rates)
+    chains = None
+    if chained and len(q) > FEW and all(c.always for c in model.constraints):
+        from lagsim.mechanics.articulated import shorter_chains  # of many links
+
+        chains = shorter_chains(g, model.lagrangian, rates, velocities)
+    M: Sequence[SparseVector]
+    if chains is None:
+        M = mass_matrix(g, momenta, rates)
+    else:
+        M = ChainedMass(g, chains, momenta, rates)
     convective = tangent(g, momenta, flow.forward)
     Q = generalized_forces(g, model, flow)
     f = [
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
     ]
-    M, f = _in_fewer_terms(g, model, flow, M, f, convective, Q)
+    if chains is None:
+        M, f = _in_fewer_terms(g, model, flow, M, f, convective, Q)
     plain = [c for c in model.constraints if c.always]
     rows = tuple(constraint_row(g, c.name, c.relation.node, flow) for c in plain)
     laws = tuple(laws_of(g, model.constraints, flow))
     energy, is_sum = _energy(g, model, momenta, rates, flow.velocities)
-    half = g.constant(0.5)
-    kinetic_form = g.call(
-        "mul",
-        half,
-        g.product_sum(
-            (v, g.product_sum((m, rates[j]) for j, m in row.entries.items()))
-            for v, row in zip(rates, M, strict=True)
-        ),
-    )
-    return Equations(
+    found = Equations(
         model=model,
         graph=g,
         q=q,
@@ -198,11 +247,15 @@ def derive(model: Model) -> Equations:
         momenta=tuple(momenta),
         energy=energy,
         energy_is_sum=is_sum,
-        kinetic_form=kinetic_form,
+        kinetic_form=model.kinetic or g.zero,
         power=_power(g, model, Q, rates, rows, laws, dL_dt),
         quadratures=_action(g, model),
         laws=laws,
     )
+    if chains and is_sum:
+        return found
+    form = g.product_sum(zip(rates, found.mass_times(rates), strict=True))
+    return replace(found, kinetic_form=g.call("mul", g.constant(0.5), form))
 
 
 def _action(g: Graph, model: Model) -> tuple[Quadrature, ...]:
@@ -215,11 +268,11 @@ def _in_fewer_terms(
     g: Graph,
     model: Model,
     flow: Flow,
-    M: tuple[SparseVector, ...],
+    M: Sequence[SparseVector],
     f: list[int],
     convective: Sequence[int],
     Q: Sequence[int],
-) -> tuple[tuple[SparseVector, ...], list[int]]:
+) -> tuple[Sequence[SparseVector], list[int]]:
     """Give M and f with inertia as textbooks write it, where that is shorter.
 
     What potentials and forces give stays as it is: differences that are small stand
@@ -251,44 +304,6 @@ def _in_fewer_terms(
         )
     ]
     return tuple(SparseVector(g, n, row) for row in rows), forces
-
-
-def _mass_matrix(
-    g: Graph, momenta: Sequence[int], rates: Sequence[int]
-) -> tuple[SparseVector, ...]:
-    """Give d momenta / d rates: for each rate one sweep over what depends on it."""
-    n = len(rates)
-    rows_of: dict[int, list[int]] = {}
-    for i, momentum in enumerate(momenta):
-        rows_of.setdefault(momentum, []).append(i)
-    M: list[dict[int, int]] = [{} for _ in range(n)]
-    below = _below(g, momenta, rates)
-    for j, v in enumerate(rates):
-        moving = {v: g.one}
-        for node in below[j]:
-            moving[node] = rate_of(g, node, moving)
-        for node in moving.keys() & rows_of.keys():
-            for i in rows_of[node]:
-                if i >= j:
-                    M[i][j] = M[j][i] = moving[node]
-    return tuple(SparseVector(g, n, row) for row in M)
-
-
-def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[int]]:
-    """Give for each rate what depends on it, in order of evaluation."""
-    below: list[list[int]] = [[] for _ in rates]
-    dependence: dict[int, int] = {v: 1 << j for j, v in enumerate(rates)}
-    for node in g.cone(momenta):
-        mask = dependence.get(node, 0)
-        if g.args[node]:
-            for a in g.args[node]:
-                mask |= dependence.get(a, 0)
-            dependence[node] = mask
-            while mask:
-                j = (mask & -mask).bit_length() - 1
-                below[j].append(node)
-                mask &= mask - 1
-    return below
 
 
 def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:

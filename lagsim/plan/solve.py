@@ -9,10 +9,10 @@ from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.ldl import (
     BUDGET,
     Elimination,
-    TooLongError,
     affordable,
     dense_operations,
 )
+from lagsim.mechanics.ordering import TooLongError
 from lagsim.notes import Choice
 
 if TYPE_CHECKING:
@@ -66,6 +66,8 @@ def eliminate(
             return None
     count = elimination.operations
     many = f"{count} multiplication{'s' * (count != 1)}"
+    if equations.chains is not None:
+        many += " along chains"
     if count <= BUDGET:
         choices.append(Choice("solve: straight-line code", many))
     else:

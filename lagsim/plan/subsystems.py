@@ -18,7 +18,8 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import VARIABLE
 from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.instant import Instant
-from lagsim.mechanics.ldl import Elimination, TooLongError
+from lagsim.mechanics.ldl import Elimination
+from lagsim.mechanics.ordering import TooLongError
 from lagsim.model.model import Output, Parameter, Scene
 from lagsim.plan.cost import step_cost
 
@@ -86,10 +87,7 @@ def refusal(equations: Equations) -> str:
 def groups(equations: Equations) -> list[list[int]]:
     """Give the coordinates that touch one another, group by group."""
     e, g = equations, equations.graph
-    together = [
-        ([*row.entries.values(), e.f[i]], [i, *row.entries])
-        for i, row in enumerate(e.M)
-    ]
+    together = [([*nodes, *(e.f[i] for i in own)], own) for nodes, own in e.coupled]
     together += [
         ([row.residual, row.rate, row.b, *row.A.entries.values()], [*row.A.entries])
         for row in e.rows

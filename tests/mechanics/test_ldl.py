@@ -8,7 +8,8 @@ import pytest
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.mechanics.equations import derive
-from lagsim.mechanics.ldl import BUDGET, Elimination, Factorisation, Meter, TooLongError
+from lagsim.mechanics.ldl import BUDGET, Elimination, Factorisation
+from lagsim.mechanics.ordering import Meter, TooLongError
 from lagsim.model.reader import read
 
 
