@@ -66,12 +66,12 @@ def eliminate(
             return None
     count = elimination.operations
     many = f"{count} multiplication{'s' * (count != 1)}"
-    if equations.chains is not None:
-        many += " along chains"
+    where = "on what is not zero" if equations.chains is None else "along chains"
     if count <= BUDGET:
-        choices.append(Choice("solve: straight-line code", many))
+        told = many if equations.chains is None else f"{many} {where}"
+        choices.append(Choice("solve: straight-line code", told))
     else:
-        reason = f"{many} on what is not zero; loops would make {dense}"
+        reason = f"{many} {where}; loops would make {dense}"
         choices.append(Choice("solve: sparse elimination", reason))
     return elimination
 
