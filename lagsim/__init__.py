@@ -1,8 +1,8 @@
 """From energies to motion: a simulator for systems written down as T and V.
 
 `load` reads a model, `check` tells whether its start is admissible, `simulate` gives
-its motion as arrays, and `derive` its equations: see docs/python.md. Nothing is
-printed, and nothing written unless a result is asked to.
+its motion as arrays, `sweep` what comes of many values, and `derive` its equations: see
+docs/python.md. Nothing is printed, and nothing written unless a result is asked to.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from lagsim.api.examining import Examination, InadmissibleError, check
     from lagsim.api.loading import load
     from lagsim.api.simulating import Result, simulate
+    from lagsim.api.sweeping import Sweep, sweep
 
 __all__ = [
     "Derivation",
@@ -26,11 +27,13 @@ __all__ = [
     "InputError",
     "LagsimError",
     "Result",
+    "Sweep",
     "__version__",
     "check",
     "derive",
     "load",
     "simulate",
+    "sweep",
 ]
 
 # What is loaded when it is asked for: commands begin with this file, too.
@@ -39,10 +42,12 @@ _PLACES = {
     "Examination": "examining",
     "InadmissibleError": "examining",
     "Result": "simulating",
+    "Sweep": "sweeping",
     "check": "examining",
     "derive": "deriving",
     "load": "loading",
     "simulate": "simulating",
+    "sweep": "sweeping",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -10,6 +11,26 @@ if TYPE_CHECKING:
 
 # A source line longer than this is shown around the fault only.
 WINDOW = 160
+# What a terminal acts on, what turns the order of letters round, and what nobody sees:
+# controls but for tab and line feed, marks of direction, blanks without width.
+UNSEEN = (
+    r"\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u180e\u200b\u200e\u200f"
+    r"\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
+)
+_UNSEEN = re.compile(f"[{UNSEEN}]")
+
+
+def visible(text: str, *, json: bool = False) -> str:
+    r"""Give a text with such letters written as Python writes them, or JSON: \u202e."""
+    if json:
+        return _UNSEEN.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return _UNSEEN.sub(lambda found: ascii(found[0])[1:-1], text)
+
+
+def unseen(text: str) -> str:
+    """Give the first letter of a text that nobody sees, or an empty text."""
+    found = _UNSEEN.search(text)
+    return found[0] if found else ""
 
 
 class Place(NamedTuple):
@@ -68,11 +89,11 @@ class Problem(NamedTuple):
         if len(source) > window:
             first = max(0, column - window // 2)
             source, column = source[first : first + window], column - first
-        before = source[:column]
+        before, rest = visible(source[:column]), visible(source[column:])
+        marked = len(visible(source[column : column + max(1, place.length)]))
         # A tab before the caret keeps its width, so the caret stays below.
         pad = "".join("\t" if c == "\t" else " " for c in before)
-        room = max(1, len(source) - column)
-        return ["  " + source, "  " + pad + "^" * max(1, min(place.length, room))]
+        return ["  " + before + rest, "  " + pad + "^" * max(1, marked)]
 
 
 class LagsimError(Exception):
@@ -85,8 +106,8 @@ class InputError(LagsimError):
     """The input is unusable (exit 2): every fault of it, in the order of the file."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
-        super().__init__()
         self.problems = tuple(problems)
+        super().__init__(self.problems)  # another process makes it anew from these
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.problems))

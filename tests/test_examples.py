@@ -44,7 +44,9 @@ NOT_RUN = {
     "python benchmarks/": "measures for minutes",
 }
 # Pages whose examples take more than a second or two.
-SLOW = {"docs/ci.md", "docs/commands.md", "docs/tutorial.md"}
+SLOW = {
+    f"docs/{name}.md" for name in ("animation", "ci", "commands", "sweeps", "tutorial")
+}
 # Starts that are shown to be refused.
 REFUSED = {"caption", "swing"}
 CAPTION = "docs/model-file.md"

@@ -98,7 +98,7 @@ class _Source(NamedTuple):
 def _sources(point: Point, q: Floats, v: Floats) -> list[_Source]:
     """Give these, each definition and energy before what uses it."""
     e, model = point.e, point.e.model
-    said = [
+    definitions = [
         _Source(f"the definition `{d.name}`", d.node, model.places.get(d.name))
         for d in sorted(model.definitions, key=lambda d: d.node)
         if d.level is not Level.OUTPUT
@@ -110,7 +110,7 @@ def _sources(point: Point, q: Floats, v: Floats) -> list[_Source]:
     }
     if model.kinetic is None:
         energies["lagrangian"] = model.lagrangian
-    said += [
+    said = [
         _Source(f"`{name}`", node, model.places.get(name))
         for name, node in energies.items()
         if node is not None
@@ -120,6 +120,8 @@ def _sources(point: Point, q: Floats, v: Floats) -> list[_Source]:
         _Source(f"the constraint `{c.name}`", c.relation.node, c.relation.place)
         for c in model.constraints
     ]
+    used = set(e.graph.cone([source.node for source in said]))
+    said = [*(d for d in definitions if d.node in used), *said]
     moving = [e.graph.variable(name) for name in (*e.q, *e.velocities)]
     found = []
     for source in said:

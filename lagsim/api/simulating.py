@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -60,11 +61,12 @@ class Result:
         """The times of the rows (rows,)."""
         return self["t"]
 
-    @property
+    @cached_property
     def units(self) -> dict[str, str]:
-        """The unit of each column, where it is known."""
-        found: dict[str, str] = self.record["columns"]
-        return found
+        """The unit of each column, where it is known or follows."""
+        from lagsim.outputs.units import of_table
+
+        return of_table(self._made.session.case.equations, self.record["columns"])
 
     def __getitem__(self, name: str) -> Floats:
         if name not in self.columns:
@@ -104,14 +106,18 @@ class Result:
             Where there is no such column.
         """
         from lagsim.outputs.figure import Column, figure
+        from lagsim.outputs.letters import Letters, raised
 
         model = self._made.session.case.equations.model
-        names = columns or tuple(c.name for c in model.coordinates)
-        values = {name: self[name] for name in (against, *names)}
-        first, *others = (
-            Column(name, self.units[name], values[name]) for name in (against, *names)
-        )
-        return figure(model.name, first, others)
+        coordinates = [c.name for c in model.coordinates]
+        letters = Letters([*coordinates, *(d.name for d in model.definitions)])
+        values = {name: self[name] for name in (against, *(columns or coordinates))}
+        drawn = {
+            name: Column(letters.name(name), raised(self.units[name]), column)
+            for name, column in values.items()
+        }
+        others = [drawn[name] for name in columns or coordinates]
+        return figure(model.name, drawn[against], others)
 
     def spectrum(self, column: str) -> Spectrum:
         """Give how large a sine of each frequency is in a column.
@@ -214,6 +220,10 @@ class Result:
         from lagsim.outputs.table import table_writer
 
         made, form = self._made, Format(table)
+        if form is not Format.CSV:
+            from lagsim.outputs.packed import check_format
+
+            check_format(form, show_units=units)
         with open_results(Path(folder)) as results:
             path = results.part(form.file)
             writer = table_writer(form, path, self.units, show_units=units)

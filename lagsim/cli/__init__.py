@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import gc
+import io
 import os
 import signal
 import sys
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     import typer
 
 COMMANDS = (
-    "new", "run", "check", "derive", "compare", "overlay", "spectrum", "golden",
-    "bench", "stability", "methods", "schema",
+    "new", "run", "sweep", "check", "derive", "compare", "overlay", "spectrum",
+    "golden", "bench", "stability", "methods", "schema",
 )  # fmt: skip
 
 _INTERRUPTED = 128 + signal.SIGINT
@@ -76,7 +77,10 @@ def _application() -> typer.Typer:
     )
     app.callback()(ask_version)
     for name in called or COMMANDS:
-        app.command(name)(import_module(f"lagsim.cli.{name}").command)
+        command = import_module(f"lagsim.cli.{name}").command
+        # Said, it is wrapped; what is taken from the long help is cut to a line.
+        summary = (command.__doc__ or "").partition("\n")[0]
+        app.command(name, short_help=summary)(command)
     return app
 
 
@@ -108,6 +112,7 @@ def _guarded(app: typer.Typer) -> int:
 
 def _usage(error: Exception) -> int:
     """Tell what is wrong with the command line."""
+    from lagsim.cli import _streams
     from lagsim.cli._faults import errors_document
     from lagsim.cli._shared import show_json
     from lagsim.errors import Problem
@@ -116,8 +121,9 @@ def _usage(error: Exception) -> int:
         told = getattr(error, "format_message", lambda: str(error))()
         show_json(errors_document([Problem("usage", told)]))
     else:
-        with contextlib.suppress(OSError):
+        with contextlib.redirect_stderr(io.StringIO()) as told:
             error.show()  # type: ignore[attr-defined]
+        _streams.complain(told.getvalue().rstrip("\n"))
     return 2
 
 

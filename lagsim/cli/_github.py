@@ -12,6 +12,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lagsim.errors import visible
+
 if TYPE_CHECKING:
     from lagsim.admissibility import StartReport
     from lagsim.errors import Problem
@@ -31,7 +33,7 @@ def annotate(
     named = ",".join(f"{k}={_property(str(v))}" for k, v in place.items() if v)
     with contextlib.suppress(OSError):
         start = f"::{level} {named}".rstrip()
-        print(f"{start}::{_data(text)}", file=sys.stderr, flush=True)
+        print(visible(f"{start}::{_data(text)}"), file=sys.stderr, flush=True)
 
 
 def annotate_problem(problem: Problem, file: str | None = None) -> None:

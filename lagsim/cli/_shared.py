@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
+from enum import Enum
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._streams import put, say
-from lagsim.errors import InputError, Problem
+from lagsim.cli._streams import colour, put, say
+from lagsim.errors import InputError, Problem, visible
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -36,6 +37,19 @@ Jobs = Annotated[
         min=1,
         help="Processes; default one for each core.",
     ),
+]
+
+
+class Picture(Enum):
+    """What pictures are written as."""
+
+    PNG = "png"
+    SVG = "svg"
+    PDF = "pdf"
+
+
+PictureForm = Annotated[
+    Picture, typer.Option("--format", help="Of pictures; svg, pdf for print.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit 1 if there are warnings.")]
@@ -97,6 +111,8 @@ def show_json(document: Any) -> None:
     from lagsim.outputs.manifest import encode
 
     content = encode(document)
+    if sys.stdout.isatty():
+        content = visible(content.decode(), json=True).encode()
     put(lambda: sys.stdout.buffer.write(content))
 
 
@@ -105,7 +121,7 @@ def coloured(text: str, code: str) -> str:
     plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
     if plain or not sys.stdout.isatty():
         return text
-    return f"\x1b[{code}m{text}\x1b[0m"
+    return colour(text, code)
 
 
 def counted(number: int, noun: str) -> str:

@@ -13,13 +13,16 @@ from typing import TYPE_CHECKING, TextIO
 
 import typer
 
-from lagsim.errors import LagsimError
+from lagsim.errors import LagsimError, visible
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
 # What stands before the text of a line: an indent, and a name with two blanks after it.
 _LABEL = re.compile(r"\s*(?:\S+(?: \S+)?\s{2,})?")
+# Begins the colours that are ours, of which no file can know.
+_OWN = f"\x1b{os.urandom(8).hex()}"
+_COLOUR = re.compile(rf"{_OWN}(\[\d+m)")
 
 
 class UnwritableError(LagsimError):
@@ -41,12 +44,25 @@ def prepare() -> None:
 
 def say(text: str) -> None:
     """Print on stdout what is for a person: no line is wider than a terminal."""
-    put(lambda: print(fitted(text, sys.stdout)))
+    put(lambda: print(shown(text, sys.stdout)))
 
 
 def width_of(stream: TextIO) -> int | None:
     """Give how many letters a line takes; None where no terminal counts them."""
     return shutil.get_terminal_size().columns if stream.isatty() else None
+
+
+def colour(text: str, code: str) -> str:
+    """Give a text in a colour, as `shown` lets it pass."""
+    return f"{_OWN}[{code}m{text}{_OWN}[0m"
+
+
+def shown(text: str, stream: TextIO) -> str:
+    """Give what a terminal shows, and does not act on, but for colours of our own."""
+    parts = _COLOUR.split(text)
+    parts[::2] = map(visible, parts[::2])
+    parts[1::2] = [f"\x1b{code}" * stream.isatty() for code in parts[1::2]]
+    return fitted("".join(parts), stream)
 
 
 def fitted(text: str, stream: TextIO) -> str:
@@ -93,7 +109,7 @@ def full(error: OSError) -> int:
 def complain(text: str) -> None:
     """Print on stderr; where that cannot be written, nobody can be told."""
     with contextlib.suppress(OSError):
-        print(fitted(text, sys.stderr), file=sys.stderr, flush=True)
+        print(shown(text, sys.stderr), file=sys.stderr, flush=True)
 
 
 def _mute() -> None:

@@ -11,6 +11,8 @@ from lagsim.cli._closing import progress_bar
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
+    Picture,
+    PictureForm,
     Sets,
     assignments,
     coloured,
@@ -77,6 +79,7 @@ def command(
         float | None,
         typer.Option(metavar="SECONDS", help="For each model; default 180."),
     ] = None,
+    form: PictureForm = Picture.PNG,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -94,7 +97,7 @@ def command(
     for path in models if code[-1] == 0 else []:
         with faults_shown(faults if as_json else None, file=path) as code:
             target = folder / Path(path).stem if folder and models[1:] else folder
-            job = _Job(target, as_json=as_json, quiet=quiet)
+            job = _Job(target, form.value, as_json=as_json, quiet=quiet)
             code.append(job.run(path, overrides, wish))
             documents += job.documents
         codes += code
@@ -109,8 +112,11 @@ def command(
 class _Job:
     """One model, and the manners of the command."""
 
-    def __init__(self, folder: Path | None, *, as_json: bool, quiet: bool) -> None:
+    def __init__(
+        self, folder: Path | None, form: str, *, as_json: bool, quiet: bool
+    ) -> None:
         self.folder, self.as_json, self.quiet = folder, as_json, quiet
+        self.form = form
         self.documents: list[Any] = []
 
     def run(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
@@ -131,7 +137,7 @@ class _Job:
 
     def _measure(self, case: Case, wish: Wish, results: Results) -> int:
         from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.bench.document import FILES, document
+        from lagsim.studies.bench.document import document, files
         from lagsim.studies.bench.solving import GivenUpError
         from lagsim.studies.bench.work_precision import measure
 
@@ -142,39 +148,41 @@ class _Job:
             except GivenUpError:
                 return 128 + (interrupt.signal or 0)
         model = case.equations.model
-        content = document(model, case.settings, found, list(FILES))
+        content = document(model, case.settings, found, files(self.form))
         self._commit(content, content["rows"], results)
         if not self.quiet and not self.as_json:
-            say(_summary(model, found, results.folder))
+            listed = ", ".join(content["files"])
+            say(_summary(model, found, f"{results.folder}: {listed}"))
         return 128 + interrupt.signal if interrupt.signal is not None else 0
 
     def _draw(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
         """Draw again what was measured."""
         from lagsim.outputs.results import open_results
-        from lagsim.studies.bench.document import FILES, MANIFEST, read_document
+        from lagsim.studies.bench.document import MANIFEST, files, read_document
         from lagsim.studies.bench.wanted import Wish
 
         if overrides or wish != Wish(wish.methods):
             text = f"{path} holds what was measured: only --methods can be chosen of it"
             hint = "measure anew: lagsim bench MODEL"
             raise InputError([Problem("usage", text, hint=hint)])
-        content = read_document(path) | {"files": list(FILES)}
+        content = read_document(path) | {"files": files(self.form)}
         shown = [row for row in content["rows"] if wish.wants(row["method"])]
         with open_results(self.folder or Path(path).parent, MANIFEST) as results:
             self._commit(content, shown, results)
         if not self.quiet and not self.as_json:
-            say(f"{coloured('drawn', '32')}: {results.folder}: {', '.join(FILES)}")
+            listed = ", ".join(content["files"])
+            say(f"{coloured('drawn', '32')}: {results.folder}: {listed}")
         return 0
 
     def _commit(self, content: dict[str, Any], shown: Any, results: Results) -> None:
         """Write everything; the chart shows these rows."""
         from lagsim.studies.bench.chart import chart
-        from lagsim.studies.bench.document import CHART, TABLE
         from lagsim.studies.bench.document import table as rows_table
 
-        drawn = chart(content | {"rows": shown})
-        files = {TABLE: rows_table(content["rows"]), CHART: drawn}
-        commit(results, content, files)
+        drawn = chart(content | {"rows": shown}, self.form)
+        table_name, chart_name, _ = content["files"]
+        contents = {table_name: rows_table(content["rows"]), chart_name: drawn}
+        commit(results, content, contents)
         self.documents.append(content)
 
 
@@ -237,10 +245,8 @@ def _between(
     return max(first, last), min(first, last)
 
 
-def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
+def _summary(model: Model, found: WorkPrecision, files: str) -> str:
     """Give the closing lines."""
-    from lagsim.studies.bench.document import FILES
-
     state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")
     head = (
         f"{coloured(state, colour)}: {model.name}, "
@@ -252,7 +258,7 @@ def _summary(model: Model, found: WorkPrecision, folder: Path) -> str:
     front = [found.entries[k] for k in found.front("seconds")]
     rows += [("" if k else "best", _point(e)) for k, e in enumerate(front)]
     rows.append(("time", _time(found)))
-    rows.append(("files", f"{folder}: {', '.join(FILES)}"))
+    rows.append(("files", files))
     return head + "\n" + table(rows)
 
 

@@ -14,7 +14,7 @@ import typer
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import ModelPath, Sets, assignments, show_json
 from lagsim.cli._streams import UnwritableError, put
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, visible
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -174,6 +174,8 @@ def _print(content: bytes) -> None:
     import sys
 
     text = content.decode()
+    if sys.stdout.isatty():
+        text = visible(text)
     encoding = sys.stdout.encoding or "utf-8"
     try:
         text.encode(encoding)

@@ -119,7 +119,7 @@ def _refuse_twins(wanted: Sequence[_Wanted]) -> None:
                 f"one golden in {folder}"
             )
             hint = "give one of them another `name`; nothing was run"
-            problems.append(Problem("same-name", text, hint=hint))
+            problems.append(Problem("one-name", text, hint=hint))
     if problems:
         raise InputError(problems)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +14,8 @@ from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
     Jobs,
+    Picture,
+    PictureForm,
     Sets,
     Strict,
     assignments,
@@ -23,7 +24,6 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit, cut_short, finish, open_table
-from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.outputs import Format
@@ -39,12 +39,70 @@ if TYPE_CHECKING:
     from lagsim.studies.attempts import Attempt
 
 
-class Picture(Enum):
-    """What pictures are written as."""
+Method = Annotated[
+    str | None,
+    typer.Option(
+        metavar="M",
+        help="Integration method; see `lagsim methods`.",
+        autocompletion=lambda: ["auto", *names()],
+    ),
+]
+Rtol = Annotated[
+    str | None,
+    typer.Option(metavar="X", help=f"Relative tolerance; default {DEFAULT_RTOL:g}."),
+]
+Atol = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X",
+        help="Absolute tolerance; default rtol times each component's scale.",
+    ),
+]
+Step = Annotated[
+    str | None,
+    typer.Option(
+        metavar="H", help="Step of fixed-step methods; default the output step."
+    ),
+]
+Formulation = Annotated[
+    str | None,
+    typer.Option(
+        metavar="F",
+        help="How constraints are met: projection, elimination, baumgarte, drift; "
+        "full: nothing is reduced.",
+    ),
+]
+Gain = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X",
+        help="Of baumgarte, per unit of time; "
+        f"default {1 / ROWS_TO_DECAY:g}/output step.",
+    ),
+]
+SpectralRadius = Annotated[
+    str | None,
+    typer.Option(metavar="X", help="Of generalized-alpha, from 0 to 1."),
+]
+Duration = Annotated[str | None, typer.Option(metavar="T", help="How long to run.")]
+OutputStep = Annotated[
+    str | None,
+    typer.Option(
+        metavar="H", help=f"Spacing of rows; default duration/{DEFAULT_ROWS}."
+    ),
+]
+ErrorBar = Annotated[
+    ErrorBars,
+    typer.Option(
+        help="Repeat the run more tightly to estimate its error; auto: where that "
+        "takes no more than about 2 s."
+    ),
+]
 
-    PNG = "png"
-    SVG = "svg"
-    PDF = "pdf"
+
+def given(**options: str | None) -> dict[str, str]:
+    """Give the options that have been given, by the keys of `simulation`."""
+    return {name: text for name, text in options.items() if text is not None}
 
 
 def command(
@@ -62,69 +120,16 @@ def command(
     ] = None,
     jobs: Jobs = None,
     sets: Sets = None,
-    method: Annotated[
-        str | None,
-        typer.Option(
-            metavar="M",
-            help="Integration method; see `lagsim methods`.",
-            autocompletion=lambda: ["auto", *names()],
-        ),
-    ] = None,
-    rtol: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X", help=f"Relative tolerance; default {DEFAULT_RTOL:g}."
-        ),
-    ] = None,
-    atol: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X",
-            help="Absolute tolerance; default rtol times each component's scale.",
-        ),
-    ] = None,
-    step: Annotated[
-        str | None,
-        typer.Option(
-            metavar="H", help="Step of fixed-step methods; default the output step."
-        ),
-    ] = None,
-    formulation: Annotated[
-        str | None,
-        typer.Option(
-            metavar="F",
-            help="How constraints are met: projection, elimination, baumgarte, "
-            "drift; full: nothing is reduced.",
-        ),
-    ] = None,
-    gain: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X",
-            help="Of baumgarte, per unit of time; "
-            f"default {1 / ROWS_TO_DECAY:g}/output step.",
-        ),
-    ] = None,
-    spectral_radius: Annotated[
-        str | None,
-        typer.Option(metavar="X", help="Of generalized-alpha, from 0 to 1."),
-    ] = None,
-    duration: Annotated[
-        str | None, typer.Option(metavar="T", help="How long to run.")
-    ] = None,
-    output_step: Annotated[
-        str | None,
-        typer.Option(
-            metavar="H", help=f"Spacing of rows; default duration/{DEFAULT_ROWS}."
-        ),
-    ] = None,
-    error_bar: Annotated[
-        ErrorBars,
-        typer.Option(
-            help="Repeat the run more tightly to estimate its error; auto: where that "
-            "takes no more than about 2 s."
-        ),
-    ] = ErrorBars.AUTO,
+    method: Method = None,
+    rtol: Rtol = None,
+    atol: Atol = None,
+    step: Step = None,
+    formulation: Formulation = None,
+    gain: Gain = None,
+    spectral_radius: SpectralRadius = None,
+    duration: Duration = None,
+    output_step: OutputStep = None,
+    error_bar: ErrorBar = ErrorBars.AUTO,
     table: Annotated[
         Format, typer.Option(help="How the table is kept: trajectory.csv, and so on.")
     ] = Format.CSV,
@@ -132,10 +137,7 @@ def command(
         bool, typer.Option("--units", help="A line of units below the header of CSV.")
     ] = False,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
-    form: Annotated[
-        Picture,
-        typer.Option("--format", help="Of pictures; svg, pdf for print."),
-    ] = Picture.PNG,
+    form: PictureForm = Picture.PNG,
     animate: Annotated[
         bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
     ] = False,
@@ -146,18 +148,11 @@ def command(
     strict: Strict = False,
 ) -> int:
     """Check the start, integrate, write a table and pictures."""
-    options = {
-        "method": method,
-        "rtol": rtol,
-        "atol": atol,
-        "step": step,
-        "formulation": formulation,
-        "gain": gain,
-        "spectral_radius": spectral_radius,
-        "duration": duration,
-        "output_step": output_step,
-    }
-    given = {name: text for name, text in options.items() if text is not None}
+    options = given(
+        method=method, rtol=rtol, atol=atol, step=step, formulation=formulation,
+        gain=gain, spectral_radius=spectral_radius, duration=duration,
+        output_step=output_step,
+    )  # fmt: skip
     job = partial(
         Job, error_bars=error_bar, table=table, show_units=units,
         plots=None if no_plots else form, animate=animate, quiet=quiet, strict=strict,
@@ -166,7 +161,7 @@ def command(
         from lagsim.cli._several import Batch
 
         batch = Batch(models, folder, job, as_json=as_json, quiet=quiet)
-        return batch.run(sets, given, jobs)
+        return batch.run(sets, options, jobs)
     documents: list[Any] | None = [] if as_json else None
     own = job(folder, documents=documents)
     # The processor time so far is close to what starting and importing took.
@@ -174,10 +169,14 @@ def command(
     with faults_shown(documents, file=models[0]) as code:
         from lagsim.model.reader import text_of
 
-        code.append(own.run(*text_of(models[0]), assignments(sets), given))
+        code.append(own.run(*text_of(models[0]), assignments(sets), options))
     for document in documents or ():
         show_json(document)
     return code[-1]
+
+
+# Where results go if nobody says where.
+RESULTS = Path("results")
 
 
 class Job:
@@ -224,10 +223,10 @@ class Job:
         from lagsim.model.reader import read
 
         clock = self.clock
-        if self.show_units and self.table is not Format.CSV:
-            why = f"--units means nothing with --table {self.table}"
-            hint = "run.json has the units of all columns, and Parquet its own"
-            raise InputError([Problem("usage", why, hint=hint)])
+        if self.table is not Format.CSV:
+            from lagsim.outputs.packed import check_format
+
+            check_format(self.table, show_units=self.show_units)
         clock.lap("import")
         model = read(text, file, overrides, options)
         settings = wanted(model, "run", hint="add it, or give --duration")
@@ -237,7 +236,7 @@ class Job:
 
         if self.interrupt.asked:
             raise KeyboardInterrupt
-        with open_results(self.folder or Path("results") / model.name) as results:
+        with open_results(self.folder or RESULTS / model.name) as results:
             return self._integrate(session, results)
 
     def _integrate(self, session: Session, results: Results) -> int:
@@ -245,6 +244,10 @@ class Job:
         from lagsim.studies.attempts import Attempts
 
         units, interrupt = session.system.units(), self.interrupt
+        if self.show_units or self.table is Format.PARQUET:
+            from lagsim.outputs.units import of_table
+
+            units = of_table(session.case.equations, units)
         table = open_table(results, self.table, units, show_units=self.show_units)
         with table as writer, interrupt.noted():
             found = Attempts(
@@ -260,6 +263,12 @@ class Job:
             document = found.record(cautions, self.clock.timings, files)
             if full:
                 document |= cut_short(writer, found, full, lost=lost is not None)
+            usual = results.folder == RESULTS / document["model"]["name"]
+            if usual and (before := results.before()):
+                from lagsim.outputs.replaced import replaced
+
+                caution = replaced(before, document, results.folder)
+                document["warnings"] += [caution._asdict()] if caution else []
             commit(results, document, {})
         self._report(found, document, results.folder)
         if full:

@@ -13,6 +13,8 @@ from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
     ModelPath,
+    Picture,
+    PictureForm,
     Sets,
     assignments,
     coloured,
@@ -64,6 +66,7 @@ def command(
             "methods that choose their steps.",
         ),
     ] = None,
+    form: PictureForm = Picture.PNG,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -73,7 +76,9 @@ def command(
     documents: list[Any] = []
     with faults_shown(documents if as_json else None, file=model) as code:
         wish = _wish(methods, steps, vary)
-        job = _Job(model, assignments(sets), wish, as_json=as_json, quiet=quiet)
+        job = _Job(
+            model, assignments(sets), wish, form.value, as_json=as_json, quiet=quiet
+        )
         code.append(job.run(folder))
         documents += job.documents
     if as_json and documents:
@@ -89,12 +94,13 @@ class _Job:
         path: str,
         overrides: Mapping[str, str],
         wish: Wish,
+        form: str,
         *,
         as_json: bool,
         quiet: bool,
     ) -> None:
         self.path, self.overrides, self.wish = path, overrides, wish
-        self.as_json, self.quiet = as_json, quiet
+        self.form, self.as_json, self.quiet = form, as_json, quiet
         self.documents: list[Any] = []
 
     def run(self, folder: Path | None) -> int:
@@ -145,11 +151,12 @@ class _Job:
         with interrupt.noted(), progress_bar(quiet=self.quiet) as progress:
             found = measure(case, self.wish, interrupt=interrupt, progress=progress)
         name = self.wish.name
-        files = [written.TABLE, written.CHART, written.MANIFEST]
+        picture = f"stability.{self.form}"
+        files = [written.TABLE, picture, written.MANIFEST]
         content = written.document(found, self.wish, files)
-        drawn = chart(model.name, found, name)
+        drawn = chart(model.name, found, name, self.form)
         contents = {written.TABLE: written.table(found.cells, name)}
-        commit(results, content, contents | {written.CHART: drawn})
+        commit(results, content, contents | {picture: drawn})
         self.documents.append(content)
         if not self.quiet and not self.as_json:
             say(_summary(model, found, name))

@@ -8,14 +8,18 @@ no algorithm on the graph recurses.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from functools import wraps
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from lagsim.language.functions import OPERATIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Container, Iterable, Mapping
+    from collections.abc import Callable, Collection, Container, Iterable, Mapping
 
     from lagsim.language.functions.row import Function
+
+Given = ParamSpec("Given")
+Found = TypeVar("Found")
 
 CONSTANT = "constant"
 VARIABLE = "variable"
@@ -34,6 +38,8 @@ class Graph:
         "truth".
     args : list of tuple of int
         The arguments of each node.
+    remembered : dict
+        What has been found out, see `once`.
     """
 
     def __init__(self) -> None:
@@ -41,6 +47,7 @@ class Graph:
         self.args: list[tuple[int, ...]] = []
         self._payload: dict[int, float | str | bool] = {}
         self._known: dict[tuple[object, ...], int] = {}
+        self.remembered: dict[object, Any] = {}
         self.zero = self.constant(0.0)
         self.one = self.constant(1.0)
 
@@ -233,3 +240,28 @@ def _summed(one: frozenset[int], other: frozenset[int]) -> frozenset[int]:
         return sums
     beyond = (MOST_DEGREE + 1, MOST_DEGREE + 2)
     return frozenset(i for i in sums if i <= MOST_DEGREE).union(beyond)
+
+
+def remembered(
+    function: Callable[Concatenate[Graph, Given], Found],
+) -> Callable[Concatenate[Graph, Given], Found]:
+    """Let a function of a graph, and of what can be hashed, be computed once for each.
+
+    Nodes never change: models that differ in the values of their parameters alone share
+    what it gives, which nobody may write into.
+    """
+
+    @wraps(function)
+    def known(g: Graph, /, *args: Given.args, **keywords: Given.kwargs) -> Found:
+        key = (function, args, tuple(keywords.items()))
+        return once(g, key, lambda: function(g, *args, **keywords))
+
+    return known
+
+
+def once(g: Graph, key: object, find: Callable[[], Found]) -> Found:
+    """Find something out that rests on the key alone, if it is not known yet."""
+    if key not in g.remembered:
+        g.remembered[key] = find()
+    found: Found = g.remembered[key]
+    return found

@@ -7,6 +7,8 @@ Python or sympy.
 
 from __future__ import annotations
 
+import functools
+import re
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, NamedTuple
@@ -65,6 +67,8 @@ class ParsedRelation(NamedTuple):
 
 
 # Binding powers. Unary minus binds weaker than `^` and tighter than `*`.
+# What stands before an operator that is missing.
+_LAST = re.compile(r"[\w.]+$")
 _BINARY = {
     row.sign.strip(): (row.binds, name)
     for name, row in OPERATIONS.items()
@@ -150,7 +154,7 @@ class _Parser:
                 token.offset, 1, "the expression ends where a value is expected"
             )
         if token.kind == "relation":
-            return _relation_inside(token)
+            return _relation_inside(token, self.text)
         hint = ""
         if token.kind == "close" and self.pending and self.pending[-1].call:
             hint = f"`{self.pending[-1].op}` takes {_count(self.pending[-1].op)}"
@@ -162,7 +166,7 @@ class _Parser:
     def _function(self, token: Token) -> None:
         if token.text not in FUNCTIONS:
             near = get_close_matches(token.text, FUNCTIONS, 1)
-            hint = f"did you mean `{near[0]}`?" if near else "a product is written `*`"
+            hint = f"did you mean `{near[0]}`?" if near else ""
             raise ExpressionError(
                 token.offset, len(token.text), f"there is no function `{token.text}`",
                 hint, "unknown-function",
@@ -190,17 +194,19 @@ class _Parser:
                 left = self.pending[-1].token
                 raise ExpressionError(
                     left.offset, len(left.text), "this parenthesis is never closed",
-                    "an expression in {} must be quoted if it contains a comma",
-                    "parenthesis",
+                    code="parenthesis",
                 )  # fmt: skip
             return False
         raise self._missing_operator(token)
 
     def _missing_operator(self, token: Token) -> ExpressionError:
         if token.kind == "relation":
-            return _relation_inside(token)
+            return _relation_inside(token, self.text)
         before = self.text[: token.offset].rstrip()
+        left = _LAST.search(before)
         hint = "there is no implicit product: write `*`"
+        if left is not None and token.kind != "open":
+            hint += f", {left[0]}*{token.text}"
         if token.text == "not":
             hint = ""
         return ExpressionError(
@@ -288,15 +294,16 @@ def _wrong_kind(expected: str, at: Token, wants: bool) -> ExpressionError:
     return ExpressionError(at.offset, len(at.text), text, "write if(condition, a, b)")
 
 
-def _relation_inside(token: Token) -> ExpressionError:
-    return ExpressionError(
-        token.offset, 1, "`=` has no meaning here",
-        "relations stand only in constraints and `until`, one each",
-    )  # fmt: skip
+def _relation_inside(token: Token, text: str) -> ExpressionError:
+    hint = "relations stand only in constraints and `until`, one each"
+    if text[: token.offset].strip().isidentifier():
+        hint = f"write only what stands right of it, or elsewhere: {hint}"
+    return ExpressionError(token.offset, 1, "`=` has no meaning here", hint)
 
 
+@functools.lru_cache(maxsize=1024)
 def parse(text: str) -> Parsed:
-    """Parse an expression.
+    """Parse an expression, once: bindings do so again and again.
 
     Raises
     ------

@@ -65,6 +65,7 @@ _WRONG = {
     "≤": "write `<=`",
     "≥": "write `>=`",
     "!": "write `not`",
+    "⋅": "write `*`",
     "%": "there is no remainder; `x - y*floor(x/y)` is one",
     "[": "group with parentheses",
     "{": "group with parentheses",
@@ -119,7 +120,7 @@ def _check_number(text: str, offset: int, word: str, end: int) -> None:
     tail = _WORD.match(text, end)
     if tail:
         whole = word + tail.group()
-        hint = "a product is written with `*`"
+        hint = f"a product is written with `*`, {word}*{tail.group()}"
         if re.fullmatch(r"[0-9][0-9_]*", whole):
             hint = f"write {whole.replace('_', '')}"
         elif whole[:2].lower() in ("0x", "0b", "0o"):

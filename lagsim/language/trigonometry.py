@@ -15,7 +15,7 @@ from lagsim.language.graph import CONSTANT
 from lagsim.language.normal_form import sum_node
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from lagsim.language.graph import Graph
 
@@ -41,11 +41,6 @@ class Origin(NamedTuple):
     b: int
     sign: int
     factor: int
-
-
-def turns(g: Graph, nodes: Iterable[int]) -> bool:
-    """Tell whether there are sines or cosines in `nodes`."""
-    return any(g.ops[n] in _SHIFTED for n in g.cone(nodes))
 
 
 def fewer_terms(g: Graph, nodes: Sequence[int], moving: Collection[str]) -> list[int]:

@@ -16,14 +16,21 @@ A. Walther, Evaluating Derivatives, chapter 9 (elimination on a graph of sums).
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
+from functools import cached_property
 from heapq import heapify, heappop, heappush
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
+from lagsim.language.sparse import (
+    Meter,
+    SparseVector,
+    TooLongError,
+    minimum_degree,
+)
 from lagsim.mechanics.chains import chains
-from lagsim.mechanics.ordering import Meter, TooLongError, minimum_degree
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.chains import Chains
@@ -176,6 +183,39 @@ class Composite(Articulated):
     def _eliminate(self, k: int) -> None:
         pivot, _ = self._taken(k)
         self.pivots[k] = pivot, pivot
+
+
+class ChainedMass(Sequence[SparseVector]):
+    """M of bodies on chains, whose entries are made where somebody reads them.
+
+    There are n^2 of them, and of what `chains` has only some n.
+    """
+
+    def __init__(
+        self, g: Graph, found: Chains, rows: Callable[[], tuple[SparseVector, ...]]
+    ) -> None:
+        self.chains = found
+        self._graph, self._rows = g, rows
+
+    @cached_property
+    def diagonal(self) -> tuple[int, ...]:
+        """M_jj (n,)."""
+        return tuple(Composite(self._graph, self.chains, Meter()).diagonal())
+
+    @cached_property
+    def rows(self) -> tuple[SparseVector, ...]:
+        """The entries, row by row."""
+        return self._rows()
+
+    def __len__(self) -> int:
+        return self.chains.size
+
+    @overload
+    def __getitem__(self, i: int) -> SparseVector: ...
+    @overload
+    def __getitem__(self, i: slice) -> tuple[SparseVector, ...]: ...
+    def __getitem__(self, i: int | slice) -> SparseVector | tuple[SparseVector, ...]:
+        return self.rows[i]
 
 
 def shorter_chains(

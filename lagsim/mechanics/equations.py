@@ -11,21 +11,21 @@ eqs 47 and 61; Arnold, Mathematical Methods of Classical Mechanics, sections 12 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.derivatives import gradient, tangent
+from lagsim.language.derivatives import gradient, rate_of, tangent
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.sparse import SparseVector
-from lagsim.language.trigonometry import fewer_terms, turns
 from lagsim.mechanics.constraints import Flow, Row, constraint_row
 from lagsim.mechanics.laws import Law, laws_of
-from lagsim.mechanics.mass import ChainedMass, mass_matrix
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.graph import Graph
+    from lagsim.mechanics.articulated import ChainedMass
     from lagsim.mechanics.chains import Chains
     from lagsim.model.model import Model
 
@@ -73,6 +73,9 @@ class Equations:
     power : int or None
         The rate of `work`, with the multipliers as variables `lambda_<c>`; None where
         the model has nothing that could do work.
+    unforced : frozenset of str
+        The coordinates on which no force acts and that L does not name: without
+        constraints they keep their momenta.
     quadratures : tuple of Quadrature
         What is integrated beside these equations: the action where it is asked for,
         and coordinates, see `reduction`.
@@ -82,7 +85,7 @@ class Equations:
     graph: Graph
     q: tuple[str, ...]
     velocities: tuple[str, ...]
-    M: Sequence[SparseVector]
+    M: tuple[SparseVector, ...] | ChainedMass
     f: tuple[int, ...]
     rows: tuple[Row, ...]
     momenta: tuple[int, ...]
@@ -90,12 +93,33 @@ class Equations:
     energy_is_sum: bool
     kinetic_form: int
     power: int | None
+    unforced: frozenset[str] = frozenset()
     quadratures: tuple[Quadrature, ...] = ()
     laws: tuple[Law, ...] = ()
 
     def of(self, model: Model) -> Equations:
         """Give the same equations of the model bound to other values."""
-        return replace(self, model=model)
+        given = {c.name: c.law.restitution for c in model.constraints if c.law}
+        laws = self.laws
+        if any(law.restitution != given.get(law.constraint, 0.0) for law in laws):
+            laws = tuple(law.bouncing(given.get(law.constraint, 0.0)) for law in laws)
+        return replace(self, model=model, laws=laws)
+
+    @property
+    def nodes(self) -> tuple[object, ...]:
+        """The names and nodes of the motion, the same for all values of parameters."""
+        rows = (*self.rows, *(law.row for law in self.laws))
+        return (
+            self.q,
+            self.chains or tuple(tuple(row.entries.items()) for row in self.M),
+            self.f,
+            tuple(
+                (x.name, x.residual, x.rate, x.b, *x.A.entries.items()) for x in rows
+            ),
+            len(self.rows),
+            self.power,
+            self.quadratures,
+        )
 
     @property
     def accelerations(self) -> tuple[str, ...]:
@@ -136,7 +160,7 @@ class Equations:
     @property
     def chains(self) -> Chains | None:
         """The chains that M is solved along; None where its entries are."""
-        return self.M.chains if isinstance(self.M, ChainedMass) else None
+        return None if isinstance(self.M, tuple) else self.M.chains
 
     @property
     def mass_nodes(self) -> list[int]:
@@ -147,9 +171,9 @@ class Equations:
     @property
     def inertias(self) -> list[int]:
         """The diagonal of M."""
-        if isinstance(self.M, ChainedMass):
-            return list(self.M.diagonal)
-        return [row[j] for j, row in enumerate(self.M)]
+        if isinstance(self.M, tuple):
+            return [row[j] for j, row in enumerate(self.M)]
+        return list(self.M.diagonal)
 
     @property
     def coupled(self) -> list[tuple[list[int], list[int]]]:
@@ -216,22 +240,21 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
     chains = None
     if chained and len(q) > FEW and all(c.always for c in model.constraints):
-        from lagsim.mechanics.articulated import shorter_chains  # of many links
+        from lagsim.mechanics import articulated  # of many links
 
-        chains = shorter_chains(g, model.lagrangian, rates, velocities)
-    M: Sequence[SparseVector]
-    if chains is None:
-        M = mass_matrix(g, momenta, rates)
-    else:
-        M = ChainedMass(g, chains, momenta, rates)
+        chains = articulated.shorter_chains(g, model.lagrangian, rates, velocities)
+    entries = partial(_mass_matrix, g, momenta, rates)
+    M = articulated.ChainedMass(g, chains, entries) if chains else entries()
     convective = tangent(g, momenta, flow.forward)
     Q = generalized_forces(g, model, flow)
     f = [
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
     ]
-    if chains is None:
-        M, f = _in_fewer_terms(g, model, flow, M, f, convective, Q)
+    if isinstance(M, tuple) and _turns(g, model):
+        from lagsim.mechanics.inertia import in_fewer_terms
+
+        M, f = in_fewer_terms(g, model, flow, M, f, convective, Q)
     plain = [c for c in model.constraints if c.always]
     rows = tuple(constraint_row(g, c.name, c.relation.node, flow) for c in plain)
     laws = tuple(laws_of(g, model.constraints, flow))
@@ -249,6 +272,11 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
         energy_is_sum=is_sum,
         kinetic_form=model.kinetic or g.zero,
         power=_power(g, model, Q, rates, rows, laws, dL_dt),
+        unforced=frozenset(
+            name
+            for name, *pushes in zip(q, dL_dq, Q, strict=True)
+            if set(pushes) == {g.zero}
+        ),
         quadratures=_action(g, model),
         laws=laws,
     )
@@ -258,52 +286,54 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     return replace(found, kinetic_form=g.call("mul", g.constant(0.5), form))
 
 
+def _turns(g: Graph, model: Model) -> bool:
+    """Tell whether sines and cosines stand in the kinetic energy."""
+    cone = [] if model.kinetic is None else g.cone([model.kinetic])
+    return any(g.ops[node] in ("sin", "cos") for node in cone)
+
+
 def _action(g: Graph, model: Model) -> tuple[Quadrature, ...]:
     if not model.output.action:
         return ()
     return (Quadrature(ACTION, model.lagrangian, g.zero),)
 
 
-def _in_fewer_terms(
-    g: Graph,
-    model: Model,
-    flow: Flow,
-    M: Sequence[SparseVector],
-    f: list[int],
-    convective: Sequence[int],
-    Q: Sequence[int],
-) -> tuple[Sequence[SparseVector], list[int]]:
-    """Give M and f with inertia as textbooks write it, where that is shorter.
+def _mass_matrix(
+    g: Graph, momenta: Sequence[int], rates: Sequence[int]
+) -> tuple[SparseVector, ...]:
+    """Give d momenta / d rates: for each rate one sweep over what depends on it."""
+    n = len(rates)
+    rows_of: dict[int, list[int]] = {}
+    for i, momentum in enumerate(momenta):
+        rows_of.setdefault(momentum, []).append(i)
+    M: list[dict[int, int]] = [{} for _ in range(n)]
+    below = _below(g, momenta, rates)
+    for j, v in enumerate(rates):
+        moving = {v: g.one}
+        for node in below[j]:
+            moving[node] = rate_of(g, node, moving)
+        for node in moving.keys() & rows_of.keys():
+            for i in rows_of[node]:
+                if i >= j:
+                    M[i][j] = M[j][i] = moving[node]
+    return tuple(SparseVector(g, n, row) for row in M)
 
-    What potentials and forces give stays as it is: differences that are small stand
-    there, and nothing may be multiplied out of them.
-    """
-    T, V = model.kinetic, model.potential
-    if T is None or V is None or not turns(g, [T]):
-        return M, f
-    if flow.velocities & g.depends([V]):
-        return M, f
-    n = len(f)
-    inertial = [
-        g.call("sub", a, c)
-        for a, c in zip(gradient(g, T, flow.positions), convective, strict=True)
-    ]
-    entries = [(i, j) for i, row in enumerate(M) for j in row.entries if i <= j]
-    moving = {*(c.name for c in model.coordinates), *flow.velocities, "t"}
-    before = [*(M[i][j] for i, j in entries), *inertial]
-    after = fewer_terms(g, before, moving)
-    if after == before:
-        return M, f
-    rows: list[dict[int, int]] = [{} for _ in range(n)]
-    for (i, j), node in zip(entries, after, strict=False):
-        rows[i][j] = rows[j][i] = node
-    forces = [
-        g.call("add", g.call("sub", a, b), c)
-        for a, b, c in zip(
-            after[len(entries) :], gradient(g, V, flow.positions), Q, strict=True
-        )
-    ]
-    return tuple(SparseVector(g, n, row) for row in rows), forces
+
+def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[int]]:
+    """Give for each rate what depends on it, in order of evaluation."""
+    below: list[list[int]] = [[] for _ in rates]
+    dependence: dict[int, int] = {v: 1 << j for j, v in enumerate(rates)}
+    for node in g.cone(momenta):
+        mask = dependence.get(node, 0)
+        if g.args[node]:
+            for a in g.args[node]:
+                mask |= dependence.get(a, 0)
+            dependence[node] = mask
+            while mask:
+                j = (mask & -mask).bit_length() - 1
+                below[j].append(node)
+                mask &= mask - 1
+    return below
 
 
 def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:

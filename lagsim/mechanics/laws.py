@@ -8,7 +8,7 @@ multiplier is 0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -64,6 +64,11 @@ class Law:
     normal: int = -1
     pair: int = -1
     when: int | None = None
+
+    def bouncing(self, restitution: float) -> Law:
+        """Give the same with another restitution, where it is a contact's."""
+        bounces = self.kind in (Kind.CONTACT, Kind.FREEWHEEL)
+        return replace(self, restitution=restitution) if bounces else self
 
     def moved(self, g: Graph, rates: Sequence[int]) -> int:
         """Give what times the multiplier is its power.

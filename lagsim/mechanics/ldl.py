@@ -16,7 +16,7 @@ from __future__ import annotations
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING
 
-from lagsim.mechanics.ordering import Meter, minimum_degree
+from lagsim.language.sparse import Meter, minimum_degree
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

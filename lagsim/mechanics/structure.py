@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.disjoint_sets import DisjointSets
+from lagsim.language.graph import once
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -71,6 +72,11 @@ class Structure(NamedTuple):
 
 def structure(equations: Equations) -> Structure:
     """Find the structure of `equations`."""
+    key = structure, equations.nodes
+    return once(equations.graph, key, lambda: _structure(equations))
+
+
+def _structure(equations: Equations) -> Structure:
     g = equations.graph
     entries = equations.mass_nodes
     coupled = [together for _, together in equations.coupled]

@@ -26,7 +26,7 @@ import inspect
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from typing import Self
 
     from lagsim.language.arrays import Floats
@@ -92,6 +92,12 @@ def part(whole: str, first: Callable[[Any], int], length: Callable[[Any], int]) 
     return Field(ARRAY, 0.0, length, (whole, first))
 
 
+# Memories of up to so many words are copied from the first one of their sizes, as the
+# runs of a sweep ask for.
+SMALL = 4096
+_MADE: dict[object, Floats] = {}
+
+
 class Memory:
     """A view of a flat array by the names that its class declares.
 
@@ -130,6 +136,16 @@ class Memory:
     @classmethod
     def made(cls, **sizes: int) -> Self:
         """Make a memory; sizes that are not given are what they are declared as."""
+        key = cls, *sizes.items()
+        if key in _MADE:
+            return cls(_MADE[key].copy())
+        memory = cls._laid_out(sizes)
+        if len(memory.flat) <= SMALL:
+            _MADE[key] = memory.flat.copy()
+        return memory
+
+    @classmethod
+    def _laid_out(cls, sizes: Mapping[str, int]) -> Self:
         import numpy as np
 
         end = len(cls.fields)

@@ -31,13 +31,7 @@ NO_DATE = (1980, 1, 1, 0, 0, 0)
 
 
 class PackedWriter:
-    """Writes rows as they come, as `TableWriter` does; `finish` packs them.
-
-    Raises
-    ------
-    InputError
-        Where Parquet is asked for and cannot be written here.
-    """
+    """Writes rows as they come, as `TableWriter` does; `finish` packs them."""
 
     def __init__(self, form: Format, path: Path, units: Mapping[str, str]) -> None:
         self.rows = 0
@@ -45,7 +39,6 @@ class PackedWriter:
         self._path, self._units = path, units
         self._pack: Pack = _as_npz
         if form is Format.PARQUET:
-            arrow()
             self._pack = _as_parquet
         self._file = tempfile.TemporaryFile(  # noqa: SIM115  (until `close`)
             dir=path.parent, buffering=0
@@ -100,6 +93,21 @@ class PackedWriter:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def check_format(form: Format, *, show_units: bool) -> None:
+    """Refuse what a packed table cannot be.
+
+    Raises
+    ------
+    InputError
+    """
+    if show_units:
+        text = f"a table in the format {form} has no line of units"
+        hint = "run.json has the units of all columns, and Parquet its own"
+        raise InputError([Problem("usage", text, hint=hint)])
+    if form is Format.PARQUET:
+        arrow()
 
 
 def arrow() -> Any:

@@ -106,13 +106,18 @@ class Results:
             raise _unusable(self.folder, f"has a folder where {name} belongs")
         return self.folder / _PART.format(name)
 
+    def before(self) -> dict[str, Any]:
+        """Give what an earlier run's manifest says; nothing where there is none."""
+        path = self.folder / self.manifest
+        try:
+            found = orjson.loads(path.read_bytes()) if path.is_file() else None
+        except (OSError, ValueError):
+            return {}
+        return found if isinstance(found, dict) else {}
+
     def _listed(self) -> set[str]:
         """Give the files of the run before: plain names in this folder only."""
-        try:
-            manifest: Any = orjson.loads((self.folder / self.manifest).read_bytes())
-            files = manifest["files"]
-        except (OSError, ValueError, KeyError, TypeError):
-            return set()
+        files = self.before().get("files")
         names = files if isinstance(files, list) else []
         own = self.manifest
         return {f for f in names if isinstance(f, str) and f != own and _plain(f)}

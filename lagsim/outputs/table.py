@@ -54,8 +54,6 @@ def table_writer(
 
     Raises
     ------
-    InputError
-        Where the format needs what is not installed.
     OSError
     """
     if form is Format.CSV:

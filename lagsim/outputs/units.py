@@ -176,10 +176,6 @@ def units(equations: Equations, told: Mapping[str, str]) -> dict[str, str]:
     given = {k: unit for k, text in texts.items() if (unit := parsed(text)) is not None}
     dimensions = Dimensions(graph, given)
     found = {name: text for name, text in told.items() if text}
-    for name, node in _drawn(equations):
-        follows = texts.get(node) or written(dimensions.of(node))
-        if follows:
-            found.setdefault(name, follows)
     energies = (model.kinetic, model.potential, model.lagrangian)
     known = [u for e in energies if e is not None and (u := dimensions.of(e))]
     if known and all(unit == known[0] for unit in known):
@@ -187,9 +183,21 @@ def units(equations: Equations, told: Mapping[str, str]) -> dict[str, str]:
         for name in ("kinetic", "potential", "lagrangian", "energy", "work"):
             found.setdefault(name, text)
         for name, unit in _forces(equations, dimensions, known[0]):
+            # Definitions and plots may be made of it.
+            dimensions.known.setdefault(graph.variable(name), unit)
             if text := written(unit, _FORCES):
                 found.setdefault(name, text)
+    for name, node in _drawn(equations):
+        follows = texts.get(node) or written(dimensions.of(node))
+        if follows:
+            found.setdefault(name, follows)
     return found
+
+
+def of_table(equations: Equations, told: Mapping[str, str]) -> dict[str, str]:
+    """Give the unit of each column of the table, those that follow too."""
+    found = units(equations, told)
+    return {name: found.get(name, "") for name in told}
 
 
 def _drawn(equations: Equations) -> Iterator[tuple[str, int]]:
@@ -206,11 +214,16 @@ def _drawn(equations: Equations) -> Iterator[tuple[str, int]]:
 def _forces(
     equations: Equations, dimensions: Dimensions, energy: Unit
 ) -> Iterator[tuple[str, Unit]]:
-    """Give constraint forces and multipliers: what they do work on is known."""
+    """Give constraint forces, multipliers and reactions: they work on what is known."""
     for q in equations.q:
         along = dimensions.of(equations.graph.variable(q))
         if along is not None:
             yield f"Qc_{q}", times(energy, along, -1.0)
+    defined = {d.name: d.node for d in equations.model.definitions}
+    for name in equations.model.output.reactions:
+        along = dimensions.of(defined[name])
+        if along is not None:
+            yield f"reaction.{name}", times(energy, along, -1.0)
     rows = {f"lambda_{row.name}": row for row in equations.rows}
     rows |= {law.multiplier: law.row for law in equations.laws}
     for name, row in rows.items():

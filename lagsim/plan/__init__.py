@@ -99,6 +99,20 @@ class Plan:
     choices: tuple[Choice, ...]
 
     @property
+    def form(self) -> tuple[object, ...]:
+        """What decides, for given equations, on the functions that are compiled.
+
+        Of all that a start, or values of parameters, may change.
+        """
+        reduction = self.reduction
+        parts = ((x.subsystem.coordinates, x.plan.form) for x in self.parts)
+        return (
+            self.method, self.formulation, self.projected, self.tape, self.augmented,
+            self.elimination is None, self.rtol, reduction.eliminated,
+            reduction.ignored, tuple(parts),
+        )  # fmt: skip
+
+    @property
     def tolerance(self) -> float:
         """That of whatever controls its error, be it asked to or not."""
         return DEFAULT_RTOL if self.rtol is None else self.rtol

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.language.functions import OPERATIONS
+from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.ldl import Elimination, affordable, dense_operations
-from lagsim.mechanics.ordering import TooLongError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

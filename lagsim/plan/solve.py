@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 from lagsim.admissibility.point import Point
 from lagsim.language.evaluate import evaluate
+from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.ldl import (
     BUDGET,
     Elimination,
     affordable,
     dense_operations,
 )
-from lagsim.mechanics.ordering import TooLongError
 from lagsim.notes import Choice
 
 if TYPE_CHECKING:

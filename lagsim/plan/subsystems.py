@@ -15,11 +15,10 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.start import start_at
 from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.evaluate import evaluate
-from lagsim.language.graph import VARIABLE
-from lagsim.language.sparse import SparseVector
+from lagsim.language.graph import VARIABLE, once
+from lagsim.language.sparse import SparseVector, TooLongError
 from lagsim.mechanics.instant import Instant
 from lagsim.mechanics.ldl import Elimination
-from lagsim.mechanics.ordering import TooLongError
 from lagsim.model.model import Output, Parameter, Scene
 from lagsim.plan.cost import step_cost
 
@@ -86,6 +85,11 @@ def refusal(equations: Equations) -> str:
 
 def groups(equations: Equations) -> list[list[int]]:
     """Give the coordinates that touch one another, group by group."""
+    key = groups, equations.nodes
+    return once(equations.graph, key, lambda: _groups(equations))
+
+
+def _groups(equations: Equations) -> list[list[int]]:
     e, g = equations, equations.graph
     together = [([*nodes, *(e.f[i] for i in own)], own) for nodes, own in e.coupled]
     together += [

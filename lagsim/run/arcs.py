@@ -22,7 +22,6 @@ from lagsim.run.events.coordinates import singularity_caution
 from lagsim.run.events.ranks import Dependence, RankLosses
 from lagsim.run.events.times import TimeBreaks
 from lagsim.run.fallback import FAILED, Fallback
-from lagsim.run.pace import Pace
 from lagsim.run.reasons import reason_of
 from lagsim.run.recorder import Recorder
 from lagsim.run.states import most_pulled, named_extents
@@ -71,7 +70,7 @@ class Run:
         self.sources = list(_sources(self.arc))
         self.recorder = Recorder(observers)
         self.interrupt, self.progress = interrupt, progress
-        self.pace = Pace()
+        self.pace = self.arc.runner.pace
         self.arcs = 0
         rows = max(1, min(BLOCK, MOST_NUMBERS // system.rows_observed))
         self.block = np.empty((rows, 1 + system.size))

@@ -19,7 +19,7 @@ ROWS = 128
 
 
 class Pace:
-    """The steps and rows that a kernel is asked for at a time.
+    """The steps and rows that a kernel is asked for at a time, run after run.
 
     Attributes
     ----------

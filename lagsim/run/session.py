@@ -91,8 +91,8 @@ class Case:
         ------
         InputError, StartError
         """
-        equations = self.equations.of(self.equations.model.bind(parameters))
-        return _examined(equations, equations.model.settings(), Clock())
+        model = self.equations.model.bind(parameters)
+        return examined(self.equations, model, model.settings())
 
     def asking(self, **other: Any) -> Case:
         """Give the case with other settings."""
@@ -154,6 +154,17 @@ class Session:
     longest_step: float = 0.0
     most_steps: int | None = None
     arc_steps: float = 0.0
+
+    def bound(self, case: Case) -> Session | None:
+        """Give the session of the same equations with other values, compiled no more.
+
+        None where these values need other functions.
+        """
+        plan = case.plan()
+        if not self.system.fits(plan):
+            return None
+        system = self.system.bound(case.equations.model, plan)
+        return replace(self, case=case, plan=plan, system=system)
 
     def by(self, plan: Plan) -> Session:
         """Give the same system integrated otherwise: at other tolerances, say."""
@@ -237,6 +248,16 @@ def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
     if not examined.admissible:
         raise StartError(equations, examined)
     return Case(equations, examined, settings)
+
+
+def examined(equations: Equations, model: Model, settings: Settings) -> Case:
+    """Give the case of equations with the values of another binding of their model.
+
+    Raises
+    ------
+    InputError, StartError
+    """
+    return _examined(equations.of(model), settings, Clock())
 
 
 def check(model: Model) -> tuple[Case, Sequence[Choice]]:

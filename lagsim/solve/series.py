@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.language.graph import remembered
 from lagsim.language.normal_form import normal_form
 from lagsim.language.series import series_operations, taylor_series
 from lagsim.methods.taylor import order_for
@@ -11,6 +12,7 @@ from lagsim.methods.taylor import order_for
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
 
@@ -30,9 +32,8 @@ def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
 
 def series_length(equations: Equations, elimination: Elimination, rtol: float) -> int:
     """Estimate the operations of one step's series, without making it."""
-    rates = _shorter(equations, motion_rates(equations, elimination))
-    state = _state(equations)
-    return series_operations(equations.graph, state, rates, order_for(rtol))
+    rates = tuple(motion_rates(equations, elimination))
+    return _length(equations.graph, _state(equations), rates, order_for(rtol))
 
 
 def motion_series(equations: Equations, rates: Sequence[int], rtol: float) -> list[int]:
@@ -41,21 +42,31 @@ def motion_series(equations: Equations, rates: Sequence[int], rtol: float) -> li
     `rates` is y' with its branches frozen: a series made before would not know those
     of the arc.
     """
-    order = order_for(rtol)
-    state, rates = _state(equations), _shorter(equations, rates)
-    rows = taylor_series(equations.graph, state, rates, order)
-    return [equations.graph.constant(order), *(node for row in rows for node in row)]
+    g, order = equations.graph, order_for(rtol)
+    state = _state(equations)
+    rows = taylor_series(g, state, _shorter(g, state, tuple(rates)), order)
+    return [g.constant(order), *(node for row in rows for node in row)]
 
 
-def _state(equations: Equations) -> list[int]:
+def _state(equations: Equations) -> tuple[int, ...]:
     names = [*equations.q, *equations.velocities]
     names += ["work"] * (equations.power is not None)
-    return list(map(equations.graph.variable, names))
+    return tuple(map(equations.graph.variable, names))
 
 
-def _shorter(equations: Equations, rates: Sequence[int]) -> Sequence[int]:
+@remembered
+def _length(
+    g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int
+) -> int:
+    return series_operations(g, state, _shorter(g, state, rates), order)
+
+
+@remembered
+def _shorter(
+    g: Graph, state: tuple[int, ...], rates: tuple[int, ...]
+) -> tuple[int, ...]:
     """Give `rates`, or their normal form where its series is shorter."""
-    g, state = equations.graph, _state(equations)
-    moving = g.dependent(rates, [*equations.q, *equations.velocities, "t"])
-    forms = rates, normal_form(g, rates, moving)
+    names = [str(g.payload(v)) for v in state]
+    moving = g.dependent(rates, [*names, "t"])
+    forms = rates, tuple(normal_form(g, rates, moving))
     return min(forms, key=lambda nodes: series_operations(g, state, nodes, 10))

@@ -253,7 +253,8 @@ class Attempts:
             frames = frames_of(case.equations, names)
         if self.store.rows:
             self.store.begin_anew()
-        others: list[Observer] = [account, checkpoints]
+        others: list[Observer] = [account]
+        others += [] if self.error_bars is ErrorBars.NEVER else [checkpoints]
         others += [x for x in (thin, frames) if x is not None]
         relay = Relay(self.store, others, self.interrupt)
         clock = self.clock

@@ -90,9 +90,11 @@ class Spectrum(NamedTuple):
     def plot(self, title: str = "") -> Figure:
         """Draw the amplitudes against the frequency; nothing is shown."""
         from lagsim.outputs.figure import Column, spectrum_figure
+        from lagsim.outputs.letters import Letters, raised
 
         across = Column("frequency", "Hz", self.frequency)
-        up = Column(f"amplitude of {self.column}", self.unit, self.amplitude)
+        name = Letters().name(self.column)
+        up = Column(f"amplitude of {name}", raised(self.unit), self.amplitude)
         return spectrum_figure(title, across, up, self.peaks)
 
 

@@ -18,13 +18,14 @@ from collections import deque
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
+    CancelledError,
     Executor,
     ProcessPoolExecutor,
     wait,
 )
 from multiprocessing import connection
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from lagsim.run.interrupt import Interrupt
 
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
 
 Piece = TypeVar("Piece")
 Found = TypeVar("Found")
+
+# Gives a crew of so many, such as `processes`.
+Hired: TypeAlias = "Callable[[int], contextlib.AbstractContextManager[Crew]]"
 
 # How long a piece may take to end in order once it has been asked to: its pictures are
 # drawn, its files synced.
@@ -122,7 +126,7 @@ def spread(
     pieces: Iterable[Piece],
     most: int,
     interrupt: Interrupt,
-    hired: Callable[[int], contextlib.AbstractContextManager[Crew]] = processes,
+    hired: Hired = processes,
 ) -> Iterator[tuple[int, Found | Died]]:
     """Do all pieces; give number and result of each as it is done.
 
@@ -136,8 +140,6 @@ def spread(
         A function of a module, of a piece and an interrupt; it raises nothing.
     most
         So many pieces at a time; one at a time is done by this process.
-    hired
-        Gives a crew of so many.
     """
     left, suspects = deque(enumerate(pieces)), deque[tuple[int, Piece]]()
     if most == 1 and hired is processes:
@@ -189,7 +191,7 @@ class _Shift(Generic[Piece, Found]):
                 number, piece = self._out.pop(future)
                 try:
                     yield number, future.result()
-                except BrokenExecutor:
+                except (BrokenExecutor, CancelledError):
                     self.lost.append((number, piece))
             self._hand_out()
 

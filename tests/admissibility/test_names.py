@@ -90,6 +90,16 @@ def test_what_is_not_finite_is_told_by_what_brings_it(
     assert all(p.text.endswith(f"by {told}") for p in raised.value.problems)
 
 
+def test_what_nothing_uses_brings_nothing():
+    # `slow` is no number at the start either, but no energy knows it.
+    text = FAULTY.replace("KINETIC", "(x_dot^2 + y_dot^2)^0.25")
+    text = text.replace("POTENTIAL", "0").replace("FORCE", "0")
+    with pytest.raises(InputError) as raised:
+        check(read(text, "model.yaml"))
+    assert all(p.text.endswith("by `kinetic`") for p in raised.value.problems)
+    assert {p.line for p in raised.value.problems} == {6}
+
+
 def test_two_of_them_are_told_apart():
     text = FAULTY.replace("KINETIC", "x_dot^2 + y_dot^2")
     text = text.replace("POTENTIAL", "log(x)").replace("FORCE", "slow")

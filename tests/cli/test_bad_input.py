@@ -91,7 +91,11 @@ SETS = {
     "unknown": (["gg=1"], "there is no parameter `gg`", "did you mean `g`?"),
     "faulty expression": (["g=1+"], "a value is expected", ""),
     "not finite": (["g=1/0"], "not a finite number", ""),
-    "unknown name": (["g=2*zz"], "unknown name `zz`", ""),
+    "unknown name": (
+        ["g=2*zz"],
+        "unknown name `zz`",
+        "give `zz` a value in `parameters`",
+    ),
     "no expression": (["g="], "found nothing", ""),
     "no equals sign": (["g"], "a name and an expression", "such as --set g=1.62"),
     "no name": (["=1"], "a name and an expression", "such as --set g=1.62"),

@@ -93,6 +93,18 @@ def test_a_chart_is_drawn_again_from_its_document(lagsim, write):
     }
 
 
+@pytest.mark.parametrize(("form", "begins"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_a_chart_for_print(lagsim, write, form, begins):
+    quick = ("--methods", "rk4", "--steps", "0.1:0.1", "-q", "-o", "out")
+    assert lagsim("bench", write(PENDULUM), *quick, "--format", form).code == 0
+    files = ["work_precision.csv", "work_precision.json", f"work_precision.{form}"]
+    assert names("out") == sorted(files)
+    assert Path(f"out/work_precision.{form}").read_bytes().startswith(begins)
+    assert json.loads(Path("out/work_precision.json").read_bytes())["files"] == [
+        files[0], files[2], files[1],
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("content", "options", "said"),
     [

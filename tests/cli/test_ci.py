@@ -64,6 +64,24 @@ def test_strict_checks(lagsim, write):
     assert [len(found["warnings"]) for found in called.json] == [0, 1]
 
 
+def test_another_result_is_not_replaced_without_a_word(lagsim, write):
+    file = write(PENDULUM, "pendulum.yaml")
+    quiet = ["run", file, "--no-plots"]
+    assert lagsim(*quiet).err == ""
+    assert lagsim(*quiet).err == ""  # the same again
+    called = lagsim(*quiet, "--set", "l=2")
+    assert called.code == 0
+    assert "this replaces the result with l = 1.0 in results" in called.err
+    warnings = manifest("results/pendulum")["warnings"]
+    assert [w["code"] for w in warnings] == ["result-replaced"]
+    assert lagsim(*quiet, "-q").err == ""
+    # Where the folder is named, it is meant.
+    for length in ("1", "2"):
+        assert lagsim(*quiet, "--set", f"l={length}", "-o", "here").err == ""
+    Path("results/pendulum/run.json").write_text("[1]")
+    assert lagsim(*quiet, "--set", "l=3").err == ""
+
+
 @pytest.mark.usefixtures("actions")
 def test_annotations_of_faults(lagsim, write):
     write(PENDULUM.replace("theta: 1}", "theta: 1*unknown}"), "a,b:c.yaml")
@@ -194,3 +212,15 @@ def test_two_models_of_one_name_share_no_golden(lagsim, write, tmp_path):
     write(named, "other/b.yaml")
     assert lagsim("golden", "a.yaml", "other/b.yaml", "--update").code == 0
     assert lagsim("golden", "a.yaml", "other/b.yaml", "--dir", "all").code == 2
+
+
+def test_strictness_of_several(lagsim, write):
+    files = write(PENDULUM, "good.yaml"), write(WARNED, "warned.yaml")
+    options = ["--no-plots", "-j", "1"]
+    assert lagsim("run", *files, *options).code == 0
+    called = lagsim("run", *files, *options, "--strict")
+    assert called.code == 1
+    assert called.err.count("--strict") == 1
+    assert names("results/warned") == ["run.json", "trajectory.csv"]
+    called = lagsim("run", *files, *options, "--set", "l=2")
+    assert called.err.count("this replaces the result with l = 1.0") == 2

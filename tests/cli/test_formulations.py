@@ -80,7 +80,7 @@ def test_a_gain_without_use_is_told(lagsim, write):
     called = lagsim("run", write(ON_THE_CURVE), "--no-plots", "--gain", "3")
     assert called.code == 0
     assert "`gain` has no effect" in called.err
-    used = ["--formulation", "baumgarte", "--gain", "3", "--no-plots"]
+    used = ["--formulation", "baumgarte", "--gain", "3", "--no-plots", "-o", "used"]
     called = lagsim("run", write(ON_THE_CURVE), *used)
     assert (called.code, called.err) == (0, "")
     assert "gain 3 per unit of time" in called.out
@@ -91,7 +91,7 @@ def test_rows_that_leave_the_constraints_are_told(lagsim, write):
     called = lagsim("run", write(ON_THE_CURVE), "--formulation", "drift", *options)
     assert called.code == 0
     assert "the formulation drift lets it go" in called.err
-    assert lagsim("run", write(ON_THE_CURVE), *options).err == ""
+    assert lagsim("run", write(ON_THE_CURVE), *options, "-o", "held").err == ""
 
 
 def test_check_says_what_a_run_would_do(lagsim, write):

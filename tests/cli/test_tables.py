@@ -80,13 +80,17 @@ def test_what_cannot_be_is_refused_before_anything_runs(lagsim, write, monkeypat
     path = write(MODEL)
     told = lagsim("run", path, "--table", "npz", "--units")
     assert told.code == 2
-    assert "--units means nothing with --table npz" in told.err
+    assert "a table in the format npz has no line of units" in told.err
+    result = python.simulate(python.load(path), duration=0.1)
+    with pytest.raises(python.InputError, match="no line of units"):
+        result.write("results", table="npz", units=True)
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
     told = lagsim("run", path, "-o", "out", "--table", "parquet")
     assert told.code == 2
     assert "pip install" in told.err
-    assert not names("out")
+    assert not Path("out").exists()
+    assert not Path("results").exists()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no resource module")

@@ -11,6 +11,7 @@ import sys
 
 import pytest
 
+from lagsim.cli import COMMANDS
 from tests.cli._scenes import CAPTION, ON_THE_CURVE, PENDULUM
 from tests.support import ROOT
 
@@ -42,6 +43,20 @@ def test_help(lagsim, flag):
     )  # fmt: skip
     page = lagsim("run", flag).out
     assert [o for o in options if o not in page] == []
+
+
+@pytest.mark.parametrize("columns", ["60", "80"])
+def test_no_summary_is_cut(lagsim, monkeypatch, columns):
+    monkeypatch.setenv("COLUMNS", columns)
+    page = lagsim("--help").out
+    assert max(map(len, page.splitlines())) <= int(columns)
+    # The summary of each command, as its own page has it.
+    listed = " ".join(page.partition("Commands:")[2].split())
+    for command in COMMANDS:
+        own = lagsim(command, "--help").out
+        assert max(map(len, own.splitlines())) <= int(columns)
+        told = own.split("\n\n")[1]
+        assert " ".join(told.split()) in listed
 
 
 def test_no_command_shows_the_help(lagsim):

@@ -31,6 +31,8 @@ output:
     - {{x: t, y: x_dot}}
     - {{x: slope, y: [theta, x/y, 9.8*x]}}
     - {{x: sqrt(g/l), y: m*g + 3, y2: m*g + l}}
+    - {{x: reaction.slope, y: 2*l*lambda_rod}}
+  reactions: [slope]
 """
 
 
@@ -56,6 +58,9 @@ def test_what_follows():
         "impulse.floor": "N s",
         "lambda_turn": "N m",
         "lambda_rod": "N/m",
+        "reaction.slope": "N",
+        "plot.3.x": "N",
+        "plot.3.y.1": "N",
         "point.a.1": "m",
         "point.a.2": "m",
         "plot.0.x": "s",

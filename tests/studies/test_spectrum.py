@@ -108,5 +108,5 @@ simulation: {duration: 60, output_step: 0.05}
     assert peak.amplitude == pytest.approx(2.0, rel=1e-3)
     [axes] = found.plot().axes
     assert (axes.get_xlabel(), axes.get_yscale()) == ("frequency (Hz)", "log")
-    assert axes.get_ylabel() == "amplitude of x_dot (m/s)"
+    assert axes.get_ylabel() == "amplitude of x\u0307 (m/s)"
     assert np.array_equal(axes.lines[0].get_ydata(), found.amplitude)

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.language.sizes import UNDONE
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -121,9 +123,16 @@ def _as_products(s: Coefficients, n: int) -> int | None:
         return None
     whole = int(abs(value))
     result = g.one if whole == abs(value) else g.call("sqrt", x)
+    # Simplified, a product of roots would be the power again.
+    root = g.ops[x] in UNDONE
+
+    def times(a: int, b: int) -> int:
+        plain = root and a != g.one
+        return g.kept("mul", (a, b)) if plain else g.call("mul", a, b)
+
     while whole:
         if whole % 2:
-            result = g.call("mul", result, x)
+            result = times(result, x)
         whole //= 2
-        x = g.call("mul", x, x)
+        x = times(x, x)
     return g.call("div", g.one, result) if value < 0.0 else result

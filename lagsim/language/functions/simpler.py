@@ -6,7 +6,7 @@ import math
 import sys
 from typing import TYPE_CHECKING
 
-from lagsim.language.directions import directed_product, direction
+from lagsim.language import sizes
 
 if TYPE_CHECKING:
     from lagsim.language.builder import Builder
@@ -49,7 +49,8 @@ def mul(g: Builder, x: int, y: int) -> int | None:
         return g.call("neg", g.call("mul", g.args[x][0], y))
     if g.ops[y] == "neg":
         return g.call("neg", g.call("mul", x, g.args[y][0]))
-    return directed_product(g, x, y)
+    found = sizes.directed_product(g, x, y)
+    return sizes.rooted_product(g, x, y) if found is None else found
 
 
 def _scaled(g: Builder, c: float, x: int, y: int) -> int | None:
@@ -82,7 +83,7 @@ def div(g: Builder, x: int, y: int) -> int | None:
         return g.zero
     if x == y and x != g.zero:
         return g.one
-    signed = direction(g, x, y)
+    signed = sizes.direction(g, x, y)
     if signed is not None:
         return signed
     if g.ops[x] == "neg":
@@ -121,7 +122,7 @@ def power(g: Builder, x: int, y: int) -> int | None:
         return g.call("sqrt", x)
     if exponent is not None and exponent % 2 == 0 and g.ops[x] == "neg":
         return g.call("pow", g.args[x][0], y)
-    return None
+    return None if exponent is None else sizes.raised(g, x, exponent)
 
 
 def choice(g: Builder, condition: int, x: int, y: int) -> int | None:

@@ -219,6 +219,8 @@ def _projected(
         for i, slope in along.items():
             f[i] = plus(g, f[i], f[c], slope)
             momenta[i] = plus(g, momenta[i], momenta[c], slope)
+    moved = {full.q[i] for along in J.values() for i in along}
+    full = replace(full, unforced=full.unforced - moved)
     return of_those_left(full, left, M, f, momenta)
 
 

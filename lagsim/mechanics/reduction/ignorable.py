@@ -15,11 +15,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from lagsim.language.derivatives import tangent
-from lagsim.mechanics.constraints import Flow
+from lagsim.language.sparse import Meter
 from lagsim.mechanics.equations import Quadrature
 from lagsim.mechanics.ldl import Factorisation
-from lagsim.mechanics.ordering import Meter
 from lagsim.mechanics.reduction._equations import (
     minus,
     of_those_left,
@@ -53,20 +51,13 @@ def conserved(equations: Equations) -> list[int]:
     seen = g.depends(nodes)
     inertias = e.inertias
     held = {c for row in rows for c in row.A.entries}
-    found = [
-        c
-        for c, name in enumerate(e.q)
-        if name not in seen and c not in held and inertias[c] != g.zero
-    ]
-    if not found:
-        return []
-    # f = -(d/dt dL/dq' at q'' = 0) there, and nothing else.
-    flow = Flow(g, e.q, e.velocities).forward
-    flows = tangent(g, [e.momenta[c] for c in found], flow)
     return [
         c
-        for c, rate in zip(found, flows, strict=True)
-        if e.f[c] == g.call("sub", g.zero, rate)
+        for c, name in enumerate(e.q)
+        if name in e.unforced
+        and name not in seen
+        and c not in held
+        and inertias[c] != g.zero
     ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.language.graph import remembered
 from lagsim.mechanics.switches.find import Switches, find_switches
 
 if TYPE_CHECKING:
@@ -31,7 +32,9 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
             row.transport,
         ]
     state = [*e.q, *e.velocities]
-    moving = [*state, "work", *e.accelerations, *e.multipliers]
-    nodes = [*dynamics, e.energy]
-    sided = dynamics if located else []
-    return find_switches(e.graph, nodes, moving, sided, e.velocities)
+    moving = (*state, "work", *e.accelerations, *e.multipliers)
+    sided = tuple(dynamics) if located else ()
+    return _found(e.graph, (*dynamics, e.energy), moving, sided, e.velocities)
+
+
+_found = remembered(find_switches)

@@ -23,7 +23,7 @@ _ENTRY = (
 )
 _ITEM = r"(?P<lead>\s*(?:-\s+)+)(?P<value>\S.*)"
 _NO_SPACE = r"\s*(?:-\s+)*(?P<key>[^\s:#{}\[\],'\"]+):(?P<value>[^\s:]\S*)"
-
+_EQUALS = r"\s*(?P<key>\w+)\s*=\s*(?P<value>[^:=]+)$"
 _BEGINS = {
     "%": "`%` cannot begin a value in YAML",
     "@": "`@` cannot begin a value in YAML",
@@ -188,21 +188,22 @@ def _missing_space(case: _Case) -> Diagnosis | None:
         number = _line_before(case)
     else:
         return None
-    match = re.match(_NO_SPACE, case.source.line(number))
+    line = case.source.line(number)
+    match = re.match(_NO_SPACE, line) or re.match(_EQUALS, line)
     if match is None:
         return None
-    key, value = match["key"], match["value"]
-    found = case.fault(
-        f"a space is missing after the colon in `{key}:{value}`",
-        (number, match.start("key")),
-        f"write `{key}: {value}`",
-        length=len(key) + 1 + len(value),
+    key, value = match["key"], match["value"].rstrip()
+    found = line[match.start("key") : match.start("value") + len(value)]
+    fault = case.fault(
+        f"a space is missing after the colon in `{found}`" if "=" not in found else
+        f"a colon is missing in `{found}`",
+        (number, match.start("key")), f"write `{key}: {value}`", length=len(found),
         code="missing-space",
-    )
+    )  # fmt: skip
     lines = [case.source.line(i) for i in range(case.source.count)]
     column = match.end("key") + 2
-    lines[number] = lines[number][: column - 1] + " _"
-    return Diagnosis(found.problem, number, Repair("\n".join(lines), (number, column)))
+    lines[number] = line[: match.end("key")] + ": _"
+    return Diagnosis(fault.problem, number, Repair("\n".join(lines), (number, column)))
 
 
 def _no_colon(case: _Case) -> Diagnosis | None:
@@ -283,6 +284,8 @@ def _beginning(case: _Case) -> Diagnosis | None:
     if entry is not None and "{" not in entry["value"] and "#" not in entry["value"]:
         quoted = entry["value"].strip().replace('"', "'")
         hint += f': "{quoted}"'
+        if size := re.fullmatch(r"\|+([^|]+)\|+([^|]*)", quoted):
+            hint = f"write abs({size[1]}){size[2]}"
     return case.fault(text, (case.at[0], at), hint, set_aside=True)
 
 

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
-from lagsim.errors import InputError, Place, Problem
+from lagsim.errors import UNSEEN, InputError, Place, Problem, unseen
 from lagsim.language.graph import Graph
 from lagsim.model.model import Level, Model
 from lagsim.model.nodes import Broken, Scalar, load
@@ -33,6 +33,7 @@ from lagsim.model.reader.fields import (
     PLAIN,
     described,
     fields,
+    is_odd,
     keyed,
     shortened,
 )
@@ -51,7 +52,7 @@ SECTIONS = {
     "lagsim": described("Version of the format; default 1.", {"enum": [1, "1"]}),
     "name": described(
         "What the results are called; default: the file's stem.",
-        {**PLAIN, "pattern": r"^[^/\\\n\t]+$", "not": {"enum": [".", ".."]}},
+        {**PLAIN, "pattern": rf"^[^/\\\n\t{UNSEEN}]+$", "not": {"enum": [".", ".."]}},
     ),
     "description": described("Plain text.", PLAIN),
     "source": described("Where the model comes from, plain text.", PLAIN),
@@ -193,12 +194,27 @@ def _read(
     return _File(document.root, file, faults).read(overrides, options, data)
 
 
+def _unfit(name: str, node: Scalar) -> str:
+    """Say why a name cannot be that of files; nothing of what is told already."""
+    if letter := unseen(name):
+        return f"it has the letter U+{ord(letter):04X}, which is not seen"
+    if re.search(r"[/\\\n\t]", name):
+        return "it has a path separator"
+    if name in _NO_FILE_NAMES and (node.empty or node.text.strip() == name):
+        return "it is no name of a file"
+    return ""
+
+
 class _File:
     """The sections of one file."""
 
     def __init__(self, root: Node, file: str, faults: Faults) -> None:
         self.file = file
         self.faults = faults
+        if is_odd(root, SECTIONS):
+            from lagsim.model.reader.misplaced import in_place
+
+            root = in_place(root, SECTIONS, faults)
         self.root, self.node = root.place, root
         self.top = fields(root, "the file", SECTIONS, faults, self.root)
         if not self.top.sound:
@@ -305,12 +321,14 @@ class _File:
             if self.file in (_STDIN, PLAIN):
                 return self.file.strip("<>")
             stem = PurePath(self.file).stem
+            if letter := unseen(stem):
+                text = f"the name of the file has the letter U+{ord(letter):04X}"
+                hint = "give a `name`: results are called by it"
+                self.faults.add("bad-model-name", text, self.root, hint)
             return stem if stem not in _NO_FILE_NAMES else "model"
         name = self.top.text("name", self.faults)
-        if isinstance(node, Scalar) and (
-            name in _NO_FILE_NAMES or re.search(r"[/\\\n\t]", name)
-        ):
-            text = f"`{shortened(name)}` cannot be a name: it is used for files"
-            hint = "a name has no path separators, such as elastic-pendulum"
+        if isinstance(node, Scalar) and (fault := _unfit(name, node)):
+            text = f"`{shortened(name)}` cannot be a name: {fault}"
+            hint = "it is used for files: no path separators, such as elastic-pendulum"
             self.faults.add("bad-model-name", text, node.place, hint)
         return name

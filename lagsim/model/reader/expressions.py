@@ -11,8 +11,8 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.parser import Parsed, parse, parse_condition, parse_relation
 from lagsim.language.tokens import ExpressionError
 from lagsim.model.model import Level
-from lagsim.model.nodes import Broken, Node, Scalar
-from lagsim.model.reader.fields import kind_of
+from lagsim.model.nodes import Broken, Node, Scalar, Sequence
+from lagsim.model.reader.fields import kind_of, shortened
 from lagsim.model.reader.names import Kind
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ STATE = NUMBERS | {
 }
 OUTPUT = frozenset(Kind)
 
+# A number and its unit, in a list.
+PAIR = 2
 _VELOCITIES = (Kind.VELOCITY, Kind.RATE)
 
 
@@ -98,6 +100,8 @@ class Expressions:
         if isinstance(node, Scalar) and (node.quoted or not node.empty):
             return node
         hint = "quote it if it contains `{`, `[` or begins with a sign of YAML"
+        if isinstance(node, Sequence) and len(node.items) == PAIR:
+            hint = "a unit stands beside its number: {value: ..., unit: ...}"
         if isinstance(node, Scalar):
             hint = ""
         text = f"{what} must be an expression, found {kind_of(node)}"
@@ -203,6 +207,8 @@ class Expressions:
         if meaning is None:
             if not self.names.is_faulty(name) and self.names.complete:
                 text, hint = self.names.unknown(name, self.faults)
+                hint = hint or self.faults.meant(scalar, offset, self.names.variables)
+                hint = hint or f"give `{shortened(name)}` a value in `parameters`"
                 self.faults.add("unknown-name", text, place, hint)
             return None
         if meaning.kind not in allowed:

@@ -49,14 +49,33 @@ class Faults:
         from lagsim.model.reader import intent
 
         place = scalar.place_of(fault.offset, fault.length)
-        hint = intent.of_text(scalar.text, fault.offset, known)
+        text, end = scalar.text, fault.offset + fault.length
+        hint = self.meant(scalar, fault.offset, known)
         if not hint and fault.code == "unknown-function":
-            end = fault.offset + fault.length
-            hint = intent.of_function(scalar.text[fault.offset : end])
+            argument = text[end:].strip().removeprefix("(").partition(")")[0].strip()
+            hint = intent.of_function(text[fault.offset : end], argument, known)
+            hint = hint or fault.hint or "a function of your own is a definition"
         self.add(f"expression-{fault.code}", fault.text, place, hint or fault.hint)
 
-    def belongs(self, key: str) -> str:
-        """Give a hint where in the file a key stands, if it does elsewhere."""
+    def meant(self, scalar: Scalar, offset: int, known: Collection[str]) -> str:
+        """Give a hint from what stands around a fault; `known` are the variables."""
+        from lagsim.model.reader import intent
+
+        self._guesses += 1
+        if self._guesses > MAX_GUESSES:
+            return ""
+        return intent.of_text(scalar.text, offset, known)
+
+    def belongs(self, key: str, *, otherwise: bool = False) -> str:
+        """Give a hint where in the file a key stands, if it does elsewhere.
+
+        `otherwise`: or one that it is a name for elsewhere.
+        """
+        if otherwise:
+            from lagsim.model.reader.spellings import KEYS
+
+            found = (self.belongs(other) for other in KEYS.get(key.casefold(), ()))
+            return next(filter(None, found), "")
         if key in self._sections:
             return f"`{key}` stands at the top of the file, without indentation"
         for name, form in self._sections.items():
@@ -74,10 +93,22 @@ class Faults:
             or len(word) > MAX_GUESSED_LENGTH
         ):
             return ""
+        from lagsim.model.reader import intent
+
+        plain = intent.spelt_out(word)
         for candidate in candidates:
-            if candidate.casefold() == word.casefold():
+            if intent.spelt_out(candidate) == plain:
                 return candidate
         return (get_close_matches(word, candidates, 1) or [""])[0]
+
+    def called(self, key: str, known: Collection[str]) -> str:
+        """Give the key that is called otherwise elsewhere, or is most like this one."""
+        from lagsim.model.reader.spellings import KEYS
+
+        for other in KEYS.get(key.casefold().replace(" ", "_"), ()):
+            if other in known:
+                return other
+        return self.guess(key, known)
 
     def did_you_mean(self, word: str, candidates: Iterable[str]) -> str:
         """Give a hint that names the candidate most like `word`, or no hint."""

@@ -27,7 +27,8 @@ PLAIN: Form = {"type": ["string", "number", "boolean", "null"]}
 TRUTH: Form = {"type": "boolean"}
 IGNORED: Form = {"patternProperties": {"^x-": {}}}
 
-_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+_EQUALS = re.compile(r"(\w+)\s*=\s*([^=\s].*)")
 _NO_SPACE = re.compile(r"([^\s:]+):([^\s:]\S*)")
 
 # Of a list of names a message shows so many.
@@ -87,6 +88,8 @@ def entries(node: Node, what: str, faults: Faults) -> list[Entry]:
     hint = ""
     if isinstance(node, Sequence):
         hint = "write lines `name: value`, without the `-` or brackets of a list"
+    elif match := _EQUALS.match(node.text):
+        hint = f"a colon is missing: `{match[1]}: {match[2]}`"
     elif match := _NO_SPACE.match(node.text):
         hint = f"a space is missing after the colon: `{match[1]}: {match[2]}`"
     faults.add(
@@ -191,15 +194,41 @@ def fields(
     for key, value in given:
         if key.text in known:
             continue
-        near = faults.guess(key.text, known)
+        near = faults.called(key.text, known)
         hint = f"did you mean `{near}`?" if near else f"known are {listed(known)}"
         hint = faults.belongs(key.text) or hint
+        if not near:
+            hint = faults.belongs(key.text, otherwise=True) or hint
+        if key.text.isdecimal():
+            hint = _of_number(key, given)
         text = f"unknown key `{shortened(key.text)}` in {what}"
         faults.add("unknown-key", text, key.place, hint)
         if near:
             found.setdefault(near, (key, value))
     sound = isinstance(node, Mapping) or (isinstance(node, Scalar) and node.empty)
     return Fields(found, place, sound)
+
+
+def is_odd(root: Node, sections: Collection[str]) -> bool:
+    """Tell whether keys stand beside sections that are none, or sections in them."""
+    entries = root.entries if isinstance(root, Mapping) else ()
+    return any(
+        key.text not in sections
+        or (
+            isinstance(value, Mapping)
+            and any(k.text in sections for k, _ in value.entries)
+        )
+        for key, value in entries
+    )
+
+
+def _of_number(key: Scalar, given: list[Entry]) -> str:
+    """Give a hint where a number stands for a key: 1,5 or {1, unit: m}."""
+    place = [entry[0] for entry in given].index(key)
+    before = given[place - 1][1] if place else None
+    if isinstance(before, Scalar) and before.text[-1:].isdecimal():
+        return "a decimal point is written `.`"
+    return f"each value has its key: {{value: {key.text}, unit: ...}}"
 
 
 def listed(names: Iterable[str]) -> str:

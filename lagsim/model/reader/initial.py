@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import TYPE_CHECKING
 
 from lagsim.model.model import InitialValue, Level, Target
@@ -178,7 +179,8 @@ class Initial:
 
         names, faults = self.x.names, self.x.faults
         moving = names.moving()
-        near = intent.rate_of(key.text, moving)
+        near = re.sub(r"_?0$|\(0\)$", "", key.text)  # x0, x(0)
+        near = near if near in moving else intent.rate_of(key.text, moving)
         if not near:
             near = faults.guess(
                 key.text, [*moving, *(f"{name}_dot" for name in moving)]
@@ -189,6 +191,8 @@ class Initial:
             self._all.add(near)
             self._given.add(near)
         hint = faults.belongs(key.text) or hint
+        if key.text.isdecimal():
+            hint = "a decimal point is written `.`"
         text = f"`{key.text}` is no coordinate, velocity or definition"
         faults.add("unknown-name", text, key.place, hint)
 

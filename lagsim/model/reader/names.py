@@ -219,7 +219,8 @@ class Names:
             return f"there is no constraint `{base}`", hint
         from lagsim.model.reader import intent
 
-        hint = intent.of_name(name, self.moving())
+        hint = intent.of_name(name, self.variables, self.moving())
+        hint = hint or intent.of_several(name, self.variables)
         hint = hint or faults.did_you_mean(name, self.variables)
         if not hint and name in FUNCTIONS:
             hint = f"a function is followed by its arguments: {name}(...)"
@@ -279,6 +280,8 @@ def _spelling(name: str) -> tuple[str, str] | None:
     if name[0].isalpha() and rest_fits:
         return None
     fault = "a name is a letter, then letters, digits and `_`"
+    if name.isdecimal():
+        return fault, "a decimal point is written `.`"
     fitting = re.sub(r"\W+", "_", name.strip()).strip("_")
     if fitting and fitting[0].isalpha() and fitting != name and len(fitting) < 40:
         return fault, f"write `{fitting}`"

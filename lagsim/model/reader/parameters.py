@@ -73,6 +73,9 @@ def value_with_error(parsed: Parsed, known: MappingType[str, Value]) -> Value:
     known
         Value and error of each name in it but `pi`.
     """
+    (kind, number), *more = parsed.postfix
+    if not more and kind == "number":
+        return float(number), 0.0
     g = Unfolded()
     node = parsed.build(
         g, lambda name: g.constant(math.pi) if name == "pi" else g.variable(name)

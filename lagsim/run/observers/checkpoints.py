@@ -64,8 +64,8 @@ class Checkpoints:
         self.low = np.fmin(self.low, np.min(q, axis=0))
         self.high = np.fmax(self.high, np.max(q, axis=0))
         places = self._places(states[:, 0])
-        for k in np.flatnonzero((places >= 0) & (places % self.stride == 0)):
-            self._kept[int(places[k])] = states[k].copy()
+        kept = (places >= 0) & (places % self.stride == 0)
+        self._kept.update(zip(places[kept].tolist(), states[kept], strict=True))
         self._last = states[-1].copy()
         while len(self._kept) > MOST_ROWS:
             self.stride *= 2

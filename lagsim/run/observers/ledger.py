@@ -25,14 +25,11 @@ class Growth:
 
     def add(self, times: Floats, sizes: Floats) -> None:
         """Take values that are not negative, and their times (k,)."""
-        while True:
-            larger = np.flatnonzero(sizes > self._next)
-            if not len(larger):
-                return
-            k = larger[0]
-            self._noted.append((float(times[k]), float(sizes[k])))
-            self._next = GROWN * float(sizes[k])
-            times, sizes = times[k:], sizes[k:]
+        top = np.maximum.accumulate(np.where(sizes > self._next, sizes, 0.0))
+        for k in np.flatnonzero(np.diff(top, prepend=0.0)).tolist():
+            if top[k] > self._next:
+                self._noted.append((float(times[k]), float(top[k])))
+                self._next = GROWN * float(top[k])
 
     def since(self, bound: float) -> float | None:
         """Give the first time noted at which the value exceeds `bound`."""

@@ -43,21 +43,25 @@ class Witness:
         self._held = [k for k, name in enumerate(columns) if name.startswith("Qc_")]
         self._low = np.full(len(columns), np.inf)
         self._high = np.full(len(columns), -np.inf)
-        self._kept: list[Floats] = []
+        self._kept = np.empty((0, 3 + 3 * count))
         self._seen, self._stride = 0, 1
 
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
-        finite = rows[np.isfinite(rows[:, self._energy])]
-        if len(finite):
-            self._low = np.fmin(self._low, np.min(finite, axis=0))
-            self._high = np.fmax(self._high, np.max(finite, axis=0))
-        first = -self._seen % self._stride
-        self._kept += list(self._parts_of(rows[first :: self._stride]))
-        self._seen += len(rows)
-        while len(self._kept) > MOST_ROWS:
+        finite = np.isfinite(rows[:, self._energy])
+        known = rows if finite.all() else rows[finite]
+        if len(known):
+            columns = np.ascontiguousarray(known.T)  # looked through at a stretch
+            self._low = np.fmin(self._low, np.min(columns, axis=1))
+            self._high = np.fmax(self._high, np.max(columns, axis=1))
+        seen = self._seen + len(rows)
+        while seen > MOST_ROWS * self._stride:
             self._kept = self._kept[::2]
             self._stride *= 2
+        first = -self._seen % self._stride
+        more = self._parts_of(rows[first :: self._stride])
+        self._kept = np.concatenate([self._kept, more])
+        self._seen = seen
 
     def _parts_of(self, rows: Floats) -> Floats:
         """Give energy - work, the kinetic energy, t, q, q', q'' of each row."""
@@ -71,7 +75,7 @@ class Witness:
     @property
     def _rows(self) -> Floats:
         """What is kept and finite, from the start to where it ceases to be."""
-        rows = np.array(self._kept).reshape(-1, 3 + 3 * self.count)
+        rows = self._kept
         lost = np.flatnonzero(~np.all(np.isfinite(rows), axis=1))
         return rows[: lost[0]] if len(lost) else rows
 

@@ -7,6 +7,7 @@ new values of parameters compile nothing.
 
 from __future__ import annotations
 
+from copy import copy
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
+    from lagsim.model.model import Model
     from lagsim.native.graph.straight_line import Code
     from lagsim.plan import Plan
     from lagsim.run.system.stepping import Pattern
@@ -123,7 +125,11 @@ class System:
             else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
-        self.sleepers = self._sleepers(nodes_of) if self.met is None else []
+        self.sleepers: list[Sleeper] = []
+        if self.met is None:
+            self.sleepers = self.watched_for(equations, plan)
+        if self.sleepers:
+            nodes_of["signals"] = signal_nodes(equations, self.sleepers)
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
@@ -140,18 +146,12 @@ class System:
             nodes_of["velocity_steps"] = nodes_of["velocity_step"]
         p = self._parameters()
         layout = self._layout(p)
-        found_code, p_size = object_code(
+        found_code, self._p_size = object_code(
             keys.fingerprint(equations.graph, nodes_of, layout, plan.tape, MANNER),
             lambda: self._code(nodes_of, layout),
         )
-        # Behind what is declared lies what the code keeps for itself.
-        more = np.zeros(p_size - len(p.flat))
-        self.p = Parameters(np.concatenate([p.flat, more]))
-        for row, length in zip(equations.rows, plan.lengths, strict=True):
-            self.p.flat[layout.p[f"length.{row.name}"]] = length
-        for parameter in equations.model.parameters:
-            self.p.flat[layout.p[parameter.name]] = parameter.value
         self._layout_of = layout.p
+        self.p = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
@@ -195,16 +195,41 @@ class System:
         loops = self.met is None and self.plan.elimination is None
         return loops or self.has_jacobian
 
-    def _sleepers(self, nodes_of: dict[str, list[int]]) -> list[Sleeper]:
-        """Find what may sleep in the motion, and add the function that watches it."""
-        e = self.equations
-        nodes = self.switches.freeze(motion_nodes(e))
-        ends = self.switches.freeze([side.node for side in self.switches.sides])
-        ends += nodes_of.get("until", [])
-        found = all_sleepers(e, nodes, ends)
-        if found:
-            nodes_of["signals"] = signal_nodes(e, found)
-        return found
+    @staticmethod
+    def watched_for(equations: Equations, plan: Plan) -> list[Sleeper]:
+        """Find what may sleep in the motion, or in what ends it."""
+        switches, until = plan.switches, equations.model.until
+        nodes = switches.freeze(motion_nodes(equations))
+        ends = switches.freeze([side.node for side in switches.sides])
+        ends += switches.shown([] if until is None else [until.node])
+        return all_sleepers(equations, nodes, ends)
+
+    def fits(self, plan: Plan) -> bool:
+        """Tell whether the functions are those of a plan for other values, too."""
+        equations = plan.reduction.equations
+        if plan.form != self.plan.form:
+            return False
+        if self.met is None and self.sleepers != self.watched_for(equations, plan):
+            return False
+        return all(x.fits(y.plan) for x, y in zip(self.parts, plan.parts, strict=True))
+
+    def bound(self, model: Model, plan: Plan) -> System:
+        """Give the same functions with other values, and a plan that `fits`."""
+        new = copy(self)
+        new.take_values(model, plan)
+        return new
+
+    def take_values(self, model: Model, plan: Plan) -> None:
+        """Begin anew with other values, in a memory of its own."""
+        self.plan, self.model = plan, model
+        self.equations = plan.reduction.equations
+        self.laws = self.equations.laws if self.met is None else ()
+        self.p = self._filled(self._parameters())
+        self._runners = {name: x.over(self) for name, x in self._runners.items()}
+        self.parts = [
+            x.bound(y.subsystem.equations.model, y.plan)
+            for x, y in zip(self.parts, plan.parts, strict=True)
+        ]
 
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
         if self.met is not None:
@@ -247,6 +272,18 @@ class System:
         p.law_normal[:] = [law.normal for law in self.laws]
         p.law_pair[:] = [law.pair for law in self.laws]
         return p
+
+    def _filled(self, p: Parameters) -> Parameters:
+        """Give the memory with the values of this binding."""
+        # Behind what is declared lies what the code keeps for itself.
+        whole = Parameters(
+            np.concatenate([p.flat, np.zeros(self._p_size - len(p.flat))])
+        )
+        for row, length in zip(self.equations.rows, self.plan.lengths, strict=True):
+            whole.flat[self._layout_of[f"length.{row.name}"]] = length
+        for parameter in self.equations.model.parameters:
+            whole.flat[self._layout_of[parameter.name]] = parameter.value
+        return whole
 
     def _met_sizes(self) -> dict[str, int]:
         """Give the sizes of what methods have that meet all rows by impulses."""

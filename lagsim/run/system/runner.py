@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from copy import copy
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -12,6 +13,7 @@ from lagsim.methods.parts import driver
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.link.cache import kernel_object
 from lagsim.native.link.engine import Engine
+from lagsim.run.pace import Pace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -71,10 +73,13 @@ class Runner:
     Attributes
     ----------
     method : module
+    pace : Pace
+        That of the runs so far.
     """
 
     def __init__(self, system: Compiled, name: str) -> None:
         self.system = system
+        self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
         until = system.equations.model.until is not None
@@ -101,6 +106,12 @@ class Runner:
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
         self._work = np.empty(LANES * (1 + system.size + system.rows_observed))
         self._room = self._work.ctypes.data
+
+    def over(self, system: Compiled) -> Runner:
+        """Give the same code over the memory of a system bound to other values."""
+        new = copy(self)
+        new.__dict__ |= {"system": system, "_functions": {}}
+        return new
 
     def function(
         self, name: str, length: int | None = None

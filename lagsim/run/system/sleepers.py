@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
+from lagsim.language.graph import once, remembered
 from lagsim.methods.parts.looks import LARGE, LARGEST, NEAR_ZERO, SMALL
 
 if TYPE_CHECKING:
@@ -64,6 +65,24 @@ def all_sleepers(
     Of what the motion depends on, `nodes` as they are in an arc, those that depend on
     the state; of what ends an arc, `ends`, those that depend on t alone too.
     """
+    g = equations.graph
+    exponents = _exponents(g, tuple(nodes), tuple(ends))
+    values = {p.name: p.value for p in equations.model.parameters}
+    given = tuple((name, values.get(name)) for name in exponents)
+    key = all_sleepers, equations.q, tuple(nodes), tuple(ends), given
+    return once(g, key, lambda: _all_sleepers(equations, nodes, ends))
+
+
+@remembered
+def _exponents(g: Graph, nodes: tuple[int, ...], ends: tuple[int, ...]) -> list[str]:
+    """Give the names in exponents: on their values it rests what sleeps."""
+    powers = [n for n in g.cone([*nodes, *ends]) if g.ops[n] == "pow"]
+    return sorted(g.depends(g.args[n][1] for n in powers))
+
+
+def _all_sleepers(
+    equations: Equations, nodes: Sequence[int], ends: Sequence[int]
+) -> list[Sleeper]:
     g = equations.graph
     state = (*equations.q, *equations.velocities)
     found = _Search(equations, nodes).among(g.dependent(nodes, state))

@@ -5,6 +5,7 @@ Drawn from work_precision.json alone, so that it can be drawn again.
 
 from __future__ import annotations
 
+import itertools
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
@@ -33,12 +34,12 @@ if TYPE_CHECKING:
 
 # Inches: the sheet, its margins, the panels and what is between them; names beside.
 WIDTH, TOP, HEIGHT, GAP, BELOW = 7.6, 0.62, 3.0, 0.42, 0.5
-NAMES, BETWEEN = 2.2, 0.16
+NAMES, BETWEEN = 2.7, 0.16
 
 
 @in_house_style
-def chart(document: Mapping[str, Any]) -> bytes:
-    """Draw what work_precision.json says. Returns a PNG."""
+def chart(document: Mapping[str, Any], form: str = "png") -> bytes:
+    """Draw what work_precision.json says. Returns a PNG, SVG or PDF."""
     rows = document["rows"]
     found = shown(rows, WORST)
     by_cost = {of: _costs(found, of) for of in ("seconds", "evaluations")}
@@ -46,13 +47,13 @@ def chart(document: Mapping[str, Any]) -> bytes:
     width = WIDTH - BESIDE - BETWEEN - beside - EDGE
     notes = wrapped(_notes(document, found), WIDTH - 2 * EDGE)
     under = TOP + 2 * HEIGHT + GAP + BELOW
-    sheet = Sheet(WIDTH, under + LINE * len(notes) + 0.1)
+    sheet = Sheet(WIDTH, under + LINE * len(notes) + 0.1, form)
     sheet.heading(document["model"]["name"], "what an error costs")
     floor = float(seen([document["reference"]["floor"]])[0])
     across = error_scale(by_cost["seconds"], floor)
     for k, (of, curves) in enumerate(by_cost.items()):
         place = (BESIDE, TOP + k * (HEIGHT + GAP), width, HEIGHT)
-        front = _front(rows, of)
+        front = _front(found, of)
         cost_panel(
             sheet, place, across, curves, of, floor=floor, below=k == 1, front=front
         )
@@ -82,7 +83,8 @@ def _costs(found: Shown, of: str) -> list[Cost]:
     ]
 
 
-def _front(rows: Iterable[Row], of: str) -> tuple[Any, Any]:
+def _front(found: Shown, of: str) -> tuple[Any, Any]:
+    rows = itertools.chain.from_iterable(found.curves.values())
     front = sorted((r["error"], r[of]) for r in rows if r[f"front_{of}"])
     points = np.array(front, float).reshape(-1, 2)
     return seen(points[:, 0]), seen(points[:, 1])

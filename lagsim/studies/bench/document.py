@@ -24,9 +24,7 @@ if TYPE_CHECKING:
     from lagsim.studies.bench.work_precision import WorkPrecision
 
 TABLE = "work_precision.csv"
-CHART = "work_precision.png"
 MANIFEST = "work_precision.json"
-FILES = (TABLE, CHART, MANIFEST)
 
 COLUMNS = (
     "method", "formulation", "setting", "value", "seconds", "evaluations", "error",
@@ -39,6 +37,11 @@ NEEDED = (
     "lagsim", "versions", "machine", "date", "model", "end", "reference", "refused",
     "rows",
 )  # fmt: skip
+
+
+def files(form: str) -> list[str]:
+    """Give the files, with the chart as PNG, SVG or PDF in the middle."""
+    return [TABLE, f"work_precision.{form}", MANIFEST]
 
 
 def table(rows: Iterable[Mapping[str, Any]]) -> bytes:

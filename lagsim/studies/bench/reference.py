@@ -30,16 +30,17 @@ if TYPE_CHECKING:
 
 # An agreement this good ends the search for a better one.
 GOOD = 1e-12
-# One solve may take this part of the time for all of them.
-ONE = 0.25
+# One solve may take this part of the time for all of them, or so many seconds where
+# there is little; as many there are for what verifies.
+ONE, LEAST_SECONDS = 0.25, 5.0
 SECONDS = 40.0
 
 # Rows count as known while both agree to this part of each coordinate's range: to the
 # first of these that holds for all rows ...
 WHOLE = (1e-10, 1e-8, 1e-6)
-# ... or else for more than a few of them.
+# ... or else for more than a few of them: so many, or a part where rows are few.
 LEVELS = (*WHOLE, 1e-4, 1e-2)
-FEW = 0.1
+MANY, FEW = 50, 0.1
 # A range that is this small beside others of its unit is that of rounding errors.
 NOISE = 1e-11
 
@@ -151,7 +152,7 @@ def make_reference(
     Parameters
     ----------
     seconds
-        That all of it may take.
+        That all of it may take; more only until there are two solutions at all.
     progress
         Is called with the part of them that is spent.
 
@@ -161,13 +162,15 @@ def make_reference(
         Where no two solutions can be had.
     """
     began = time.perf_counter()
-    patience = Patience(ONE * seconds, interrupt, began + seconds)
+    patience = Patience(max(ONE * seconds, LEAST_SECONDS), interrupt)
     first = next(tightest(case, patience), None)
     if first is None:
         text = "nothing to measure errors against: the motion cannot be solved to its "
         text += f"end at any tolerance in {patience.seconds:.3g} s"
         hint = "; `lagsim run` says where it fails, --budget gives it more time"
         raise NoReferenceError(text + hint)
+    now = time.perf_counter()
+    patience.until = max(began + seconds, now + LEAST_SECONDS)
     motion = between_rows(case, first, patience)
     best: Reference | None = None
     for second in others(case, first, patience):
@@ -178,6 +181,7 @@ def make_reference(
             progress(min(1.0, (time.perf_counter() - began) / seconds))
         if best.whole and best.floor <= GOOD:
             break
+        patience.until = began + seconds
     if best is None:
         text = f"nothing to measure errors against: {first.how} is all that can be had"
         raise NoReferenceError(text)
@@ -223,9 +227,12 @@ def _known(apart: Floats) -> int:
     for level in LEVELS:
         lost = np.flatnonzero(~(apart <= level))
         known[level] = int(lost[0]) if len(lost) else count
-    whole = any(known[level] == count for level in WHOLE)
-    enough = max(2.0, FEW * count)
-    return count if whole else next((k for k in known.values() if k >= enough), count)
+    if any(known[level] == count for level in WHOLE):
+        return count
+    enough = max(2.0, min(MANY, FEW * count))
+    last = known[LEVELS[-1]]
+    otherwise = last if last > 1 else count
+    return next((k for k in known.values() if k >= enough), otherwise)
 
 
 def differences(

@@ -36,9 +36,10 @@ class Shown(NamedTuple):
 def shown(rows: Sequence[Row], worst: float) -> Shown:
     """Choose among the rows of work_precision.json that have an error up to `worst`.
 
-    First come the curves that `auto` takes, then of each method the formulation that
-    comes closest to the front, two of scipy's among them, then other formulations; of
-    them first those that stay on the constraints. They are given cheapest first.
+    First come the curves that `auto` takes, then those on the front, then of each
+    method the formulation that comes closest to it, two of scipy's among them, then
+    other formulations; of them first those that stay on the constraints. They are given
+    cheapest first.
     """
     curves: dict[Key, list[Row]] = defaultdict(list)
     for row in rows:
@@ -55,17 +56,22 @@ def shown(rows: Sequence[Row], worst: float) -> Shown:
 
 def _in_turn(ranked: list[Key], curves: Mapping[Key, list[Row]]) -> Iterator[Key]:
     """Give curves by how much a chart would miss them."""
-    auto = [key for key in ranked if any(row["chosen"] for row in curves[key])]
+    best = [key for key in ranked if any(row["chosen"] for row in curves[key])]
     ranked = sorted(ranked, key=lambda key: key[1] == DRIFT)
+    best += [
+        key
+        for key in ranked
+        if key not in best and any(row["front_seconds"] for row in curves[key])
+    ]
     first: list[Key] = []
     for key in ranked:
-        if key not in auto and key[0] not in {method for method, _ in (*auto, *first)}:
+        if key not in best and key[0] not in {method for method, _ in (*best, *first)}:
             first.append(key)
     scipy = [key for key in first if key[0].startswith(PREFIX)]
     own = [key for key in first if key not in scipy]
-    room = MOST - len(auto) - min(len(scipy), OF_SCIPY)
-    yield from (*auto, *own[:room], *scipy[:OF_SCIPY], *own[room:])
-    later = [key for key in ranked if key not in {*auto, *first}]
+    room = max(0, MOST - len(best) - min(len(scipy), OF_SCIPY))
+    yield from (*best, *own[:room], *scipy[:OF_SCIPY], *own[room:])
+    later = [key for key in ranked if key not in {*best, *first}]
     yield from (*later, *scipy[OF_SCIPY:])
 
 

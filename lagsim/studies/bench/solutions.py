@@ -28,7 +28,7 @@ SCIPY_TOLERANCE = 3e-14
 # Fixed steps are halved this often, from a quarter of a row's spacing on, ...
 HALVINGS = 10
 # Ranges are those of the motion, not of rows that may lie a period apart.
-MOMENTS, MOMENTS_RTOL = 4001, 1e-9
+MOMENTS = 4001
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,12 +132,9 @@ def _steps(own: Own) -> list[float]:
 
 
 def between_rows(case: Case, first: Solution, patience: Patience) -> Floats:
-    """Give rows between those asked for, too, for the ranges."""
+    """Give rows between those asked for, too, for the ranges; they are as tight."""
     between = case.asking(output_step=case.settings.duration / MOMENTS)
-    own = _able(between, first.method)
-    if own is not None:
-        fixed = between.settings.output_step
-        rtol = MOMENTS_RTOL if own.setting == "rtol" else fixed
-        for solution in _solved(own, (rtol,), patience):
+    if own := _able(between, first.method):
+        for solution in _solved(own, (first.value,), patience):
             return np.concatenate((first.rows, solution.rows))
     return first.rows

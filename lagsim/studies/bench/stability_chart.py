@@ -77,14 +77,14 @@ PREDICTED_LINE: Pen = {"color": "#0072B2", "dashes": (3.0, 1.5), "linewidth": 1.
 
 
 @in_house_style
-def chart(title: str, found: Stability, varied: str | None) -> bytes:
-    """Draw what was found as a parameter, or none, varied. Returns a PNG."""
+def chart(title: str, found: Stability, varied: str | None, form: str = "png") -> bytes:
+    """Draw what was found as a parameter, or none, varied; as PNG, SVG or PDF."""
     over = _named(found, varied)
     notes = wrapped(_notes(found, varied), WIDTH - 2 * EDGE)
     regions_at = TOP + _maps_height(found, varied)
     work_at = regions_at + regions_height(found)
     notes_at = work_at + work_height(found)
-    sheet = Sheet(WIDTH, notes_at + LINE * len(notes) + 0.1)
+    sheet = Sheet(WIDTH, notes_at + LINE * len(notes) + 0.1, form)
     sheet.heading(title, "where methods hold and where they fail")
     _legend(sheet, found, varied=varied is not None)
     if found.methods:
@@ -171,7 +171,8 @@ def _cells(
         colours[steps[cell.step], columns[cell.value]] = colour
     if len(columns) != len(x) - 1:
         colours = colours.swapaxes(0, 1)
-    axes.pcolormesh(x, y, colours, zorder=1.0)
+    # Edges of their own colour close the seams that viewers of vectors leave.
+    axes.pcolormesh(x, y, colours, zorder=1.0, edgecolors="face", linewidth=0.7)
 
 
 def _maps(sheet: Sheet, found: Stability, varied: Named) -> None:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from lagsim.studies.bench.trial import Cell, Subject
 
 TABLE = "stability.csv"
-CHART = "stability.png"
 MANIFEST = "stability.json"
 
 MEASURED = ("verdict", "growth", "evaluations", "rejections", "smallest_step")

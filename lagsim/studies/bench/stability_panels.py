@@ -147,7 +147,7 @@ def work(sheet: Sheet, top: float, found: Stability, varied: Named) -> None:
     sheet.legend(NUMBERS, top + 0.16, list(pens.items()), width)
     asked: list[tuple[str, Callable[[Cell], float | None]]] = [
         ("evaluations / time", lambda cell: _share(cell.evaluations, cell)),
-        ("rejections", lambda cell: _positive(cell.rejections)),
+        ("1 + rejections", lambda cell: _plus_one(cell.rejections)),
         ("least step / run", lambda cell: _share(cell.smallest_step, cell)),
     ]
     for row, (label, of) in enumerate(asked):
@@ -159,7 +159,7 @@ def work(sheet: Sheet, top: float, found: Stability, varied: Named) -> None:
         with sheet.panel(
             (NUMBERS, y, width, WORK_HEIGHT), across, log_scale(*curves.values()),
             below=varied if row == 2 else NOTHING, side=(label, ""), ticks=(9, 5),
-            reach=0.5, spare=0.2,
+            reach=NUMBERS - 0.2, spare=0.2,
         ) as axes:  # fmt: skip
             for name, values in curves.items():
                 x = np.array([cell.value for cell in found.of(name)], float)
@@ -170,6 +170,6 @@ def _share(count: float | None, cell: Cell) -> float | None:
     return count / cell.duration if count and cell.duration else None
 
 
-def _positive(count: int | None) -> float | None:
-    """Give a count as it is drawn on logarithms: none as less than one."""
-    return None if count is None else max(float(count), 0.5)
+def _plus_one(count: int | None) -> float | None:
+    """Give a count as it is drawn on logarithms, which have no 0."""
+    return None if count is None else 1.0 + count

@@ -38,9 +38,10 @@ STALLED = 1e-6
 GIVE_UPS = 4
 
 TOO_SLOW, OUT_OF_TIME = "too slow", "out of time"
-# Of the seconds for everything the part that the reference may take, and the least for
-# a curve and for a solve.
-OF_REFERENCE, LEAST_SECONDS, ONE = 0.3, 0.2, 0.1
+# Of the seconds for everything the part that the reference may take, how many times
+# the share of another curve one that `auto` takes has, the least for a curve and the
+# part for a solve.
+OF_REFERENCE, OF_AUTO, LEAST_SECONDS, ONE = 0.3, 5.0, 0.2, 0.1
 
 # The errors of state and lambda, energy drift, constraint residual.
 Measured = tuple[float | None, float | None, float | None, float | None]
@@ -156,15 +157,16 @@ def measure(
     auto = Auto(case, decades(wish.tolerances))
     refused: list[Refused] = []
     curves = list(curves_of(case, wish, reference, auto, refused))
-    # What `auto` takes comes first: no time may run out before it is known.
+    # What `auto` takes comes first, with more time: it must be known.
     order = sorted(range(len(curves)), key=lambda k: curves[k].key not in auto.chosen)
+    shares = [OF_AUTO if curves[k].key in auto.chosen else 1.0 for k in order]
     patience = Patience(min(_patience(auto), ONE * wish.budget), interrupt)
     entries: dict[int, list[Entry]] = {}
     for done, k in enumerate(order):
         if patience.pressed:
             break
         now = time.perf_counter()
-        share = (began + wish.budget - now) / (len(order) - done)
+        share = (began + wish.budget - now) * shares[done] / sum(shares[done:])
         patience.until = now + max(share, LEAST_SECONDS)
         sweep = _Sweep(curves[k], auto, reference, patience)
         entries[k] = []

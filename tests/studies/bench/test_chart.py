@@ -60,7 +60,7 @@ def document(rows, **more):
 
 def crowd():
     """Everything there is, in every formulation, each dearer than the one before."""
-    kinds = ("projection", "elimination", "baumgarte", "drift")
+    kinds = ("velocity projection", "elimination", "baumgarte", "drift")
     rows = curve("radau", "elimination", 1.0, chosen=True)
     times = (2.0 + k for k in itertools.count())
     for method in names():
@@ -69,7 +69,7 @@ def crowd():
                 rows += curve(method, kind, next(times), decades=range(1, 9))
     for method in SCIPY:
         rows += curve(method, "drift", next(times))
-    rows.append(row("rk4", "projection", None, 1.0, outcome="too slow"))
+    rows.append(row("rk4", "velocity projection", None, 1.0, outcome="too slow"))
     return rows
 
 
@@ -101,6 +101,7 @@ def test_every_text_lies_on_the_sheet_and_over_no_other(name, crowded):
     drawing = crowded if name == "crowd" else drawn(chart, DOCUMENTS[name])
     assert len(drawing.panels) == 2
     assert_legible(drawing)
+    assert name == "long names" or not any("…" in said for said in drawing.written())
 
 
 def test_at_most_a_dozen_curves_and_the_rest_is_named(crowded):
@@ -118,6 +119,21 @@ def test_at_most_a_dozen_curves_and_the_rest_is_named(crowded):
     said = " ".join(crowded.written())
     for method, kind in found.left_out:
         assert f"{method} {kind}" in said or f"{method} (" in said
+
+
+def test_what_is_on_the_front_is_shown():
+    # A dozen methods with many digits, and a cheap one with hardly any.
+    rows = curve("dop853", "none", 1.0, chosen=True)
+    for k, method in enumerate([m for m in names() if m not in ("dop853", "euler")]):
+        rows += curve(method, "none", 2.0 + k)
+    loose = row("euler", "none", 0.5, 0.1)
+    rows.append(loose | {"front_seconds": True, "front_evaluations": True})
+    assert len({r["method"] for r in rows}) > MOST
+    assert ("euler", "none") in shown(rows, 3.0).curves
+    for panel in drawn(chart, document(rows)).panels:
+        (front,) = [line for line in panel.lines if line.colour == "#f0e442"]
+        assert len(front.x) == 12
+        assert panel.box.y0 < front.y.min() < front.y.max() < panel.box.y1
 
 
 def test_how_much_dearer_is_that_of_equal_errors():

@@ -84,6 +84,11 @@ def test_every_text_of_maps_does_and_axes_have_their_units(maps):
     assert not any("…" in label for label in labels)
 
 
+def test_it_is_drawn_for_print(strips):
+    assert chart("spring", strips, None, "pdf").startswith(b"%PDF")
+    assert chart("spring", strips, None, "svg").startswith(b"<?xml")
+
+
 def test_what_it_was_found_with_is_said(strips):
     said = " ".join(drawn(chart, "spring", strips, None).written())
     assert "Found with lagsim " in said

@@ -1,0 +1,297 @@
+"""`lagsim sweep`: one model at many values of parameters and of its start."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from lagsim.cli._closing import progress_bar
+from lagsim.cli._faults import faults_shown
+from lagsim.cli._shared import (
+    AsJson,
+    Jobs,
+    ModelPath,
+    Sets,
+    assignments,
+    coloured,
+    counted,
+    show_json,
+    table,
+)
+from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.cli._writing import commit
+from lagsim.cli.run import (
+    Atol,
+    Duration,
+    ErrorBar,
+    Formulation,
+    Gain,
+    Method,
+    OutputStep,
+    Rtol,
+    SpectralRadius,
+    Step,
+    given,
+)
+from lagsim.studies.attempts import ErrorBars
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lagsim.outputs.results import Results
+    from lagsim.run.interrupt import Interrupt
+    from lagsim.studies.sweep.journal import Journal
+    from lagsim.studies.sweep.sweeping import Found
+    from lagsim.studies.workers import Hired
+
+# So many letters of a reason are told; the table has all of it.
+REASON = 160
+
+
+def _names(context: typer.Context, incomplete: str) -> list[str]:
+    """Give what may be swept of the model that stands before it."""
+    from lagsim.errors import LagsimError
+    from lagsim.model.reader import read_file
+
+    try:
+        model = read_file(str(context.params["model"]))
+    except (LagsimError, KeyError):
+        return []
+    names = [p.name for p in model.parameters] + [x.name for x in model.initial]
+    return [f"{name}=" for name in names if name.startswith(incomplete)]
+
+
+def command(
+    model: ModelPath,
+    values: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="NAME=A:B:N|NAME=V1,V2,...",
+            help="A parameter, or an entry of `initial`, and its values: from A to B, "
+            "N of them, or a list; expressions.",
+            autocompletion=_names,
+        ),
+    ],
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Folder; default results/NAME/sweep."
+        ),
+    ] = None,
+    jobs: Jobs = None,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Keep the results of each run, in DIR/run-K.")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with a sweep that was interrupted.")
+    ] = False,
+    dask: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Of a Dask scheduler whose workers run."),
+    ] = None,
+    sets: Sets = None,
+    method: Method = None,
+    rtol: Rtol = None,
+    atol: Atol = None,
+    step: Step = None,
+    formulation: Formulation = None,
+    gain: Gain = None,
+    spectral_radius: SpectralRadius = None,
+    duration: Duration = None,
+    output_step: OutputStep = None,
+    error_bar: ErrorBar = ErrorBars.AUTO,
+    no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
+    as_json: AsJson = False,
+    quiet: Annotated[
+        bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
+    ] = False,
+) -> int:
+    """Run a model at all combinations of values."""
+    options = given(
+        method=method, rtol=rtol, atol=atol, step=step, formulation=formulation,
+        gain=gain, spectral_radius=spectral_radius, duration=duration,
+        output_step=output_step,
+    )  # fmt: skip
+    job = _Job(folder, jobs, dask, plots=not no_plots, as_json=as_json, quiet=quiet)
+    job.keep, job.resume = keep, resume
+    with faults_shown(job.documents if as_json else None, file=model) as code:
+        code.append(job.run(model, values, assignments(sets), options, error_bar))
+    for document in job.documents:
+        show_json(document)
+    return code[-1]
+
+
+class _Job:
+    """The manners of the command."""
+
+    keep = resume = False
+
+    def __init__(
+        self,
+        folder: Path | None,
+        jobs: int | None,
+        dask: str | None,
+        *,
+        plots: bool,
+        as_json: bool,
+        quiet: bool,
+    ) -> None:
+        self.folder, self.jobs, self.dask = folder, jobs, dask
+        self.plots, self.as_json, self.quiet = plots, as_json, quiet
+        self.documents: list[Any] = []
+
+    def run(
+        self,
+        path: str,
+        values: Sequence[str],
+        overrides: Mapping[str, str],
+        options: Mapping[str, str],
+        error_bars: ErrorBars,
+    ) -> int:
+        """Do it; give the exit code."""
+        from lagsim.model.reader import read_file
+        from lagsim.outputs.results import open_results
+        from lagsim.run.session import wanted
+        from lagsim.studies.sweep.document import MANIFEST
+        from lagsim.studies.sweep.grid import parsed
+        from lagsim.studies.sweep.runs import Work
+        from lagsim.studies.sweep.sweeping import Found, packed
+
+        model = read_file(path, overrides)
+        hint = "add it, or give --duration"
+        wanted(model, "sweep", options, hint)
+        grid = parsed(model, values)
+        folder = self.folder or Path("results") / model.name / "sweep"
+        kept = str(folder.absolute()) if self.keep else None
+        work = Work(
+            packed(model), tuple(options.items()), grid, error_bars, kept,
+            plots=self.keep and self.plots,
+        )  # fmt: skip
+        with open_results(folder, MANIFEST) as results:
+            return self._sweep(Found(model, work), results)
+
+    def _sweep(self, found: Found, results: Results) -> int:
+        from lagsim.run.interrupt import Interrupt
+        from lagsim.studies.sweep import journal
+        from lagsim.studies.sweep.document import identity
+
+        if self.resume and (code := self._known(found, results.folder)) is not None:
+            return code
+        interrupt = Interrupt()
+        rows = journal.Journal(results.folder / journal.NAME, identity(found))
+        try:
+            with interrupt.noted(), contextlib.closing(rows):
+                if self.resume:
+                    found.rows |= rows.resumed()
+                else:
+                    rows.begin()
+                self._make(found, rows, interrupt)
+        except OSError as error:
+            text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
+            raise UnwritableError(text) from None
+        if found.missing:
+            known = f"{len(found.rows)} of {found.grid.runs} runs"
+            complain(f"lagsim: interrupted; {known} are kept")
+            complain("  hint: the same command with --resume goes on from there")
+            return 128 + (interrupt.signal or 0)
+        code = self._finish(found, results)
+        rows.remove()
+        return code
+
+    def _known(self, found: Found, folder: Path) -> int | None:
+        """Give the exit code of a sweep that has come to its end before."""
+        from lagsim.studies.sweep import journal
+        from lagsim.studies.sweep.document import MANIFEST, mark
+
+        try:
+            there = json.loads((folder / MANIFEST).read_bytes())
+        except (OSError, ValueError):
+            return None
+        other = not isinstance(there, dict) or there.get("identity") != mark(found)
+        if other or (folder / journal.NAME).exists():
+            return None
+        if self.as_json:
+            self.documents.append(there)
+        elif not self.quiet:
+            say(f"nothing is left to do: {folder} holds this sweep")
+        return _code(there["outcomes"], there["complete"], there["runs"])
+
+    def _make(self, found: Found, rows: Journal, interrupt: Interrupt) -> None:
+        """Make the runs that are missing."""
+        from lagsim.studies.sweep.sweeping import sweep
+        from lagsim.studies.workers import cores, processes
+
+        with contextlib.ExitStack() as stack:
+            hired: Hired = processes
+            most = self.jobs or cores()
+            if self.dask is not None:
+                from lagsim.studies.sweep.machines import machines
+
+                hired, there = stack.enter_context(machines(self.dask))
+                most = self.jobs or there
+            progress = stack.enter_context(progress_bar(quiet=self.quiet))
+            sweep(
+                found, most, wanted=self.jobs is not None, hired=hired, journal=rows,
+                interrupt=interrupt, progress=progress,
+            )  # fmt: skip
+
+    def _finish(self, found: Found, results: Results) -> int:
+        """Write what was found, and tell it; give the exit code."""
+        from lagsim.studies.sweep import document
+
+        files = dict(document.files(found, plots=self.plots))
+        content = document.document(found, [*files, document.MANIFEST])
+        commit(results, content, files)
+        missing = found.grid.runs - content["complete"]
+        if missing:
+            whole = counted(found.grid.runs, "run")
+            complain(f"lagsim: {missing} of {whole} are not complete")
+        if not self.quiet:
+            for note in content["notes"]:
+                complain(f"note: {note}")
+        if self.as_json:
+            self.documents.append(content)
+        elif not self.quiet:
+            say(summary(found, content, results.folder))
+        return _code(content["outcomes"], content["complete"], found.grid.runs)
+
+
+def _code(outcomes: Mapping[str, int], complete: int, runs: int) -> int:
+    from lagsim.studies.sweep.runs import INADMISSIBLE
+
+    if outcomes.get(INADMISSIBLE) == runs:
+        return 1
+    return 0 if complete == runs else 3
+
+
+def summary(found: Found, document: Mapping[str, Any], folder: Path) -> str:
+    """Give the closing lines."""
+    grid, complete = found.grid, document["complete"]
+    colour = "32" if complete == grid.runs else "31"
+    head = f"{coloured('done', colour)}: {document['model']['name']}, "
+    head += f"{complete} of {counted(grid.runs, 'run')} complete"
+    rows = [("swept", f"{axis.name}: {_spread(axis.values)}") for axis in grid.axes]
+    first = {r.outcome: r.reason for _, r in sorted(found.rows.items(), reverse=True)}
+    for outcome, count in document["outcomes"].items():
+        if reason := first[outcome]:
+            told = f"{counted(count, 'run')}, the first: {_cut(reason)}"
+            rows.append((outcome, told))
+    seconds = document["timings"]["runs"]
+    each = seconds / max(1, grid.runs)
+    rows.append(("took", f"{seconds:.3g} s, {each * 1e3:.3g} ms a run"))
+    rows.append(("files", f"{folder}: {', '.join(document['files'])}"))
+    return head + "\n" + table(rows)
+
+
+def _cut(reason: str) -> str:
+    return reason if len(reason) <= REASON else reason[:REASON].rstrip() + " ..."
+
+
+def _spread(values: Sequence[float]) -> str:
+    if len(values) == 1:
+        return f"{values[0]:g}"
+    return f"{len(values)} values from {values[0]:g} to {values[-1]:g}"

@@ -1,0 +1,177 @@
+"""Sizes and roots: what people write of a velocity that may be 0.
+
+A quotient by its own size is a sign: u/abs(u), abs(u)/u, u/sqrt(u^2), u/abs(u)^q. That
+is how many write the direction of a velocity. At rest it would be 0/0, and no switch
+would be seen in it. Where 0 < q < 1, sign(u) |u|^(1 - q) is meant.
+
+A power takes a root away: sqrt(e)^2, hypot(x, y)^2, cbrt(x)^3, abs(x)^2. A root has no
+slope at 0, where its power has one: the energy of a body at rest that is written with
+its speed. Only what is equal for all arguments is written otherwise: sqrt(e) has no
+value below 0, so that sqrt(e)^2 is e only where e is seen never to be negative;
+elsewhere its slopes are those of e all the same (`local_slopes`).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lagsim.language.builder import Builder
+
+# Factors are looked for so far down: shared products would be walked through again and
+# again.
+DEEP = 5
+# The power that takes each away.
+UNDONE = {"sqrt": 2, "hypot": 2, "abs": 2, "cbrt": 3}
+_NEVER_NEGATIVE = ("abs", "sqrt", "exp", "cosh", "hypot", "heaviside")
+# Nodes that are looked at for a sign: sums of squares of bodies are long.
+MOST = 200
+
+
+def direction(g: Builder, x: int, y: int) -> int | None:
+    """Give x/y where y is a size of a factor of x, or x of y, else None."""
+    if g.ops[x] == "abs" and y in _either(g, g.args[x][0]):
+        return g.call("sign", y)
+    part, size, q = _size_in(g, y)
+    if size is None:
+        return None
+    for u in _either(g, size):
+        rest = _without(g, x, u)
+        if rest is not None:
+            found = g.call("mul", rest, _signed(g, u, q))
+            return found if part == g.one else g.call("div", found, part)
+    return None
+
+
+def directed_product(g: Builder, x: int, y: int) -> int | None:
+    """Give x y where one of them divides by a size of a factor of the other."""
+    for a, b in ((x, y), (y, x)):
+        op, args = g.ops[b], g.args[b]
+        if op == "div":
+            found = direction(g, a, args[1])
+            if found is not None:
+                return g.call("mul", found, args[0])
+        elif op == "pow" and -1.0 <= (g.value(args[1]) or 0.0) < 0.0:
+            inverse = g.call("neg", args[1])
+            found = direction(g, a, g.call("pow", args[0], inverse))
+            if found is not None:
+                return found
+    return None
+
+
+def _either(g: Builder, u: int) -> tuple[int, int]:
+    return u, g.call("neg", u)
+
+
+def _signed(g: Builder, u: int, q: float) -> int:
+    """Give u/|u|^q."""
+    sign = g.call("sign", u)
+    if q == 1.0:
+        return sign
+    power = g.call("pow", g.call("abs", u), g.constant(1.0 - q))
+    return g.call("mul", sign, power)
+
+
+def _size_in(g: Builder, y: int, depth: int = DEEP) -> tuple[int, int | None, float]:
+    """Give what else is a factor of y, u, and q where |u|^q is one."""
+    op, args = g.ops[y], g.args[y]
+    if op == "mul" and depth:
+        for other, a in (args, args[::-1]):
+            part, u, q = _size_in(g, a, depth - 1)
+            if u is not None:
+                return g.call("mul", other, part), u, q
+    elif op == "abs":
+        return g.one, args[0], 1.0
+    elif op in ("sqrt", "pow"):
+        q = 0.5 if op == "sqrt" else g.value(args[1]) or 0.0
+        inner = args[0]
+        if g.ops[inner] == "pow" and g.value(g.args[inner][1]) == 2.0:
+            inner, q = g.args[inner][0], 2.0 * q
+        elif g.ops[inner] == "abs":
+            inner = g.args[inner][0]
+        else:
+            q = 0.0
+        if 0.0 < q <= 1.0:
+            return g.one, inner, q
+    return g.one, None, 0.0
+
+
+def _without(g: Builder, x: int, u: int, depth: int = DEEP) -> int | None:
+    """Give x/u where u is seen to be a factor of x."""
+    if x == u:
+        return g.one
+    op, args = g.ops[x], g.args[x]
+    if not depth:
+        return None
+    if op == "mul":
+        for a, other in (args, args[::-1]):
+            rest = _without(g, a, u, depth - 1)
+            if rest is not None:
+                return g.call("mul", rest, other)
+    elif op in ("div", "neg"):
+        rest = _without(g, args[0], u, depth - 1)
+        if rest is not None:
+            return g.call(op, rest, *args[1:])
+    return None
+
+
+def raised(g: Builder, x: int, exponent: float) -> int | None:
+    """Give x^exponent without the root that x is or has for a factor, else None."""
+    op, args = g.ops[x], g.args[x]
+    if exponent % 1.0 or exponent < 2.0:
+        return None
+    if op in ("mul", "div") and any(g.ops[a] in UNDONE for a in args):
+        power = g.constant(exponent)
+        return g.call(op, *(g.call("pow", a, power) for a in args))
+    whole, rest = divmod(exponent, UNDONE.get(op, 1))
+    if op not in UNDONE or rest:
+        return None
+    if op == "sqrt" and not never_negative(g, args[0]):
+        return None
+    if op == "abs":
+        return g.call("pow", args[0], g.constant(exponent))
+    base = args[0]
+    if op == "hypot":
+        base = g.call("add", *(g.call("pow", a, g.constant(2.0)) for a in args))
+    return g.call("pow", base, g.constant(whole))
+
+
+def rooted_product(g: Builder, x: int, y: int) -> int | None:
+    """Give x y where one is a root that is a factor of the other, too, else None."""
+    for a, b in ((x, y), (y, x)):
+        if g.ops[b] not in UNDONE:
+            continue
+        if g.ops[a] == "pow" and g.args[a][0] == b:
+            exponent = g.value(g.args[a][1])
+            if exponent is not None and exponent >= 1.0:
+                return g.call("pow", b, g.constant(exponent + 1.0))
+        rest = _without(g, a, b)
+        if rest is not None:
+            return g.call("mul", rest, g.call("pow", b, g.constant(2.0)))
+    return None
+
+
+def never_negative(g: Builder, node: int) -> bool:
+    """Tell whether a node is seen to have no value below 0."""
+    stack, left = [node], MOST
+    while stack:
+        n = stack.pop()
+        op, args, number = g.ops[n], g.args[n], g.value(n)
+        left -= 1
+        if not left or (number is not None and number < 0.0):
+            return False
+        if op in _NEVER_NEGATIVE or number is not None:
+            continue
+        if op == "mul" and args[0] == args[1]:
+            continue
+        if op == "pow":
+            exponent = g.value(args[1])
+            if exponent is None or exponent % 2.0:
+                stack.append(args[0])
+        elif op in ("add", "mul", "div", "min", "max"):
+            stack += args
+        elif op == "if":
+            stack += args[1:]
+        else:
+            return False
+    return True

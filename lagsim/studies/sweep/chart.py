@@ -1,0 +1,231 @@
+"""sweep.png: curves over one parameter, maps over two."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.outputs.curves import curve, line
+from lagsim.outputs.letters import Letters, raised
+from lagsim.outputs.scale import Scale, value_scale
+from lagsim.outputs.sheet import (
+    EDGE,
+    LINE,
+    NOTHING,
+    PENS,
+    Named,
+    Pen,
+    Sheet,
+    in_house_style,
+    mark,
+    wrapped,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from lagsim.studies.sweep.sweeping import Found
+
+    Array = NDArray[np.float64]
+
+# Inches: the sheet, above the panels, left of them, a panel of curves, and of a map.
+WIDTH, TOP, LEFT, RIGHT = 7.0, 0.82, 0.72, 0.2
+CURVES, MAP, GAP, BELOW = 1.25, 1.75, 0.2, 0.5
+# Between two maps; a strip of their colours, and its distance.
+ACROSS, STRIP, NEAR = 1.45, 0.1, 0.42
+# Panels at most, or rows of maps: of coordinates first, then of definitions.
+MOST = 6
+# Values that spread over so many times the least, and evenly so in their logarithms,
+# stand on an axis of powers of ten.
+SPREAD = 20.0
+END, LOW, HIGH = range(3)
+FAILED: Pen = mark("x", 5.0, "#D55E00")
+AT_END: Pen = PENS[0]
+BAND: Pen = {"color": "#BFE3F5", "linewidth": 6.0, "solid_capstyle": "butt"}
+BAND_COLOUR, NO_RESULT = "#BFE3F5", "#999999"
+COLOURS = "viridis"
+
+
+@in_house_style
+def chart(found: Found) -> bytes:
+    """Draw what was found. Returns the picture."""
+    axes = found.grid.axes
+    shown = shown_columns(found)
+    notes = wrapped(_notes(found, len(shown)), WIDTH - 2 * EDGE)
+    shown = shown[:MOST]
+    each = (CURVES if len(axes) == 1 else MAP + BELOW + 0.1) + GAP
+    low = TOP + len(shown) * each + (BELOW if len(axes) == 1 else 0.0) - 0.1
+    sheet = Sheet(WIDTH, low + LINE * len(notes) + 0.1)
+    sheet.heading(found.model.name, f"{found.grid.runs} runs")
+    missing = not all(row.numbers.size for row in found.rows.values())
+    missing |= not all(row.complete for row in found.rows.values())
+    if len(axes) == 1:
+        _curves(sheet, found, shown, missing=missing)
+    else:
+        _maps(sheet, found, shown, missing=missing)
+    sheet.notes(low, notes)
+    return sheet.content()
+
+
+def shown_columns(found: Found) -> list[str]:
+    """Give the columns that are drawn: the coordinates, then the definitions."""
+    model = found.model
+    names = [c.name for c in model.coordinates]
+    names += [d.name for d in model.definitions if d.name in found.columns]
+    return names
+
+
+def values_of(found: Found, column: str, numbers: NDArray[np.int64]) -> Array:
+    """Give end, least and greatest of a column in runs (k, 3); nan without a result."""
+    place = found.columns.index(column)
+    cells = np.full((len(numbers), 3), np.nan)
+    for k, number in enumerate(numbers.tolist()):
+        row = found.rows.get(number)
+        if row is not None and row.complete:
+            cells[k] = row.numbers[:, place]
+    return cells
+
+
+def _curves(sheet: Sheet, found: Found, shown: list[str], *, missing: bool) -> None:
+    (axis,) = found.grid.axes
+    order = np.argsort(axis.values, kind="stable")
+    x = np.array(axis.values)[order]
+    scale = _scale(x)
+    entries = [("at the end", AT_END), ("from least to greatest", BAND)]
+    entries += [("not complete", FAILED)] if missing else []
+    sheet.legend(EDGE, 0.5, entries, WIDTH - 2 * EDGE)
+    for k, name in enumerate(shown):
+        cells = values_of(found, name, order)
+        last = k + 1 == len(shown)
+        place = (LEFT, TOP + k * (CURVES + GAP), WIDTH - LEFT - RIGHT, CURVES)
+        below = _written(found, axis.name, axis.unit) if last else NOTHING
+        side = _written(found, name, found.units.get(name, ""))
+        up = value_scale(cells[np.isfinite(cells)])
+        with sheet.panel(place, scale, up, below=below, side=side) as panel:
+            _band(panel, x, cells, up, missing=missing)
+
+
+def _band(panel: Axes, x: Array, cells: Array, up: Scale, *, missing: bool) -> None:
+    panel.fill_between(
+        x, cells[:, LOW], cells[:, HIGH], color=BAND_COLOUR, linewidth=0.0, zorder=1.0
+    )
+    curve(panel, x, cells[:, END], AT_END)
+    few = len(x) <= 60
+    if few:
+        line(panel, x, cells[:, END], mark("o", 2.0, AT_END["color"]), zorder=2.2)
+    none = np.isnan(cells[:, END])
+    if missing and none.any():
+        level = np.full(int(none.sum()), up.low)
+        line(panel, x[none], level, FAILED, clip_on=False, zorder=3.0)
+
+
+def _maps(sheet: Sheet, found: Found, shown: list[str], *, missing: bool) -> None:
+    first, second = found.grid.axes[:2]
+    across, up = np.array(first.values), np.array(second.values)
+    rows, columns = np.argsort(up, kind="stable"), np.argsort(across, kind="stable")
+    numbers = _numbers(found)[columns][:, rows].T
+    edges = _edges(across[columns]), _edges(up[rows])
+    if missing:
+        look: Pen = {"color": NO_RESULT, "linewidth": 8.0, "solid_capstyle": "butt"}
+        sheet.legend(EDGE, 0.5, [("not complete", look)], WIDTH - 2 * EDGE)
+    width = (WIDTH - LEFT - ACROSS - 0.85) / 2
+    named = tuple(_written(found, a.name, a.unit) for a in (first, second))
+    for k, name in enumerate(shown):
+        cells = values_of(found, name, numbers.ravel())
+        for j, (part, said) in enumerate(((END, "at the end"), (HIGH, "greatest"))):
+            content = cells[:, part].reshape(numbers.shape)
+            left = LEFT + j * (width + ACROSS)
+            top = TOP + k * (MAP + BELOW + 0.1 + GAP)
+            shown_name, unit = _written(found, name, found.units.get(name, ""))
+            _map(
+                sheet, (left, top, width, MAP), named, edges, content,
+                (f"{shown_name}, {said}", unit),
+            )  # fmt: skip
+
+
+def _map(
+    sheet: Sheet,
+    place: tuple[float, float, float, float],
+    named: Sequence[Named],
+    edges: tuple[Array, Array],
+    content: Array,
+    title: Named,
+) -> None:
+    """Draw a map, and at its right what its colours mean."""
+    below, side = named
+    scale = value_scale(content[np.isfinite(content)], margin=0.0)
+    look: Pen = {"cmap": COLOURS, "vmin": scale.low, "vmax": scale.high, "zorder": 1.0}
+    x, y = (Scale(e[0], e[-1], log=_is_log(e)) for e in edges)
+    with sheet.panel(
+        place, x, y, below=below, side=side, above=title, ticks=(5, 5)
+    ) as panel:
+        ground = np.isnan(content)
+        if ground.any():
+            grey = np.where(ground, 0.6, np.nan)
+            panel.pcolormesh(*edges, grey, cmap="gray", vmin=0.0, vmax=1.0, zorder=0.9)
+        panel.pcolormesh(*edges, content, **look)
+    left, top, width, height = place
+    levels = np.linspace(scale.low, scale.high, 65)
+    strip = (left + width + NEAR, top, STRIP, height)
+    with sheet.panel(strip, Scale(0.0, 1.0), scale, ticks=(2, 5)) as panel:
+        panel.pcolormesh([0.0, 1.0], levels, levels[:-1, None], **look)
+
+
+def _written(found: Found, name: str, unit: str) -> Named:
+    """Give a name and its unit as pictures write them."""
+    model = found.model
+    names = [c.name for c in model.coordinates] + [d.name for d in model.definitions]
+    return Letters(names).name(name), raised(unit)
+
+
+def _numbers(found: Found) -> NDArray[np.int64]:
+    """Give the numbers of the runs over the first two axes, others in their middle."""
+    counts = [len(axis.texts) for axis in found.grid.axes]
+    whole = np.arange(found.grid.runs).reshape(*counts[:2], -1)
+    middle = 0
+    for count in counts[2:]:
+        middle = middle * count + (count - 1) // 2
+    return np.asarray(whole[:, :, middle])
+
+
+def _is_log(x: Array) -> bool:
+    """Tell whether sorted values stand better on an axis of powers of ten."""
+    if len(x) < 3 or not x[0] > 0.0 or x[-1] < SPREAD * x[0]:
+        return False
+    even, powers = np.diff(x), np.diff(np.log(x))
+    return bool(np.ptp(powers) / np.max(powers) < np.ptp(even) / np.max(even))
+
+
+def _scale(x: Array) -> Scale:
+    if _is_log(x):
+        return Scale(x[0], x[-1], log=True)
+    return value_scale(x, margin=0.02)
+
+
+def _edges(x: Array) -> Array:
+    """Give the borders (k + 1,) of cells around sorted values (k,)."""
+    if len(x) == 1:
+        half = 0.5 * abs(x[0]) or 0.5
+        return np.array([x[0] - half, x[0] + half])
+    log = _is_log(x)
+    x = np.log(x) if log else x
+    middles = (x[1:] + x[:-1]) / 2.0
+    edges = np.array([2 * x[0] - middles[0], *middles, 2 * x[-1] - middles[-1]])
+    return np.asarray(np.exp(edges)) if log else edges
+
+
+def _notes(found: Found, columns: int) -> list[str]:
+    lines = []
+    others = found.grid.axes[2:]
+    if others:
+        fixed = ", ".join(
+            f"{a.name} = {a.texts[(len(a.texts) - 1) // 2]}" for a in others
+        )
+        lines.append(f"The others stand in their middle: {fixed}.")
+    if columns > MOST:
+        lines.append(f"The first {MOST} of {columns}; sweep.csv has all columns.")
+    return lines

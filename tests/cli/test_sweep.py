@@ -1,0 +1,404 @@
+"""`lagsim sweep`: the rows are those of single runs, whoever makes them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lagsim.cli.sweep import _names as completed
+from lagsim.run.observers.ledger import Ledger
+from lagsim.run.system import System
+from lagsim.studies.sweep.journal import NAME
+from tests.cli._results import manifest, names, table
+from tests.cli._scenes import CONTACT, CURVE, FALL, ON_THE_CURVE, PENDULUM
+from tests.support import ROOT
+
+SPRING = """\
+parameters: {l: 1, g: 9.8, K: 25.6}
+coordinates: {theta: {unit: rad}, u: {unit: m}}
+definitions: {x: {value: (l + u)*sin(theta), unit: m}, y: -(l + u)*cos(theta)}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: g*(l + y) + K*u^2/2}
+initial: {theta: 1, u: 0.1}
+simulation: {duration: 1, output_step: 0.05}
+"""
+# A power is a form: what sleeps in it, and whether the motion is linear.
+POWER = """\
+parameters: {n: 2}
+coordinates: {x: }
+energy: {kinetic: x_dot^2/2, potential: abs(x)^n/n}
+initial: {x: 1}
+simulation: {duration: 2, output_step: 0.1}
+"""
+FALL_FROM = "parameters: {R: 1}\n" + FALL.replace("{r: 1}", "{r: R}")
+QUICK = ("--no-plots", "--error-bar", "never")
+
+
+def rows_of(folder):
+    """Give sweep.csv, a mapping for each row."""
+    text = (Path(folder) / "sweep.csv").read_bytes().decode()
+    return list(csv.DictReader(io.StringIO(text, newline="")))
+
+
+def record(folder):
+    return json.loads((Path(folder) / "sweep.json").read_bytes())
+
+
+def assert_is_single(row, folder):
+    """Compare a row with the results of a single run, bit for bit."""
+    header, rows = table(folder)
+    document = manifest(folder)
+    error = document["error"]
+    assert row["outcome"] == document["outcome"]
+    assert row["error"] == ("" if error is None else repr(error["relative"]))
+    assert float(row["t.end"]) == rows[-1, 0]
+    for k, name in enumerate(header[1:], 1):
+        told = [float(row[f"{name}.{x}"]) for x in ("end", "min", "max")]
+        assert told == [rows[-1, k], rows[:, k].min(), rows[:, k].max()]
+
+
+@pytest.mark.parametrize("bars", ["auto", "never"])
+def test_rows_have_the_values_of_single_runs(lagsim, write, bars):
+    model = write(SPRING)
+    more = ("--no-plots", "--error-bar", bars, "--rtol", "1e-9")
+    called = lagsim("sweep", model, "K=20:30:3", "g=9.8,2*pi", *more, "-j", 1)
+    assert (called.code, called.err) == (0, "")
+    assert called.out.startswith("done: model, 6 of 6 runs complete")
+    folder = Path("results/model/sweep")
+    assert names(folder) == ["sweep.csv", "sweep.json"]
+    rows = rows_of(folder)
+    grid = list(itertools.product(("20.0", "25.0", "30.0"), ("9.8", repr(2 * np.pi))))
+    assert [(row["K"], row["g"]) for row in rows] == grid
+    for k, text in ((0, "9.8"), (3, "2*pi"), (5, "2*pi")):
+        sets = ("--set", f"K={grid[k][0]}", "--set", f"g={text}")
+        lagsim("run", model, *sets, *more, "-o", "single")
+        assert_is_single(rows[k], "single")
+        assert rows[k]["reason"] == ""
+
+
+def test_the_columns_stand_in_the_order_of_the_contract(lagsim, write):
+    text = SPRING + "output: {columns: [y]}\n"
+    lagsim("sweep", write(text), "theta=1", *QUICK, "-o", "out")
+    header = (Path("out") / "sweep.csv").read_text(encoding="utf-8").splitlines()[0]
+    columns = "theta u theta_dot u_dot theta_ddot u_ddot y kinetic potential energy"
+    told = [f"{c}.{x}" for c in columns.split() for x in ("end", "min", "max")]
+    expected = ["theta", "outcome", "complete", "error", "t.end", *told, "reason"]
+    assert header.split(",") == expected
+
+
+def test_the_record_says_what_was_swept(lagsim, write):
+    model = write(SPRING)
+    called = lagsim("sweep", model, "K=1,2*l", "--set", "l=3", *QUICK, "--json")
+    document = called.json
+    assert document == record("results/model/sweep")
+    assert document["model"]["name"] == "model"
+    [axis] = document["grid"]
+    assert (axis["name"], axis["values"]) == ("K", [1.0, 6.0])
+    assert document["parameters"]["l"] == 3.0
+    assert document["options"] == {"error_bar": "never"}
+    assert (document["runs"], document["complete"]) == (2, 2)
+    assert document["outcomes"] == {"done": 2}
+    assert document["columns"]["x"] == "m"
+    assert document["files"] == ["sweep.csv", "sweep.json"]
+
+
+def test_fifty_runs_are_compiled_once(lagsim, write, monkeypatch):
+    made = []
+    begun = System.__init__
+
+    def begin(self, *arguments):
+        made.append(self)
+        begun(self, *arguments)
+
+    monkeypatch.setattr(System, "__init__", begin)
+    assert lagsim("sweep", write(SPRING), "K=10:40:50", *QUICK, "-j", 1).code == 0
+    assert len(made) == 1
+    assert record("results/model/sweep")["compiled"] == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "swept"),
+    [
+        (PENDULUM, "theta_dot=0,1"),
+        (PENDULUM.replace("{theta: 1}", "{theta: 0.5, theta_dot: 1}"), "theta=0.5,1"),
+    ],
+)
+def test_start_values_are_those_of_the_file(lagsim, write, text, swept):
+    name, values = swept.split("=")
+    lagsim("sweep", write(text), swept, *QUICK, "-o", "out")
+    start = f"{name}: {values.split(',')[1]}"
+    other = (
+        text.replace("{theta: 1}", f"{{theta: 1, {start}}}")
+        if name == "theta_dot"
+        else text.replace("theta: 0.5", start)
+    )
+    lagsim("run", write(other, "other.yaml"), *QUICK, "-o", "single")
+    assert_is_single(rows_of("out")[1], "single")
+
+
+def test_guesses_are_solved_for_each(lagsim, write):
+    text = CURVE.replace("START", "{guess: 0.1}")
+    lagsim("sweep", write(text), "theta=0.5,1", *QUICK, "-o", "out")
+    # The curve u = l - l*theta^2 gives u at the start, and energy keeps what it is.
+    for row, theta in zip(rows_of("out"), (0.5, 1.0), strict=True):
+        u = 1 - theta**2
+        start = 9.8 * (1 - (1 + u) * np.cos(theta)) + 25.6 * u * u / 2
+        assert float(row["energy.end"]) == pytest.approx(start, rel=1e-9)
+
+
+def test_restitution_follows_its_parameter(lagsim, write):
+    text = "parameters: {e: 0.5}\n" + CONTACT.replace(
+        "restitution: 0.5", "restitution: e"
+    )
+    model = write(text)
+    lagsim("sweep", model, "e=0,0.5,1", *QUICK, "-o", "out")
+    for k, e in enumerate((0, 0.5, 1)):
+        lagsim("run", model, "--set", f"e={e}", *QUICK, "-o", "single")
+        assert_is_single(rows_of("out")[k], "single")
+
+
+def test_what_changes_the_form_is_compiled_for_it(lagsim, write):
+    model = write(POWER)
+    called = lagsim("sweep", model, "n=2,8,3,8", *QUICK, "-o", "out", "-j", 1)
+    assert called.code == 0
+    assert "forms were compiled" in called.err
+    assert 2 <= record("out")["compiled"] <= 3
+    for k, n in enumerate((2, 8, 3, 8)):
+        lagsim("run", model, "--set", f"n={n}", *QUICK, "-o", "single")
+        assert_is_single(rows_of("out")[k], "single")
+
+
+def test_failures_are_rows_with_their_reasons(lagsim, write):
+    text = FALL.replace("{r: 1}", "{r: R}").replace(
+        "initial", "parameters: {R: 1}\ninitial"
+    )
+    called = lagsim("sweep", write(text), "R=1,0,5", "--duration", "2", *QUICK)
+    assert called.code == 3
+    first, second, third = rows_of("results/model/sweep")
+    assert (first["outcome"], first["complete"]) == ("failed", "false")
+    assert "r_dot" in first["reason"]  # the component that grows
+    assert float(first["t.end"]) == pytest.approx(np.pi / 2**1.5, abs=1e-6)
+    assert second["outcome"] == "unusable"  # 1/r at the start
+    assert second["t.end"] == second["r.end"] == ""
+    assert second["reason"]
+    assert (third["outcome"], third["complete"]) == ("done", "true")
+    assert "1 of 3 runs complete" in called.out
+    assert called.err == "lagsim: 2 of 3 runs are not complete\n"
+    assert "failed    1 run, the first: the step size became too small" in called.out
+
+
+def test_inadmissible_starts_are_rows(lagsim, write):
+    model = write(ON_THE_CURVE)
+    called = lagsim("sweep", model, "u=0,0.5", *QUICK)
+    assert called.code == 3
+    admissible, other = rows_of("results/model/sweep")
+    assert admissible["outcome"] == "done"
+    assert (other["outcome"], other["u"]) == ("inadmissible", "0.5")
+    assert "path" in other["reason"]
+    assert lagsim("sweep", model, "u=0.3:0.5:3", *QUICK).code == 1
+    assert {row["outcome"] for row in rows_of("results/model/sweep")} == {
+        "inadmissible"
+    }
+
+
+def test_two_processes_give_the_same_bytes(lagsim, write):
+    text = FALL.replace("{r: 1}", "{r: R}").replace(
+        "initial", "parameters: {R: 1}\ninitial"
+    )
+    model = write(text)
+    for jobs in (1, 2):
+        values = ("R=0.5:3:6", "-o", f"by-{jobs}", "-j", jobs)
+        assert lagsim("sweep", model, *values, *QUICK).code == 3
+    one, two = (Path(f"by-{jobs}/sweep.csv").read_bytes() for jobs in (1, 2))
+    assert one == two
+    first, second = record("by-1"), record("by-2")
+    assert {key for key in first if first[key] != second[key]} <= {"timings"}
+
+
+def test_kept_folders_are_those_of_single_runs(lagsim, write):
+    model = write(SPRING)
+    lagsim("sweep", model, "K=20,30", "--keep", "-o", "out", *QUICK)
+    assert names("out") == ["run-1", "run-2", "sweep.csv", "sweep.json"]
+    lagsim("run", model, "--set", "K=30", *QUICK, "-o", "single")
+    assert names("out/run-2") == names("single") == ["run.json", "trajectory.csv"]
+    one, other = (Path(x) / "trajectory.csv" for x in ("single", "out/run-2"))
+    assert one.read_bytes() == other.read_bytes()
+    assert_is_single(rows_of("out")[1], "single")
+    kept, alone = manifest("out/run-2"), manifest("single")
+    assert {key for key in alone if alone[key] != kept[key]} <= {"timings"}
+
+
+def test_the_shell_completes_names(write, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    context = SimpleNamespace(params={"model": write(SPRING)})
+    assert completed(context, "") == [
+        "l=", "g=", "K=", "theta=", "u=", "theta_dot=", "u_dot=",
+    ]  # fmt: skip
+    assert completed(context, "th") == ["theta=", "theta_dot="]
+    assert completed(SimpleNamespace(params={"model": "none.yaml"}), "") == []
+
+
+def test_unusable_input_runs_nothing(lagsim, write):
+    model = write(SPRING)
+    for arguments in (["L=1,2"], ["K=1:2"], ["K=1", "--method", "no"], ["K=1+"]):
+        called = lagsim("sweep", model, *arguments)
+        assert (called.code, called.out) == (2, "")
+        assert "Traceback" not in called.err
+    assert lagsim("sweep", model).code == 2
+    assert not Path("results").exists()
+    errors = lagsim("sweep", model, "L=1", "--json").json["errors"]
+    assert errors[0]["code"] == "unknown-name"
+
+
+@pytest.mark.usefixtures("heeded_signals")
+def test_an_interrupted_sweep_goes_on_where_it_was(
+    lagsim, write, interrupted, monkeypatch
+):
+    def begin(self, columns):
+        begun.append(self)
+        return taken(self, columns)
+
+    begun, taken = [], Ledger.__init__
+    whole = ("sweep", write(SPRING), "K=20:30:8", *QUICK, "-j", 1)
+    lagsim(*whole, "-o", "expected")
+    interrupted(6, *whole, "-o", "out")
+    assert names("out") == [NAME]
+    assert (
+        len((Path("out") / NAME).read_bytes().splitlines()) == 1 + 6
+    )  # the last is whole
+    monkeypatch.setattr(Ledger, "__init__", begin)
+    assert lagsim(*whole, "-o", "out", "--resume").code == 0
+    assert len(begun) == 2
+    assert names("out") == ["sweep.csv", "sweep.json"]
+    expected, found = (Path(x) / "sweep.csv" for x in ("expected", "out"))
+    assert found.read_bytes() == expected.read_bytes()
+
+
+def test_a_sweep_that_is_whole_is_left_as_it_is(lagsim, write):
+    sweep = ("sweep", write(SPRING), "K=20,30", *QUICK, "-o", "out")
+    lagsim(*sweep)
+    before = (Path("out") / "sweep.json").read_bytes()
+    called = lagsim(*sweep, "--resume")
+    assert (called.code, called.out) == (
+        0, "nothing is left to do: out holds this sweep\n",
+    )  # fmt: skip
+    assert (Path("out") / "sweep.json").read_bytes() == before
+
+
+@pytest.fixture
+def interrupted(lagsim, monkeypatch):
+    """Give a function that interrupts a sweep in the run of a number, from 1."""
+
+    def interrupt(run, *sweep):
+        begun = []
+
+        def begin(self, columns):
+            begun.append(self)
+            if len(begun) == run:
+                signal.raise_signal(signal.SIGINT)
+            return taken(self, columns)
+
+        taken = Ledger.__init__
+        with monkeypatch.context() as patched:
+            patched.setattr(Ledger, "__init__", begin)
+            called = lagsim(*sweep)
+        assert called.code == 130
+        assert "--resume goes on from there" in called.err
+        return called
+
+    return interrupt
+
+
+@pytest.mark.usefixtures("heeded_signals")
+def test_rows_of_another_sweep_are_not_gone_on_with(lagsim, write, interrupted):
+    model = write(SPRING)
+    more = (*QUICK, "-o", "out", "-j", 1)
+    interrupted(1, "sweep", model, "K=20,30", *more)
+    journal = (Path("out") / NAME).read_bytes()
+    others = {
+        "grid": ("K=20,31",),
+        "options": ("K=20,30", "--rtol", "1e-7"),
+        "parameters": ("K=20,30", "--set", "g=1.62"),
+    }
+    for what, arguments in others.items():
+        called = lagsim("sweep", model, *arguments, *more, "--resume")
+        assert called.code == 2
+        assert f"cannot be gone on with: it has another {what}" in called.err
+        assert "leave --resume out" in called.err
+    write(SPRING + "description: changed\n")
+    called = lagsim("sweep", model, "K=20,30", *more, "--resume")
+    assert "it has another model" in called.err
+    assert (Path("out") / NAME).read_bytes() == journal
+    assert lagsim("sweep", model, "K=20,30", *more).code == 0
+    assert names("out") == ["sweep.csv", "sweep.json"]
+
+
+def test_a_torn_line_is_made_again(lagsim, write):
+    sweep = ("sweep", write(SPRING), "K=20:30:4", *QUICK, "-o", "out", "-j", 1)
+    lagsim(*sweep)
+    expected = Path("out/sweep.csv").read_bytes()
+    killed = subprocess.run(
+        [sys.executable, "-c", KILLED, *map(str, sweep)],
+        env=os.environ | {"PYTHONPATH": str(ROOT)}, check=False,
+    )  # fmt: skip
+    assert killed.returncode == -signal.SIGKILL
+    journal = Path("out") / NAME
+    assert len(journal.read_bytes().splitlines()) == 3
+    with journal.open("ab") as file:
+        file.write(b'[2, [26.6], "do')
+    assert Path("out/sweep.csv").read_bytes() == expected  # the sweep before
+    Path("out/sweep.csv").unlink()
+    assert lagsim(*sweep, "--resume").code == 0
+    assert Path("out/sweep.csv").read_bytes() == expected
+    assert names("out") == ["sweep.csv", "sweep.json"]
+
+
+# A sweep that is killed when it begins its third run.
+KILLED = """
+import os, signal, sys
+from lagsim.cli import main
+from lagsim.studies.sweep.runs import Runs
+
+def row(self, number, interrupt):
+    if number == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return taken(self, number, interrupt)
+
+taken, Runs.row = Runs.row, row
+sys.argv[0] = "lagsim"
+main()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("heeded_signals")
+def test_processes_end_in_order_and_what_they_had_is_kept(write, tmp_path):
+    write(SPRING)
+    sweep = ["sweep", "model.yaml", "K=20:30:200", "--no-plots", "-j", "2", "-q"]
+    sweep += ["--duration", "300", "-o", "out"]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "lagsim", *sweep], cwd=tmp_path,
+        stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    journal = tmp_path / "out" / NAME
+    end = time.monotonic() + 60.0
+    while time.monotonic() < end:
+        if journal.exists() and len(journal.read_bytes().splitlines()) > 5:
+            break
+        time.sleep(0.02)
+    run.send_signal(signal.SIGTERM)
+    _, err = run.communicate(timeout=60.0)
+    assert run.returncode == 128 + signal.SIGTERM
+    assert "--resume" in err
+    assert names(tmp_path / "out") == [NAME]

@@ -1,0 +1,66 @@
+"""The picture of a sweep: what stands where."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagsim.model.reader import read
+from lagsim.studies.attempts import ErrorBars
+from lagsim.studies.sweep import chart as drawing
+from lagsim.studies.sweep.grid import parsed
+from lagsim.studies.sweep.runs import Work
+from lagsim.studies.sweep.sweeping import Found, packed, sweep
+from tests.cli._scenes import FALL, ON_THE_CURVE, PENDULUM
+
+
+def found(text, *arguments):
+    model = read(text, "<model>")
+    work = Work(packed(model), (), parsed(model, arguments), ErrorBars.NEVER)
+    result = Found(model, work)
+    sweep(result, 1, wanted=False)
+    return result
+
+
+def test_values_are_those_of_complete_runs():
+    text = "parameters: {R: 1}\n" + FALL.replace("{r: 1}", "{r: R}")
+    result = found(text, "R=1,5,0")  # it falls in; it does not; no start
+    cells = drawing.values_of(result, "r", np.arange(3))
+    assert np.isnan(cells[[0, 2]]).all()
+    end, low, high = cells[1]
+    assert high == 5.0
+    assert low == end < 5.0
+
+
+def test_maps_have_the_first_names_across_and_up_and_others_in_their_middle():
+    result = found(PENDULUM, "g=1,2", "theta=0.1,0.2,0.3", "l=1,2,3,4", "theta_dot=0")
+    numbers = drawing._numbers(result)
+    assert numbers.shape == (2, 3)
+    for (i, j), number in np.ndenumerate(numbers):
+        assert result.grid.at(number) == [i, j, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("values", "edges"),
+    [
+        ([1.0, 2.0, 4.0], [0.5, 1.5, 3.0, 5.0]),
+        ([3.0], [1.5, 4.5]),
+        ([0.1, 1.0, 10.0], [10**-1.5, 10**-0.5, 10**0.5, 10**1.5]),
+    ],
+)
+def test_cells_end_half_way(values, edges):
+    assert drawing._edges(np.array(values)) == pytest.approx(edges)
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments"),
+    [
+        (PENDULUM, ("g=5:10:3",)),
+        (PENDULUM, ("g=1,10,100", "theta=0.1,0.2")),
+        (PENDULUM, ("g=1", "theta=0.1", "l=1,2")),
+        (ON_THE_CURVE, ("u=0.3,0.4",)),  # no start is admissible
+        (ON_THE_CURVE, ("u=0.3,0.4", "K=1,2")),
+    ],
+)
+def test_every_sweep_has_a_picture(text, arguments):
+    assert drawing.chart(found(text, *arguments)).startswith(b"\x89PNG")

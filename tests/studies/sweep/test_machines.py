@@ -1,0 +1,54 @@
+"""Runs by Dask: the rows are the same, wherever they are made."""
+
+from __future__ import annotations
+
+import pytest
+
+from lagsim.errors import InputError
+from lagsim.model.reader import read
+from lagsim.studies.attempts import ErrorBars
+from lagsim.studies.sweep.document import table
+from lagsim.studies.sweep.grid import parsed
+from lagsim.studies.sweep.machines import machines
+from lagsim.studies.sweep.runs import Work
+from lagsim.studies.sweep.sweeping import Found, packed, sweep
+from tests.cli._scenes import PENDULUM
+
+distributed = pytest.importorskip("distributed", reason="the extra `dask`")
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
+
+
+@pytest.fixture
+def cluster():
+    """Give the address of a scheduler with two workers, processes of their own."""
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def found():
+    model = read(PENDULUM, "<model>")
+    grid = parsed(model, ["g=1:10:9"])
+    return Found(model, Work(packed(model), (), grid, ErrorBars.NEVER))
+
+
+def test_rows_are_those_of_this_process(cluster):
+    there, here = found(), found()
+    with machines(cluster) as (hired, cores):
+        assert cores == 2
+        sweep(there, cores, wanted=True, hired=hired)
+    sweep(here, 1, wanted=False)
+    assert table(there) == table(here)
+    assert not there.missing
+
+
+def test_who_does_not_answer_is_told(monkeypatch):
+    def client(_address):
+        raise OSError("timed out")
+
+    monkeypatch.setattr(distributed, "Client", client)
+    with pytest.raises(InputError, match="no Dask scheduler at tcp://nowhere:1"), (
+        machines("tcp://nowhere:1")
+    ):  # fmt: skip
+        pass
