@@ -44,6 +44,12 @@ class Chains(NamedTuple):
     squares: dict[tuple[int, int], int]
 
     @property
+    def key(self) -> tuple[object, ...]:
+        """What is equal for equal chains."""
+        sums = (tuple(form.items()) for form in self.sums)
+        return (*sums, tuple(self.squares.items()))
+
+    @property
     def nodes(self) -> list[int]:
         """All that M is made of."""
         factors = [node for form in self.sums for node in form.values()]

@@ -111,7 +111,9 @@ class Equations:
         rows = (*self.rows, *(law.row for law in self.laws))
         return (
             self.q,
-            self.chains or tuple(tuple(row.entries.items()) for row in self.M),
+            self.chains.key
+            if self.chains
+            else tuple(tuple(row.entries.items()) for row in self.M),
             self.f,
             tuple(
                 (x.name, x.residual, x.rate, x.b, *x.A.entries.items()) for x in rows
