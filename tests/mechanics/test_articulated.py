@@ -13,7 +13,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.ldl import Elimination, unconstrained
 from lagsim.model.reader import read
-from tests.support import case_of
+from tests.support import case_of, run
 
 if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
@@ -232,3 +232,17 @@ def test_examining_and_planning_write_no_matrix_out() -> None:
         assert any("along chains" in reason for reason in told.values())
         sizes.append(len(e.graph))
     assert sizes[2] - sizes[1] <= 2.02 * (sizes[1] - sizes[0])
+
+
+@pytest.mark.slow
+def test_two_hundred_links_keep_their_energy() -> None:
+    found = run(read(chain(200, 0.1), "links"))
+    assert found.trajectory.outcome.complete
+    assert found.session.plan.tape
+    names = found.session.system.columns.names
+    kinetic, energy = (found.rows[:, names.index(x)] for x in ("kinetic", "energy"))
+    # Let go level, at rest: the energy is 0, and each step is held to 1e-11.
+    assert np.max(np.abs(energy)) < 1e-9 * np.max(kinetic)
+    # Level links do not pull, and the bend at the pivot is far from the tip: it falls.
+    tip, t = (found.rows[:, names.index(x)] for x in ("y200", "t"))
+    assert tip == pytest.approx(-9.81 * t**2 / 2, rel=1e-6, abs=1e-15)
