@@ -43,6 +43,7 @@ def tree(
         heights.append(f"{9.81 * mass}*y{k}")
         if k % 3 == 0:
             squares.append(f"0.05*{angle}_dot^2")
+    squares.append(f"0.05*x2_dot*y{n}_dot")
     energy = f"  potential: {' + '.join(heights)} + 2*((x{n} - x1)^2 + y{n}^2)"
     held = f"constraints:\n  shut: x{n}^2 + y{n}^2 = x{n - 1} + 1\n" if closed else ""
     return "\n".join(
