@@ -294,6 +294,8 @@ def simulate(
     except StartError as error:
         found = Examination(document(error.equations, error.examined))
         raise InadmissibleError(str(error), found) from None
-    attempts = Attempts(keep, Interrupt(), clock, error_bars=ErrorBars(error_bar))
+    attempts = Attempts(
+        keep, Interrupt(), clock, error_bars=ErrorBars(error_bar), cornered=True
+    )
     made = attempts.best(session)
     return Result(made, keep.table, clock.timings)

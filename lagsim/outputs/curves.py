@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -24,6 +24,28 @@ EVENTS: Pen = {"color": "#888888", "dashes": (1.0, 1.5), "linewidth": 0.6}
 RESTS: Pen = {"color": "#444444", "dashes": (5.0, 2.0), "linewidth": 0.6}
 # Ticks at the top: the curves show where impacts are, and there may be thousands.
 IMPACTS = mark("|", 5.0, "#D55E00")
+
+
+class Mark(NamedTuple):
+    """How events of a kind are called and marked: a line across, a mark at the top."""
+
+    name: str
+    line: Pen | None = None
+    top: Pen | None = None
+
+
+# In the order of a legend. Filled where something holds from then on.
+MARKS = {
+    "impact": Mark("impacts", None, IMPACTS),
+    "zeno": Mark("comes to rest", RESTS),
+    "stick": Mark("sticks", EVENTS, mark("v", 3.6, "#444444")),
+    "slip": Mark("slips", EVENTS, mark("v", 3.6, "#444444", "white")),
+    "contact": Mark("touches", EVENTS, mark("s", 3.2, "#444444")),
+    "release": Mark("lets go", EVENTS, mark("s", 3.2, "#444444", "white")),
+    "switch": Mark("switches", EVENTS),
+    "rank": Mark("rank is lost", EVENTS, mark("D", 2.8, "#444444")),
+}
+OTHERS = Mark("events", EVENTS)
 # More lines across a panel than this would hide its curves.
 MOST_LINES = 40
 # What lies past the horizon, where a row is no longer a forecast.
@@ -34,6 +56,8 @@ LOST = "#dddddd"
 BAND = 0.5
 # A jump in a pixel with more values than this is hidden in its band.
 CROWD = 4
+# Of a band: swings no broader than so many pixels.
+NARROW = 10
 # Lines that cover more than the area they span leave nothing to see.
 BLOT = 1.5
 # Of a line that such areas are asked of, in inches.
@@ -75,12 +99,30 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
     columns = np.flatnonzero(np.diff(parts, prepend=-1.0))
     low = np.minimum.reduceat(values[seen], columns)
     high = np.maximum.reduceat(values[seen], columns)
+    if piece[-1] == piece[0] and not jump.any():
+        low, high = _envelope(low, high, values[seen])
     ends = np.flatnonzero(np.diff(piece[columns])) + 1
     t, low, high = (
         np.insert(part, ends, np.nan) for part in (t[seen][columns], low, high)
     )
     look = {"facecolor": (pen["color"], 0.45), "edgecolor": pen["color"]}
     axes.fill_between(t, low, high, **look, linewidth=0.5, zorder=1.8)
+
+
+def _envelope(low: Array, high: Array, values: Array) -> tuple[Array, Array]:
+    """Widen what is filled at each pixel to what a swing fills, if that is narrow.
+
+    Else the pixels in which swings turn, and those between, would be seen as a pattern.
+    """
+    turns = int(np.count_nonzero(np.diff(np.sign(np.diff(values)))))
+    swing = 2.0 * len(low) / max(turns, 1)
+    if swing > NARROW:
+        return low, high
+    half = math.ceil(1.5 * swing)
+    beside = np.lib.stride_tricks.sliding_window_view
+    low, high = (np.pad(part, half, mode="edge") for part in (low, high))
+    width = 2 * half + 1
+    return beside(low, width).min(axis=1), beside(high, width).max(axis=1)
 
 
 def path(axes: Axes, x: Array, y: Array, pen: Pen, trusted: int) -> None:
@@ -112,28 +154,26 @@ def shade(axes: Axes, horizon: float) -> None:
         axes.axvspan(max(horizon, low), high, **look, zorder=0.2)
 
 
-def marks(axes: Axes, times: Sequence[float], pen: Pen) -> None:
-    """Mark times by thin lines, or by ticks at the top where they are many."""
+def marks(axes: Axes, times: Sequence[float], look: Mark) -> None:
+    """Mark times by a thin line and at the top; by what is at the top where many."""
     low, high = axes.get_xlim()
     inside = np.array([t for t in times if low <= t <= high])
     if not len(inside):
         return
     # One for each pixel.
-    pixels = np.floor(
-        (inside - low) / (high - low) * axes.bbox.width / _dpi(axes) * DPI
-    )
-    inside = inside[np.unique(pixels, return_index=True)[1]]
     across = axes.get_xaxis_transform()
+    at = across.transform(np.column_stack((inside, np.zeros_like(inside))))[:, 0]
+    pixels = np.floor(at / _dpi(axes) * DPI)
+    inside = inside[np.unique(pixels, return_index=True)[1]]
     tall = axes.bbox.height / _dpi(axes)
-    if "marker" in pen:
-        middle = 1.0 - pen["markersize"] / 144 / tall
-        level = np.full_like(inside, middle)
-        line(axes, inside, level, pen, transform=across, zorder=1.6)
-        return
-    reach = 0.06 / tall if len(inside) > MOST_LINES else 1.0
-    x = np.stack((inside, inside, np.full_like(inside, np.nan)), axis=1).ravel()
-    y = np.tile([1.0, 1.0 - reach, np.nan], len(inside))
-    line(axes, x, y, pen, transform=across, zorder=1.5)
+    if look.line:
+        reach = 0.06 / tall if len(inside) > MOST_LINES else 1.0
+        x = np.stack((inside, inside, np.full_like(inside, np.nan)), axis=1).ravel()
+        y = np.tile([1.0, 1.0 - reach, np.nan], len(inside))
+        line(axes, x, y, look.line, transform=across, zorder=1.5)
+    if look.top:
+        level = np.full_like(inside, 1.0 - look.top["markersize"] / 144 / tall)
+        line(axes, inside, level, look.top, transform=across, zorder=1.6, clip_on=False)
 
 
 def stems(axes: Axes, t: Array, values: Array, pen: Pen) -> None:

@@ -22,19 +22,20 @@ def table(events: Iterable[Event]) -> bytes:
 
 
 def marked(events: Iterable[Event]) -> dict[str, list[float]]:
-    """Give the times that pictures mark, by the attributes of their `Record`.
+    """Give the times that pictures mark, by kind; what an impact brings is part of it.
 
-    What happens at an impact is marked by it.
+    Where what bounces comes to rest, that is all there is to see.
     """
-    times: dict[str, set[float]] = {
-        name: set() for name in ("impacts", "rests", "events")
-    }
+    times: dict[str, set[float]] = {}
     for e in events:
-        if e.kind == "impact":
-            times["impacts"].add(e.time)
-        elif e.kind == "zeno" and e.constraint is not None:
-            times["rests"].add(e.time)
-        elif e.kind != "until":
-            times["events"].add(e.time)
-    times["events"] -= times["impacts"] | times["rests"]
-    return {name: sorted(found) for name, found in times.items()}
+        kind = e.kind
+        if kind == "zeno" and e.constraint is None:
+            kind = "switch"
+        if kind != "until":
+            times.setdefault(kind, set()).add(e.time)
+    told = times.get("impact", set()) | times.get("zeno", set())
+    found = {
+        kind: sorted(own if kind in ("impact", "zeno") else own - told)
+        for kind, own in times.items()
+    }
+    return {kind: own for kind, own in found.items() if own}

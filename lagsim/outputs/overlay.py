@@ -12,19 +12,17 @@ from lagsim.outputs.record import LEFT, REACH, RIGHT
 from lagsim.outputs.scale import time_scale, value_scale
 from lagsim.outputs.sheet import (
     EDGE,
-    GAP,
     PENS,
-    SAMPLE,
     SMALL,
     WIDTH,
     Pen,
     Sheet,
     in_house_style,
-    text_width,
+    in_lines,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.run.observers.thinning import Thinning
 
@@ -69,7 +67,7 @@ def picture(
     letters = Letters(columns)
     entries = list(zip(runs, pens(len(runs)), strict=True))
     width = WIDTH - LEFT - RIGHT
-    lines = list(_lines(entries, width))
+    lines = in_lines(entries, width - EDGE)
     height = HEIGHTS[len(columns) - 1] if len(columns) <= len(HEIGHTS) else LEAST
     top = TOP + LINE * (len(lines) - 1 + len(notes))
     panels = len(columns) * (height + BETWEEN) - BETWEEN
@@ -100,19 +98,3 @@ def picture(
             for (t, values), pen in drawn[name]:
                 series(axes, t, values, pen)
     return sheet
-
-
-def _lines(
-    entries: Sequence[tuple[str, Pen]], room: float
-) -> Iterator[list[tuple[str, Pen]]]:
-    """Break a legend into lines that have room."""
-    line: list[tuple[str, Pen]] = []
-    left = room - EDGE
-    for name, pen in entries:
-        wanted = SAMPLE + text_width(name, SMALL) + GAP
-        if line and wanted > left:
-            yield line
-            line, left = [], room - EDGE
-        line.append((name, pen))
-        left -= wanted
-    yield line

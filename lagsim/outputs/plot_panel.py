@@ -10,6 +10,8 @@ from lagsim.outputs.curves import dotted, inches, path, series
 from lagsim.outputs.record import LEFT, REACH, RIGHT
 from lagsim.outputs.scale import Scale, extent, log_scale, value_scale
 from lagsim.outputs.sheet import PENS, WIDTH, mark
+from lagsim.outputs.spread import spread_scale
+from lagsim.outputs.time_panels import tell
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -99,8 +101,14 @@ class PlotPanel:
         if "x" in log:
             scales["x"] = log_scale(*xs, margin=0.0, least=0.0)
         for axis, names in self._sides.items():
-            values = [self._drawn[name][1] for name in names]
-            scales[axis] = log_scale(*values) if axis in log else value_scale(*values)
+            drawn = [self._drawn[name] for name in names]
+            values = [y for _, y in drawn]
+            if axis in log:
+                scales[axis] = log_scale(*values)
+            elif self.timed and names:
+                scales[axis] = spread_scale(*drawn)
+            else:
+                scales[axis] = value_scale(*values)
         return scales
 
     def _fit(self, widest: float) -> tuple[float, float]:
@@ -140,6 +148,9 @@ class PlotPanel:
             if self.timed:
                 record.mark(axes)
             self._draw_curves(axes, self._sides["y"])
+        if self.timed:
+            drawn_left = [self._drawn[name] for name in self._sides["y"]]
+            tell(sheet, place, self._scales["y"], drawn_left)
         if self._sides["y2"]:
             with sheet.panel(
                 place, self._scales["x"], self._scales["y2"],

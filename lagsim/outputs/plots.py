@@ -9,7 +9,7 @@ from lagsim.outputs.curves import series
 from lagsim.outputs.paper import Pixels
 from lagsim.outputs.plot_panel import PlotPanel
 from lagsim.outputs.record import LEFT, REACH, RIGHT, Record, header, header_height
-from lagsim.outputs.scale import noise_scale, power_of_ten, value_scale
+from lagsim.outputs.scale import noise_scale, power_of_ten
 from lagsim.outputs.scene_panel import ScenePanel
 from lagsim.outputs.sheet import (
     BLACK,
@@ -21,6 +21,7 @@ from lagsim.outputs.sheet import (
     Sheet,
     in_house_style,
 )
+from lagsim.outputs.spread import spread_scale
 from lagsim.outputs.time_panels import (
     IMPULSE,
     MOST_PANELS,
@@ -28,8 +29,13 @@ from lagsim.outputs.time_panels import (
     chosen,
     grouped,
     height_of,
+    tell,
 )
 from lagsim.run.observers.thinning import DRIFT
+
+# Panels are above each other up to so many; the least that they take with a view of the
+# scene beside them, in inches.
+STACKED, BESIDE = 5, 3.3
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -57,13 +63,14 @@ def energy(record: Record, *, is_sum: bool) -> Sheet:
     names = [name for name in named if name in record.rows]
     pens = dict(zip(names, (*PENS[: len(names) - 1], BLACK), strict=True))
     drawn = {name: record.rows.series(name) for name in names}
-    values = value_scale(*(values for _, values in drawn.values()))
+    values = spread_scale(*drawn.values())
     side = ("energy", record.unit("energy"))
     place = (LEFT, top, width, 2.2)
     with sheet.panel(place, record.time(), values, side=side, reach=REACH) as axes:
         record.mark(axes)
         for name in names:
             series(axes, *drawn[name], pens[name])
+    tell(sheet, place, values, list(drawn.values()))
     entries = [(named[name], pens[name]) for name in names]
     sheet.legend(LEFT, top - 0.06, entries, width)
     _drift(sheet, record, (LEFT, top + 2.56, width, 1.1))
@@ -100,14 +107,17 @@ def _written(value: float) -> str:
 def trajectory(record: Record, coordinates: Sequence[str], scene: Scene) -> Sheet:
     """Draw the coordinates against time, and the paths of the scene's points."""
     shown = chosen(coordinates, MOST_PANELS)
-    panels = Panels(record, grouped(record, shown))
-    views = ScenePanel(record, scene)
+    groups = grouped(record, shown)
+    views = ScenePanel(record, scene, narrow=len(groups) <= STACKED)
+    panels = Panels(record, groups, BESIDE if views.beside else 0.0)
+    if views.beside:
+        panels.leave(views.width_for(panels.tall))
     top = header_height(record)
     sheet = record.sheet(WIDTH, top + panels.total + views.height)
     header(sheet, record, _counted("coordinates", len(shown), len(coordinates)))
     panels.draw(sheet, top)
-    if views.height:
-        views.draw(sheet, top + panels.total)
+    if not views.empty:
+        views.draw(sheet, top + panels.total, top + panels.gap)
     return sheet
 
 
@@ -138,7 +148,7 @@ def constraint_forces(
     panels = Panels(record, [(name,) for name in shown])
     top = header_height(record)
     sheet = record.sheet(WIDTH, top + panels.total)
-    subject = "constraint forces Qc and multipliers lambda"
+    subject = "constraint forces Qc and multipliers λ"
     if impulses:
         subject = "constraint forces and impulses"
     header(sheet, record, _counted(subject, len(shown), total))
@@ -159,14 +169,14 @@ def _counted(subject: str, shown: int, total: int) -> str:
 def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Sheet:
     """Draw one entry of the model's `output.plots`, `number` counted from 0."""
     panel = PlotPanel(record, number, wanted, scene)
-    top = header_height(record)
+    top = header_height(record, timed=panel.timed)
     lines = [LINE for shown in (wanted.title, len(panel.pens()) > 1) if shown]
     top += 0.06 + sum(lines)
     sheet = record.sheet(panel.width, top + panel.height)
     header(sheet, record, "", timed=panel.timed)
     if wanted.title:
         at = top - 0.06 - (LINE if len(lines) > 1 else 0.0)
-        sheet.text(LEFT, at, wanted.title, size=SMALL, room=panel.width - LEFT)
+        sheet.text(LEFT, at, wanted.title, size=SMALL, room=panel.width - LEFT - RIGHT)
     panel.draw(sheet, top)
     return sheet
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.outputs.curves import EVENTS, IMPACTS, LOST, RESTS, marks, shade
+from lagsim.outputs.curves import LOST, MARKS, OTHERS, Mark, marks, shade
 from lagsim.outputs.letters import Letters, raised
 from lagsim.outputs.scale import Scale, time_scale
 from lagsim.outputs.sheet import (
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 # Inches at the sides of a sheet; from the frame of a wide panel to its label.
 LEFT, RIGHT, REACH = 0.78, 0.18, 0.58
+# More entries than this have a line of their own below the title.
+BESIDE = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +45,7 @@ class Record:
     title : the model's name; plain text, as everything that is written here.
     rows : the thinned rows of the run.
     units : unit of each column that has one; that of `t` too.
-    impacts, rests, events : times to mark: where velocities jump, where what bounces
-        comes to rest, where something else happens.
+    events : times to mark, by the kind of what happens.
     note : said below the title: that and why a run is incomplete; else empty.
     horizon : rows past this time are no forecast; infinite where all are.
     letters : how names are written.
@@ -54,11 +55,9 @@ class Record:
     title: str
     rows: Thinning
     units: Mapping[str, str] = field(default_factory=dict)
-    events: Sequence[float] = ()
+    events: Mapping[str, Sequence[float]] = field(default_factory=dict)
     note: str = ""
     horizon: float = math.inf
-    impacts: Sequence[float] = ()
-    rests: Sequence[float] = ()
     letters: Letters = field(default_factory=Letters)
     form: str = "png"
 
@@ -74,20 +73,26 @@ class Record:
         """Return a column's name, as it is written, and its unit."""
         return self.letters.name(column), self.unit(column)
 
-    def marks(self) -> list[tuple[str, Pen, Sequence[float]]]:
-        """Return what there is to mark: its name, how it looks, its times."""
-        every: list[tuple[str, Pen, Sequence[float]]] = [
-            ("impacts", IMPACTS, self.impacts),
-            ("comes to rest", RESTS, self.rests),
-            ("events", EVENTS, self.events),
-        ]
-        return [(name, pen, times) for name, pen, times in every if times]
+    def marks(self) -> list[tuple[Mark, Sequence[float]]]:
+        """Return what there is to mark: how it is called and looks, and its times."""
+        known = [(look, self.events.get(kind, ())) for kind, look in MARKS.items()]
+        others = [t for k, own in self.events.items() if k not in MARKS for t in own]
+        return [(look, times) for look, times in (*known, (OTHERS, others)) if times]
 
     def mark(self, axes: Axes) -> None:
         """Mark them on Axes against time, and shade what is no forecast."""
         shade(axes, self.horizon)
-        for _, pen, times in self.marks():
-            marks(axes, times, pen)
+        for look, times in self.marks():
+            marks(axes, times, look)
+
+    def legend(self, *, timed: bool = True) -> list[tuple[str, Pen]]:
+        """Return the names of marks and of the shade, and how they look."""
+        entries: list[tuple[str, Pen]] = []
+        if timed:
+            entries += [(x.name, x.top or x.line or {}) for x, _ in self.marks()]
+        if self.horizon < self.rows.last("t"):
+            entries.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
+        return entries
 
     def trusted(self) -> int:
         """Return how many of the rows that paths show lie before the horizon."""
@@ -100,25 +105,26 @@ class Record:
         return time_scale(np.array([self.rows.first("t"), self.rows.last("t")]))
 
 
-def header_height(record: Record) -> float:
+def header_height(record: Record, *, timed: bool = True) -> float:
     """Return how much of a sheet `header` takes."""
-    return 0.5 if record.note else 0.32
+    crowded = len(record.legend(timed=timed)) > BESIDE
+    return 0.32 + 0.18 * ((1 if record.note else 0) + (1 if crowded else 0))
 
 
 def header(sheet: Sheet, record: Record, subject: str, *, timed: bool = True) -> None:
     """Write the model's name, what the picture shows, and that a run is incomplete."""
-    right = sheet.width - RIGHT
+    right, below = sheet.width - RIGHT, 0.39
     sheet.text(right, 0.22, subject, ha="right", color=DIM)
     right -= text_width(subject) + GAP
-    entries: list[tuple[str, Pen]] = []
-    if timed:
-        entries += [(name, pen) for name, pen, _ in record.marks()]
-    if record.horizon < record.rows.last("t"):
-        entries.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
-    right -= sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
-    sheet.legend(right, 0.22, entries, sheet.width)
+    entries = record.legend(timed=timed)
+    if len(entries) > BESIDE:
+        sheet.legend(LEFT, below, entries, sheet.width - LEFT - RIGHT)
+        below += 0.18
+    else:
+        right -= sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
+        sheet.legend(right, 0.22, entries, sheet.width)
     room = right - EDGE - GAP
     sheet.text(EDGE, 0.22, record.title, size=HEADING, bold=True, room=room)
     if record.note:
         room = sheet.width - 2 * EDGE
-        sheet.text(EDGE, 0.39, record.note, size=SMALL, color=DIM, room=room)
+        sheet.text(EDGE, below, record.note, size=SMALL, color=DIM, room=room)

@@ -54,12 +54,16 @@ class Scale(NamedTuple):
     ----------
     plain : powers of ten beyond which numbers are counted in them.
     log : whether it is logarithmic; then `low` may be the larger.
+    linear : beyond this size it is, to both sides, if that is not 0.
+    share : of how many decades the length of `linear` is.
     """
 
     low: float
     high: float
     plain: tuple[int, int] = PLAIN
     log: bool = False
+    linear: float = 0.0
+    share: float = 1.0
 
     def put(
         self,
@@ -75,12 +79,17 @@ class Scale(NamedTuple):
         Their numbers take no more than `room` inches beside each other.
         """
         axis: Axis = axes.xaxis if direction == "x" else axes.yaxis
-        kind = "log" if self.log else "linear"
-        if axis.get_scale() != kind:
-            axes.set(**{f"{direction}scale": kind})
+        kind = "symlog" if self.linear else "log" if self.log else "linear"
+        if axis.get_scale() != kind or self.linear:
+            options = {"linthresh": self.linear, "linscale": self.share}
+            choose = axes.set_xscale if direction == "x" else axes.set_yscale
+            choose(kind, **(options if self.linear else {}))
             axis.set_minor_locator(NullLocator())
         limit = axes.set_xlim if direction == "x" else axes.set_ylim
         limit(self.low, self.high)
+        if not most:
+            axis.set_major_locator(NullLocator())
+            return np.empty(0)
         for scale, count in self._ways(most):
             locator, formatter = scale.ticks(count)
             axis.set_major_locator(locator)
@@ -110,7 +119,33 @@ class Scale(NamedTuple):
 
     def ticks(self, most: int) -> tuple[Locator, Formatter]:
         """Give some `most` ticks, and how their numbers are written."""
+        if self.linear:
+            return self._beyond(most)
         return self._powers(most) if self.log else self._round(most)
+
+    def _beyond(self, most: int) -> tuple[Locator, Formatter]:
+        """Give ticks of both parts: round numbers, and powers of ten beyond them."""
+        inside = max(self.low, -self.linear), min(self.high, self.linear)
+        found = [0.0] if inside[0] <= 0.0 <= inside[1] else []
+        found += [self.linear, -self.linear]
+        for end in (self.low, self.high):
+            last = math.floor(math.log10(max(abs(end), self.linear)))
+            least = math.ceil(math.log10(self.linear)) + 1
+            found += [math.copysign(10.0**k, end) for k in range(last, least - 1, -1)]
+        kept: list[float] = []
+        apart = (self._length(self.high) - self._length(self.low)) / (1.4 * most)
+        for x in found:
+            at = self._length(x)
+            free = all(abs(at - self._length(other)) >= apart for other in kept)
+            if free and self.low <= x <= self.high:
+                kept.append(x)
+        return FixedLocator(sorted(kept)), FuncFormatter(_as_read)
+
+    def _length(self, x: float) -> float:
+        """Return how far from 0 a value is shown, in decades."""
+        part = abs(x) / self.linear
+        beyond = self.share + math.log10(part) if part > 1.0 else self.share * part
+        return math.copysign(beyond, x)
 
     def _round(self, most: int) -> tuple[Locator, Formatter]:
         steps = [1, 2, 2.5, 5, 10]
@@ -144,6 +179,10 @@ def _as_power(value: float, _: object) -> str:
     return power_of_ten(round(math.log10(value))) if value > 0.0 else ""
 
 
+def _as_read(value: float, _: object) -> str:
+    return read_off(value)
+
+
 def _as_number(value: float, _: object) -> str:
     return f"{value:g}"
 
@@ -162,6 +201,18 @@ def label(axis: Axis, name: str, unit: str = "") -> str:
         scale = power_of_ten(exponent) if exponent else ""
     inside = " ".join(part for part in (scale, unit) if part)
     return f"{name} ({inside})" if inside else name
+
+
+def read_off(value: float, digits: int = 4) -> str:
+    """Return a number in a few digits, as one writes it by hand."""
+    short = f"{value:.{digits}g}"
+    if "e" in short or (value and not 1e-3 <= abs(value) < 1e5):
+        front, _, power = f"{value:.{digits - 1}e}".partition("e")
+        front = front.rstrip("0").rstrip(".")
+        times = "" if front in ("1", "-1") else f"{front} × "
+        sign = "-" if front == "-1" else ""
+        short = f"{sign}{times}{power_of_ten(int(power))}"
+    return short.replace("-", "−")
 
 
 def power_of_ten(exponent: int) -> str:

@@ -173,7 +173,8 @@ def _lent() -> tuple[Figure, Axes, tuple[Line2D, ...]]:
         axis.offsetText.set_visible(False)
         axis.label.set(fontproperties=_font(NORMAL), va="baseline")
         # All further ticks take after the first.
-        axis.get_major_ticks(1)[0].label1.set_fontproperties(_font(SMALL))
+        for side in ("label1", "label2"):
+            getattr(axis.get_major_ticks(1)[0], side).set_fontproperties(_font(SMALL))
     grid: Pen = {"color": FAINT, "linewidth": 0.4, "zorder": 0.6}
     edge: Pen = {"color": DIM, "linewidth": 0.6, "zorder": 2.6, "clip_on": False}
     corners = ([0, 1, 1, 0, 0], [0, 0, 1, 1, 0])
@@ -185,6 +186,22 @@ def _lent() -> tuple[Figure, Axes, tuple[Line2D, ...]]:
     for line in kept:
         axes.add_artist(line)
     return figure, axes, kept
+
+
+def in_lines(
+    entries: Sequence[tuple[str, Pen]], room: float
+) -> list[list[tuple[str, Pen]]]:
+    """Break the entries of a legend into lines of at most `room` inches."""
+    lines: list[list[tuple[str, Pen]]] = [[]]
+    left = room
+    for name, pen in entries:
+        wanted = SAMPLE + text_width(name, SMALL) + GAP
+        if lines[-1] and wanted > left:
+            lines.append([])
+            left = room
+        lines[-1].append((name, pen))
+        left -= wanted
+    return lines
 
 
 class Sheet:
@@ -241,10 +258,21 @@ class Sheet:
         right = self.width - EDGE
         self.text(right, 0.22, subject, room=room, ha="right", color=DIM)
 
+    def corner(self, place: Place, text: str, side: str) -> None:
+        """Write small print into an upper corner of a panel, at the left or right."""
+        left, top, width, _ = place
+        x = left + 0.05 if side == "left" else left + width - 0.05
+        look: Pen = {"size": SMALL, "ha": side, "color": DIM, "room": width - 0.1}
+        self.text(x, top + 0.16, text, **look)
+
     def notes(self, top: float, lines: Sequence[str]) -> None:
         """Write lines in small print."""
         for k, line in enumerate(lines):
             self.text(EDGE, top + k * LINE, line, size=SMALL, color=DIM)
+
+    def line(self, x: Sequence[float], y: Sequence[float], pen: Pen) -> None:
+        """Draw a line beside the panels, from places in inches."""
+        self._draw(Line2D(x, [self.height - level for level in y], **pen))
 
     def legend(
         self,
@@ -294,7 +322,7 @@ class Sheet:
         below, side, above : name and unit of what an axis shows, written below, at the
             left (`reach` inches from the frame, and at most `spare` longer than it) and
             above. Without `below` there are no numbers there either.
-        ticks : how many at most, across and up; else as many as fit.
+        ticks : how many at most, across and up, 0 for none; else as many as fit.
         over : over the panel that was drawn last, with its own scale at the right.
         """
         left, top, width, height = place
@@ -316,7 +344,8 @@ class Sheet:
         kept[0].set_data(levels, np.resize([0.0, 1.0, np.nan], len(levels)))
         levels = np.repeat(y.put(axes, "y", fit[1]), 3)
         kept[1].set_data(np.resize([0.0, 1.0, np.nan], len(levels)), levels)
-        axes.set_xlabel(_label(axes.xaxis, below, width + 0.5))
+        beside = min(0.25, left, self.width - left - width)
+        axes.set_xlabel(_label(axes.xaxis, below, width + 2 * beside))
         axes.xaxis.set_label_coords(0.5, -0.31 / height)
         axes.set_ylabel(_label(axes.yaxis, side, height + spare))
         aside = reach / width

@@ -4,15 +4,29 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lagsim.outputs.curves import series, stems
 from lagsim.outputs.record import LEFT, REACH, RIGHT
-from lagsim.outputs.scale import extent, value_scale
-from lagsim.outputs.sheet import EDGE, NOTHING, PENS, WIDTH, Sheet, text_width
+from lagsim.outputs.scale import extent, read_off, value_scale
+from lagsim.outputs.sheet import (
+    DIM,
+    EDGE,
+    NOTHING,
+    PENS,
+    SMALL,
+    WIDTH,
+    Sheet,
+    text_width,
+)
+from lagsim.outputs.spread import spread_scale
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.outputs.record import Record
+    from lagsim.outputs.scale import Scale
+    from lagsim.outputs.sheet import Place
     from lagsim.run.observers.thinning import Array
 
 # Inches for the numbers at the left of a small panel.
@@ -69,20 +83,34 @@ class Panels:
     Attributes
     ----------
     total : how much of a sheet the panels take, with the time axis below.
+    gap : how much of it is above each of them.
     """
 
-    def __init__(self, record: Record, groups: Sequence[tuple[str, ...]]) -> None:
+    def __init__(
+        self, record: Record, groups: Sequence[tuple[str, ...]], least: float = 0.0
+    ) -> None:
         self._record, self._groups = record, groups
+        self._aside = 0.0
         self._columns, self._height = next(
             size for most, *size in GRIDS if len(groups) <= most
         )
         self._wide = self._columns == 1
         self._headed = [self._is_headed(group) for group in groups]
-        self._gap = 0.25
+        self.gap = 0.25
         if self._wide:
-            self._gap = 0.24 if any(self._headed) else 0.12
+            self.gap = 0.24 if any(self._headed) else 0.12
         rows = -(-len(groups) // self._columns)
-        self.total = rows * (self._height + self._gap) + 0.45
+        self._height = max(self._height, least / rows - self.gap)
+        self.total = rows * (self._height + self.gap) + 0.45
+
+    @property
+    def tall(self) -> float:
+        """How high they are, from the frame of the first to that of the last."""
+        return self.total - 0.45 - self.gap
+
+    def leave(self, width: float) -> None:
+        """Leave so much free at their right."""
+        self._aside = width
 
     def _is_headed(self, group: tuple[str, ...]) -> bool:
         """Whether the name stands above the panel and not at its side."""
@@ -92,13 +120,21 @@ class Panels:
         beside = self._wide and text_width(text) <= self._height - 0.05
         return len(group) > 1 or not beside
 
+    @staticmethod
+    def _scale(
+        group: Sequence[str], drawn: Sequence[tuple[Array, Array]], size: float
+    ) -> Scale:
+        if group[0].startswith(IMPULSE):  # single values, each with a size of its own
+            return value_scale(*(values for _, values in drawn), size=size)
+        return spread_scale(*drawn, size=size)
+
     def draw(self, sheet: Sheet, top: float) -> None:
         """Draw them below `top`."""
         record = self._record
         width = (WIDTH - RIGHT - EDGE) / self._columns - NUMBERS
         left = EDGE + NUMBERS
         if self._wide:
-            left, width = LEFT, WIDTH - LEFT - RIGHT
+            left, width = LEFT, WIDTH - LEFT - RIGHT - self._aside
         count = len(self._groups)
         sizes: dict[str, float] = {}
         for name in (name for group in self._groups for name in group):
@@ -107,10 +143,10 @@ class Panels:
         for k, group in enumerate(self._groups):
             row, column = divmod(k, self._columns)
             x = left + column * (width + NUMBERS)
-            y = top + row * (self._height + self._gap) + self._gap
+            y = top + row * (self._height + self.gap) + self.gap
             drawn = [record.rows.series(name) for name in group]
             size = sizes[record.unit(group[0])]
-            scale = value_scale(*(values for _, values in drawn), size=size)
+            scale = self._scale(group, drawn, size)
             written = [record.letters.name(name) for name in group]
             named = (", ".join(written), record.unit(group[0]))
             above = self._headed[k] and len(group) == 1
@@ -125,9 +161,38 @@ class Panels:
                 shown = stems if group[0].startswith(IMPULSE) else series
                 for (t, values), pen in zip(drawn, PENS, strict=False):
                     shown(axes, t, values, pen)
+            tell(sheet, (x, y, width, self._height), scale, drawn, above=above)
             if len(group) > 1:
                 names = list(zip(written, PENS, strict=False))
                 sheet.legend(x, y - 0.06, names, width)
+
+
+def tell(
+    sheet: Sheet,
+    place: Place,
+    scale: Scale,
+    drawn: Sequence[tuple[Array, Array]],
+    *,
+    above: bool = False,
+) -> None:
+    """Say in a panel, or above, where powers of ten begin and what is greatest."""
+    if not scale.linear:
+        return
+    every = [np.where(np.isfinite(values), values, 0.0) for _, values in drawn]
+    sizes = [float(np.abs(values).max(initial=0.0)) for values in every]
+    k = int(np.argmax(sizes))
+    at = int(np.abs(every[k]).argmax())
+    t, most = drawn[k][0], read_off(float(every[k][at]))
+    said = f"powers of ten beyond {read_off(scale.linear)}"
+    if above:  # in a small panel it would stand across the curve
+        left, top, width, _ = place
+        room, x = 0.68 * width, left + width
+        text = f"{most}; {said}"
+        sheet.text(x, top - 0.06, text, size=SMALL, room=room, ha="right", color=DIM)
+        return
+    # Where the greatest value is not.
+    side = "left" if t[at] - t[0] > 0.5 * (t[-1] - t[0]) else "right"
+    sheet.corner(place, f"{most} at t = {read_off(t[at], 5)}; {said}", side)
 
 
 def height_of(values: Array) -> float:

@@ -39,6 +39,10 @@ _KNOWN: dict[str, Unit] = {
 # What forces come as, beside the newton.
 _FORCES = ("N", "N m", "N s", "N m s", "N/m", "J", "W")
 
+ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
+# What motion alone is measured in.
+MOTION = {"m", "mm", "cm", "km", "s", "ms", "min", "h", "deg"}
+
 _FACTOR = re.compile(r"\s*([*·/]?)\s*([^\W\d_]+|1)(?:\s*(?:\^|\*\*)\s*(-?\d+))?\s*")
 
 # Expressions with more nodes than this cost more to look through than to draw.
@@ -178,20 +182,23 @@ def units(equations: Equations, told: Mapping[str, str]) -> dict[str, str]:
     found = {name: text for name, text in told.items() if text}
     energies = (model.kinetic, model.potential, model.lagrangian)
     known = [u for e in energies if e is not None and (u := dimensions.of(e))]
+    # Without a mass, what is called an energy is that of one that is not told.
+    known = [] if any(set(unit) <= MOTION for unit in known) else known
     if known and all(unit == known[0] for unit in known):
-        text = written(known[0])
-        for name in ("kinetic", "potential", "lagrangian", "energy", "work"):
+        follow = [(name, known[0]) for name in ENERGIES]
+        follow += _forces(equations, dimensions, known[0])
+        for name, unit in follow:
+            text = written(unit, _FORCES if name not in ENERGIES else ("J",))
             found.setdefault(name, text)
-        for name, unit in _forces(equations, dimensions, known[0]):
-            # Definitions and plots may be made of it.
-            dimensions.known.setdefault(graph.variable(name), unit)
-            if text := written(unit, _FORCES):
-                found.setdefault(name, text)
+            node = graph.variable(name)
+            if dimensions.known.get(node) is None:
+                dimensions.known[node] = unit
+                texts[node] = text
     for name, node in _drawn(equations):
         follows = texts.get(node) or written(dimensions.of(node))
         if follows:
             found.setdefault(name, follows)
-    return found
+    return {name: text for name, text in found.items() if text}
 
 
 def of_table(equations: Equations, told: Mapping[str, str]) -> dict[str, str]:

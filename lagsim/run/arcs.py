@@ -43,11 +43,15 @@ if TYPE_CHECKING:
     from lagsim.run.events.impacts import Before
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer
+    from lagsim.run.observers.corners import Corners
     from lagsim.run.system import System
 
 # Rows in one block: a few hundred kilobytes; fewer where there are many columns.
 BLOCK = 2048
 MOST_NUMBERS = 2**20
+# Of the range of each component, and of what tells numbers of its size apart: nothing
+# in a picture, and clear of rounding.
+ASIDE, SPACINGS = 1e-9, 64
 
 
 class Run:
@@ -65,11 +69,13 @@ class Run:
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
         longest_step: float = 0.0,
+        corners: Corners | None = None,
     ) -> None:
         self.arc = first_arc(equations, start, plan, system, settings, longest_step)
         self.sources = list(_sources(self.arc))
         self.recorder = Recorder(observers)
         self.interrupt, self.progress = interrupt, progress
+        self.corners = corners
         self.pace = self.arc.runner.pace
         self.arcs = 0
         rows = max(1, min(BLOCK, MOST_NUMBERS // system.rows_observed))
@@ -129,10 +135,16 @@ class Run:
         """Do what the first source says that has an answer to the kernel."""
         arc = self.arc
         before = self._before(code)
+        corner = self._corner(code)
         for source in self.sources:
             decision = source.decide(arc, code)
             if decision is not None:
-                return self._act(source, decision, before)
+                shown = self.recorder.rows
+                ending = self._act(source, decision, before)
+                # An impact has rows of its own.
+                if corner is not None and self.corners and shown == self.recorder.rows:
+                    self.corners.add(corner, self._seen())
+                return ending
         if code == at.DONE:
             return Ending(Outcome.DONE)
         if code == at.EVENT_FOUND:
@@ -152,6 +164,23 @@ class Run:
         from lagsim.run.events.impacts import before_event
 
         return before_event(arc)
+
+    def _corner(self, code: int) -> Floats | None:
+        """Look at the columns just before an event, where they are wanted."""
+        arc = self.arc
+        meets = code in (at.SWITCH_FOUND, at.DONE) and arc.t < arc.settings.end
+        return self._seen() if meets and self.corners else None
+
+    def _seen(self) -> Floats:
+        """Give the columns at the state reached, and at those a little aside (3, k)."""
+        arc = self.arc
+        states = np.repeat(arc.row(), 3, 0)
+        ranges = np.append(arc.settings.duration, arc.ranges_to(arc.y))
+        aside = ASIDE * ranges + SPACINGS * np.spacing(np.abs(states[0]))
+        # What is kept on the way is that of the last.
+        states[0] += aside
+        states[1] -= aside
+        return arc.runner.tabulate(states)
 
     def _act(
         self, source: Source, decision: Decision, before: Before | None

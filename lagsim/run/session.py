@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from lagsim.run.arcs import Run
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer
+    from lagsim.run.observers.corners import Corners
     from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 
@@ -180,11 +181,14 @@ class Session:
         *,
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
+        corners: Corners | None = None,
     ) -> Trajectory:
         """Integrate, handing every row to the observers.
 
         Parameters
         ----------
+        corners
+            Gets what happens at events between rows.
         progress
             Called with the fraction of the run that is done.
         """
@@ -205,7 +209,7 @@ class Session:
             run = Run(
                 case.equations, case.start, self.plan, self.system, case.settings,
                 observers, interrupt=interrupt, progress=progress,
-                longest_step=self.longest_step,
+                longest_step=self.longest_step, corners=corners,
             )  # fmt: skip
         import numpy as np
 

@@ -12,6 +12,7 @@ import contextlib
 import math
 from dataclasses import replace
 from enum import Enum
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from lagsim.run.observers import Relay
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from lagsim.run.error import ErrorBar
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer, Store
+    from lagsim.run.observers.corners import Corners
     from lagsim.run.observers.frames import Frames
     from lagsim.run.observers.thinning import Thinning
     from lagsim.run.session import Clock, Session
@@ -98,6 +100,7 @@ class Attempt(NamedTuple):
     account: Account
     checkpoints: Checkpoints
     thin: Thinning | None
+    corners: Corners | None
     frames: Frames | None
     bar: ErrorBar | str
     fault: OSError | None
@@ -145,6 +148,8 @@ class Attempt(NamedTuple):
             yield from self._page(frames)
         if rows is None:
             return
+        if self.corners is not None:
+            rows.meet(self.corners.rows())
         import logging
 
         # It tells on stderr of a home that it cannot write to, which is no news.
@@ -165,7 +170,7 @@ class Attempt(NamedTuple):
         record = Record(
             model.name, rows, units(equations, self.session.system.units()), note=note,
             horizon=self.horizon, form=form, letters=Letters(names),
-            **marked(trajectory.events),
+            events=marked(trajectory.events),
         )  # fmt: skip
         yield from pictures(record, model, energy_is_sum=equations.energy_is_sum)
 
@@ -199,6 +204,8 @@ class Attempts:
         Gets the rows.
     thinned, animated
         They are kept for pictures, and for a page, too.
+    cornered
+        Those at events are kept, for pictures that are made of other rows.
     progress
         Gives what is to be called with the fraction done.
     """
@@ -211,12 +218,13 @@ class Attempts:
         *,
         error_bars: ErrorBars = ErrorBars.AUTO,
         thinned: bool = False,
+        cornered: bool = False,
         animated: bool = False,
         progress: Progress = contextlib.nullcontext,
     ) -> None:
         self.store, self.interrupt, self.clock = store, interrupt, clock
         self.error_bars, self.thinned, self.progress = error_bars, thinned, progress
-        self.animated = animated
+        self.animated, self.cornered = animated, cornered or thinned
         # What all that judges the first attempt may cost.
         self.allowance: Allowance | None = None
 
@@ -242,7 +250,11 @@ class Attempts:
         case, names = session.case, session.system.columns.names
         account = Account(session)
         checkpoints = Checkpoints(len(case.equations.q), case.settings)
-        thin = frames = None
+        thin = frames = corners = None
+        if self.cornered:
+            from lagsim.run.observers.corners import Corners
+
+            corners = Corners()
         if self.thinned:
             from lagsim.run.observers.thinning import picture_thinning
 
@@ -258,10 +270,12 @@ class Attempts:
         others += [x for x in (thin, frames) if x is not None]
         relay = Relay(self.store, others, self.interrupt)
         clock = self.clock
+        clock.lap("output")
+        import_module("lagsim.run.arcs")  # not while the clock runs for it
+        clock.lap("import")
         with self.progress() as progress:
-            clock.lap("output")
             trajectory = session.run(
-                [relay], interrupt=self.interrupt, progress=progress
+                [relay], interrupt=self.interrupt, progress=progress, corners=corners
             )
             clock.lap("integrate")
         clock.timings["integrate"] -= relay.seconds
@@ -270,7 +284,15 @@ class Attempts:
             self._charge(session, trajectory)
             bar = self._error_bar(session, trajectory, checkpoints)
         return Attempt(
-            session, trajectory, account, checkpoints, thin, frames, bar, relay.fault
+            session,
+            trajectory,
+            account,
+            checkpoints,
+            thin,
+            corners,
+            frames,
+            bar,
+            relay.fault,
         )
 
     def _charge(self, session: Session, trajectory: Trajectory) -> None:
@@ -289,6 +311,7 @@ class Attempts:
         """Estimate the error of the run, or say why not."""
         from lagsim.studies.error_bar import repeat
 
+        self.clock.lap("import")
         if self.error_bars is ErrorBars.NEVER:
             return "not asked for"
         if self.interrupt.asked:

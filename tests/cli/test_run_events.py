@@ -123,3 +123,15 @@ def test_what_is_not_listed_is_told(lagsim, write, monkeypatch, most):
     assert f"{lost} of kind impact" in warning["text"]
     assert warning["text"] in called.err
     assert f"{len(impacts)} impacts at `floor`" in called.out
+
+
+def test_the_table_is_the_same_without_pictures(lagsim, write):
+    """Pictures show rows at events besides; the table and what follows do not."""
+    model = write(CONTACT)
+    found = []
+    for options in ((), ("--no-plots",)):
+        assert lagsim("run", model, "-o", "out", *options).code == 0
+        document = manifest("out")
+        kept = [document[key] for key in ("rows", "end", "events", "energy_drift")]
+        found.append((Path("out/trajectory.csv").read_bytes(), kept))
+    assert found[0] == found[1]

@@ -72,6 +72,8 @@ def panels(drawing):
     """Read all panels of a drawing, in the order in which they are drawn."""
     found = []
     for panel in drawing.panels:
+        if not panel.y:
+            continue  # without scales there is nothing to read off
         # Panels above each other share the numbers of the lowest.
         numbered = next(
             p
@@ -203,7 +205,7 @@ def test_legends_name_the_lines_by_their_colours():
 
 def test_events_and_horizon_stand_at_their_times():
     events = (0.5, 3.25, 11.0)
-    _, run = energies(events=events, horizon=7.5)
+    _, run = energies(events={"switch": events}, horizon=7.5)
     for panel in panels(drawn(plots.energy, run, is_sum=True)):
         assert panel.events == pytest.approx(events, abs=1e-6)
         assert panel.shade == pytest.approx(7.5, abs=1e-6)
@@ -239,7 +241,9 @@ def test_a_plot_of_the_model(shift):
 
 def test_a_plot_against_time():
     run = record(
-        {"t": T, "plot.0.x": T, "plot.0.y.1": T**2}, units={"t": "s"}, events=(2.0,)
+        {"t": T, "plot.0.x": T, "plot.0.y.1": T**2},
+        units={"t": "s"},
+        events={"switch": (2.0,)},
     )
     [panel] = panels(drawn(plots.plot, run, 0, against(" t ", "u"), Scene({})))
     assert (panel.x.name, panel.x.unit) == (" t ", "s")
@@ -267,16 +271,18 @@ def test_paths_of_the_scene():
 
 
 def test_notes_say_what_they_are_given():
-    _, run = energies(note="incomplete: until t = 3", events=(1.0,), horizon=4.0)
+    _, run = energies(
+        note="incomplete: until t = 3", events={"switch": (1.0,)}, horizon=4.0
+    )
     for drawing, subject in (
         (drawn(plots.energy, run, is_sum=True), "energy"),
         (drawn(plots.trajectory, run, ["kinetic"], Scene({})), "coordinates"),
     ):
         said = drawing.written()
-        for text in ("a scene", subject, "incomplete: until t = 3", "events",
+        for text in ("a scene", subject, "incomplete: until t = 3", "switches",
                      "past the horizon"):  # fmt: skip
             assert said.count(text) == 1
     _, plain = energies()
     said = drawn(plots.energy, plain, is_sum=True).written()
-    assert "events" not in said
+    assert "switches" not in said
     assert "past the horizon" not in said

@@ -8,7 +8,7 @@ import pytest
 from lagsim.model.model import Scene
 from lagsim.notes import Event
 from lagsim.outputs import plots
-from lagsim.outputs.curves import IMPACTS, RESTS
+from lagsim.outputs.curves import IMPACTS, MARKS, RESTS
 from lagsim.outputs.events import marked
 from lagsim.outputs.record import Record
 from lagsim.outputs.sheet import DPI
@@ -72,7 +72,7 @@ def of_colour(panel, pen):
 
 
 def test_impacts_are_marked_in_every_panel_and_named_once():
-    run = record(impacts=[1.0, 2.0])
+    run = record(events={"impact": [1.0, 2.0]})
     for drawing in against_time(run):
         assert drawing.written().count("impacts") == 1
         assert "events" not in drawing.written()
@@ -84,7 +84,7 @@ def test_impacts_are_marked_in_every_panel_and_named_once():
 @pytest.mark.parametrize("count", [2, 50, 1000, 10_000])
 def test_however_many_impacts_leave_the_curves_free(count):
     times = np.linspace(0.5, 3.5, count)
-    for drawing in against_time(record(impacts=list(times))):
+    for drawing in against_time(record(events={"impact": list(times)})):
         for panel in drawing.panels:
             [ticks] = of_colour(panel, IMPACTS)
             assert ticks.dots
@@ -99,7 +99,7 @@ def test_however_many_impacts_leave_the_curves_free(count):
 
 
 def test_rest_is_a_line_across():
-    for drawing in against_time(record(impacts=[1.0], rests=[2.0])):
+    for drawing in against_time(record(events={"impact": [1.0], "zeno": [2.0]})):
         assert drawing.written().count("comes to rest") == 1
         for panel in drawing.panels:
             thin = [line for line in panel.thin if line.colour == RESTS["color"]]
@@ -133,7 +133,7 @@ def test_jumps_are_upright_in_bands_too():
 
 
 def test_impulses_are_stems_and_what_is_zero_gives_way():
-    drawing = forces(record(impacts=[1.0, 2.0]))
+    drawing = forces(record(events={"impact": [1.0, 2.0]}))
     labels = [side or above for _, side, above in (p.labels for p in drawing.panels)]
     assert labels == ["Qc_y", "λ_floor", "impulse.floor"]
     assert "constraint forces and impulses, 3 of 5" in drawing.written()
@@ -152,7 +152,7 @@ def test_without_impulses_all_forces_are_shown():
     columns = {k: v for k, v in ball().items() if not k.startswith("impulse.")}
     drawing = forces(record(columns))
     assert len(drawing.panels) == 4
-    assert "constraint forces Qc and multipliers lambda" in drawing.written()
+    assert "constraint forces Qc and multipliers λ" in drawing.written()
 
 
 def test_friction_is_among_the_multipliers():
@@ -182,5 +182,43 @@ def test_what_is_marked():
         Event(5.0, "until"),
     ]
     assert marked(events) == {
-        "impacts": [1.0, 2.0], "rests": [3.0], "events": [3.5, 4.0],
+        "impact": [1.0, 2.0], "zeno": [3.0], "switch": [3.5], "release": [4.0],
     }  # fmt: skip
+
+
+def test_kinds_of_events_are_told_apart_and_named():
+    """By a mark at the top of each: filled where something holds from then on."""
+    times = {"stick": [1.0, 3.0], "slip": [2.0], "release": [2.5], "switch": [3.5]}
+    for drawing in against_time(record(events=times)):
+        said = drawing.written()
+        assert {"sticks", "slips", "lets go", "switches"} <= set(said)
+        assert "impacts" not in said
+        for panel in drawing.panels:
+            looks = {}
+            for kind, own in times.items():
+                top = MARKS[kind].top
+                if top is None:
+                    continue
+                [found] = [
+                    line
+                    for line in panel.lines
+                    if line.marker == top["marker"] and len(line.x) == len(own)
+                    and line.x == pytest.approx(places(panel, own), abs=PIXEL)
+                ]  # fmt: skip
+                looks[kind] = (found.marker, top["markerfacecolor"])
+                assert np.all(found.y > panel.box.y1 - 0.1 * DPI)
+            assert len(set(looks.values())) == len(looks)
+    # More names than fit beside the title have a line of their own.
+    texts = {text.said: text.box for text in drawing.texts}
+    assert texts["sticks"].y1 < texts["ball"].y0
+
+
+def test_fast_swings_are_the_band_that_they_fill():
+    """Of a steady amplitude: level, without a pattern of pixels and turns."""
+    t = np.linspace(0.0, 1.0, 40_000)
+    for swings in (150, 333, 999):
+        run = record({"t": t, "y": np.sin(2 * np.pi * swings * t)})
+        panel = drawn(plots.trajectory, run, ["y"], Scene({})).panels[0]
+        [(_, corners)] = panel.areas
+        top = corners[corners[:, 1] > panel.box.y0 + 0.5 * panel.box.height]
+        assert np.ptp(top[:, 1]) < 0.02 * panel.box.height

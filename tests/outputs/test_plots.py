@@ -147,7 +147,7 @@ SCRIPT = """
 import hashlib, sys
 sys.path.insert(0, {folder!r})
 import test_plots as t
-run = t.record(t.swing(9000), events=(1.0, 2.0), note="stopped")
+run = t.record(t.swing(9000), events={"switch": (1.0, 2.0)}, note="stopped")
 for sheet in (*t.all_sheets(run), t.plots.trajectory(*t.chain(9))):
     print(hashlib.sha256(sheet.content()).hexdigest())
 assert "matplotlib.pyplot" not in sys.modules
@@ -204,7 +204,9 @@ def test_names_units_and_titles_are_written_as_they_are():
 
 
 def drawings_of_every_kind():
-    events = record(swing(), events=(1.0, 2.0, 5.5), note="step size too small " * 20)
+    events = record(
+        swing(), events={"switch": (1.0, 2.0, 5.5)}, note="step size too small " * 20
+    )
     yield from all_drawings(events)
     yield from all_drawings(record(swing(), title="a very long name " * 20))
     yield drawn(energies, record({"t": [0.0, 1.0], "energy": [1.0, 2.0]}), is_sum=False)
@@ -285,7 +287,7 @@ def test_too_many_coordinates_are_chosen_and_counted():
     assert {"θ₀ (rad)", "θ₈₉ (rad)"} <= set(said)
     assert chosen(list("abcdefg"), 3) == ["a", "d", "g"]
     forces = written(plots.constraint_forces, run, names, [])
-    assert "constraint forces Qc and multipliers lambda, 40 of 90" in forces
+    assert "constraint forces Qc and multipliers λ, 40 of 90" in forces
 
 
 def test_scenes_have_equal_scales():
@@ -294,14 +296,50 @@ def test_scenes_have_equal_scales():
         (drawn(plots.trajectory, run, ["x"], space), 3),
         (drawn(plots.trajectory, record(swing()), ["u"], SWING), 1),
     ):
-        views = drawing.panels[-count:]
+        views = [p for p in drawing.panels if p.labels[0].startswith("scene")]
+        assert len(views) == count
         units = set()
         for view in views:
             (left, right), (low, high) = view.limits
-            assert view.labels[0].startswith("scene")
             units |= {(right - left) / view.box.width, (high - low) / view.box.height}
         # All of them: the views stand side by side, to be measured with one ruler.
         assert max(units) == pytest.approx(min(units))
+
+
+def test_a_scene_in_space_is_seen_from_aside_too():
+    run, space = helix()
+    aside = drawn(plots.trajectory, run, ["x"], space).panels[-1]
+    assert aside.x == aside.y == []
+    (left, right), (low, high) = aside.limits
+    scale = (right - left) / aside.box.width
+    assert (high - low) / aside.box.height == pytest.approx(scale)
+    # A full turn from +x over +y and back, seen from the right of ahead and above.
+    [path] = [line for line in aside.lines if len(line.x) == 500]
+    x, y, z = (run.rows.sampled(f"point.bead.{k}") for k in (1, 2, 3))
+    right = x * np.cos(np.pi / 6) + y * np.sin(np.pi / 6)
+    behind = y * np.cos(np.pi / 6) - x * np.sin(np.pi / 6)
+    up = z * np.cos(np.pi / 6) + behind * np.sin(np.pi / 6)
+    for found, expected in ((path.x, right), (path.y, up)):
+        offset = found - expected / scale
+        assert np.ptp(offset) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("across", "up", "beside"), [(0.2, 1.0, True), (1.0, 1.0, False), (3.0, 1.0, False)]
+)
+def test_narrow_scenes_stand_beside_curves_and_sheets_are_full(across, up, beside):
+    t = np.linspace(0, 6, 300)
+    columns = {"t": t, "q": t, "point.a.1": across * np.cos(t)}
+    columns["point.a.2"] = up * np.sin(t)
+    drawing = drawn(plots.trajectory, record(columns), ["q"], Scene({"a": (0, 0)}))
+    curves, view = drawing.panels
+    assert (curves.box.y0 == view.box.y0) == beside
+    boxes = [x.box for x in (*drawing.panels, *drawing.texts)]
+    # What is drawn reaches from edge to edge.
+    assert max(box.x1 for box in boxes) > 6.5 * DPI
+    assert view.box.width * view.box.height > 1.5 * DPI**2
+    if not beside:
+        assert view.box.x1 > 0.6 * 7 * DPI
 
 
 def test_a_circle_is_round_in_the_picture():

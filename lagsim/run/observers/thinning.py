@@ -222,6 +222,7 @@ class Thinning:
         self._paths_at = {name: k for k, name in enumerate(followed)}
         self._sample = _Sample(len(followed))
         self._first = self._last = np.full(len(self.columns), np.nan)
+        self._corners = np.empty((0, 1, len(self.columns)))
 
     @property
     def stride(self) -> int:
@@ -250,6 +251,30 @@ class Thinning:
             self._envelope.add(block[:, 0], self._series_of(block))
         self._sample.add(block, self._paths_from)
 
+    def meet(self, corners: Array) -> None:
+        """Show rows at events as well, which do not count.
+
+        Parameters
+        ----------
+        corners : (2 k, ways, c), of each event that just before and that just after.
+        """
+        if len(corners):
+            self._corners = corners[corners[:, -1, 0] <= self._last[0]]
+
+    def _with_corners(self, t: Array, values: Array, met: Array) -> tuple[Array, Array]:
+        """Put what is met at events (2 k, ways) among values, in order of time."""
+        times = self._corners[:, -1, 0]
+        at = np.searchsorted(t, times, side="right")
+        # Before an event goes on what was, after it begins what will be.
+        beside = at + np.tile((-1, 0), len(at) // 2)
+        near = values[np.clip(beside, 0, len(values) - 1)]
+        off = np.abs(met - near[:, np.newaxis])
+        way = off.argmin(axis=1)
+        # The state as it is, where being a little aside makes no difference.
+        way[off[:, -1] <= 2.0 * off.min(axis=1)] = met.shape[1] - 1
+        met = met[np.arange(len(met)), way]
+        return np.insert(t, at, times), np.insert(values, at, met)
+
     def _series_of(self, rows: Array) -> Array:
         columns = rows[:, self._series_from]
         if not len(self._minuend):
@@ -274,6 +299,11 @@ class Thinning:
         """
         column = self._series_at[name]
         t, values = self._envelope.points(column)
+        if len(self._corners):
+            k, ways, c = self._corners.shape
+            with np.errstate(invalid="ignore", over="ignore"):
+                met = self._series_of(self._corners.reshape(-1, c))[:, column]
+            t, values = self._with_corners(t, values, met.reshape(k, ways))
         if self._envelope.size == 1:
             return t, values
         ends = np.stack((self._first, self._last))
@@ -295,6 +325,10 @@ class Thinning:
     def sampled(self, name: str) -> Array:
         """Return a column in the rows that `path` shows."""
         kept = self._sample.column(self._paths_at[name])
+        if len(self._corners):
+            t = self._sample.column(self._paths_at[self.columns[0]])
+            met = self._corners[:, :, self._place[name]]
+            _, kept = self._with_corners(t, kept, met)
         if self.stride > 1:
             kept = np.append(kept, self.last(name))
         return _gaps(kept)

@@ -37,9 +37,9 @@ SECONDS = 40.0
 
 # Rows count as known while both agree to this part of each coordinate's range: to the
 # first of these that holds for all rows ...
-WHOLE = (1e-10, 1e-8, 1e-6)
+WHOLE = (1e-10, 1e-8, 1e-7)
 # ... or else for more than a few of them: so many, or a part where rows are few.
-LEVELS = (*WHOLE, 1e-4, 1e-2)
+LEVELS = (*WHOLE, 1e-6, 1e-4, 1e-2)
 MANY, FEW = 50, 0.1
 # A range that is this small beside others of its unit is that of rounding errors.
 NOISE = 1e-11

@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 # what the others then find.
 ALONE_SECONDS = 0.5
 # Others are worth beginning where so much is left to do.
-WORTH_SECONDS = 2.0
+WORTH_SECONDS = 5.0
 # A piece takes about so long; each process gets some.
 PIECE_SECONDS = 0.5
 PIECES = 4
+# A clock may stand still for so long.
+SHORTEST_SECONDS = 1e-6
 DIED = "died"
 DIED_TEXT = "its process ended before it had a result: was it killed, or out of memory?"
 
@@ -113,11 +115,12 @@ def _made(
 ) -> Iterator[Sequence[tuple[int, Row]]]:
     """Give rows as they are made: the first ones, or all, by this process."""
     missing, work = found.missing, found.work
-    done, began, lasted = 0, time.perf_counter(), 0.0
+    # What this process works, whatever others do beside it.
+    done, began, lasted = 0, time.process_time(), 0.0
     for row in made(Piece(work, tuple(missing)), interrupt):
         yield [row]
         done += 1
-        lasted = time.perf_counter() - began
+        lasted = max(time.process_time() - began, SHORTEST_SECONDS)
         to_come = (len(missing) - done) * lasted / done
         worth = lasted > ALONE_SECONDS and to_come > WORTH_SECONDS
         if others and (worth or wanted):
