@@ -64,7 +64,9 @@ def refuse_infinite(
             for law in e.laws
             if law.constraint not in off
         ]
-    named += [(f"the inertia of {q}", e.M[j][j]) for j, q in enumerate(e.q)]
+    named += [
+        (f"the inertia of {q}", node) for q, node in zip(e.q, e.inertias, strict=True)
+    ]
     found = [(name, node) for name, node in named if node is not None]
     values = point.array([node for _, node in found], q, v)
     resting = {name for name, rate in zip(e.velocities, v, strict=True) if not rate}

@@ -112,7 +112,7 @@ def _written(
     from lagsim.mechanics.equations import derive
     from lagsim.model.reader import read_file
 
-    equations: Equations = derive(read_file(path, assignments(sets)))
+    equations: Equations = derive(read_file(path, assignments(sets)), chained=False)
     if form is Format.python:
         from lagsim.derivation.as_python import as_python
 
