@@ -34,7 +34,7 @@ def needs_constraints(
         Where a direction that the constraints admit has no inertia, or any direction a
         negative one.
     """
-    if is_large(point) and is_positive(point, q, v):
+    if (is_large(point) or point.e.chains) and is_positive(point, q, v):
         return False
     M = point.mass(q, v)
     A = point.jacobian(point.e.rows, q, v, errors)
@@ -62,8 +62,7 @@ def needs_constraints(
 
 def _varies(point: Point) -> bool:
     e = point.e
-    entries = [node for row in e.M for node in row.entries.values()]
-    return not e.graph.depends(entries).isdisjoint(e.q)
+    return not e.graph.depends(e.mass_nodes).isdisjoint(e.q)
 
 
 def _factor(c: float) -> str:

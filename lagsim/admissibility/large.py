@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility.point import AtState, Entries, Point
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.chains import Chains
 
 # Coordinates from which on a dense decomposition takes longer than loading scipy.
 LARGE = 200
@@ -48,6 +49,8 @@ def matrix(entries: Entries, rows: int, columns: int) -> Any:
 
 def is_positive(point: Point, q: Floats, v: Floats) -> bool:
     """Tell whether M is safely positive definite; False where it is not safe."""
+    if point.e.chains is not None:
+        return _is_positive_along(point, point.e.chains, q, v)
     M = matrix(point.mass_entries(q, v), point.n, point.n)
     diagonal = M.diagonal()
     if not (np.all(np.isfinite(M.data)) and np.all(diagonal > 0)):
@@ -63,6 +66,19 @@ def is_positive(point: Point, q: Floats, v: Floats) -> bool:
     if not np.array_equal(factors.perm_r, factors.perm_c):
         return False  # pivots off the diagonal say nothing
     return 1.0 / _largest(factors.solve, point.n)[0] > SURELY
+
+
+def _is_positive_along(point: Point, chains: Chains, q: Floats, v: Floats) -> bool:
+    """Tell it by the pivots of M, against its diagonal."""
+    from lagsim.language.sparse import Meter
+    from lagsim.mechanics.articulated import Articulated
+
+    pivots = Articulated(point.g, chains, Meter()).pivots
+    own = point.array([pivots[k][0] for k in range(point.n)], q, v)
+    diagonal = point.array(point.e.inertias, q, v)
+    if not (np.all(np.isfinite(own)) and np.all(diagonal > 0)):
+        return False
+    return bool(np.min(own / diagonal) > SURELY)
 
 
 def row_lengths(point: Point, q: Floats, v: Floats) -> Floats:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.chains import Chains
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
 
@@ -115,7 +116,7 @@ class Point:
     def sizes(self, q: Floats, v: Floats) -> Floats:
         """Give sqrt(M_jj), or what stands in its place, where it was first asked."""
         if self._sizes is None:
-            diagonal = self.array([row[j] for j, row in enumerate(self.e.M)], q, v)
+            diagonal = self.array(self.e.inertias, q, v)
             self._sizes = np.sqrt(np.abs(diagonal))
             if not self._sizes.all():
                 A = np.nan_to_num(self.jacobian(self.e.rows, q, v))
@@ -125,16 +126,36 @@ class Point:
     def mass(self, q: Floats, v: Floats, among: Sequence[int] | None = None) -> Floats:
         """Give M (n, n), or its rows and columns `among`."""
         chosen = range(self.n) if among is None else among
+        if self.e.chains is not None:
+            return self._chained_mass(self.e.chains, q, v)[np.ix_(chosen, chosen)]
         found = self.mass_entries(q, v, chosen)
         M = np.zeros((len(chosen), len(chosen)))
         M[found.i, found.j] = found.values
         return M
+
+    def _chained_mass(self, chains: Chains, q: Floats, v: Floats) -> Floats:
+        """Give M (n, n) without an expression for each entry."""
+        nodes = chains.nodes
+        values = dict(zip(nodes, self.array(nodes, q, v), strict=True))
+        along = np.eye(self.n + len(chains.sums), self.n)
+        for k, form in enumerate(chains.sums, self.n):
+            for i, node in form.items():
+                along[k] += values[node] * along[i]
+        pushed = np.zeros_like(along)
+        for (i, j), node in chains.squares.items():
+            for a, b in {(i, j), (j, i)}:
+                pushed[a] += values[node] * along[b]
+        return np.asarray(along.T @ pushed)
 
     def mass_entries(
         self, q: Floats, v: Floats, among: Sequence[int] | None = None
     ) -> Entries:
         """Give the entries of M that do not vanish identically."""
         chosen = range(self.n) if among is None else among
+        if self.e.chains is not None:
+            M = self.mass(q, v, chosen)
+            i, j = np.nonzero(M)
+            return Entries(i, j, M[i, j])
         place = {j: k for k, j in enumerate(chosen)}
         rows = (self.e.M[j].entries for j in chosen)
         kept = [{place[j]: x for j, x in row.items() if j in place} for row in rows]

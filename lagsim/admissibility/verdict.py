@@ -16,6 +16,7 @@ import numpy as np
 
 from lagsim.admissibility.lengths import LINKS, Form, Lengths, of_rows
 from lagsim.language.derivatives import slopes
+from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.evaluate import evaluate
 
 if TYPE_CHECKING:
@@ -255,16 +256,15 @@ class _Bodies:
     """Coordinates that M couples with one another, directly or through others."""
 
     def __init__(self, point: Point) -> None:
-        self.neighbours = [set(row.entries) for row in point.e.M]
+        together = DisjointSets(point.n)
+        for _, own in point.e.coupled:
+            for i in own:
+                together.merge(own[0], i)
+        self.body = {i: body for body in together.sets() for i in body}
 
     def of(self, columns: Sequence[int]) -> list[int]:
         """Give the coordinates coupled with any of these, and these."""
-        seen, stack = set(columns), list(columns)
-        while stack:
-            new = self.neighbours[stack.pop()] - seen
-            seen |= new
-            stack.extend(new)
-        return sorted(seen)
+        return sorted({i for j in columns for i in self.body[j]})
 
 
 def judge_starts(

@@ -94,4 +94,4 @@ def derive(
     from lagsim.mechanics.equations import derive
 
     options = {"substitute": substitute, "solve": solve, "with_gauss": gauss}
-    return Derivation(derive(model), options)
+    return Derivation(derive(model, chained=False), options)

@@ -17,8 +17,9 @@ from lagsim.derivation.names import Name
 from lagsim.derivation.tidy import cost
 from lagsim.derivation.translation import number
 from lagsim.language.disjoint_sets import DisjointSets
+from lagsim.language.sparse import TooLongError
 from lagsim.language.symbolic import symbol, to_sympy
-from lagsim.mechanics.ldl import Elimination, TooLongError
+from lagsim.mechanics.ldl import Elimination
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

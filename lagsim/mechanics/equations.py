@@ -11,6 +11,7 @@ eqs 47 and 61; Arnold, Mathematical Methods of Classical Mechanics, sections 12 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient, rate_of, tangent
@@ -24,11 +25,15 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.graph import Graph
+    from lagsim.mechanics.articulated import ChainedMass
+    from lagsim.mechanics.chains import Chains
     from lagsim.model.model import Model
 
 
 # The column, and the variable, of the integral of L.
 ACTION = "action.S"
+# Of so few coordinates the entries of M always take fewer operations than chains.
+FEW = 5
 
 
 class Quadrature(NamedTuple):
@@ -49,8 +54,9 @@ class Equations:
 
     Attributes
     ----------
-    M : tuple of SparseVector, shape (n, n)
-        Symmetric; entries that vanish identically are `graph.zero`.
+    M : sequence of SparseVector, shape (n, n)
+        Symmetric; entries that vanish identically are `graph.zero`. Of a ChainedMass
+        they are only made where they are read.
     f : tuple of int, shape (n,)
     rows : tuple of Row, length m
         The equality constraints that always hold.
@@ -79,7 +85,7 @@ class Equations:
     graph: Graph
     q: tuple[str, ...]
     velocities: tuple[str, ...]
-    M: tuple[SparseVector, ...]
+    M: tuple[SparseVector, ...] | ChainedMass
     f: tuple[int, ...]
     rows: tuple[Row, ...]
     momenta: tuple[int, ...]
@@ -105,7 +111,9 @@ class Equations:
         rows = (*self.rows, *(law.row for law in self.laws))
         return (
             self.q,
-            tuple(tuple(row.entries.items()) for row in self.M),
+            self.chains.key
+            if self.chains
+            else tuple(tuple(row.entries.items()) for row in self.M),
             self.f,
             tuple(
                 (x.name, x.residual, x.rate, x.b, *x.A.entries.items()) for x in rows
@@ -151,6 +159,41 @@ class Equations:
             for j, node in row.entries.items()
         }
 
+    @property
+    def chains(self) -> Chains | None:
+        """The chains that M is solved along; None where its entries are."""
+        return None if isinstance(self.M, tuple) else self.M.chains
+
+    @property
+    def mass_nodes(self) -> list[int]:
+        """What M is made of: its entries, or the factors in its chains."""
+        chains = self.chains
+        return list(self.mass_entries.values()) if chains is None else chains.nodes
+
+    @property
+    def inertias(self) -> list[int]:
+        """The diagonal of M."""
+        if isinstance(self.M, tuple):
+            return [row[j] for j, row in enumerate(self.M)]
+        return list(self.M.diagonal)
+
+    @property
+    def coupled(self) -> list[tuple[list[int], list[int]]]:
+        """Coordinates that M couples, in sets that may overlap: its nodes, and they."""
+        if (chains := self.chains) is not None:
+            return chains.groups()
+        rows = (row.entries for row in self.M)
+        return [([*x.values()], [i, *x]) for i, x in enumerate(rows)]
+
+    def mass_times(self, x: Sequence[int]) -> list[int]:
+        """Give M x (n,)."""
+        if (chains := self.chains) is not None:
+            return chains.product(self.graph, x)
+        return [
+            self.graph.product_sum((m, x[j]) for j, m in row.entries.items())
+            for row in self.M
+        ]
+
     def constraint_forces(self) -> list[int]:
         """Give Qc = A^T lambda, with the multipliers as variables."""
         g = self.graph
@@ -169,8 +212,10 @@ class Equations:
         g = self.graph
         accelerations = [g.variable(name) for name in self.accelerations]
         residuals = []
-        for M, f, held in zip(self.M, self.f, self.constraint_forces(), strict=True):
-            inertia = g.product_sum(zip(M, accelerations, strict=True))
+        inertias = self.mass_times(accelerations)
+        for inertia, f, held in zip(
+            inertias, self.f, self.constraint_forces(), strict=True
+        ):
             residuals.append(g.call("sub", inertia, g.call("add", f, held)))
         for row in self.rows:
             moved = g.product_sum(zip(row.A, accelerations, strict=True))
@@ -178,8 +223,14 @@ class Equations:
         return residuals
 
 
-def derive(model: Model) -> Equations:
-    """Derive the equations of motion of `model`."""
+def derive(model: Model, *, chained: bool = True) -> Equations:
+    """Derive the equations of motion of `model`.
+
+    Parameters
+    ----------
+    chained
+        M may stay in the chains that bodies hang in, where these take fewer operations.
+    """
     g = model.graph
     q = tuple(c.name for c in model.coordinates)
     velocities = tuple(f"{name}_dot" for name in q)
@@ -189,28 +240,28 @@ def derive(model: Model) -> Equations:
 
     slopes = gradient(g, model.lagrangian, [*rates, *positions, time])
     momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
-    M = _mass_matrix(g, momenta, rates)
+    chains = None
+    if chained and len(q) > FEW and all(c.always for c in model.constraints):
+        from lagsim.mechanics import articulated  # of many links
+
+        chains = articulated.shorter_chains(g, model.lagrangian, rates, velocities)
+    entries = partial(_mass_matrix, g, momenta, rates)
+    M = articulated.ChainedMass(g, chains, entries) if chains else entries()
     convective = tangent(g, momenta, flow.forward)
     Q = generalized_forces(g, model, flow)
     f = [
         g.call("add", g.call("sub", a, c), force)
         for a, c, force in zip(dL_dq, convective, Q, strict=True)
     ]
-    M, f = _in_fewer_terms(g, model, flow, M, f, convective, Q)
+    if isinstance(M, tuple) and _turns(g, model):
+        from lagsim.mechanics.inertia import in_fewer_terms
+
+        M, f = in_fewer_terms(g, model, flow, M, f, convective, Q)
     plain = [c for c in model.constraints if c.always]
     rows = tuple(constraint_row(g, c.name, c.relation.node, flow) for c in plain)
     laws = tuple(laws_of(g, model.constraints, flow))
     energy, is_sum = _energy(g, model, momenta, rates, flow.velocities)
-    half = g.constant(0.5)
-    kinetic_form = g.call(
-        "mul",
-        half,
-        g.product_sum(
-            (v, g.product_sum((m, rates[j]) for j, m in row.entries.items()))
-            for v, row in zip(rates, M, strict=True)
-        ),
-    )
-    return Equations(
+    found = Equations(
         model=model,
         graph=g,
         q=q,
@@ -221,7 +272,7 @@ def derive(model: Model) -> Equations:
         momenta=tuple(momenta),
         energy=energy,
         energy_is_sum=is_sum,
-        kinetic_form=kinetic_form,
+        kinetic_form=model.kinetic or g.zero,
         power=_power(g, model, Q, rates, rows, laws, dL_dt),
         unforced=frozenset(
             name
@@ -231,56 +282,22 @@ def derive(model: Model) -> Equations:
         quadratures=_action(g, model),
         laws=laws,
     )
+    if chains and is_sum:
+        return found
+    form = g.product_sum(zip(rates, found.mass_times(rates), strict=True))
+    return replace(found, kinetic_form=g.call("mul", g.constant(0.5), form))
+
+
+def _turns(g: Graph, model: Model) -> bool:
+    """Tell whether sines and cosines stand in the kinetic energy."""
+    cone = [] if model.kinetic is None else g.cone([model.kinetic])
+    return any(g.ops[node] in ("sin", "cos") for node in cone)
 
 
 def _action(g: Graph, model: Model) -> tuple[Quadrature, ...]:
     if not model.output.action:
         return ()
     return (Quadrature(ACTION, model.lagrangian, g.zero),)
-
-
-def _in_fewer_terms(
-    g: Graph,
-    model: Model,
-    flow: Flow,
-    M: tuple[SparseVector, ...],
-    f: list[int],
-    convective: Sequence[int],
-    Q: Sequence[int],
-) -> tuple[tuple[SparseVector, ...], list[int]]:
-    """Give M and f with inertia as textbooks write it, where that is shorter.
-
-    What potentials and forces give stays as it is: differences that are small stand
-    there, and nothing may be multiplied out of them.
-    """
-    T, V = model.kinetic, model.potential
-    if T is None or V is None or flow.velocities & g.depends([V]):
-        return M, f
-    if not any(g.ops[node] in ("sin", "cos") for node in g.cone([T])):
-        return M, f
-    from lagsim.language.trigonometry import fewer_terms
-
-    n = len(f)
-    inertial = [
-        g.call("sub", a, c)
-        for a, c in zip(gradient(g, T, flow.positions), convective, strict=True)
-    ]
-    entries = [(i, j) for i, row in enumerate(M) for j in row.entries if i <= j]
-    moving = {*(c.name for c in model.coordinates), *flow.velocities, "t"}
-    before = [*(M[i][j] for i, j in entries), *inertial]
-    after = fewer_terms(g, before, moving)
-    if after == before:
-        return M, f
-    rows: list[dict[int, int]] = [{} for _ in range(n)]
-    for (i, j), node in zip(entries, after, strict=False):
-        rows[i][j] = rows[j][i] = node
-    forces = [
-        g.call("add", g.call("sub", a, b), c)
-        for a, b, c in zip(
-            after[len(entries) :], gradient(g, V, flow.positions), Q, strict=True
-        )
-    ]
-    return tuple(SparseVector(g, n, row) for row in rows), forces
 
 
 def _mass_matrix(

@@ -13,14 +13,16 @@ is for all else.
 
 from __future__ import annotations
 
-import math
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING
+
+from lagsim.language.sparse import Meter, minimum_degree
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from lagsim.language.graph import Graph
+    from lagsim.mechanics.articulated import Articulated
     from lagsim.mechanics.equations import Equations
 
 # Straight-line code of a few thousand operations compiles in well under a second;
@@ -41,58 +43,6 @@ def affordable(n: int, m: int) -> int:
 def dense_operations(n: int, m: int) -> int:
     """Give about how many multiplications `dense` makes: M factored, the rows, QR."""
     return n**3 // 6 + m * n**2 // 2 + m**2 * (n - m // 3)
-
-
-class TooLongError(Exception):
-    """The elimination would take more operations than it may."""
-
-
-class Meter:
-    """Counts multiplications and gives up when they pass a limit."""
-
-    def __init__(self, limit: float = BUDGET) -> None:
-        self.operations = 0
-        self.limit = limit
-
-    def stop(self) -> None:
-        """Count on without a limit."""
-        self.limit = math.inf
-
-    def add(self, operations: int) -> None:
-        """Count `operations` more."""
-        self.operations += operations
-        if self.operations > self.limit:
-            raise TooLongError
-
-
-def minimum_degree(rows: Sequence[set[int]], meter: Meter) -> list[int]:
-    """Give an order of elimination that keeps fill small; counts its operations.
-
-    The row of fewest entries comes next, the first of them where there are several
-    (A. George and J. W. H. Liu, SIAM Review 31 (1989), section 2).
-
-    Parameters
-    ----------
-    rows
-        The columns of the entries of each row, symmetric; eliminated on the way.
-    """
-    order: list[int] = []
-    queue = [(len(row), k) for k, row in enumerate(rows)]
-    heapify(queue)
-    left = set(range(len(rows)))
-    while left:
-        degree, k = heappop(queue)
-        if k not in left or degree != len(rows[k]):
-            continue  # out of date: another entry has its degree
-        left.remove(k)
-        order.append(k)
-        others = rows[k] - {k}
-        meter.add(1 + len(others) * (len(others) + 3) // 2)
-        for i in others:
-            rows[i].remove(k)
-            rows[i] |= others
-            heappush(queue, (len(rows[i]), i))
-    return order
 
 
 class Factorisation:
@@ -188,11 +138,19 @@ class Factorisation:
 
 def unconstrained(equations: Equations) -> list[int]:
     """Give M^-1 f (n,), the accelerations without constraints."""
-    size = len(equations.q)
-    entries = equations.mass_entries
-    mass = Factorisation(equations.graph, size, entries, Meter(math.inf))
+    mass = factored_mass(equations, Meter())
     x = mass.solve(dict(enumerate(equations.f)))
-    return [x.get(j, equations.graph.zero) for j in range(size)]
+    return [x.get(j, equations.graph.zero) for j in range(len(equations.q))]
+
+
+def factored_mass(equations: Equations, meter: Meter) -> Factorisation | Articulated:
+    """Give L D L^T of M: along its chains, or entry by entry."""
+    g = equations.graph
+    if equations.chains is not None:
+        from lagsim.mechanics.articulated import Articulated  # of many links
+
+        return Articulated(g, equations.chains, meter)
+    return Factorisation(g, len(equations.q), equations.mass_entries, meter)
 
 
 class Elimination:
@@ -210,7 +168,7 @@ class Elimination:
         n = len(equations.q)
         self.n, self.m = n, len(equations.rows)
         self.names = [row.name for row in equations.rows]
-        self.mass = Factorisation(g, n, equations.mass_entries, self.meter)
+        self.mass = factored_mass(equations, self.meter)
         self.Z = [self.mass.forward(row.A.entries) for row in equations.rows]
         f = self.mass.forward(dict(enumerate(equations.f)))
         self.schur = Factorisation(g, self.m, self._schur(), self.meter)

@@ -13,7 +13,7 @@ from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.graph import once
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from lagsim.mechanics.equations import Equations
 
@@ -78,8 +78,8 @@ def structure(equations: Equations) -> Structure:
 
 def _structure(equations: Equations) -> Structure:
     g = equations.graph
-    mass = equations.mass_entries
-    entries = list(mass.values())
+    entries = equations.mass_nodes
+    coupled = [together for _, together in equations.coupled]
     rows = equations.rows
     A = [node for row in rows for node in row.A.entries.values()]
     right = [*equations.f, *(row.b for row in rows)]
@@ -95,8 +95,8 @@ def _structure(equations: Equations) -> Structure:
     of_power = g.degrees(power, state.union(equations.multipliers))
     return Structure(
         mass_varies_with=_varies(equations, entries),
-        diagonal=all(i == j for i, j in mass),
-        blocks=_blocks(len(equations.q), mass),
+        diagonal=all(len(set(together)) == 1 for together in coupled),
+        blocks=_blocks(len(equations.q), coupled),
         constant_rows=not g.depends(A) & moving,
         constraints=kinds.get(tuple(levels), "mixed"),
         forces_free_of_velocities=not g.depends(equations.f)
@@ -109,10 +109,11 @@ def _structure(equations: Equations) -> Structure:
     )
 
 
-def _blocks(n: int, entries: Iterable[tuple[int, int]]) -> int:
+def _blocks(n: int, coupled: Iterable[Sequence[int]]) -> int:
     found = DisjointSets(n)
-    for i, j in entries:
-        found.merge(i, j)
+    for first, *others in coupled:
+        for j in others:
+            found.merge(first, j)
     return len(found.sets())
 
 

@@ -284,5 +284,7 @@ def _mass_reason(equations: Equations, scene: Structure) -> str:
     if scene.constant_mass:
         return "factored once, before the run"
     n = len(equations.q)
+    if equations.chains is not None:
+        return f"left in {len(equations.chains.sums)} sums along chains"
     full = len(equations.mass_entries)
     return f"{full} of {n * n} entries are not zero"

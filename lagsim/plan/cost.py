@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.language.functions import OPERATIONS
-from lagsim.mechanics.ldl import Elimination, TooLongError, affordable, dense_operations
+from lagsim.language.sparse import TooLongError
+from lagsim.mechanics.ldl import Elimination, affordable, dense_operations
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +40,7 @@ def step_cost(equations: Equations) -> float:
         q, lam = Elimination(equations, affordable(n, m)).motion()
         evaluation = evaluation_cost(equations, [*q, *lam, *rates], loops=False)
     except TooLongError:
-        nodes = [*equations.mass_entries.values(), *equations.f, *rates]
+        nodes = [*equations.mass_nodes, *equations.f, *rates]
         nodes += [a for row in equations.rows for a in row.A.entries.values()]
         evaluation = evaluation_cost(equations, nodes, loops=True)
     size = 2 * n + len(equations.quadratures)

@@ -276,7 +276,9 @@ def _chosen(
 
 def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, float]]:
     """Give what can be left out, and the part of the cost at which that pays."""
-    found = []
+    found: list[tuple[Reduction, float]] = []
+    if equations.chains is not None and len(equations.q) > LARGEST:
+        return found  # M would be written out
     cyclic = ignorable(equations)
     if cyclic:
         ignoring = Reduction(equations).ignore(cyclic, start)

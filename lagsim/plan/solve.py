@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 from lagsim.admissibility.point import Point
 from lagsim.language.evaluate import evaluate
+from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.ldl import (
     BUDGET,
     Elimination,
-    TooLongError,
     affordable,
     dense_operations,
 )
@@ -66,10 +66,12 @@ def eliminate(
             return None
     count = elimination.operations
     many = f"{count} multiplication{'s' * (count != 1)}"
+    where = "on what is not zero" if equations.chains is None else "along chains"
     if count <= BUDGET:
-        choices.append(Choice("solve: straight-line code", many))
+        told = many if equations.chains is None else f"{many} {where}"
+        choices.append(Choice("solve: straight-line code", told))
     else:
-        reason = f"{many} on what is not zero; loops would make {dense}"
+        reason = f"{many} {where}; loops would make {dense}"
         choices.append(Choice("solve: sparse elimination", reason))
     return elimination
 

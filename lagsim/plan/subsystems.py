@@ -16,9 +16,9 @@ from lagsim.admissibility.start import start_at
 from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import VARIABLE, once
-from lagsim.language.sparse import SparseVector
+from lagsim.language.sparse import SparseVector, TooLongError
 from lagsim.mechanics.instant import Instant
-from lagsim.mechanics.ldl import Elimination, TooLongError
+from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Output, Parameter, Scene
 from lagsim.plan.cost import step_cost
 
@@ -91,10 +91,7 @@ def groups(equations: Equations) -> list[list[int]]:
 
 def _groups(equations: Equations) -> list[list[int]]:
     e, g = equations, equations.graph
-    together = [
-        ([*row.entries.values(), e.f[i]], [i, *row.entries])
-        for i, row in enumerate(e.M)
-    ]
+    together = [([*nodes, *(e.f[i] for i in own)], own) for nodes, own in e.coupled]
     together += [
         ([row.residual, row.rate, row.b, *row.A.entries.values()], [*row.A.entries])
         for row in e.rows

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts.driver import ROUNDED
-from lagsim.run.system.functions import joined
+from lagsim.run.system.functions import coupled, joined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,9 +64,9 @@ def empty_state(runner: Runner) -> State:
     )
     state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
     state.powers[:] = [sleeper.power for sleeper in system.sleepers]
-    slopes = system.equations.slopes
-    state.joined[:] = joined(system.n, [*slopes, *system.equations.M])
-    state.linked[:] = joined(system.n, [row.A for row in system.equations.rows])
+    rows = system.equations.rows
+    state.joined[:] = coupled(system.equations)
+    state.linked[:] = joined(system.n, [row.A.entries for row in rows])
     return state
 
 

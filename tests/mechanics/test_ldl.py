@@ -7,8 +7,9 @@ import pytest
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
+from lagsim.language.sparse import Meter, TooLongError
 from lagsim.mechanics.equations import derive
-from lagsim.mechanics.ldl import BUDGET, Elimination, Factorisation, Meter, TooLongError
+from lagsim.mechanics.ldl import BUDGET, Elimination, Factorisation
 from lagsim.model.reader import read
 
 
@@ -92,7 +93,7 @@ def test_gives_up_where_code_would_be_too_long() -> None:
     full = {(i, j): g.variable(f"S{i}.{j}") for i in range(n) for j in range(i + 1)}
     assert n**3 / 6 > BUDGET
     with pytest.raises(TooLongError):
-        Factorisation(g, n, full, Meter())
+        Factorisation(g, n, full, Meter(BUDGET))
 
 
 def test_health_tells_singular_and_indefinite() -> None:

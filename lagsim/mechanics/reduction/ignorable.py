@@ -15,8 +15,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from lagsim.language.sparse import Meter
 from lagsim.mechanics.equations import Quadrature
-from lagsim.mechanics.ldl import Factorisation, Meter
+from lagsim.mechanics.ldl import Factorisation
 from lagsim.mechanics.reduction._equations import (
     minus,
     of_those_left,
@@ -41,13 +42,14 @@ def momentum_of(coordinate: str) -> str:
 def conserved(equations: Equations) -> list[int]:
     """Give the coordinates whose momentum is kept, as far as the graph shows it."""
     e, g = equations, equations.graph
-    nodes = [*e.mass_entries.values(), *e.f, e.energy, *e.momenta]
+    nodes = [*e.mass_nodes, *e.f, e.energy, *e.momenta]
     nodes += [] if e.power is None else [e.power]
     rows = [*e.rows, *(law.row for law in e.laws)]
     for row in rows:
         nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
     nodes += [bound for law in e.laws for bound in (law.bound, law.static)]
     seen = g.depends(nodes)
+    inertias = e.inertias
     held = {c for row in rows for c in row.A.entries}
     return [
         c
@@ -55,7 +57,7 @@ def conserved(equations: Equations) -> list[int]:
         if name in e.unforced
         and name not in seen
         and c not in held
-        and c in e.M[c].entries
+        and inertias[c] != g.zero
     ]
 
 

@@ -18,8 +18,7 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     no difference to the motion. Those of time alone count where others are not located.
     """
     e = equations
-    dynamics = list(e.mass_entries.values())
-    dynamics += [*e.f, *([] if e.power is None else [e.power])]
+    dynamics = [*e.mass_nodes, *e.f, *([] if e.power is None else [e.power])]
     dynamics += [x.rate for x in e.quadratures]
     for law in e.laws:
         dynamics += [law.bound, law.static]

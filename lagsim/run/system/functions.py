@@ -18,7 +18,6 @@ from lagsim.solve.series import motion_rates
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from lagsim.language.sparse import SparseVector
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
     from lagsim.plan import Plan
@@ -46,7 +45,7 @@ def functions(
     With `switching`, y' and the rows come from what `kkt.sliding` makes of `field`.
     """
     g = equations.graph
-    diagonal = [equations.M[i][i] for i in range(len(equations.q))]
+    diagonal = equations.inertias
     rest = g.call("sub", equations.energy, equations.kinetic_form)
     found = {
         "measure": [
@@ -86,14 +85,15 @@ def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
     Of what is integrated by itself, its entry there.
     """
     g, positions = equations.graph, frozenset(equations.q)
-    found = {q: equations.M[i][i] for i, q in enumerate(equations.q)}
+    found = dict(zip(equations.q, equations.inertias, strict=True))
     if plan.elimination is not None:
         pivots = plan.elimination.mass.pivots
         nodes = [pivots[i][0] for i in range(len(equations.q))]
         if len(g.cone(nodes)) <= SHORT_PIVOTS:
             found = dict(zip(equations.q, nodes, strict=True))
     found |= {x.name: x.mass for x in equations.quadratures}
-    return {q: node for q, node in found.items() if g.depends([node]) & positions}
+    varying = g.dependent(found.values(), positions)
+    return {q: node for q, node in found.items() if node in varying}
 
 
 def _solved(
@@ -194,6 +194,9 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
     """
     g, moving = e.graph, frozenset((*e.q, "t"))
     rates = elimination.motion()[0]
+    if e.chains is not None:
+        sizes = e.chains.sizes(g, [g.call("abs", x) for x in rates], moving)
+        return [g.call("mul", g.constant(_part(k)), x) for k, x in enumerate(sizes)]
     found = []
     for k, row in enumerate(e.M):
         entries = row.entries
@@ -223,14 +226,15 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
         for load, load_of_mass in zip(loads, _inertial(e, elimination), strict=False)
     ]
     found = [g.call("abs", x) for x in elimination.response(forces)]
-    label = joined(n, [*e.slopes, *e.M])
+    label = coupled(e)
     shares: dict[int, int] = {}
     squares = elimination.reactions()
+    inertias = e.inertias
     for row, square in zip(e.rows, squares, strict=True):
         first = label[min(row.A.entries)] if row.A.entries else 0
         shares[first] = g.call("add", shares.get(first, g.zero), square)
     for i, x in enumerate(found):
-        inertia = e.M[i][i]
+        inertia = inertias[i]
         if label[i] in shares and inertia != g.zero:
             share = g.call("div", shares[label[i]], inertia)
             root = g.call("sqrt", g.call("max", share, g.zero))
@@ -238,7 +242,13 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
     return [*found, *loads[n:]]
 
 
-def joined(n: int, rows: Iterable[SparseVector]) -> list[int]:
+def coupled(e: Equations) -> list[int]:
+    """Give for each coordinate the first that M and all rows join it with."""
+    slopes = (row.entries for row in e.slopes)
+    return joined(len(e.q), [*slopes, *(together for _, together in e.coupled)])
+
+
+def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
     """Give for each of n coordinates the first one that `rows` join it with."""
     first = list(range(n))
 
@@ -248,7 +258,7 @@ def joined(n: int, rows: Iterable[SparseVector]) -> list[int]:
         return i
 
     for row in rows:
-        roots = sorted({root(i) for i in row.entries})
+        roots = sorted({root(i) for i in row})
         for i in roots:
             first[i] = roots[0]
     return [root(i) for i in range(n)]

@@ -48,7 +48,7 @@ class Sleeper(NamedTuple):
 def motion_nodes(equations: Equations) -> list[int]:
     """Give all that the motion depends on."""
     e = equations
-    nodes = [*e.mass_entries.values(), *e.f, *(x.rate for x in e.quadratures)]
+    nodes = [*e.mass_nodes, *e.f, *(x.rate for x in e.quadratures)]
     nodes += [] if e.power is None else [e.power]
     for row in (*e.rows, *(law.row for law in e.laws)):
         nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]

@@ -114,8 +114,7 @@ def held_still(
     values |= dict(zip(equations.velocities, row[1 + n :].tolist(), strict=False))
     values |= {p.name: p.value for p in equations.model.parameters}
     values["t"] = float(row[0])
-    diagonal = [equations.M[i][i] for i in range(n)]
-    masses = np.asarray(evaluate(g, diagonal, values))
+    masses = np.asarray(evaluate(g, equations.inertias, values))
     pushed = np.divide(witness.held, masses, out=np.zeros(n), where=masses > 0.0)
     moved = BALANCED * pushed * float(witness.ranges[0]) ** 2
     return moved, float(moved @ witness.held)

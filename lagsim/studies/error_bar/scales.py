@@ -62,7 +62,7 @@ def beside(equations: Equations, start: Instant, found: Floats) -> Floats:
 
 def linked(equations: Equations, start: Instant, found: Floats) -> Floats:
     """Give `beside` of what the rows of constraints link each coordinate with (n,)."""
-    labels = np.array(joined(len(found), [row.A for row in equations.rows]))
+    labels = np.array(joined(len(found), [row.A.entries for row in equations.rows]))
     roots = _roots(equations, start)
     whole = np.array(found)
     for label in sorted({k for i, k in enumerate(labels.tolist()) if k != i}):
@@ -76,8 +76,8 @@ def _roots(equations: Equations, start: Instant) -> Floats:
     values = {p.name: p.value for p in equations.model.parameters} | {"t": start.t}
     values |= dict(zip(equations.q, start.q, strict=True))
     values |= dict(zip(equations.velocities, start.v, strict=True))
-    diagonal = [equations.M[i][i] for i in range(len(equations.q))]
-    return np.sqrt(np.fmax(evaluate(equations.graph, diagonal, values), 0.0))
+    diagonal = evaluate(equations.graph, equations.inertias, values)
+    return np.sqrt(np.fmax(diagonal, 0.0))
 
 
 def _largest(roots: Floats, found: Floats) -> Floats:
@@ -105,8 +105,7 @@ def falls(equations: Equations, start: Instant, span: float) -> Floats:
     values = {p.name: p.value for p in e.model.parameters} | {"t": start.t}
     values |= dict(zip(e.q, start.q, strict=True))
     values |= dict(zip(e.velocities, start.v, strict=True))
-    diagonal = [e.M[i][i] for i in range(len(e.q))]
-    masses = np.array(evaluate(e.graph, diagonal, values))
+    masses = np.array(evaluate(e.graph, e.inertias, values))
     forces = np.abs(evaluate(e.graph, list(e.f), values))
     pulled = np.divide(forces, masses, out=np.zeros(len(e.q)), where=masses > 0.0)
     return np.where(np.isfinite(pulled), pulled, 0.0) * span * span
