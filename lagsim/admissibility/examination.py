@@ -13,7 +13,7 @@ import numpy as np
 
 from lagsim.admissibility import advice
 from lagsim.admissibility.dependence import LEVELS
-from lagsim.admissibility.finite import refuse_infinite
+from lagsim.admissibility.finite import out_of_scale, refuse_infinite
 from lagsim.admissibility.inertia import needs_constraints
 from lagsim.admissibility.laws import (
     in_force,
@@ -140,10 +140,13 @@ def examine(
     Raises
     ------
     InputError
-        Where energies or forces are not finite, or a coordinate has no inertia that no
-        constraint determines (exit 2).
+        Where energies or forces are not finite, numbers lie too far apart to be
+        computed with, or a coordinate has no inertia that no constraint determines.
     """
-    return _Examiner(equations, time).report(classify=classify)
+    try:
+        return _Examiner(equations, time).report(classify=classify)
+    except np.linalg.LinAlgError:
+        raise out_of_scale(Point(equations, time)) from None
 
 
 class _Judged(NamedTuple):

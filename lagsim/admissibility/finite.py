@@ -135,6 +135,8 @@ def _source(
     point: Point, node: int, sources: list[_Source]
 ) -> tuple[str, Place | None]:
     """Give by what of the file `node` is not finite, where that is clear."""
+    if not sources:
+        return "", None
     inside = set(point.e.graph.cone([node]))
     for source in sources:
         if source.node in inside or len(sources) == 1:
@@ -150,3 +152,21 @@ def _open(point: Point, q: Floats, v: Floats) -> set[str]:
     contacts = [law for law in point.e.laws if law.kind is Kind.CONTACT]
     gaps = point.array([law.row.residual for law in contacts], q, v)
     return {law.row.name for law, gap in zip(contacts, gaps, strict=True) if gap > 0.0}
+
+
+def out_of_scale(point: Point) -> InputError:
+    """Give what tells that doubles do not hold what the start asks for.
+
+    LAPACK fails for nothing else: what it is given has overflowed on the way.
+    """
+    model = point.e.model
+    stated = {value.name: value.value for value in model.initial}
+    known = stated | {p.name: p.value for p in model.parameters}
+    sizes = {name: abs(x) for name, x in known.items() if x}
+    text = "the start cannot be examined: its numbers lie too far apart for doubles"
+    if sizes:
+        ends = [f(sizes, key=lambda name: sizes[name]) for f in (min, max)]
+        told = [f"`{name}` is {known[name]:.3g}" for name in dict.fromkeys(ends)]
+        text += f" ({', '.join(told)})"
+    hint = "choose units in which masses and lengths are nearer to 1"
+    return InputError([Problem("out-of-scale", text, hint=hint)])

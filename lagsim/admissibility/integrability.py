@@ -15,6 +15,7 @@ import numpy as np
 
 from lagsim.admissibility.large import is_large
 from lagsim.admissibility.lengths import of_rows
+from lagsim.admissibility.metric import least_squares
 from lagsim.admissibility.newton import reach
 from lagsim.admissibility.point import Asked
 from lagsim.language.derivatives import tangent
@@ -265,7 +266,7 @@ class _Distribution:
                 known.add(rest)
         blocked = _kernel(np.vstack([span.matrix, known.matrix]))
         hidden = blocked.shape[1]
-        shares = np.linalg.lstsq(self.scaled.T, blocked, rcond=INDEPENDENT)[0]
+        shares = least_squares(self.scaled.T, blocked, INDEPENDENT)
         names = tuple(
             row.name
             for row, share in zip(self.rows, shares, strict=True)

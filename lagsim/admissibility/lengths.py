@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.metric import RANK
+from lagsim.admissibility.metric import least_squares
 from lagsim.admissibility.newton import SOLVED
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
@@ -213,7 +213,7 @@ class Lengths:
         factors = [1.0, *(x for way in ways for x in (way, way * way))]
         seen = table * np.array(factors)[:, None]
         v = (self.weights * self.v)[self.columns[i]]
-        along = seen.T @ np.linalg.lstsq(seen.T, v, rcond=RANK)[0]
+        along = seen.T @ least_squares(seen.T, v)
         return float(np.linalg.norm(table[0]) * np.linalg.norm(along))
 
     def _least(self, i: int) -> float:

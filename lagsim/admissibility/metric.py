@@ -57,3 +57,16 @@ def _positive(M: Floats) -> bool:
     if not np.all(size > 0) or not np.all(np.isfinite(M)):
         return False
     return bool(np.linalg.eigvalsh(M / np.outer(size, size))[0] > RANK)
+
+
+def least_squares(A: Floats, b: Floats, cutoff: float | None = RANK) -> Floats:
+    """Give the least x of least |A x - b|, with singular values below a part left out.
+
+    Raises
+    ------
+    LinAlgError
+        Where something is not finite. LAPACK would say so on stderr, too.
+    """
+    if not (np.all(np.isfinite(A)) and np.all(np.isfinite(b))):
+        raise np.linalg.LinAlgError("not finite")
+    return np.asarray(np.linalg.lstsq(A, b, rcond=cutoff)[0])

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from lagsim.admissibility.metric import RANK
+from lagsim.admissibility.metric import RANK, least_squares
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -158,6 +158,13 @@ def _congruent(H: Floats, L: Floats) -> Floats:
 
 def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
     """Take damped steps of least change until the relations are met."""
+    try:
+        return _reached(relations, x0, metric)
+    except np.linalg.LinAlgError:  # steps went where doubles hold no more
+        return Found(x0.copy(), met=False, trouble=Trouble.NOT_FINITE)
+
+
+def _reached(relations: Relations, x0: Floats, metric: Floats) -> Found:
     x = x0.copy()
     L = cholesky(metric)
     r, J = relations(x)
@@ -230,7 +237,7 @@ def least_change(J: Floats, residual: Floats, L: Floats) -> Floats:
     Y = np.linalg.solve(L, J.T).T
     lengths = _lengths(J, L)
     right = -residual / lengths
-    solution = np.linalg.lstsq(Y / lengths[:, None], right, rcond=RANK)[0]
+    solution = least_squares(Y / lengths[:, None], right)
     return np.asarray(np.linalg.solve(L.T, solution))
 
 
@@ -285,7 +292,7 @@ class _Slope:
         lengths = _lengths(self.J, self.L)
         Y = np.linalg.solve(self.L, self.J.T).T / lengths[:, None]
         gap = self.L.T @ (x - x0)
-        self.multipliers = np.linalg.lstsq(Y.T, gap, rcond=RANK)[0] / lengths
+        self.multipliers = least_squares(Y.T, gap) / lengths
         self.kernel = np.linalg.solve(self.L.T, null_space(Y))
         self.gradient = self.kernel.T @ (metric @ (x - x0))
         self.change = float(np.linalg.norm(gap))
@@ -310,7 +317,13 @@ class _Slope:
 
 def _descend(relations: Relations, x0: Floats, x: Floats, metric: Floats) -> Floats:
     """Go along the relations from a point that meets them to the nearest one."""
-    here = _Slope(relations, x0, x, metric)
+    try:
+        return _descended(_Slope(relations, x0, x, metric), x0)
+    except np.linalg.LinAlgError:
+        return x
+
+
+def _descended(here: _Slope, x0: Floats) -> Floats:
     for _ in range(MOST_STEPS):
         if not here.kernel.shape[1] or here.change == 0:
             break  # isolated: there is nothing to choose

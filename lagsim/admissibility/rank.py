@@ -14,7 +14,7 @@ import numpy as np
 from lagsim.admissibility.dependence import LEVELS, Demands, Dependence
 from lagsim.admissibility.large import SURELY, SparseRows, is_large
 from lagsim.admissibility.lengths import of_rows
-from lagsim.admissibility.metric import RANK, metric_of, rank_metric
+from lagsim.admissibility.metric import RANK, least_squares, metric_of, rank_metric
 from lagsim.admissibility.newton import Trouble, reach
 from lagsim.admissibility.point import Asked
 
@@ -198,7 +198,7 @@ def _coefficients(
     before = [j for j in independent if j < i]
     if not before or lengths[i] == 0:
         return {}
-    k = np.linalg.lstsq(Y[before].T, Y[i], rcond=None)[0]
+    k = least_squares(Y[before].T, Y[i], None)
     return {
         j: float(c * lengths[i] / lengths[j])
         for j, c in zip(before, k, strict=True)

@@ -19,7 +19,7 @@ import numpy as np
 
 from lagsim.admissibility.large import is_large
 from lagsim.admissibility.lengths import of_rows
-from lagsim.admissibility.metric import rank_metric
+from lagsim.admissibility.metric import least_squares, rank_metric
 from lagsim.admissibility.newton import SOLVED, cholesky, null_space, reach
 from lagsim.admissibility.point import Asked
 
@@ -239,8 +239,8 @@ def _is_extreme(
     relations = varied.relations([*independent, row])
     x = varied.x
     J = relations(x)[1]
-    shares = np.linalg.lstsq(J[:-1].T, J[-1], rcond=None)[0] if len(J) > 1 else []
-    weights = np.append(-np.asarray(shares, dtype=float), 1.0)
+    shares = least_squares(J[:-1].T, J[-1], None) if len(J) > 1 else np.zeros(0)
+    weights = np.append(-shares, 1.0)
     L = cholesky(varied.metric)
     scaled = np.asarray(np.linalg.solve(L, J[:-1].T).T, dtype=float)
     kernel = np.asarray(np.linalg.solve(L.T, null_space(scaled)), dtype=float)

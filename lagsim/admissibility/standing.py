@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from lagsim.admissibility.lengths import Form
+from lagsim.admissibility.metric import least_squares
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import analyse
 from lagsim.admissibility.verdict import CAUTION, COMPUTED, body_motions
@@ -196,7 +197,7 @@ class _Rows:
         if len(A):
             sizes = point.sizes(*self.state)
             asked = point.array([row.b for row in point.e.rows], *self.state)
-            forced = np.linalg.lstsq(A / sizes, asked, rcond=None)[0] / sizes
+            forced = least_squares(A / sizes, asked, None) / sizes
         K = delassus(M, A, np.eye(point.n)).response
         a = forced + K @ (f - M @ forced)
         terms = np.abs(K) @ (np.abs(f) + np.abs(M) @ np.abs(forced)) + np.abs(forced)

@@ -9,12 +9,12 @@ import io
 import os
 import signal
 import sys
-import threading
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable
 
     import typer
 
@@ -23,30 +23,36 @@ COMMANDS = (
     "golden", "bench", "stability", "methods", "schema",
 )  # fmt: skip
 
-_INTERRUPTED = 128 + signal.SIGINT
-_TERMINATED = 128 + signal.SIGTERM
-
-
-class _Terminated(BaseException):
-    """SIGTERM, raised where it arrives so that what was begun is removed."""
-
 
 def main() -> int:
     """Run the command line; give the exit code."""
-    from lagsim.cli import _streams
+    from lagsim.cli import _signals, _streams
+    from lagsim.run.interrupt import Terminated
 
     _streams.prepare()
     try:
-        with _terminable():
-            return _guarded(_application())
-    except _Terminated:
-        return _TERMINATED
+        with _signals.raised():
+            return _guarded(_application)
+    except Terminated:
+        return 128 + signal.SIGTERM
     except KeyboardInterrupt:
-        return _INTERRUPTED
+        return 128 + signal.SIGINT
 
 
 def entry() -> int:
     """Run the command line as a process of its own; give the exit code."""
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(kind) is not signal.SIG_IGN:
+            signal.signal(kind, _leave)
+    from lagsim.cli import _signals
+
+    _signals.watch()
+    # What this one starts is to look for its modules where this one does, and not in
+    # the working directory, which may be a stranger's.
+    os.environ.setdefault("PYTHONSAFEPATH", "1")
+    # What is not a number is told in lagsim's words, with its place.
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
     # Loading and deriving make many objects and no garbage; looking through them again
     # and again takes longer than integrating. What is left goes with the process.
     gc.disable()
@@ -57,6 +63,11 @@ def entry() -> int:
     code = main()
     gc.freeze()
     return code
+
+
+def _leave(number: int, _frame: object) -> NoReturn:
+    """End where nothing is begun yet, or all is done."""
+    os._exit(128 + number)
 
 
 def _application() -> typer.Typer:
@@ -84,29 +95,30 @@ def _application() -> typer.Typer:
     return app
 
 
-def _guarded(app: typer.Typer) -> int:
-    """Call the application; anything unforeseen is a bug, exit 70."""
+def _guarded(application: Callable[[], typer.Typer]) -> int:
+    """Make and call the application; anything unforeseen is a bug, exit 70."""
     import typer
 
-    from lagsim.cli import _streams
+    from lagsim.cli import _signals, _streams
 
     try:
-        code = app(prog_name="lagsim", standalone_mode=False)
+        code = application()(prog_name="lagsim", standalone_mode=False)
         _streams.put(lambda: None)
     except typer.Exit as wish:
         return int(wish.exit_code)
     except SystemExit as done:  # a shell has asked how a line goes on
         return int(done.code or 0)
     except typer.Abort:
-        return _INTERRUPTED
+        raise KeyboardInterrupt from None
     except Exception as error:  # noqa: BLE001  the last resort of a command line
+        _signals.again()
         if callable(getattr(error, "show", None)):  # a usage error
             return _usage(error)
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
             return _streams.full(error)  # help, on a disk without room for it
-        from lagsim.cli._faults import bug
+        from lagsim.cli._faults import unforeseen
 
-        return bug()
+        return unforeseen()
     return code if isinstance(code, int) else 0
 
 
@@ -125,22 +137,3 @@ def _usage(error: Exception) -> int:
             error.show()  # type: ignore[attr-defined]
         _streams.complain(told.getvalue().rstrip("\n"))
     return 2
-
-
-@contextlib.contextmanager
-def _terminable() -> Iterator[None]:
-    """Turn SIGTERM into an exception (in the main thread, where it is not ignored)."""
-    from lagsim.run.interrupt import ignored
-
-    def stop(_number: int, _frame: object) -> NoReturn:
-        raise _Terminated
-
-    main = threading.current_thread() is threading.main_thread()
-    if not main or ignored(signal.SIGTERM):
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import errno
+import os
+import re
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +15,10 @@ from lagsim.run.session import StartError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
+
+
+# Exit codes of what is no fault of the input.
+BUG, STARVED = 70, 3
 
 
 @contextlib.contextmanager
@@ -115,13 +122,33 @@ def _as_mapping(problem: Problem, file: str | None) -> Mapping[str, Any]:
     }
 
 
-def bug() -> int:
-    """Tell of the exception that nobody has foreseen; give the exit code."""
+# What a system says that has no more to give; some of it comes as text alone.
+_STARVED = re.compile(
+    r"^(MemoryError|numpy\S*MemoryError|Cannot allocate memory)|allocate memory|"
+    r"failed to map segment|find/load shared object|can't start new thread",
+    re.MULTILINE,
+)
+_MEMORY = "there is not enough memory (ulimit -v, the limits of a container)"
+_FILES = "too many files are open (ulimit -n)"
+
+
+def unforeseen() -> int:
+    """Tell of the exception that nobody has foreseen; give the exit code.
+
+    It is a bug, unless the system has no more to give.
+    """
     import traceback
 
-    complain(traceback.format_exc())
+    told = traceback.format_exc()
+    starved = _MEMORY if _STARVED.search(told) else ""
+    if os.strerror(errno.EMFILE) in told or os.strerror(errno.ENFILE) in told:
+        starved = _FILES
+    if starved:
+        complain(f"lagsim: {starved}")
+        return STARVED
+    complain(told)
     complain(
         "This is a bug in lagsim, not in your model. Please report it with the "
         "model file and the lines above."
     )
-    return 70
+    return BUG

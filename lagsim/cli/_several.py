@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from lagsim.cli._closing import progress_bar
-from lagsim.cli._faults import bug, errors_document, faults_shown
+from lagsim.cli._faults import BUG, errors_document, faults_shown, unforeseen
 from lagsim.cli._shared import aligned, assignments, coloured, show_json
 from lagsim.cli._streams import complain, say
 from lagsim.errors import InputError, Problem
-from lagsim.run.interrupt import Interrupt
+from lagsim.run.interrupt import Interrupt, Terminated
 from lagsim.studies.workers import Died, cores, spread
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 HEADS = ("model", "outcome", "end", "rows", "error", "drift", "seconds")
 # What a model is called that gave no run.json, by its exit code.
 REFUSED = {1: "inadmissible", 2: "unusable"}
-BUG, INTERRUPTED = 70, 130
+INTERRUPTED = 130
 DIED = "its process ended before it had a result: was it killed, or out of memory?"
 
 
@@ -75,10 +75,10 @@ def done(piece: Piece, interrupt: Interrupt) -> Done:
                 code.append(
                     job.run(piece.text, piece.file, piece.overrides, piece.options)
                 )
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Terminated):
             code = [INTERRUPTED]
         except Exception:  # noqa: BLE001  the others are run all the same
-            code = [bug()]
+            code = [unforeseen()]
     if not gc.isenabled():  # see `cli.entry`
         gc.collect()
     return Done(code[-1], documents, heard.getvalue())

@@ -6,32 +6,48 @@ import contextlib
 from typing import TYPE_CHECKING, Any
 
 from lagsim.cli._streams import UnwritableError
+from lagsim.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from lagsim.outputs import Format
     from lagsim.outputs.results import Results
     from lagsim.outputs.table import Writer
+    from lagsim.run.interrupt import Interrupt
     from lagsim.studies.attempts import Attempt
 
 
-def put_file(path: Path, content: bytes) -> None:
-    """Write a file as a whole, and the folders that it needs.
+def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
+    """Write a file as a whole, and, if asked to, the folders that it needs.
 
     Raises
     ------
     UnwritableError
         Where that fails.
     """
-    beside = path.with_name(f".{path.name}.part")
+    from lagsim.outputs.results import put
+
+    with writing(path):
+        if folders:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        put(path, content)
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Tell what keeps a file from being written, or files into a folder.
+
+    Raises
+    ------
+    UnwritableError
+    """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside.unlink(missing_ok=True)  # of one that was killed
-        with beside.open("xb") as file:  # through no link
-            file.write(content)
-        beside.replace(path)
+        yield
+    except InputError as error:  # of a folder that cannot be
+        text = f"lagsim: {path} cannot be written: {error.problems[0].text}"
+        raise UnwritableError(text) from None
     except OSError as error:
         where = path if path.parent.is_dir() else path.parent
         text = f"lagsim: {where} cannot be written: {error.strerror}"
@@ -44,8 +60,8 @@ def open_table(
     """Open the table for its rows."""
     from lagsim.outputs.table import table_writer
 
-    path = results.part(form.file)
     try:
+        path = results.part(form.file)
         return contextlib.closing(
             table_writer(form, path, units, show_units=show_units)
         )
@@ -63,13 +79,27 @@ def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
     """
     from lagsim.outputs.manifest import encode
 
-    try:
+    with writing(results.folder):
         for name, content in files.items():
             results.write(name, content)
         results.commit(encode(document))
-    except OSError as error:
-        text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
-        raise UnwritableError(text) from None
+
+
+def commit_with_chart(
+    results: Results,
+    document: dict[str, Any],
+    files: Mapping[str, bytes],
+    name: str,
+    draw: Callable[[], bytes],
+    interrupt: Interrupt,
+) -> dict[str, Any]:
+    """Commit numbers and their chart, which a signal leaves out; give the document."""
+    drawn: dict[str, bytes] = {}
+    if not interrupt.cut(lambda: drawn.update({name: draw()})):
+        left = [file for file in document["files"] if file != name]
+        document = document | {"files": left}
+    commit(results, document, {**files, **drawn})
+    return document
 
 
 def finish(writer: Writer, results: Results, form: Format) -> OSError | None:

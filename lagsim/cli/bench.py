@@ -21,7 +21,7 @@ from lagsim.cli._shared import (
     table,
 )
 from lagsim.cli._streams import say
-from lagsim.cli._writing import commit
+from lagsim.cli._writing import commit_with_chart
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 
@@ -33,9 +33,14 @@ if TYPE_CHECKING:
 
     from lagsim.model.model import Model
     from lagsim.outputs.results import Results
+    from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
     from lagsim.studies.bench.wanted import Wish
     from lagsim.studies.bench.work_precision import WorkPrecision
+
+
+# Exit codes above it are those of signals.
+SIGNALLED = 128
 
 
 def command(
@@ -103,6 +108,8 @@ def command(
         codes += code
         documents += [x for x in faults if "errors" not in x]  # inadmissible starts
         faults = [x for x in faults if "errors" in x]
+        if codes[-1] > SIGNALLED:
+            break
     if as_json:
         problems = [problem for fault in faults for problem in fault["errors"]]
         show_json({"errors": problems} if problems else documents)
@@ -142,22 +149,24 @@ class _Job:
         from lagsim.studies.bench.work_precision import measure
 
         interrupt = Interrupt()
-        with interrupt.noted(), progress_bar(quiet=self.quiet) as progress:
-            try:
-                found = measure(case, wish, interrupt=interrupt, progress=progress)
-            except GivenUpError:
-                return 128 + (interrupt.signal or 0)
-        model = case.equations.model
-        content = document(model, case.settings, found, files(self.form))
-        self._commit(content, content["rows"], results)
+        with interrupt.noted():
+            with progress_bar(quiet=self.quiet) as progress:
+                try:
+                    found = measure(case, wish, interrupt=interrupt, progress=progress)
+                except GivenUpError:
+                    return 128 + (interrupt.signal or 0)
+            model = case.equations.model
+            content = document(model, case.settings, found, files(self.form))
+            self._commit(content, content["rows"], results, interrupt)
         if not self.quiet and not self.as_json:
-            listed = ", ".join(content["files"])
+            listed = ", ".join(self.documents[-1]["files"])
             say(_summary(model, found, f"{results.folder}: {listed}"))
         return 128 + interrupt.signal if interrupt.signal is not None else 0
 
     def _draw(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
         """Draw again what was measured."""
         from lagsim.outputs.results import open_results
+        from lagsim.run.interrupt import Interrupt
         from lagsim.studies.bench.document import MANIFEST, files, read_document
         from lagsim.studies.bench.wanted import Wish
 
@@ -168,22 +177,33 @@ class _Job:
         content = read_document(path) | {"files": files(self.form)}
         shown = [row for row in content["rows"] if wish.wants(row["method"])]
         with open_results(self.folder or Path(path).parent, MANIFEST) as results:
-            self._commit(content, shown, results)
+            self._commit(content, shown, results, Interrupt())
         if not self.quiet and not self.as_json:
             listed = ", ".join(content["files"])
             say(f"{coloured('drawn', '32')}: {results.folder}: {listed}")
         return 0
 
-    def _commit(self, content: dict[str, Any], shown: Any, results: Results) -> None:
+    def _commit(
+        self,
+        content: dict[str, Any],
+        shown: Any,
+        results: Results,
+        interrupt: Interrupt,
+    ) -> None:
         """Write everything; the chart shows these rows."""
-        from lagsim.studies.bench.chart import chart
         from lagsim.studies.bench.document import table as rows_table
 
-        drawn = chart(content | {"rows": shown}, self.form)
+        def drawn() -> bytes:
+            from lagsim.studies.bench.chart import chart
+
+            return chart(content | {"rows": shown}, self.form)
+
         table_name, chart_name, _ = content["files"]
-        contents = {table_name: rows_table(content["rows"]), chart_name: drawn}
-        commit(results, content, contents)
-        self.documents.append(content)
+        document = commit_with_chart(
+            results, content, {table_name: rows_table(content["rows"])},
+            chart_name, drawn, interrupt,
+        )  # fmt: skip
+        self.documents.append(document)
 
 
 def _wish(

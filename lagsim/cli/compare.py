@@ -15,7 +15,8 @@ from lagsim.cli._shared import (
     counted,
     show_json,
 )
-from lagsim.cli._streams import UnwritableError, say
+from lagsim.cli._streams import say
+from lagsim.cli._writing import put_file
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -98,12 +99,7 @@ def _compared(
         from lagsim.studies.comparison.picture import picture
 
         title = f"{found.golden.name} and {found.new.name}"
-        content = picture(title, one, two, found.comparison)
-        try:
-            plot.write_bytes(content)
-        except OSError as error:
-            text = f"lagsim: {plot} cannot be written: {error.strerror}"
-            raise UnwritableError(text) from None
+        put_file(plot, picture(title, one, two, found.comparison))
     return found
 
 

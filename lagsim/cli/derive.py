@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import tempfile
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +10,8 @@ import typer
 
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import ModelPath, Sets, assignments, show_json
-from lagsim.cli._streams import UnwritableError, put
+from lagsim.cli._streams import put
+from lagsim.cli._writing import put_file
 from lagsim.errors import InputError, Problem, visible
 from lagsim.version import __version__
 
@@ -141,32 +139,14 @@ def _deliver(content: bytes, output: Path | None) -> None:
 
     Raises
     ------
-    InputError, UnwritableError
-        Where the file cannot be made; where the disk is full.
+    UnwritableError
+        Where the file cannot be made.
     """
     if output is None:
         put(lambda: _print(content))
         return
-    output = output.resolve()  # the file behind a link is replaced, not the link
-    try:
-        if output.exists() and not output.is_file():  # a pipe, /dev/null
-            output.write_bytes(content)
-            return
-        handle, part = tempfile.mkstemp(prefix=".lagsim-", dir=output.parent)
-    except OSError as error:
-        raise InputError([_unwritable(output, error.strerror)]) from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        mask = os.umask(0)
-        os.umask(mask)
-        Path(part).chmod(0o666 & ~mask)  # as any new file
-        Path(part).replace(output)
-    except OSError as error:
-        raise UnwritableError(_unwritable(output, error.strerror).text) from None
-    finally:
-        with contextlib.suppress(OSError):
-            Path(part).unlink(missing_ok=True)
+    # The file behind a link is replaced, not the link.
+    put_file(output.resolve() if output.is_file() else output, content)
 
 
 def _print(content: bytes) -> None:

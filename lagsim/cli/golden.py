@@ -17,7 +17,7 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import put_file
+from lagsim.cli._writing import put_file, writing
 from lagsim.cli.compare import LISTED, as_mapping, listing
 from lagsim.errors import InputError, LagsimError, Problem
 
@@ -71,7 +71,7 @@ def command(
         if junit is not None:
             from lagsim.outputs.junit import document as written
 
-            put_file(junit, written(SUITE, job.outcomes))
+            put_file(junit, written(SUITE, job.outcomes), folders=True)
     code = max(codes)
     if as_json:
         faults = [error for found in job.faults for error in found["errors"]]
@@ -185,7 +185,8 @@ class _Job:
             from lagsim.studies.golden.picture import picture
 
             path = self.plots / f"{model.name}.png"
-            put_file(path, picture(case, motion, stored, judgement))
+            drawn = picture(case, motion, stored, judgement)
+            put_file(path, drawn, folders=True)
             lines.append(f"  picture: {path}")
             found["picture"] = str(path)
         self.documents.append(found)
@@ -199,7 +200,7 @@ class _Job:
 
     def _store(self, case: Case, folder: Path) -> tuple[int, tuple[str, str, str]]:
         from lagsim.studies.golden.measuring import measure
-        from lagsim.studies.golden.storing import document, names, table
+        from lagsim.studies.golden.storing import store
 
         model = case.equations.model
         golden, base = measure(case)
@@ -208,17 +209,15 @@ class _Job:
             complain(f"lagsim: {text}")
             self.documents.append(_name(model) | {"pass": False})
             return UnwritableError.exit_code, ("error", "incomplete", text)
-        contents = table(golden), document(case, golden, base)
-        for name, content in zip(names(model.name), contents, strict=True):
-            put_file(folder / name, content)
+        with writing(folder):
+            size = store(case, golden, base, folder)
         found = {"pass": True, "stored": True, "horizon": golden.horizon}
         self.documents.append(_name(model) | found)
         if not self.as_json and not self.quiet:
-            size = sum(map(len, contents)) / 1024
             say(
                 f"{coloured('stored', '32')}: {model.name}, "
                 f"{counted(len(golden.rows), 'row')}, "
-                f"{counted(len(golden.columns), 'column')}, {size:.0f} kB"
+                f"{counted(len(golden.columns), 'column')}, {size / 1024:.0f} kB"
                 f"{_horizon(golden)}"
             )
         return 0, ("", "", "")

@@ -9,7 +9,8 @@ import typer
 
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import counted
-from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.cli._streams import complain, say
+from lagsim.cli._writing import put_file
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def command(
         runs = read(folders)
         names = None if columns is None else _names(columns)
         made = [(path, _content(path, runs, names, output is None)) for path in wanted]
-        written = [str(p) for p, content in made if content and _write(p, content)]
+        written = [_write(path, content) for path, content in made if content]
         if not quiet:
             say(f"{counted(len(runs), 'run')}: {', '.join(written)}")
         code.append(0)
@@ -104,11 +105,6 @@ def _content(
     return page(found, counted(len(names), "run") if many else ", ".join(names))
 
 
-def _write(path: Path, content: bytes) -> bool:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
-    except OSError as error:
-        text = f"lagsim: {path} cannot be written: {error.strerror}"
-        raise UnwritableError(text) from None
-    return True
+def _write(path: Path, content: bytes) -> str:
+    put_file(path, content, folders=True)
+    return str(path)

@@ -32,7 +32,7 @@ from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from lagsim.outputs.results import Results
     from lagsim.run.session import Session
@@ -228,14 +228,13 @@ class Job:
 
             check_format(self.table, show_units=self.show_units)
         clock.lap("import")
-        model = read(text, file, overrides, options)
-        settings = wanted(model, "run", hint="add it, or give --duration")
-        clock.lap("read")
-        session = open_case(model, settings, clock=clock).ready(clock=clock)
+        with self.interrupt.raised():
+            model = read(text, file, overrides, options)
+            settings = wanted(model, "run", hint="add it, or give --duration")
+            clock.lap("read")
+            session = open_case(model, settings, clock=clock).ready(clock=clock)
         from lagsim.outputs.results import open_results
 
-        if self.interrupt.asked:
-            raise KeyboardInterrupt
         with open_results(self.folder or RESULTS / model.name) as results:
             return self._integrate(session, results)
 
@@ -274,17 +273,27 @@ class Job:
         if full:
             return UnwritableError.exit_code
         if interrupt.signal is not None:
+            if document["complete"]:
+                complain("lagsim: interrupted: all rows are there, pictures may not be")
             return 128 + interrupt.signal
         if not found.trajectory.outcome.complete:
             return 3
         return self._strictly(found, document)
 
     def _write(self, found: Attempt, results: Results) -> OSError | None:
-        """Write what stands beside the table; give what kept one from being written."""
-        try:
-            form = (self.plots or Picture.PNG).value
-            for name, content in found.files(found.thin, found.frames, form):
+        """Write what stands beside the table; give what kept one from being written.
+
+        A signal ends that: pictures can be drawn again, rows cannot.
+        """
+        form = (self.plots or Picture.PNG).value
+
+        def put(made: Iterable[tuple[str, bytes]]) -> None:
+            for name, content in made:
                 results.write(name, content)
+
+        try:
+            put(found.files(None))
+            self.interrupt.cut(lambda: put(found.files(found.thin, found.frames, form)))
         except OSError as error:
             return error
         finally:

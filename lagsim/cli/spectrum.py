@@ -9,7 +9,8 @@ import typer
 
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import AsJson, aligned, counted, show_json
-from lagsim.cli._streams import UnwritableError, say
+from lagsim.cli._streams import say
+from lagsim.cli._writing import put_file
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -106,11 +107,7 @@ def _write(file: Path, found: Spectrum, title: str) -> None:
         from lagsim.outputs.figure import content
 
         written = content(found.plot(title), file.suffix[1:])
-    try:
-        file.write_bytes(written)
-    except OSError as error:
-        text = f"lagsim: {file} cannot be written: {error.strerror}"
-        raise UnwritableError(text) from None
+    put_file(file, written)
 
 
 def report(found: Spectrum) -> str:

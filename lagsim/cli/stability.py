@@ -23,7 +23,7 @@ from lagsim.cli._shared import (
     table,
 )
 from lagsim.cli._streams import say
-from lagsim.cli._writing import commit
+from lagsim.cli._writing import commit_with_chart
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -145,22 +145,27 @@ class _Job:
         from lagsim.run.interrupt import Interrupt
         from lagsim.studies.bench import stability_document as written
         from lagsim.studies.bench.stability import measure
-        from lagsim.studies.bench.stability_chart import chart
 
-        interrupt = Interrupt()
-        with interrupt.noted(), progress_bar(quiet=self.quiet) as progress:
-            found = measure(case, self.wish, interrupt=interrupt, progress=progress)
-        name = self.wish.name
+        def drawn() -> bytes:
+            from lagsim.studies.bench.stability_chart import chart
+
+            return chart(model.name, found, name, self.form)
+
+        interrupt, name = Interrupt(), self.wish.name
         picture = f"stability.{self.form}"
         files = [written.TABLE, picture, written.MANIFEST]
-        content = written.document(found, self.wish, files)
-        drawn = chart(model.name, found, name, self.form)
-        contents = {written.TABLE: written.table(found.cells, name)}
-        commit(results, content, contents | {picture: drawn})
+        with interrupt.noted():
+            with progress_bar(quiet=self.quiet) as progress:
+                found = measure(case, self.wish, interrupt=interrupt, progress=progress)
+            content = commit_with_chart(
+                results, written.document(found, self.wish, files),
+                {written.TABLE: written.table(found.cells, name)},
+                picture, drawn, interrupt,
+            )  # fmt: skip
         self.documents.append(content)
         if not self.quiet and not self.as_json:
             say(_summary(model, found, name))
-            say(table([("files", f"{results.folder}: {', '.join(files)}")]))
+            say(table([("files", f"{results.folder}: {', '.join(content['files'])}")]))
         return 128 + interrupt.signal if interrupt.signal is not None else 0
 
 

@@ -204,11 +204,12 @@ class _Job:
 
     def _known(self, found: Found, folder: Path) -> int | None:
         """Give the exit code of a sweep that has come to its end before."""
+        from lagsim.files import content
         from lagsim.studies.sweep import journal
         from lagsim.studies.sweep.document import MANIFEST, mark
 
         try:
-            there = json.loads((folder / MANIFEST).read_bytes())
+            there = json.loads(content(folder / MANIFEST))
         except (OSError, ValueError):
             return None
         other = not isinstance(there, dict) or there.get("identity") != mark(found)

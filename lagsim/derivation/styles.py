@@ -9,6 +9,7 @@ from lagsim.language.functions import FUNCTIONS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from decimal import Decimal
 
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
@@ -61,7 +62,7 @@ class LatexStyle(Style):
         "and": r" \text{ and } ", "or": r" \text{ or } ", "not": r"\text{not } ",
     }  # fmt: skip
 
-    def decimal(self, x: float) -> Piece:
+    def decimal(self, x: float | Decimal) -> Piece:
         """Give a decimal number that is not negative."""
         plain = super().decimal(x)
         mantissa, e, exponent = plain.text.partition("e")

@@ -7,7 +7,9 @@ style says how each operation looks.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import sympy as sp
@@ -62,12 +64,12 @@ class Style:
 
     def whole(self, x: int) -> Piece:
         """Give a whole number that is not negative."""
-        return Piece(str(x), ATOM) if x < LARGEST_WHOLE else self.decimal(float(x))
+        return Piece(str(x), ATOM) if x < LARGEST_WHOLE else self.decimal(_number(x))
 
-    def decimal(self, x: float) -> Piece:
+    def decimal(self, x: float | Decimal) -> Piece:
         """Give a decimal number that is not negative."""
-        text = repr(x) if self.digits is None else f"{x:.{self.digits}g}"
-        return Piece(text, ATOM)
+        text = str(x) if self.digits is None else f"{x:.{self.digits}g}"
+        return Piece(text.lower(), ATOM)
 
     def pi(self) -> str:
         """Give the number pi."""
@@ -176,7 +178,7 @@ class Writer:
         elif size.is_Rational and self._is_fraction(size):
             piece = self.style.fraction(*map(self.style.whole, (size.p, size.q)))
         else:
-            piece = self.style.decimal(float(size))
+            piece = self.style.decimal(_number(size))
         return Piece(self.style.negative + piece.text, SUM) if negative else piece
 
     def _is_fraction(self, x: Any) -> bool:
@@ -213,7 +215,9 @@ class Writer:
         degree = [0, 0, 0]
         for (group, *_), x in found:
             if group in _MOVING:
-                degree[_MOVING[group]] -= int(x.exp) if x.is_Pow else 1
+                degree[_MOVING[group]] -= (
+                    int(x.exp) if x.is_Pow and x.exp.is_Integer else 1
+                )
             elif group - 0.5 in _MOVING:  # a sum in which these are
                 degree[_MOVING[group - 0.5]] -= 2
         varying = sorted(place for place, _ in found if place[0] >= _VARYING)
@@ -315,6 +319,9 @@ class Writer:
     def condition(self, c: Any) -> str:
         """Write what is true or false."""
         joins = self.style.joins
+        if isinstance(c, sp.ITE):  # what an `if` in a condition becomes
+            asked, then, other = c.args
+            return self.condition(asked & then | ~asked & other)
         if isinstance(c, sp.Not):
             return joins["not"] + self.style.group(self.condition(c.args[0]))
         if isinstance(c, sp.And | sp.Or):
@@ -355,3 +362,15 @@ def _sign(e: Any) -> tuple[bool, Any]:
 
 def _is_function(e: Any) -> bool:
     return bool(e.is_Function) and not isinstance(e, sp.Piecewise | sp.exp)
+
+
+def _number(e: Any) -> float | Decimal:
+    """Give a number above 0 as a double, or, where none holds it, as a decimal."""
+    try:
+        x = float(e)
+    except OverflowError:
+        x = math.inf
+    if 0.0 < x < math.inf:
+        return x
+    exact = sp.Rational(e)
+    return (Decimal(int(exact.p)) / Decimal(int(exact.q))).normalize()

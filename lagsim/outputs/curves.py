@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import lagsim.outputs.bare_matplotlib  # noqa: F401
+
+# isort: split
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 

@@ -5,6 +5,9 @@ It looks like the pictures of a run, which are drawn faster and for good (`sheet
 
 from __future__ import annotations
 
+import lagsim.outputs.bare_matplotlib  # noqa: F401
+
+# isort: split
 import io
 from typing import TYPE_CHECKING, NamedTuple
 

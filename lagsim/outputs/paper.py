@@ -5,6 +5,9 @@ None of them tells a date, a version or who made it: the same rows give the same
 
 from __future__ import annotations
 
+import lagsim.outputs.bare_matplotlib  # noqa: F401
+
+# isort: split
 import io
 import struct
 import zlib

@@ -3,27 +3,42 @@
 Every file is written beside its place and synced. When all are complete the old
 run.json goes, the files take their places, and the new run.json comes last: who finds a
 run.json finds the files that it lists, whatever happened in between.
+
+A folder may come from a stranger. Nothing is written through a link that was put there,
+no pipe is waited for, and of what its run.json lists only files with names that lagsim
+gives are removed.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-from pathlib import Path
+import re
+import time
 from typing import TYPE_CHECKING, Any
 
 import orjson
 
+from lagsim import files
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
 MANIFEST = "run.json"
 # Room kept on the disk for a run.json that says that the disk is full.
 RESERVE_BYTES = 1 << 16
 _LOCK = ".lagsim.lock"
 _PART = ".lagsim-{}.part"
+# What lagsim calls what it leaves, so that a later run may remove it.
+_OWN = re.compile(
+    r"(trajectory|events|energy|constraint_forces|plot_\d+|animation|overlay|spectrum"
+    r"|reactions|work_precision|stability|sweep)"
+    r"\.(csv|npz|parquet|json|png|svg|pdf|html)"
+)
+# How often one who waits for a folder looks whether it is free.
+_GLANCE_SECONDS = 0.02
 
 
 class Results:
@@ -41,29 +56,35 @@ class Results:
         self.folder = folder
         self.manifest = manifest
         self.names: list[str] = []
+        self._begun: set[str] = set()
 
     def reserve(self) -> None:
         """Keep room for the manifest."""
-        _write(self._part(self.manifest), bytes(RESERVE_BYTES))
+        _write(self.part(self.manifest), bytes(RESERVE_BYTES))
 
     def part(self, name: str) -> Path:
         """Give the path to write file `name` to until `commit`."""
         part = self._part(name)
-        if name not in self.names:
-            self.names.append(name)
+        if name not in self._begun:
+            self._begun.add(name)
+            if name != self.manifest:
+                self.names.append(name)
+            os.close(files.held(part, os.O_RDWR | os.O_CREAT | os.O_EXCL))
         return part
 
     def write(self, name: str, content: bytes) -> None:
         """Write a whole file, or, where that fails, nothing."""
         try:
             _write(self.part(name), content)
-        except OSError:
+        except BaseException:
             self.drop(name)
             raise
 
     def drop(self, name: str) -> None:
         """Do without a file that was begun."""
-        self.names.remove(name)
+        self._begun.discard(name)
+        if name in self.names:
+            self.names.remove(name)
         self._part(name).unlink(missing_ok=True)
 
     def commit(self, manifest: bytes) -> None:
@@ -108,38 +129,37 @@ class Results:
 
     def before(self) -> dict[str, Any]:
         """Give what an earlier run's manifest says; nothing where there is none."""
-        path = self.folder / self.manifest
         try:
-            found = orjson.loads(path.read_bytes()) if path.is_file() else None
+            found = orjson.loads(files.content(self.folder / self.manifest))
         except (OSError, ValueError):
             return {}
         return found if isinstance(found, dict) else {}
 
     def _listed(self) -> set[str]:
-        """Give the files of the run before: plain names in this folder only."""
-        files = self.before().get("files")
-        names = files if isinstance(files, list) else []
-        own = self.manifest
-        return {f for f in names if isinstance(f, str) and f != own and _plain(f)}
+        """Give the files of the run before."""
+        names = self.before().get("files")
+        names = names if isinstance(names, list) else []
+        own = {n for n in names if isinstance(n, str) and is_own(n)}
+        return own - {self.manifest}
 
 
-def _plain(name: str) -> bool:
-    """Tell whether a listed name is a file beside the manifest."""
-    return (
-        name not in ("", ".", "..")
-        and not any(c in name for c in "/\\\0")
-        and Path(name).name == name
-    )
+def is_own(name: str) -> bool:
+    """Tell whether lagsim gives a file that name, and may remove it."""
+    return _OWN.fullmatch(name) is not None
 
 
 @contextlib.contextmanager
-def open_results(folder: Path, manifest: str = MANIFEST) -> Iterator[Results]:
+def open_results(
+    folder: Path, manifest: str = MANIFEST, *, patience: float = 0.0
+) -> Iterator[Results]:
     """Make the folder and hold it against other runs.
 
     Parameters
     ----------
     manifest
         The file that lists the others and comes last.
+    patience
+        So many seconds another may take until it has left the folder.
 
     Raises
     ------
@@ -151,7 +171,7 @@ def open_results(folder: Path, manifest: str = MANIFEST) -> Iterator[Results]:
         if folder.exists() and not folder.is_dir():
             raise _unusable(folder, "is not a folder")
         folder.mkdir(parents=True, exist_ok=True)
-        lock = _held(folder)
+        lock = _held(folder, time.monotonic() + patience)
     except OSError as error:
         raise results.unusable(error) from None
     try:
@@ -169,13 +189,13 @@ def open_results(folder: Path, manifest: str = MANIFEST) -> Iterator[Results]:
         os.close(lock)
 
 
-def _held(folder: Path) -> int:
+def _held(folder: Path, until: float) -> int:
     """Give the handle of the folder's lock, held."""
     path = folder / _LOCK
     while True:
-        lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        lock = files.held(path, os.O_RDWR | os.O_CREAT)
         try:
-            _hold(lock, folder)
+            _hold(lock, folder, until)
             if _is_still(lock, path):
                 return lock
         except BaseException:
@@ -184,16 +204,22 @@ def _held(folder: Path) -> int:
         os.close(lock)  # the run that held it has ended and removed it
 
 
-def _hold(lock: int, folder: Path) -> None:
+def _hold(lock: int, folder: Path, until: float) -> None:
     try:
         import fcntl
     except ImportError:  # Windows: renaming over an open file fails by itself
         return
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise _unusable(folder, "is in use: another run is writing into it") from None
-    except OSError:  # a file system without locks
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() < until:
+                time.sleep(_GLANCE_SECONDS)
+                continue
+            why = "is in use: another run is writing into it"
+            raise _unusable(folder, why) from None
+        except OSError:  # a file system without locks
+            return
         return
 
 
@@ -205,18 +231,14 @@ def _is_still(lock: int, path: Path) -> bool:
 
 def _unusable(folder: Path, why: str) -> InputError:
     text = f"the output folder {folder} {why}"
-    return InputError([Problem("output-folder", text, hint="choose one with -o DIR")])
+    return InputError([Problem("output-folder", text, hint="choose another folder")])
 
 
 def _write(path: Path, content: bytes) -> None:
     """Write a file over what is there, so that room kept there is used."""
-    handle = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+    handle = files.held(path, os.O_RDWR)
     try:
-        view = memoryview(content)
-        while view:
-            view = view[os.write(handle, view) :]
-        os.ftruncate(handle, len(content))
-        os.fsync(handle)
+        files.write(handle, content)
     finally:
         os.close(handle)
 
@@ -228,3 +250,33 @@ def _sync(path: Path, flags: int = os.O_RDWR) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def put(path: Path, content: bytes) -> None:
+    """Write one file as a whole or not at all.
+
+    A link in its place is replaced, not followed. A pipe that is read and a terminal
+    get the bytes.
+
+    Raises
+    ------
+    OSError
+        Where that fails.
+    """
+    import secrets
+
+    if path.is_relative_to("/dev") or (path.exists() and not path.is_file()):
+        files.pour(path, content)
+        return
+    part = path.with_name(f".lagsim-{secrets.token_hex(8)}.new")
+    handle = files.held(part, os.O_RDWR | os.O_CREAT | os.O_EXCL)
+    try:
+        try:
+            files.write(handle, content)
+        finally:
+            os.close(handle)
+        part.replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            part.unlink()
+        raise

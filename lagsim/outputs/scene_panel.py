@@ -8,6 +8,9 @@ a fourth, from ahead, the right and above, where there is room.
 
 from __future__ import annotations
 
+import lagsim.outputs.bare_matplotlib  # noqa: F401
+
+# isort: split
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -168,7 +171,7 @@ class ScenePanel:
         paths = {}
         whole = max(high - low for low, high in self._extents) or 1.0
         for name, position in self._positions.items():
-            spans = [f[1] - f[0] for c in position if (f := extent(c))]
+            spans = [_span(component) for component in position]
             if any(span > FLAT * self._size for span in spans):
                 widest = sorted(range(len(spans)), key=lambda k: -spans[k])[:2]
                 paths[name] = position[widest] * (SQUARE[1] / whole)
@@ -269,6 +272,12 @@ class ScenePanel:
                 point(axes, x, y, mark("o", small * size, pen["color"], fill))
         for x, y in (p[:, 0] for name, p in shown.items() if name not in self._pens):
             point(axes, x, y, FIXED_MARK)
+
+
+def _span(values: Array) -> float:
+    """Give how far values spread; 0 where none is finite."""
+    found = extent(values)
+    return found[1] - found[0] if found else 0.0
 
 
 def _aside(p: Array) -> Array:

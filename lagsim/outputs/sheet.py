@@ -8,6 +8,9 @@ left corner, known before anything is drawn.
 
 from __future__ import annotations
 
+import lagsim.outputs.bare_matplotlib  # noqa: F401
+
+# isort: split
 import functools
 import math
 import warnings

@@ -5,10 +5,23 @@ from __future__ import annotations
 import contextlib
 import signal
 import threading
+import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
+
+ENDING = (signal.SIGINT, signal.SIGTERM)
+"""The signals that ask for an end."""
+
+AGAIN_SECONDS = 0.2
+"""A signal that comes so soon after another is the same wish: `timeout` sends two."""
+
+_noting: list[Interrupt] = []
+
+
+class Terminated(BaseException):
+    """SIGTERM, raised where it arrives so that what was begun is removed."""
 
 
 class Interrupt:
@@ -22,7 +35,9 @@ class Interrupt:
 
     def __init__(self) -> None:
         self.signal: int | None = None
+        self._since = 0.0
         self._stopped = False
+        self._raises = False
 
     @property
     def asked(self) -> bool:
@@ -37,22 +52,67 @@ class Interrupt:
     def noted(self) -> Iterator[Interrupt]:
         """Note the signals while the context lasts (in the main thread only).
 
-        A signal that the caller had ignored stays so: `nohup`, `trap '' INT`, or the
-        `&` of a shell script.
+        A second one raises, for what does not end in order. A signal that the caller
+        had ignored stays so: `nohup`, `trap '' INT`, or the `&` of a shell script.
         """
         if threading.current_thread() is not threading.main_thread():
             yield self
             return
-        kinds = [k for k in (signal.SIGINT, signal.SIGTERM) if not ignored(k)]
+        kinds = [kind for kind in ENDING if not ignored(kind)]
         before = [signal.signal(kind, self._note) for kind in kinds]
+        _noting.append(self)
         try:
             yield self
         finally:
+            _noting.remove(self)
             for kind, handler in zip(kinds, before, strict=True):
                 signal.signal(kind, handler)
 
+    @contextlib.contextmanager
+    def raised(self) -> Iterator[None]:
+        """Let signals raise after all, where nothing is lost that they end.
+
+        Raises
+        ------
+        KeyboardInterrupt, Terminated
+            Here, where somebody has asked for an end before.
+        """
+        if self.asked:
+            raise exception_of(self.signal)
+        before, self._raises = self._raises, True
+        try:
+            yield
+        finally:
+            self._raises = before
+
+    def cut(self, work: Callable[[], object]) -> bool:
+        """Do what a noted signal may end without loss; tell whether it was done."""
+        try:
+            with self.raised():
+                work()
+        except (KeyboardInterrupt, Terminated):
+            if not self.asked:
+                raise
+            return False
+        return True
+
     def _note(self, number: int, _frame: object) -> None:
-        self.signal = number
+        now = time.monotonic()
+        again = self.signal is not None and now > self._since + AGAIN_SECONDS
+        if self.signal is None:
+            self.signal, self._since = number, now
+        if again or self._raises:
+            raise exception_of(number)
+
+
+def noting() -> bool:
+    """Tell whether signals are noted: there is something to be kept."""
+    return bool(_noting)
+
+
+def exception_of(number: int | None) -> BaseException:
+    """Give what a signal raises."""
+    return Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
 
 
 def ignored(kind: signal.Signals) -> bool:

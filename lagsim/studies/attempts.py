@@ -150,10 +150,6 @@ class Attempt(NamedTuple):
             return
         if self.corners is not None:
             rows.meet(self.corners.rows())
-        import logging
-
-        # It tells on stderr of a home that it cannot write to, which is no news.
-        logging.getLogger("matplotlib").setLevel(logging.ERROR)
         from lagsim.outputs.events import marked
         from lagsim.outputs.letters import Letters
         from lagsim.outputs.plots import pictures

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import orjson
 
+from lagsim import files
 from lagsim.errors import InputError, Problem
 from lagsim.notes import Event
 from lagsim.outputs import animation
@@ -74,7 +75,7 @@ def read(folders: Sequence[Path]) -> list[Shown]:
 
 def _record(folder: Path) -> Mapping[str, Any]:
     try:
-        record = orjson.loads((folder / MANIFEST).read_bytes())
+        record = orjson.loads(files.content(folder / MANIFEST))
     except FileNotFoundError:
         what = f"{folder} is not there"
         if folder.exists():

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -53,23 +55,115 @@ def test_without_a_commit_nothing_is_left(folder):
 
 
 def test_what_the_last_run_listed_goes_and_the_rest_stays(folder):
-    put(folder, a=b"1", b=b"1")
+    put(folder, **{"energy.png": b"1", "events.csv": b"1"})
     (folder / "mine").write_text("mine")
-    put(folder, b=b"2", c=b"2")
-    assert names(folder) == ["b", "c", "mine", "run.json"]
-    assert (folder / "b").read_bytes() == b"2"
+    put(folder, **{"events.csv": b"2", "plot_1.png": b"2"})
+    assert names(folder) == ["events.csv", "mine", "plot_1.png", "run.json"]
+    assert (folder / "events.csv").read_bytes() == b"2"
+
+
+def test_what_lagsim_never_wrote_stays_whatever_a_run_json_lists(folder):
+    folder.mkdir(parents=True)
+    mine = ["thesis.tex", "energy.py", "plot_1.png.bak", "my_events.csv", ".bashrc"]
+    for name in (*mine, "energy.png"):
+        (folder / name).write_text("mine")
+    listed = {"files": [*mine, "energy.png"]}
+    (folder / "run.json").write_text(json.dumps(listed))
+    put(folder)
+    assert names(folder) == sorted([*mine, "run.json"])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no links without rights")
+@pytest.mark.parametrize(
+    "name", [".lagsim.lock", ".lagsim-run.json.part", ".lagsim-energy.png.part"]
+)
+def test_nothing_is_written_through_a_planted_link(folder, name):
+    folder.mkdir(parents=True)
+    outside = folder.parent / "outside"
+    (folder / name).symlink_to(outside)
+    with contextlib.suppress(InputError):
+        put(folder, **{"energy.png": b"1"})
+    assert not outside.exists()
+    outside.write_text("mine")
+    (folder / "run.json").unlink(missing_ok=True)
+    with contextlib.suppress(FileExistsError):
+        (folder / name).symlink_to(outside)
+    with contextlib.suppress(InputError):
+        put(folder, **{"energy.png": b"1"})
+    assert outside.read_text() == "mine"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no links without rights")
+def test_a_link_in_the_place_of_a_result_is_replaced(folder):
+    folder.mkdir(parents=True)
+    outside = folder.parent / "outside"
+    outside.write_text("mine")
+    for name in ("run.json", "energy.png"):
+        (folder / name).symlink_to(outside)
+    put(folder, **{"energy.png": b"1"})
+    assert outside.read_text() == "mine"
+    assert not (folder / "energy.png").is_symlink()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes that have names")
+@pytest.mark.parametrize(
+    "name", ["run.json", ".lagsim.lock", ".lagsim-run.json.part", "energy.png"]
+)
+def test_no_pipe_is_waited_for(folder, name):
+    folder.mkdir(parents=True)
+    os.mkfifo(folder / name)
+    if name == ".lagsim.lock":
+        with pytest.raises(InputError, match="no regular file"):
+            put(folder, **{"energy.png": b"1"})
+        return
+    put(folder, **{"energy.png": b"1"})
+    assert names(folder) == ["energy.png", "run.json"]
+    assert (folder / "energy.png").read_bytes() == b"1"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no links without rights")
+def test_one_file_is_put_whole_or_not_at_all(folder, monkeypatch):
+    folder.mkdir(parents=True)
+    outside = folder.parent / "outside"
+    outside.write_text("mine")
+    (folder / "a.xml").symlink_to(outside)
+    module.put(folder / "a.xml", b"1")
+    assert (outside.read_text(), (folder / "a.xml").read_bytes()) == ("mine", b"1")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    for call in ("write", "fsync", "replace"):
+        with monkeypatch.context() as patch:
+            patch.setattr(os, call, full)
+            with pytest.raises(OSError, match="No space"):
+                module.put(folder / "a.xml", b"2")
+        assert names(folder) == ["a.xml"]
+        assert (folder / "a.xml").read_bytes() == b"1"
+
+
+def test_one_who_waits_gets_the_folder_when_it_is_free(folder):
+    first = open_results(folder)
+    first.__enter__()
+    threading.Timer(0.1, first.__exit__, (None, None, None)).start()
+    with open_results(folder, patience=60.0) as second:
+        second.write("events.csv", b"1")
 
 
 @pytest.mark.parametrize(
     "listed",
     [
         ["../outside"], ["sub/file"], ["/tmp/none"], ["."], [".."], [""], ["a\0b"],
+        ["../energy.png"], ["sub/energy.png"], ["energy.png\n"],
         [1, None, {}], ["kept", "run.json", "sub"], {"kept": 1}, "kept", None,
     ],
 )  # fmt: skip
 def test_a_manifest_that_somebody_has_altered(folder, listed):
     (folder / "sub").mkdir(parents=True)
-    strangers = [folder.parent / "outside", folder / "sub" / "file"]
+    strangers = [
+        folder.parent / "outside", folder / "sub" / "file",
+        folder.parent / "energy.png", folder / "sub" / "energy.png",
+    ]  # fmt: skip
     for path in strangers:
         path.write_text("mine")
     (folder / "run.json").write_text(json.dumps({"files": listed}))

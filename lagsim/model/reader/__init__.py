@@ -14,6 +14,7 @@ import sys
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
+from lagsim import files
 from lagsim.errors import UNSEEN, InputError, Place, Problem, unseen
 from lagsim.language.graph import Graph
 from lagsim.model.model import Level, Model
@@ -83,6 +84,8 @@ REQUIRED = ("coordinates", "energy", "initial")
 STANDARD_INPUT = "-"
 
 _STDIN = "<stdin>"
+# Where a shell's `<(command)` is: a pipe, and somebody writes into it.
+_OPEN_ALREADY = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")
 # What a model is called that comes from no file.
 TEXT = "<model>"
 _NO_FILE_NAMES = ("", ".", "..")
@@ -126,8 +129,10 @@ def text_of(path: str) -> tuple[str, str]:
     try:
         if path == STANDARD_INPUT:
             data = sys.stdin.buffer.read()
-        else:
+        elif path.startswith(_OPEN_ALREADY):
             data = Path(path).read_bytes()
+        else:
+            data = files.content(path)
     except (OSError, ValueError) as error:  # ValueError: a null byte in the path
         reason = getattr(error, "strerror", None) or str(error)
         raise _unusable("unreadable", f"cannot be read: {reason}", file) from None

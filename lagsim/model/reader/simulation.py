@@ -54,6 +54,8 @@ KEYS = {
 FORM = {**keyed(KEYS), "not": {"required": ["duration", "end"]}}
 
 MAX_ROWS = 10**8
+# Shorter runs have rows and steps that doubles cannot tell apart.
+SHORTEST = 1e-290
 # The last output step may be this much shorter or longer than the others.
 ROW_TOLERANCE = 1e-9
 
@@ -164,6 +166,10 @@ class _Reader(NamedTuple):
             end, key = given, "end"
         if not (start < end < math.inf and math.isfinite(end - start)):
             text = f"the run from {start:g} to {end:g} has no positive, finite length"
+            self._fault("out-of-range", text, key)
+            return None
+        if end - start < SHORTEST:
+            text = f"the run is {end - start:g} long; at least {SHORTEST:g} is expected"
             self._fault("out-of-range", text, key)
             return None
         return end

@@ -20,6 +20,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lagsim import files
 from lagsim.native.kernels import keys
 from lagsim.native.link import engine
 
@@ -34,7 +35,7 @@ CACHE_VARIABLE = "LAGSIM_CACHE"
 LIMIT_BYTES = 256 * 2**20
 """Size at which the objects that were not used for longest are removed."""
 
-_FORMAT = "2"  # of files and keys; a change leaves all that is kept unused
+_FORMAT = "3"  # of files and keys; a change leaves all that is kept unused
 _MAGIC = b"lagsim object " + _FORMAT.encode() + b"\n"
 _SUFFIX = ".object"
 _SIZE = struct.Struct("<q")  # the length of p, before the object of a graph
@@ -136,11 +137,11 @@ def _kept(made_from: Sequence[str], make: Callable[[], bytes]) -> bytes:
     where = folder()
     key = _digest([_FORMAT, *made_from, *engine.target()])
     path = None if where is None else where / f"{key}{_SUFFIX}"
-    code = None if path is None else _read(path)
+    code = None if path is None else _read(path, key)
     if code is None:
         code = make()
         if path is not None:
-            _write(path, code)
+            _write(path, key, code)
     return code
 
 
@@ -153,15 +154,20 @@ def _digest(parts: Iterable[str]) -> str:
     return digest.hexdigest()
 
 
-def _read(path: Path) -> bytes | None:
-    """Read an object; None if there is none, or not the whole of one."""
+def _seal(key: str, code: bytes) -> bytes:
+    """Give what stands before an object: it is whole, and that of its key."""
+    return _MAGIC + hashlib.sha256(key.encode() + code).digest()
+
+
+def _read(path: Path, key: str) -> bytes | None:
+    """Read an object; None if there is none, not the whole of one, or another."""
     try:
-        content = path.read_bytes()
+        content = files.content(path)
     except OSError:
         return None
     start = len(_MAGIC) + hashlib.sha256().digest_size
     code = content[start:]
-    if content[:start] != _MAGIC + hashlib.sha256(code).digest():
+    if content[:start] != _seal(key, code):
         return None
     with contextlib.suppress(OSError):
         if time.time() - path.stat().st_mtime > _USED_AGAIN_SECONDS:
@@ -169,7 +175,7 @@ def _read(path: Path) -> bytes | None:
     return code
 
 
-def _write(path: Path, code: bytes) -> None:
+def _write(path: Path, key: str, code: bytes) -> None:
     """Keep an object: written beside and renamed, so that readers find all or none."""
     import tempfile  # slow to load, and only first runs come here
 
@@ -179,7 +185,7 @@ def _write(path: Path, code: bytes) -> None:
         return
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(_MAGIC + hashlib.sha256(code).digest() + code)
+            file.write(_seal(key, code) + code)
         Path(beside).replace(path)
     except OSError:  # no room, or on Windows another process is reading the file
         with contextlib.suppress(OSError):
@@ -191,17 +197,17 @@ def _write(path: Path, code: bytes) -> None:
 
 def prune(where: Path, limit: int = LIMIT_BYTES) -> None:
     """Remove the files not used for longest, down to half the limit if over it."""
-    files = []
+    there = []
     with contextlib.suppress(OSError):
         for path in where.iterdir():
             found = path.stat()
             age = time.time() - found.st_mtime
             if path.suffix == _SUFFIX or age > _ABANDONED_SECONDS:
-                files.append((found.st_mtime, found.st_size, path))
-    size = sum(s for _, s, _ in files)
+                there.append((found.st_mtime, found.st_size, path))
+    size = sum(s for _, s, _ in there)
     if size <= limit:
         return
-    for _, removed, path in sorted(files):
+    for _, removed, path in sorted(there):
         with contextlib.suppress(OSError):
             path.unlink()
         size -= removed

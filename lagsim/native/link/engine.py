@@ -33,6 +33,16 @@ __exp10 bzero __bzero memcpy memmove memset memset_pattern16
 
 _LIBRARY = "lagsim"
 
+# Known wherever they are of use.
+_COMMON = ("generic", "x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4")
+_ASK = """
+import sys
+import llvmlite.binding as llvm
+llvm.initialize_native_target()
+target = llvm.Target.from_triple(llvm.get_process_triple())
+target.create_target_machine(cpu=sys.argv[1], opt=2, jit=True)
+"""
+
 
 class NativeError(RuntimeError):
     """Native code could not be made or linked: a fault of lagsim, not of its input."""
@@ -72,6 +82,8 @@ def _target(cpu: str) -> Target:
     if cpu == "host":
         cpu = llvm.get_host_cpu_name()
         features = llvm.get_host_cpu_features().flatten()
+    elif cpu not in _COMMON:
+        _demand_known(cpu)
     return Target(
         llvmlite=llvmlite.__version__,
         llvm=".".join(map(str, llvm.llvm_version_info)),
@@ -79,6 +91,26 @@ def _target(cpu: str) -> Target:
         cpu=cpu,
         features=features,
     )
+
+
+def _demand_known(cpu: str) -> None:
+    """Refuse a name that LLVM does not know, which it ends the process for.
+
+    Raises
+    ------
+    InputError
+    """
+    import subprocess
+
+    from lagsim.errors import InputError, Problem
+
+    # It answers on stderr, and nowhere else.
+    asked = [sys.executable, "-P", "-c", _ASK, cpu]
+    done = subprocess.run(asked, capture_output=True, check=False)
+    if done.returncode or done.stderr:
+        text = f"{CPU_VARIABLE}={cpu}: LLVM knows no such processor for this machine"
+        hint = f"leave it out, or take one of {', '.join(_COMMON)}"
+        raise InputError([Problem("unknown-cpu", text, hint=hint)])
 
 
 def _machine(chosen: Target) -> Any:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import orjson
 
 from lagsim.errors import InputError, Problem
+from lagsim.files import content as content_of
 from lagsim.outputs.manifest import versions
 from lagsim.outputs.table import table_of
 from lagsim.studies.bench.machine import machine, today
@@ -57,7 +57,7 @@ def read_document(path: str) -> dict[str, Any]:
     InputError
     """
     try:
-        found = orjson.loads(Path(path).read_bytes())
+        found = orjson.loads(content_of(path))
     except OSError as error:
         why = f"{path} cannot be read: {error.strerror}"
         raise InputError([Problem("unreadable", why)]) from None

@@ -19,6 +19,7 @@ from lagsim.mechanics.equilibrium import (
 )
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method as method_named
+from lagsim.run.interrupt import Interrupt
 from lagsim.studies.bench.borders import predicted
 from lagsim.studies.bench.scope import (
     SEARCH,
@@ -34,7 +35,6 @@ from lagsim.studies.bench.trial import FAILS, Cell, Subject
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from lagsim.run.interrupt import Interrupt
     from lagsim.studies.bench.scope import CaseAt, Refused, Wish
 
 # A border is known to three digits; around one that is predicted more is looked at.
@@ -144,6 +144,27 @@ def measure(
     ------
     InputError
     """
+    interrupt = interrupt or Interrupt()
+    with interrupt.raised():  # there is nothing yet to be kept
+        asked = _asked(case_at, wish, interrupt)
+        rest = _rest(asked.subject)
+    fixed, values = asked.methods, asked.values
+    count = len(values) * len(fixed) * (len(asked.steps) + SEARCH)
+    count += len(values) * len(asked.adaptive)
+    work = _Work(asked, interrupt, progress, count)
+    interrupt.cut(lambda: work.columns(case_at))
+    order = {name: k for k, name in enumerate((*fixed, *asked.adaptive))}
+    return Stability(
+        **vars(asked),
+        rest=rest,
+        cells=sorted(work.cells, key=lambda cell: order[cell.method]),
+        borders=sorted(work.borders, key=lambda border: order[border.method]),
+        interrupted=work.pressed,
+    )
+
+
+def _asked(case_at: CaseAt, wish: Wish, interrupt: Interrupt) -> _Asked:
+    """Find out what there is to be run."""
     case = case_at(None)
     subject = Subject(case, interrupt)
     fixed, adaptive, refused = methods_for(case, wish)
@@ -154,24 +175,10 @@ def measure(
     steps = steps_for(subjects, fixed, wish)
     count = len(values) * len(fixed) * (len(steps) + SEARCH)
     runs = {name: runs_for(subject, name, steps, count) for name in fixed}
-    asked = _Asked(
+    return _Asked(
         subject, fixed, adaptive, refused, steps, values,
         usual_value(case, wish.name), runs,
     )  # fmt: skip
-    rest = _rest(subject)
-    work = _Work(asked, interrupt, progress, count + len(values) * len(adaptive))
-    for value in values:
-        if work.pressed:
-            break
-        work.column(case_at, value)
-    order = {name: k for k, name in enumerate((*fixed, *adaptive))}
-    return Stability(
-        **vars(asked),
-        rest=rest,
-        cells=sorted(work.cells, key=lambda cell: order[cell.method]),
-        borders=sorted(work.borders, key=lambda border: order[border.method]),
-        interrupted=work.pressed,
-    )
 
 
 class _Work:
@@ -180,7 +187,7 @@ class _Work:
     def __init__(
         self,
         asked: _Asked,
-        interrupt: Interrupt | None,
+        interrupt: Interrupt,
         progress: Callable[[float], None] | None,
         total: int,
     ) -> None:
@@ -191,9 +198,14 @@ class _Work:
 
     @property
     def pressed(self) -> bool:
-        return self.interrupt is not None and self.interrupt.asked
+        return self.interrupt.asked
 
-    def column(self, case_at: CaseAt, value: float | None) -> None:
+    def columns(self, case_at: CaseAt) -> None:
+        """Run every method at every value of the parameter."""
+        for value in self.asked.values:
+            self._column(case_at, value)
+
+    def _column(self, case_at: CaseAt, value: float | None) -> None:
         """Run every method at one value of the parameter."""
         subject = self.asked.subject
         if value is not None:

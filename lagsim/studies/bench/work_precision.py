@@ -8,6 +8,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers.ledger import Ledger
 from lagsim.studies.bench.front import pareto
 from lagsim.studies.bench.reference import make_reference
@@ -18,7 +19,6 @@ from lagsim.studies.bench.wanted import Auto, curves_of, decades
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
     from lagsim.studies.bench.reference import Reference
     from lagsim.studies.bench.solving import Solved
@@ -151,16 +151,20 @@ def measure(
     """
     began = time.perf_counter()
     told = progress or (lambda _fraction: None)
-    reference = make_reference(
-        case, interrupt, OF_REFERENCE * wish.budget, lambda x: told(OF_REFERENCE * x)
-    )
-    auto = Auto(case, decades(wish.tolerances))
+    interrupt = interrupt or Interrupt()
     refused: list[Refused] = []
-    curves = list(curves_of(case, wish, reference, auto, refused))
+    with interrupt.raised():  # there is nothing yet to be kept
+        reference = make_reference(
+            case, interrupt, OF_REFERENCE * wish.budget,
+            lambda x: told(OF_REFERENCE * x),
+        )  # fmt: skip
+        auto = Auto(case, decades(wish.tolerances))
+        curves = list(curves_of(case, wish, reference, auto, refused))
+        longest = min(_patience(auto), ONE * wish.budget)
     # What `auto` takes comes first, with more time: it must be known.
     order = sorted(range(len(curves)), key=lambda k: curves[k].key not in auto.chosen)
     shares = [OF_AUTO if curves[k].key in auto.chosen else 1.0 for k in order]
-    patience = Patience(min(_patience(auto), ONE * wish.budget), interrupt)
+    patience = Patience(longest, interrupt)
     entries: dict[int, list[Entry]] = {}
     for done, k in enumerate(order):
         if patience.pressed:
@@ -170,10 +174,14 @@ def measure(
         patience.until = now + max(share, LEAST_SECONDS)
         sweep = _Sweep(curves[k], auto, reference, patience)
         entries[k] = []
-        for part, entry in sweep.entries():
-            entries[k].append(entry)
-            so_far = (done + part) / len(order)
-            told(OF_REFERENCE + (1.0 - OF_REFERENCE) * so_far)
+
+        def swept(sweep: _Sweep = sweep, own: list[Entry] = entries[k]) -> None:
+            for part, entry in sweep.entries():
+                own.append(entry)
+                so_far = (done + part) / len(order)  # noqa: B023  (called at once)
+                told(OF_REFERENCE + (1.0 - OF_REFERENCE) * so_far)
+
+        interrupt.cut(swept)
     return WorkPrecision(
         reference=reference,
         entries=[entry for k in sorted(entries) for entry in entries[k]],

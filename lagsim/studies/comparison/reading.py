@@ -19,6 +19,7 @@ from zipfile import BadZipFile
 import numpy as np
 import orjson
 
+from lagsim import files
 from lagsim.errors import InputError, Problem
 from lagsim.outputs import Format
 from lagsim.outputs.results import MANIFEST
@@ -85,7 +86,7 @@ def read_results(path: Path) -> Table:
     units = table.units
     remarks: tuple[str, ...] = ()
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
-        manifest: Any = orjson.loads((path / MANIFEST).read_bytes())
+        manifest: Any = orjson.loads(files.content(path / MANIFEST))
         units = {k: str(unit) for k, unit in manifest["columns"].items()}
         if not manifest["complete"]:
             remarks = (f"{path} is incomplete: {manifest['reason']}",)
@@ -102,7 +103,7 @@ def read_table(path: Path) -> Table:
     """
     read = _PACKED.get(path.suffix, _read)
     try:
-        with path.open("rb") as file:
+        with files.opened(path) as file:
             return read(file, str(path))
     except OSError as error:
         why = error.strerror or "it is damaged"

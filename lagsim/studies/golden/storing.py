@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import orjson
 
+from lagsim import files
 from lagsim.errors import InputError, Problem
 from lagsim.outputs.manifest import encode, versions
+from lagsim.outputs.results import open_results
 from lagsim.studies.comparison.reading import read_table
 from lagsim.studies.golden.measuring import DIGITS, Golden, Invariant
 from lagsim.version import __version__
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
     from lagsim.studies.golden.motion import Motion
 
 FOLDER = "golden"
+# How long to wait for others who store in the folder; each takes some milliseconds.
+PATIENCE_SECONDS = 10.0
 # What a double holds, whatever its bound.
 MOST_DIGITS = 17
 
@@ -97,13 +101,33 @@ def document(case: Case, golden: Golden, base: Motion) -> bytes:
             for name, kept in golden.invariants.items()
         },
         "columns": list(base.columns),
-        "bounds": {name: f"@{k}@" for k, name in enumerate(golden.columns)},
     }
-    text = encode(content)
     # A column's bounds on one line: one number to a line is not for people to read.
-    for k, name in enumerate(golden.columns):
-        text = text.replace(b'"@%d@"' % k, orjson.dumps(golden.steps[name]))
-    return text
+    bounds = [
+        b"    %b: %b" % (orjson.dumps(name), orjson.dumps(golden.steps[name]))
+        for name in golden.columns
+    ]
+    head = encode(content).removesuffix(b"\n}\n")
+    return head + b',\n  "bounds": {\n' + b",\n".join(bounds) + b"\n  }\n}\n"
+
+
+def store(case: Case, golden: Golden, base: Motion, folder: Path) -> int:
+    """Put a golden in the place of the old one; give its size in bytes.
+
+    Raises
+    ------
+    InputError
+        Where the folder cannot be used.
+    OSError
+        Where there is no room; then the old one stays.
+    """
+    csv_name, json_name = names(case.equations.model.name)
+    rows, about = table(golden), document(case, golden, base)
+    # Others may store goldens of other models into the folder.
+    with open_results(folder, json_name, patience=PATIENCE_SECONDS) as results:
+        results.write(csv_name, rows)
+        results.commit(about)
+    return len(rows) + len(about)
 
 
 def load(folder: Path, model_name: str) -> Stored:
@@ -117,7 +141,7 @@ def load(folder: Path, model_name: str) -> Stored:
     csv_name, json_name = names(model_name)
     path = folder / json_name
     try:
-        about: Any = orjson.loads(path.read_bytes())
+        about: Any = orjson.loads(files.content(path))
     except FileNotFoundError:
         text = f"there is no golden of {model_name} in {folder}"
         hint = "`lagsim golden --update` stores one"

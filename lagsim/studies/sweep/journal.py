@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim import files
 from lagsim.errors import InputError, Problem
 from lagsim.studies.sweep.runs import Row
 
@@ -51,7 +52,7 @@ class Journal:
             Where they are rows of another sweep.
         """
         try:
-            content = self.path.read_bytes()
+            content = files.content(self.path)
         except FileNotFoundError:
             self.begin()
             return {}
@@ -91,7 +92,7 @@ class Journal:
 
     def _open(self, flags: int) -> None:
         self.close()
-        self._file = os.open(self.path, flags | getattr(os, "O_BINARY", 0), 0o666)
+        self._file = files.held(self.path, flags)
 
     def _write(self, lines: Iterable[Any]) -> None:
         assert self._file is not None

@@ -177,10 +177,18 @@ def test_refusals():
 
 def test_an_interrupt_ends_it():
     interrupt = Interrupt()
-    interrupt.signal = 2
-    found = measure(lambda _value: scene(DAMPED), Wish(), interrupt=interrupt)
+
+    def case(_value):
+        return scene(DAMPED)
+
+    def pressed(_fraction):
+        interrupt.signal = 2
+
+    found = measure(case, Wish(), interrupt=interrupt, progress=pressed)
     assert found.interrupted
-    assert not found.cells
+    assert not found.borders
+    with pytest.raises(KeyboardInterrupt):  # there is nothing to be kept
+        measure(case, Wish(), interrupt=interrupt)
 
 
 def test_no_predicted_border_where_the_motion_itself_grows():

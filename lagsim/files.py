@@ -1,0 +1,112 @@
+"""Files as strangers may have left them: a pipe in their place, a link, no end.
+
+Read is what is a regular file, and nothing else: a pipe or a device would keep a
+program waiting for ever. What is made anew is made where nothing is, so that no link
+leads elsewhere.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from typing import BinaryIO
+
+# Absent on Windows, which has no such links and no such pipes.
+_BINARY = getattr(os, "O_BINARY", 0)
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0)
+_NO_WAITING = getattr(os, "O_NONBLOCK", 0)
+
+IRREGULAR = "it is a pipe or a device, and no regular file"
+
+
+def opened(path: Path | str) -> BinaryIO:
+    """Open a regular file for reading.
+
+    Raises
+    ------
+    OSError
+        If there is none, it cannot be read, or it is something else.
+    """
+    handle = os.open(path, os.O_RDONLY | _BINARY | _NO_WAITING)
+    try:
+        _demand_regular(handle, path)
+    except OSError:
+        os.close(handle)
+        raise
+    return os.fdopen(handle, "rb")
+
+
+def content(path: Path | str) -> bytes:
+    """Read the whole of a regular file.
+
+    Raises
+    ------
+    OSError
+        As `opened` does.
+    """
+    with opened(path) as file:
+        return file.read()
+
+
+def held(path: Path | str, flags: int) -> int:
+    """Open a regular file through no link; give its handle.
+
+    Parameters
+    ----------
+    flags
+        As for `os.open`; a file that is made gets the rights of any new one.
+
+    Raises
+    ------
+    OSError
+        If it is something else, or as `os.open` does.
+    """
+    try:
+        handle = os.open(path, flags | _BINARY | _NO_LINK | _NO_WAITING, 0o666)
+    except OSError as error:
+        if error.errno in (errno.ELOOP, errno.ENXIO):  # a link; a pipe nobody reads
+            text = f"{os.fspath(path)} is a link or a pipe, and no regular file"
+            raise OSError(error.errno, text) from None
+        raise
+    try:
+        _demand_regular(handle, path)
+    except OSError:
+        os.close(handle)
+        raise
+    return handle
+
+
+def write(handle: int, content: bytes) -> None:
+    """Write the whole content of an open file, and have it on the disk."""
+    view = memoryview(content)
+    while view:
+        view = view[os.write(handle, view) :]
+    os.ftruncate(handle, len(content))
+    os.fsync(handle)
+
+
+def pour(path: Path | str, content: bytes) -> None:
+    """Write to what keeps nothing: a pipe that somebody reads, a terminal.
+
+    Raises
+    ------
+    OSError
+        Where that fails, or nobody reads the pipe.
+    """
+    handle = os.open(path, os.O_WRONLY | _BINARY | _NO_WAITING)
+    with os.fdopen(handle, "wb") as file:
+        os.set_blocking(handle, True)
+        file.write(content)
+
+
+def _demand_regular(handle: int, path: Path | str) -> None:
+    mode = os.fstat(handle).st_mode
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, IRREGULAR, str(path))

@@ -1,0 +1,188 @@
+"""Signals end every command at any moment, with whole files and the right code."""
+
+from __future__ import annotations
+
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from lagsim.run.interrupt import AGAIN_SECONDS, Interrupt, Terminated, noting
+from lagsim.run.observers.ledger import Ledger
+from tests.cli._results import manifest, names
+from tests.cli._scenes import ENDLESS, PENDULUM
+
+pytestmark = [
+    pytest.mark.usefixtures("heeded_signals"),
+    pytest.mark.skipif(sys.platform == "win32", reason="signals of another kind"),
+]
+KINDS = [signal.SIGINT, signal.SIGTERM]
+RAISED = (KeyboardInterrupt, Terminated)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_second_signal_raises(kind):
+    interrupt = Interrupt()
+    with interrupt.noted():
+        signal.raise_signal(kind)
+        signal.raise_signal(kind)  # so soon after the first: `timeout` sends two
+        assert interrupt.signal == kind
+        time.sleep(2 * AGAIN_SECONDS)
+        with pytest.raises(RAISED):
+            signal.raise_signal(kind)
+        assert noting()
+    assert not noting()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_cut_ends_at_once_and_what_follows_goes_on(kind):
+    interrupt, done = Interrupt(), []
+
+    def work():
+        done.append("begun")
+        signal.raise_signal(kind)
+        done.append("ended")
+
+    with interrupt.noted():
+        assert interrupt.cut(lambda: done.append("before"))
+        assert not interrupt.cut(work)
+        assert interrupt.signal == kind
+        assert not interrupt.cut(work)
+        with pytest.raises(RAISED), interrupt.raised():
+            done.append("never")
+    assert done == ["before", "begun"]
+
+
+def test_an_interrupt_that_nobody_notes_is_not_swallowed():
+    with pytest.raises(KeyboardInterrupt):
+        Interrupt().cut(lambda: signal.raise_signal(signal.SIGINT))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_that_does_not_heed_the_first_ends_with_the_second(
+    lagsim, write, monkeypatch, kind
+):
+    lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
+    before = {name: Path("out", name).read_bytes() for name in names("out")}
+
+    def stuck(_self, _rows):
+        signal.raise_signal(kind)
+        time.sleep(2 * AGAIN_SECONDS)
+        signal.raise_signal(kind)
+        pytest.fail("it went on")
+
+    monkeypatch.setattr(Ledger, "add", stuck)
+    called = lagsim("run", write(ENDLESS, "endless.yaml"), "-o", "out", "--no-plots")
+    assert called.code == 128 + kind
+    assert {name: Path("out", name).read_bytes() for name in names("out")} == before
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_signal_while_pictures_are_drawn_keeps_the_rows(
+    lagsim, write, monkeypatch, kind
+):
+    from lagsim.outputs import plots
+
+    def drawn(*_arguments, **_keywords):
+        yield "energy.png", b"picture"
+        signal.raise_signal(kind)
+        pytest.fail("it went on")
+
+    monkeypatch.setattr(plots, "pictures", drawn)
+    called = lagsim("run", write(PENDULUM), "-o", "out")
+    assert called.code == 128 + kind
+    assert "interrupted" in called.err
+    document = manifest("out")
+    assert (document["outcome"], document["rows"]) == ("done", 21)
+    assert document["files"] == ["trajectory.csv", "energy.png", "run.json"]
+    assert names("out") == sorted(document["files"])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("command", "module", "numbers"),
+    [
+        ("bench", "chart", "work_precision.csv"),
+        ("stability", "stability_chart", "stability.csv"),
+    ],
+)
+def test_a_signal_while_a_chart_is_drawn_keeps_the_numbers(
+    lagsim, write, monkeypatch, kind, command, module, numbers
+):
+    from importlib import import_module
+
+    def chart(*_arguments):
+        signal.raise_signal(kind)
+        pytest.fail("it went on")
+
+    monkeypatch.setattr(import_module(f"lagsim.studies.bench.{module}"), "chart", chart)
+    short = PENDULUM.replace("duration: 2", "duration: 0.5")
+    called = lagsim(command, write(short), "-o", "out", "--methods", "rk4")
+    assert called.code == 128 + kind
+    record = numbers.replace("csv", "json")
+    assert names("out") == [numbers, record]
+    assert json.loads(Path("out", record).read_bytes())["files"] == [numbers, record]
+
+
+# Stands for what loses the exception of a signal, as a callback from C may.
+DEAF = """
+import sys, time
+import lagsim.cli as cli
+
+def deaf():
+    print("begun", flush=True)
+    while True:
+        try:
+            time.sleep(1000)
+        except BaseException:
+            pass
+
+cli._application = deaf
+sys.exit(cli.entry())
+"""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_command_that_loses_its_signal_ends(kind):
+    run = subprocess.Popen([sys.executable, "-c", DEAF], stdout=subprocess.PIPE)
+    assert run.stdout is not None
+    assert run.stdout.readline() == b"begun\n"
+    run.send_signal(kind)
+    run.communicate(timeout=60)
+    assert run.returncode == 128 + kind
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("command", "options"),
+    [
+        ("run", ["-o", "out"]), ("run", ["-o", "out", "--animate"]),
+        ("bench", ["-o", "out"]), ("stability", ["-o", "out"]),
+        ("golden", ["--update", "--dir", "out"]), ("derive", ["-o", "out/equations"]),
+        ("check", []),
+    ],
+)  # fmt: skip
+@pytest.mark.usefixtures("lagsim")
+def test_a_signal_at_any_moment(write, command, options):
+    model = write(PENDULUM)
+    Path("out").mkdir()
+    random_ = random.Random(command)
+    line = [sys.executable, "-m", "lagsim", command, model, *options]
+    for kind in 3 * KINDS:
+        run = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        time.sleep(random_.uniform(0.1, 1.5))
+        run.send_signal(kind)
+        _, err = run.communicate(timeout=60)
+        # Before the command has begun Python ends as a shell sees alike.
+        assert run.returncode in (0, 128 + kind, -kind), err
+        if run.returncode != -kind:
+            assert b"Traceback" not in err
+        for path in Path("out").glob("*.json"):
+            found = json.loads(path.read_bytes())
+            listed = found.get("files", [f"{path.stem}.csv", path.name])
+            assert set(listed) <= {file.name for file in Path("out").iterdir()}

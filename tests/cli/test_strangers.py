@@ -1,0 +1,185 @@
+"""Folders that a stranger has prepared: pipes, links, modules and settings in them."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lagsim.native.link import cache
+from lagsim.outputs.results import is_own
+from tests.cli._results import manifest, names
+from tests.cli._scenes import CONTACT, PENDULUM
+from tests.support import ROOT
+
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="no pipes that have names, no links without rights"
+)
+
+
+def test_a_pipe_is_no_model(lagsim):
+    os.mkfifo("model.yaml")
+    for command in ("run", "check", "derive", "golden", "bench", "stability"):
+        called = lagsim(command, "model.yaml")
+        assert called.code == 2
+        assert "model.yaml: cannot be read: it is a pipe" in called.err
+
+
+@pytest.mark.usefixtures("lagsim")
+def test_what_a_shell_gives_as_a_file_is_read(write):
+    line = f"{sys.executable} -m lagsim check -q <(cat {write(PENDULUM)})"
+    run = subprocess.run(["bash", "-c", line], capture_output=True, text=True)
+    assert (run.returncode, run.stderr) == (0, "")
+
+
+def test_a_pipe_is_no_table_and_no_golden(lagsim, write):
+    model = write(PENDULUM)
+    assert lagsim("golden", model, "--update").code == 0
+    lagsim("run", model, "-o", "out", "--no-plots")
+    os.mkfifo("pipe.csv")
+    called = lagsim("compare", "out/trajectory.csv", "pipe.csv")
+    assert (called.code, "it is a pipe" in called.err) == (2, True)
+    os.mkfifo("pipe.json")
+    called = lagsim("bench", "pipe.json")
+    assert (called.code, "it is a pipe" in called.err) == (2, True)
+    for name in ("model.csv", "model.json"):
+        kept = Path("golden", name).read_bytes()
+        Path("golden", name).unlink()
+        os.mkfifo(Path("golden", name))
+        called = lagsim("golden", model)
+        assert (called.code, "it is a pipe" in called.err) == (2, True)
+        Path("golden", name).unlink()
+        Path("golden", name).write_bytes(kept)
+    Path("out/run.json").unlink()
+    os.mkfifo("out/run.json")
+    assert lagsim("compare", "out", "out/trajectory.csv").code == 0
+    called = lagsim("overlay", "out")
+    assert (called.code, "it is a pipe" in called.err) == (2, True)
+    assert lagsim("run", model, "-o", "out", "--no-plots").code == 0
+    assert manifest("out")["complete"]
+
+
+def test_a_pipe_is_no_kept_object(tmp_path):
+    pipe = tmp_path / "a.object"
+    os.mkfifo(pipe)
+    assert cache._read(pipe, "a") is None
+
+
+def test_a_golden_is_not_written_through_links(lagsim, write):
+    Path("golden").mkdir()
+    planted = [
+        ".model.csv.part", ".lagsim-model.csv.part", ".lagsim-model.json.part",
+        "model.csv", "model.json",
+    ]  # fmt: skip
+    for name in planted:
+        Path("golden", name).symlink_to("../outside")
+    assert lagsim("golden", write(PENDULUM), "--update").code == 0
+    assert not Path("outside").exists()
+    assert lagsim("golden", "model.yaml").code == 0
+    assert names("golden") == [".model.csv.part", "model.csv", "model.json"]
+
+
+@pytest.mark.parametrize("call", ["write", "fsync"])
+def test_a_golden_is_replaced_whole_or_not_at_all(lagsim, write, monkeypatch, call):
+    model = write(PENDULUM)
+    assert lagsim("golden", model, "--update").code == 0
+    before = {name: Path("golden", name).read_bytes() for name in names("golden")}
+    write(PENDULUM.replace("g: 9.8", "g: 1.6"))
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, call, full)
+        called = lagsim("golden", model, "--update")
+    assert (called.code, "No space left" in called.err) == (3, True)
+    found = {name: Path("golden", name).read_bytes() for name in names("golden")}
+    assert found == before
+
+
+def test_no_name_can_put_something_into_a_golden(lagsim, write):
+    model = write(f'name: "@0@"\n{PENDULUM}')
+    assert lagsim("golden", model, "--update").code == 0
+    document = json.loads(Path("golden/@0@.json").read_bytes())
+    assert document["model"] == "@0@"
+    assert next(iter(document["bounds"])) == "t"
+    assert lagsim("golden", model).code == 0
+
+
+def test_what_a_run_writes_is_known_as_its_own(lagsim, write):
+    model = write(CONTACT + "output: {plots: [{x: t, y: y}]}\n")
+    for table in ("csv", "npz"):
+        assert (
+            lagsim("run", model, "-o", "out", "--animate", "--table", table).code == 0
+        )
+        written = set(manifest("out")["files"])
+        assert {"animation.html", "events.csv", "plot_1.png"} < written
+        assert all(is_own(name) for name in written - {"run.json"})
+    assert names("out") == sorted(written)  # the table of the first is gone
+
+
+def prepared(folder):
+    """Plant what Python and matplotlib look for in the working directory."""
+    for name in ("typer", "numpy", "yaml", "matplotlib", "orjson", "multiprocessing"):
+        Path(folder, f"{name}.py").write_text('print("a stranger was here")\n')
+
+
+def run_there(*command, **environment):
+    return subprocess.run(
+        [sys.executable, *command], capture_output=True, text=True, timeout=120,
+        env=os.environ | environment,
+    )  # fmt: skip
+
+
+@pytest.mark.usefixtures("lagsim")
+def test_nothing_of_the_working_directory_is_read(write):
+    model = write(PENDULUM)
+    prepared(".")
+    os.mkfifo("matplotlibrc")
+    done = run_there("-m", "lagsim", "run", model, "-o", "out", MPLBACKEND="nonsense")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "stranger" not in done.stdout
+    assert "energy.png" in names("out")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("lagsim")
+def test_settings_that_are_no_text_lose_no_result(write):
+    model = write(PENDULUM)
+    Path("matplotlibrc").write_bytes(b"\xff\xfe\x00")
+    plain = run_there("-m", "lagsim", "run", model, "-o", "out")
+    assert (plain.returncode, plain.stderr) == (0, "")
+    assert "energy.png" in names("out")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("lagsim")
+def test_processes_that_a_command_starts_read_nothing_there_either(write):
+    models = [write(PENDULUM), write(f"name: other\n{PENDULUM}", "other.yaml")]
+    prepared(".")
+    done = run_there("-m", "lagsim", "run", *models, "-j", "2", "--no-plots")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "stranger" not in done.stdout
+
+
+def test_matplotlib_is_loaded_with_nobodys_settings():
+    first = "lagsim.outputs.bare_matplotlib"
+    files = []
+    for file in (ROOT / "lagsim").rglob("*.py"):
+        body = ast.parse(file.read_text("utf-8")).body
+        loaded = [
+            alias.name if isinstance(node, ast.Import) else node.module or ""
+            for node in body
+            if isinstance(node, ast.Import | ast.ImportFrom)
+            for alias in node.names
+        ]
+        of_it = [k for k, name in enumerate(loaded) if name.startswith("matplotlib")]
+        if of_it:
+            files.append(file)
+            assert first in loaded[: of_it[0]], file
+    assert len(files) > 3
