@@ -147,10 +147,9 @@ def _products(
     """Give the factor of each product of two affine nodes in the last of `cone`."""
     weights = {cone[-1]: g.one}
     found: dict[tuple[int, int], int] = {}
-
     for n in reversed(cone):
-        weight, degree = weights.pop(n, g.zero), degrees[n]
-        if weight == g.zero or degree is None or degree <= AFFINE:
+        weight = weights.pop(n, g.zero)
+        if weight == g.zero or _within(degrees[n], AFFINE):
             continue
         factors = _factors(g, n, degrees)
         if factors is not None:
@@ -171,7 +170,7 @@ def _factors(
         args = (args[0], args[0])
     elif g.ops[n] != "mul":
         return None
-    if all(1 in (degrees[a] or ()) and degrees[a] <= AFFINE for a in args):  # type: ignore[operator]
+    if all(_within(degrees[a], AFFINE) and degrees[a] != FLAT for a in args):
         return min(args), max(args)
     return None
 
@@ -182,7 +181,7 @@ def _slopes(
     """Give what `n` is a sum of, with factors: only what moves with velocities."""
     op, args = g.ops[n], g.args[n]
     one, minus = g.one, g.constant(-1.0)
-    flat = [degrees[a] is not None and degrees[a] <= FLAT for a in args]  # type: ignore[operator]
+    flat = [_within(degrees[a], FLAT) for a in args]
     if op in ("add", "sub"):
         terms = zip(args, (one, one if op == "add" else minus), flat, strict=True)
         return [(a, scale) for a, scale, still in terms if not still]
@@ -193,6 +192,10 @@ def _slopes(
     if op == "div" and flat[1]:
         return [(args[0], g.call("div", one, args[1]))]
     raise _NotFoundError
+
+
+def _within(degree: frozenset[int] | None, most: frozenset[int]) -> bool:
+    return degree is not None and degree <= most
 
 
 class _Reader:
