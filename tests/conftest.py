@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections import Counter
 
 import pytest
 
@@ -24,3 +25,53 @@ def heeded_signals():
     yield
     for kind, handler in before.items():
         signal.signal(kind, handler)
+
+
+# Tests of many like cases (each shipped model, say) that take seconds in all: every
+# third case is quick, the others wait for the slow suite.
+MANY_LIKE_CASES = {
+    "test_a_dead_zone_crossed_by_a_motion_that_diverges",
+    "test_a_run_in_plain_python_is_the_native_run",
+    "test_accelerations_and_multipliers_at_reference_times",
+    "test_accelerations_make_it_least_among_admissible_ones",
+    "test_all_columns_agree",
+    "test_ascii_is_ascii_and_lines_break",
+    "test_constraint_forces_are_those_of_the_reduced_system",
+    "test_coordinates_are_drawn_where_they_are",
+    "test_documents_by_value",
+    "test_energy_minus_work_is_constant_in_every_model",
+    "test_every_fixed_step_method_keeps_its_order_through_a_switch",
+    "test_four_bars_pass_their_dead_points",
+    "test_graph_gives_the_numbers_of_an_independent_derivation",
+    "test_graph_with_fifty_digits",
+    "test_json_read_again_gives_the_same_numbers",
+    "test_kinked_potentials_from_all_sides",
+    "test_latex_is_read_by_a_strict_reader",
+    "test_native_motion_satisfies_the_equations",
+    "test_no_change_is_missed_and_none_invented",
+    "test_no_law_hangs_at_its_switch_wherever_that_is",
+    "test_no_shipped_model_is_stiff",
+    "test_order_of_whole_runs_with_a_fixed_step",
+    "test_pieces_give_the_same_bits",
+    "test_random_scenes_agree",
+    "test_repair_is_the_nearest_state_in_the_metric_of_inertia",
+    "test_rows_are_those_of_the_text_read_again",
+    "test_shipped_models",
+    "test_size_neither_hangs_nor_exhausts",
+    "test_tapes_give_the_bits_of_compiled_code",
+    "test_the_default_tolerances_are_tight_enough",
+    "test_the_wall_is_met_from_far",
+    "test_units_do_not_matter",
+    "test_whole_documents",
+}
+QUICK_ONE_IN = 3
+
+
+def pytest_collection_modifyitems(items):
+    seen: Counter[tuple[str, str]] = Counter()
+    for item in items:
+        name = getattr(item, "originalname", "")
+        if name in MANY_LIKE_CASES:
+            seen[item.module.__name__, name] += 1
+            if seen[item.module.__name__, name] % QUICK_ONE_IN != 1:
+                item.add_marker(pytest.mark.slow)

@@ -138,6 +138,7 @@ def differing(lagsim, write):
     return write(PENDULUM.replace("9.8", "9.800001"), "pendulum.yaml")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("actions")
 def test_goldens_that_differ(lagsim, write, differing):
     same = write(PENDULUM, "same.yaml")

@@ -97,6 +97,7 @@ def test_a_shorter_run_differs_and_a_longer_one_is_noted(lagsim, stored, write):
     assert "the run ends at t = 3.0" in called.out
 
 
+@pytest.mark.slow
 def test_an_end_that_is_located(lagsim, write):
     until = PENDULUM.replace("duration: 2", "until: theta <= 0, duration: 2")
     file = write(until, "until.yaml")

@@ -46,6 +46,7 @@ def test_what_a_person_would_do(given: sp.Expr, expected: sp.Expr) -> None:
     assert tidier()(given) == expected
 
 
+@pytest.mark.slow
 def test_tidy_forms_are_equal_to_what_they_came_from() -> None:
     dice = random.Random(8)
     atoms = [m, l, u, v, w, sin(a), cos(a), sin(b), cos(b), l + u, l - v * cos(a)]

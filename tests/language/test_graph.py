@@ -190,6 +190,7 @@ def test_what_expressions_depend_on() -> None:
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_deep_expressions_exhaust_nothing() -> None:
     g = Graph()
     x = node = g.variable("x")

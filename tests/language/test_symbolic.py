@@ -63,6 +63,7 @@ def test_conditions() -> None:
     assert to_sympy(g, [g.truth(True), g.truth(False)]) == [sp.true, sp.false]
 
 
+@pytest.mark.slow
 def test_depth_is_no_limit() -> None:
     g = Graph()
     node = x = g.variable("x")

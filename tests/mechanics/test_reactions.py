@@ -176,6 +176,7 @@ def test_both_rods_of_a_double_pendulum_against_cartesian_multipliers(seed):
         assert ours[f"reaction.{c}2"] == pytest.approx(outer, rel=1e-10, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_what_a_reaction_is_does_not_hang_on_what_else_is_asked_for():
     both = at_start(DOUBLE, a=1, b=2, a_dot=0.3, b_dot=-0.7)
     for name in ("x1", "y1", "x2", "y2"):
@@ -285,6 +286,7 @@ USED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formulation", USED)
 def test_however_the_equations_are_integrated(formulation):
     r = run(CURVE, formulation=formulation)

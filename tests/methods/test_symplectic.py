@@ -128,6 +128,7 @@ def test_a_step_without_constraints_preserves_the_symplectic_form(name):
     assert np.max(np.abs(after - before)) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loops", [False, True])
 def test_a_step_of_rattle_preserves_the_form_on_the_constraints(loops):
     masses = np.diag([1.0, 1.0, 2.0, 2.0])

@@ -206,6 +206,7 @@ class Bare:
         return state_of(self.s)
 
 
+@pytest.mark.slow
 def test_a_symmetric_start_needs_four_coefficients():
     # Where a and b start at rest at 90 degrees, three in four coefficients vanish: at
     # order 20 those of order 19 and 20 do.

@@ -143,6 +143,7 @@ def test_what_joins_two_points_pulls_both_alike():
     assert np.allclose(other, -one, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_contact_pushes_and_rubs():
     film, _ = filmed(SLIDE)
     weight = 2 * 9.8

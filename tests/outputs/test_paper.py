@@ -51,6 +51,7 @@ def test_the_same_bytes_in_every_process():
     assert len(found) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", VECTORS)
 def test_the_same_bytes_again_and_after_a_picture_in_pixels(form):
     first = made(form)

@@ -280,6 +280,7 @@ def test_coordinates_share_a_panel_only_where_it_stays_readable():
     assert [" ".join(group) for group in groups] == ["a b", "c", "d", "e", "f"]
 
 
+@pytest.mark.slow
 def test_too_many_coordinates_are_chosen_and_counted():
     run, names, scene = chain(90)
     said = written(plots.trajectory, run, names, scene)

@@ -69,6 +69,7 @@ def test_an_axis_label_says_in_what_the_ticks_count(values, said):
     assert power_of_ten(-12) == "10⁻¹²"
 
 
+@pytest.mark.slow
 def test_ticks_are_round_distinct_and_where_they_say():
     random = np.random.default_rng(5)
     axes = Figure().add_axes((0, 0, 1, 1))

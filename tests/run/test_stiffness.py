@@ -53,6 +53,7 @@ def codes(found):
     return [caution.code for caution in found.trajectory.warnings]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [VAN_DER_POL, DAMPED, HELD])
 def test_a_damped_fast_mode_is_passed_over(text):
     found = run(text)

@@ -82,6 +82,7 @@ def test_it_passes_on_the_smooth_branch(rtol, allowed):
     assert all(1.0 < t < 1.05 or 2.0 < t < 2.1 for t in passed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("longest", [0.001, 0.003, 0.01])
 def test_steps_that_are_capped_pass_as_well(longest):
     """A cap must not make the step over the loss too short to pass it."""

@@ -177,6 +177,7 @@ def test_bricard_costs_few_steps():
         assert statistics.rejections <= 10
 
 
+@pytest.mark.slow
 def test_bricard_takes_fewer_steps_where_less_is_asked():
     # Coordinates that rest by symmetry have no range of their own: controlled by that,
     # they ask for shorter steps than those that move, the more so at loose tolerances.
@@ -188,6 +189,7 @@ def test_bricard_takes_fewer_steps_where_less_is_asked():
     assert all(1.3 * loose < tight for loose, tight in itertools.pairwise(steps))
 
 
+@pytest.mark.slow
 def test_bricard_keeps_its_order():
     # -29.43 J, all conserved. Where the stages of one step solve with different rows
     # of the dependent 24, the error of a step falls with a lower power of it and rows

@@ -115,6 +115,7 @@ def test_a_run_is_that_of_the_full_form(n):
     assert np.max(np.abs(held)) < 1e-15
 
 
+@pytest.mark.slow
 def test_the_plan_chooses_by_operations():
     small = case_of(rod_chain(10, 1.0)).plan()
     assert not small.tape

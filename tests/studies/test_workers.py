@@ -46,6 +46,7 @@ def test_one_at_a_time_needs_no_other_process():
     assert found == {k: k * k for k in range(7)}
 
 
+@pytest.mark.slow
 def test_who_dies_is_told_and_the_others_are_done():
     found = dict(spread(squared, [1, -1, 2, 3], 2, Interrupt()))
     assert isinstance(found.pop(1), Died)

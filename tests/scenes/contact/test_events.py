@@ -228,6 +228,7 @@ def test_a_contact_on_a_kink_of_a_force():
     assert found.at("x_dot", 1.5) == pytest.approx(2 / 3 + 1 / 12, abs=GLOBAL)
 
 
+@pytest.mark.slow
 def test_a_run_may_stop_on_the_way_between_bounces():
     text = scenes.ball(0.8, duration=5, output_step=0.1)
     found = tried(text.replace("  duration: 5", "  until: y_dot >= 3\n  duration: 5"))

@@ -93,6 +93,7 @@ def test_a_pile_at_rest_stays_and_bears_its_weight():
         assert found[f"lambda_c{k}"] == pytest.approx(10.0 * (11 - k), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_high_pile_is_told_where_relaxation_does_not_end():
     found = run(column(400, duration=0.002), **MOREAU)
     assert [w.code for w in found.trajectory.warnings] == ["unsettled-impulses"]

@@ -44,6 +44,7 @@ def test_energy_minus_work_is_constant_in_every_model(name):
 CONSTANTS = ("elastic-pendulum", "kepler", "double-pendulum", "forced-oscillator")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CONSTANTS)
 @pytest.mark.parametrize("constant", ["1e3", "-1e6"])
 def test_a_constant_in_the_potential_changes_nothing(name, constant):

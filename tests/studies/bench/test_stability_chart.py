@@ -70,6 +70,7 @@ def test_every_text_of_strips_lies_on_the_sheet_and_over_no_other(strips):
     assert_legible(drawn(chart, "spring", strips, None))
 
 
+@pytest.mark.slow
 def test_every_text_of_a_crowd_does(strips):
     drawing = drawn(chart, "a long name " * 20, everything(strips), None)
     assert_legible(drawing)

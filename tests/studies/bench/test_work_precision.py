@@ -229,6 +229,7 @@ def test_ranges_are_those_of_the_motion_between_rows():
     assert reference.floor < 1e-11
 
 
+@pytest.mark.slow
 def test_what_stands_still_has_no_range_between_rows_either():
     # The lean, and the heading's rate, stay what they are but for rounding.
     reference = make_reference(scene((MODELS / "rolling-disk-steady.yaml").read_text()))
