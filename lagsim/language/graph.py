@@ -160,6 +160,11 @@ class Graph:
                 found.add(n)
         return found
 
+    def cost(self, nodes: Iterable[int], names: Collection[str]) -> int:
+        """Give what `nodes` take, in additions; free is what none of `names` moves."""
+        rows = (OPERATIONS.get(self.ops[n]) for n in self.dependent(nodes, names))
+        return sum(row.cost for row in rows if row is not None)
+
     def degree(self, node: int, names: Collection[str]) -> frozenset[int] | None:
         """Give the degrees of the terms of `node` as a polynomial in `names`.
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT
 from lagsim.language.normal_form import sum_node
 
@@ -60,12 +59,7 @@ def fewer_terms(g: Graph, nodes: Sequence[int], moving: Collection[str]) -> list
     sums = {n: joined.of(n) for n in dict.fromkeys(nodes) if n in terms.turning}
     writer = _Writer(g, terms, joined, moving)
     found = [writer.node(sums[n]) if n in sums else n for n in nodes]
-    return min((nodes, found), key=lambda x: _cost(g, x, moving))
-
-
-def _cost(g: Graph, nodes: Sequence[int], moving: Collection[str]) -> int:
-    rows = (OPERATIONS.get(g.ops[n]) for n in g.dependent(nodes, moving))
-    return sum(row.cost for row in rows if row is not None)
+    return min((nodes, found), key=lambda x: g.cost(x, moving))
 
 
 # sin(a + b) = sin a cos b + cos a sin b, cos(a + b) = cos a cos b - sin a sin b.

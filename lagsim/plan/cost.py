@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.language.functions import OPERATIONS
 from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.ldl import Elimination, affordable, dense_operations
 
@@ -25,11 +24,9 @@ def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) 
 
     What depends on parameters alone is computed once.
     """
-    g = equations.graph
-    varying = g.dependent(nodes, {*equations.q, *equations.velocities, "t"})
-    rows = [OPERATIONS.get(g.ops[x]) for x in varying]
+    moving = {*equations.q, *equations.velocities, "t"}
     solve = dense_operations(len(equations.q), len(equations.rows)) if loops else 0
-    return solve + sum(row.cost for row in rows if row is not None)
+    return solve + equations.graph.cost(nodes, moving)
 
 
 def step_cost(equations: Equations) -> float:

@@ -236,8 +236,8 @@ def test_nothing_written_lies_over_data_or_over_other_text():
             assert box.y1 <= height, text
             for panel in drawing.panels:
                 # Of a view from aside the axes are named where they end.
-                if panel.x or panel.y:
-                    assert not box.overlaps(panel.box), text
+                aside = not panel.x and not panel.y and text in ("x", "y", "z")
+                assert aside or not box.overlaps(panel.box), text
         for (one, text), (other, text2) in itertools.combinations(boxes, 2):
             # The frame of a letter is wider than its ink.
             assert not one.padded(-2).overlaps(other.padded(-2)), (text, text2)
