@@ -9,7 +9,7 @@ from lagsim.mechanics.structure import structure
 from lagsim.methods import method, names
 from lagsim.methods.parts.state import USUAL_RADIUS
 from lagsim.notes import Choice
-from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_length
+from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_cost
 
 if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
@@ -79,9 +79,9 @@ def _automatic(
             return Choice("method: exponential", "linear, and time stands nowhere")
         few = len(_moving(equations, solved)) * LEAST_PER_NODE <= SHORT_SERIES
         if 0.0 < rtol <= SERIES_RTOL and few:
-            length = series_length(equations, solved, rtol)
-            if length <= SHORT_SERIES:
-                reason = f"its series is short, about {length} operations"
+            cost = series_cost(equations, solved, rtol)
+            if cost <= SHORT_SERIES:
+                reason = f"its series is short, about {cost:.0f} operations"
                 return Choice("method: taylor", reason)
     return Choice(f"method: {ANY}", "order 8, the most digits for smooth motion")
 
@@ -152,12 +152,12 @@ def _check_straight(
     if elimination is not None:
         if "series" not in method(name).NEEDS:
             return
-        length = series_length(equations, elimination, settings.tolerance)
-        if length <= MOST_OPERATIONS:
-            reason = f"about {length} operations per step"
-            choices.append(Choice("series: straight-line code", reason))
+        cost = series_cost(equations, elimination, settings.tolerance)
+        if cost <= MOST_OPERATIONS:
+            reason = "straight-line code or a loop over the order, what takes less"
+            choices.append(Choice(f"series: about {cost:.0f} operations", reason))
             return
-        text = f"its series takes about {length} operations, over {MOST_OPERATIONS}"
+        text = f"its series takes about {cost:.0f} operations, over {MOST_OPERATIONS}"
         hint += "; a larger --rtol makes the series shorter"
     text = f"`{name}` cannot handle this model: {text}"
     raise InputError([Problem("method-refused", text, settings.method_place, hint)])

@@ -15,7 +15,7 @@ import numpy as np
 from lagsim.methods import method
 from lagsim.methods.parts.parameters import KEPT, Parameters
 from lagsim.native.graph import keys
-from lagsim.native.graph.keys import Layout
+from lagsim.native.graph.keys import Functions, Layout, Loop
 from lagsim.native.link.cache import kernel_object, object_code
 from lagsim.plan.cost import evaluation_cost
 from lagsim.plan.formulation import GAIN
@@ -32,7 +32,7 @@ from lagsim.run.system.sleepers import (
 from lagsim.run.system.switching import surface_functions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
@@ -133,22 +133,23 @@ class System:
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
-        if AFTER_FREEZING in needs:
-            from lagsim.solve.series import motion_series
-
-            rates = nodes_of["field" if self.watched else "derivative"][: self.size]
-            nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
-        self.operations = self._operations(nodes_of)
         # Straight-line code takes several rows at once.
         self.wide = "observe" in nodes_of and not plan.tape
         if self.wide and self.m:
             nodes_of["position_steps"] = nodes_of["position_step"]
             nodes_of["velocity_steps"] = nodes_of["velocity_step"]
+        code: dict[str, list[int] | Loop] = {**nodes_of}
+        if AFTER_FREEZING in needs:
+            from lagsim.solve.series import motion_series
+
+            rates = nodes_of["field" if self.watched else "derivative"][: self.size]
+            code["series"] = motion_series(equations, rates, plan.rtol or 0.0)
+        self.operations = self._operations(code)
         p = self._parameters()
         layout = self._layout(p)
         found_code, self._p_size = object_code(
-            keys.fingerprint(equations.graph, nodes_of, layout, plan.tape, MANNER),
-            lambda: self._code(nodes_of, layout),
+            keys.fingerprint(equations.graph, code, layout, plan.tape, MANNER),
+            lambda: self._code(code, layout),
         )
         self._layout_of = layout.p
         self.p = self._filled(p)
@@ -178,16 +179,16 @@ class System:
             kernels += [sliding.margins, sliding.pull]
             yield kernel_object(kernels, {"LAWS": bool(self.laws)})
 
-    def _code(self, nodes_of: Mapping[str, Sequence[int]], layout: Layout) -> Code:
+    def _code(self, functions: Functions, layout: Layout) -> Code:
         """Write the code of all functions; only first runs do."""
         g = self.equations.graph
         if self.plan.tape:
             from lagsim.native.graph import tapes
 
-            return tapes.generate(g, nodes_of, layout)
+            return tapes.generate(g, keys.nodes_of(functions), layout)
         from lagsim.native.graph import straight_line
 
-        return straight_line.generate(g, nodes_of, layout, **MANNER)
+        return straight_line.generate(g, functions, layout, **MANNER)
 
     @property
     def has_loops(self) -> bool:
@@ -231,12 +232,16 @@ class System:
             for x, y in zip(self.parts, plan.parts, strict=True)
         ]
 
-    def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+    def _operations(self, code: Functions) -> int:
+        series = code.get("series")
+        if isinstance(series, Loop):
+            return series.operations
+        nodes_of = keys.nodes_of(code)
         if self.met is not None:
             return len(self.equations.graph.cone(nodes_of["balance"]))
-        loops = self.plan.elimination is None and "series" not in nodes_of
+        loops = self.plan.elimination is None and series is None
         solved = "field" if self.watched else "derivative"
-        name = "series" if "series" in nodes_of else "dynamics" if loops else solved
+        name = "series" if series is not None else "dynamics" if loops else solved
         return evaluation_cost(self.equations, nodes_of[name], loops=loops)
 
     def _fixed(self) -> list[str]:
