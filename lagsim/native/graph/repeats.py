@@ -44,13 +44,16 @@ def repeats(sequence: Sequence[int]) -> list[Repeat]:
     while queue:
         _, period, start, times = heappop(queue)
         whole = Repeat(start, period, times)
-        pieces = [_fitted(*piece, period) for piece in _stretches(free, whole)]
+        pieces = [
+            Repeat(first, period, (end - first) // period)
+            for first, end in _stretches(free, whole)
+        ]
         if pieces == [whole]:
             found.append(whole)
             free[start : start + whole.length] = False
             continue
         for piece in pieces:
-            if _worth(piece):
+            if piece.times >= LEAST_TIMES and piece.length >= LEAST_LENGTH:
                 heappush(queue, _rank(piece))
     return sorted(found)
 
@@ -60,19 +63,11 @@ def _all(elements: np.ndarray) -> Iterator[Repeat]:
     for period in range(1, min(LONGEST, len(elements) // LEAST_TIMES) + 1):
         same = np.zeros(len(elements) - period + 2, dtype=np.int8)
         same[1:-1] = elements[period:] == elements[:-period]
-        edges = np.flatnonzero(np.diff(same))
-        for start, end in edges.reshape(-1, 2).tolist():
-            repeat = _fitted(start, end + period, period)
-            if _worth(repeat):
-                yield repeat
-
-
-def _fitted(start: int, end: int, period: int) -> Repeat:
-    return Repeat(start, period, (end - start) // period)
-
-
-def _worth(repeat: Repeat) -> bool:
-    return repeat.times >= LEAST_TIMES and repeat.length >= LEAST_LENGTH
+        starts, ends = np.flatnonzero(np.diff(same)).reshape(-1, 2).T
+        times = (ends - starts) // period + 1
+        worth = (times >= LEAST_TIMES) & (times * period >= LEAST_LENGTH)
+        for start, count in zip(starts[worth], times[worth], strict=True):
+            yield Repeat(int(start), period, int(count))
 
 
 def _rank(repeat: Repeat) -> tuple[int, int, int, int]:
