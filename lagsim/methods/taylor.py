@@ -34,7 +34,13 @@ from lagsim.methods.parts.controller import (
 )
 from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
-from lagsim.methods.parts.noise import look_at_rounding
+from lagsim.methods.parts.noise import (
+    TIGHT,
+    add_change,
+    add_slope,
+    keep_rest,
+    look_at_rounding,
+)
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import leave_loss, record_health
@@ -76,6 +82,9 @@ GUARD = 4
 # second.
 # A priori bounds are met with this much room, or one step in two fails the check.
 SAFETY = 0.9
+# At tight tolerances truncation is kept below rounding, which it outgrows; and shorter
+# steps average more of what forces are rounded by.
+TIGHT_SAFETY = 0.6
 # An error of up to this many tolerances is let pass: the bound is for the step before.
 PASSED = 1.0
 SHORTER = 0.9
@@ -177,12 +186,13 @@ def chosen_step(s: Taylor, c: Floats) -> float:
             for back in unrolled(GUARD):
                 term = abs(c[1 + (order - back) * size + i]) / tolerances[i]
                 largest[back] = max(largest[back], term)
-    logarithm = log(arc / SAFETY)
+    safety = TIGHT_SAFETY if s.rtol < TIGHT else SAFETY
+    logarithm = log(arc / safety)
     for back in unrolled(GUARD):
         if largest[back] > 0.0:
             bound = (back + 1) * LOG_SHRINK - log(largest[back])
             logarithm = min(logarithm, bound / (order - back))
-    return SAFETY * exp(logarithm)
+    return safety * exp(logarithm)
 
 
 def step(s: Taylor, p: Parameters) -> int:
@@ -195,7 +205,7 @@ def step(s: Taylor, p: Parameters) -> int:
         h = usable_step(s, p)
         if h == 0.0:
             return trouble
-        if attempt(s, h) == 0:
+        if attempt(s, p, h) == 0:
             s.h = SHORTEST * h
             trouble = NOT_FINITE
         elif CONSTRAINED and settle(s, p, h) == 0:
@@ -227,20 +237,29 @@ def buffer(size: int, which: float) -> int:
     return int(which) * (1 + (MOST_ORDER + 1) * size)
 
 
-def sum_series(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Give the sum of y_k h^k, even and odd powers apart: they can overlap."""
+def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
+    """Give the sum of y_k h^k from k = 2, even and odd powers apart: they overlap."""
     order = int(c[0])
     square = h * h
     for i in range(size):
         high = c[1 + order * size + i]
         low = c[1 + (order - 1) * size + i]
-        for back in range(1, (order + 1) // 2):
+        for back in range(1, (order - 1) // 2):
             k = order - 2 * back
             high = high * square + c[1 + k * size + i]
             low = low * square + c[1 + (k - 1) * size + i]
-        out[i] = high * h + low
         if order % 2 == 0:
-            out[i] = out[i] * h + c[1 + i]
+            low = low * h + c[1 + 2 * size + i]
+            out[i] = (high * square + low) * square
+        else:
+            out[i] = (high * h + low) * square
+
+
+def sum_series(size: int, c: Floats, h: float, out: Floats) -> None:
+    """Give the sum of y_k h^k: the state there."""
+    sum_bend(size, c, h, out)
+    for i in range(size):
+        out[i] = c[1 + i] + (c[1 + size + i] * h + out[i])
 
 
 def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
@@ -259,11 +278,15 @@ def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
             out[i] = out[i] * h + c[1 + size + i]
 
 
-def attempt(s: Taylor, h: float) -> int:
+def attempt(s: Taylor, p: Parameters, h: float) -> int:
     """Give the state after a step of length h; 0 where it is not finite."""
     size = s.size
     new = s.new
-    sum_series(size, at(s.series, buffer(size, s.which)), h, new)
+    c = at(s.series, buffer(size, s.which))
+    slope = at(c, 1 + size)
+    sum_bend(size, c, h, s.left)
+    add_slope(s, slope, h, new)
+    add_change(s, p, slope, h, new)
     for i in range(size):
         if not abs(new[i]) < 1e300:
             return 0
@@ -327,6 +350,7 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
     s.which = 1.0 - s.which
     for i in range(size):
         y[i] = new[i]
+    keep_rest(s)
     s.step_t = s.t
     s.step_h = h
     s.t = s.t + h
