@@ -52,6 +52,7 @@ NEEDS = ()
 QUADRATURES = True
 
 CONSTRAINED = True
+SWITCHES = True
 
 
 class Rk4(Fixed):

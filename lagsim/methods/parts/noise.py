@@ -13,7 +13,10 @@ The slopes of a step are those at y alone. Where the tolerance is tight what the
 is found by a difference: that is as much as the rounding of forces does.
 
 An arc begins without a rest, as its state is a new one, or given as doubles; so does a
-step that ends with a projection onto constraints, which rounds all that it moves.
+step that ends with a projection onto constraints, which rounds all that it moves. And
+where there are switches there is none: steps that move by less than a last place would
+sum up to a state on the surface itself, where a root has no slope, instead of leaping
+over it.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
 CONSTRAINED = True
+SWITCHES = True
 
 # Rates of the size of one leave so much in the error estimate, by their rounding.
 RATE_NOISE = 32.0 * 2.0**-53
@@ -142,19 +146,6 @@ def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
         out[i] = y[i] * (1.0 + change * (0.5 + part - int(part)))
 
 
-def add_slope(s: State, k: Floats, h: float, new: Floats) -> None:
-    """Give y + h k (size,), and add to `left` what is cut off where that shows."""
-    size = s.size
-    y = s.y
-    left = s.left
-    if s.rtol < TIGHT:
-        add_exactly(size, y, k, h, new, left)
-    else:
-        for i in range(size):
-            new[i] = y[i]
-            left[i] += h * k[i]
-
-
 @rare
 def add_exactly(
     size: int, y: Floats, k: Floats, h: float, new: Floats, left: Floats
@@ -185,35 +176,39 @@ def add_change(s: State, p: Parameters, k: Floats, h: float, new: Floats) -> Non
     k : (size,), y' at its start. Leaves what is cut off in `left`.
     """
     size = s.size
+    n = s.n
     left = s.left
     rest = s.rest
     for i in range(size):
         left[i] += rest[i]
-    if not CONSTRAINED and s.rtol < TIGHT:
-        move_rest(s, p, k, h)
+    if s.rtol < TIGHT:
+        drift = s.spare
+        find_drift(s, p, k, drift)
+        for i in range(size):
+            left[i] += h * drift[i]
+            if n <= i < 2 * n:
+                left[i - n] += 0.5 * h * h * drift[i]
     carry(size, new, left, new, left)
 
 
 @rare
-def move_rest(s: State, p: Parameters, k: Floats, h: float) -> None:
-    """Add to a change what the rest does within a step: it moves as the state does."""
+def find_drift(s: State, p: Parameters, k: Floats, out: Floats) -> None:
+    """Give what the rest adds to y' (size,), which is k at y alone."""
     size = s.size
-    n = s.n
     y = s.y
     rest = s.rest
-    left = s.left
     z = s.work
-    slopes = s.spare
+    if CONSTRAINED or SWITCHES:
+        for i in range(size):
+            out[i] = 0.0
+        return
     for i in range(size):
         z[i] = y[i] + LARGER * rest[i]
-    derivative(s.t, z, p, slopes)
+    derivative(s.t, z, p, out)
     s.evaluations += 1.0
     for i in range(size):
-        slope = (slopes[i] - k[i]) / LARGER
-        if abs(slope) < 1e300:
-            left[i] += h * slope
-            if n <= i < 2 * n:
-                left[i - n] += 0.5 * h * h * slope
+        drift = (out[i] - k[i]) / LARGER
+        out[i] = drift if abs(drift) < 1e300 else 0.0
 
 
 def keep_rest(s: State) -> None:
@@ -221,7 +216,7 @@ def keep_rest(s: State) -> None:
     rest = s.rest
     left = s.left
     for i in range(s.size):
-        rest[i] = 0.0 if CONSTRAINED else left[i]
+        rest[i] = 0.0 if CONSTRAINED or SWITCHES else left[i]
 
 
 def forget_rest(s: State) -> None:
