@@ -14,7 +14,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.adaptive import usable_step
+from lagsim.methods.parts.adaptive import record_speed, usable_step
 from lagsim.methods.parts.controller import (
     against,
     first_step,
@@ -38,7 +38,6 @@ from lagsim.methods.parts.singular import (
     note_directions,
     passable,
 )
-from lagsim.methods.parts.stability import record_speed
 from lagsim.methods.parts.state import (
     DEGENERATE,
     DONE,

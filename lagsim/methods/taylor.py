@@ -43,6 +43,7 @@ from lagsim.methods.parts.noise import (
     look_at_rounding,
 )
 from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.power_series import lead, sum_bend, sum_rates
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import leave_loss, record_health
 from lagsim.methods.parts.state import (
@@ -165,16 +166,6 @@ def start(s: Taylor, p: Parameters) -> None:
         s.h = leave_loss(s, p, s.h)
 
 
-def lead(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Give how far off (size,) the terms of a series may lead in a step."""
-    order = int(c[0])
-    for i in range(size):
-        far = 0.0
-        for back in range(order):
-            far = (far + abs(c[1 + (order - back) * size + i])) * h
-        out[i] = c[1 + i] + far
-
-
 def chosen_step(s: Taylor, c: Floats) -> float:
     """Give the step at which the terms after the last are within the tolerance.
 
@@ -232,7 +223,7 @@ def propose(s: Taylor, p: Parameters) -> int:
         if attempt(s, p, h) == 0:
             s.h = SHORTEST * h
             s.trouble = NOT_FINITE
-        elif CONSTRAINED and settle(s, p, h) == 0:
+        elif CONSTRAINED and project(s, p, s.t + h, h, s.new, s.work) == 0:
             s.h = 0.25 * h
             s.trouble = PROJECTION_FAILED
         else:
@@ -247,7 +238,7 @@ def conclude(s: Taylor, p: Parameters) -> bool:
     From the series after it, which lies where the present one does not.
     """
     h = s.trial
-    # Before the rest uses the working memory.
+    # How independent the rows are there, as the projection has left it.
     health = s.work[s.n + 1]
     error = check(s, p, h)
     if error <= PASSED:
@@ -278,24 +269,6 @@ def begin_trials(s: Taylor) -> None:
 def buffer(size: int, which: float) -> int:
     """Give where one of the two series lies; of both, how long they are."""
     return int(which) * (1 + (MOST_ORDER + 1) * size)
-
-
-def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Give the sum of y_k h^k from k = 2, even and odd powers apart: they overlap."""
-    order = int(c[0])
-    square = h * h
-    for i in range(size):
-        high = c[1 + order * size + i]
-        low = c[1 + (order - 1) * size + i]
-        for back in range(1, (order - 1) // 2):
-            k = order - 2 * back
-            high = high * square + c[1 + k * size + i]
-            low = low * square + c[1 + (k - 1) * size + i]
-        if order % 2 == 0:
-            low = low * h + c[1 + 2 * size + i]
-            out[i] = (high * square + low) * square
-        else:
-            out[i] = (high * h + low) * square
 
 
 def reach(s: Taylor, c: Floats, rest: Floats, h: float, out: Floats) -> None:
@@ -331,22 +304,6 @@ def add_drift(s: Taylor, h: float) -> None:
             left[i - n] += 0.5 * h * h * drift[i]
 
 
-def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
-    """Give the sum of k y_k h^(k - 1) in the same way, from component `first` on."""
-    order = int(c[0])
-    square = h * h
-    for i in range(first, size):
-        high = order * c[1 + order * size + i]
-        low = (order - 1) * c[1 + (order - 1) * size + i]
-        for back in range(1, order // 2):
-            k = order - 2 * back
-            high = high * square + k * c[1 + k * size + i]
-            low = low * square + (k - 1) * c[1 + (k - 1) * size + i]
-        out[i] = high * h + low
-        if order % 2 == 1:
-            out[i] = out[i] * h + c[1 + size + i]
-
-
 def attempt(s: Taylor, p: Parameters, h: float) -> int:
     """Give the state after a step of length h; 0 where it is not finite."""
     size = s.size
@@ -359,14 +316,6 @@ def attempt(s: Taylor, p: Parameters, h: float) -> int:
         if not abs(new[i]) < 1e300:
             return 0
     return 1
-
-
-def settle(s: Taylor, p: Parameters, h: float) -> int:
-    """Project the new state onto the constraints; give 0 where that fails.
-
-    Leaves how independent they are there in the working memory.
-    """
-    return project(s, p, s.t + h, h, s.new, s.work)
 
 
 def check(s: Taylor, p: Parameters, h: float) -> float:

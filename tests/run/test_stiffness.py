@@ -7,7 +7,7 @@ from statistics import median
 import numpy as np
 import pytest
 
-from lagsim.methods.parts.stability import record_speed
+from lagsim.methods.parts.adaptive import record_speed
 from lagsim.methods.parts.state import State
 from tests.support import MODELS, run
 
