@@ -38,6 +38,31 @@ def hoisted(g: Graph, roots: Sequence[int], moving: set[int]) -> list[int]:
     return sorted(n for n in used if n not in varying and g.args[n])
 
 
+def ordered(
+    g: Graph, roots: Collection[int], places: Mapping[int, object]
+) -> list[int]:
+    """Give what must be evaluated, stopping at what `prepare` has computed.
+
+    Sines and cosines come early and side by side: first those of angles that wait
+    for none, then those that wait for these.
+    """
+    order = g.cone(roots, places)
+    depth: dict[int, int] = {}
+    rounds: dict[int, list[int]] = {}
+    for n in order:
+        inside = () if n in places else g.args[n]
+        depth[n] = max((depth[a] for a in inside), default=0)
+        if g.ops[n] in CIRCULAR and n not in places:
+            depth[n] += 1
+            rounds.setdefault(depth[n], []).append(n)
+    sorted_: dict[int, None] = {}
+    for k in sorted(rounds):
+        angles = [g.args[n][0] for n in rounds[k]]
+        sorted_ |= dict.fromkeys(g.cone(angles, {**places, **sorted_}))
+        sorted_ |= dict.fromkeys(rounds[k])
+    return list(sorted_ | dict.fromkeys(order))
+
+
 class Writer(Lines):
     """Writes one function, or those that it consists of."""
 
@@ -80,7 +105,7 @@ class Writer(Lines):
         signature
             t, and the arrays.
         """
-        order = self._order([node for node, _ in stores], places)
+        order = ordered(self.g, [node for node, _ in stores], places)
         pieces = [
             order[i : i + keys.PIECE] for i in range(0, len(order), keys.PIECE)
         ] or [[]]
@@ -127,29 +152,6 @@ class Writer(Lines):
                     products = [a for a in g.args[n] if a in alone]
                     found |= dict(zip([n], products[::-1], strict=False))
         return found
-
-    def _order(self, roots: Sequence[int], places: Mapping[int, Place]) -> list[int]:
-        """Give what must be evaluated, stopping at what `prepare` has computed.
-
-        Sines and cosines come early and side by side: first those of angles that wait
-        for none, then those that wait for these.
-        """
-        g = self.g
-        order = g.cone(roots, places)
-        depth: dict[int, int] = {}
-        rounds: dict[int, list[int]] = {}
-        for n in order:
-            inside = () if n in places else g.args[n]
-            depth[n] = max((depth[a] for a in inside), default=0)
-            if g.ops[n] in CIRCULAR and n not in places:
-                depth[n] += 1
-                rounds.setdefault(depth[n], []).append(n)
-        sorted_: dict[int, None] = {}
-        for k in sorted(rounds):
-            angles = [g.args[n][0] for n in rounds[k]]
-            sorted_ |= dict.fromkeys(g.cone(angles, {**places, **sorted_}))
-            sorted_ |= dict.fromkeys(rounds[k])
-        return list(sorted_ | dict.fromkeys(order))
 
     def _passed(
         self, pieces: Sequence[Sequence[int]], places: Mapping[int, Place]
