@@ -80,8 +80,8 @@ def _automatic(
         few = len(_moving(equations, solved)) * LEAST_PER_NODE <= SHORT_SERIES
         if 0.0 < rtol <= SERIES_RTOL and few:
             cost = series_cost(equations, solved, rtol)
-            if cost <= SHORT_SERIES:
-                reason = f"its series is short, about {cost:.0f} operations"
+            if cost.operations <= SHORT_SERIES:
+                reason = f"its series is short, about {cost.operations} operations"
                 return Choice("method: taylor", reason)
     return Choice(f"method: {ANY}", "order 8, the most digits for smooth motion")
 
@@ -153,11 +153,13 @@ def _check_straight(
         if "series" not in method(name).NEEDS:
             return
         cost = series_cost(equations, elimination, settings.tolerance)
-        if cost <= MOST_OPERATIONS:
-            reason = "straight-line code or a loop over the order, what takes less"
-            choices.append(Choice(f"series: about {cost:.0f} operations", reason))
+        operations = cost.operations
+        if operations <= MOST_OPERATIONS:
+            form = "a loop over the order" if cost.loop else "straight-line code"
+            reason = f"about {operations} operations per step"
+            choices.append(Choice(f"series: {form}", reason))
             return
-        text = f"its series takes about {cost:.0f} operations, over {MOST_OPERATIONS}"
+        text = f"its series takes about {operations} operations, over {MOST_OPERATIONS}"
         hint += "; a larger --rtol makes the series shorter"
     text = f"`{name}` cannot handle this model: {text}"
     raise InputError([Problem("method-refused", text, settings.method_place, hint)])

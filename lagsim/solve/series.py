@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.graph import remembered
 from lagsim.language.normal_form import normal_form
@@ -26,12 +25,9 @@ if TYPE_CHECKING:
 
 # What a loop over the order takes may be so much: it compiles in about a second.
 MOST_OPERATIONS = 500_000
-# Straight-line code longer than this is not looked at: its loop is shorter (measured:
-# at 43,000 operations 9.8 us instead of 4.6, compiled in 2.6 s instead of 0.1).
-MOST_STRAIGHT = 10_000
-# Operations of straight-line code that fit into 32 kB; what is longer waits for its
-# instructions, and each operation beyond takes so much more time.
-CACHED, WAITING = 3000, 0.6
+# Operations of straight-line code that fit into 32 kB together with the step; what is
+# longer waits for its instructions, each as long as so many more take.
+CACHED, WAITING = 3500, 2.0
 # What an order takes in a loop, in operations of straight-line code (0.13 ns): calls
 # and what waits for memory, and each operation (measured: 31 ns of 40 nodes and 6
 # products, 330 ns of 1,494 and 188).
@@ -50,12 +46,18 @@ def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
     return [*velocities, *accelerations, *g.substitute(e.quadrature_rates, new)]
 
 
-def series_cost(equations: Equations, elimination: Elimination, rtol: float) -> float:
-    """Estimate what one step's series takes, in operations of straight-line code."""
+class Cost(NamedTuple):
+    """What one step's series takes, in operations of straight-line code."""
+
+    operations: int
+    loop: bool
+
+
+def series_cost(equations: Equations, elimination: Elimination, rtol: float) -> Cost:
+    """Estimate what a series takes in the form that takes less."""
     g, state = equations.graph, _state(equations)
     rates = _shorter(g, state, tuple(motion_rates(equations, elimination)))
-    straight, loop = _costs(g, state, rates, order_for(rtol))
-    return min(straight, loop)
+    return _cost(g, state, rates, order_for(rtol))
 
 
 def motion_series(
@@ -69,29 +71,23 @@ def motion_series(
     g, order = equations.graph, order_for(rtol)
     state = _state(equations)
     shorter = _shorter(g, state, tuple(rates))
-    straight, loop = _costs(g, state, shorter, order)
-    if loop < straight:
-        return Loop(_recurrence(g, state, shorter), order, int(loop))
+    cost = _cost(g, state, shorter, order)
+    if cost.loop:
+        return Loop(_recurrence(g, state, shorter), order, cost.operations)
     rows = taylor_series(g, state, shorter, order)
     return [g.constant(order), *(node for row in rows for node in row)]
 
 
 @remembered
-def _costs(
-    g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int
-) -> tuple[float, float]:
-    """Estimate what straight-line code takes, and a loop.
-
-    In operations of the first, and infinite where that is too long.
-    """
+def _cost(g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int) -> Cost:
     length = series_operations(g, state, rates, order)
     straight = length + WAITING * max(0, length - CACHED)
     loop = _recurrence(g, state, rates)
     variables = (*ORDERS, *(str(g.payload(n)) for n in (*loop.carried, *loop.sums)))
     body = PER_NODE * len(g.dependent(loop.made, variables))
     sums = 0.5 * order * PER_TERM * len(loop.sums)
-    whole = len(g.cone(loop.rates)) + order * (PER_ORDER + body + sums)
-    return math.inf if length > MOST_STRAIGHT else straight, whole
+    looped = len(g.cone(loop.rates)) + order * (PER_ORDER + body + sums)
+    return Cost(int(min(straight, looped)), looped < straight)
 
 
 def _state(equations: Equations) -> tuple[int, ...]:
