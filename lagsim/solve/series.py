@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 # What a loop over the order takes may be so much: it compiles in about a second.
 MOST_OPERATIONS = 500_000
-# Operations of straight-line code that fit into 32 kB together with the step; what is
+# Operations of straight-line code that fit into the processor's nearest memory; what is
 # longer waits for its instructions, each as long as so many more take.
-CACHED, WAITING = 3500, 2.0
-# What an order takes in a loop, in operations of straight-line code (0.13 ns): calls
-# and what waits for memory, and each operation (measured: 31 ns of 40 nodes and 6
-# products, 330 ns of 1,494 and 188).
-PER_ORDER, PER_NODE = 190.0, 1.2
+CACHED, WAITING = 3700, 3.0
+# What an order takes in a loop, in operations of straight-line code (0.13 ns), and each
+# operation of its code (measured: 18 ns with 40 of them and 6 products, 330 ns with
+# 1,494 and 188).
+PER_ORDER, PER_NODE = 90.0, 1.2
 # Of the inner sums, eight terms of which are one instruction.
 PER_TERM = 0.3
 

@@ -47,12 +47,13 @@ def looped(g: Graph, loop: Loop, length: int, how: str = "contracted") -> list[f
     return compiled.call("f", VALUES, length)
 
 
-@pytest.mark.parametrize("piece", [7, 400])
+@pytest.mark.parametrize(("piece", "edges"), [(7, 32), (400, 0)])
 @pytest.mark.parametrize("texts", MOTIONS)
 def test_a_loop_gives_the_coefficients(
-    texts: tuple[str, ...], piece: int, monkeypatch: pytest.MonkeyPatch
+    texts: tuple[str, ...], piece: int, edges: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(keys, "PIECE", piece)
+    monkeypatch.setattr(order_loop, "MOST_EDGES", edges)
     g, nodes, loop = both(texts)
     found = looped(g, loop, len(nodes))
     expected = evaluate(g, nodes, VALUES)
@@ -84,11 +85,15 @@ def test_more_sums_than_one_loop_takes() -> None:
     assert found == pytest.approx(expected, rel=1e-13)
 
 
-@pytest.mark.parametrize("form", ["straight", "loop"])
-@pytest.mark.parametrize("texts", MOTIONS)
-def test_lanes_are_rounded_as_one_is(texts: tuple[str, ...], form: str) -> None:
+@pytest.mark.parametrize("form", ["straight", "loop", "loop without edges"])
+@pytest.mark.parametrize("texts", MOTIONS[:3])
+def test_lanes_are_rounded_as_one_is(
+    texts: tuple[str, ...], form: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if form == "loop without edges":
+        monkeypatch.setattr(order_loop, "MOST_EDGES", 0)
     g, nodes, loop = both(texts, 6)
-    functions = {"f": loop if form == "loop" else nodes}
+    functions = {"f": nodes if form == "straight" else loop}
     one = Compiled(g, functions, partial(generate, contracted=("f",)))
     several = Compiled(g, functions, partial(generate, contracted=("f",), wide=("f",)))
     states = shifted()
