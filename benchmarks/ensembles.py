@@ -17,7 +17,7 @@ RUNS, DURATION = 1000, 36.0
 FIRST, LAST = 0.3, 0.7
 # So many are held against quadruple precision.
 JUDGED = 20
-TOLERANCES = [float(f"1e-{k}") for k in range(7, 14)]
+TOLERANCES = [float(f"1e-{k}") for k in range(8, 13)]
 BATCHES = (4, 8)
 TURNS = 3
 MODEL = "elastic-pendulum"
