@@ -240,6 +240,7 @@ constraints:
   three: {relation: z - a + b >= 0, restitution: 0}
   four: {relation: z - a - b >= 0, restitution: 0}
 initial: {z: 0, a: 0, b: 0}
+simulation: {duration: 0.1, output_step: 0.1}
 """,
         _RUN,
     ),
