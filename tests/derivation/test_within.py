@@ -99,7 +99,7 @@ def test_numbers_that_are_put_in_count():
 
 
 def test_the_largest_that_is_taken_is_written_out_in_full():
-    power = int(limits.EXACT_DIGITS / math.log10(2)) - 1
+    power = int((limits.EXACT_DIGITS - 10) / math.log10(2))
     text = f"""
 coordinates: {{x: {{}}}}
 energy: {{kinetic: x_dot^2/2, potential: (x/2)^{power}}}
