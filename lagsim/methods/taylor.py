@@ -2,15 +2,15 @@
 
 The coefficients up to order K come from recurrences, operation by operation, as
 straight-line code, or, where that is long, as a loop over the order that makes the
-products of one coefficient side by side. K follows from the tolerance (15 at the default), the step from the
-last four coefficients: two alone vanish where a start is symmetric, and the error then
-grows without a warning. The next step's series, which is needed anyway, tells how far
-the motion is off the equations at the step's end: a step that is too long is made anew.
-Where that happens to most steps the scene
-is stiff. Rows between steps are the series itself, to full order. The method for tight
-tolerances; it takes longer to compile than others. On the
-imaginary axis order 15 does not grow for step * frequency below 1.66, and beyond by
-less than its truncation error, which is what bounds the step.
+products of one coefficient side by side. K follows from the tolerance (15 at the
+default), the step from the last four coefficients: two alone vanish where a start is
+symmetric, and the error then grows without a warning. The next step's series, which is
+needed anyway, tells how far the motion is off the equations at the step's end: a step
+that is too long is made anew. Where that happens to most steps the scene is stiff. Rows
+between steps are the series itself, to full order. The method for tight tolerances; it
+takes longer to compile than others. On the imaginary axis order 15 does not grow for
+step * frequency below 1.66, and beyond by less than its truncation error, which is what
+bounds the step.
 
 Sources: A. Jorba and M. Zou, Experimental Mathematics 14 (2005), sections 3.1 to 3.3;
 E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I, 2nd
