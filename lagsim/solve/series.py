@@ -61,18 +61,19 @@ def series_cost(equations: Equations, elimination: Elimination, rtol: float) -> 
 
 
 def motion_series(
-    equations: Equations, rates: Sequence[int], rtol: float
+    equations: Equations, rates: Sequence[int], rtol: float, *, loop: bool = True
 ) -> list[int] | Loop:
     """Give the order for a tolerance, then the coefficients (order + 1, size).
 
-    As nodes, or as a loop over the order where that takes less. `rates` is y' with its
-    branches frozen: a series made before would not know those of the arc.
+    As nodes, or as a loop over the order where that takes less, if `loop`; tapes run
+    none. `rates` is y' with its branches frozen: a series made before would not know
+    those of the arc.
     """
     g, order = equations.graph, order_for(rtol)
     state = _state(equations)
     shorter = _shorter(g, state, tuple(rates))
     cost = _cost(g, state, shorter, order)
-    if cost.loop:
+    if cost.loop and loop:
         return Loop(_recurrence(g, state, shorter), order, cost.operations)
     rows = taylor_series(g, state, shorter, order)
     return [g.constant(order), *(node for row in rows for node in row)]

@@ -143,7 +143,8 @@ class System:
             from lagsim.solve.series import motion_series
 
             rates = nodes_of["field" if self.watched else "derivative"][: self.size]
-            code["series"] = motion_series(equations, rates, plan.rtol or 0.0)
+            made = motion_series(equations, rates, plan.rtol or 0.0, loop=not plan.tape)
+            code["series"] = made
         self.operations = self._operations(code)
         p = self._parameters()
         layout = self._layout(p)
@@ -233,8 +234,7 @@ class System:
         ]
 
     def _operations(self, code: Functions) -> int:
-        series = code.get("series")
-        if isinstance(series, Loop):
+        if isinstance(series := code.get("series"), Loop):
             return series.operations
         nodes_of = keys.nodes_of(code)
         if self.met is not None:
