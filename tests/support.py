@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.model.reader import read, read_file
-from lagsim.plan import by_loops
+from lagsim.plan.making import by_loops
 from lagsim.run.observers import Keep
 from lagsim.run.session import Session, open_case
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Start
+    from lagsim.admissibility.report import Start
     from lagsim.mechanics.equations import Equations
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.session import Case
     from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory

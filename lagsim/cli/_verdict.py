@@ -10,7 +10,8 @@ from lagsim.cli._shared import coloured, counted, table
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.admissibility import StartReport, Verdict
+    from lagsim.admissibility.report import StartReport
+    from lagsim.admissibility.verdict import Verdict
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Choice
 

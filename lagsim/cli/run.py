@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from lagsim.outputs.results import Results
+    from lagsim.run.kept import Asked
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
 
@@ -167,7 +168,7 @@ def command(
     # The processor time so far is close to what starting and importing took.
     own.clock.timings["import"] = time.process_time()
     with faults_shown(documents, file=models[0]) as code:
-        from lagsim.model.reader import text_of
+        from lagsim.model.text import text_of
 
         code.append(own.run(*text_of(models[0]), assignments(sets), options))
     for document in documents or ():
@@ -220,7 +221,7 @@ class Job:
         options: Mapping[str, str],
     ) -> int:
         """Do it; give the exit code."""
-        from lagsim.model.reader import read
+        from lagsim.run.kept import Asked, kept_session
 
         clock = self.clock
         if self.table is not Format.CSV:
@@ -228,15 +229,24 @@ class Job:
 
             check_format(self.table, show_units=self.show_units)
         clock.lap("import")
+        asked = Asked(text, file, overrides, options)
         with self.interrupt.raised():
-            model = read(text, file, overrides, options)
-            settings = wanted(model, "run", hint="add it, or give --duration")
+            session = kept_session(asked, lambda: self._made(asked))
             clock.lap("read")
-            session = open_case(model, settings, clock=clock).ready(clock=clock)
         from lagsim.outputs.results import open_results
 
-        with open_results(self.folder or RESULTS / model.name) as results:
+        name = session.case.equations.model.name
+        with open_results(self.folder or RESULTS / name) as results:
             return self._integrate(session, results)
+
+    def _made(self, asked: Asked) -> Session:
+        """Make what nobody has asked for before."""
+        from lagsim.model.reader import read
+
+        model = read(*asked)
+        settings = wanted(model, "run", hint="add it, or give --duration")
+        self.clock.lap("read")
+        return open_case(model, settings, clock=self.clock).ready(clock=self.clock)
 
     def _integrate(self, session: Session, results: Results) -> int:
         from lagsim.outputs.results import MANIFEST

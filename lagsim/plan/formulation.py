@@ -36,7 +36,7 @@ from lagsim.plan.cost import step_cost
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from lagsim.admissibility import Start
+    from lagsim.admissibility.report import Start
     from lagsim.errors import Place
     from lagsim.mechanics.equations import Equations
     from lagsim.model.settings import Settings

@@ -25,7 +25,7 @@ from lagsim.plan.cost import step_cost
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from lagsim.admissibility import Start
+    from lagsim.admissibility.report import Start
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row

@@ -10,7 +10,7 @@ import numpy as np
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.singular import CLOSE
-from lagsim.plan.solve import WELL_CONDITIONED
+from lagsim.plan.plan import WELL_CONDITIONED
 from lagsim.run.states import SLIDING, empty_state, taken_over
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.system import System
     from lagsim.run.system.runner import Runner
 

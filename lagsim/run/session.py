@@ -16,13 +16,13 @@ from lagsim.errors import InputError, LagsimError, Problem
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.admissibility import Start, StartReport
+    from lagsim.admissibility.report import Start, StartReport
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
     from lagsim.model.model import Model
     from lagsim.model.settings import Settings
     from lagsim.notes import Choice
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.apart import Apart
     from lagsim.run.arcs import Run
     from lagsim.run.interrupt import Interrupt
@@ -111,7 +111,7 @@ class Case:
         InputError
             Where what was asked for cannot handle the model.
         """
-        from lagsim.plan import make_plan
+        from lagsim.plan.making import make_plan
 
         return make_plan(self.equations, self.start, self.settings)
 
@@ -244,7 +244,7 @@ def open_case(
 
 
 def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
-    from lagsim.admissibility import examine
+    from lagsim.admissibility.examination import examine
 
     clock.lap("import")
     examined = examine(equations, settings.start)
@@ -271,7 +271,7 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     ------
     InputError
     """
-    from lagsim.admissibility import examine
+    from lagsim.admissibility.examination import examine
     from lagsim.mechanics.equations import derive
 
     settings = model.settings()

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Choice
@@ -101,6 +100,8 @@ class Stiffness(Source):
         return replace(self._considered_once(arc), numbers=asked)
 
     def _considered_once(self, arc: Arc) -> Decision:
+        from lagsim.mechanics.structure import structure
+
         scene = arc.system.equations
         # Sliding has a method of its own.
         alone = arc.slides or scene.quadratures or scene.laws

@@ -7,7 +7,7 @@ import pytest
 
 from lagsim.model.reader import read
 from lagsim.native.link.cache import object_code
-from lagsim.plan import by_loops
+from lagsim.plan.making import by_loops
 from lagsim.run.observers import Keep
 from lagsim.run.session import open_case
 

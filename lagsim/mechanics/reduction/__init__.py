@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.reduction.ignorable import ignored, momentum_of
 from lagsim.model.model import Parameter
 
 if TYPE_CHECKING:
@@ -59,6 +57,8 @@ class Reduction:
 
         Of the full equations only: first of all.
         """
+        from lagsim.mechanics.reduction.ignorable import ignored, momentum_of
+
         e = self.equations
         momenta = {momentum_of(e.q[c]): e.momenta[c] for c in coordinates}
         equations, recovered = ignored(e, coordinates)
@@ -82,6 +82,8 @@ class Reduction:
         """Give the values of the momenta at a full start."""
         if not self.momenta:
             return {}
+        from lagsim.language.evaluate import evaluate
+
         model = self.equations.model
         values = {p.name: p.value for p in model.parameters} | {"t": start.t}
         for k, c in enumerate(model.coordinates):

@@ -18,7 +18,7 @@ import struct
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim import files
 from lagsim.native.kernels import keys
@@ -133,15 +133,35 @@ def _base() -> Path | None:
     return (given if given.is_absolute() else Path.home() / ".cache") / "lagsim"
 
 
-def _kept(made_from: Sequence[str], make: Callable[[], bytes]) -> bytes:
+class Slot(NamedTuple):
+    """Where something is kept, or would be; `path` is None where nothing can be."""
+
+    key: str
+    path: Path | None
+
+    def content(self) -> bytes | None:
+        """Give what is kept here, if there is something."""
+        return None if self.path is None else _read(self.path, self.key)
+
+    def keep(self, content: bytes) -> None:
+        """Keep it here, if possible."""
+        if self.path is not None:
+            _write(self.path, self.key, content)
+
+
+def slot(made_from: Sequence[str]) -> Slot:
+    """Give the place of what is made from that, on this machine."""
     where = folder()
     key = _digest([_FORMAT, *made_from, *engine.target()])
-    path = None if where is None else where / f"{key}{_SUFFIX}"
-    code = None if path is None else _read(path, key)
+    return Slot(key, None if where is None else where / f"{key}{_SUFFIX}")
+
+
+def _kept(made_from: Sequence[str], make: Callable[[], bytes]) -> bytes:
+    own = slot(made_from)
+    code = own.content()
     if code is None:
         code = make()
-        if path is not None:
-            _write(path, key, code)
+        own.keep(code)
     return code
 
 

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from lagsim.methods import method
-from lagsim.methods.parts import driver
 from lagsim.native.graph.sincos import LANES
-from lagsim.native.link.cache import kernel_object
 from lagsim.native.link.engine import Engine
 from lagsim.run.pace import Pace
 
@@ -22,7 +20,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.methods.parts.parameters import Parameters
     from lagsim.methods.parts.state import State
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.system.sleepers import Sleeper
 
 _POINTER = ctypes.c_void_p
@@ -70,6 +68,11 @@ class Compiled(Protocol):
 class Runner:
     """A system linked with a method.
 
+    Parameters
+    ----------
+    engine : Engine
+        What `linked` gives for them, in this process or in one before.
+
     Attributes
     ----------
     method : module
@@ -77,31 +80,13 @@ class Runner:
         That of the runs so far.
     """
 
-    def __init__(self, system: Compiled, name: str) -> None:
-        self.system = system
+    def __init__(self, system: Compiled, name: str, engine: Engine) -> None:
+        self.system, self.engine = system, engine
         self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
-        until = system.equations.model.until is not None
-        switches = system.watched > 0
-        held = system.m > 0 and system.plan.projected
-        statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
-        statics["SLEEPERS"] = bool(system.sleepers)
-        # What a method must make ready for `until` it must for switches.
-        watched = statics | {"UNTIL": until or switches}
-        statics |= {"WIDE": system.wide, "ADAPTIVE": self.method.ADAPTIVE}
-        kernels = [self.method.start, self.method.step, self.method.interpolate]
-        if self.method.ADAPTIVE:
-            kernels.append(self.method.interpolate_rates)
-        self.engine = Engine(
-            [
-                *system.objects,
-                kernel_object(kernels, _used(watched, self.method)),
-                kernel_object([driver.advance, driver.tabulate], statics),
-            ]
-        )
         self._advance = self.engine.function("advance", *_ADVANCE)
-        if switches:
+        if system.watched > 0:
             self._pull = self.engine.function("pull", *_PULL)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
         self._work = np.empty(LANES * (1 + system.size + system.rows_observed))
@@ -187,6 +172,32 @@ class Runner:
             self._room,
         )  # fmt: skip
         return out
+
+
+def linked(system: Compiled, name: str) -> Engine:
+    """Link the functions of a system with the kernels of a method."""
+    from lagsim.methods.parts import driver
+    from lagsim.native.link.cache import kernel_object
+
+    by = method(name)
+    until = system.equations.model.until is not None
+    switches = system.watched > 0
+    held = system.m > 0 and system.plan.projected
+    statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
+    statics["SLEEPERS"] = bool(system.sleepers)
+    # What a method must make ready for `until` it must for switches.
+    watched = statics | {"UNTIL": until or switches}
+    statics |= {"WIDE": system.wide, "ADAPTIVE": by.ADAPTIVE}
+    kernels = [by.start, by.step, by.interpolate]
+    if by.ADAPTIVE:
+        kernels.append(by.interpolate_rates)
+    return Engine(
+        [
+            *system.objects,
+            kernel_object(kernels, _used(watched, by)),
+            kernel_object([driver.advance, driver.tabulate], statics),
+        ]
+    )
 
 
 def _used(statics: Mapping[str, object], module: Any) -> dict[str, object]:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from lagsim.language.evaluate import UNIT_ROUNDOFF
-from lagsim.plan.integration import ANY
+from lagsim.plan.plan import ANY
 from lagsim.run.error import LOST, TIMES, CoordinateError, ErrorBar
 from lagsim.run.observers import Observer
 from lagsim.run.observers.checkpoints import MOST_ROWS, Checkpoints
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from lagsim.language.arrays import Floats
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case, Session
     from lagsim.run.system import System

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.settings import Settings
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.session import Case
     from lagsim.run.trajectory import Trajectory
 
