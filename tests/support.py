@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -107,7 +107,7 @@ def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
     """
     limits = {k: keywords.pop(k) for k in LIMITS & keywords.keys()}
     heard = {k: keywords.pop(k) for k in HEARD & keywords.keys()}
-    session = replace(ready(model, loops=loops, **keywords), **limits)
+    session = ready(model, loops=loops, **keywords)._replace(**limits)
     keep = Keep()
     trajectory = session.run([keep], **heard)
     return Run(session, trajectory, keep.table)

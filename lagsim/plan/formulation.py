@@ -216,7 +216,7 @@ def _stabilised(equations: Equations) -> Equations:
         if row.holonomic:
             square = g.call("mul", g.call("mul", a, a), row.residual)
             pull = g.call("add", g.call("mul", g.constant(2.0), pull), square)
-        rows.append(replace(row, b=g.call("sub", row.b, pull)))
+        rows.append(row._replace(b=g.call("sub", row.b, pull)))
     return replace(equations, rows=tuple(rows))
 
 

@@ -44,7 +44,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         raise InputError([_no_unconstrained_acceleration()])
     parts = _parts(equations, start, settings)
     if parts:  # the rows are those of the whole
-        settings = replace(settings, formulation="full")
+        settings = settings._replace(formulation="full")
     found = formulate(equations, start, settings, partial(suits, settings.method))
     equations, start = found.reduction.equations, found.start
     scene = structure(equations)
@@ -122,7 +122,7 @@ def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part
     found = subsystems(equations, start)
     if asked == "auto" and not saving(equations, found, settings.duration) > 0.0:
         return ()
-    own = replace(settings, formulation="auto")
+    own = settings._replace(formulation="auto")
     return tuple(Part(x, make_plan(x.equations, x.start, own)) for x in found)
 
 

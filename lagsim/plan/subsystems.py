@@ -225,7 +225,7 @@ def _part(
         velocities=tuple(e.velocities[j] for j in group),
         M=tuple(vector(e.M[j]) for j in group),
         f=tuple(e.f[j] for j in group),
-        rows=tuple(replace(row, A=vector(row.A)) for row in rows),
+        rows=tuple(row._replace(A=vector(row.A)) for row in rows),
         momenta=tuple(e.momenta[j] for j in group),
         energy=energy,
         kinetic_form=kinetic_form,

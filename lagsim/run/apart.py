@@ -152,8 +152,7 @@ class Apart:
         if not own.outcome.complete:
             reason = f"subsystem ({last.names}): {reason}"
         counts = [x.statistics for x in found]
-        return replace(
-            own,
+        return own._replace(
             reason=reason,
             end=reached,
             rows=self.recorder.rows,

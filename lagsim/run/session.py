@@ -8,8 +8,7 @@ and the Python interface. What is heavy to import is imported at its stage.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.errors import InputError, LagsimError, Problem
 
@@ -72,8 +71,7 @@ class StartError(LagsimError):
         return f"{text}: {', '.join(missed)}" if missed else text
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+class Case(NamedTuple):
     """What to simulate, and how: equations, their start, settings."""
 
     equations: Equations
@@ -97,11 +95,11 @@ class Case:
 
     def asking(self, **other: Any) -> Case:
         """Give the case with other settings."""
-        return replace(self, settings=replace(self.settings, **other))
+        return self._replace(settings=self.settings._replace(**other))
 
     def at(self, state: Instant) -> Case:
         """Give the case with another start, as admissible as its own."""
-        return replace(self, examined=self.examined._replace(state=state))
+        return self._replace(examined=self.examined._replace(state=state))
 
     def plan(self) -> Plan:
         """Choose how to integrate.
@@ -134,8 +132,7 @@ class Case:
         return session
 
 
-@dataclass(frozen=True, slots=True)
-class Session:
+class Session(NamedTuple):
     """A case, planned and compiled.
 
     Attributes
@@ -165,15 +162,15 @@ class Session:
         if not self.system.fits(plan):
             return None
         system = self.system.bound(case.equations.model, plan)
-        return replace(self, case=case, plan=plan, system=system)
+        return self._replace(case=case, plan=plan, system=system)
 
     def by(self, plan: Plan) -> Session:
         """Give the same system integrated otherwise: at other tolerances, say."""
-        return replace(self, plan=plan)
+        return self._replace(plan=plan)
 
     def asking(self, **other: Any) -> Session:
         """Give the same with settings that change neither plan nor system."""
-        return replace(self, case=self.case.asking(**other))
+        return self._replace(case=self.case.asking(**other))
 
     def run(
         self,

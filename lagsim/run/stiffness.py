@@ -97,7 +97,7 @@ class Stiffness(Source):
     def _considered(self, arc: Arc) -> Decision:
         """Decide on a step that has been at the bound for a while."""
         asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state.ask_at}
-        return replace(self._considered_once(arc), numbers=asked)
+        return self._considered_once(arc)._replace(numbers=asked)
 
     def _considered_once(self, arc: Arc) -> Decision:
         from lagsim.mechanics.structure import structure

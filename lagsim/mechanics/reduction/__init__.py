@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.reduction.elimination import Pair
 
 
-@dataclass(frozen=True, slots=True)
-class Reduction:
+class Reduction(NamedTuple):
     """The equations that are integrated, and what they leave out.
 
     Attributes
@@ -38,10 +37,10 @@ class Reduction:
     """
 
     equations: Equations
-    recovered: Mapping[int, int] = field(default_factory=dict)
+    recovered: Mapping[int, int] = {}
     eliminated: tuple[tuple[str, str], ...] = ()
     ignored: tuple[str, ...] = ()
-    momenta: Mapping[str, int] = field(default_factory=dict)
+    momenta: Mapping[str, int] = {}
 
     def eliminate(self, found: Sequence[Pair]) -> Reduction:
         """Express coordinates by the others; of `elimination.pairs`."""
@@ -50,7 +49,7 @@ class Reduction:
         e = self.equations
         equations, recovered = eliminated(e, found)
         names = [(e.q[pair.coordinate], e.rows[pair.row].name) for pair in found]
-        return replace(self._followed_by(equations, recovered), eliminated=tuple(names))
+        return self._followed_by(equations, recovered)._replace(eliminated=tuple(names))
 
     def ignore(self, coordinates: Sequence[int], start: Instant) -> Reduction:
         """Integrate `coordinates`, which are `ignorable`, by quadrature.
@@ -62,15 +61,14 @@ class Reduction:
         e = self.equations
         momenta = {momentum_of(e.q[c]): e.momenta[c] for c in coordinates}
         equations, recovered = ignored(e, coordinates)
-        reduction = replace(
-            self._followed_by(equations, recovered),
+        reduction = self._followed_by(equations, recovered)._replace(
             ignored=tuple(e.q[c] for c in coordinates),
             momenta=momenta,
         )
         model = equations.model
         added = tuple(Parameter(*x) for x in reduction.constants(start).items())
         model = replace(model, parameters=(*model.parameters, *added))
-        return replace(reduction, equations=replace(equations, model=model))
+        return reduction._replace(equations=replace(equations, model=model))
 
     def kept(self, full: Floats) -> Floats:
         """Give the values (n,) of the coordinates left, or of their rates."""
@@ -107,4 +105,4 @@ class Reduction:
         g = equations.graph
         earlier = g.substitute(self.recovered.values(), recovered)
         whole = dict(zip(self.recovered, earlier, strict=True)) | dict(recovered)
-        return replace(self, equations=equations, recovered=whole)
+        return self._replace(equations=equations, recovered=whole)
