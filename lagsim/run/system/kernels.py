@@ -9,10 +9,10 @@ from lagsim.native.link.cache import kernel_object
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from lagsim.run.system import System
+    from lagsim.run.system.runner import Compiled
 
 
-def kernels(system: System) -> Iterator[bytes]:
+def kernels(system: Compiled) -> Iterator[bytes]:
     """Give the object code of what a method calls besides the model's functions."""
     if system.met is not None:
         from lagsim.methods.parts import impulses

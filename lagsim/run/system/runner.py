@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from copy import copy
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -12,16 +13,19 @@ from lagsim.methods import method
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.link.engine import Engine
 from lagsim.run.pace import Pace
+from lagsim.run.system.coupling import coupled, joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.laws import Law
     from lagsim.methods.parts.parameters import Parameters
     from lagsim.methods.parts.state import State
     from lagsim.plan.plan import Plan
     from lagsim.run.system.sleepers import Sleeper
+    from lagsim.run.system.stepping import Pattern
 
 _POINTER = ctypes.c_void_p
 # Of the functions of a model: t, y, p, out.
@@ -53,6 +57,9 @@ class Compiled(Protocol):
     size: int
     surfaces: int
     watched: int
+    laws: tuple[Law, ...]
+    met: Pattern | None
+    has_jacobian: bool
     sleepers: list[Sleeper]
     inertias: tuple[str, ...]
     p: Parameters
@@ -91,6 +98,24 @@ class Runner:
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
         self._work = np.empty(LANES * (1 + system.size + system.rows_observed))
         self._room = self._work.ctypes.data
+
+    @cached_property
+    def empty(self) -> State:
+        """A state that nothing has been put into: for copies, of all bindings."""
+        system = self.system
+        state: State = self.method.STATE.made(
+            n=system.n,
+            size=system.size,
+            signals=len(system.sleepers),
+            surfaces=system.watched,
+            inertias=len(system.inertias),
+        )
+        state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
+        state.powers[:] = [sleeper.power for sleeper in system.sleepers]
+        rows = system.equations.rows
+        state.joined[:] = coupled(system.equations)
+        state.linked[:] = joined(system.n, [row.A.entries for row in rows])
+        return state
 
     def over(self, system: Compiled) -> Runner:
         """Give the same code over the memory of a system bound to other values."""
