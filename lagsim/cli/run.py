@@ -22,6 +22,7 @@ from lagsim.cli._shared import (
     refused,
     show_json,
 )
+from lagsim.cli._signals import is_watched
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit, cut_short, finish, open_table
 from lagsim.methods import names
@@ -296,6 +297,10 @@ class Job:
         A signal ends that: pictures can be drawn again, rows cannot.
         """
         form = (self.plots or Picture.PNG).value
+        if self.plots is Picture.PNG and is_watched():
+            from lagsim.outputs import lean_matplotlib
+
+            lean_matplotlib.load()
 
         def put(made: Iterable[tuple[str, bytes]]) -> None:
             for name, content in made:
