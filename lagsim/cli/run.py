@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from functools import partial
 from pathlib import Path
@@ -243,11 +244,13 @@ class Job:
     def _made(self, asked: Asked) -> Session:
         """Make what nobody has asked for before."""
         from lagsim.model.reader import read
+        from lagsim.native.link.ahead import helped
 
         model = read(*asked)
         settings = wanted(model, "run", hint="add it, or give --duration")
         self.clock.lap("read")
-        return open_case(model, settings, clock=self.clock).ready(clock=self.clock)
+        with helped() if is_watched() else contextlib.nullcontext():
+            return open_case(model, settings, clock=self.clock).ready(clock=self.clock)
 
     def _integrate(self, session: Session, results: Results) -> int:
         from lagsim.outputs.results import MANIFEST

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim import files
 from lagsim.native.kernels import keys
-from lagsim.native.link import engine
+from lagsim.native.link import ahead, engine
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -84,14 +84,24 @@ def kernel_object(
         If a kernel leaves the subset.
     """
     made_from = ["kernel", keys.fingerprint(functions, statics)]
+    return _kept(made_from, lambda: _translated(functions, statics))
 
-    def compiled() -> bytes:
-        from lagsim.native.kernels import code  # only first runs translate
 
-        ir = code.translate(functions, statics)
-        return engine.compile_object(ir, optimise=True)
+def begin_kernel_object(
+    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
+) -> None:
+    """Have a second process make the object code of kernels, where there may be one."""
+    own = slot(["kernel", keys.fingerprint(functions, statics)])
+    if own.path is not None and not own.path.exists():
+        ahead.send(own.key, lambda: own.keep(_translated(functions, statics)))
 
-    return _kept(made_from, compiled)
+
+def _translated(
+    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None
+) -> bytes:
+    from lagsim.native.kernels import code  # only first runs translate
+
+    return engine.compile_object(code.translate(functions, statics), optimise=True)
 
 
 def folder() -> Path | None:
@@ -159,6 +169,8 @@ def slot(made_from: Sequence[str]) -> Slot:
 def _kept(made_from: Sequence[str], make: Callable[[], bytes]) -> bytes:
     own = slot(made_from)
     code = own.content()
+    if code is None and ahead.wait(own.key):
+        code = own.content()
     if code is None:
         code = make()
         own.keep(code)

@@ -14,7 +14,7 @@ import numpy as np
 from lagsim.methods import method
 from lagsim.methods.parts.parameters import KEPT, Parameters
 from lagsim.run.system.columns import Columns
-from lagsim.run.system.runner import Runner, linked
+from lagsim.run.system.runner import Runner, linked, of_method
 from lagsim.run.system.sleepers import all_sleepers, motion_nodes, signal_nodes, slope
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class System:
     def __init__(self, equations: Equations, plan: Plan) -> None:
         # What only making one needs: runs begin with one that is kept.
         from lagsim.native.graph import keys
-        from lagsim.native.link.cache import object_code
+        from lagsim.native.link.cache import begin_kernel_object, object_code
         from lagsim.run.system.functions import (
             AFTER_FREEZING,
             functions,
@@ -145,12 +145,13 @@ class System:
             nodes_of["velocity_steps"] = nodes_of["velocity_step"]
         p = self._parameters()
         layout = self._layout(p)
+        begin_kernel_object(*of_method(self, plan.method))
         found_code, self._p_size = object_code(
             keys.fingerprint(equations.graph, nodes_of, layout, plan.tape, MANNER),
             lambda: self._code(nodes_of, layout),
         )
         self._layout_of = layout.p
-        self.p = self._filled(p)
+        self.p: Parameters = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]

@@ -16,7 +16,7 @@ from lagsim.run.pace import Pace
 from lagsim.run.system.coupling import coupled, joined
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
@@ -204,26 +204,36 @@ def linked(system: Compiled, name: str) -> Engine:
     from lagsim.methods.parts import driver
     from lagsim.native.link.cache import kernel_object
 
-    by = method(name)
-    until = system.equations.model.until is not None
-    switches = system.watched > 0
-    held = system.m > 0 and system.plan.projected
-    statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
-    statics["SLEEPERS"] = bool(system.sleepers)
-    # What a method must make ready for `until` it must for switches.
-    watched = statics | {"UNTIL": until or switches}
-    statics |= {"WIDE": system.wide, "ADAPTIVE": by.ADAPTIVE}
-    kernels = [by.start, by.step, by.interpolate]
-    if by.ADAPTIVE:
-        kernels.append(by.interpolate_rates)
+    statics = _statics(system, name)
     return Engine(
         [
             *system.objects,
-            kernel_object(kernels, _used(watched, by)),
+            kernel_object(*of_method(system, name)),
             kernel_object([driver.advance, driver.tabulate], statics),
         ]
     )
 
 
-def _used(statics: Mapping[str, object], module: Any) -> dict[str, object]:
-    return {name: value for name, value in statics.items() if hasattr(module, name)}
+def of_method(
+    system: Compiled, name: str
+) -> tuple[list[Callable[..., Any]], dict[str, object]]:
+    """Give the kernels of a method, and what is known of the system they work on."""
+    by, statics = method(name), _statics(system, name)
+    del statics["WIDE"], statics["ADAPTIVE"]
+    # What a method must make ready for `until` it must for switches.
+    statics["UNTIL"] = statics["UNTIL"] or statics["SWITCHES"]
+    kernels = [by.start, by.step, by.interpolate]
+    if by.ADAPTIVE:
+        kernels.append(by.interpolate_rates)
+    return kernels, {key: x for key, x in statics.items() if hasattr(by, key)}
+
+
+def _statics(system: Compiled, name: str) -> dict[str, object]:
+    return {
+        "CONSTRAINED": system.m > 0 and system.plan.projected,
+        "UNTIL": system.equations.model.until is not None,
+        "SWITCHES": system.watched > 0,
+        "SLEEPERS": bool(system.sleepers),
+        "WIDE": system.wide,
+        "ADAPTIVE": method(name).ADAPTIVE,
+    }
