@@ -1,4 +1,4 @@
-"""lagsim beside heyoka, scipy and SUNDIALS on six scenes.
+"""lagsim beside heyoka, scipy and SUNDIALS on six scenes; ensembles, bounces.
 
     pip install .[benchmarks]
     python benchmarks/rivals.py [--scenes kepler,andrews] [--method taylor]
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import copy
+import importlib
 import json
 import platform
 import subprocess
@@ -66,6 +67,11 @@ CASES = (
     Case("andrews", "Andrews' mechanism", "andrews"),
     Case("chain-cartesian", "ten rods, Cartesian", "chain-cartesian"),
 )  # fmt: skip
+
+
+# Measured by modules of their own.
+OTHERS = {"ensemble": "ensembles", "bounces": "rival_mujoco"}
+EVERY = (*(case.key for case in CASES), *OTHERS)
 
 
 class Judge:
@@ -301,12 +307,12 @@ def columns_seconds(scene):
     return min(times)
 
 
-def document(results):
+def document(results, others):
     """Give what was measured, on what and when: all that page and chart say."""
     from lagsim.studies.bench.machine import machine, today
     from lagsim.version import __version__
 
-    packages = ("numpy", "llvmlite", "scipy", "heyoka", "scikit-sundae")
+    packages = ("numpy", "llvmlite", "scipy", "heyoka", "scikit-sundae", "mujoco")
     versions = {"python": platform.python_version()}
     return {
         "lagsim": __version__,
@@ -314,6 +320,7 @@ def document(results):
         "machine": machine(),
         "date": today(),
         "scenes": results,
+        **others,
     }
 
 
@@ -328,25 +335,34 @@ def main():
         write(json.loads(KEPT.read_text(encoding="utf-8")))
         return
     if given.one:
-        case = next(c for c in CASES if c.key == given.one)
-        print(json.dumps(measured(case, given.method)))
+        print(json.dumps(one(given.one, given.method)))
         return
-    wanted = given.scenes.split(",") if given.scenes else [c.key for c in CASES]
+    wanted = given.scenes.split(",") if given.scenes else EVERY
     for key in wanted:
         began = time.perf_counter()
         # Each in a process of its own: what one rival leaves behind slows no other.
         command = [sys.executable, __file__, "--one", key, "--method", given.method]
         done = subprocess.run(command, stdout=subprocess.PIPE, check=True)
-        keep(json.loads(done.stdout))
+        keep(key, json.loads(done.stdout))
         seconds = time.perf_counter() - began
         print(f"{key} measured in {seconds:.0f} s", file=sys.stderr, flush=True)
 
 
-def keep(result):
-    """Put what was measured of one scene among the others, and write all anew."""
-    others = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
-    of = {r["key"]: r for r in others.get("scenes", ())} | {result["key"]: result}
-    found = document([of[case.key] for case in CASES if case.key in of])
+def one(key, method):
+    """Measure one thing, in a process of its own."""
+    if key in OTHERS:
+        return importlib.import_module(OTHERS[key]).measured()
+    case = next(c for c in CASES if c.key == key)
+    return measured(case, method)
+
+
+def keep(key, result):
+    """Put what was measured among the others, and write all anew."""
+    known = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    scenes = {r["key"]: r for r in known.get("scenes", ())}
+    others = {name: known[name] for name in OTHERS if name in known}
+    (others if key in OTHERS else scenes)[key] = result
+    found = document([scenes[name] for name in EVERY if name in scenes], others)
     KEPT.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     write(found)
 
@@ -357,7 +373,8 @@ def write(found):
     from rivals_page import page
 
     (HERE / "results-rivals.md").write_text(page(found), encoding="utf-8")
-    (HERE.parent / "docs" / "speed.png").write_bytes(chart(found))
+    if found["scenes"]:
+        (HERE.parent / "docs" / "speed.png").write_bytes(chart(found))
 
 
 if __name__ == "__main__":

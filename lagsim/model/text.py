@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from lagsim import files
+from lagsim import files, limits
 from lagsim.errors import InputError, Place, Problem
 
 STANDARD_INPUT = "-"
@@ -27,11 +27,12 @@ def text_of(path: str) -> tuple[str, str]:
     file = STDIN if path == STANDARD_INPUT else path
     try:
         if path == STANDARD_INPUT:
-            data = sys.stdin.buffer.read()
+            data = files.all_of(sys.stdin.buffer, limits.MODEL_BYTES)
         elif path.startswith(_OPEN_ALREADY):
-            data = Path(path).read_bytes()
+            with Path(path).open("rb") as stream:
+                data = files.all_of(stream, limits.MODEL_BYTES)
         else:
-            data = files.content(path)
+            data = files.content(path, limits.MODEL_BYTES)
     except (OSError, ValueError) as error:  # ValueError: a null byte in the path
         reason = getattr(error, "strerror", None) or str(error)
         raise unusable("unreadable", f"cannot be read: {reason}", file) from None

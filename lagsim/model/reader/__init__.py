@@ -13,6 +13,7 @@ import re
 from pathlib import PurePath
 from typing import TYPE_CHECKING
 
+from lagsim import limits
 from lagsim.errors import UNSEEN, unseen
 from lagsim.language.graph import Graph
 from lagsim.model.model import Level, Model
@@ -155,7 +156,8 @@ def _read(
             raise unusable("empty-file", "the file is empty", file)
         faults.raise_if_any()
     assert document.root is not None
-    return _File(document.root, file, faults).read(overrides, options, data)
+    graph = Graph(limits.graph_nodes(len(data)))
+    return _File(document.root, file, faults, graph).read(overrides, options, data)
 
 
 def _unfit(name: str, node: Scalar) -> str:
@@ -172,7 +174,7 @@ def _unfit(name: str, node: Scalar) -> str:
 class _File:
     """The sections of one file."""
 
-    def __init__(self, root: Node, file: str, faults: Faults) -> None:
+    def __init__(self, root: Node, file: str, faults: Faults, graph: Graph) -> None:
         self.file = file
         self.faults = faults
         if is_odd(root, SECTIONS):
@@ -187,7 +189,7 @@ class _File:
             self.top.found.get("energy"), faults, self.root
         )
         self.names = Names("lagrangian" in self.energy)
-        self.x = Expressions(Graph(), self.names, faults)
+        self.x = Expressions(graph, self.names, faults)
 
     def read(
         self, overrides: Mapping[str, str], options: Mapping[str, str], data: bytes
