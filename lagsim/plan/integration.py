@@ -11,6 +11,7 @@ from lagsim.methods import method, names
 from lagsim.methods.parts.state import USUAL_RADIUS
 from lagsim.notes import Choice
 from lagsim.plan.cost import step_parts
+from lagsim.plan.plan import ANY
 from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_cost
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 
 # Needs of a method that are made from y' as nodes of the graph.
 STRAIGHT_ONLY = frozenset(("series", "linear"))
-# Handles everything.
-ANY = "dop853"
 # The exponential's matrices are dense: measured, 40 states take half of DOP853's time,
 # 120 nine times as much.
 MOST_STATES = 50
