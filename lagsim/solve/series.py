@@ -14,7 +14,6 @@ from lagsim.language.series import (
     taylor_series,
 )
 from lagsim.methods.taylor import order_for
-from lagsim.native.graph.keys import Loop
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
+    from lagsim.native.graph.keys import Loop
 
 # What a loop over the order takes may be so much: it compiles in about a second.
 MOST_OPERATIONS = 500_000
@@ -74,6 +74,8 @@ def motion_series(
     shorter = _shorter(g, state, tuple(rates))
     cost = _cost(g, state, shorter, order)
     if cost.loop and loop:
+        from lagsim.native.graph.keys import Loop  # what is only checked has none
+
         return Loop(_recurrence(g, state, shorter), order, cost.operations)
     rows = taylor_series(g, state, shorter, order)
     return [g.constant(order), *(node for row in rows for node in row)]
