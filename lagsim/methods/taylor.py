@@ -45,6 +45,8 @@ from lagsim.methods.parts.state import (
     STEP_TOO_SMALL,
     State,
 )
+from lagsim.methods.parts.steps import keep_sizes, note_inertias, pass_rows, record_step
+from lagsim.methods.parts.strays import asks
 from lagsim.native.kernels.words import at, unrolled
 from lagsim.native.layout import array
 
@@ -110,6 +112,9 @@ class Taylor(State):
     """Two series, each its order K, then y_0 ... y_K; and the new state."""
 
     which: float  # of the two series is the present one: 0 or 1
+    plain: float  # 1 where a step that was tried is accepted, and nothing is in it
+    trial: float  # that step, and the next
+    next: float
     series: Floats = array(lambda s: buffer(s.size, 2.0))
     new: Floats = array(lambda s: s.size)
 
@@ -140,7 +145,7 @@ def start(s: Taylor, p: Parameters) -> None:
         before = s.h
         lead(size, c, before, new)
         set_tolerances(s, p, s.t, new, rates, before)
-        s.h = min(before, chosen_step(s, c))
+        s.h = min(before, chosen_step(s, c, s.t))
         if s.h > SETTLED * before:
             break
     if CONSTRAINED:
@@ -157,8 +162,8 @@ def lead(size: int, c: Floats, h: float, out: Floats) -> None:
         out[i] = c[1 + i] + far
 
 
-def chosen_step(s: Taylor, c: Floats) -> float:
-    """Give the step at which the terms after the last are within the tolerance.
+def chosen_step(s: Taylor, c: Floats, t: float) -> float:
+    """Give the step from t at which the terms after the last are within the tolerance.
 
     If each of the last GUARD terms is within its bound, and they shrink by e^2 from
     one to the next, so is the first that is left out. Not longer than the arc.
@@ -167,7 +172,7 @@ def chosen_step(s: Taylor, c: Floats) -> float:
     order = int(c[0])
     tolerances = s.tolerances
     largest = s.work
-    arc = s.end - s.t
+    arc = s.end - t
     if arc <= 0.0:
         return 0.0
     for back in unrolled(GUARD):
@@ -324,22 +329,74 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
         before = at(s.series, buffer(size, s.which) + 1 + size)
         following = at(s.series, buffer(size, 1.0 - s.which) + 1 + size)
         suspect(s, p, h, y, before, new, following)
+    move_on(s, p, h)
+    c = at(s.series, buffer(size, s.which))
+    s.h = chosen_step(s, c, s.t)
+    if s.h < SUDDEN * h:
+        # Perhaps it is rounding that the last coefficients consist of.
+        rates = at(c, 1 + size)
+        look_at_rounding(s, p, s.t, y, rates, 1.0)
+        set_tolerances(s, p, s.t, y, rates, h)
+        s.h = chosen_step(s, c, s.t)
+
+
+def move_on(s: Taylor, p: Parameters, h: float) -> None:
+    """Let the state after a step be the present one."""
+    y = s.y
+    new = s.new
     s.which = 1.0 - s.which
-    for i in range(size):
+    for i in range(s.size):
         y[i] = new[i]
     s.step_t = s.t
     s.step_h = h
     s.t = s.t + h
     s.steps += 1.0
     record_measured(s, p)
+
+
+def try_plain(s: Taylor, p: Parameters) -> None:
+    """Try a step; `plain` tells whether it is accepted, and nothing else is to be done.
+
+    In lanes, see `parts.lanes`. What `step` begins with stays as it is.
+    """
+    size = s.size
+    y = s.y
+    new = s.new
     c = at(s.series, buffer(size, s.which))
-    s.h = chosen_step(s, c)
-    if s.h < SUDDEN * h:
-        # Perhaps it is rounding that the last coefficients consist of.
-        rates = at(c, 1 + size)
-        look_at_rounding(s, p, s.t, y, rates, 1.0)
-        set_tolerances(s, p, s.t, y, rates, h)
-        s.h = chosen_step(s, c)
+    following = at(s.series, buffer(size, 1.0 - s.which))
+    h = usable_step(s, p)
+    t = s.t + h
+    sum_series(size, c, h, new)
+    series(t, new, p, following)
+    s.evaluations += 1.0
+    set_tolerances(s, p, t, new, at(c, 1 + size), h)
+    error = misfit(s, c, at(following, 1 + size), h)
+    for i in range(size):
+        if not abs(new[i]) < 1e300:
+            error = 1e300
+    s.trial = h
+    s.next = chosen_step(s, following, t)
+    plain = h > 0.0 and error <= PASSED and s.next >= SUDDEN * h
+    if SLEEPERS:
+        suspect(s, p, h, y, at(c, 1 + size), new, at(following, 1 + size))
+        plain = plain and s.suspect == 0.0
+    plain = plain and not asks(s, t)
+    s.plain = 1.0 if plain else 0.0
+    if not plain:
+        s.evaluations -= 1.0
+
+
+def take_plain(s: Taylor, p: Parameters) -> None:
+    """Accept the step that was tried."""
+    keep_sizes(s)
+    move_on(s, p, s.trial)
+    s.h = s.next
+    s.at_bound = max(s.at_bound - 1.0, 0.0)
+    s.most_step = 0.0
+    record_step(s)
+    if s.inertias > 0:
+        note_inertias(s, p, s.work)
+    pass_rows(s)
 
 
 def interpolate(s: Taylor, x: float, out: Floats) -> None:

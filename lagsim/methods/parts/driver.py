@@ -11,7 +11,6 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.interface import (
-    inertias,
     interpolate,
     observe,
     pull,
@@ -35,6 +34,7 @@ from lagsim.methods.parts.state import (
     SWITCH_FOUND,
     State,
 )
+from lagsim.methods.parts.steps import keep_sizes, note_inertias, record_step
 from lagsim.methods.parts.strays import strayed, take_back
 from lagsim.methods.parts.switching import find_end
 from lagsim.native.graph.sincos import LANES
@@ -50,8 +50,6 @@ WIDE = True
 SLEEPERS = True
 ADAPTIVE = True
 
-# By then the first steps, which are guessed, have grown to what the motion needs.
-SETTLING = 10.0
 NOWHERE = -1
 # A state that is pulled by this part of its size was off by rounding: some of 2^-47,
 # within which it is on a surface.
@@ -126,14 +124,6 @@ def has_missed(s: State, p: Parameters) -> int:
     return 1
 
 
-def record_step(s: State) -> None:
-    """Note the smallest step; what an end cuts short does not count."""
-    known = s.smallest_step
-    counts = s.steps > SETTLING and s.t < s.end
-    if counts and (known == 0.0 or s.step_h < known):
-        s.smallest_step = s.step_h
-
-
 def inspect(s: State, p: Parameters) -> None:
     """Look for what ends the arc, or the run, within the last step."""
     if SWITCHES or UNTIL:
@@ -142,39 +132,6 @@ def inspect(s: State, p: Parameters) -> None:
         pull_back(s, p, s.t, s.y)
     if s.inertias > 0:
         note_inertias(s, p, s.work)
-
-
-def note_inertias(s: State, p: Parameters, now: Floats) -> None:
-    """Note how large and how small each inertia is, and when it is smallest.
-
-    Where one vanishes beside its usual size, a coordinate loses its meaning. Steps get
-    short there, so that the ends of steps come as close as the motion does.
-    """
-    count = s.inertias
-    largest = s.inertia_largest
-    smallest = s.inertia_smallest
-    when = s.inertia_when
-    inertias(s.t, s.y, p, now)
-    for i in range(count):
-        largest[i] = max(largest[i], now[i])
-        if now[i] < smallest[i]:
-            smallest[i] = now[i]
-            when[i] = s.t
-
-
-def keep_sizes(s: State) -> None:
-    """Note the largest sizes: a step may go far past where it will end."""
-    size = s.size
-    sizes = s.sizes
-    low = s.low
-    high = s.high
-    sizes_before = s.sizes_before
-    low_before = s.low_before
-    high_before = s.high_before
-    for i in range(size):
-        sizes_before[i] = sizes[i]
-        low_before[i] = low[i]
-        high_before[i] = high[i]
 
 
 @rare
