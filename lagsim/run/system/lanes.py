@@ -7,90 +7,90 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.methods.taylor import buffer
-from lagsim.methods.parts import driver
 from lagsim.methods.parts import lanes as kernels
-from lagsim.methods.parts import state as at
 from lagsim.methods.parts.lanes import Ensemble
-from lagsim.native.kernels.lines import LANES
-from lagsim.native.link.cache import kernel_object
+from lagsim.native.graph import keys
+from lagsim.native.link.cache import kernel_object, object_code
 from lagsim.native.link.engine import Engine
 
 if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
+    from lagsim.methods.parts.state import State
+    from lagsim.native.graph.straight_line import Code
     from lagsim.run.system import System
 
-_POINTER = ctypes.c_void_p
-# A line of the cache, in bytes and in numbers.
+# A line of the cache, in bytes: a vector that lies in two of them takes longer.
 LINE = 64
-NUMBERS = LINE // 8
-
-
-def aligned(count: int) -> Floats:
-    """Give zeros that begin where a line of the cache does."""
-    whole = np.zeros(count + NUMBERS)
-    first = -whole.ctypes.data % LINE // 8
-    return whole[first : first + count]
+WORD = 8
+# The functions of a model that steps in lanes call, and those with contraction.
+CALLED = ("series", "measure", "terms", "inertias", "signals")
+CONTRACTED = ("series",)
 
 
 class Together:
-    """A system linked with a method that has `try_plain`, for many runs at once."""
+    """A system linked with a method that has `try_plain`."""
 
     def __init__(self, system: System, name: str) -> None:
         self.system = system
-        self.runner = system.link(name)
-        statics = {"CONSTRAINED": False, "SWITCHES": False}
-        statics["SLEEPERS"] = bool(system.sleepers)
-        method = self.runner.method
-        code, self.room = self._functions()
-        narrow = {"UNTIL": False, "WIDE": system.wide, "ADAPTIVE": True}
-        wide = kernel_object([method.try_plain, method.take_plain], statics, wide=True)
+        runner = system.link(name)
+        self.method = method = runner.method
+        statics = {
+            "CONSTRAINED": False, "SWITCHES": False,
+            "SLEEPERS": bool(system.sleepers),
+        }  # fmt: skip
+        tried = [method.try_plain, method.take_plain]
+        code, room = self._functions()
+        self.room = max(room, len(system.p.flat))
         self.engine = Engine(
             [
-                *system.objects,
+                *runner.objects,
                 code,
-                wide,
-                kernel_object([method.start, method.step, method.interpolate, method.interpolate_rates], statics),
-                kernel_object([driver.advance], statics | narrow),
+                kernel_object(tried, statics, wide=True),
                 kernel_object([kernels.together]),
             ]
         )
-        arguments = (*[_POINTER] * 6, ctypes.c_int64)
-        self._call = self.engine.function("together", ctypes.c_int64, arguments)
+        self._call = self.engine.function(
+            "together", ctypes.c_int64, (ctypes.c_void_p, ctypes.c_int64)
+        )
 
     def _functions(self) -> tuple[bytes, int]:
-        """Give the functions of the model that the wide kernels call, and the size of p."""
+        """Give the object code of what is called, and the length of p that it needs."""
         system = self.system
-        from lagsim.native.graph import keys
-        from lagsim.native.link.cache import object_code
+        g, nodes_of, layout = system.equations.graph, system.nodes_of, system.layout
+        names = tuple(name for name in CALLED if name in nodes_of)
 
-        names = [x for x in ("series", "measure", "terms", "inertias", "signals") if x in system.nodes_of]
-        manner = {"lanes": tuple(names), "contracted": ("series",)}
-        def code():
+        def code() -> Code:
             from lagsim.native.graph import lanes
 
-            return lanes.generate(system.equations.graph, system.nodes_of, system.layout, **{"names": names, "contracted": ("series",)})
+            return lanes.generate(g, nodes_of, layout, names, CONTRACTED)
 
-        key = keys.fingerprint(system.equations.graph, system.nodes_of, system.layout, False, manner)
-        return object_code(key, code)
+        manner = {"lanes": names, "contracted": CONTRACTED}
+        return object_code(keys.fingerprint(g, nodes_of, layout, False, manner), code)
 
-    def run(self, states: Floats, parameters: Floats, most: int) -> Floats:
-        """Make runs; give what each has come to (runs,), states are where it did.
-
-        states : (runs, words) at their starts; parameters : (runs, room).
-        """
-        template = self.runner.method.STATE
-        runs, words = states.shape
+    def ensemble(self, state: State, runs: int) -> Ensemble:
+        """Give the memory of runs, each at this state with these parameters."""
+        system, fields = self.system, self.method.STATE.fields
         e = Ensemble.made(
-            runs=runs, words=words, room=parameters.shape[1],
-            which=template.fields["which"].word, plain=template.fields["plain"].word,
-            first=int(states[0, template.fields["series"].word]),
-            length=buffer(self.system.size, 1.0), rows=ROWS,
-        )
-        e.most = most
-        lanes, memory = aligned(words * LANES), aligned(parameters.shape[1] * LANES)
-        rest = np.empty(ROWS * (1 + self.system.size))
-        pointers = [x.ctypes.data for x in (states, parameters, lanes, memory, rest)]
-        while self._call(e.address, *pointers, 10**9) > 0: pass
-        return e.codes
-ROWS=512
+            runs=runs, size=system.size, words=len(state.flat), room=self.room,
+            columns=system.rows_observed, begin=state.place("y"),
+            which=fields["which"].word, plain=fields["plain"].word,
+            first=state.place("series"),
+            length=(state.place("new") - state.place("series")) // 2,
+        )  # fmt: skip
+        e = Ensemble(_aligned(e))
+        e.states.reshape(runs, -1)[:] = state.flat
+        own = e.parameters.reshape(runs, -1)
+        own[:, : len(system.p.flat)] = system.p.flat
+        return e
+
+    def advance(self, e: Ensemble, budget: int) -> bool:
+        """Go on with the runs of an ensemble; tell whether any is left."""
+        return bool(self._call(e.address, budget))
+
+
+def _aligned(e: Ensemble) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Copy a memory to where its lanes begin with a line of the cache."""
+    whole = np.empty(len(e.flat) + LINE // WORD)
+    first = -(whole.ctypes.data // WORD + e.place("lanes")) % (LINE // WORD)
+    new = whole[first : first + len(e.flat)]
+    new[:] = e.flat
+    return new

@@ -75,6 +75,8 @@ class Runner:
     method : module
     pace : Pace
         That of the runs so far.
+    objects : list of bytes
+        What is linked.
     """
 
     def __init__(self, system: Compiled, name: str) -> None:
@@ -93,13 +95,12 @@ class Runner:
         kernels = [self.method.start, self.method.step, self.method.interpolate]
         if self.method.ADAPTIVE:
             kernels.append(self.method.interpolate_rates)
-        self.engine = Engine(
-            [
-                *system.objects,
-                kernel_object(kernels, _used(watched, self.method)),
-                kernel_object([driver.advance, driver.tabulate], statics),
-            ]
-        )
+        self.objects = [
+            *system.objects,
+            kernel_object(kernels, _used(watched, self.method)),
+            kernel_object([driver.advance, driver.tabulate], statics),
+        ]
+        self.engine = Engine(self.objects)
         self._advance = self.engine.function("advance", *_ADVANCE)
         if switches:
             self._pull = self.engine.function("pull", *_PULL)
