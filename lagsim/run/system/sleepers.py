@@ -73,6 +73,12 @@ def all_sleepers(
     return once(g, key, lambda: _all_sleepers(equations, nodes, ends))
 
 
+def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[str]:
+    """Give the names on whose values it rests what sleeps."""
+    nodes = tuple(motion_nodes(equations))
+    return frozenset(_exponents(equations.graph, nodes, tuple(ends)))
+
+
 @remembered
 def _exponents(g: Graph, nodes: tuple[int, ...], ends: tuple[int, ...]) -> list[str]:
     """Give the names in exponents: on their values it rests what sleeps."""
