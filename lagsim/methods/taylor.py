@@ -19,7 +19,6 @@ ed., section I.8.
 from __future__ import annotations
 
 import math
-from math import exp, log
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.adaptive import usable_step
@@ -36,6 +35,7 @@ from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
 from lagsim.methods.parts.noise import look_at_rounding
 from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.powers import log2_of, two_to_the
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import leave_loss, record_health
 from lagsim.methods.parts.state import (
@@ -69,7 +69,9 @@ SLEEPERS = True
 
 # Terms shrink by e^2 from one to the next at the step that costs least per unit of
 # time (Jorba and Zou, proposition 3.1).
-LOG_SHRINK = 2.0
+LOG_SHRINK = 2.0 / math.log(2.0)  # as a power of two
+# Below this numbers are not normal.
+LEAST_NUMBER = 2.0**-1000
 LEAST_ORDER = 4
 MOST_ORDER = 22
 # How many of the last coefficients bound the step.
@@ -179,15 +181,18 @@ def chosen_step(s: Taylor, c: Floats, t: float) -> float:
         largest[back] = 0.0
     for i in range(size):
         if tolerances[i] > 0.0:
+            part = 1.0 / max(tolerances[i], LEAST_NUMBER)
             for back in unrolled(GUARD):
-                term = abs(c[1 + (order - back) * size + i]) / tolerances[i]
+                term = abs(c[1 + (order - back) * size + i]) * part
                 largest[back] = max(largest[back], term)
-    logarithm = log(arc / SAFETY)
+    logarithm = log2_of(max(arc / SAFETY, LEAST_NUMBER))
     for back in unrolled(GUARD):
-        if largest[back] > 0.0:
-            bound = (back + 1) * LOG_SHRINK - log(largest[back])
+        if not largest[back] < 1e300:
+            return 0.0
+        if largest[back] > LEAST_NUMBER:
+            bound = (back + 1) * LOG_SHRINK - log2_of(largest[back])
             logarithm = min(logarithm, bound / (order - back))
-    return SAFETY * exp(logarithm)
+    return SAFETY * two_to_the(logarithm)
 
 
 def step(s: Taylor, p: Parameters) -> int:

@@ -123,4 +123,6 @@ class Abreast:
             if interrupt is not None and interrupt.asked:
                 return None
         shape = (runs, -1)
-        return Ends(e.codes, e.begun.reshape(shape), e.ended.reshape(shape))
+        return Ends(
+            e.codes.copy(), e.begun.reshape(shape).copy(), e.ended.reshape(shape).copy()
+        )

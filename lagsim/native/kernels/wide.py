@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from lagsim.native.kernels.source import Static
 
 VECTOR: Final = f"<{LANES} x double>"
+WHOLE: Final = f"<{LANES} x i64>"
 FLAGS: Final = LLVM["flags"]
 ALL: Final = f"<{', '.join(['i1 true'] * LANES)}>"
 _TYPES: Final = LLVM | {"float": VECTOR, "bool": FLAGS}
@@ -159,7 +160,7 @@ class Wide(Statements):
         """Give the number of a lane."""
         return self._one("one", f"extractelement {VECTOR} {value.text}, i32 {lane}")
 
-    def literal(self, node: ast.expr, known: Static) -> Value:
+    def literal(self, node: ast.AST, known: Static) -> Value:
         """Give a number or a condition known at translation."""
         value = super().literal(node, known)
         if value.kind != "float":
@@ -213,6 +214,18 @@ class Wide(Statements):
         passed = ", ".join(f"{VECTOR} {v.text}" for v in values)
         call = f"call {VECTOR} @llvm.{name}.v{LANES}f64({passed})"
         return self._one("float", call)
+
+    def bits(self, text: str) -> Value:
+        """Add an instruction on the bits of numbers."""
+        operation, _, rest = text.partition(" ")
+        if operation != "bitcast":
+            *rest_, last = rest.split(", ")
+            each = ", ".join([f"i64 {last}"] * LANES)
+            rest = f"{', '.join(rest_)}, <{each}>"
+            kind, _, value = rest.partition(" ")
+            return self._one("bits", f"{operation} {WHOLE} {value}")
+        rest = _widened(rest).replace("i64", WHOLE)
+        return self._one("bits", f"{operation} {rest}")
 
     def _truncated(self, value: Value) -> Value:
         return super()._truncated(self._lane(value, 0))
@@ -397,11 +410,13 @@ class Wide(Statements):
         return frozenset(x.target.id for x in loops if isinstance(x.target, ast.Name))
 
     def _keep(self, value: Value, place: str) -> None:
-        """Store a number in the lanes that the present place is reached in."""
-        name = f"llvm.masked.store.v{LANES}f64.p0"
-        self.program.declare(f"declare void @{name}({VECTOR}, ptr, i32, {FLAGS})")
-        text = f"{VECTOR} {value.text}, ptr {place}, i32 8, {FLAGS} {self._mask()}"
-        self.lines.append(f"  call void @{name}({text})")
+        """Store a number in the lanes that the present place is reached in.
+
+        As a whole, which a load that follows need not wait for.
+        """
+        old = self.op("float", f"load double, ptr {place}").text
+        two = f"{VECTOR} {value.text}, {VECTOR} {old}"
+        self.store(self._one("float", f"select {FLAGS} {self._mask()}, {two}"), place)
 
     def _store(self, target: ast.expr, value: Value) -> None:
         if isinstance(target, ast.Subscript | ast.Attribute):

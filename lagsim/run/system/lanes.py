@@ -48,6 +48,7 @@ class Together:
                 kernel_object([kernels.together]),
             ]
         )
+        self._made: Ensemble | None = None
         self._call = self.engine.function(
             "together", ctypes.c_int64, (ctypes.c_void_p, ctypes.c_int64)
         )
@@ -67,7 +68,21 @@ class Together:
         return object_code(keys.fingerprint(g, nodes_of, layout, False, manner), code)
 
     def ensemble(self, state: State, runs: int) -> Ensemble:
-        """Give the memory of runs, each at this state with these parameters."""
+        """Give the memory of runs, each at this state with these parameters.
+
+        That of the runs before, where there were as many.
+        """
+        e = self._made
+        if e is None or e.runs != runs:
+            e = self._made = self._new(state, runs)
+        e.next = e.working = e.shared = 0.0
+        e.who[:] = e.codes[:] = kernels.NOBODY
+        e.states.reshape(runs, -1)[:] = state.flat
+        own = e.parameters.reshape(runs, -1)
+        own[:, : len(self.system.p.flat)] = self.system.p.flat
+        return e
+
+    def _new(self, state: State, runs: int) -> Ensemble:
         system, fields = self.system, self.method.STATE.fields
         e = Ensemble.made(
             runs=runs, size=system.size, words=len(state.flat), room=self.room,
@@ -76,11 +91,7 @@ class Together:
             first=state.place("series"),
             length=(state.place("new") - state.place("series")) // 2,
         )  # fmt: skip
-        e = Ensemble(_aligned(e))
-        e.states.reshape(runs, -1)[:] = state.flat
-        own = e.parameters.reshape(runs, -1)
-        own[:, : len(system.p.flat)] = system.p.flat
-        return e
+        return Ensemble(_aligned(e))
 
     def advance(self, e: Ensemble, budget: int) -> bool:
         """Go on with the runs of an ensemble; tell whether any is left."""

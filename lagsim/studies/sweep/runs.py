@@ -134,11 +134,11 @@ def _made_together(
             return ()
         values, plain, ends = found
         rows = []
-        cells = ends.ended[:, None, : len(runs.columns)]
+        cells, form = ends.ended[:, None, : len(runs.columns)], runs.form
         for k, own in enumerate(values.swept.tolist()):
             row: Row | None
             if plain[k]:
-                row = Row(tuple(own), DONE, True, None, "", cells[k], runs.form)
+                row = Row(tuple(own), DONE, True, None, "", cells[k], form)
             else:
                 row = runs.row(some[k], interrupt)
             if row is None:
