@@ -124,7 +124,6 @@ def go_on(e: Ensemble, run: int, lane: int) -> None:
     """Do what is to be done in a lane after a step of all of them."""
     lanes = e.lanes
     codes = e.codes
-    state = at(e.states, run * e.words)
     code = PAUSED
     over = lanes[T * LANES + lane] >= lanes[END * LANES + lane]
     if lanes[e.plain * LANES + lane] == 0.0:

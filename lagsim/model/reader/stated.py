@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.model.nodes import Mapping, argument
 from lagsim.model.reader.faults import Faults
 from lagsim.model.reader.initial import Initial
-from lagsim.model.nodes import Mapping, argument
 from lagsim.model.reader.parameters import Parameters, Value, words
 from lagsim.model.reader.relations import again
 from lagsim.model.reader.simulation import read_settings
@@ -83,7 +83,10 @@ class Stated:
         return read_settings(self.sections.simulation, {**self.options, **options}, x)
 
     def bound(
-        self, model: Model, parameters: MappingType[str, str], initial: MappingType[str, str]
+        self,
+        model: Model,
+        parameters: MappingType[str, str],
+        initial: MappingType[str, str],
     ) -> Model:
         """Give a model of this file with other values, see `Model.bind`."""
         faults = Faults(self.file)
@@ -105,7 +108,7 @@ class Stated:
     def rests_on(self, names: Collection[str]) -> bool:
         """Tell whether other numbers rest on these, see `Model.rests_on`."""
         s = self.sections
-        given = dict((key.text, node) for key, node in s.parameters)
+        given = {key.text: node for key, node in s.parameters}
         if s.initial is not None and isinstance(s.initial[1], Mapping):
             given |= {key.text: node for key, node in s.initial[1].entries}
         own = (self.instead, self.starting, self.options)

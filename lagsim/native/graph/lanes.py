@@ -14,7 +14,7 @@ from lagsim.native.graph import sincos
 from lagsim.native.graph.lines import CIRCULAR, number
 from lagsim.native.graph.straight_line import Code, Writer, fixed_nodes
 from lagsim.native.kernels.lines import LANES
-from lagsim.native.kernels.wide import VECTOR, WIDEST, symbol
+from lagsim.native.kernels.wide_values import VECTOR, WIDEST, symbol
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence

@@ -35,8 +35,9 @@ from lagsim.native.kernels.keys import KernelError, as_kernel, is_own, names_in
 from lagsim.native.kernels.lines import PASSED, RETURNED
 from lagsim.native.kernels.source import Source
 from lagsim.native.kernels.statements import Statements
-from lagsim.native.kernels.wide import Wide, declaration
-from lagsim.native.kernels.wide import symbol as wide_symbol
+from lagsim.native.kernels.wide import Wide
+from lagsim.native.kernels.wide_values import declaration
+from lagsim.native.kernels.wide_values import symbol as wide_symbol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

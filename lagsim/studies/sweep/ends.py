@@ -62,7 +62,9 @@ class EndsOfRuns:
         Why none is made side by side; "" where they are.
     """
 
-    def __init__(self, session: Session, grid: Grid, options: Mapping[str, str]) -> None:
+    def __init__(
+        self, session: Session, grid: Grid, options: Mapping[str, str]
+    ) -> None:
         self.session, self.grid, self.options = session, grid, options
         self.refusal = refusal(session) or self._refusal()
         if not self.refusal:
@@ -156,12 +158,16 @@ class EndsOfRuns:
     def _keeps_energy(self, ends: Ends) -> Flags:
         """Tell whose energy less work has not moved, by its first and last row."""
         names = self.session.system.columns.names
-        begun, ended = ({x: rows[:, names.index(x)] for x in TOLD if x in names}
-            for rows in (ends.begun, ends.ended))
+        begun, ended = (
+            {x: rows[:, names.index(x)] for x in TOLD if x in names}
+            for rows in (ends.begun, ends.ended)
+        )
         moved = {x: np.abs(ended[x] - begun[x]) for x in ended}
         drift = ended["energy"] - begun["energy"]
         if "work" in ended:
             drift -= ended["work"] - begun["work"]
-        play = np.maximum.reduce([*moved.values(), np.abs(ended.get("kinetic", ended["energy"]))])
+        play = np.maximum.reduce(
+            [*moved.values(), np.abs(ended.get("kinetic", ended["energy"]))]
+        )
         kept: Flags = np.abs(drift) <= KEPT * UNEXPLAINED * play
         return kept

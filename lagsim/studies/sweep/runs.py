@@ -133,7 +133,7 @@ def _made_together(
         if found is None:
             return ()
         values, plain, ends = found
-        rows = []
+        rows: list[tuple[int, Row]] = []
         cells, form = ends.ended[:, None, : len(runs.columns)], runs.form
         for k, own in enumerate(values.swept.tolist()):
             row: Row | None
