@@ -27,16 +27,26 @@ def gradient(g: Graph, node: int, variables: Sequence[int]) -> list[int]:
 
 
 def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
-    """Give d node / d variable for those of `variables` that `node` depends on."""
-    return _Reverse(g, node, variables).gradient(node)
+    """Give d node / d variable for those of `variables` that `node` depends on.
+
+    What is no leaf among them counts as independent of what it is made of.
+    """
+    return pulled(g, {node: g.one}, variables)
+
+
+def pulled(g: Graph, weights: Gradient, variables: frozenset[int]) -> Gradient:
+    """Give the slopes of the sum of nodes times `weights`, which count as constant."""
+    return _Reverse(g, weights, variables).gradient(weights)
 
 
 class _Reverse:
-    def __init__(self, g: Graph, node: int, variables: frozenset[int]) -> None:
+    def __init__(
+        self, g: Graph, nodes: Iterable[int], variables: frozenset[int]
+    ) -> None:
         self.g = g
         self.variables = variables
         self.active: set[int] = set()
-        cone = g.cone([node])
+        cone = g.cone(nodes)
         for n in cone:
             if n in self.variables or any(a in self.active for a in g.args[n]):
                 self.active.add(n)
@@ -52,23 +62,21 @@ class _Reverse:
         branches = OPERATIONS[g.ops[n]].branches
         assert branches is not None
         condition = branches(g, g.args[n])
-        a, b = self.gradient(first), self.gradient(second)
+        a, b = (self.gradient({branch: g.one}) for branch in (first, second))
         return {
             v: g.call("if", condition, a.get(v, g.zero), b.get(v, g.zero))
             for v in sorted(a.keys() | b.keys())
         }
 
-    def gradient(self, node: int) -> Gradient:
+    def gradient(self, weights: Gradient) -> Gradient:
         g = self.g
-        if node not in self.active:
-            return {}
-        adjoint: Gradient = {node: g.one}
+        adjoint = {n: weight for n, weight in weights.items() if n in self.active}
         result: Gradient = {}
 
         def add(to: Gradient, n: int, term: int) -> None:
             to[n] = g.call("add", to[n], term) if n in to else term
 
-        for n in self._below(node):
+        for n in self._below(adjoint):
             weight = adjoint.pop(n, g.zero)
             if weight == g.zero:
                 continue
@@ -83,10 +91,10 @@ class _Reverse:
                         add(adjoint, a, g.call("mul", weight, slope))
         return result
 
-    def _below(self, node: int) -> list[int]:
-        """Give the active nodes under `node`, last first, stopping at selections."""
-        seen = {node}
-        stack = [node]
+    def _below(self, nodes: Iterable[int]) -> list[int]:
+        """Give the active nodes under `nodes`, last first, stopping at selections."""
+        seen = set(nodes)
+        stack = list(seen)
         while stack:
             n = stack.pop()
             if n in self.selections:

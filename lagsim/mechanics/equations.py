@@ -242,17 +242,18 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
     chains = None
     if chained and len(q) > FEW and all(c.always for c in model.constraints):
-        from lagsim.mechanics import articulated  # of many links
+        from lagsim.mechanics import articulated, bias  # of many links
 
         chains = articulated.shorter_chains(g, model.lagrangian, rates, velocities)
     entries = partial(_mass_matrix, g, momenta, rates)
     M = articulated.ChainedMass(g, chains, entries) if chains else entries()
-    convective = tangent(g, momenta, flow.forward)
     Q = generalized_forces(g, model, flow)
-    f = [
-        g.call("add", g.call("sub", a, c), force)
-        for a, c, force in zip(dL_dq, convective, Q, strict=True)
-    ]
+    if chains:
+        pushes = bias.inertial_forces(model, flow)
+    else:
+        convective = tangent(g, momenta, flow.forward)
+        pushes = [g.call("sub", a, c) for a, c in zip(dL_dq, convective, strict=True)]
+    f = [g.call("add", a, force) for a, force in zip(pushes, Q, strict=True)]
     if isinstance(M, tuple) and _turns(g, model):
         from lagsim.mechanics.inertia import in_fewer_terms
 

@@ -172,6 +172,69 @@ def test_what_else_is_made_of_the_mass_matrix(name: str) -> None:
         assert found[2 * n + 1 :] == pytest.approx(expected, rel=0, abs=bound)
 
 
+@pytest.mark.parametrize("name", SCENES)
+def test_forces_are_those_of_lagrange_s_equations(name: str) -> None:
+    e, full = both(name)
+    moving = {*e.q, *e.velocities, "t"}
+    assert e.graph.cost(e.f, moving) < 0.8 * e.graph.cost(full.f, moving)
+    for values in states(e.model):
+        expected = np.array(evaluate(e.graph, full.f, values))
+        found = evaluate(e.graph, e.f, values)
+        # Lagrange's sums have terms that cancel, of the size of the largest at most.
+        bound = 1e-13 * np.max(np.abs(expected))
+        assert found == pytest.approx(expected, rel=1e-12, abs=bound)
+
+
+def test_forces_of_a_chain_take_few_operations() -> None:
+    """18 a link, counted on paper.
+
+    Sine and cosine and both times l, a'^2, two products with it, two sums along the
+    chain, both times m, two sums back, two products with these and their sum, and the
+    weight and its sum.
+    """
+    counts = []
+    for n in (20, 30):
+        e = derive(read(chain(n, 1.0), "links"))
+        names = {*e.q, *e.velocities}
+        counts.append(
+            sum(map(bool, (e.graph.args[k] for k in e.graph.dependent(e.f, names))))
+        )
+    assert counts[1] - counts[0] <= 10 * 18
+
+
+def test_sums_that_are_no_rates_of_a_definition_keep_their_forces() -> None:
+    """The same chain, its velocities written by hand: nothing tells their positions."""
+    n = 12
+    lines = ["  vx1: cos(a1)*a1_dot", "  vy1: sin(a1)*a1_dot"]
+    for k in range(2, n + 1):
+        lines += [
+            f"  vx{k}: vx{k - 1} + cos(a{k})*a{k}_dot",
+            f"  vy{k}: vy{k - 1} + sin(a{k})*a{k}_dot",
+        ]
+    links = range(1, n + 1)
+    heights = [f"{n - k + 1}*cos(a{k})" for k in links]
+    text = "\n".join(
+        [
+            "coordinates:",
+            *(f"  a{k}: {{}}" for k in links),
+            "definitions:",
+            *lines,
+            "energy:",
+            f"  kinetic: ({' + '.join(f'vx{k}^2 + vy{k}^2' for k in links)})/2",
+            f"  potential: -({' + '.join(heights)})",
+            "initial:",
+            *(f"  a{k}: 1.0" for k in links),
+            "simulation: {duration: 1, output_step: 0.1}",
+        ]
+    )
+    e = derive(read(text, "links"))
+    full = derive(e.model, chained=False)
+    assert e.chains is not None
+    [values] = states(e.model, 1)
+    expected = evaluate(e.graph, full.f, values)
+    assert evaluate(e.graph, e.f, values) == pytest.approx(expected, rel=1e-12)
+
+
 def test_entries_of_a_chain_are_those_of_the_closed_form() -> None:
     """M_ij = m l^2 (n - max(i, j)) cos(a_i - a_j), counted from 0."""
     n = 12

@@ -76,3 +76,53 @@ def test_memory_is_used_again() -> None:
     tape = Compiled(g, {"f": [node]}, tapes.generate)
     # Two values at once; three numbers, of which one is 1 and multiplies nothing.
     assert tape.code.p_size <= SIZE + 2 + 2
+
+
+def links(g: Graph, n: int) -> list[int]:
+    """Give nodes that repeat themselves link by link, with sums along the chain.
+
+    Sines of sums of angles, of which some are sines; conditions; values of the link
+    before and of the one before that; a product that is used once, and one twice.
+    """
+    x, a, w = (g.variable(name) for name in "xaw")
+    angle, far, found = x, g.variable("y"), []
+    for k in range(n):
+        angle = g.call("add", angle, g.constant(0.1 + k / 7))
+        sine, cosine = g.call("sin", angle), g.call("cos", angle)
+        if k % 5 == 4:
+            sine = g.call("sin", sine)
+        along = g.call("mul", g.call("mul", a, cosine), w)
+        near = g.call("sub", g.call("mul", far, sine), g.call("mul", along, sine))
+        high = g.call("gt", near, along)
+        far = g.call("if", high, g.call("div", near, g.call("exp", far)), along)
+        found += [far, cosine]
+    return [*found, g.variable("t"), x, far]
+
+
+def test_what_repeats_itself() -> None:
+    g = Graph()
+    for n in (3, 17, 40):
+        tape, code = pair(g, {"f": links(g, n), "g": links(g, 12)})
+        assert bits(tape.at(VALUES)) == bits(code.at(VALUES))
+        assert bits(tape.at(VALUES, "g")) == bits(code.at(VALUES, "g"))
+
+
+def test_the_machine_is_as_long_for_many_links() -> None:
+    def machine(n: int) -> str:
+        g = Graph()
+        ir = tapes.generate(g, {"f": links(g, n)}, LAYOUT).ir
+        return ir[: ir.index("@tape.f")]
+
+    many = machine(1000)
+    assert "br i1" in many
+    assert len(many) < 1.5 * len(machine(100))
+
+
+def test_sines_wait_for_angles_that_are_sines() -> None:
+    g = Graph()
+    x, found = g.variable("x"), []
+    for k in range(40):
+        one = g.call("sin", g.call("mul", x, g.constant(1.0 + k)))
+        found += [g.call("cos", one), g.call("sin", g.call("cos", one)), one]
+    tape, code = pair(g, {"f": found})
+    assert bits(tape.at(VALUES)) == bits(code.at(VALUES))

@@ -105,6 +105,29 @@ def _hoisted(g: Graph, roots: Sequence[int], varying: set[int]) -> list[int]:
     )
 
 
+def ordered(g: Graph, roots: Collection[int], places: Mapping[int, int]) -> list[int]:
+    """Give what must be evaluated, stopping at what `prepare` has computed.
+
+    Sines and cosines come early and side by side: first those of angles that wait
+    for none, then those that wait for these.
+    """
+    order = g.cone(roots, places)
+    depth: dict[int, int] = {}
+    rounds: dict[int, list[int]] = {}
+    for n in order:
+        inside = () if n in places else g.args[n]
+        depth[n] = max((depth[a] for a in inside), default=0)
+        if g.ops[n] in CIRCULAR and n not in places:
+            depth[n] += 1
+            rounds.setdefault(depth[n], []).append(n)
+    sorted_: dict[int, None] = {}
+    for k in sorted(rounds):
+        angles = [g.args[n][0] for n in rounds[k]]
+        sorted_ |= dict.fromkeys(g.cone(angles, {**places, **sorted_}))
+        sorted_ |= dict.fromkeys(rounds[k])
+    return list(sorted_ | dict.fromkeys(order))
+
+
 class Writer(Lines):
     """Writes one function.
 
@@ -141,7 +164,7 @@ class Writer(Lines):
         manner: str = "",
     ) -> None:
         """Write it: each of `stores` is (node, array, index)."""
-        order = self._order([node for node, _, _ in stores], places)
+        order = ordered(self.g, [node for node, _, _ in stores], places)
         pieces = [
             order[i : i + keys.PIECE] for i in range(0, len(order), keys.PIECE)
         ] or [[]]
@@ -162,29 +185,6 @@ class Writer(Lines):
             self.lines.append(f"define void @{name}({self.signature}) {{")
             self.lines += [f"call void @{p}({self.signature})" for p in names]
             self.lines += ["ret void", "}"]
-
-    def _order(self, roots: Sequence[int], places: Mapping[int, int]) -> list[int]:
-        """Give what must be evaluated, stopping at what `prepare` has computed.
-
-        Sines and cosines come early and side by side: first those of angles that wait
-        for none, then those that wait for these.
-        """
-        g = self.g
-        order = g.cone(roots, places)
-        depth: dict[int, int] = {}
-        rounds: dict[int, list[int]] = {}
-        for n in order:
-            inside = () if n in places else g.args[n]
-            depth[n] = max((depth[a] for a in inside), default=0)
-            if g.ops[n] in CIRCULAR and n not in places:
-                depth[n] += 1
-                rounds.setdefault(depth[n], []).append(n)
-        sorted_: dict[int, None] = {}
-        for k in sorted(rounds):
-            angles = [g.args[n][0] for n in rounds[k]]
-            sorted_ |= dict.fromkeys(g.cone(angles, {**places, **sorted_}))
-            sorted_ |= dict.fromkeys(rounds[k])
-        return list(sorted_ | dict.fromkeys(order))
 
     def _passed(
         self, pieces: Sequence[Sequence[int]], places: Mapping[int, int]

@@ -1,0 +1,120 @@
+"""A motion's power series, c = [order, y_0 (size,), ..., y_order]: sums, the step."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts.controller import against
+from lagsim.methods.parts.noise import TIGHT
+from lagsim.methods.parts.powers import log2_of, two_to_the
+from lagsim.methods.parts.state import State
+from lagsim.native.kernels.words import unrolled
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+
+# Terms shrink by e^2 from one to the next at the step that costs least per unit of
+# time (Jorba and Zou, proposition 3.1).
+LOG_SHRINK = 2.0 / math.log(2.0)  # as a power of two
+# Below this numbers are not normal.
+LEAST_NUMBER = 2.0**-1000
+# How many of the last coefficients bound the step.
+GUARD = 4
+# A priori bounds are met with this much room, or one step in two fails the check.
+SAFETY = 0.9
+# At tight tolerances truncation is kept below rounding, which it outgrows; and shorter
+# steps average more of what forces are rounded by.
+TIGHT_SAFETY = 0.6
+
+
+def chosen_step(s: State, c: Floats, t: float) -> float:
+    """Give the step from t at which the terms after the last are within the tolerance.
+
+    If each of the last GUARD terms is within its bound, and they shrink by e^2 from
+    one to the next, so is the first that is left out. Not longer than the arc.
+    """
+    size = s.size
+    order = int(c[0])
+    tolerances = s.tolerances
+    largest = s.work
+    arc = s.end - t
+    if arc <= 0.0:
+        return 0.0
+    for back in unrolled(GUARD):
+        largest[back] = 0.0
+    for i in range(size):
+        if tolerances[i] > 0.0:
+            part = 1.0 / max(tolerances[i], LEAST_NUMBER)
+            for back in unrolled(GUARD):
+                term = abs(c[1 + (order - back) * size + i]) * part
+                largest[back] = max(largest[back], term)
+    safety = TIGHT_SAFETY if s.rtol < TIGHT else SAFETY
+    logarithm = log2_of(max(arc / safety, LEAST_NUMBER))
+    for back in unrolled(GUARD):
+        if not largest[back] < 1e300:
+            return 0.0
+        if largest[back] > LEAST_NUMBER:
+            bound = (back + 1) * LOG_SHRINK - log2_of(largest[back])
+            logarithm = min(logarithm, bound / (order - back))
+    return safety * two_to_the(logarithm)
+
+
+def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
+    """Give the sum of y_k h^k from k = 2, even and odd powers apart: they overlap."""
+    order = int(c[0])
+    square = h * h
+    for i in range(size):
+        high = c[1 + order * size + i]
+        low = c[1 + (order - 1) * size + i]
+        for back in range(1, (order - 1) // 2):
+            k = order - 2 * back
+            high = high * square + c[1 + k * size + i]
+            low = low * square + c[1 + (k - 1) * size + i]
+        if order % 2 == 0:
+            low = low * h + c[1 + 2 * size + i]
+            out[i] = (high * square + low) * square
+        else:
+            out[i] = (high * h + low) * square
+
+
+def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
+    """Give the sum of k y_k h^(k - 1) in the same way, from component `first` on."""
+    order = int(c[0])
+    square = h * h
+    for i in range(first, size):
+        high = order * c[1 + order * size + i]
+        low = (order - 1) * c[1 + (order - 1) * size + i]
+        for back in range(1, order // 2):
+            k = order - 2 * back
+            high = high * square + k * c[1 + k * size + i]
+            low = low * square + (k - 1) * c[1 + (k - 1) * size + i]
+        out[i] = high * h + low
+        if order % 2 == 1:
+            out[i] = out[i] * h + c[1 + size + i]
+
+
+def lead(size: int, c: Floats, h: float, out: Floats) -> None:
+    """Give how far off (size,) the terms of a series may lead in a step."""
+    order = int(c[0])
+    for i in range(size):
+        far = 0.0
+        for back in range(order):
+            far = (far + abs(c[1 + (order - back) * size + i])) * h
+        out[i] = c[1 + i] + far
+
+
+def misfit(s: State, c: Floats, slope: Floats, h: float) -> float:
+    """Give the error of a step of series c, from y' (size,) at its end."""
+    size = s.size
+    tolerances = s.tolerances
+    rates = s.work
+    sum_rates(size, 0, c, h, rates)
+    worst = 0.0
+    for i in range(size):
+        if tolerances[i] > 0.0:
+            off = abs(slope[i] - rates[i]) * h / (c[0] + 1.0)
+            if not off < 1e300:
+                return 1e300
+            worst = max(worst, against(off, tolerances[i]))
+    return worst
