@@ -5,11 +5,11 @@ straight-line code. K follows from the tolerance (15 at the default), the step f
 last four coefficients: two alone vanish where a start is symmetric, and the error then
 grows without a warning. The next step's series, which is needed anyway, tells how far
 the motion is off the equations at the step's end: a step that is too long is made anew.
-Where that happens to most steps the scene
-is stiff. Rows between steps are the series itself, to full order. The method for tight
-tolerances; its code grows with the square of K and takes longer to compile. On the
-imaginary axis order 15 does not grow for step * frequency below 1.66, and beyond by
-less than its truncation error, which is what bounds the step.
+Where that happens to most steps the scene is stiff. Rows between steps are the series
+itself, to full order. The method for tight tolerances; its code grows with the square
+of K and takes longer to compile. On the imaginary axis order 15 does not grow for
+step * frequency below 1.66, and beyond by less than its truncation error, which is what
+bounds the step.
 
 Sources: A. Jorba and M. Zou, Experimental Mathematics 14 (2005), sections 3.1 to 3.3;
 E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I, 2nd
@@ -29,6 +29,12 @@ from lagsim.methods.parts.controller import (
     record_measured,
     record_sizes,
     set_tolerances,
+)
+from lagsim.methods.parts.driver import (
+    keep_sizes,
+    note_inertias,
+    pass_rows,
+    record_step,
 )
 from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
@@ -58,12 +64,6 @@ from lagsim.methods.parts.state import (
     STEP_TOO_SMALL,
     State,
 )
-from lagsim.methods.parts.steps import (
-    keep_sizes,
-    note_inertias,
-    pass_rows,
-    record_step,
-)
 from lagsim.methods.parts.strays import asks
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
@@ -88,8 +88,7 @@ SWITCHES = True
 
 LEAST_ORDER = 4
 MOST_ORDER = 22
-# A step that is made anew is shortened by not less than the first and not more than the
-# second.
+# A step made anew is shortened by not less than the first, not more than the second.
 # An error of up to this many tolerances is let pass: the bound is for the step before.
 PASSED = 1.0
 SHORTER = 0.9
