@@ -267,7 +267,7 @@ class Job:
                 from lagsim.outputs.replaced import replaced
 
                 caution = replaced(before, document, results.folder)
-                document["warnings"] += [caution._asdict()] if caution else []
+                document["warnings"] += [caution.record] if caution else []
             commit(results, document, {})
         self._report(found, document, results.folder)
         if full:
@@ -318,10 +318,12 @@ class Job:
         self, found: Attempt, document: Mapping[str, Any], folder: Path
     ) -> None:
         if not document["complete"]:
-            complain(f"lagsim: {document['reason']}")
+            failed = document["failure"]
+            numbered = f" [{failed['number']}]" if failed else ""
+            complain(f"lagsim: {document['reason']}{numbered}")
         if not self.quiet or self.strict:
             for caution in document["warnings"]:
-                complain(f"warning: {caution['text']}")
+                complain(f"warning: {caution['text']} [{caution['number']}]")
         if self.documents is not None:
             self.documents.append(document)
         elif not self.quiet:
