@@ -26,20 +26,18 @@ SAFETY = 0.9
 # steps average more of what forces are rounded by.
 TIGHT_SAFETY = 0.6
 # Logarithms and powers of two by interpolants at Chebyshev's nodes: lanes of vectors
-# have them at once. A step is not known better than to their ten digits.
-# log2(1 + f)/f for 1/sqrt(2) <= 1 + f <= sqrt(2); f times it is within 1e-11.
+# have them at once. A step is not known better than to their nine digits.
+# log2(1 + f)/f for 1/sqrt(2) <= 1 + f <= sqrt(2); f times it is within 4e-10.
 LOGARITHM = (
-    1.4426950408708794, -0.7213475209631551, 0.4808983601762459, -0.3606736553159396,
-    0.28853739437873954, -0.24045433696411997, 0.20617283226751987,
-    -0.1802710257711494, 0.15878356832510718, -0.14349039375280995, 0.14495052999815844,
-    -0.1414478821058739, 0.07553790398013412,
+    1.4426950417560511, -0.7213475119905358, 0.48089790445500086, -0.36067466009513405,
+    0.2885755897331174, -0.24044757077719425, 0.20504002106652403, -0.17919457239512765,
+    0.17234259277671127, -0.16765051818984325, 0.09481863798699576,
 )  # fmt: skip
-# 2^f for |f| <= 1/2, to rounding.
+# 2^f for |f| <= 1/2, within 1e-10.
 POWER = (
-    1.0, 0.69314718055995, 0.24022650695910097, 0.05550410866444772,
-    0.009618129107606888, 0.0013333558230164974, 0.0001540353044173605,
-    1.5252657260200837e-05, 1.321544258792169e-06, 1.0208690299958306e-07,
-    7.072585949269223e-09,
+    0.9999999999595618, 0.6931471805568324, 0.24022651213498092, 0.055504109063258665,
+    0.009618025613318034, 0.0013333478473685416, 0.00015469729214118296,
+    1.5303700711365693e-05,
 )  # fmt: skip
 ROOT = 2.0**0.5
 # Exponents of normal numbers; and what rounds to a whole number when it is added.
@@ -148,9 +146,9 @@ def log2_of(x: float) -> float:
         m = 0.5 * m
         k += 1.0
     f = m - 1.0
-    found = LOGARITHM[12]
-    for down in unrolled(12):
-        found = found * f + LOGARITHM[11 - down]
+    found = LOGARITHM[10]
+    for down in unrolled(10):
+        found = found * f + LOGARITHM[9 - down]
     return k + f * found
 
 
@@ -159,7 +157,7 @@ def two_to_the(x: float) -> float:
     x = min(max(x, LEAST), MOST)
     k = (x + ROUNDER) - ROUNDER
     f = x - k
-    found = POWER[10]
-    for down in unrolled(10):
-        found = found * f + POWER[9 - down]
+    found = POWER[7]
+    for down in unrolled(7):
+        found = found * f + POWER[6 - down]
     return found * two_to(k)
