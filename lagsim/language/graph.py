@@ -62,6 +62,10 @@ class Graph:
     def __len__(self) -> int:
         return len(self.ops)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Give what is kept of it elsewhere: what was found out is found again."""
+        return self.__dict__ | {"remembered": {}}
+
     def kept(
         self,
         op: str,

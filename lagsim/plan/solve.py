@@ -14,17 +14,15 @@ from lagsim.mechanics.ldl import (
     dense_operations,
 )
 from lagsim.notes import Choice
+from lagsim.plan.plan import WELL_CONDITIONED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.admissibility import Start
+    from lagsim.admissibility.report import Start
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
 
-# Normal equations square the condition of the rows: below this the loops with their QR
-# decomposition take over (numerics: S loses half of the digits of lambda).
-WELL_CONDITIONED = 1e-2
 # Loops of so many multiplications take a millisecond: that is no reason to do without
 # their QR decomposition.
 CHEAP = 10**6

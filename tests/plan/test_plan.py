@@ -6,7 +6,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.model.settings import DEFAULT_RTOL
-from lagsim.plan import by_loops
+from lagsim.plan.making import by_loops
 from tests.scenes.reference import model_text
 from tests.support import case_of
 

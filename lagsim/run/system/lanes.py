@@ -12,6 +12,7 @@ from lagsim.methods.parts.lanes import Ensemble
 from lagsim.native.graph import keys
 from lagsim.native.link.cache import kernel_object, object_code
 from lagsim.native.link.engine import Engine
+from lagsim.run.system.runner import objects_of
 
 if TYPE_CHECKING:
     from lagsim.methods.parts.state import State
@@ -42,7 +43,7 @@ class Together:
         self.room = max(room, len(system.p.flat))
         self.engine = Engine(
             [
-                *runner.objects,
+                *objects_of(system, name),
                 code,
                 kernel_object(tried, statics, wide=True),
                 kernel_object([kernels.together]),
