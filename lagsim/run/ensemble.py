@@ -117,7 +117,7 @@ class Abreast:
         e.states.reshape(runs, -1)[:, y : y + given] = starts
         own = e.parameters.reshape(runs, -1)
         for name, values in parameters.items():
-            own[:, self.system.layout.p[name]] = values
+            own[:, self._together.places[name]] = values
         e.most = LONG
         while self._together.advance(e, STEPS):
             if interrupt is not None and interrupt.asked:

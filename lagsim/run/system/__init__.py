@@ -74,8 +74,8 @@ class System:
         Object code of the model's functions.
     operations : int
         About how many one evaluation takes, of y' or of its series.
-    nodes_of : dict of str to list of int
-        What has been compiled, and how its memory is laid out (`layout`).
+    made_from : tuple
+        What has been compiled, name -> nodes, and the fields of its `Layout`.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -152,7 +152,7 @@ class System:
             keys.fingerprint(equations.graph, nodes_of, layout, plan.tape, MANNER),
             lambda: self._code(nodes_of, layout),
         )
-        self.nodes_of, self.layout = nodes_of, layout
+        self.made_from = nodes_of, tuple(layout)
         self._layout_of = layout.p
         self.p: Parameters = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]

@@ -15,6 +15,8 @@ from lagsim.native.link.engine import Engine
 from lagsim.run.system.runner import objects_of
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from lagsim.methods.parts.state import State
     from lagsim.native.graph.straight_line import Code
     from lagsim.run.system import System
@@ -41,6 +43,7 @@ class Together:
         tried = [method.try_plain, method.take_plain]
         code, room = self._functions()
         self.room = max(room, len(system.p.flat))
+        self.places: Mapping[str, int] = keys.Layout(*system.made_from[1]).p
         self.engine = Engine(
             [
                 *objects_of(system, name),
@@ -57,7 +60,8 @@ class Together:
     def _functions(self) -> tuple[bytes, int]:
         """Give the object code of what is called, and the length of p that it needs."""
         system = self.system
-        g, nodes_of, layout = system.equations.graph, system.nodes_of, system.layout
+        g, (nodes_of, fields) = system.equations.graph, system.made_from
+        layout = keys.Layout(*fields)
         names = tuple(name for name in CALLED if name in nodes_of)
 
         def code() -> Code:
