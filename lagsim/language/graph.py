@@ -54,7 +54,7 @@ class Graph:
         self.ops: list[str] = []
         self.args: list[tuple[int, ...]] = []
         self._payload: dict[int, float | str | bool] = {}
-        self._known: dict[tuple[object, ...], int] = {}
+        self._known: dict[str, dict[object, int]] = {}  # operation -> args or payload
         self.remembered: dict[object, Any] = {}
         self.zero = self.constant(0.0)
         self.one = self.constant(1.0)
@@ -79,8 +79,9 @@ class Graph:
         InputError
             Where there would be too many.
         """
-        key = (op, *args) if payload is None else (op, payload)
-        known = self._known.get(key)
+        alike = self._known.setdefault(op, {})
+        key = args if payload is None else payload
+        known = alike.get(key)
         if known is not None:
             return known
         node = len(self.ops)
@@ -90,7 +91,7 @@ class Graph:
         self.args.append(args)
         if payload is not None:
             self._payload[node] = payload
-        self._known[key] = node
+        alike[key] = node
         return node
 
     def constant(self, x: float) -> int:

@@ -19,6 +19,7 @@ from lagsim.plan.solve import (
     eliminate,
     from_tape,
     independence_of,
+    many_slopes,
     set_aside,
 )
 from lagsim.plan.subsystems import LARGEST, refusal, saving, subsystems
@@ -78,6 +79,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     switching = bool(switches.sides or equations.laws)
     name = choose(equations, scene, solved, settings, choices, switching=switching)
     adaptive = bool(method(name).ADAPTIVE)
+    tape = tape or many_slopes(equations, method(name).NEEDS, choices)
     return Plan(
         method=name,
         formulation=found.name,

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 CHEAP = 10**6
 # Code that fills in more entries of M and A than these compiles for long.
 MOST_ENTRIES = 10_000
+# Functions of as many slopes as n (n + m), twice: see `system.functions`.
+SLOPES = frozenset(("jacobian", "lagrangian"))
 
 
 def eliminate(
@@ -79,6 +81,18 @@ def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
     if elimination is not None:
         return elimination.operations > BUDGET
     return len(equations.q) * (len(equations.q) + len(equations.rows)) > MOST_ENTRIES
+
+
+def many_slopes(
+    equations: Equations, needs: Sequence[str], choices: list[Choice]
+) -> bool:
+    """Tell whether the slopes that a method needs would compile for long."""
+    n, m = len(equations.q), len(equations.rows)
+    slopes = 2 * n * (n + m)
+    if not SLOPES.intersection(needs) or slopes <= MOST_ENTRIES:
+        return False
+    choices.append(Choice("tapes", f"{slopes} slopes would compile for long"))
+    return True
 
 
 def independence_of(

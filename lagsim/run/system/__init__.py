@@ -166,7 +166,7 @@ class System:
         if self.plan.tape:
             from lagsim.native.graph import tapes
 
-            return tapes.generate(g, nodes_of, layout)
+            return tapes.generate(g, nodes_of, layout, MANNER["sparse"])
         from lagsim.native.graph import straight_line
 
         return straight_line.generate(g, nodes_of, layout, **MANNER)
