@@ -152,6 +152,7 @@ class System:
             keys.fingerprint(equations.graph, nodes_of, layout, plan.tape, MANNER),
             lambda: self._code(nodes_of, layout),
         )
+        self.made_from: tuple[dict[str, list[int]], tuple[Any, ...]]
         self.made_from = nodes_of, tuple(layout)
         self._layout_of = layout.p
         self.p: Parameters = self._filled(p)
