@@ -175,6 +175,9 @@ def command(
     return code[-1]
 
 
+# Numbers in a table from which on it is asked whether the disk has room: 20 megabytes.
+MANY = 1_000_000
+
 # Where results go if nobody says where.
 RESULTS = Path("results")
 
@@ -235,8 +238,27 @@ class Job:
             session = open_case(model, settings, clock=clock).ready(clock=clock)
         from lagsim.outputs.results import open_results
 
-        with open_results(self.folder or RESULTS / model.name) as results:
+        folder = self.folder or RESULTS / model.name
+        self._ask_for_room(session, folder)
+        with open_results(folder) as results:
             return self._integrate(session, results)
+
+    def _ask_for_room(self, session: Session, folder: Path) -> None:
+        """Refuse what fills the disk, before it is computed.
+
+        Raises
+        ------
+        InputError
+        """
+        settings, columns = session.case.settings, len(session.system.units())
+        if settings.duration / settings.output_step * columns < MANY:
+            return
+        from lagsim.outputs.room import refuse_without_room
+
+        ends = session.case.equations.model.until is not None
+        told = refuse_without_room(folder, self.table, settings, columns, ends=ends)
+        if told and not self.quiet:
+            complain(f"warning: {told}")
 
     def _integrate(self, session: Session, results: Results) -> int:
         from lagsim.outputs.results import MANIFEST
@@ -268,6 +290,7 @@ class Job:
 
                 caution = replaced(before, document, results.folder)
                 document["warnings"] += [caution._asdict()] if caution else []
+            document["sha256"] = results.digests()
             commit(results, document, {})
         self._report(found, document, results.folder)
         if full:

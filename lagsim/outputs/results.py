@@ -87,6 +87,16 @@ class Results:
             self.names.remove(name)
         self._part(name).unlink(missing_ok=True)
 
+    def digests(self) -> dict[str, str]:
+        """Give the sha256 of each file, so that who reads them knows them for one set.
+
+        Raises
+        ------
+        OSError
+            If one cannot be read.
+        """
+        return {name: files.digest(self._part(name)) for name in self.names}
+
     def commit(self, manifest: bytes) -> None:
         """Put all files in their places, remove what the last run left, then run.json.
 
