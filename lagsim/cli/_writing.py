@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING, Any
+import time
+from typing import TYPE_CHECKING, Any, cast
 
 from lagsim.cli._streams import UnwritableError
 from lagsim.errors import InputError
@@ -14,9 +15,17 @@ if TYPE_CHECKING:
 
     from lagsim.outputs import Format
     from lagsim.outputs.results import Results
-    from lagsim.outputs.table import Writer
+    from lagsim.outputs.table import TableWriter, Writer
+    from lagsim.run.apart import Apart
+    from lagsim.run.arcs import Run
     from lagsim.run.interrupt import Interrupt
+    from lagsim.run.observers import Relay
+    from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
+    from lagsim.studies.restart import Restart
+
+# What a run has come to is kept from then on, for `--resume`; shorter ones begin anew.
+KEPT_AFTER_SECONDS = 3.0
 
 
 def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
@@ -67,6 +76,31 @@ def open_table(
         )
     except OSError as error:
         raise results.unusable(error) from None
+
+
+class Later:
+    """Has a run kept from some seconds on; before, nothing for that is loaded."""
+
+    def __init__(self, writer: Writer, made: Callable[[], Restart]) -> None:
+        self.writer, self.made = writer, made
+
+    def __call__(
+        self, run: Run | Apart, *, relay: Relay, session: Session, at_once: bool = False
+    ) -> None:
+        """Take a run that is about to begin; or put it where another was."""
+        due = time.monotonic() + KEPT_AFTER_SECONDS
+
+        def tick(run: Run | Apart) -> None:
+            if at_once or time.monotonic() > due:
+                from lagsim.studies.restart import Kept
+
+                writer = cast("TableWriter", self.writer)
+                self.made().join(run, Kept(session, relay, writer))
+
+        if at_once:
+            tick(run)
+        else:
+            run.tick = tick
 
 
 def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:

@@ -23,7 +23,8 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import commit, cut_short, finish, open_table
+from lagsim.cli._writing import Later, commit, cut_short, finish, open_table
+from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.outputs import Format
@@ -32,11 +33,12 @@ from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from lagsim.outputs.results import Results
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
+    from lagsim.studies.restart import Restart
 
 
 Method = Annotated[
@@ -141,6 +143,9 @@ def command(
     animate: Annotated[
         bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
     ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with one that was interrupted.")
+    ] = False,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -155,7 +160,8 @@ def command(
     )  # fmt: skip
     job = partial(
         Job, error_bars=error_bar, table=table, show_units=units,
-        plots=None if no_plots else form, animate=animate, quiet=quiet, strict=strict,
+        plots=None if no_plots else form, animate=animate, resume=resume, quiet=quiet,
+        strict=strict,
     )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import Batch
@@ -200,6 +206,7 @@ class Job:
         show_units: bool,
         plots: Picture | None,
         animate: bool,
+        resume: bool,
         quiet: bool,
         strict: bool,
         documents: list[Any] | None = None,
@@ -208,7 +215,7 @@ class Job:
         self.folder = folder
         self.error_bars = error_bars
         self.table, self.show_units = table, show_units
-        self.plots, self.animate = plots, animate
+        self.plots, self.animate, self.resume = plots, animate, resume
         self.documents = documents
         self.quiet = quiet
         self.strict = strict
@@ -226,6 +233,9 @@ class Job:
         from lagsim.model.reader import read
 
         clock = self.clock
+        if self.resume and self.table is not Format.CSV:
+            text = "--resume goes on with a table as CSV, the one that grows by rows"
+            raise InputError([Problem("usage", text)])
         if self.table is not Format.CSV:
             from lagsim.outputs.packed import check_format
 
@@ -240,8 +250,25 @@ class Job:
 
         folder = self.folder or RESULTS / model.name
         self._ask_for_room(session, folder)
-        with open_results(folder) as results:
-            return self._integrate(session, results)
+        asked = {**options, "set": dict(overrides)}
+        restart = partial(self._restart, folder, model.sha256, asked)
+        known = restart() if self.resume else None
+        with open_results(
+            folder, first=None if known is None else known.rescue
+        ) as results:
+            if known is not None and known.stand is None and not self.quiet:
+                complain(f"lagsim: nothing is left in {folder} to go on with")
+            made = restart if known is None else lambda: known
+            return self._integrate(session, results, made)
+
+    def _restart(self, folder: Path, sha256: str, asked: Mapping[str, Any]) -> Restart:
+        """Give what keeps a run of these wishes, and goes on with it."""
+        from lagsim.studies.restart import Restart
+
+        more = self.error_bars, self.show_units, self.plots, self.animate
+        wishes = f"{sorted(asked.items())} {more}"
+        identity = {"model text": sha256, "set of options": wishes}
+        return Restart(folder, self.table.file, identity)
 
     def _ask_for_room(self, session: Session, folder: Path) -> None:
         """Refuse what fills the disk, before it is computed.
@@ -260,7 +287,9 @@ class Job:
         if told and not self.quiet:
             complain(f"warning: {told}")
 
-    def _integrate(self, session: Session, results: Results) -> int:
+    def _integrate(
+        self, session: Session, results: Results, restart: Callable[[], Restart]
+    ) -> int:
         from lagsim.outputs.results import MANIFEST
         from lagsim.studies.attempts import Attempts
 
@@ -271,10 +300,13 @@ class Job:
             units = of_table(session.case.equations, units)
         table = open_table(results, self.table, units, show_units=self.show_units)
         with table as writer, interrupt.noted():
+            joined = None
+            if self.table is Format.CSV:
+                joined = partial(Later(writer, restart), at_once=self.resume)
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
                 thinned=self.plots is not None, animated=self.animate,
-                progress=partial(progress_bar, quiet=self.quiet),
+                progress=partial(progress_bar, quiet=self.quiet), joined=joined,
             ).best(session)  # fmt: skip
             lost = finish(writer, results, self.table)
             full = lost or found.fault or self._write(found, results)
@@ -292,6 +324,8 @@ class Job:
                 document["warnings"] += [caution._asdict()] if caution else []
             document["sha256"] = results.digests()
             commit(results, document, {})
+            if not full and document["outcome"] != "interrupted":
+                results.forget()
         self._report(found, document, results.folder)
         if full:
             return UnwritableError.exit_code
@@ -340,8 +374,12 @@ class Job:
     def _report(
         self, found: Attempt, document: Mapping[str, Any], folder: Path
     ) -> None:
+        from lagsim.outputs.results import RESTART
+
         if not document["complete"]:
             complain(f"lagsim: {document['reason']}")
+            if (folder / RESTART).exists():
+                complain("lagsim: the same command with --resume goes on with it")
         if not self.quiet or self.strict:
             for caution in document["warnings"]:
                 complain(f"warning: {caution['text']}")

@@ -133,6 +133,10 @@ class Memory:
             cls.fields[name] = field
             setattr(cls, name, field)
 
+    def __reduce__(self) -> tuple[type[Self], tuple[Floats]]:
+        """Give how it is made again, elsewhere."""
+        return type(self), (self.flat,)
+
     @classmethod
     def made(cls, **sizes: int) -> Self:
         """Make a memory; sizes that are not given are what they are declared as."""

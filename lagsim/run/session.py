@@ -182,6 +182,7 @@ class Session:
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
         corners: Corners | None = None,
+        joined: Callable[[Run | Apart], None] | None = None,
     ) -> Trajectory:
         """Integrate, handing every row to the observers.
 
@@ -191,6 +192,8 @@ class Session:
             Gets what happens at events between rows.
         progress
             Called with the fraction of the run that is done.
+        joined
+            Gets the run before it begins, and may put it where another was.
         """
         from lagsim.run.states import MOST_STEPS
 
@@ -211,6 +214,8 @@ class Session:
                 observers, interrupt=interrupt, progress=progress,
                 longest_step=self.longest_step, corners=corners,
             )  # fmt: skip
+        if joined is not None:
+            joined(run)
         import numpy as np
 
         # A motion that diverges passes every number; what is made of it says so itself.
