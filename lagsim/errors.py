@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from lagsim.codes.row import Row
+
 
 # A source line longer than this is shown around the fault only.
 WINDOW = 160
@@ -47,12 +49,36 @@ class Place(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """One fault of the input: a stable code, a sentence, its place and a hint."""
+    """One fault of the input: a stable code, a sentence, its place and a hint.
+
+    `lagsim.codes` has the code's number, and what more is known of such faults.
+    """
 
     code: str
     text: str
     place: Place | None = None
     hint: str = ""
+
+    @property
+    def number(self) -> str:
+        """The number that goes with the code, such as E104."""
+        return self._row.number
+
+    @property
+    def expected(self) -> str:
+        """What is expected there."""
+        return self._row.expected
+
+    @property
+    def whole(self) -> Problem:
+        """The same, with the hint that goes with the code where it has none."""
+        return self if self.hint else self._replace(hint=self._row.hint)
+
+    @property
+    def _row(self) -> Row:
+        from lagsim.codes import errors
+
+        return errors()[self.code]
 
     @property
     def file(self) -> str | None:
@@ -75,7 +101,8 @@ class Problem(NamedTuple):
 
     def shown(self, window: int = WINDOW) -> str:
         """Give the same, with no more than so many letters of the source line."""
-        lines = [f"{self.place}: {self.text}" if self.place else self.text]
+        where = f"{self.place}: " if self.place else ""
+        lines = [f"{where}{self.text} [{self.number}]"]
         if self.place and self.place.source:
             lines += self._pointed(self.place, window)
         if self.hint:
@@ -97,16 +124,18 @@ class Problem(NamedTuple):
 
 
 class LagsimError(Exception):
-    """What the user can mend; `exit_code` is the command's."""
+    """What the user can mend; `exit_code` is the command's, `code` a stable word."""
 
     exit_code = 2
+    code = "failed"
 
 
 class InputError(LagsimError):
     """The input is unusable (exit 2): every fault of it, in the order of the file."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
-        self.problems = tuple(problems)
+        self.problems = tuple(problem.whole for problem in problems)
+        self.code = self.problems[0].code
         super().__init__(self.problems)  # another process makes it anew from these
 
     def __str__(self) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Choice(NamedTuple):
@@ -36,3 +36,15 @@ class Caution(NamedTuple):
 
     code: str
     text: str
+
+    @property
+    def number(self) -> str:
+        """The number that goes with the code, such as W104."""
+        from lagsim.codes import cautions
+
+        return cautions()[self.code].number
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """What documents say of it."""
+        return {"code": self.code, "number": self.number, "text": self.text}

@@ -69,6 +69,7 @@ class InadmissibleError(LagsimError):
     """No run begins at this start; `examination` says why, and what would do."""
 
     exit_code = 1
+    code = "inadmissible"
 
     def __init__(self, text: str, examination: Examination) -> None:
         super().__init__(text)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 COMMANDS = (
     "new", "run", "sweep", "check", "derive", "compare", "overlay", "spectrum",
-    "golden", "bench", "stability", "methods", "schema",
+    "golden", "bench", "stability", "methods", "explain", "schema",
 )  # fmt: skip
 
 
@@ -129,11 +129,13 @@ def _usage(error: Exception) -> int:
     from lagsim.cli._shared import show_json
     from lagsim.errors import Problem
 
+    told = getattr(error, "format_message", lambda: str(error))()
+    problem = Problem("usage", told)
     if "--json" in sys.argv[1:]:
-        told = getattr(error, "format_message", lambda: str(error))()
-        show_json(errors_document([Problem("usage", told)]))
+        show_json(errors_document([problem]))
     else:
-        with contextlib.redirect_stderr(io.StringIO()) as told:
+        with contextlib.redirect_stderr(io.StringIO()) as shown:
             error.show()  # type: ignore[attr-defined]
-        _streams.complain(told.getvalue().rstrip("\n"))
+        text = shown.getvalue().rstrip("\n")
+        _streams.complain(f"{text} [{problem.number}]")
     return 2

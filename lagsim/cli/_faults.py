@@ -61,7 +61,7 @@ def faults_shown(
         code.append(error.exit_code)
         from lagsim.cli._github import annotate_problem
 
-        problems = [Problem("failed", str(error))]
+        problems = [Problem(error.code, str(error)).whole]
         if isinstance(error, InputError):
             problems = list(error.problems)
         if raised is not None:
@@ -83,13 +83,6 @@ def plain(error: LagsimError) -> str:
     return str(error)
 
 
-def code_of(error: LagsimError) -> str:
-    """Give the code of an error's first fault."""
-    if isinstance(error, InputError):
-        return error.problems[0].code
-    return "inadmissible" if isinstance(error, StartError) else "failed"
-
-
 def _print_problems(problems: list[Problem]) -> None:
     width = width_of(sys.stderr)
     window = WINDOW if width is None else min(WINDOW, width - 2)
@@ -106,19 +99,24 @@ def errors_document(
 
 
 # Their faults are not the model's.
-_OUTSIDE = ("usage", "output-folder", "failed")
+_OUTSIDE = ("usage", "output-folder", "failed", "no-room", "no-reference")
 
 
 def _as_mapping(problem: Problem, file: str | None) -> Mapping[str, Any]:
     if problem.code in _OUTSIDE:
         file = None
+    place = problem.place
     return {
         "file": problem.file or file,
         "line": problem.line,
         "column": problem.column,
+        "length": place.length if place else None,
+        "source": place.source if place else None,
         "code": problem.code,
+        "number": problem.number,
         "text": problem.text,
-        "hint": problem.hint,
+        "expected": problem.expected,
+        "hint": problem.whole.hint,
     }
 
 
@@ -139,16 +137,18 @@ def unforeseen() -> int:
     """
     import traceback
 
+    from lagsim.codes import number
+
     told = traceback.format_exc()
     starved = _MEMORY if _STARVED.search(told) else ""
     if os.strerror(errno.EMFILE) in told or os.strerror(errno.ENFILE) in told:
         starved = _FILES
     if starved:
-        complain(f"lagsim: {starved}")
+        complain(f"lagsim: {starved} [{number('starved')}]")
         return STARVED
     complain(told)
     complain(
         "This is a bug in lagsim, not in your model. Please report it with the "
-        "model file and the lines above."
+        f"model file and the lines above. [{number('bug')}]"
     )
     return BUG

@@ -24,12 +24,12 @@ ERROR, WARNING = "error", "warning"
 
 def annotate(
     level: str, text: str, file: str | None, line: int | None = None,
-    column: int | None = None,
+    column: int | None = None, number: str | None = None,
 ) -> None:  # fmt: skip
     """Annotate a file; do nothing where nobody runs a workflow."""
     if os.environ.get("GITHUB_ACTIONS") != "true":
         return
-    place = {"file": _within(file), "line": line, "col": column}
+    place = {"file": _within(file), "line": line, "col": column, "title": number}
     named = ",".join(f"{k}={_property(str(v))}" for k, v in place.items() if v)
     with contextlib.suppress(OSError):
         start = f"::{level} {named}".rstrip()
@@ -38,15 +38,17 @@ def annotate(
 
 def annotate_problem(problem: Problem, file: str | None = None) -> None:
     """Annotate the line of a fault; `file` is where it is if it does not say so."""
-    hint = f"\nhint: {problem.hint}" if problem.hint else ""
+    hint = f"\nhint: {problem.whole.hint}"
     annotate(
-        ERROR, problem.text + hint, problem.file or file, problem.line, problem.column
-    )
+        ERROR, problem.text + hint, problem.file or file, problem.line, problem.column,
+        problem.number,
+    )  # fmt: skip
 
 
 def annotate_start(equations: Equations, start: StartReport) -> None:
     """Annotate the constraint that a start violates, or what it is warned of."""
     from lagsim.cli._verdict import faults
+    from lagsim.codes import number
 
     model = equations.model
     if not start.admissible:
@@ -55,9 +57,10 @@ def annotate_start(equations: Equations, start: StartReport) -> None:
         places += [v.place for v in model.initial]
         line, column = (places[0].line, places[0].column) if places else (None, None)
         text = f"inadmissible: {model.name}: {'; '.join(faults(start))}"
-        annotate(ERROR, text, model.file, line, column)
+        annotate(ERROR, text, model.file, line, column, number("inadmissible"))
     for caution in start.warnings:
-        annotate(WARNING, f"{model.name}: {caution.text}", model.file)
+        text = f"{model.name}: {caution.text}"
+        annotate(WARNING, text, model.file, number=caution.number)
 
 
 def _within(file: str | None) -> str | None:

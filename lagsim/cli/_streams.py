@@ -29,6 +29,7 @@ class UnwritableError(LagsimError):
     """What was computed has nowhere to go (exit 3), as when a disk fills up."""
 
     exit_code = 3
+    code = "no-room"
 
 
 def prepare() -> None:
@@ -101,8 +102,11 @@ def put(write: Callable[[], object]) -> None:
 
 def full(error: OSError) -> int:
     """Tell that stdout takes nothing more; give the exit code."""
+    from lagsim.codes import number
+
     _mute()
-    complain(f"lagsim: standard output cannot be written: {error.strerror}")
+    text = f"lagsim: standard output cannot be written: {error.strerror}"
+    complain(f"{text} [{number(UnwritableError.code)}]")
     return UnwritableError.exit_code
 
 

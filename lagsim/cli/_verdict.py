@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.admissibility.verdict import ONE_SIDED, START_VALUE
 from lagsim.cli._shared import coloured, counted, table
+from lagsim.codes import number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -34,6 +35,7 @@ def report(
         head = coloured("admissible", "32") + f": {name}"
     else:
         head = coloured("inadmissible", "31") + f": {name}: {'; '.join(faults(start))}"
+        head += f" [{number('inadmissible')}]"
     lines = [
         head,
         (
@@ -45,7 +47,7 @@ def report(
         lines.append(table((v.name, _described(v)) for v in start.verdicts))
     lines += _reached(equations, start)
     lines += [f"  {c.choice} ({c.reason})" for c in choices]
-    lines += [f"  warning: {w.text}" for w in start.warnings]
+    lines += [f"  warning: {w.text} [{w.number}]" for w in start.warnings]
     if not start.admissible or repair:
         lines += _repair(start)
     return "\n".join(lines)

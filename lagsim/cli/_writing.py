@@ -153,7 +153,10 @@ def cut_short(
 
     `lost`: not even the table did.
     """
+    from lagsim.codes import failure
+
     found: dict[str, Any] = {"outcome": "failed", "complete": False}
+    found["failure"] = failure(UnwritableError.code)
     if lost:
         found["reason"] = (
             f"the table could not be packed: {full.strerror}; as CSV it takes its room "

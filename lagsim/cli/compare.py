@@ -17,6 +17,7 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli._streams import say
 from lagsim.cli._writing import put_file
+from lagsim.codes import failure, number
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 # So many columns are listed for a person.
 LISTED = 10
+DIFFERS = "differs"
 
 
 def command(
@@ -136,7 +138,9 @@ def report(found: _Found) -> str:
     verdict = coloured("same", "32") if passed else coloured("differ", "31")
     size = f"{counted(len(comparison.rows.golden), 'row')}, "
     size += counted(len(comparison.worst), "column")
-    lines = [f"{verdict}: {found.golden.name} and {found.new.name}, {size} compared"]
+    what = f"{found.golden.name} and {found.new.name}, {size} compared"
+    numbered = "" if passed else f" [{number(DIFFERS)}]"
+    lines = [f"{verdict}: {what}{numbered}"]
     lines += [f"  {note}" for note in notes(found)]
     first = comparison.first
     if first is not None:
@@ -199,6 +203,7 @@ def document(found: _Found) -> dict[str, Any]:
     first = comparison.first
     return {
         "pass": comparison.passed,
+        "failure": None if comparison.passed else failure(DIFFERS),
         "golden": found.golden.name,
         "new": found.new.name,
         "rows": len(rows.golden),

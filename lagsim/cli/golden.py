@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from lagsim.cli._faults import code_of, faults_shown, plain
+from lagsim.cli._faults import faults_shown, plain
 from lagsim.cli._github import ERROR, annotate
 from lagsim.cli._shared import (
     AsJson,
@@ -18,7 +18,8 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import put_file, writing
-from lagsim.cli.compare import LISTED, as_mapping, listing
+from lagsim.cli.compare import DIFFERS, LISTED, as_mapping, listing
+from lagsim.codes import failure, number
 from lagsim.errors import InputError, LagsimError, Problem
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ class _Job:
                 name, file = found["model"]["name"], found["model"]["file"]
                 self.documents.append(found | {"model": name, "file": file})
         for error in raised:
-            why = "error", code_of(error), plain(error)
+            why = "error", error.code, plain(error)
         name = Path(path).stem if isinstance(model, LagsimError) else model.name
         seconds = time.perf_counter() - began
         self.outcomes.append(Outcome(name, path, seconds, *why))
@@ -195,8 +196,8 @@ class _Job:
         if judgement.passed:
             return 0, ("", "", "")
         text = f"{model.name} differs from its golden: {worst(judgement)}"
-        annotate(ERROR, text, model.file)
-        return 1, ("failure", "differs", "\n".join([text, *lines]))
+        annotate(ERROR, text, model.file, number=number(DIFFERS))
+        return 1, ("failure", DIFFERS, "\n".join([text, *lines]))
 
     def _store(self, case: Case, folder: Path) -> tuple[int, tuple[str, str, str]]:
         from lagsim.studies.golden.measuring import measure
@@ -206,8 +207,10 @@ class _Job:
         golden, base = measure(case)
         if not base.trajectory.outcome.complete:
             text = f"no golden of {model.name}: {base.trajectory.reason}"
-            complain(f"lagsim: {text}")
-            self.documents.append(_name(model) | {"pass": False})
+            failed = failure("incomplete")
+            complain(f"lagsim: {text} [{failed['number']}]")
+            told = {"pass": False, "failure": failed}
+            self.documents.append(_name(model) | told)
             return UnwritableError.exit_code, ("error", "incomplete", text)
         with writing(folder):
             size = store(case, golden, base, folder)
@@ -238,7 +241,8 @@ def headline(model: Model, judgement: Judgement, golden: Golden) -> str:
     passed = judgement.passed
     verdict = coloured("same", "32") if passed else coloured("differs", "31")
     rows = counted(len(golden.rows), "row")
-    return f"{verdict}: {model.name}, {rows} compared{_horizon(golden)}"
+    numbered = "" if passed else f" [{number(DIFFERS)}]"
+    return f"{verdict}: {model.name}, {rows} compared{_horizon(golden)}{numbered}"
 
 
 def worst(judgement: Judgement) -> str:
@@ -278,6 +282,7 @@ def document(model: Model, judgement: Judgement, golden: Golden) -> dict[str, An
     return {
         **_name(model),
         "pass": judgement.passed,
+        "failure": None if judgement.passed else failure(DIFFERS),
         "horizon": golden.horizon,
         "rows": len(golden.rows),
         "faults": list(judgement.faults),

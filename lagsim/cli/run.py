@@ -321,7 +321,7 @@ class Job:
                 from lagsim.outputs.replaced import replaced
 
                 caution = replaced(before, document, results.folder)
-                document["warnings"] += [caution._asdict()] if caution else []
+                document["warnings"] += [caution.record] if caution else []
             document["sha256"] = results.digests()
             commit(results, document, {})
             if not full and document["outcome"] != "interrupted":
@@ -377,12 +377,14 @@ class Job:
         from lagsim.outputs.results import RESTART
 
         if not document["complete"]:
-            complain(f"lagsim: {document['reason']}")
+            failed = document["failure"]
+            numbered = f" [{failed['number']}]" if failed else ""
+            complain(f"lagsim: {document['reason']}{numbered}")
             if (folder / RESTART).exists():
                 complain("lagsim: the same command with --resume goes on with it")
         if not self.quiet or self.strict:
             for caution in document["warnings"]:
-                complain(f"warning: {caution['text']}")
+                complain(f"warning: {caution['text']} [{caution['number']}]")
         if self.documents is not None:
             self.documents.append(document)
         elif not self.quiet:

@@ -18,11 +18,14 @@ def document(
     equations: Equations, start: StartReport, choices: Sequence[Choice] = ()
 ) -> dict[str, Any]:
     """Give the content of `check --json`."""
+    from lagsim.codes import failure
+
     model, ranks, reach = equations.model, start.ranks, start.reach
     missed = [v for v in start.verdicts if v.kind == START_VALUE]
     return {
         "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
         "admissible": start.admissible,
+        "failure": None if start.admissible else failure("inadmissible"),
         "degrees_of_freedom": start.degrees_of_freedom,
         "rank": start.rank,
         "generic_rank": ranks.generic_rank,
@@ -74,7 +77,7 @@ def document(
         "repair": start.repair,
         "unsolved": start.unsolved,
         "plan": [{"choice": c.choice, "reason": c.reason} for c in choices],
-        "warnings": [{"code": w.code, "text": w.text} for w in start.warnings],
+        "warnings": [w.record for w in start.warnings],
     }
 
 

@@ -60,6 +60,7 @@ class StartError(LagsimError):
     """
 
     exit_code = 1
+    code = "inadmissible"
 
     def __init__(self, equations: Equations, examined: StartReport) -> None:
         super().__init__()

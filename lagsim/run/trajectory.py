@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -13,68 +13,46 @@ if TYPE_CHECKING:
 
 
 class Outcome(Enum):
-    """How a run ended; `word` is what run.json says, `advice` what to try."""
+    """How a run ended: as a word, or as the code of what kept it from its end."""
 
-    DONE = "done", ""
-    UNTIL = "until", ""
-    STEP_TOO_SMALL = (
-        "failed",
-        """the motion runs into a singularity (a division by zero, a coordinate that
-        loses its meaning) or is very stiff: look at the component named, stop before
-        that time, choose other coordinates there, or loosen rtol""",
-    )
-    TOO_MANY_STEPS = (
-        "failed",
-        """the motion has much faster parts than the run is long: shorten the duration,
-        or look for a stiffness or a frequency that is larger than it should be""",
-    )
-    NOT_FINITE = (
-        "failed",
-        """an energy, a force or a constraint has no finite value there (a root or a
-        logarithm of something negative, a division by zero): check the expressions
-        near this state""",
-    )
-    PROJECTION_FAILED = (
-        "failed",
-        """the constraints cannot all be met near this state: the mechanism is at a dead
-        point or taken apart, or a fixed step is too large""",
-    )
-    NEWTON_FAILED = (
-        "failed",
-        """the motion runs into a singularity there, a force jumps, or a step is too
-        large for how strongly the forces bend: look at this state""",
-    )
-    CONSTRAINT_JUMPS = (
-        "failed",
-        """a moving constraint may change its speed at once, not its position: join the
-        pieces of its motion""",
-    )
-    SWITCHES_ACCUMULATE = (
-        "failed",
-        """no motion leads on from there: change the forces near their switches, or stop
-        before that time""",
-    )
-    NO_ANSWER = (
-        "failed",
-        """the constraints contradict each other from there on, or no method follows the
-        motion through what happens there: look at the scene around that time, or stop
-        before it""",
-    )
-    PARADOX = (
-        "failed",
-        """friction and the bodies' inertia leave no motion there (Painleve): less
-        friction, or a body that yields a little, would""",
-    )
-    STATE_JUMPS = (
-        "failed",
-        """positions never jump, and velocities only at an impact: the rows up to there
-        stand. This is a fault of lagsim's: please report the model""",
-    )
-    INTERRUPTED = "interrupted", ""
+    DONE = "done"
+    UNTIL = "until"
+    INTERRUPTED = "interrupted"
+    STEP_TOO_SMALL = "step-too-small"
+    TOO_MANY_STEPS = "too-many-steps"
+    NOT_FINITE = "values-not-finite"
+    PROJECTION_FAILED = "projection-failed"
+    NEWTON_FAILED = "newton-failed"
+    CONSTRAINT_JUMPS = "constraint-jumps"
+    SWITCHES_ACCUMULATE = "switches-accumulate"
+    NO_ANSWER = "no-answer"
+    PARADOX = "paradox"
+    STATE_JUMPS = "state-jumps"
 
-    def __init__(self, word: str, advice: str) -> None:
-        self.word = word
-        self.advice = " ".join(advice.split())
+    @property
+    def failed(self) -> bool:
+        """Whether something kept the run from its end, but for a signal."""
+        return not self.complete and self is not Outcome.INTERRUPTED
+
+    @property
+    def word(self) -> str:
+        """What run.json says."""
+        return "failed" if self.failed else str(self.value)
+
+    @property
+    def failure(self) -> dict[str, Any] | None:
+        """What run.json says more of a failure: code, number, what to try."""
+        if not self.failed:
+            return None
+        from lagsim.codes import failure
+
+        return failure(self.value)
+
+    @property
+    def advice(self) -> str:
+        """What to try where it failed."""
+        found = self.failure
+        return found["hint"] if found else ""
 
     @property
     def complete(self) -> bool:

@@ -237,7 +237,7 @@ def test_the_first_line_names_the_rows_that_contradict(lagsim, write):
     called = lagsim("check", write(CONTRADICTORY))
     assert called.code == 1
     assert called.out.splitlines()[0] == (
-        "inadmissible: model: `b` contradicts `a` on the level of position, by 1"
+        "inadmissible: model: `b` contradicts `a` on the level of position, by 1 [E301]"
     )
     assert "no admissible state was found: `b` contradicts `a`" in called.out
     document = lagsim("check", write(CONTRADICTORY), "--json").json

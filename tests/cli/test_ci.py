@@ -90,10 +90,12 @@ def test_annotations_of_faults(lagsim, write):
     [(level, place, text)] = annotations(called.err)
     assert level == "error"
     column = 1 + "initial: {theta: 1*unknown}".index("unknown")
-    assert place == {"file": "a,b:c.yaml", "line": "4", "col": str(column)}
+    assert place == {"file": "a,b:c.yaml", "line": "4", "col": str(column),
+                         "title": "E209"}  # fmt: skip
     assert "`unknown`" in text
     assert annotations(lagsim("check", "missing.yaml").err)[0][1] == {
-        "file": "missing.yaml"
+        "title": "E101",
+        "file": "missing.yaml",
     }
 
 
@@ -109,7 +111,7 @@ def test_annotations_of_starts_and_warnings(lagsim, write):
         )  # fmt: skip
         assert "`path`" in text
     [(level, place, text)] = annotations(lagsim("check", write(WARNED)).err)
-    assert (level, place) == ("warning", {"file": "model.yaml"})
+    assert (level, place) == ("warning", {"file": "model.yaml", "title": "W101"})
     assert "`zeta`" in text
     [(level, _, text)] = annotations(
         lagsim("run", "model.yaml", "--no-plots", "--strict").err

@@ -32,7 +32,7 @@ def test_what_is_written_instead():
 def test_the_caret_stays_below_what_it_marks():
     source = "a\x1b[1mb\u202ec: d\x07e"
     place = Place("f.yaml", 1, 1 + source.index("d"), 3, source)
-    _, line, carets = str(Problem("c", "text", place)).split("\n")
+    _, line, carets = str(Problem("usage", "text", place)).split("\n")
     assert line[carets.index("^") :][: carets.count("^")] == "d\\x07e"
 
 

@@ -49,6 +49,7 @@ class NoReferenceError(LagsimError):
     """Nothing can be measured, for there is nothing to measure against (exit 3)."""
 
     exit_code = 3
+    code = "no-reference"
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,144 @@
+"""Write the table of docs/errors.md: python benchmarks/errors.py [NUMBER...]
+
+What the page says stands in `lagsim/codes`; what messages look like is taken from the
+examples, which are run: all of them, or those that are named.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lagsim.codes import CAUTIONS, FAMILIES, every, rows
+from lagsim.codes.row import EXAMPLE, MODEL
+
+if TYPE_CHECKING:
+    from lagsim.codes.row import Row
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs/errors.md"
+# What stands above it is written by hand.
+MARK = "<!-- From here on made by benchmarks/errors.py of lagsim/codes. -->\n"
+# A message may be long; its beginning is shown.
+MOST_LINES = 12
+_LONGEST = 160
+
+HEAD = f"""
+## All messages
+
+Each has a number and a word, which never change: `E104` and `several-documents`.
+`lagsim explain E104` says what stands here. The examples change lines of this model,
+`{MODEL}`:
+
+```text
+{EXAMPLE}```
+"""
+TITLES = {
+    "reading": "E1: files, YAML, sections",
+    "expressions": "E2: expressions, names, relations",
+    "starts": "E3: starts",
+    "settings": "E4: methods and settings",
+    "runs": "E5: runs that could not finish",
+    "results": "E6: results that are compared or drawn",
+    "files": "E7: files that are written",
+    "commands": "E8: the command line",
+    "machine": "E9: lagsim and the machine",
+    CAUTIONS: "W: warnings",
+}
+
+
+def told(row: Row, folder: Path) -> str:
+    """Run the example of a message in a folder; give what its last command says."""
+    (folder / MODEL).write_text(row.model, encoding="utf-8")
+    if not (folder / "models").exists():
+        (folder / "models").symlink_to(ROOT / "models")
+    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    around = {k: v for k, v in os.environ.items() if k != "GITHUB_ACTIONS"}
+    said = ""
+    for command in row.commands:
+        done = subprocess.run(
+            command, shell=True, cwd=folder, capture_output=True, text=True,
+            env=around | {"PATH": programs, "COLUMNS": "100"}, check=False,
+        )  # fmt: skip
+        said = done.stdout + done.stderr
+    return said
+
+
+def line_of(row: Row, said: str) -> str:
+    """Give the message itself, of all that a command says.
+
+    Raises
+    ------
+    ValueError
+        Where it does not say it.
+    """
+    parts = said.rstrip("\n").split("\n")
+    at = [k for k, line in enumerate(parts) if f"[{row.number}]" in line]
+    if not at:
+        raise ValueError(f"{row.number} {row.code}: {said}")
+    end = at[0] + 1
+    while end < len(parts) and re.match(r"  (?!.*\[[EW]\d+\]$)", parts[end]):
+        end += 1
+    return "\n".join(map(_cut, parts[at[0] : end][:MOST_LINES]))
+
+
+def _cut(line: str) -> str:
+    if len(line) <= _LONGEST:
+        return line
+    number = re.search(r"( \[[EW]\d+\])?$", line)
+    end = f" ...{number[0] if number else ''}"
+    return line[: _LONGEST - len(end)] + end
+
+
+def entry(row: Row, message: str) -> str:
+    """Give what the page says of one message."""
+    lines = [f"#### {row.number} {row.code}", "", row.expected]
+    if f"  hint: {row.hint}" not in message:
+        lines += ["", f"Try: {row.hint}."]
+    if row.commands:
+        shown = [_cut(line) for line in row.change.replace("\x07", "\\a").splitlines()]
+        shown = [*shown, ""] if shown else []
+        shown += [f"{command}" for command in row.commands] + ["", message]
+        lines += ["", "```text", *shown, "```"]
+    return "\n".join(lines)
+
+
+def made(messages: dict[str, str]) -> str:
+    """Give the part of the page that is made, with messages by number."""
+    parts = [MARK + HEAD]
+    for family in (*FAMILIES, CAUTIONS):
+        parts.append(f"### {TITLES[family]}\n")
+        parts += [f"{entry(r, messages.get(r.number, ''))}\n" for r in rows(family)]
+    return "\n".join(parts)
+
+
+def message(row: Row) -> str:
+    """Run the example of a message; give what it says."""
+    with tempfile.TemporaryDirectory() as folder:
+        return line_of(row, told(row, Path(folder)))
+
+
+def shown(page: str) -> dict[str, str]:
+    """Give the messages that a page shows, by number."""
+    blocks = re.findall(r"(?ms)^#### (\S+).*?(?=^####? |\Z)", page)
+    texts = re.split(r"(?m)^#### ", page)[1:]
+    found = {}
+    for number, text in zip(blocks, texts, strict=True):
+        fence = re.search(r"(?s)```text\n(.*?)\n```", text)
+        if fence:
+            found[number] = fence[1].rpartition("\n\n")[2]
+    return found
+
+
+if __name__ == "__main__":
+    page = PAGE.read_text(encoding="utf-8")
+    messages = shown(page)
+    for row in every():
+        if row.commands and (row.number in sys.argv[1:] or not sys.argv[1:]):
+            messages[row.number] = message(row)
+    PAGE.write_text(page.partition(MARK)[0] + made(messages), encoding="utf-8")

@@ -1,0 +1,60 @@
+"""What one row of the table says."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+# What the examples change: each replaces the sections that it names.
+EXAMPLE = """\
+name: pendulum
+parameters: {m: 1, g: 9.81, l: 1}
+coordinates: {theta: {unit: rad}}
+definitions:
+  x: l*sin(theta)
+  y: -l*cos(theta)
+energy: {kinetic: m*l^2*theta_dot^2/2, potential: m*g*y}
+initial: {theta: 1}
+simulation: {duration: 1}
+"""
+MODEL = "pendulum.yaml"
+
+
+class Row(NamedTuple):
+    """One message.
+
+    Attributes
+    ----------
+    number, code : str
+        `E104`, and the word that documents have for it. Neither ever changes.
+    expected : str
+        The rule that is broken; of a warning, what has happened.
+    hint : str
+        What to try. Where a message has nothing better to say, it says this.
+    change : str
+        The sections of the example that differ from EXAMPLE, or the whole of it where
+        it is not made of these.
+    commands : tuple of str
+        What is called then; the last one gives the message.
+    """
+
+    number: str
+    code: str
+    expected: str
+    hint: str
+    change: str = ""
+    commands: tuple[str, ...] = (f"lagsim check {MODEL}",)
+
+    @property
+    def model(self) -> str:
+        """The whole model of the example."""
+        found = _sections(EXAMPLE)
+        for name, text in _sections(self.change).items():
+            found[name] = text
+        return "".join(found.values())
+
+
+def _sections(text: str) -> dict[str, str]:
+    """Give the sections of a model, by their keys and in their order."""
+    parts = re.split(r"(?m)^(?=\w+:)", text)
+    return {part.partition(":")[0]: part for part in parts if part}

@@ -1,0 +1,292 @@
+"""W1xx: of a model and its start; W2xx: of settings; W3xx: of a motion; W4xx: files."""
+
+from __future__ import annotations
+
+from lagsim.codes.row import MODEL, Row
+
+_PLANE = """\
+coordinates: {x: {unit: m}, y: {unit: m}}
+definitions: {}
+energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
+"""
+_RUN = ("lagsim run pendulum.yaml --no-plots",)
+_OSCILLATOR = "lagsim run models/failing/oscillator.yaml --no-plots "
+
+ROWS = (
+    Row(
+        "W101", "unused-parameter",
+        "A parameter is given and no expression names it.",
+        "look for a name that is spelt otherwise, or delete the parameter",
+        "parameters: {m: 1, g: 9.81, l: 1, length: 2}\n",
+    ),
+    Row(
+        "W102", "degrees",
+        "What has the unit `deg` enters `sin`, `cos` or `tan`, which take radians.",
+        "write theta*pi/180 there",
+        "coordinates: {theta: {unit: deg}}\n",
+    ),
+    Row(
+        "W103", "rough-start",
+        "The start was rounded, and meets the constraints only roughly.",
+        "write the start value as the expression that is shown",
+        _PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
+        "initial: {x: 0.8, y: -0.6000001}\n",
+    ),
+    Row(
+        "W104", "redundant",
+        "A constraint follows from others.",
+        "leave it out; the motion is the same",
+        _PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
+        "initial: {x: 1, y: 1}\n",
+    ),
+    Row(
+        "W105", "multipliers-not-unique",
+        "Constraints are redundant: the least multipliers are given.",
+        "leave constraints out until the others determine their forces",
+        _PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
+        "initial: {x: 1, y: 1}\n",
+    ),
+    Row(
+        "W106", "vanishing-gradient",
+        "The gradient of a constraint vanishes at the start.",
+        "start elsewhere, or write the constraint otherwise",
+        _PLANE + "constraints: {cross: x*y = 0}\ninitial: {x: 0, y: 0}\n",
+    ),
+    Row(
+        "W107", "multiple-root",
+        "A relation is a power of what it sets to zero, and is met as a simple root.",
+        "take the root of both sides",
+        _PLANE + "constraints: {line: (x - y)^2 = 0}\ninitial: {x: 1, y: 1}\n",
+    ),
+    Row(
+        "W108", "double-root",
+        "A guess is at a double root of the constraints.",
+        "guess elsewhere, or write the constraint so that its root is simple",
+        _PLANE + "constraints: {curve: y^3 = (x - 1)^2*(x + 2), line: x = 1}\n"
+        "initial: {x: {guess: 1.1}, y: {guess: 0.1}}\n",
+    ),
+    Row(
+        "W109", "other-roots",
+        "The guesses have other solutions than the one taken.",
+        "guess nearer to the one that is meant",
+        _PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
+        "initial: {x: 0.8, y: {guess: 0.01}}\n",
+    ),
+    Row(
+        "W110", "undetermined-guess",
+        "Nothing determines a guess: it stays as given.",
+        "give it as a value",
+        "initial: {theta: {guess: 1}}\n",
+    ),
+    Row(
+        "W111", "painleve",
+        "Friction laws contradict each other at the start (Painlevé's paradox): `run` "
+        "refuses it.",
+        "less friction, or a body that yields a little",
+        """\
+parameters: {mu: 1.4, angle: atan(0.5)}
+coordinates: {x: {}, y: {}, q: {}}
+definitions: {end: x - sin(q)}
+energy: {kinetic: (x_dot^2 + y_dot^2 + q_dot^2/3)/2, potential: 9.81*y}
+constraints:
+  tip: {relation: y >= cos(q), restitution: 0, friction: mu, slip: end_dot}
+initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
+""",
+    ),
+    Row(
+        "W112", "reaction-zero",
+        "Nothing is written with a definition whose reaction is asked for: it is 0.",
+        "ask for the reaction of a definition that energies, forces or constraints use",
+        "output: {reactions: [x]}\n",
+    ),
+    Row(
+        "W201", "start-changed",
+        "The run starts from the nearest exact state.",
+        "write the start that is shown by `lagsim check --repair`",
+        _PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
+        "initial: {x: 0.8, y: -0.6000001}\n",
+        _RUN,
+    ),
+    Row(
+        "W202", "step-unused",
+        "`step` is for methods with a fixed step alone.",
+        "leave it out, or take a method with a fixed step",
+        "simulation: {duration: 1, step: 0.01}\n",
+        _RUN,
+    ),
+    Row(
+        "W203", "tolerance-unused",
+        "Tolerances are for methods that choose their steps alone.",
+        "leave them out, or take a method that chooses its steps",
+        commands=(_RUN[0] + " --method rk4 --step 0.001 --rtol 1e-9",),
+    ),
+    Row(
+        "W204", "gain-unused",
+        "`gain` is for the formulation baumgarte alone.",
+        "leave it out, or ask for `formulation: baumgarte`",
+        "simulation: {duration: 1, gain: 10}\n",
+        _RUN,
+    ),
+    Row(
+        "W205", "spectral-radius-unused",
+        "`spectral_radius` is for generalized-alpha alone.",
+        "leave it out, or ask for `method: generalized-alpha`",
+        "simulation: {duration: 1, spectral_radius: 0.8}\n",
+        _RUN,
+    ),
+    Row(
+        "W301", "horizon",
+        "Past this time the estimated error exceeds 0.1 of a coordinate's range.",
+        "end the run there, or look at what chaos leaves: averages and bounds",
+        commands=("lagsim run models/failing/chaos.yaml --no-plots",),
+    ),
+    Row(
+        "W302", "end-in-doubt",
+        "A repeat of the run comes to another end.",
+        "tighten the tolerance, or look at the scene around that time",
+        commands=(
+            _RUN[0].replace(MODEL, "models/failing/cubic-well.yaml")
+            + " --method verlet --step 1.7320508",
+        ),
+    ),
+    Row(
+        "W303", "constraint-not-held",
+        "Rows are off the constraints by more than 1e-6 of their scale.",
+        "take `--formulation projection`, or `auto`",
+        commands=(
+            _RUN[0].replace(MODEL, "models/failing/rod.yaml")
+            + " --formulation drift --method rk4 --step 0.01",
+        ),
+    ),
+    Row(
+        "W304", "energy-gained",
+        "energy - work grew by more than 0.1 % of the energy in play.",
+        "take a shorter step, a tighter tolerance, or `auto`",
+        commands=(_OSCILLATOR + "--method euler --step 0.01",),
+    ),
+    Row(
+        "W305", "energy-lost",
+        "energy - work fell by more than 0.1 % of the energy in play.",
+        "take a shorter step, a tighter tolerance, or `auto`",
+        commands=(_OSCILLATOR + "--method rk4 --step 1",),
+    ),
+    Row(
+        "W306", "step-at-stability-bound",
+        "Stability, not accuracy, decides how long a step may be, and the step is near "
+        "that bound or past it.",
+        "take the step that is named, or a method for stiff motion: radau",
+        commands=(_OSCILLATOR + "--method rk4 --step 2.9 --duration 50",),
+    ),
+    Row(
+        "W307", "fast-mode-damped",
+        "The method takes energy out of an oscillation that has some.",
+        "take a shorter step or a tighter tolerance, or hold what oscillates",
+        commands=(
+            _RUN[0].replace(MODEL, "models/failing/stiff-spring.yaml")
+            + " --set l0=1e-4 --method generalized-alpha --step 1e-4",
+        ),
+    ),
+    Row(
+        "W308", "nearly-dependent",
+        "Constraints came close to dependent; a QR decomposition goes on.",
+        "look at the mechanism around that time; other coordinates may do without",
+        commands=("lagsim run models/failing/parallelogram.yaml --no-plots",),
+    ),
+    Row(
+        "W309", "rank",
+        "Constraints lost their independence: a singular configuration.",
+        "the motion may branch there: one coordinate less decides how it goes on",
+        commands=("lagsim run models/failing/parallelogram.yaml --no-plots",),
+    ),
+    Row(
+        "W310", "coordinate-singularity",
+        "An inertia of a coordinate all but vanished on the way.",
+        "take coordinates whose pole lies elsewhere",
+        commands=("lagsim run models/failing/polar-miss.yaml --no-plots",),
+    ),
+    Row(
+        "W311", "impact-order",
+        "Contacts struck at one time, and the outcome depends on their order: taken as "
+        "simultaneous.",
+        "give the gaps that the real bodies have, or springs",
+        commands=("lagsim run models/failing/balls-in-a-row.yaml --no-plots",),
+    ),
+    Row(
+        "W312", "impact-energy",
+        "An impact raised the energy, which restitution with friction can.",
+        "less restitution or friction there",
+        """\
+parameters: {a: 0.5}
+coordinates: {x: {}, y: {}, q: {}}
+definitions: {end: x - a*cos(q)}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2 + a^2/6*q_dot^2, potential: 0}
+constraints:
+  tip: {relation: y >= a*sin(q), restitution: 1, friction: 1, slip: end_dot}
+initial: {x: 0, q: 0.8, y: a*sin(q) + 0.47, x_dot: 0.1, y_dot: -2}
+""",
+        _RUN,
+    ),
+    Row(
+        "W313", "shared-contact",
+        "Contacts hold more often than they must: their forces are one way of many.",
+        "leave contacts out until the others determine their forces",
+        """\
+coordinates: {z: {}, a: {}, b: {}}
+definitions: {}
+energy: {kinetic: (z_dot^2 + a_dot^2 + b_dot^2)/2, potential: 9.81*z}
+constraints:
+  one: {relation: z + a + b >= 0, restitution: 0}
+  two: {relation: z + a - b >= 0, restitution: 0}
+  three: {relation: z - a + b >= 0, restitution: 0}
+  four: {relation: z - a - b >= 0, restitution: 0}
+initial: {z: 0, a: 0, b: 0}
+simulation: {duration: 0.1, output_step: 0.1}
+""",
+        _RUN,
+    ),
+    Row(
+        "W314", "unsettled-impulses",
+        "`moreau` did not find the impulses of a step to the end: contacts gave way a "
+        "little.",
+        "take a shorter step, or a method that locates impacts",
+        commands=(),
+    ),
+    Row(
+        "W315", "unresolved-switch",
+        "Forces leave more than one way to go on from a switch.",
+        "write what they are at the switch itself, or start beside it",
+        "coordinates: {x: {}}\ndefinitions: {push: sign(x_dot)}\n"
+        "energy: {kinetic: x_dot^2/2, potential: 0}\nforces: {x: push}\n"
+        "initial: {x: 0}\n",
+        _RUN,
+    ),
+    Row(
+        "W316", "short-times",
+        "A short pulse could be stepped over: what may make one turns too often to be "
+        "looked at.",
+        "bound the step by a shorter `output_step`, or write the pulse as an `if`",
+        commands=(),
+    ),
+    Row(
+        "W317", "events-unlisted",
+        "More events happened than are listed: `event_counts` counts all.",
+        "end the run earlier, or count what is of interest in the table",
+        commands=(),
+    ),
+    Row(
+        "W401", "nothing-to-draw",
+        "`--animate` found neither a scene nor definitions `x` and `y`: there is no "
+        "page.",
+        "give the model a `scene`",
+        "definitions: {}\n"
+        "energy: {kinetic: m*l^2*theta_dot^2/2, potential: -m*g*l*cos(theta)}\n",
+        (_RUN[0] + " --animate",),
+    ),
+    Row(
+        "W402", "result-replaced",
+        "The folder that nobody named held a result of other parameters or options, or "
+        "of another file.",
+        "name folders with -o to keep both",
+        commands=(_RUN[0] + " -q", _RUN[0] + " --set m=2"),
+    ),
+)  # fmt: skip

@@ -1,0 +1,233 @@
+"""One table of messages: all that the code says, each with a number and an example."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+from collections import Counter
+from itertools import pairwise
+
+import pytest
+
+from benchmarks import errors as made
+from lagsim.codes import FAMILIES, cautions, errors, every, rows
+from lagsim.errors import Place, Problem
+from lagsim.language.tokens import ExpressionError
+from lagsim.notes import Caution
+from lagsim.run.trajectory import Outcome
+from tests.cli.conftest import lagsim  # noqa: F401
+from tests.pages import text_of
+from tests.support import MODELS, ROOT
+
+ALL = every()
+PAGE = text_of("docs/errors.md")
+SHOWN = made.shown(PAGE)
+CHECKED = [r for r in ALL if r.commands == ("lagsim check pendulum.yaml",)]
+# What nobody can bring about in an example of a few lines and seconds, and why not.
+WITHOUT = {
+    "too-many-steps": "10^8 steps",
+    "state-jumps": "a bug",
+    "missing-package": "another installation",
+    "bug": "a bug",
+    "failed": "a process that is killed",
+    "starved": "a machine without memory",
+    "unsettled-impulses": "hundreds of contacts",
+    "short-times": "thousands of turns",
+    "events-unlisted": "10^4 events",
+    "too-many-values": "10^6 values",
+    "expression-too-long": "10^6 letters",
+    "too-large": "a thousand coordinates",
+}
+
+# --- the table ------------------------------------------------------------------------
+
+
+def test_numbers_and_codes_are_given_once():
+    assert len({r.number for r in ALL}) == len(ALL) > 150
+    for family in (errors(), cautions()):
+        assert all(row.code == code for code, row in family.items())
+    for of in (*FAMILIES, "warned"):
+        told = rows(of)
+        assert len({r.code for r in told}) == len(told)
+        assert all(a.number < b.number for a, b in pairwise(told))
+    for k, family in enumerate(FAMILIES, 1):
+        assert {r.number[:2] for r in rows(family)} == {f"E{k}"}
+
+
+def test_no_number_is_ever_given_anew():
+    """What was once published stays; a new message is a new line at the end."""
+    lines = (ROOT / "tests/data/codes.txt").read_text("utf-8").splitlines()
+    published = dict(line.split() for line in lines)
+    assert len(published) == len(lines)
+    assert {r.number: r.code for r in ALL}.items() <= published.items()
+
+
+def test_each_says_what_is_expected_and_what_to_try():
+    for row in ALL:
+        assert re.fullmatch(r"[^ ].*\.", row.expected)
+        assert re.fullmatch(r"[^ ].*[^. ]", row.hint) or "model" in row.hint
+    assert {row.code for row in ALL if not row.commands} == set(WITHOUT)
+
+
+# --- the code -------------------------------------------------------------------------
+
+# Calls that take a code, by what it is of; those that are handed one are not asked.
+ERRORS = {"Problem", "add", "fault", "_fault", "_unusable", "failure", "number"}
+CAUTIONS = {"Caution", "_once", "_warn"}
+# Files without any of these are not parsed.
+SAYS = re.compile(
+    r"Problem\(|Caution\(|faults?\b|_unusable|ExpressionError|_once|_warn|[ {]code = \""
+)
+
+
+def strings(node):
+    """Give the texts that an argument may be; what is computed is no text."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return {node.value}
+    if isinstance(node, ast.IfExp):
+        return strings(node.body) | strings(node.orelse)
+    if isinstance(node, ast.Tuple) and node.elts:
+        return strings(node.elts[0])
+    return set()
+
+
+def of_call(node):
+    """Give the codes of errors and of warnings that a call names."""
+    name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+    texts = strings(node.args[0]) if node.args else set()
+    if name in CAUTIONS:
+        return set(), texts
+    found = texts if name in ERRORS else set()
+    named = [word.value for word in node.keywords if word.arg == "code"]
+    if name == "ExpressionError":
+        words = set().union(*map(strings, [*node.args[4:], *named]))
+        return {f"expression-{word}" for word in words}, set()
+    return found.union(*map(strings, named)), set()
+
+
+def of_node(node):
+    """Give the codes of errors and of warnings that a piece of the source names."""
+    if isinstance(node, ast.Call):
+        return of_call(node)
+    texts = set()
+    if isinstance(node, ast.Return) and isinstance(node.value, ast.Tuple):
+        # (code, text, hint) of what cannot be used.
+        texts = strings(node.value) if len(node.value.elts) == 3 else set()
+    targets = node.targets if isinstance(node, ast.Assign) else []
+    if {getattr(target, "id", "") for target in targets} & {"code", "DIFFERS"}:
+        texts = strings(node.value)
+    return texts, set()
+
+
+def said():
+    """Give the codes that stand in the source: of errors, and of warnings."""
+    found = set(), set()
+    for path in sorted((ROOT / "lagsim").rglob("*.py")):
+        text = path.read_text("utf-8")
+        if "codes" in path.parts or not SAYS.search(text):
+            continue
+        for node in ast.walk(ast.parse(text)):
+            for all_of_it, more in zip(found, of_node(node), strict=True):
+                all_of_it |= {t for t in more if re.fullmatch(r"[a-z0-9-]+", t)}
+    return found
+
+
+# Codes that are put together, or are the defaults of what takes one.
+PUT_TOGETHER = {
+    "expression-syntax", "duplicate-column", "duplicate-reaction", "yaml-syntax",
+}  # fmt: skip
+ENERGY = {"energy-gained", "energy-lost"}
+# Words that the calls above take, and that are no codes.
+OTHER = {"auto"}
+
+
+def test_what_the_code_says_is_in_the_table_and_the_other_way_round():
+    of_errors, of_cautions = said()
+    outcomes = {o.value for o in Outcome if o.failed}
+    known = of_errors | PUT_TOGETHER | outcomes
+    assert known - OTHER == set(errors())
+    assert of_cautions | ENERGY == set(cautions())
+
+
+def test_the_numbers_of_what_is_put_together():
+    assert ExpressionError(0, 1, "x").code == "syntax"
+    assert {errors()[code].number for code in PUT_TOGETHER}
+    assert len({Caution(code, "x").number for code in ENERGY}) == len(ENERGY)
+
+
+# --- messages -------------------------------------------------------------------------
+
+
+def test_a_message_has_its_number_and_a_hint_in_any_case():
+    place = Place("m.yaml", 3, 5, 2, "  a: bc")
+    problem = Problem("duplicate-key", "twice", place)
+    row = errors()["duplicate-key"]
+    assert str(problem.whole) == (
+        f"m.yaml:3:5: twice [{row.number}]\n    a: bc\n      ^^\n  hint: {row.hint}"
+    )
+    assert problem._replace(hint="so").whole.hint == "so"
+    assert (problem.number, problem.expected) == (row.number, row.expected)
+
+
+@pytest.fixture
+def example(tmp_path, lagsim):  # noqa: F811
+    """Give a function that runs an example; what its last command says."""
+    (tmp_path / "models").symlink_to(MODELS)
+
+    def run(row):
+        (tmp_path / "pendulum.yaml").write_text(row.model, encoding="utf-8")
+        plain = [re.fullmatch(r"lagsim [\w ./=*,-]+", c) for c in row.commands]
+        if not all(plain):
+            return made.told(row, tmp_path)
+        for command in row.commands:
+            called = lagsim(*shlex.split(command)[1:])
+        return called.out + called.err
+
+    return run
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # as the command does
+def test_examples_that_are_checked_say_what_the_page_shows(example):
+    assert len(CHECKED) > 80
+    for row in CHECKED:
+        assert made.line_of(row, example(row)) == SHOWN[row.number]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize(
+    "row", [r for r in ALL if r.commands and r not in CHECKED], ids=lambda r: r.number
+)
+def test_other_examples_say_their_numbers(row, example):
+    # Their texts have numbers of a motion, which other machines round otherwise.
+    assert f"[{row.number}]" in made.line_of(row, example(row))
+
+
+def test_the_page_is_in_step():
+    assert Counter(re.findall(r"(?m)^#### (\w+)", PAGE)) == Counter(
+        r.number for r in ALL
+    )
+    assert PAGE.partition(made.MARK)[2] == made.made(SHOWN).removeprefix(made.MARK)
+    for number, text in SHOWN.items():
+        assert f"[{number}]" in text
+
+
+# --- lagsim explain -------------------------------------------------------------------
+
+
+def test_explain(lagsim):  # noqa: F811
+    called = lagsim("explain", "e116")
+    row = errors()["duplicate-key"]
+    assert called.out.startswith("E116 duplicate-key\n\n" + row.expected)
+    assert f"  hint: {row.hint}\n" in called.out
+    assert f"    {row.change}" in called.out
+    both = lagsim("explain", "nothing-to-draw", "--json").json
+    assert [one["number"][0] for one in both] == ["E", "W"]
+    listed = lagsim("explain").out
+    assert [line.split()[0] for line in listed.splitlines() if line[2:3] in "EW"] == [
+        r.number for r in ALL
+    ]
+    wrong = lagsim("explain", "duplicat-key")
+    assert (wrong.code, wrong.out) == (2, "")
+    assert "did you mean `duplicate-key`?" in wrong.err
