@@ -52,6 +52,8 @@ if TYPE_CHECKING:
 # Shorter runs are made again; and keeping one may take so much of its time.
 EVERY_SECONDS = 3.0
 MOST_OF_THE_TIME = 0.05
+# What pickle raises where something cannot be kept, such as a generator.
+_NOT_KEPT = (pickle.PicklingError, TypeError, AttributeError)
 _KEY = "restart.key"
 _KEY_BYTES = 32
 _BLOCK = 1 << 20
@@ -159,7 +161,7 @@ class Restart:
         if began < self._due or self._key is None or self._kept.relay.fault is not None:
             return
         # What is not kept now may be another time; a full disk is told by the table.
-        with contextlib.suppress(pickle.PicklingError, OSError):
+        with contextlib.suppress(*_NOT_KEPT, OSError):
             self._keep(run, self._key)
         ended = time.monotonic()
         self._due = ended + max(EVERY_SECONDS, (ended - began) / MOST_OF_THE_TIME)
