@@ -6,7 +6,7 @@ import contextlib
 import time
 from typing import TYPE_CHECKING, Any, cast
 
-from lagsim.cli._streams import UnwritableError
+from lagsim.cli._streams import UnwritableError, complain
 from lagsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 # What a run has come to is kept from then on, for `--resume`; shorter ones begin anew.
 KEPT_AFTER_SECONDS = 3.0
+# Numbers in a table from which on it is asked whether the disk has room: 20 megabytes.
+MANY = 1_000_000
 
 
 def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
@@ -76,6 +78,24 @@ def open_table(
         )
     except OSError as error:
         raise results.unusable(error) from None
+
+
+def ask_for_room(session: Session, folder: Path, form: Format, *, quiet: bool) -> None:
+    """Refuse a table that fills the disk, before it is computed.
+
+    Raises
+    ------
+    InputError
+    """
+    settings, columns = session.case.settings, len(session.system.units())
+    if settings.duration / settings.output_step * columns < MANY:
+        return
+    from lagsim.outputs.room import refuse_without_room
+
+    ends = session.case.equations.model.until is not None
+    told = refuse_without_room(folder, form, settings, columns, ends=ends)
+    if told and not quiet:
+        complain(f"warning: {told}")
 
 
 class Later:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from functools import partial
 from pathlib import Path
@@ -22,8 +23,16 @@ from lagsim.cli._shared import (
     refused,
     show_json,
 )
+from lagsim.cli._signals import is_watched
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import Later, commit, cut_short, finish, open_table
+from lagsim.cli._writing import (
+    Later,
+    ask_for_room,
+    commit,
+    cut_short,
+    finish,
+    open_table,
+)
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
@@ -36,6 +45,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from lagsim.outputs.results import Results
+    from lagsim.run.kept import Asked
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
     from lagsim.studies.restart import Restart
@@ -173,16 +183,13 @@ def command(
     # The processor time so far is close to what starting and importing took.
     own.clock.timings["import"] = time.process_time()
     with faults_shown(documents, file=models[0]) as code:
-        from lagsim.model.reader import text_of
+        from lagsim.model.text import text_of
 
         code.append(own.run(*text_of(models[0]), assignments(sets), options))
     for document in documents or ():
         show_json(document)
     return code[-1]
 
-
-# Numbers in a table from which on it is asked whether the disk has room: 20 megabytes.
-MANY = 1_000_000
 
 # Where results go if nobody says where.
 RESULTS = Path("results")
@@ -230,7 +237,7 @@ class Job:
         options: Mapping[str, str],
     ) -> int:
         """Do it; give the exit code."""
-        from lagsim.model.reader import read
+        from lagsim.run.kept import Asked, kept_session
 
         clock = self.clock
         if self.resume and self.table is not Format.CSV:
@@ -241,51 +248,43 @@ class Job:
 
             check_format(self.table, show_units=self.show_units)
         clock.lap("import")
+        asked = Asked(text, file, overrides, options)
         with self.interrupt.raised():
-            model = read(text, file, overrides, options)
-            settings = wanted(model, "run", hint="add it, or give --duration")
+            session = kept_session(asked, lambda: self._made(asked))
             clock.lap("read")
-            session = open_case(model, settings, clock=clock).ready(clock=clock)
         from lagsim.outputs.results import open_results
 
+        model, wishes = session.case.equations.model, {**options, "set": {**overrides}}
         folder = self.folder or RESULTS / model.name
-        self._ask_for_room(session, folder)
-        asked = {**options, "set": dict(overrides)}
-        restart = partial(self._restart, folder, model.sha256, asked)
+        ask_for_room(session, folder, self.table, quiet=self.quiet)
+        restart = partial(self._restart, folder, model.sha256, wishes)
         known = restart() if self.resume else None
-        with open_results(
-            folder, first=None if known is None else known.rescue
-        ) as results:
+        first = None if known is None else known.rescue
+        with open_results(folder, first=first) as results:
             if known is not None and known.stand is None and not self.quiet:
                 complain(f"lagsim: nothing is left in {folder} to go on with")
             made = restart if known is None else lambda: known
             return self._integrate(session, results, made)
 
-    def _restart(self, folder: Path, sha256: str, asked: Mapping[str, Any]) -> Restart:
+    def _made(self, asked: Asked) -> Session:
+        """Make what nobody has asked for before."""
+        from lagsim.model.reader import read
+        from lagsim.native.link.ahead import helped
+
+        model = read(*asked)
+        settings = wanted(model, "run", hint="add it, or give --duration")
+        self.clock.lap("read")
+        with helped() if is_watched() else contextlib.nullcontext():
+            return open_case(model, settings, clock=self.clock).ready(clock=self.clock)
+
+    def _restart(self, folder: Path, sha256: str, wishes: Mapping[str, Any]) -> Restart:
         """Give what keeps a run of these wishes, and goes on with it."""
         from lagsim.studies.restart import Restart
 
         more = self.error_bars, self.show_units, self.plots, self.animate
-        wishes = f"{sorted(asked.items())} {more}"
-        identity = {"model text": sha256, "set of options": wishes}
+        options = f"{sorted(wishes.items())} {more}"
+        identity = {"model text": sha256, "set of options": options}
         return Restart(folder, self.table.file, identity)
-
-    def _ask_for_room(self, session: Session, folder: Path) -> None:
-        """Refuse what fills the disk, before it is computed.
-
-        Raises
-        ------
-        InputError
-        """
-        settings, columns = session.case.settings, len(session.system.units())
-        if settings.duration / settings.output_step * columns < MANY:
-            return
-        from lagsim.outputs.room import refuse_without_room
-
-        ends = session.case.equations.model.until is not None
-        told = refuse_without_room(folder, self.table, settings, columns, ends=ends)
-        if told and not self.quiet:
-            complain(f"warning: {told}")
 
     def _integrate(
         self, session: Session, results: Results, restart: Callable[[], Restart]
@@ -342,7 +341,13 @@ class Job:
 
         A signal ends that: pictures can be drawn again, rows cannot.
         """
+        from lagsim.native.link.ahead import helped
+
         form = (self.plots or Picture.PNG).value
+        if self.plots is Picture.PNG and is_watched():
+            from lagsim.outputs import lean_matplotlib
+
+            lean_matplotlib.load()
 
         def put(made: Iterable[tuple[str, bytes]]) -> None:
             for name, content in made:
@@ -350,7 +355,9 @@ class Job:
 
         try:
             put(found.files(None))
-            self.interrupt.cut(lambda: put(found.files(found.thin, found.frames, form)))
+            with helped() if is_watched() else contextlib.nullcontext():
+                more = found.files(found.thin, found.frames, form)
+                self.interrupt.cut(lambda: put(more))
         except OSError as error:
             return error
         finally:

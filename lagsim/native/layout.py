@@ -133,10 +133,6 @@ class Memory:
             cls.fields[name] = field
             setattr(cls, name, field)
 
-    def __reduce__(self) -> tuple[type[Self], tuple[Floats]]:
-        """Give how it is made again, elsewhere."""
-        return type(self), (self.flat,)
-
     @classmethod
     def made(cls, **sizes: int) -> Self:
         """Make a memory; sizes that are not given are what they are declared as."""
@@ -181,6 +177,10 @@ class Memory:
     def copy(self) -> Self:
         """Give another memory with the same content."""
         return type(self)(self.flat.copy())
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Floats]]:
+        """Give what it is made anew of: elsewhere it has another address."""
+        return type(self), (self.flat,)
 
     def take(self, other: Memory) -> None:
         """Take the numbers, and the arrays of the same length, that both have."""

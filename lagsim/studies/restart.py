@@ -34,7 +34,7 @@ from lagsim.model.model import Model
 from lagsim.native.link import cache
 from lagsim.native.link.engine import Engine, target
 from lagsim.outputs.results import PART, RESTART, RESTART_ROWS, put
-from lagsim.plan import Plan
+from lagsim.plan.plan import Plan
 from lagsim.run.apart import Apart
 from lagsim.run.system import System
 from lagsim.run.system.runner import Runner
