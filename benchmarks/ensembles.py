@@ -142,6 +142,21 @@ def own_one_by_one(case, rtol):
     return run
 
 
+def own_abreast(case, rtol):
+    """Give lagsim's, side by side in the lanes of vectors."""
+    from lagsim.run.ensemble import Abreast, refusal
+    from lagsim.studies.bench.solving import Own
+
+    session = Own(case, "auto", "auto", rtol).session
+    assert not refusal(session), refusal(session)
+    abreast = Abreast(session)
+
+    def run(states):
+        return abreast.ends({}, states).ended[:, 1:5]
+
+    return run
+
+
 def measured():
     """Give name -> points of time and error; a JSON document."""
     from measure import MODELS
@@ -158,6 +173,7 @@ def measured():
     exact = reference(equations, states[some])
     ranges = np.ptp(exact, axis=0)
     makers = {
+        "lagsim, side by side": lambda rtol: own_abreast(case, rtol),
         "lagsim, one by one": lambda rtol: own_one_by_one(case, rtol),
         "heyoka, one by one": lambda rtol: one_by_one(equations, rtol),
         "heyoka, ensemble_propagate_until": lambda rtol: ensemble(equations, rtol),

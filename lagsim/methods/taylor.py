@@ -87,7 +87,10 @@ SLEEPERS = True
 SWITCHES = True
 
 LEAST_ORDER = 4
-MOST_ORDER = 22
+MOST_ORDER = 18
+# At tight tolerances steps of lower order, shorter and more of them, cost the same and
+# average more of what forces are rounded by.
+TIGHT_ORDER = 14
 # A step made anew is shortened by not less than the first, not more than the second.
 # An error of up to this many tolerances is let pass: the bound is for the step before.
 PASSED = 1.0
@@ -103,7 +106,8 @@ SHORTEST = 0.2
 def order_for(rtol: float) -> int:
     """Give the order for a tolerance (Jorba and Zou, (3-5))."""
     order = math.ceil(1.0 - 0.5 * math.log(LOCAL * max(rtol, 1e-300)))
-    return min(max(order, LEAST_ORDER), MOST_ORDER)
+    most = TIGHT_ORDER if rtol < TIGHT else MOST_ORDER
+    return min(max(order, LEAST_ORDER), most)
 
 
 def refusal(_scene: Structure) -> str:
