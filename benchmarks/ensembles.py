@@ -125,6 +125,7 @@ def ensemble(equations, rtol):
 def own_one_by_one(case, rtol):
     """Give lagsim's, a run after the other from one compile."""
     from lagsim.run.observers import Keep
+    from lagsim.run.session import Session
     from lagsim.studies.bench.solving import Own
 
     own = Own(case, "auto", "auto", rtol)
@@ -134,9 +135,24 @@ def own_one_by_one(case, rtol):
         for k, start in enumerate(states):
             kept = Keep()
             state = replace(case.start, q=start[:2].copy(), v=start[2:].copy())
-            replace(own.session, case=case.at(state)).run([kept])
+            Session(case.at(state), own.plan, own.system).run([kept])
             ends[k] = kept.table[-1, 1:5]
         return ends
+
+    return run
+
+
+def own_abreast(case, rtol):
+    """Give lagsim's, side by side in the lanes of vectors."""
+    from lagsim.run.ensemble import Abreast, refusal
+    from lagsim.studies.bench.solving import Own
+
+    session = Own(case, "auto", "auto", rtol).session
+    assert not refusal(session), refusal(session)
+    abreast = Abreast(session)
+
+    def run(states):
+        return abreast.ends({}, states).ended[:, 1:5]
 
     return run
 
@@ -157,6 +173,7 @@ def measured():
     exact = reference(equations, states[some])
     ranges = np.ptp(exact, axis=0)
     makers = {
+        "lagsim, side by side": lambda rtol: own_abreast(case, rtol),
         "lagsim, one by one": lambda rtol: own_one_by_one(case, rtol),
         "heyoka, one by one": lambda rtol: one_by_one(equations, rtol),
         "heyoka, ensemble_propagate_until": lambda rtol: ensemble(equations, rtol),

@@ -12,13 +12,16 @@ REPORTED = (1e-8, 1e-12)
 ENDS = (1e-9, 1e-11)
 HOW = """\
 - Equations: a textbook's (`textbook.py`, written by hand, equal to lagsim's at random
-  states), or lagsim's own where those are shorter. heyoka takes them as its
-  expressions, scipy and SUNDIALS as a function compiled from them.
+  states), or lagsim's own where those are shorter. For links, rods and Andrews'
+  mechanism the multipliers are eliminated by hand along the mechanism, which is shorter
+  than what textbooks print. heyoka takes them as its expressions, CVODE and scipy as a
+  function compiled from them.
 - Least of several, warm, all solvers taking turns at each tolerance; compiling apart.
 - lagsim: every row with all its columns (accelerations, energies, lambda), and
   projected onto the constraints. Rivals: the states of the same rows alone.
 - heyoka: batch size 1, compact mode off (on, it compiles faster and runs slower), no
-  SLP vectoriser (slower on all of them); constrained scenes as index 1, unprojected.
+  SLP vectoriser (slower on the pendula and Kepler, not tried on the others);
+  constrained scenes as index 1, unprojected.
 - CVODE: Adams' methods with functional iteration, in C from the first row to the last.
 - IDA: residual and Jacobian compiled from lagsim's graph, called through Python.
 - scipy: the right-hand side through ctypes, steps in Python (DOP853) or compiled (LSODA

@@ -23,6 +23,8 @@ _BINARY = getattr(os, "O_BINARY", 0)
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0)
 _NO_WAITING = getattr(os, "O_NONBLOCK", 0)
 
+_BLOCK = 1 << 18
+
 IRREGULAR = "it is a pipe or a device, and no regular file"
 
 
@@ -68,6 +70,23 @@ def all_of(file: BinaryIO, most: int) -> bytes:
         text = f"it has more than {limits.size(most)}, which is the limit"
         raise OSError(errno.EFBIG, text)
     return found
+
+
+def digest(path: Path | str) -> str:
+    """Give the sha256 of a regular file.
+
+    Raises
+    ------
+    OSError
+        As `opened` does.
+    """
+    import hashlib
+
+    found = hashlib.sha256()
+    with opened(path) as file:
+        while block := file.read(_BLOCK):
+            found.update(block)
+    return found.hexdigest()
 
 
 def held(path: Path | str, flags: int) -> int:

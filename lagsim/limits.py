@@ -59,7 +59,7 @@ def counted(number: float) -> str:
 
 def size(amount: int) -> str:
     """Give an amount of bytes as messages name it: 16 MiB."""
-    for unit, bits in (("GiB", 30), ("MiB", 20), ("KiB", 10)):
+    for unit, bits in (("TiB", 40), ("GiB", 30), ("MiB", 20), ("KiB", 10)):
         if amount >= 1 << bits:
             return f"{amount / (1 << bits):.3g} {unit}"
     return f"{amount} bytes"

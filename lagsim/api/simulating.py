@@ -241,7 +241,8 @@ class Result:
             for name, content in made.files(thin, frames):
                 results.write(name, content)
             files = [*results.names, MANIFEST]
-            results.commit(encode(self.record | {"files": files}))
+            listed = {"files": files, "sha256": results.digests()}
+            results.commit(encode(self.record | listed))
 
 
 def simulate(

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING, Any
+import time
+from typing import TYPE_CHECKING, Any, cast
 
-from lagsim.cli._streams import UnwritableError
+from lagsim.cli._streams import UnwritableError, complain
 from lagsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -14,9 +15,19 @@ if TYPE_CHECKING:
 
     from lagsim.outputs import Format
     from lagsim.outputs.results import Results
-    from lagsim.outputs.table import Writer
+    from lagsim.outputs.table import TableWriter, Writer
+    from lagsim.run.apart import Apart
+    from lagsim.run.arcs import Run
     from lagsim.run.interrupt import Interrupt
+    from lagsim.run.observers import Relay
+    from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
+    from lagsim.studies.restart import Restart
+
+# What a run has come to is kept from then on, for `--resume`; shorter ones begin anew.
+KEPT_AFTER_SECONDS = 3.0
+# Numbers in a table from which on it is asked whether the disk has room: 20 megabytes.
+MANY = 1_000_000
 
 
 def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
@@ -67,6 +78,49 @@ def open_table(
         )
     except OSError as error:
         raise results.unusable(error) from None
+
+
+def ask_for_room(session: Session, folder: Path, form: Format, *, quiet: bool) -> None:
+    """Refuse a table that fills the disk, before it is computed.
+
+    Raises
+    ------
+    InputError
+    """
+    settings, columns = session.case.settings, len(session.system.units())
+    if settings.duration / settings.output_step * columns < MANY:
+        return
+    from lagsim.outputs.room import refuse_without_room
+
+    ends = session.case.equations.model.until is not None
+    told = refuse_without_room(folder, form, settings, columns, ends=ends)
+    if told and not quiet:
+        complain(f"warning: {told}")
+
+
+class Later:
+    """Has a run kept from some seconds on; before, nothing for that is loaded."""
+
+    def __init__(self, writer: Writer, made: Callable[[], Restart]) -> None:
+        self.writer, self.made = writer, made
+
+    def __call__(
+        self, run: Run | Apart, *, relay: Relay, session: Session, at_once: bool = False
+    ) -> None:
+        """Take a run that is about to begin; or put it where another was."""
+        due = time.monotonic() + KEPT_AFTER_SECONDS
+
+        def tick(run: Run | Apart) -> None:
+            if at_once or time.monotonic() > due:
+                from lagsim.studies.restart import Kept
+
+                writer = cast("TableWriter", self.writer)
+                self.made().join(run, Kept(session, relay, writer))
+
+        if at_once:
+            tick(run)
+        else:
+            run.tick = tick
 
 
 def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:

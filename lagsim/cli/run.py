@@ -25,7 +25,15 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli._signals import is_watched
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import commit, cut_short, finish, open_table
+from lagsim.cli._writing import (
+    Later,
+    ask_for_room,
+    commit,
+    cut_short,
+    finish,
+    open_table,
+)
+from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.outputs import Format
@@ -34,12 +42,13 @@ from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from lagsim.outputs.results import Results
     from lagsim.run.kept import Asked
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
+    from lagsim.studies.restart import Restart
 
 
 Method = Annotated[
@@ -144,6 +153,9 @@ def command(
     animate: Annotated[
         bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
     ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with one that was interrupted.")
+    ] = False,
     as_json: AsJson = False,
     quiet: Annotated[
         bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
@@ -158,7 +170,8 @@ def command(
     )  # fmt: skip
     job = partial(
         Job, error_bars=error_bar, table=table, show_units=units,
-        plots=None if no_plots else form, animate=animate, quiet=quiet, strict=strict,
+        plots=None if no_plots else form, animate=animate, resume=resume, quiet=quiet,
+        strict=strict,
     )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import Batch
@@ -200,6 +213,7 @@ class Job:
         show_units: bool,
         plots: Picture | None,
         animate: bool,
+        resume: bool,
         quiet: bool,
         strict: bool,
         documents: list[Any] | None = None,
@@ -208,7 +222,7 @@ class Job:
         self.folder = folder
         self.error_bars = error_bars
         self.table, self.show_units = table, show_units
-        self.plots, self.animate = plots, animate
+        self.plots, self.animate, self.resume = plots, animate, resume
         self.documents = documents
         self.quiet = quiet
         self.strict = strict
@@ -226,6 +240,9 @@ class Job:
         from lagsim.run.kept import Asked, kept_session
 
         clock = self.clock
+        if self.resume and self.table is not Format.CSV:
+            text = "--resume goes on with a table as CSV, the one that grows by rows"
+            raise InputError([Problem("usage", text)])
         if self.table is not Format.CSV:
             from lagsim.outputs.packed import check_format
 
@@ -237,9 +254,17 @@ class Job:
             clock.lap("read")
         from lagsim.outputs.results import open_results
 
-        name = session.case.equations.model.name
-        with open_results(self.folder or RESULTS / name) as results:
-            return self._integrate(session, results)
+        model, wishes = session.case.equations.model, {**options, "set": {**overrides}}
+        folder = self.folder or RESULTS / model.name
+        ask_for_room(session, folder, self.table, quiet=self.quiet)
+        restart = partial(self._restart, folder, model.sha256, wishes)
+        known = restart() if self.resume else None
+        first = None if known is None else known.rescue
+        with open_results(folder, first=first) as results:
+            if known is not None and known.stand is None and not self.quiet:
+                complain(f"lagsim: nothing is left in {folder} to go on with")
+            made = restart if known is None else lambda: known
+            return self._integrate(session, results, made)
 
     def _made(self, asked: Asked) -> Session:
         """Make what nobody has asked for before."""
@@ -252,7 +277,18 @@ class Job:
         with helped() if is_watched() else contextlib.nullcontext():
             return open_case(model, settings, clock=self.clock).ready(clock=self.clock)
 
-    def _integrate(self, session: Session, results: Results) -> int:
+    def _restart(self, folder: Path, sha256: str, wishes: Mapping[str, Any]) -> Restart:
+        """Give what keeps a run of these wishes, and goes on with it."""
+        from lagsim.studies.restart import Restart
+
+        more = self.error_bars, self.show_units, self.plots, self.animate
+        options = f"{sorted(wishes.items())} {more}"
+        identity = {"model text": sha256, "set of options": options}
+        return Restart(folder, self.table.file, identity)
+
+    def _integrate(
+        self, session: Session, results: Results, restart: Callable[[], Restart]
+    ) -> int:
         from lagsim.outputs.results import MANIFEST
         from lagsim.studies.attempts import Attempts
 
@@ -263,10 +299,13 @@ class Job:
             units = of_table(session.case.equations, units)
         table = open_table(results, self.table, units, show_units=self.show_units)
         with table as writer, interrupt.noted():
+            joined = None
+            if self.table is Format.CSV:
+                joined = partial(Later(writer, restart), at_once=self.resume)
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=self.error_bars,
                 thinned=self.plots is not None, animated=self.animate,
-                progress=partial(progress_bar, quiet=self.quiet),
+                progress=partial(progress_bar, quiet=self.quiet), joined=joined,
             ).best(session)  # fmt: skip
             lost = finish(writer, results, self.table)
             full = lost or found.fault or self._write(found, results)
@@ -282,7 +321,10 @@ class Job:
 
                 caution = replaced(before, document, results.folder)
                 document["warnings"] += [caution.record] if caution else []
+            document["sha256"] = results.digests()
             commit(results, document, {})
+            if not full and document["outcome"] != "interrupted":
+                results.forget()
         self._report(found, document, results.folder)
         if full:
             return UnwritableError.exit_code
@@ -299,6 +341,8 @@ class Job:
 
         A signal ends that: pictures can be drawn again, rows cannot.
         """
+        from lagsim.native.link.ahead import helped
+
         form = (self.plots or Picture.PNG).value
         if self.plots is Picture.PNG and is_watched():
             from lagsim.outputs import lean_matplotlib
@@ -311,7 +355,9 @@ class Job:
 
         try:
             put(found.files(None))
-            self.interrupt.cut(lambda: put(found.files(found.thin, found.frames, form)))
+            with helped() if is_watched() else contextlib.nullcontext():
+                more = found.files(found.thin, found.frames, form)
+                self.interrupt.cut(lambda: put(more))
         except OSError as error:
             return error
         finally:
@@ -335,10 +381,14 @@ class Job:
     def _report(
         self, found: Attempt, document: Mapping[str, Any], folder: Path
     ) -> None:
+        from lagsim.outputs.results import RESTART
+
         if not document["complete"]:
             failed = document["failure"]
             numbered = f" [{failed['number']}]" if failed else ""
             complain(f"lagsim: {document['reason']}{numbered}")
+            if (folder / RESTART).exists():
+                complain("lagsim: the same command with --resume goes on with it")
         if not self.quiet or self.strict:
             for caution in document["warnings"]:
                 complain(f"warning: {caution['text']} [{caution['number']}]")

@@ -9,7 +9,7 @@ import typer
 
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import AsJson, aligned, counted, show_json
-from lagsim.cli._streams import say
+from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import put_file
 from lagsim.errors import InputError, Problem
 
@@ -83,6 +83,8 @@ def _spectrum(result: Path, column: str) -> Spectrum:
     from lagsim.studies.spectrum import spectrum
 
     table = read_results(result)
+    for remark in table.remarks:
+        complain(f"warning: {remark}")
     if column not in table.columns:
         near = get_close_matches(column, table.columns, 1)
         hint = f"did you mean `{near[0]}`?" if near else ""

@@ -216,4 +216,10 @@ output: {reactions: [x]}
 """,
         ("lagsim run pendulum.yaml --no-plots",),
     ),
+    Row(
+        "E234", "expression-too-long",
+        "An expression has at most 1,000,000 letters.",
+        "parts of it may be definitions",
+        commands=(),
+    ),
 )  # fmt: skip

@@ -210,4 +210,10 @@ ROWS = (
             "lagsim check long.yaml 2>&1 | tail -n 4",
         ),
     ),
+    Row(
+        "E134", "too-many-values",
+        "A file has at most 1,000,000 values and collections.",
+        "a file for each of what is apart, or fewer parameters",
+        commands=(),
+    ),
 )  # fmt: skip

@@ -100,4 +100,13 @@ ROWS = (
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: -m*g*l*cos(theta)}\n",
         (_RUN.format("one"), "lagsim overlay one one -o both.html"),
     ),
+    Row(
+        "E613", "another-run",
+        "`--resume` goes on with the same model and options, on the same machine.",
+        "leave --resume out to begin anew, or choose another folder with -o",
+        commands=(
+            "mkdir out; echo kept > out/.lagsim-restart",
+            "lagsim run pendulum.yaml -o out --resume",
+        ),
+    ),
 )  # fmt: skip

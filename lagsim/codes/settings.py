@@ -67,4 +67,11 @@ definitions:
 """,
         ("lagsim derive pendulum.yaml",),
     ),
+    Row(
+        "E409", "too-large",
+        "The equations of a model of usual size take at most 3,000,000 operations, and "
+        "a mass matrix has at most 1,000,000 entries that are not 0.",
+        "fewer velocities in one product or square of the energies couple less",
+        commands=(),
+    ),
 )  # fmt: skip

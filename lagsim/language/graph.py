@@ -262,7 +262,7 @@ class Graph:
 def _too_many(most: int) -> InputError:
     text = f"the equations of this model take more than {most:,} operations"
     hint = "fewer coordinates that stand in one product or sum give shorter ones"
-    return InputError([Problem("too-long", text, None, hint)])
+    return InputError([Problem("too-large", text, None, hint)])
 
 
 def _summed(one: frozenset[int], other: frozenset[int]) -> frozenset[int]:

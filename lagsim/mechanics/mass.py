@@ -69,4 +69,4 @@ def _refuse_full(entries: int) -> None:
             f"{limits.INERTIAS:,}"
         )
         hint = "fewer velocities in one product or square of the energies couple less"
-        raise InputError([Problem("too-long", text, None, hint)])
+        raise InputError([Problem("too-large", text, None, hint)])

@@ -23,14 +23,16 @@ from lagsim import files
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
 MANIFEST = "run.json"
 # Room kept on the disk for a run.json that says that the disk is full.
 RESERVE_BYTES = 1 << 16
 _LOCK = ".lagsim.lock"
-_PART = ".lagsim-{}.part"
+PART = ".lagsim-{}.part"
+# A run on its way, and the rows that one which goes on with it begins with.
+RESTART, RESTART_ROWS = ".lagsim-restart", ".lagsim-restart.rows"
 # What lagsim calls what it leaves, so that a later run may remove it.
 _OWN = re.compile(
     r"(trajectory|events|energy|constraint_forces|plot_\d+|animation|overlay|spectrum"
@@ -87,6 +89,16 @@ class Results:
             self.names.remove(name)
         self._part(name).unlink(missing_ok=True)
 
+    def digests(self) -> dict[str, str]:
+        """Give the sha256 of each file, so that who reads them knows them for one set.
+
+        Raises
+        ------
+        OSError
+            If one cannot be read.
+        """
+        return {name: files.digest(self._part(name)) for name in self.names}
+
     def commit(self, manifest: bytes) -> None:
         """Put all files in their places, remove what the last run left, then run.json.
 
@@ -113,9 +125,15 @@ class Results:
 
     def discard(self) -> None:
         """Remove what was begun, by this run or by one that was killed."""
-        for path in self.folder.glob(_PART.format("*")):
+        for path in self.folder.glob(PART.format("*")):
             with contextlib.suppress(OSError):
                 path.unlink()
+
+    def forget(self) -> None:
+        """Remove what a run on its way has kept of itself."""
+        for name in (RESTART, RESTART_ROWS):
+            with contextlib.suppress(OSError):
+                (self.folder / name).unlink()
 
     def unusable(self, error: OSError) -> InputError:
         """Give what tells that nothing can be written here."""
@@ -125,7 +143,7 @@ class Results:
         target = self.folder / name
         if target.is_dir() and not target.is_symlink():
             raise _unusable(self.folder, f"has a folder where {name} belongs")
-        return self.folder / _PART.format(name)
+        return self.folder / PART.format(name)
 
     def before(self) -> dict[str, Any]:
         """Give what an earlier run's manifest says; nothing where there is none."""
@@ -150,7 +168,11 @@ def is_own(name: str) -> bool:
 
 @contextlib.contextmanager
 def open_results(
-    folder: Path, manifest: str = MANIFEST, *, patience: float = 0.0
+    folder: Path,
+    manifest: str = MANIFEST,
+    *,
+    patience: float = 0.0,
+    first: Callable[[], None] | None = None,
 ) -> Iterator[Results]:
     """Make the folder and hold it against other runs.
 
@@ -160,6 +182,8 @@ def open_results(
         The file that lists the others and comes last.
     patience
         So many seconds another may take until it has left the folder.
+    first
+        Called before what was left by a killed run is removed.
 
     Raises
     ------
@@ -175,6 +199,11 @@ def open_results(
     except OSError as error:
         raise results.unusable(error) from None
     try:
+        (first or results.forget)()
+    except BaseException:
+        _leave(folder, lock)
+        raise
+    try:
         results.discard()
         try:
             results.reserve()
@@ -183,10 +212,14 @@ def open_results(
         yield results
     finally:
         results.discard()
-        # While it is still held: who has opened it since will see that it is gone.
-        with contextlib.suppress(OSError):
-            (folder / _LOCK).unlink()
-        os.close(lock)
+        _leave(folder, lock)
+
+
+def _leave(folder: Path, lock: int) -> None:
+    # While it is still held: who has opened it since will see that it is gone.
+    with contextlib.suppress(OSError):
+        (folder / _LOCK).unlink()
+    os.close(lock)
 
 
 def _held(folder: Path, until: float) -> int:

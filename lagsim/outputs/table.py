@@ -7,6 +7,7 @@ header.
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -144,6 +145,21 @@ class TableWriter:
         self._file.seek(self._head)
         self._file.truncate()
         self.rows, self.last = 0, None
+
+    def go_on(self, content: Iterable[bytes], rows: int, last: float | None) -> None:
+        """Begin with rows that were written before, their header with them."""
+        self._file.seek(0)
+        self._file.truncate()
+        for block in content:
+            left = memoryview(block)
+            while left:
+                left = left[self._file.write(left) :]
+        self.rows, self.last = rows, last
+
+    def synced(self) -> int:
+        """Have the rows on the disk; give the bytes that they take."""
+        os.fsync(self._file.fileno())
+        return self._file.tell()
 
     def finish(self) -> None:
         """Make the table whole, as it is after each row."""

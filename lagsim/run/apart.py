@@ -105,6 +105,8 @@ class Apart:
     ) -> None:
         self.settings, self.system = settings, system
         self.recorder, self.progress = Recorder(observers), progress
+        # Called between two calls of the kernels.
+        self.tick: Callable[[Apart], None] | None = None
         self.runner = system.link(system.plan.method)
         self.runner.prepare()
         self.parts = []
@@ -122,6 +124,8 @@ class Apart:
     def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
         """Go through the whole run; each arc counts as some steps besides its own."""
         while True:
+            if self.tick is not None:
+                self.tick(self)
             for part in self.parts:
                 part.fill(most_steps, arc_steps)
             self._join()

@@ -72,8 +72,11 @@ class Run:
         corners: Corners | None = None,
     ) -> None:
         self.arc = first_arc(equations, start, plan, system, settings, longest_step)
+        self.first = self.arc
         self.sources = list(_sources(self.arc))
         self.recorder = Recorder(observers)
+        # Called between two calls of the kernel.
+        self.tick: Callable[[Run], None] | None = None
         self.interrupt, self.progress = interrupt, progress
         self.corners = corners
         self.pace = self.arc.runner.pace
@@ -88,9 +91,12 @@ class Run:
 
     def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
         """Go through all arcs; each counts as some steps besides its own."""
-        self.begin()
+        if not self.arcs:
+            self.begin()
         ending = None
         while ending is None:
+            if self.tick is not None:
+                self.tick(self)
             ending = self.advance(most_steps, arc_steps)
             if ending is None and self.progress is not None:
                 settings = self.arc.settings

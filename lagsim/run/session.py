@@ -180,6 +180,7 @@ class Session(NamedTuple):
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
         corners: Corners | None = None,
+        joined: Callable[[Run | Apart], None] | None = None,
     ) -> Trajectory:
         """Integrate, handing every row to the observers.
 
@@ -189,6 +190,8 @@ class Session(NamedTuple):
             Gets what happens at events between rows.
         progress
             Called with the fraction of the run that is done.
+        joined
+            Gets the run before it begins, and may put it where another was.
         """
         from lagsim.run.states import MOST_STEPS
 
@@ -209,6 +212,8 @@ class Session(NamedTuple):
                 observers, interrupt=interrupt, progress=progress,
                 longest_step=self.longest_step, corners=corners,
             )  # fmt: skip
+        if joined is not None:
+            joined(run)
         import numpy as np
 
         # A motion that diverges passes every number; what is made of it says so itself.

@@ -12,6 +12,7 @@ import contextlib
 import math
 from dataclasses import replace
 from enum import Enum
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from lagsim.studies.alarms import Doubt
     from lagsim.studies.error_bar import Allowance
 
+    # Takes a run, and by their names its `relay` and `session`.
+    Joined: TypeAlias = Callable[..., None]
     Progress: TypeAlias = Callable[
         [], contextlib.AbstractContextManager[Callable[[float], None] | None]
     ]
@@ -204,6 +207,8 @@ class Attempts:
         Those at events are kept, for pictures that are made of other rows.
     progress
         Gives what is to be called with the fraction done.
+    joined
+        Gets the run of the first attempt before it begins.
     """
 
     def __init__(
@@ -217,10 +222,12 @@ class Attempts:
         cornered: bool = False,
         animated: bool = False,
         progress: Progress = contextlib.nullcontext,
+        joined: Joined | None = None,
     ) -> None:
         self.store, self.interrupt, self.clock = store, interrupt, clock
         self.error_bars, self.thinned, self.progress = error_bars, thinned, progress
         self.animated, self.cornered = animated, cornered or thinned
+        self.joined = joined
         # What all that judges the first attempt may cost.
         self.allowance: Allowance | None = None
 
@@ -269,10 +276,12 @@ class Attempts:
         clock.lap("output")
         import_module("lagsim.run.arcs")  # not while the clock runs for it
         clock.lap("import")
+        joined, self.joined = self.joined, None
         with self.progress() as progress:
             trajectory = session.run(
-                [relay], interrupt=self.interrupt, progress=progress, corners=corners
-            )
+                [relay], interrupt=self.interrupt, progress=progress, corners=corners,
+                joined=joined and partial(joined, relay=relay, session=session),
+            )  # fmt: skip
             clock.lap("integrate")
         clock.timings["integrate"] -= relay.seconds
         clock.timings["output"] += relay.seconds

@@ -19,7 +19,7 @@ from lagsim.outputs import animation
 from lagsim.outputs.animation.film import page_units
 from lagsim.outputs.animation.tables import film_of_columns
 from lagsim.outputs.results import MANIFEST
-from lagsim.studies.comparison.reading import read_results
+from lagsim.studies.comparison.reading import of_another_run, read_results
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -191,8 +191,10 @@ def _recorded(run: Shown) -> list[dict[str, Any]]:
     if animation.NAME not in run.record.get("files", ()):
         return []
     try:
-        content = (run.folder / animation.NAME).read_text("utf-8")
-    except (OSError, ValueError):
+        if of_another_run(run.folder, animation.NAME, run.record):
+            return []
+        content = files.content(run.folder / animation.NAME).decode()
+    except (OSError, ValueError, AttributeError):
         return []
     return animation.recorded(content) or []
 

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import io
+import shutil
 import sys
 import zipfile
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from lagsim import limits
+from lagsim.model.settings import Settings
+from lagsim.outputs import Format
+from lagsim.outputs.room import refuse_without_room
 
 MODEL = """
 parameters: {k: 2}
@@ -113,3 +120,38 @@ def test_a_document_has_a_size(lagsim, tmp_path, monkeypatch):
     monkeypatch.setattr(limits, "DOCUMENT_BYTES", 1 << 20)
     sparse(tmp_path / "run.json", (1 << 20) + 1)
     refused(lagsim("overlay", tmp_path), "it has more than 1 MiB, which is the limit")
+
+
+LONG = MODEL.replace("duration: 1}", "duration: 1e5, output_step: 0.1}")
+
+
+def with_free(monkeypatch, amount):
+    usage = SimpleNamespace(free=amount)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+
+
+def test_a_table_without_room_is_refused_before_it_is_computed(
+    lagsim, write, monkeypatch
+):
+    with_free(monkeypatch, 1 << 20)
+    done = lagsim("run", write(LONG), "--no-plots")
+    # t, three of x, three energies
+    refused(done, "1,000,001 rows of 7 columns take about 127 MiB", "1 MiB are free")
+    assert not Path("results").exists()
+
+
+def test_a_table_that_may_not_fit_is_warned_of(monkeypatch):
+    settings = Settings(end=1e5, output_step=0.1)
+    needed = (10**6 + 1) * 7 * 19
+    ask = partial(refuse_without_room, Path("out"), Format.CSV, settings, 7)
+    with_free(monkeypatch, needed)
+    assert ask(ends=False) == ""
+    with_free(monkeypatch, needed - 1)
+    assert "may fill up" in ask(ends=False)
+    with_free(monkeypatch, 0)
+    assert "may fill up" in ask(ends=True)
+
+
+def test_short_runs_do_not_ask(lagsim, write, monkeypatch):
+    with_free(monkeypatch, 0)
+    assert lagsim("run", write(MODEL), "--no-plots").code == 0

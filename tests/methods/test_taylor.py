@@ -56,10 +56,12 @@ def test_a_pendulum(text, rtol):
 def test_the_order_follows_the_tolerance():
     assert taylor.order_for(1e-11) == taylor.ORDER
     # e^(-2 (K - 1)) = a tenth of the tolerance (Jorba and Zou).
-    orders = [taylor.order_for(10.0**-k) for k in range(3, 17)]
+    orders = [taylor.order_for(10.0**-k) for k in range(3, 14)]
     assert orders == sorted(orders)
     assert orders[0] == math.ceil(1 + 2 * math.log(10))
-    assert taylor.order_for(0.0) == taylor.MOST_ORDER
+    assert orders[-1] <= taylor.order_for(5e-14) == taylor.MOST_ORDER
+    # Below, where rounding is all: see test_tight.
+    assert taylor.order_for(1e-15) == taylor.order_for(0.0) == taylor.TIGHT_ORDER
     assert taylor.order_for(1.0) == taylor.LEAST_ORDER
 
 
@@ -179,7 +181,7 @@ energy:
   kinetic: a_dot^2 + b_dot^2/2 + a_dot*b_dot*cos(a - b)
   potential: -2*cos(a) - cos(b)
 initial: {a: pi/2, b: pi/2}
-simulation: {duration: 4, output_step: 0.5, method: taylor, rtol: 1.0e-15}
+simulation: {duration: 4, output_step: 0.5, method: taylor, rtol: 1.0e-12}
 """
 
 
@@ -199,7 +201,7 @@ class Bare:
         self.plain = Plain(taylor, linked(runner) | {"series": series}, **statics)
         self.s = fresh_state(
             taylor, [math.pi / 2, math.pi / 2, 0, 0],
-            n=2, rtol=1e-15, row_step=4.0, row_limit=4.0, end=4.0,
+            n=2, rtol=1e-12, row_step=4.0, row_limit=4.0, end=4.0,
         )  # fmt: skip
 
     def end(self):
@@ -212,9 +214,9 @@ class Bare:
 @pytest.mark.slow
 def test_a_symmetric_start_needs_four_coefficients():
     # Where a and b start at rest at 90 degrees, three in four coefficients vanish: at
-    # order 20 those of order 19 and 20 do.
-    assert taylor.order_for(1e-15) == 20
-    expected = run(SYMMETRIC, method="dop853")
+    # order 16 those of order 15 and 16 do.
+    assert taylor.order_for(1e-12) == 16
+    expected = run(SYMMETRIC, method="dop853", rtol="1e-15")
     end = [expected[name][-1] for name in ("a", "b", "a_dot", "b_dot")]
     errors = {guard: np.max(np.abs(Bare(guard).end() - end)) for guard in (2, 4)}
     assert errors[4] < 1e-12

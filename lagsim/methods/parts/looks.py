@@ -124,17 +124,41 @@ def stirs(s: State, k: int, h: float) -> bool:
 
     Or is not known from its ends.
     """
+    if not known(s, k, h):
+        return True
+    if goes_one_way(s, k, h):
+        return False
     first = away(s, k, s.signals_first)
     middle = away(s, k, s.signals_middle)
     last = away(s, k, s.signals_last)
-    if not known(s, k, h):
-        return True
     left = closest(s, k, s.signals_first, s.signals_middle, BETWEEN * h)
     right = closest(s, k, s.signals_middle, s.signals_last, (1.0 - BETWEEN) * h)
     dip = min(first, max(middle, right, last)) - left
     dip = max(dip, min(max(first, left), max(right, last)) - middle)
     dip = max(dip, min(max(first, left, middle), last) - right)
     return dip > WAKES
+
+
+def goes_one_way(s: State, k: int, h: float) -> bool:
+    """Tell whether signal k only rises or only falls in a step, and is never 0.
+
+    Then it is closest to waking at an end. From its polygons: a cubic between two looks
+    turns no oftener than a, a + A/3, b - B/3, b do.
+    """
+    rate = s.signals + k
+    a = float(s.signals_first[k])
+    m = float(s.signals_middle[k])
+    b = float(s.signals_last[k])
+    left = BETWEEN * h / 3.0
+    right = (1.0 - BETWEEN) * h / 3.0
+    A = s.signals_first[rate]
+    M = s.signals_middle[rate]
+    B = s.signals_last[rate]
+    way = 1.0 if b > a else -1.0
+    least = float(min(way * A, way * M, way * B))
+    least = min(least, float(way * (m - a - left * (A + M))))
+    least = min(least, float(way * (b - m - right * (M + B))))
+    return least >= 0.0 and a * b > 0.0
 
 
 def distance(kind: float, power: float, u: float) -> float:
@@ -153,7 +177,6 @@ def away(s: State, k: int, at_look: Floats) -> float:
     return distance(s.kinds[k], s.powers[k], at_look[k])
 
 
-@rare
 def known(s: State, k: int, width: float) -> bool:
     """Tell whether values and rates at both ends give the value in the middle."""
     kind = s.kinds[k]
@@ -182,7 +205,6 @@ def known(s: State, k: int, width: float) -> bool:
     return abs(distance(kind, power, near) - distance(kind, power, m)) < FLAT
 
 
-@rare
 def closest(s: State, k: int, left: Floats, right: Floats, width: float) -> float:
     """Give the least distance of signal k on the cubic between two looks."""
     kind = s.kinds[k]

@@ -91,7 +91,28 @@ def read_results(path: Path) -> Table:
         units = {k: str(unit) for k, unit in manifest["columns"].items()}
         if not manifest["complete"]:
             remarks = (f"{path} is incomplete: {manifest['reason']}",)
+        remarks += of_another_run(path, (found or [path])[0].name, manifest)
     return Table(table.name, table.columns, table.data, units, remarks)
+
+
+def of_another_run(
+    folder: Path, name: str, manifest: Mapping[str, Any]
+) -> tuple[str, ...]:
+    """Say that a file is not the one that its folder's run.json lists, if so.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    """
+    listed = manifest.get("sha256", {}).get(name)
+    if listed is None or files.digest(folder / name) == listed:
+        return ()
+    text = (
+        f"{folder / name} is not the file that {MANIFEST} beside it lists: it was "
+        "changed, or belongs to another run"
+    )
+    return (text,)
 
 
 def read_table(path: Path) -> Table:

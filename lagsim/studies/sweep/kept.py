@@ -58,5 +58,6 @@ def written(
             results.write(name, content)
         clock.lap("output")
         files = [*results.names, MANIFEST]
-        results.commit(encode(found.record(found.cautions(), clock.timings, files)))
+        record = found.record(found.cautions(), clock.timings, files)
+        results.commit(encode(record | {"sha256": results.digests()}))
     return found

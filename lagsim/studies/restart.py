@@ -1,0 +1,352 @@
+"""A run on its way, kept every few seconds, so that a killed one need not begin anew.
+
+Kept is the run as it stands between two calls of its kernels: arcs, sources, what was
+recorded and observed, and the memories of kernels. What follows from the model alone
+(equations, plan, compiled functions) is made anew, and told apart by its name. The rows
+are those at the beginning of the table, known by their sha256. Where a run is in a way
+that is not kept (by another method than its plan's, say), what was kept before stays:
+the same steps are made again, to the same bits.
+
+The file is pickled, which could run code: it is opened only under a seal that a key in
+this user's cache gives.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import hmac
+import io
+import json
+import os
+import pickle
+import platform
+import secrets
+import sys
+import time
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+
+from lagsim import files
+from lagsim.errors import InputError, Problem
+from lagsim.language.graph import Graph
+from lagsim.mechanics.equations import Equations
+from lagsim.model.model import Model
+from lagsim.native.link import cache
+from lagsim.native.link.engine import Engine, target
+from lagsim.outputs.results import PART, RESTART, RESTART_ROWS, put
+from lagsim.plan.plan import Plan
+from lagsim.run.apart import Apart
+from lagsim.run.system import System
+from lagsim.run.system.runner import Runner
+from lagsim.version import __version__
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from lagsim.outputs.table import TableWriter
+    from lagsim.run.arcs import Run
+    from lagsim.run.observers import Relay
+    from lagsim.run.session import Session
+
+# Shorter runs are made again; and keeping one may take so much of its time.
+EVERY_SECONDS = 3.0
+MOST_OF_THE_TIME = 0.05
+# What pickle raises where something cannot be kept, such as a generator.
+_NOT_KEPT = (pickle.PicklingError, TypeError, AttributeError)
+_KEY = "restart.key"
+_KEY_BYTES = 32
+_BLOCK = 1 << 20
+# What is made anew; one that is not the run's own cannot be kept.
+_MADE_ANEW = (System, Runner, Equations, Graph, Model, Plan, Engine)
+
+
+class Stand(NamedTuple):
+    """What there is to go on with: rows of a table of so many bytes, and the rest."""
+
+    rows: int
+    last: float | None
+    size: int
+    digest: str
+    kept: bytes
+
+
+class Restart:
+    """Keeps a run, and goes on with one that was kept.
+
+    Parameters
+    ----------
+    folder
+        That of the results.
+    table
+        The name of the table in it, as CSV.
+    identity
+        What was asked for: who goes on must have asked for the same.
+    """
+
+    def __init__(self, folder: Path, table: str, identity: Mapping[str, str]) -> None:
+        self.folder, self.table = folder, table
+        self.identity = {**_machine(), **identity}
+        self.stand: Stand | None = None
+        self._key = _key()
+        self._hash, self._hashed = hashlib.sha256(), 0
+        self._due = time.monotonic()
+
+    # What was kept
+
+    def rescue(self) -> None:
+        """Find what there is to go on with, and put its rows aside.
+
+        Raises
+        ------
+        InputError
+            Where it belongs to another run.
+        """
+        stand = self._read(self.folder / RESTART)
+        if stand is None:
+            return
+        for name in (PART.format(self.table), RESTART_ROWS, self.table):
+            path = self.folder / name
+            found = _prefix(path, stand.size)
+            if found is not None and found.hexdigest() == stand.digest:
+                _put_aside(
+                    path, self.folder / RESTART_ROWS, stand.size, name == self.table
+                )
+                self.stand, self._hash, self._hashed = stand, found, stand.size
+                return
+
+    def _read(self, path: Path) -> Stand | None:
+        try:
+            content = files.content(path)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            raise _refused(path, f"cannot be read: {error.strerror}") from None
+        seal, _, rest = content.partition(b"\n")
+        if self._key is None or not hmac.compare_digest(seal, _seal(self._key, rest)):
+            raise _refused(path, "is damaged, or not written by you on this machine")
+        head, _, kept = rest.partition(b"\n")
+        there, place = json.loads(head)
+        other = [x for x, own in self.identity.items() if there.get(x) != own]
+        if other:
+            raise _refused(path, f"is that of a run with another {', '.join(other)}")
+        rows, last, size, digest = place
+        return Stand(rows, last, size, digest, kept)
+
+    # A run
+
+    def join(self, run: Run | Apart, kept: Kept) -> None:
+        """Go on with what was kept, if anything was; keep this run from now on."""
+        self._things = _made_anew(run, kept)
+        self._names = {id(x): name for name, x in self._things.items()}
+        self._kept = kept
+        run.tick = self.tick
+        if self.stand is None:
+            return
+        with files.opened(self.folder / RESTART_ROWS) as file:
+            rows = _blocks(file, self.stand.size)
+            kept.writer.go_on(rows, self.stand.rows, self.stand.last)
+        states, memories, others = _Reader(self.stand.kept, self._things).load()
+        run.__dict__.update(states)
+        for name, memory in memories.items():
+            self._things[name].p.flat[:] = memory
+        for other, state in zip(_observers(run, kept.relay), others, strict=True):
+            other.__dict__.update(state)
+        self._due = time.monotonic() + EVERY_SECONDS
+        self.stand = None
+
+    def tick(self, run: Run | Apart) -> None:
+        """Keep the run, where it is time to."""
+        began = time.monotonic()
+        if began < self._due or self._key is None or self._kept.relay.fault is not None:
+            return
+        # What is not kept now may be another time; a full disk is told by the table.
+        with contextlib.suppress(*_NOT_KEPT, OSError):
+            self._keep(run, self._key)
+        ended = time.monotonic()
+        self._due = ended + max(EVERY_SECONDS, (ended - began) / MOST_OF_THE_TIME)
+
+    def _keep(self, run: Run | Apart, key: bytes) -> None:
+        systems = {k: x for k, x in self._things.items() if isinstance(x, System)}
+        states = {k: x for k, x in run.__dict__.items() if k != "tick"}
+        memories = {k: x.p.flat for k, x in systems.items()}
+        others = [x.__dict__ for x in _observers(run, self._kept.relay)]
+        kept = io.BytesIO()
+        _Writer(kept, self._names).dump((states, memories, others))
+        writer = self._kept.writer
+        size = writer.synced()
+        with files.opened(self.folder / PART.format(self.table)) as file:
+            file.seek(self._hashed)
+            for block in _blocks(file, size - self._hashed):
+                self._hash.update(block)
+        self._hashed = size
+        place = [writer.rows, writer.last, size, self._hash.hexdigest()]
+        rest = json.dumps([self.identity, place]).encode() + b"\n" + kept.getvalue()
+        put(self.folder / RESTART, _seal(key, rest) + b"\n" + rest)
+        with contextlib.suppress(OSError):
+            (self.folder / RESTART_ROWS).unlink()
+
+
+class Kept(NamedTuple):
+    """What there is of a run besides itself."""
+
+    session: Session
+    relay: Relay
+    writer: TableWriter
+
+
+def _refused(path: Path, why: str) -> InputError:
+    hint = "leave --resume out to begin anew, or choose another folder with -o"
+    return InputError([Problem("another-run", f"{path} {why}", hint=hint)])
+
+
+def _machine() -> dict[str, str]:
+    """Give what rows depend on besides what was asked for."""
+    import numpy as np
+
+    return {
+        "version of lagsim": __version__,
+        "Python": sys.version,
+        "version of numpy": np.__version__,
+        "machine": " ".join((platform.machine(), *map(str, target()))),
+    }
+
+
+def _key() -> bytes | None:
+    """Give this user's key, made the first time; None where there is no cache."""
+    where = cache.folder()
+    if where is None:
+        return None
+    path = where.parent / _KEY
+    with contextlib.suppress(OSError):
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(handle, "wb") as file:
+            file.write(secrets.token_bytes(_KEY_BYTES))
+    try:
+        found = files.content(path)
+    except OSError:
+        return None
+    return found if len(found) == _KEY_BYTES else None
+
+
+def _seal(key: bytes, content: bytes) -> bytes:
+    return hmac.new(key, content, "sha256").hexdigest().encode()
+
+
+# Rows
+
+
+def _blocks(file: BinaryIO, size: int) -> Iterator[bytes]:
+    while size > 0 and (block := file.read(min(size, _BLOCK))):
+        size -= len(block)
+        yield block
+
+
+def _prefix(path: Path, size: int) -> Any:
+    """Give the digest of so many bytes of a file; None where it has not as many."""
+    found = hashlib.sha256()
+    try:
+        with files.opened(path) as file:
+            for block in _blocks(file, size):
+                found.update(block)
+                size -= len(block)
+    except OSError:
+        return None
+    return None if size else found
+
+
+def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
+    """Keep rows from being written over; a whole result stays where it is."""
+    if path == aside:
+        return
+    if not whole:
+        path.replace(aside)
+        return
+    aside.unlink(missing_ok=True)
+    handle = files.held(aside, os.O_RDWR | os.O_CREAT | os.O_EXCL)
+    with os.fdopen(handle, "wb") as file, files.opened(path) as rows:
+        for block in _blocks(rows, size):
+            file.write(block)
+
+
+# What a run is made of
+
+
+class _Writer(pickle.Pickler):
+    """Pickles a run, by names what is made anew."""
+
+    def __init__(self, file: io.BytesIO, names: Mapping[int, str]) -> None:
+        super().__init__(file, protocol=5)
+        self._of = names
+
+    def persistent_id(self, x: Any) -> Any:
+        """Give the name of what is made anew."""
+        name = self._of.get(id(x))
+        if name is None and isinstance(x, Runner) and id(x.system) in self._of:
+            return self._of[id(x.system)], x.method.__name__.rpartition(".")[-1]
+        if name is None and isinstance(x, _MADE_ANEW):
+            raise pickle.PicklingError(f"{type(x)} of another way")
+        return name
+
+
+class _Reader(pickle.Unpickler):
+    """Reads a run under its seal."""
+
+    def __init__(self, content: bytes, things: Mapping[str, Any]) -> None:
+        super().__init__(io.BytesIO(content))
+        self._things = things
+
+    def persistent_load(self, name: Any) -> Any:
+        """Give what is made anew, by its name."""
+        if isinstance(name, str):
+            return self._things[name]
+        system, method = name
+        return self._things[system].link(method)
+
+
+def _observers(run: Run | Apart, relay: Relay) -> list[Any]:
+    """Give what has taken rows, and what a run has noted at events."""
+    corners = getattr(run, "corners", None)
+    return [*relay.others, *([] if corners is None else [corners])]
+
+
+def _made_anew(run: Run | Apart, kept: Kept) -> dict[str, Any]:
+    """Give by name what is the same in each run of a session."""
+    found = {"session": kept.session, "relay": kept.relay, **_parts(run, "")}
+    case = kept.session.case
+    found |= {
+        "case": case,
+        "case.equations": case.equations,
+        "case.plan": kept.session.plan,
+    }
+    found |= {f"other {k}": x for k, x in enumerate(_observers(run, kept.relay))}
+    return {name: x for name, x in found.items() if x is not None}
+
+
+def _parts(run: Run | Apart, at: str) -> dict[str, Any]:
+    if isinstance(run, Apart):
+        found: dict[str, Any] = {"system": run.system, "settings": run.settings}
+        found |= {"runner": run.runner, "progress": run.progress}
+        for k, part in enumerate(run.parts):
+            found |= _parts(part.run, f"{k}.")
+        return found
+    arc = run.first
+    equations, system = arc.equations, arc.system
+    return {
+        f"{at}first": arc,
+        f"{at}equations": equations,
+        f"{at}model": equations.model,
+        f"{at}graph": equations.graph,
+        f"{at}start": arc.start,
+        f"{at}plan": arc.plan,
+        f"{at}settings": arc.settings,
+        f"{at}system": system,
+        f"{at}system.equations": system.equations,
+        f"{at}system.model": system.equations.model,
+        f"{at}system.plan": system.plan,
+        f"{at}runner": arc.runner,
+        f"{at}pace": run.pace,
+        f"{at}block": run.block,
+        f"{at}interrupt": run.interrupt,
+        f"{at}progress": run.progress,
+    }

@@ -1,0 +1,239 @@
+"""`run --resume`: what is gone on with has the bytes of what was never interrupted."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lagsim.cli import _writing
+from lagsim.studies import restart
+from tests.support import MODELS
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="processes are killed")
+
+# Keeps the run between any two calls of its kernels, which are short, and after some of
+# these kills itself.
+KILLED = """
+import os, sys
+from lagsim.cli import _writing, main
+from lagsim.run import pace
+from lagsim.studies import restart
+_writing.KEPT_AFTER_SECONDS = restart.EVERY_SECONDS = 0.0
+restart.MOST_OF_THE_TIME = 1e9
+pace.MOST = 16
+left, kind = int(sys.argv.pop(1)), int(sys.argv.pop(1))
+keep = restart.Restart._keep
+def kept(self, *given):
+    global left
+    keep(self, *given)
+    left -= 1
+    if left == 0:
+        os.kill(os.getpid(), kind)
+restart.Restart._keep = kept
+sys.exit(main())
+"""
+
+
+def ended(line, after, kind):
+    """Run a command in a process that ends itself after the run was kept so often."""
+    command = [sys.executable, "-c", KILLED, str(after), str(int(kind)), *line]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode in (-kind, 128 + kind), done.stderr
+    return done
+
+
+def content(folder):
+    """Give the files of a folder, without times that clocks have measured."""
+    found = {path.name: path.read_bytes() for path in Path(folder).iterdir()}
+    record = json.loads(found["run.json"])
+    del record["timings"]
+    return {**found, "run.json": record}
+
+
+@pytest.fixture
+def begun(monkeypatch):
+    """Give the times at which resumed runs have gone on."""
+    times = []
+    join = restart.Restart.join
+
+    def joined(self, run, kept):
+        goes_on = self.stand is not None
+        join(self, run, kept)
+        if goes_on:
+            parts = getattr(run, "parts", None)
+            times.append(min(p.run.t for p in parts) if parts else run.t)
+
+    monkeypatch.setattr(restart.Restart, "join", joined)
+    return times
+
+
+def line(model, folder, *more):
+    return ("run", str(MODELS / f"{model}.yaml"), "-o", folder, "-q", *more)
+
+
+def gone_on(lagsim, begun, model, after, kind, *more):
+    """Go on with a run that was ended; give what there is then, and should be."""
+    assert lagsim(*line(model, "whole", *more)).code == 0
+    ended(line(model, "cut", *more), after, kind)
+    assert Path("cut", restart.RESTART).exists()
+    assert lagsim(*line(model, "cut", "--resume", *more)).code == 0
+    assert len(begun) == 1
+    assert begun[0] > 0.0
+    return content("cut"), content("whole")
+
+
+def test_a_killed_run_goes_on(lagsim, begun):
+    found, whole = gone_on(
+        lagsim, begun, "bouncing-ball", 2, signal.SIGKILL, "--no-plots"
+    )
+    assert found == whole
+
+
+@pytest.mark.slow
+def test_an_interrupted_run_says_that_it_can_go_on(lagsim, begun):
+    more = ("--no-plots", "--error-bar", "never")
+    ended(line("stick-slip", "cut", *more), 4, signal.SIGINT)
+    record = json.loads(Path("cut/run.json").read_bytes())
+    assert (record["outcome"], record["complete"]) == ("interrupted", False)
+    found, whole = gone_on(lagsim, begun, "stick-slip", 4, signal.SIGINT, *more)
+    assert found == whole
+    done = ended(line("stick-slip", "again", *more), 2, signal.SIGTERM)
+    assert "--resume goes on with it" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("after", "kind"), [(2, signal.SIGKILL), (3, signal.SIGTERM)])
+@pytest.mark.parametrize(
+    ("model", "more"),
+    [
+        ("elastic-pendulum", ("--animate",)),
+        ("elastic-pendulum", ("--method", "kahan_li8", "--step", "0.01")),
+        ("elastic-pendulum-steered", ("--no-plots", "--units")),
+        ("bouncing-ball", ("--no-plots",)),
+        ("slack-string", ("--no-plots",)),
+        ("rocking-block", ("--no-plots",)),
+        ("dry-friction", ("--no-plots",)),
+    ],
+)
+def test_every_kind_of_scene_goes_on(lagsim, begun, model, more, kind, after):
+    found, whole = gone_on(lagsim, begun, model, after, kind, *more)
+    assert found == whole
+
+
+APART = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: x_dot^2/2 + y_dot^2/2, potential: "x^4/4 - cos(y)"}
+initial: {x: 1, y: 2}
+simulation: {duration: 400, output_step: 0.02}
+"""
+
+
+@pytest.mark.slow
+def test_subsystems_go_on(lagsim, begun, write):
+    model = write(APART)
+    cut, whole = (
+        ("run", model, "-o", d, "-q", "--no-plots", "--formulation", "apart")
+        for d in ("cut", "whole")
+    )
+    assert lagsim(*whole).code == 0
+    assert "subsystems" in Path("whole/run.json").read_text()
+    ended(cut, 5, signal.SIGKILL)
+    assert lagsim(*cut, "--resume").code == 0
+    assert begun[0] > 0.0
+    assert content("cut") == content("whole")
+
+
+@pytest.mark.slow
+def test_of_another_run_nothing_is_taken_and_nothing_is_lost(
+    lagsim, begun, write, monkeypatch
+):
+    text = (MODELS / "bouncing-ball.yaml").read_text("utf-8")
+    model = write(text)
+    asked = ("run", model, "-q", "--no-plots", "-o", "cut")
+    ended(asked, 3, signal.SIGKILL)
+    before = {path.name: path.read_bytes() for path in Path("cut").iterdir()}
+
+    def refused(word, *more):
+        done = lagsim(*asked, "--resume", *more)
+        assert done.code == 2
+        assert word in done.err
+        assert "leave --resume out" in done.err
+        assert begun == []
+        after = {path.name: path.read_bytes() for path in Path("cut").iterdir()}
+        assert before.items() >= after.items()
+        assert after.keys() >= before.keys() - {".lagsim.lock"}
+
+    refused("another set of options", "--rtol", "1e-8")
+    write(f"{text}# more\n")
+    refused("another model text")
+    write(text)
+    with monkeypatch.context() as other:
+        other.setattr(restart, "__version__", "0.0.1")
+        refused("another version of lagsim")
+    assert lagsim(*asked, "--resume").code == 0
+    assert len(begun) == 1
+
+
+class Harmful:
+    def __reduce__(self):
+        return os.mkdir, ("a-stranger-was-here",)
+
+
+def test_what_a_stranger_has_put_there_is_not_opened(lagsim):
+    Path("out").mkdir()
+    head = json.dumps([{}, [0, None, 0, ""]]).encode()
+    planted = b"0" * 64 + b"\n" + head + b"\n" + pickle.dumps(Harmful())
+    Path("out", restart.RESTART).write_bytes(planted)
+    asked = line("kepler", "out", "--no-plots", "--duration", "1")
+    done = lagsim(*asked, "--resume")
+    assert (done.code, "not written by you on this machine" in done.err) == (2, True)
+    assert not Path("a-stranger-was-here").exists()
+    assert lagsim(*asked).code == 0
+    assert not Path("out", restart.RESTART).exists()
+
+
+@pytest.mark.slow
+def test_rows_that_were_changed_are_made_anew(lagsim, begun):
+    more = ("--no-plots", "--error-bar", "never")
+    assert lagsim(*line("bouncing-ball", "whole", *more)).code == 0
+    ended(line("bouncing-ball", "cut", *more), 3, signal.SIGKILL)
+    part = Path("cut", restart.PART.format("trajectory.csv"))
+    part.write_bytes(part.read_bytes().replace(b"1", b"2", 1))
+    asked = ("run", str(MODELS / "bouncing-ball.yaml"), "-o", "cut", "--resume", *more)
+    done = lagsim(*asked)
+    assert (done.code, "nothing is left in cut to go on with" in done.err) == (0, True)
+    assert begun == []
+    assert content("cut") == content("whole")
+
+
+def test_what_cannot_be_kept_is_not(lagsim, monkeypatch):
+    """A run of which something cannot be kept is made to its end all the same."""
+
+    def unable(*_):
+        raise TypeError("cannot pickle 'generator' object")
+
+    monkeypatch.setattr(restart.Restart, "_keep", unable)
+    monkeypatch.setattr(_writing, "KEPT_AFTER_SECONDS", -1.0)
+    assert lagsim(*line("kepler", "out", "--no-plots", "--duration", "1")).code == 0
+    assert not Path("out", restart.RESTART).exists()
+
+
+def test_short_runs_keep_nothing(lagsim, monkeypatch):
+    def kept(*_):
+        pytest.fail("it was kept")
+
+    monkeypatch.setattr(restart.Restart, "__init__", kept)
+    assert lagsim(*line("kepler", "out", "--no-plots", "--duration", "1")).code == 0
+    assert _writing.KEPT_AFTER_SECONDS >= 1.0
+
+
+def test_only_a_table_as_csv_goes_on(lagsim):
+    done = lagsim(*line("kepler", "out", "--table", "npz", "--resume"))
+    assert (done.code, "--resume" in done.err) == (2, True)
