@@ -11,6 +11,7 @@ import contextlib
 import io
 import json
 import os
+import shutil
 import signal
 import sys
 import warnings
@@ -46,10 +47,13 @@ def prepared(folder: Path) -> None:
     Path("m.yaml").write_text(MODEL)
     sys.argv = ["lagsim", "run", "m.yaml", "-o", "out", "--no-plots", "-q"]
     main()
+    shutil.copytree(inner, folder / "kept", dirs_exist_ok=True)
 
 
 def wrong(case: Case) -> str:
     """Call the command; say what is wrong with what it does, or give ""."""
+    if case.line[1:2] != ("m.yaml",) or case.text == MODEL:
+        _tidy()
     Path("m.yaml").write_text(case.text, encoding="utf-8", errors="surrogatepass")
     sys.argv = ["lagsim", *case.line]
     out, err = io.TextIOWrapper(io.BytesIO(), "utf-8"), io.StringIO()
@@ -110,6 +114,20 @@ def hunt(seed: int, numbers: Iterable[int], folder: Path) -> dict[str, Any]:
             path = folder / f"found-{seed}-{number}.yaml"
             path.write_text(told + small.text, encoding="utf-8", errors="replace")
     return {"seed": seed, "cases": tried, "found": dict(sorts)}
+
+
+def _tidy() -> None:
+    """Have the working directory as it was: a command line may have changed it."""
+    here = Path.cwd()
+    kept = here.parent.parent / "kept"
+    assert here.parts[-2:] == ("a", "b")
+    assert kept.is_dir()
+    for path in here.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+    shutil.copytree(kept, here, dirs_exist_ok=True)
 
 
 def _sort(why: str) -> str:
