@@ -1,4 +1,4 @@
-"""heyoka on a scene of ours: the graph of the accelerations as its expressions."""
+"""heyoka on a scene of ours: a textbook's equations, or lagsim's graph of them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import time
 
 import heyoka as hy
 import numpy as np
+import textbook
 
 from lagsim.studies.bench.solving import Solved
 
@@ -29,8 +30,15 @@ CALLS = {
 }
 
 
+def equations_by_textbook(model, e, parameters, number=float):
+    """Give heyoka's y' = f(t, y) as textbook.py has it; `number` is its kind of one."""
+    q, v = ([hy.make_vars(name) for name in part] for part in (e.q, e.velocities))
+    values = {name: number(value) for name, value in parameters.items()}
+    return list(zip([*q, *v], [*v, *textbook.OF[model](q, v, values, hy)], strict=True))
+
+
 def equations_of(scene, plan, parameters):
-    """Give heyoka's y' = f(t, y) of an unconstrained, or an index-1, scene."""
+    """Give those of an unconstrained, or an index-1, scene from lagsim's graph."""
     e, g = scene.equations, scene.equations.graph
     accelerations, _ = plan.elimination.motion()
     velocities = [g.variable(v) for v in e.velocities]
@@ -71,27 +79,31 @@ class Heyoka:
     compile_seconds : float
     """
 
-    def __init__(self, equations, start, times, tolerance, *, compact, quadruple=False):
+    def __init__(self, equations, times, tolerance, *, compact=False, quadruple=False):
         began = time.perf_counter()
         kind = {"fp_type": hy.real128} if quadruple else {}
-        number = hy.real128 if quadruple else float
-        self.start = np.array([number(x) for x in start])
-        self.times = np.array([number(t) for t in times])
+        self.number = hy.real128 if quadruple else float
+        self.times = np.array([self.number(t) for t in times])
         self.integrator = hy.taylor_adaptive(
             equations,
-            self.start,
             time=self.times[0],
-            tol=number(tolerance),
+            tol=self.number(tolerance),
             compact_mode=compact,
             **kind,
         )
         self.compile_seconds = time.perf_counter() - began
 
-    def solve(self):
-        """Solve once, from the start; rows : (k, 1 + state)."""
+    @property
+    def counts(self):
+        """How long its series are, and of how many expressions."""
+        ta = self.integrator
+        return {"order": ta.order, "expressions": len(ta.decomposition)}
+
+    def solve(self, start):
+        """Solve once, from a start; rows : (k, 1 + state)."""
         ta = self.integrator
         ta.time = self.times[0]
-        ta.state[:] = self.start
+        ta.state[:] = [self.number(x) for x in start]
         began = time.perf_counter()
         outcome, _, _, steps, *_, states = ta.propagate_grid(
             self.times, max_steps=MOST_STEPS

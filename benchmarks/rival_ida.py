@@ -147,8 +147,8 @@ class Ida:
             max_num_steps=1_000_000,
         )
 
-    def solve(self):
-        """Solve once, from the start."""
+    def solve(self, _start):
+        """Solve once, from the start of the scene: a consistent one."""
         problem = self.problem
         problem.evaluations = 0
         began = time.perf_counter()

@@ -1,204 +1,302 @@
-"""lagsim beside heyoka, scipy's DOP853 and SUNDIALS' IDA, on six scenes.
+"""lagsim beside heyoka, scipy and SUNDIALS on six scenes; ensembles, bounces.
 
     pip install .[benchmarks]
     python benchmarks/rivals.py [--scenes kepler,andrews] [--method taylor]
     python benchmarks/rivals.py --draw
 
-writes results-rivals.md and results-rivals.json here and docs/speed.png; with --draw
-anew from what was measured. Every rival gets its equations from
-lagsim's graph. The reference is heyoka's in quadruple precision, checked against itself
-at another tolerance; errors are the greatest of any coordinate or velocity in any row,
-against its range.
+writes results-rivals.md and results-rivals.json here and docs/speed.png; with --scenes
+only those are measured, and take their place among what is kept; with --draw all is
+made anew from that. Rivals get the textbook's equations (textbook.py), or lagsim's
+where those are shorter, in the same compiled form.
 """
 
 from __future__ import annotations
 
 import argparse
+import copy
+import importlib
 import json
 import platform
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
+from statistics import median
 
 import numpy as np
-from measure import HERE, MODELS, Table, cost_at
+from measure import HERE, MODELS
 
-DECADES = [float(f"1e-{k}") for k in range(4, 15)]
 KEPT = HERE / "results-rivals.json"
-REPORTED = (1e-8, 1e-12)
+DECADES = [float(f"1e-{k}") for k in range(4, 16)]
+# heyoka compiles itself anew for every tolerance, for seconds where the equations are
+# long: then at fewer of them.
+LONG_NODES = 100
+FEWER_DECADES = [float(f"1e-{k}") for k in (6, 8, 10, 12, 13, 14)]
+# Rounds of all candidates at a tolerance end after these seconds, or so many.
+ROUNDS, SECONDS = 25, 1.0
+FEWEST_ROUNDS = 3
 # Past this a rival is tried no tighter.
-LONG_SECONDS = 2.0
-# heyoka compiles itself anew for every tolerance, and without loops (compact mode off),
-# which is faster, for most of a minute where there are this many operations: then at
-# fewer tolerances.
-MANY_NODES = 1000
-FEWER_DECADES = [1e-8, 1e-10, 1e-12, 1e-14]
+LONG_SECONDS = 0.4
 QUADRUPLE = (1e-25, 1e-22)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene and the options that differ from the model's own."""
+    """A scene and the options that differ from the model's own.
 
+    `starts` are added to the coordinates at the start, one run for each.
+    """
+
+    key: str
     title: str
     model: str
     options: dict = field(default_factory=dict)
+    starts: tuple = (0.0,)
 
-
-HOW = """\
-- Least of several, warm, one solver after the other at each tolerance; compile time
-  apart.
-- lagsim: every row with all its columns (accelerations, energies, lambda), and
-  projected onto the constraints. Rivals: the states of the same rows alone.
-- heyoka: batch size 1, compact mode off (on, it compiles faster and runs slower);
-  constrained scenes as index 1, unprojected. It compiles for each tolerance, when it
-  first meets a scene for 0.1 (Kepler) to 50 s (ten links), and keeps that.
-- IDA: residual and Jacobian compiled from the same graph, called through Python.
-- scipy: the same compiled right-hand side through ctypes.
-- Reference: heyoka in quadruple precision."""
 
 KEPLER = {"duration": "200*pi", "output_step": "pi/5"}
+NEARBY = tuple(0.01 * k for k in range(10))
 CASES = (
-    Case("elastic pendulum", "elastic-pendulum"),
-    Case("double pendulum", "double-pendulum"),
-    Case("Kepler, 100 orbits", "kepler", KEPLER),
-    Case("ten links, angles", "chain-angles"),
-    Case("Andrews' mechanism", "andrews"),
-    Case("ten rods, Cartesian", "chain-cartesian"),
-)
+    Case("elastic-pendulum", "elastic pendulum", "elastic-pendulum"),
+    Case("double-pendulum", "double pendulum", "double-pendulum", starts=NEARBY),
+    Case("double-pendulum-5", "double pendulum, 5 s", "double-pendulum",
+         {"duration": "5"}, NEARBY),
+    Case("kepler", "Kepler, 100 orbits", "kepler", KEPLER),
+    Case("chain-angles", "ten links, angles", "chain-angles"),
+    Case("andrews", "Andrews' mechanism", "andrews"),
+    Case("chain-cartesian", "ten rods, Cartesian", "chain-cartesian"),
+)  # fmt: skip
+
+
+# Measured by modules of their own.
+OTHERS = {"ensemble": "ensembles", "bounces": "rival_mujoco"}
+EVERY = (*(case.key for case in CASES), *OTHERS)
 
 
 class Judge:
-    """The reference of a scene and what errors are against it."""
+    """The references of a scene, one for each start, and what errors are."""
 
-    def __init__(self, equations, start, times):
+    def __init__(self, equations, starts, times):
         from rival_heyoka import Heyoka
 
         tight, other = (
-            Heyoka(equations, start, times, tolerance, compact=True, quadruple=True)
-            .solve()
-            .rows
-            for tolerance in QUADRUPLE
+            [h.solve(start).rows for start in starts]
+            for h in (
+                Heyoka(equations, times, tolerance, compact=True, quadruple=True)
+                for tolerance in QUADRUPLE
+            )
         )
         self.rows = tight
-        ranges = np.ptp(tight, axis=0)[1:]
-        self.scales = np.where(ranges > 0, ranges, np.inf)
-        self.agreement = self.error(other)
+        ranges = [np.ptp(rows, axis=0)[1:] for rows in tight]
+        self.scales = [np.where(r > 0, r, np.inf) for r in ranges]
+        self.agreement = max(self.error(rows, k) for k, rows in enumerate(other))
 
-    def error(self, rows):
-        count = len(self.scales)
-        apart = np.abs(rows[:, 1 : 1 + count] - self.rows[:, 1:])
-        return float(np.max(apart / self.scales))
+    def error(self, rows, k):
+        """Give the greatest error of any component in any row, against its range."""
+        count = len(self.scales[k])
+        apart = np.abs(rows[:, 1 : 1 + count] - self.rows[k][:, 1:])
+        return float(np.max(apart / self.scales[k]))
+
+
+@dataclass
+class Timed:
+    """A candidate at a tolerance, and what came of each start."""
+
+    solve: object
+    about: dict
+    best: list
+    errors: list
+    failed: bool = False
+
+
+class Scene:
+    """A case, read, and all that is compiled of it once."""
+
+    def __init__(self, case, method):
+        from by_textbook import nodes_of
+        from rival_heyoka import equations_by_textbook, equations_of, hy
+
+        from lagsim.model.reader import read_file
+        from lagsim.run.session import open_case
+        from lagsim.studies.bench.solutions import state_sizes
+        from lagsim.studies.bench.solving import Own, Patience
+
+        self.case, self.method, self.patience = case, method, Patience(60.0)
+        model = read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)
+        self.scene = open_case(model)
+        e = self.scene.equations
+        self.names = [*e.q, *e.velocities]
+        parameters = {p.name: p.value for p in model.parameters}
+        own = Own(self.scene, "dop853", "auto", 1e-12)
+        self.own, rows = own, own.solve(1e-12, self.patience).rows
+        self.times, self.sizes = rows[:, 0], state_sizes(own, rows)[: len(self.names)]
+        first = np.array([*self.scene.start.q, *self.scene.start.v])
+        moved = np.array([1.0] * len(e.q) + [0.0] * len(e.velocities))
+        self.starts = [first + by * moved for by in case.starts]
+        exact = equations_by_textbook(case.model, e, parameters, hy.real128)
+        self.judge = Judge(exact, self.starts, self.times)
+        self.g, self.nodes = nodes_of(case.model, e.q, e.velocities, parameters)
+        accelerations, _ = own.plan.elimination.motion()
+        velocities = [e.graph.variable(v) for v in e.velocities]
+        ours = e.graph.cone([*velocities, *accelerations])
+        self.counts = {"textbook": len(self.g.cone(self.nodes)), "lagsim": len(ours)}
+        self.theirs = equations_by_textbook(case.model, e, parameters)
+        if self.counts["lagsim"] < self.counts["textbook"]:
+            self.g, self.nodes = substituted(e.graph, [*velocities, *accelerations],
+                                             parameters)  # fmt: skip
+            self.theirs = equations_of(self.scene, own.plan, parameters)
+
+    def moved(self, own, start):
+        """Give one of lagsim's solvers from another start."""
+        n = len(start) // 2
+        case = own.session.case
+        state = replace(case.start, q=start[:n].copy(), v=start[n:].copy())
+        found = copy.copy(own)
+        found.session = replace(own.session, case=case.at(state))
+        return found
+
+    def ours(self, rtol):
+        """Give lagsim with a method, or its own choice where that refuses, ready."""
+        from lagsim.errors import InputError
+        from lagsim.studies.bench.solving import Own
+
+        try:
+            own = Own(self.scene, self.method, "auto", rtol)
+        except InputError:
+            own = Own(self.scene, "auto", "auto", rtol)
+        value = rtol if own.setting == "rtol" else own.plan.step
+        solvers = {bytes(s): self.moved(own, s) for s in self.starts}
+        plan = replace(own.plan, rtol=rtol if own.setting == "rtol" else None)
+        steps = own.session.by(plan).run([]).statistics.steps
+        about = {
+            "compile_seconds": own.compile_seconds,
+            "how": own.method,
+            "steps": steps,
+        }
+        return (lambda s: solvers[bytes(s)].solve(value, self.patience)), about
+
+    def heyoka(self, rtol):
+        """Give heyoka ready; None where compiling would take too long."""
+        from rival_heyoka import Heyoka
+
+        if min(self.counts.values()) > LONG_NODES and rtol not in FEWER_DECADES:
+            return None
+        ready = Heyoka(self.theirs, self.times, rtol)
+        steps = ready.solve(self.starts[0]).evaluations
+        about = {"compile_seconds": ready.compile_seconds, "steps": steps}
+        return ready.solve, about | ready.counts
+
+    def compiled(self, rtol):
+        """Give what the others are made from."""
+        return self.g, self.nodes, self.names, self.times, self.sizes, rtol
+
+    def candidates(self):
+        """Give name -> what makes it ready at a tolerance: a solver, and about it."""
+        from rival_scipy import Scipy
+        from rival_sundials import Cvode, Library
+
+        library = Library()
+        makers = {
+            "lagsim": self.ours,
+            "heyoka": self.heyoka,
+            "CVODE Adams": lambda rtol: (
+                Cvode(library, *self.compiled(rtol)).solve, {}
+            ),
+            "scipy DOP853": lambda rtol: (
+                Scipy(*self.compiled(rtol), by_odeint=False).solve, {}
+            ),
+            "scipy LSODA": lambda rtol: (
+                Scipy(*self.compiled(rtol), by_odeint=True).solve, {}
+            ),
+        }  # fmt: skip
+        return makers | self._idas()
+
+    def _idas(self):
+        if not self.scene.equations.rows:
+            return {}
+        from rival_ida import FORMS, Ida, Problem
+
+        rows = self.own.solve(1e-12, self.patience).rows
+        problems = {
+            form: Problem(self.scene, form, rows[0], self.own.names) for form in FORMS
+        }
+
+        def maker(problem):
+            return lambda rtol: (Ida(problem, self.times, self.sizes, rtol).solve, {})
+
+        return {f"IDA, {form}": maker(problem) for form, problem in problems.items()}
+
+
+def substituted(g, nodes, parameters):
+    """Give nodes with numbers for parameters."""
+    numbers = {g.variable(k): g.constant(v) for k, v in parameters.items()}
+    return g, g.substitute(nodes, numbers)
 
 
 def measured(case, method):
     """Measure everything on one scene; gives a JSON document."""
-    from rival_heyoka import equations_of
-
-    from lagsim.model.reader import read_file
-    from lagsim.run.session import open_case
-    from lagsim.studies.bench.scipy_solvers import Scipy
-    from lagsim.studies.bench.solutions import state_sizes
-    from lagsim.studies.bench.solving import Own, Patience, least
-
-    model = read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)
-    scene = open_case(model)
-    own = Own(scene, "dop853")
-    patience = Patience(60.0)
-    rows = own.solve(1e-12, patience).rows
-    times, sizes = rows[:, 0], state_sizes(own, rows)
-    parameters = {p.name: p.value for p in model.parameters}
-    theirs = equations_of(scene, own.plan, parameters)
-    start = [*scene.start.q, *scene.start.v]
-    judge = Judge(theirs, start, times)
-    scipy = Scipy(own, "scipy:DOP853", times, sizes)
-    candidates = {
-        "lagsim": lambda rtol: ours(scene, method, rtol),
-        "scipy DOP853": lambda rtol: (lambda: scipy.solve(rtol, patience), 0.0, ""),
-        "heyoka": heyoka_maker(scene, own, theirs, start, times),
-        **idas(scene, own, rows, sizes),
-    }
+    scene = Scene(case, method)
+    candidates = scene.candidates()
     points = {name: [] for name in candidates}
     dropped = set()
     for rtol in DECADES:
+        ready = {}
         for name, make in candidates.items():
-            if name in dropped or (made := make(rtol)) is None:
-                continue
-            solve, compile_seconds, how = made
-            solve()
-            solved = least(solve)
-            if solved.seconds > LONG_SECONDS:
+            if name not in dropped and (made := make(rtol)) is not None:
+                ready[name] = first_round(scene, *made)
+        rounds(scene, ready)
+        for name, timed in ready.items():
+            if median(timed.best) > LONG_SECONDS:
                 dropped.add(name)
-            if solved.rows is not None:
-                points[name].append(
-                    {
-                        "tolerance": rtol,
-                        "error": judge.error(solved.rows),
-                        "seconds": solved.seconds,
-                        "compile_seconds": compile_seconds,
-                        "how": how,
-                    }
-                )
+            if not timed.failed:
+                errors, seconds = median(timed.errors), median(timed.best)
+                found = {"tolerance": rtol, "error": errors, "seconds": seconds}
+                points[name].append(found | timed.about)
     return {
+        "key": case.key,
         "title": case.title,
-        "agreement": judge.agreement,
-        "rows": len(times),
-        "columns_seconds": columns_seconds(own, rows),
+        "starts": len(case.starts),
+        "agreement": scene.judge.agreement,
+        "rows": len(scene.times),
+        "columns_seconds": columns_seconds(scene),
+        "nodes": scene.counts,
         "points": points,
     }
 
 
-def ours(scene, method, rtol):
-    """Give lagsim with a method, or its own choice where that refuses, ready."""
-    from lagsim.errors import InputError
-    from lagsim.studies.bench.solving import Own, Patience
-
-    try:
-        own = Own(scene, method, "auto", rtol)
-    except InputError:
-        own = Own(scene, "auto", "auto", rtol)
-    value = rtol if own.setting == "rtol" else own.plan.step
-    patience = Patience(60.0)
-    return (lambda: own.solve(value, patience)), own.compile_seconds, own.method
+def first_round(scene, solve, about):
+    """Warm a candidate, and judge it."""
+    timed = Timed(solve, about, [], [])
+    for k, start in enumerate(scene.starts):
+        solved = solve(start)
+        timed.failed |= solved.rows is None
+        timed.best.append(solved.seconds)
+        good = solved.rows is not None
+        timed.errors.append(scene.judge.error(solved.rows, k) if good else 1.0)
+    return timed
 
 
-def heyoka_maker(scene, own, theirs, start, times):
-    """Give heyoka's maker; None from it where compiling would take too long."""
-    from rival_heyoka import Heyoka
-
-    g = scene.equations.graph
-    many = len(g.cone(own.plan.elimination.motion()[0])) > MANY_NODES
-
-    def make(rtol):
-        if many and rtol not in FEWER_DECADES:
-            return None
-        ready = Heyoka(theirs, start, times, rtol, compact=False)
-        return ready.solve, ready.compile_seconds, ""
-
-    return make
-
-
-def idas(scene, own, rows, sizes):
-    """Give IDA's makers, where there are constraints."""
-    if not scene.equations.rows:
-        return {}
-    from rival_ida import FORMS, Ida, Problem
-
-    def maker(form):
-        problem = Problem(scene, form, rows[0], own.names)
-
-        def make(rtol):
-            return Ida(problem, rows[:, 0], sizes, rtol).solve, 0.0, ""
-
-        return make
-
-    return {f"IDA, {form}": maker(form) for form in FORMS}
+def rounds(scene, ready):
+    """Let all candidates take turns; each keeps the least for every start."""
+    began = time.perf_counter()
+    spent = dict.fromkeys(ready, 0.0)
+    for turn in range(ROUNDS):
+        for name, timed in ready.items():
+            if timed.failed or (turn >= FEWEST_ROUNDS and spent[name] > SECONDS / 4):
+                continue
+            for k, start in enumerate(scene.starts):
+                seconds = timed.solve(start).seconds
+                timed.best[k] = min(timed.best[k], seconds)
+                spent[name] += seconds
+        if turn >= FEWEST_ROUNDS and time.perf_counter() - began > SECONDS:
+            break
 
 
-def columns_seconds(own, rows):
+def columns_seconds(scene):
     """Give what lagsim's columns of all rows cost: rivals give states alone."""
+    own = scene.own
+    rows = own.solve(1e-8, scene.patience).rows
     states = np.ascontiguousarray(rows[:, : 1 + own.system.size])
     runner = own.system.link(own.method)
     times = []
@@ -209,72 +307,12 @@ def columns_seconds(own, rows):
     return min(times)
 
 
-def by_tolerance(results):
-    """Give the table of times and errors at the tolerances reported."""
-    head = ["scene", "solver"]
-    for tolerance in REPORTED:
-        head += [f"ms at {tolerance:.0e}", "error"]
-    rows = []
-    for result in results:
-        for name, points in result["points"].items():
-            row = [result["title"], name]
-            for tolerance in REPORTED:
-                at = [p for p in points if p["tolerance"] == tolerance]
-                row += (
-                    [f"{at[0]['seconds'] * 1e3:.3g}", f"{at[0]['error']:.1e}"]
-                    if at
-                    else ["-", "-"]
-                )
-            rows.append(row)
-    return Table("At equal tolerances", head, rows, [])
-
-
-def by_error(results):
-    """Give the table of times at equal errors, and the ratios."""
-    head = ["scene", "error", "lagsim, ms", "best rival, ms", "lagsim / rival"]
-    head += ["lagsim without columns / rival"]
-    rows = []
-    for result in results:
-        reached = tightest(result)
-        # Where one of the two does not get there: where both do.
-        for error in sorted({max(error, reached) for error in REPORTED}, reverse=True):
-            costs = {}
-            for name, points in result["points"].items():
-                curve = [(p["error"], p["seconds"]) for p in points]
-                cost = cost_at(curve, error)
-                if cost is not None:
-                    costs[name] = cost
-            rows.append(compared(result, error, costs))
-    return Table("At equal errors", head, rows, [])
-
-
-def tightest(result):
-    """Give the least error that both lagsim and heyoka reach."""
-    return max(
-        min((p["error"] for p in result["points"][name]), default=0.0)
-        for name in ("lagsim", "heyoka")
-    )
-
-
-def compared(result, error, costs):
-    own = costs.pop("lagsim", None)
-    shown = [result["title"], f"{error:.0e}", f"{own * 1e3:.3g}" if own else "never"]
-    if not costs:
-        return [*shown, "none gets there", "", ""]
-    name = min(costs, key=costs.get)
-    shown.append(f"{name}: {costs[name] * 1e3:.3g}")
-    if own is None:
-        return [*shown, "", ""]
-    bare = own - result["columns_seconds"]
-    return [*shown, f"{own / costs[name]:.2f}", f"{bare / costs[name]:.2f}"]
-
-
-def document(results):
+def document(results, others):
     """Give what was measured, on what and when: all that page and chart say."""
     from lagsim.studies.bench.machine import machine, today
     from lagsim.version import __version__
 
-    packages = ("numpy", "llvmlite", "scipy", "heyoka", "scikit-sundae")
+    packages = ("numpy", "llvmlite", "scipy", "heyoka", "scikit-sundae", "mujoco")
     versions = {"python": platform.python_version()}
     return {
         "lagsim": __version__,
@@ -282,25 +320,13 @@ def document(results):
         "machine": machine(),
         "date": today(),
         "scenes": results,
+        **others,
     }
-
-
-def report(found):
-    """Give the page."""
-    from lagsim.studies.bench.machine import stamp
-
-    results = found["scenes"]
-    about = [f"{stamp(found)}."]
-    worst = max(r["agreement"] for r in results)
-    about.append(f"At two tolerances the reference agrees with itself to {worst:.0e}.")
-    lines = "\n".join(f"- {line}" for line in about)
-    tables = [by_error(results), by_tolerance(results)]
-    return "\n".join([f"# Rivals\n\n{HOW}\n{lines}\n", *(t.markdown() for t in tables)])
 
 
 def main():
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("--scenes", help="model names; default all")
+    options.add_argument("--scenes", help="their keys; default all")
     options.add_argument("--method", default="auto", help="lagsim's; default auto")
     options.add_argument("--one", help=argparse.SUPPRESS)
     options.add_argument("--draw", action="store_true", help="measure nothing")
@@ -309,18 +335,34 @@ def main():
         write(json.loads(KEPT.read_text(encoding="utf-8")))
         return
     if given.one:
-        case = next(c for c in CASES if c.model == given.one)
-        print(json.dumps(measured(case, given.method)))
+        print(json.dumps(one(given.one, given.method)))
         return
-    wanted = given.scenes.split(",") if given.scenes else [c.model for c in CASES]
-    results = []
-    for model in wanted:
+    wanted = given.scenes.split(",") if given.scenes else EVERY
+    for key in wanted:
+        began = time.perf_counter()
         # Each in a process of its own: what one rival leaves behind slows no other.
-        command = [sys.executable, __file__, "--one", model, "--method", given.method]
+        command = [sys.executable, __file__, "--one", key, "--method", given.method]
         done = subprocess.run(command, stdout=subprocess.PIPE, check=True)
-        results.append(json.loads(done.stdout))
-        print(f"{model} measured", file=sys.stderr, flush=True)
-    found = document(results)
+        keep(key, json.loads(done.stdout))
+        seconds = time.perf_counter() - began
+        print(f"{key} measured in {seconds:.0f} s", file=sys.stderr, flush=True)
+
+
+def one(key, method):
+    """Measure one thing, in a process of its own."""
+    if key in OTHERS:
+        return importlib.import_module(OTHERS[key]).measured()
+    case = next(c for c in CASES if c.key == key)
+    return measured(case, method)
+
+
+def keep(key, result):
+    """Put what was measured among the others, and write all anew."""
+    known = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    scenes = {r["key"]: r for r in known.get("scenes", ())}
+    others = {name: known[name] for name in OTHERS if name in known}
+    (others if key in OTHERS else scenes)[key] = result
+    found = document([scenes[name] for name in EVERY if name in scenes], others)
     KEPT.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     write(found)
 
@@ -328,9 +370,11 @@ def main():
 def write(found):
     """Write the page and draw the chart."""
     from rivals_chart import chart
+    from rivals_page import page
 
-    (HERE / "results-rivals.md").write_text(report(found), encoding="utf-8")
-    (HERE.parent / "docs" / "speed.png").write_bytes(chart(found))
+    (HERE / "results-rivals.md").write_text(page(found), encoding="utf-8")
+    if found["scenes"]:
+        (HERE.parent / "docs" / "speed.png").write_bytes(chart(found))
 
 
 if __name__ == "__main__":

@@ -12,6 +12,8 @@ import os
 import stat
 from typing import TYPE_CHECKING
 
+from lagsim import limits
+
 if TYPE_CHECKING:
     from pathlib import Path
     from typing import BinaryIO
@@ -41,16 +43,31 @@ def opened(path: Path | str) -> BinaryIO:
     return os.fdopen(handle, "rb")
 
 
-def content(path: Path | str) -> bytes:
-    """Read the whole of a regular file.
+def content(path: Path | str, most: int | None = None) -> bytes:
+    """Read the whole of a regular file, of so many bytes at most: of a document's.
 
     Raises
     ------
     OSError
-        As `opened` does.
+        As `opened` does, or where there are more.
     """
     with opened(path) as file:
-        return file.read()
+        return all_of(file, limits.DOCUMENT_BYTES if most is None else most)
+
+
+def all_of(file: BinaryIO, most: int) -> bytes:
+    """Read a stream to its end, if it has one.
+
+    Raises
+    ------
+    OSError
+        Where there are more bytes than `most`, or it cannot be read.
+    """
+    found = file.read(most + 1)
+    if len(found) > most:
+        text = f"it has more than {limits.size(most)}, which is the limit"
+        raise OSError(errno.EFBIG, text)
+    return found
 
 
 def held(path: Path | str, flags: int) -> int:

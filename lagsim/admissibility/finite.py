@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.errors import InputError, Problem
-from lagsim.language.derivatives import gradient
+from lagsim.language.derivatives import tangent
 from lagsim.mechanics.laws import Kind
 from lagsim.model.model import Level
 
@@ -87,6 +87,10 @@ def refuse_infinite(
     raise InputError(problems)
 
 
+# Its multiples are far from each other, less whole numbers (H. Weyl, 1916).
+GOLDEN = (5**0.5 - 1) / 2
+
+
 class _Source(NamedTuple):
     """What the file says that has no value, or no slope, at the start."""
 
@@ -122,13 +126,16 @@ def _sources(point: Point, q: Floats, v: Floats) -> list[_Source]:
     ]
     used = set(e.graph.cone([source.node for source in said]))
     said = [*(d for d in definitions if d.node in used), *said]
+    nodes = [source.node for source in said]
+    # The slopes in a direction that no difference vanishes along, of all at once.
     moving = [e.graph.variable(name) for name in (*e.q, *e.velocities)]
-    found = []
-    for source in said:
-        slopes = gradient(e.graph, source.node, moving)
-        if not np.all(np.isfinite(point.array([source.node, *slopes], q, v))):
-            found.append(source)
-    return found
+    along = {
+        x: e.graph.constant((k * GOLDEN) % 1.0 + 1.0) for k, x in enumerate(moving)
+    }
+    slopes = tangent(e.graph, nodes, along)
+    values, rates = point.array([*nodes, *slopes], q, v).reshape(2, -1)
+    finite = np.isfinite(values) & np.isfinite(rates)
+    return [s for s, sound in zip(said, finite, strict=True) if not sound]
 
 
 def _source(

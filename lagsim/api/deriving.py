@@ -25,8 +25,10 @@ class Derivation:
     @cached_property
     def _content(self) -> Content:
         from lagsim.derivation.lagrange import content
+        from lagsim.derivation.within import its_time
 
-        return content(self._equations, **self._options)
+        with its_time():
+            return content(self._equations, **self._options)
 
     @cached_property
     def text(self) -> str:

@@ -58,7 +58,7 @@ def command(
     options = {"substitute": substitute, "solve": solve, "gauss": gauss}
     with faults_shown(told, file=model) as code:
         _refuse(model, form, {**options, "ascii": ascii_only}, output)
-        content = _written(model, sets, form, ascii_only=ascii_only, **options)
+        content = _derived(model, sets, form, ascii_only=ascii_only, **options)
         _deliver(content, output)
         code.append(0)
     for faults in documents:
@@ -98,16 +98,7 @@ def _unwritable(output: Path, why: str | None) -> Problem:
     return Problem("output-file", f"{output} cannot be written: {why}")
 
 
-def _written(
-    path: str,
-    sets: list[str] | None,
-    form: Format,
-    *,
-    ascii_only: bool,
-    substitute: bool,
-    solve: bool,
-    gauss: bool,
-) -> bytes:
+def _derived(path: str, sets: list[str] | None, form: Format, **options: bool) -> bytes:
     """Give what is written."""
     from lagsim.mechanics.equations import derive
     from lagsim.model.reader import read_file
@@ -117,6 +108,21 @@ def _written(
         from lagsim.derivation.as_python import as_python
 
         return as_python(equations, __version__).encode()
+    from lagsim.derivation.within import its_time
+
+    with its_time():
+        return _written(equations, form, **options)
+
+
+def _written(
+    equations: Equations,
+    form: Format,
+    *,
+    ascii_only: bool,
+    substitute: bool,
+    solve: bool,
+    gauss: bool,
+) -> bytes:
     from lagsim.derivation.lagrange import content
 
     found = content(equations, substitute=substitute, solve=solve, with_gauss=gauss)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
+from lagsim import limits
 from lagsim.derivation.conserved import conserved_quantities
 from lagsim.derivation.content import Condition, Content, Force, Line
 from lagsim.derivation.gauss import gauss
@@ -86,6 +87,12 @@ class _Derivation:
             notes.append(
                 "some expressions are longer than they might be: simplification was "
                 f"cut after {x.tidy.budget} operations on each"
+            )
+        if x.tidy.late:
+            notes.append(
+                "expressions stand as they came, for simplification has taken "
+                f"{limits.TIDYING_SECONDS:.3g} s; others had another form by then, so "
+                "that a second time they may look different"
             )
         return Content(
             translation=x,

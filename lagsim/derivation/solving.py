@@ -131,14 +131,32 @@ def inverted(x: Translation, M: Matrix) -> Inverse | None:
     for indices in _connected(M):
         if len(indices) > LARGEST_BLOCK:
             return None
-        part = sp.Matrix([[M[i][j] for j in indices] for i in indices])
-        determinant = x.tidy(part.det(method="berkowitz"), factored=True)
+        part = [[M[i][j] for j in indices] for i in indices]
+        determinant = x.tidy(_determinant(part), factored=True)
         if determinant == 0:
             return None
-        adjugate = part.adjugate() if len(indices) > 1 else sp.eye(1)
-        tidy = [[x.tidy(e) for e in adjugate.row(i)] for i in range(len(indices))]
+        tidy = [[x.tidy(e) for e in row] for row in _adjugate(part)]
         blocks.append((indices, tidy, determinant))
     return Inverse(x, blocks, len(M))
+
+
+def _determinant(M: Matrix) -> Any:
+    """Expand by the first row; sympy's own would look for common factors on the way."""
+    if not M:
+        return sp.S.One
+    return sp.Add(*((-1) ** j * e * _determinant(_without(M, 0, j))
+                    for j, e in enumerate(M[0])))  # fmt: skip
+
+
+def _adjugate(M: Matrix) -> Matrix:
+    size = range(len(M))
+    return [
+        [(-1) ** (i + j) * _determinant(_without(M, j, i)) for j in size] for i in size
+    ]
+
+
+def _without(M: Matrix, i: int, j: int) -> Matrix:
+    return [row[:j] + row[j + 1 :] for k, row in enumerate(M) if k != i]
 
 
 def _connected(M: Matrix) -> list[list[int]]:

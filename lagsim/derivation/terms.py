@@ -6,6 +6,8 @@ factors, each with its exponent.
 
 from __future__ import annotations
 
+import math
+import time
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
@@ -26,16 +28,25 @@ class CutError(Exception):
 
 
 class Meter:
-    """Counts operations, so that what is cut is the same on every machine."""
+    """Counts operations, so that what is cut is the same on every machine.
 
-    def __init__(self, budget: int) -> None:
+    Parameters
+    ----------
+    budget
+        How many there may be.
+    until
+        The time at which all ends, of `time.process_time`: of what goes on for ever.
+    """
+
+    def __init__(self, budget: int, until: float = math.inf) -> None:
         self.budget = budget
+        self.until = until
         self.spent = 0
 
     def spend(self, operations: int = 1) -> None:
-        """Count; raise where that is more than there is."""
+        """Count; raise where that is more than there is, or where time is up."""
         self.spent += operations
-        if self.spent > self.budget:
+        if self.spent > self.budget or time.process_time() > self.until:
             raise CutError
 
 

@@ -8,12 +8,14 @@ and operations in it.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
 from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
+from lagsim import limits
 from lagsim.derivation.terms import (
     ONE,
     CutError,
@@ -65,11 +67,17 @@ class Tidier:
     ----------
     cut : bool
         Some expression was left longer than it might have been: the budget was spent.
+    late : bool
+        So was every one from some time on: it was up.
     """
 
     roles: Roles
     budget: int = BUDGET
     cut: bool = False
+    late: bool = False
+    _until: float = field(
+        default_factory=lambda: time.process_time() + limits.TIDYING_SECONDS
+    )
     _known: dict[tuple[Any, bool, bool], Any] = field(default_factory=dict)
 
     def __call__(self, e: Any, *, factored: bool = False, written: bool = False) -> Any:
@@ -93,7 +101,7 @@ class Tidier:
             return e
         key = e, factored, written
         if key not in self._known:
-            _refuse_endless(e)
+            _refuse_infinite(e)
             self._known[key] = self._shortest(e, factored=factored, written=written)
         return self._known[key]
 
@@ -109,7 +117,7 @@ class Tidier:
     def _shortest(self, e: Any, *, factored: bool, written: bool) -> Any:
         if isinstance(e, sp.Piecewise):
             return self._piecewise(e)
-        if e.is_Relational or e.is_Boolean:
+        if e.is_Relational or e.is_Boolean or self._is_late():
             return e
         forms = [((1.0 if written else AS_IT_COMES) * cost(e), e)]
         for whole in (self._still, self._plain, _none):
@@ -124,16 +132,20 @@ class Tidier:
             forms += [(weight * cost(form), form) for form in made]
         return min(forms, key=lambda form: form[0])[1]  # the first of equals
 
+    def _is_late(self) -> bool:
+        self.late = self.late or time.process_time() > self._until
+        return self.late
+
     def _piecewise(self, e: Any) -> Any:
         return sp.Piecewise(*((self(x), c) for x, c in e.args), evaluate=False)
 
     def _terms(self, e: Any, whole: Callable[[Any], bool]) -> tuple[Terms, bool] | None:
-        meter = Meter(self.budget)
+        meter = Meter(self.budget, self._until)
         try:
             terms = written_out(e, whole, self._inner, meter)
             contracted = contract(terms, meter)
         except CutError:
-            self.cut = True
+            self.cut = self.cut or not self._is_late()
             return None
         return terms, contracted > 0
 
@@ -215,7 +227,7 @@ class Tidier:
         return not base.free_symbols <= self.roles.constants
 
 
-def _refuse_endless(e: Any) -> None:
+def _refuse_infinite(e: Any) -> None:
     if e.has(sp.zoo, sp.nan, sp.oo, -sp.oo):
         text = (
             "an energy, a force or a constraint, or its slope, is not finite anywhere"

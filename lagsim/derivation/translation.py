@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
+from lagsim.derivation.endless import refuse_endless
 from lagsim.derivation.functions import TWINS
 from lagsim.derivation.names import Name
 from lagsim.derivation.tidy import Roles, Tidier
-from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import gradient
 from lagsim.language.functions import FUNCTIONS
 from lagsim.language.graph import CONSTANT, VARIABLE
@@ -29,13 +29,9 @@ from lagsim.model.model import Level
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Parameter
 
-# What would be longer, written out, nobody reads; and sympy recurses into its depth.
-MOST_OPERATIONS = 100_000
-DEEPEST = 150
 # Multiples of pi up to this many, in parts up to this small, are shown as such.
 _PARTS_OF_PI = 12
 
@@ -88,10 +84,9 @@ class Translation:
         self.a = [symbol(f"{q}_ddot") for q in equations.q]
         self.multipliers = [symbol(f"lambda_{c.name}") for c in model.constraints]
         physics = self._physics()
-        refuse_endless(g, physics)
-        self.known: dict[int, Any] = {}
-        if substitute:
-            self.known = {g.variable(p.name): number(p.value) for p in model.parameters}
+        values = {g.variable(p.name): p.value for p in model.parameters if substitute}
+        refuse_endless(g, physics, values)
+        self.known = {n: number(x) for n, x in values.items()}
         self.kept = self._keep(physics, substitute=substitute)
         self._slopes = {
             (k.symbol, x): slope for k in self.kept for x, slope in self._slopes_of(k)
@@ -280,25 +275,3 @@ def _third(x: float) -> Any:
 
 
 LARGEST_PART = 16
-
-
-def refuse_endless(g: Graph, nodes: Iterable[int]) -> None:
-    """Refuse expressions that are too long to be written out.
-
-    Raises
-    ------
-    InputError
-    """
-    sizes: dict[int, tuple[int, int]] = {}
-    nodes = list(nodes)
-    for n in g.cone(nodes):
-        below = [sizes[a] for a in g.args[n]]
-        size = 1 + sum(s for s, _ in below)
-        sizes[n] = size, 1 + max((d for _, d in below), default=0)
-    size = sum(sizes[n][0] for n in nodes)
-    depth = max((sizes[n][1] for n in nodes), default=0)
-    if size > MOST_OPERATIONS or depth > DEEPEST:
-        about = f"{size:.2g} operations" if size < 1e12 else "no end of operations"
-        text = f"the energies, written out, have {about}, nested {depth} deep"
-        hint = "`--format python` takes them as they are"
-        raise InputError([Problem("too-long", text, None, hint)])

@@ -129,6 +129,11 @@ def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int
 def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
     """Give the rate of node `n` from the rates of its arguments (0 if absent)."""
     args = g.args[n]
+    if g.ops[n] == "add":  # of long sums there are many
+        one, other = (rates.get(a, g.zero) for a in args)
+        if g.zero in (one, other):
+            return other if one == g.zero else one
+        return g.call("add", one, other)
     row = OPERATIONS[g.ops[n]]
     if row.condition:
         return g.zero

@@ -11,6 +11,8 @@ import math
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
+from lagsim import limits
+from lagsim.errors import InputError, Problem
 from lagsim.language.functions import OPERATIONS
 
 if TYPE_CHECKING:
@@ -31,6 +33,11 @@ MOST_DEGREE = 32
 class Graph:
     """A store of expressions, shared wherever they are equal.
 
+    Parameters
+    ----------
+    most
+        How many nodes there may be.
+
     Attributes
     ----------
     ops : list of str
@@ -42,7 +49,8 @@ class Graph:
         What has been found out, see `once`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, most: int = limits.GRAPH_NODES) -> None:
+        self._most = most
         self.ops: list[str] = []
         self.args: list[tuple[int, ...]] = []
         self._payload: dict[int, float | str | bool] = {}
@@ -60,12 +68,20 @@ class Graph:
         args: tuple[int, ...] = (),
         payload: float | str | bool | None = None,
     ) -> int:
-        """Give the node of `op` on `args` as it is, or of a leaf."""
+        """Give the node of `op` on `args` as it is, or of a leaf.
+
+        Raises
+        ------
+        InputError
+            Where there would be too many.
+        """
         key = (op, *args) if payload is None else (op, payload)
         known = self._known.get(key)
         if known is not None:
             return known
         node = len(self.ops)
+        if node >= self._most:
+            raise _too_many(self._most)
         self.ops.append(op)
         self.args.append(args)
         if payload is not None:
@@ -236,6 +252,12 @@ class Graph:
             else:
                 done[n] = n
         return [done[n] for n in nodes]
+
+
+def _too_many(most: int) -> InputError:
+    text = f"the equations of this model take more than {most:,} operations"
+    hint = "fewer coordinates that stand in one product or sum give shorter ones"
+    return InputError([Problem("too-long", text, None, hint)])
 
 
 def _summed(one: frozenset[int], other: frozenset[int]) -> frozenset[int]:

@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.mechanics.chains import Chains
 
+# For each velocity and each term of a sum: what hangs in chains takes some tens.
+MOST_OPERATIONS = 100
+
 Vector = dict[int, int]  # unknown -> node; what is absent is zero
 
 
@@ -225,8 +228,14 @@ def shorter_chains(
     found = chains(g, lagrangian, rates, names)
     if found is None or not found.sums:
         return None
-    meter = Meter()
-    Articulated(g, found, meter)
+    terms = len(rates) + sum(map(len, found.sums))
+    if sum(len(form) ** 2 for form in found.sums) > MOST_OPERATIONS * terms:
+        return None  # one sum of all velocities is no chain
+    meter = Meter(MOST_OPERATIONS * terms)
+    try:
+        Articulated(g, found, meter)
+    except TooLongError:
+        return None
     neighbours = found.neighbours()
     if sum(map(int.bit_count, neighbours)) // 2 > meter.operations:
         return found  # each entry takes one multiplication at least

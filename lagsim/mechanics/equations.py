@@ -14,17 +14,18 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.derivatives import gradient, rate_of, tangent
+from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.constraints import Flow, Row, constraint_row
 from lagsim.mechanics.laws import Law, laws_of
+from lagsim.mechanics.mass import mass_matrix
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.graph import Graph
+    from lagsim.language.sparse import SparseVector
     from lagsim.mechanics.articulated import ChainedMass
     from lagsim.mechanics.chains import Chains
     from lagsim.model.model import Model
@@ -245,7 +246,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
         from lagsim.mechanics import articulated, bias  # of many links
 
         chains = articulated.shorter_chains(g, model.lagrangian, rates, velocities)
-    entries = partial(_mass_matrix, g, momenta, rates)
+    entries = partial(mass_matrix, g, momenta, rates)
     M = articulated.ChainedMass(g, chains, entries) if chains else entries()
     Q = generalized_forces(g, model, flow)
     if chains:
@@ -299,44 +300,6 @@ def _action(g: Graph, model: Model) -> tuple[Quadrature, ...]:
     if not model.output.action:
         return ()
     return (Quadrature(ACTION, model.lagrangian, g.zero),)
-
-
-def _mass_matrix(
-    g: Graph, momenta: Sequence[int], rates: Sequence[int]
-) -> tuple[SparseVector, ...]:
-    """Give d momenta / d rates: for each rate one sweep over what depends on it."""
-    n = len(rates)
-    rows_of: dict[int, list[int]] = {}
-    for i, momentum in enumerate(momenta):
-        rows_of.setdefault(momentum, []).append(i)
-    M: list[dict[int, int]] = [{} for _ in range(n)]
-    below = _below(g, momenta, rates)
-    for j, v in enumerate(rates):
-        moving = {v: g.one}
-        for node in below[j]:
-            moving[node] = rate_of(g, node, moving)
-        for node in moving.keys() & rows_of.keys():
-            for i in rows_of[node]:
-                if i >= j:
-                    M[i][j] = M[j][i] = moving[node]
-    return tuple(SparseVector(g, n, row) for row in M)
-
-
-def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[int]]:
-    """Give for each rate what depends on it, in order of evaluation."""
-    below: list[list[int]] = [[] for _ in rates]
-    dependence: dict[int, int] = {v: 1 << j for j, v in enumerate(rates)}
-    for node in g.cone(momenta):
-        mask = dependence.get(node, 0)
-        if g.args[node]:
-            for a in g.args[node]:
-                mask |= dependence.get(a, 0)
-            dependence[node] = mask
-            while mask:
-                j = (mask & -mask).bit_length() - 1
-                below[j].append(node)
-                mask &= mask - 1
-    return below
 
 
 def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:

@@ -24,6 +24,7 @@ def names() -> tuple[str, ...]:
     )
 
 
+@cache
 def method(name: str) -> ModuleType:
     """Give the module of a method.
 

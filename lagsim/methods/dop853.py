@@ -14,7 +14,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.adaptive import usable_step
+from lagsim.methods.parts.adaptive import record_speed, usable_step
 from lagsim.methods.parts.controller import (
     against,
     first_step,
@@ -26,7 +26,7 @@ from lagsim.methods.parts.controller import (
 from lagsim.methods.parts.dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
 from lagsim.methods.parts.interface import derivative
 from lagsim.methods.parts.looks import suspect
-from lagsim.methods.parts.noise import hardly_moves
+from lagsim.methods.parts.noise import add_change, hardly_moves, keep_rest
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
 from lagsim.methods.parts.singular import (
@@ -38,7 +38,6 @@ from lagsim.methods.parts.singular import (
     note_directions,
     passable,
 )
-from lagsim.methods.parts.stability import record_speed
 from lagsim.methods.parts.state import (
     DEGENERATE,
     DONE,
@@ -164,6 +163,7 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     k = s.k
     z = s.z
     new = s.new
+    left = s.left
     if CONSTRAINED:
         p.least_health = 1.0
     for stage in unrolled(1, 12):
@@ -173,7 +173,9 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
         derivative(t + C[stage] * h, z, p, at(k, stage * size))
     s.evaluations += 11.0
     for i in apart(size):
-        new[i] = y[i] + h * total(B[j] * k[j * size + i] for j in unrolled(12))
+        new[i] = y[i]
+        left[i] = h * total(B[j] * k[j * size + i] for j in unrolled(12))
+    add_change(s, p, k, h, new)
     set_tolerances(s, p, t + h, new, k, h)
     errors = s.errors
     for i in apart(size):
@@ -244,6 +246,7 @@ def accept(s: Dop853, p: Parameters, h: float) -> None:
     for i in range(size):
         y[i] = new[i]
         k[i] = k[12 * size + i]
+    keep_rest(s)
     record_measured(s, p)
 
 

@@ -22,6 +22,7 @@ from lagsim.methods.parts.fixed import (
     take,
 )
 from lagsim.methods.parts.interface import derivative
+from lagsim.methods.parts.noise import add_change, keep_rest
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import meet_constraints
 from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED
@@ -51,6 +52,7 @@ NEEDS = ()
 QUADRATURES = True
 
 CONSTRAINED = True
+SWITCHES = True
 
 
 class Rk4(Fixed):
@@ -82,6 +84,7 @@ def step(s: Rk4, p: Parameters) -> int:
     slope = s.slope
     z = s.z
     new = s.new
+    left = s.left
     t = s.t
     after = next_time(s)
     h = step_length(s, after)
@@ -93,13 +96,16 @@ def step(s: Rk4, p: Parameters) -> int:
             z[i] = y[i] + h * rate
         derivative(t + C[stage] * h, z, p, at(k, stage * size))
     for i in range(size):
-        new[i] = y[i] + h * total(B[j] * k[j * size + i] for j in unrolled(4))
+        new[i] = y[i]
+        left[i] = h * total(B[j] * k[j * size + i] for j in unrolled(4))
+    add_change(s, p, first, h, new)
     if not is_finite(size, new):
         return NOT_FINITE
     if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:
         return PROJECTION_FAILED
     derivative(after, new, p, slope)
     s.evaluations += 4.0
+    keep_rest(s)
     take(s, p, after)
     return DONE
 

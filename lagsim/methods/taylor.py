@@ -34,8 +34,16 @@ from lagsim.methods.parts.controller import (
 )
 from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
-from lagsim.methods.parts.noise import look_at_rounding
+from lagsim.methods.parts.noise import (
+    TIGHT,
+    add_exactly,
+    carry,
+    find_drift,
+    keep_rest,
+    look_at_rounding,
+)
 from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.power_series import lead, sum_bend, sum_rates
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import leave_loss, record_health
 from lagsim.methods.parts.state import (
@@ -45,7 +53,7 @@ from lagsim.methods.parts.state import (
     STEP_TOO_SMALL,
     State,
 )
-from lagsim.native.kernels.words import at, unrolled
+from lagsim.native.kernels.words import at, rare, unrolled
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
@@ -64,6 +72,7 @@ NEEDS = ("series",)
 
 CONSTRAINED = True
 SLEEPERS = True
+SWITCHES = True
 
 # Terms shrink by e^2 from one to the next at the step that costs least per unit of
 # time (Jorba and Zou, proposition 3.1).
@@ -76,6 +85,9 @@ GUARD = 4
 # second.
 # A priori bounds are met with this much room, or one step in two fails the check.
 SAFETY = 0.9
+# At tight tolerances truncation is kept below rounding, which it outgrows; and shorter
+# steps average more of what forces are rounded by.
+TIGHT_SAFETY = 0.6
 # An error of up to this many tolerances is let pass: the bound is for the step before.
 PASSED = 1.0
 SHORTER = 0.9
@@ -110,8 +122,14 @@ class Taylor(State):
     """Two series, each its order K, then y_0 ... y_K; and the new state."""
 
     which: float  # of the two series is the present one: 0 or 1
+    trial: float  # the step that is tried
+    trouble: float  # the code of what was wrong with the last one
+    rejected: float  # 1 once one was not accepted
     series: Floats = array(lambda s: buffer(s.size, 2.0))
     new: Floats = array(lambda s: s.size)
+    # The rest at the start of the last step, and where tolerances are tight its rate.
+    carried: Floats = array(lambda s: s.size)
+    drift: Floats = array(lambda s: s.size)
 
 
 STATE = Taylor
@@ -126,6 +144,7 @@ def start(s: Taylor, p: Parameters) -> None:
     series(s.t, y, p, c)
     s.evaluations += 1.0
     s.step_h = 0.0
+    begin_trials(s)
     record_sizes(s, p)
     rates = at(c, 1 + size)
     look_at_rounding(s, p, s.t, y, rates, 1.0)
@@ -145,16 +164,6 @@ def start(s: Taylor, p: Parameters) -> None:
             break
     if CONSTRAINED:
         s.h = leave_loss(s, p, s.h)
-
-
-def lead(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Give how far off (size,) the terms of a series may lead in a step."""
-    order = int(c[0])
-    for i in range(size):
-        far = 0.0
-        for back in range(order):
-            far = (far + abs(c[1 + (order - back) * size + i])) * h
-        out[i] = c[1 + i] + far
 
 
 def chosen_step(s: Taylor, c: Floats) -> float:
@@ -177,49 +186,84 @@ def chosen_step(s: Taylor, c: Floats) -> float:
             for back in unrolled(GUARD):
                 term = abs(c[1 + (order - back) * size + i]) / tolerances[i]
                 largest[back] = max(largest[back], term)
-    logarithm = log(arc / SAFETY)
+    safety = TIGHT_SAFETY if s.rtol < TIGHT else SAFETY
+    logarithm = log(arc / safety)
     for back in unrolled(GUARD):
         if largest[back] > 0.0:
             bound = (back + 1) * LOG_SHRINK - log(largest[back])
             logarithm = min(logarithm, bound / (order - back))
-    return SAFETY * exp(logarithm)
+    return safety * exp(logarithm)
 
 
 def step(s: Taylor, p: Parameters) -> int:
-    """Make one accepted step, or give a code other than 0."""
-    trouble = STEP_TOO_SMALL
-    rejected = False
-    work = s.work
-    health = 1.0
+    """Make one accepted step, or give a code other than 0.
+
+    Around its one series lies all else: what proposes a state, and what concludes from
+    the series there.
+    """
+    while True:
+        code = propose(s, p)
+        if code != DONE:
+            return code
+        series(s.t + s.trial, s.new, p, at(s.series, buffer(s.size, 1.0 - s.which)))
+        if conclude(s, p):
+            return DONE
+
+
+def propose(s: Taylor, p: Parameters) -> int:
+    """Leave a step to try as s.trial, the state after it as s.new.
+
+    Or give a code other than 0, that of what was wrong with the last one tried.
+    """
     while True:
         h = usable_step(s, p)
         if h == 0.0:
-            return trouble
-        if attempt(s, h) == 0:
+            return int(s.trouble)
+        s.trial = h
+        if attempt(s, p, h) == 0:
             s.h = SHORTEST * h
-            trouble = NOT_FINITE
-        elif CONSTRAINED and settle(s, p, h) == 0:
+            s.trouble = NOT_FINITE
+        elif CONSTRAINED and project(s, p, s.t + h, h, s.new, s.work) == 0:
             s.h = 0.25 * h
-            trouble = PROJECTION_FAILED
+            s.trouble = PROJECTION_FAILED
         else:
-            health = work[s.n + 1]
-            error = check(s, p, h)
-            if error <= PASSED:
-                break
-            s.h = SHORTEST * h
-            trouble = NOT_FINITE
-            if error < 1e300:
-                order = s.series[0]
-                shorter = SHORTER * (PASSED / error) ** (1.0 / (order + 1.0))
-                s.h = h * max(SHORTEST, shorter)
-                trouble = STEP_TOO_SMALL
-        rejected = True
+            return DONE
+        s.rejected = 1.0
         s.rejections += 1.0
-    if CONSTRAINED:
-        record_health(s, health, h)
-    accept(s, p, h)
-    s.at_bound = max(s.at_bound + (1.0 if rejected else -1.0), 0.0)
-    return DONE
+
+
+def conclude(s: Taylor, p: Parameters) -> bool:
+    """Accept the step that was tried, or choose a shorter one.
+
+    From the series after it, which lies where the present one does not.
+    """
+    h = s.trial
+    # How independent the rows are there, as the projection has left it.
+    health = s.work[s.n + 1]
+    error = check(s, p, h)
+    if error <= PASSED:
+        if CONSTRAINED:
+            record_health(s, health, h)
+        accept(s, p, h)
+        s.at_bound = max(s.at_bound + (1.0 if s.rejected > 0.0 else -1.0), 0.0)
+        begin_trials(s)
+        return True
+    s.h = SHORTEST * h
+    s.trouble = NOT_FINITE
+    if error < 1e300:
+        order = s.series[0]
+        shorter = SHORTER * (PASSED / error) ** (1.0 / (order + 1.0))
+        s.h = h * max(SHORTEST, shorter)
+        s.trouble = STEP_TOO_SMALL
+    s.rejected = 1.0
+    s.rejections += 1.0
+    return False
+
+
+def begin_trials(s: Taylor) -> None:
+    """Begin a step: nothing has been tried yet."""
+    s.trouble = STEP_TOO_SMALL
+    s.rejected = 0.0
 
 
 def buffer(size: int, which: float) -> int:
@@ -227,68 +271,63 @@ def buffer(size: int, which: float) -> int:
     return int(which) * (1 + (MOST_ORDER + 1) * size)
 
 
-def sum_series(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Give the sum of y_k h^k, even and odd powers apart: they can overlap."""
-    order = int(c[0])
-    square = h * h
+def reach(s: Taylor, c: Floats, rest: Floats, h: float, out: Floats) -> None:
+    """Give the state (size,) at h in a step of series c, and in `left` its own rest.
+
+    rest : (size,), what the state lacked at the start. At the end of the step this is
+    the new state to the last bit: what lies past a switch there does so here.
+    """
+    size = s.size
+    left = s.left
+    sum_bend(size, c, h, left)
+    if s.rtol < TIGHT:
+        add_exactly(size, at(c, 1), at(c, 1 + size), h, out, left)
+        add_drift(s, h)
+    else:
+        for i in range(size):
+            out[i] = c[1 + i]
+            left[i] += h * c[1 + size + i]
     for i in range(size):
-        high = c[1 + order * size + i]
-        low = c[1 + (order - 1) * size + i]
-        for back in range(1, (order + 1) // 2):
-            k = order - 2 * back
-            high = high * square + c[1 + k * size + i]
-            low = low * square + c[1 + (k - 1) * size + i]
-        out[i] = high * h + low
-        if order % 2 == 0:
-            out[i] = out[i] * h + c[1 + i]
+        left[i] += rest[i]
+    carry(size, out, left, out, left)
 
 
-def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
-    """Give the sum of k y_k h^(k - 1) in the same way, from component `first` on."""
-    order = int(c[0])
-    square = h * h
-    for i in range(first, size):
-        high = order * c[1 + order * size + i]
-        low = (order - 1) * c[1 + (order - 1) * size + i]
-        for back in range(1, order // 2):
-            k = order - 2 * back
-            high = high * square + k * c[1 + k * size + i]
-            low = low * square + (k - 1) * c[1 + (k - 1) * size + i]
-        out[i] = high * h + low
-        if order % 2 == 1:
-            out[i] = out[i] * h + c[1 + size + i]
+@rare
+def add_drift(s: Taylor, h: float) -> None:
+    """Add to a change what the rest does: it moves as the state does."""
+    n = s.n
+    left = s.left
+    drift = s.drift
+    for i in range(s.size):
+        left[i] += h * drift[i]
+        if n <= i < 2 * n:
+            left[i - n] += 0.5 * h * h * drift[i]
 
 
-def attempt(s: Taylor, h: float) -> int:
+def attempt(s: Taylor, p: Parameters, h: float) -> int:
     """Give the state after a step of length h; 0 where it is not finite."""
     size = s.size
     new = s.new
-    sum_series(size, at(s.series, buffer(size, s.which)), h, new)
+    c = at(s.series, buffer(size, s.which))
+    if s.rtol < TIGHT and s.rejected == 0.0:
+        find_drift(s, p, at(c, 1 + size), s.drift)
+    reach(s, c, s.rest, h, new)
     for i in range(size):
         if not abs(new[i]) < 1e300:
             return 0
     return 1
 
 
-def settle(s: Taylor, p: Parameters, h: float) -> int:
-    """Project the new state onto the constraints; give 0 where that fails.
-
-    Leaves how independent they are there in the working memory.
-    """
-    return project(s, p, s.t + h, h, s.new, s.work)
-
-
 def check(s: Taylor, p: Parameters, h: float) -> float:
     """Give the error in units of the tolerance, from y' at the end of the step.
 
     What the series' rate differs by there from y' is (K + 1) y_(K+1) h^K and what
-    follows. Leaves the series of the next step.
+    follows; the next step's series has y'.
     """
     size = s.size
     c = at(s.series, buffer(size, s.which))
     following = at(s.series, buffer(size, 1.0 - s.which))
     new = s.new
-    series(s.t + h, new, p, following)
     s.evaluations += 1.0
     set_tolerances(s, p, s.t + h, new, at(c, 1 + size), h)
     error = misfit(s, c, at(following, 1 + size), h)
@@ -325,8 +364,12 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
         following = at(s.series, buffer(size, 1.0 - s.which) + 1 + size)
         suspect(s, p, h, y, before, new, following)
     s.which = 1.0 - s.which
+    rest = s.rest
+    carried = s.carried
     for i in range(size):
         y[i] = new[i]
+        carried[i] = rest[i]
+    keep_rest(s)
     s.step_t = s.t
     s.step_h = h
     s.t = s.t + h
@@ -346,7 +389,7 @@ def interpolate(s: Taylor, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: the series there."""
     size = s.size
     before = at(s.series, buffer(size, 1.0 - s.which))
-    sum_series(size, before, x * s.step_h, out)
+    reach(s, before, s.carried, x * s.step_h, out)
 
 
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:

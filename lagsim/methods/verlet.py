@@ -38,7 +38,6 @@ from lagsim.methods.parts.state import DONE, NOT_FINITE
 from lagsim.methods.parts.symplectic import (
     Symplectic,
     arrive,
-    clear,
     depart,
     drift,
     kick,
@@ -66,7 +65,6 @@ STATE = Symplectic
 def start(s: Symplectic, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     begin(s, p)
-    clear(s)
 
 
 def step(s: Symplectic, p: Parameters) -> int:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts.driver import ROUNDED
-from lagsim.run.system.functions import coupled, joined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,20 +53,7 @@ def most_pulled(rtol: float | None) -> float:
 
 def empty_state(runner: Runner) -> State:
     """Give a state of a method that nothing has been put into."""
-    system = runner.system
-    state: State = runner.method.STATE.made(
-        n=system.n,
-        size=system.size,
-        signals=len(system.sleepers),
-        surfaces=system.watched,
-        inertias=len(system.inertias),
-    )
-    state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
-    state.powers[:] = [sleeper.power for sleeper in system.sleepers]
-    rows = system.equations.rows
-    state.joined[:] = coupled(system.equations)
-    state.linked[:] = joined(system.n, [row.A.entries for row in rows])
-    return state
+    return runner.empty.copy()
 
 
 def named_extents(state: State, names: Sequence[str]) -> dict[str, tuple[float, float]]:

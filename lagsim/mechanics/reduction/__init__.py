@@ -74,6 +74,8 @@ class Reduction:
 
     def kept(self, full: Floats) -> Floats:
         """Give the values (n,) of the coordinates left, or of their rates."""
+        if len(full) == len(self.equations.q):
+            return full
         names = (c.name for c in self.equations.model.coordinates)
         places = {name: k for k, name in enumerate(names)}
         return full[[places[name] for name in self.equations.q]]
@@ -93,8 +95,11 @@ class Reduction:
     def state(self, start: Instant) -> Floats:
         """Give y at a full start: q, q', work, the quadratures, the action from 0."""
         e = self.equations
-        values = {c.name: x for c, x in zip(e.model.coordinates, start.q, strict=True)}
-        ignored = [values.get(x.name, 0.0) for x in e.quadratures]
+        ignored: list[float] = []
+        if e.quadratures:
+            names = (c.name for c in e.model.coordinates)
+            values = dict(zip(names, start.q, strict=True))
+            ignored = [values.get(x.name, 0.0) for x in e.quadratures]
         work = [] if e.power is None else [0.0]
         parts = (self.kept(start.q), self.kept(start.v), work, ignored)
         return np.concatenate(parts)

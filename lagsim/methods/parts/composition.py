@@ -32,7 +32,6 @@ from lagsim.methods.parts.state import DONE, NOT_FINITE
 from lagsim.methods.parts.symplectic import (
     Symplectic,
     arrive,
-    clear,
     depart,
     drift,
     kick,
@@ -95,7 +94,6 @@ def start(s: Composition, p: Parameters) -> None:
     kicks[s.stages] = 0.5 * before
     ends[s.stages - 1] = 1.0
     begin(s, p)
-    clear(s)
 
 
 def step(s: Composition, p: Parameters) -> int:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import derivative, measure, rounding, terms
 from lagsim.methods.parts.noise import (
     RATE_NOISE,
+    TIGHT,
     hardly_moves,
     look_at_rounding,
     look_between,
@@ -42,6 +43,9 @@ WIDTH = 0.7
 INSTANT = 1e-6
 # A value is not known better than this part of itself.
 NOISE = 4.0 * 2.0**-53
+# At tight tolerances the floor is a part of the last place: truncation up to NOISE acts
+# the same way in every step and so outgrows rounding, of which sums lose little.
+FINEST = 2.0**-55
 # Below this a number has no digits to control: some of the smallest steps between two.
 UNDERFLOW = 2.0**-1068
 # The square of this is finite.
@@ -143,6 +147,7 @@ def set_tolerances(
     instant = max(instant, 0.0)
     moment = max(h, instant)
     rtol = LOCAL * s.rtol
+    floor = FINEST if s.rtol < TIGHT else NOISE
     for i in range(size):
         scale = WIDTH * (max(high[i], new[i]) - min(low[i], new[i]))
         if scale == 0.0:
@@ -153,11 +158,11 @@ def set_tolerances(
         if i < n:
             part = parts[i] * moment
             scale = max(scale, instant * instant * abs(rates[n + i]))
-            noise[i] = max(NOISE * abs(rates[i]), noise[n + i] * h)
+            noise[i] = max(floor * abs(rates[i]), noise[n + i] * h)
         elif i < 2 * n:
             part = parts[i - n]
         scale = max(scale, FLOOR * moment * part)
-        rough = max(NOISE * max(sizes[i], abs(new[i])), noise[i] * h, UNDERFLOW)
+        rough = max(floor * max(sizes[i], abs(new[i])), noise[i] * h, UNDERFLOW)
         tolerances[i] = max(rtol * scale, rough)
     if p.m > 0:
         share_tolerances(s)

@@ -20,6 +20,7 @@ from lagsim.methods.parts.interface import (
     until,
 )
 from lagsim.methods.parts.looks import overlooked
+from lagsim.methods.parts.noise import forget_rest
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import project, project_rows
 from lagsim.methods.parts.singular import watch
@@ -251,6 +252,7 @@ def pulled(s: State, y: Floats, former: Floats, first: int) -> float:
 def begin(s: State, p: Parameters) -> None:
     """Begin an arc if this is one."""
     if s.fresh > 0.0:
+        forget_rest(s)
         start(s, p)
         if UNTIL:
             arm(s, p, s.work)

@@ -33,10 +33,10 @@ from lagsim.methods.parts.interface import (
 )
 from lagsim.methods.parts.lu import decompose, solve, too_large
 from lagsim.methods.parts.newton import CONVERGED, LOST, MOST, RENEW
+from lagsim.methods.parts.noise import add
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.projection import largest_part
 from lagsim.methods.parts.state import DONE, NEWTON_FAILED, NOT_FINITE
-from lagsim.methods.parts.symplectic import add
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 
@@ -57,7 +57,6 @@ class Gauss(Fixed):
     weights: Floats = array(lambda s: s.stages)
     coefficients: Floats = array(lambda s: s.stages * s.stages)
     z: Floats = array(lambda s: s.size)  # a state to ask at
-    rest: Floats = array(lambda s: s.size)  # what rounding has cut off of q, p, work
     momenta: Floats = array(lambda s: s.n)
     # Of each stage: the velocities, those of the step before, what `lagrangian` gives
     # and what `lagrangian_slopes` does.
@@ -91,15 +90,12 @@ def start(s: Gauss, p: Parameters) -> None:
     begin(s, p)
     n = s.n
     y = s.y
-    rest = s.rest
     momenta = s.momenta
     V = s.V
     out = s.found
     lagrangian(s.t, y, p, out)
     for i in range(n):
         momenta[i] = out[i]
-    for i in range(s.size):
-        rest[i] = 0.0
     for stage in range(s.stages):
         for i in range(n):
             V[stage * n + i] = y[n + i]

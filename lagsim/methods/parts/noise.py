@@ -1,6 +1,22 @@
-"""What rounding leaves in the rates of a state, where a step would be rejected.
+"""What rounding does: what it leaves in rates, and sums that carry what it cuts off.
 
-A bound of what is rounded on the way to them, and what small changes of the state do.
+Where a step would be rejected, a bound of what is rounded on the way to the rates of a
+state, and what small changes of the state do to them.
+
+A step adds little to a state, and what is lost of it each time grows with the steps, or
+faster. The state is y and `rest`, which is smaller than half of y's last place: what is
+cut off is found exactly and added with the next step (D. E. Knuth, The Art of Computer
+Programming 2, 3rd ed., section 4.2.2; E. Hairer, C. Lubich and G. Wanner, Geometric
+Numerical Integration, 2nd ed., section VIII.5: compensated summation).
+
+The slopes of a step are those at y alone. Where the tolerance is tight what they lack
+is found by a difference: that is as much as the rounding of forces does.
+
+An arc begins without a rest, as its state is a new one, or given as doubles; so does a
+step that ends with a projection onto constraints, which rounds all that it moves. And
+where there are switches there is none: steps that move by less than a last place would
+sum up to a state on the surface itself, where a root has no slope, instead of leaping
+over it.
 """
 
 from __future__ import annotations
@@ -10,10 +26,13 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import derivative, rounding
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import rare
+from lagsim.native.kernels.words import apart, rare
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
+
+CONSTRAINED = True
+SWITCHES = True
 
 # Rates of the size of one leave so much in the error estimate, by their rounding.
 RATE_NOISE = 32.0 * 2.0**-53
@@ -24,6 +43,14 @@ PROBE = 2.0**-36
 # And so does one of some last places. A step that moves by fewer than so many is short.
 ROUNDED = 2.0**-50
 FEW_PLACES = 2.0**-30
+# Below this tolerance, which no repeat of a usual run has, as much is done against
+# rounding as can be.
+TIGHT = 5e-14
+# Parts a double into two halves of 26 bits.
+HALVES = 2.0**27 + 1.0
+# So much larger a rest is a change of y by a relative 1e-8 at most: little beside what
+# bends the forces, and much beside the rounding of y'.
+LARGER = 2.0**26
 
 
 def hardly_moves(s: State, h: float, k: Floats) -> bool:
@@ -117,3 +144,104 @@ def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
     for i in range(size):
         part = 0.618033988749895 * (i + 1)
         out[i] = y[i] * (1.0 + change * (0.5 + part - int(part)))
+
+
+@rare
+def add_exactly(
+    size: int, y: Floats, k: Floats, h: float, new: Floats, left: Floats
+) -> None:
+    """Give y + h k (size,), and add to `left` what both roundings cut off.
+
+    The product in halves of the factors (T. J. Dekker, Numer. Math. 18 (1971) 224-242).
+    """
+    wide = HALVES * h
+    h_high = wide - (wide - h)
+    h_low = h - h_high
+    for i in range(size):
+        wide = HALVES * k[i]
+        k_high = wide - (wide - k[i])
+        k_low = k[i] - k_high
+        moved = h * k[i]
+        cut = h_high * k_high - moved
+        cut = ((cut + h_high * k_low) + h_low * k_high) + h_low * k_low
+        after = y[i] + moved
+        back = after - y[i]
+        new[i] = after
+        left[i] += cut + ((y[i] - (after - back)) + (moved - back))
+
+
+def add_change(s: State, p: Parameters, k: Floats, h: float, new: Floats) -> None:
+    """Add `left` and the rest to a state `new` (size,) that a step h leads to.
+
+    k : (size,), y' at its start. Leaves what is cut off in `left`.
+    """
+    size = s.size
+    n = s.n
+    left = s.left
+    rest = s.rest
+    for i in range(size):
+        left[i] += rest[i]
+    if s.rtol < TIGHT:
+        drift = s.spare
+        find_drift(s, p, k, drift)
+        for i in range(size):
+            left[i] += h * drift[i]
+            if n <= i < 2 * n:
+                left[i - n] += 0.5 * h * h * drift[i]
+    carry(size, new, left, new, left)
+
+
+@rare
+def find_drift(s: State, p: Parameters, k: Floats, out: Floats) -> None:
+    """Give what the rest adds to y' (size,), which is k at y alone."""
+    size = s.size
+    y = s.y
+    rest = s.rest
+    z = s.work
+    if CONSTRAINED or SWITCHES:
+        for i in range(size):
+            out[i] = 0.0
+        return
+    for i in range(size):
+        z[i] = y[i] + LARGER * rest[i]
+    derivative(s.t, z, p, out)
+    s.evaluations += 1.0
+    for i in range(size):
+        drift = (out[i] - k[i]) / LARGER
+        out[i] = drift if abs(drift) < 1e300 else 0.0
+
+
+def keep_rest(s: State) -> None:
+    """Take what the step has cut off: it is accepted."""
+    rest = s.rest
+    left = s.left
+    for i in range(s.size):
+        rest[i] = 0.0 if CONSTRAINED or SWITCHES else left[i]
+
+
+def forget_rest(s: State) -> None:
+    """Begin with a state as it is."""
+    rest = s.rest
+    for i in range(s.size):
+        rest[i] = 0.0
+
+
+def add(n: int, y: Floats, rest: Floats, h: float, rate: Floats) -> None:
+    """Add h * rate to y (n,), and keep in `rest` (n,) what rounding cuts off."""
+    for i in range(n):
+        rest[i] += h * rate[i]
+    carry(n, y, rest, y, rest)
+
+
+def carry(n: int, y: Floats, change: Floats, out: Floats, left: Floats) -> None:
+    """Give y + change (n,), and what rounding cuts off of it.
+
+    Both results may take the place of what they are made of.
+    """
+    for i in apart(n):
+        before = y[i]
+        more = change[i]
+        after = before + more
+        moved = after - before
+        out[i] = after
+        left[i] = (before - (after - moved)) + (more - moved)

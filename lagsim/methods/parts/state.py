@@ -93,6 +93,10 @@ class State(Memory):
     unsettled: float  # steps whose impulses were not found to the end
 
     y: Floats = array(lambda s: s.size)
+    # What rounding has cut off of y, and what the step that is made leaves of it; see
+    # `noise`.
+    rest: Floats = array(lambda s: s.size)
+    left: Floats = array(lambda s: s.size)
     sizes: Floats = array(lambda s: s.size)  # the largest of y so far
     tolerances: Floats = array(lambda s: s.size)
     # What `measure` gives: energies, the diagonal of M, a 0 in the place of which the

@@ -6,9 +6,8 @@ depend on positions and time alone, so that what is made of them is symplectic. 
 moves with the drift; `work` is moved by the kicks, with the power at the middle of
 each, which is exact because power is linear in the velocities there.
 
-All sums carry what rounding has cut off (E. Hairer, C. Lubich and G. Wanner, Geometric
-Numerical Integration, 2nd ed., section VIII.5: compensated summation): over many
-periods nothing else limits how well the energy is kept.
+All sums carry what rounding has cut off: over many periods nothing else limits how well
+the energy is kept.
 """
 
 from __future__ import annotations
@@ -17,21 +16,18 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.fixed import Fixed
 from lagsim.methods.parts.interface import derivative, power
+from lagsim.methods.parts.noise import add
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.words import at
-from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.language.arrays import Floats
     from lagsim.mechanics.structure import Structure
 
 
 class Symplectic(Fixed):
-    """`new` is the state on its way."""
-
-    rest: Floats = array(lambda s: s.size)  # what rounding has cut off
+    """`new` is the state on its way, and `rest` goes with it."""
 
 
 def refusal(scene: Structure) -> str:
@@ -90,14 +86,6 @@ def _composed(
     return q, v
 
 
-def clear(s: Symplectic) -> None:
-    """Forget what rounding has cut off: a new arc begins."""
-    size = s.size
-    rest = s.rest
-    for i in range(size):
-        rest[i] = 0.0
-
-
 def depart(s: Symplectic) -> None:
     """Put the state where it is moved from stage to stage."""
     size = s.size
@@ -133,15 +121,6 @@ def kick(s: Symplectic, p: Parameters, t: float, h: float) -> None:
         add(n, at(new, n), at(rest, n), 0.5 * h, at(slope, n))
     else:
         add(n, at(new, n), at(rest, n), h, at(slope, n))
-
-
-def add(n: int, y: Floats, rest: Floats, h: float, rate: Floats) -> None:
-    """Add h * rate to y (n,), and keep in `rest` (n,) what rounding cuts off."""
-    for i in range(n):
-        before = y[i]
-        rest[i] += h * rate[i]
-        y[i] = before + rest[i]
-        rest[i] += before - y[i]
 
 
 def arrive(s: Symplectic, p: Parameters, t: float) -> None:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import yaml
 
+from lagsim import limits
 from lagsim.errors import Problem
 from lagsim.model.nodes.accidents import (
     Diagnosis,
@@ -141,6 +142,7 @@ class _Builder:
         self.open: list[_Open] = []
         self.root: Node | None = None
         self.documents = 0
+        self.nodes = 0
 
     def run(self) -> Node | None:
         """Give the root, or None; faults that do not stop it go to `problems`."""
@@ -163,13 +165,18 @@ class _Builder:
         self.problems.append(Problem(code, text, place, hint))
 
     def _take(self, event: yaml.NodeEvent) -> bool:
-        """Take the beginning of a node; give False where it goes too deep."""
+        """Take the beginning of a node; give False where that goes too far."""
         if isinstance(event, yaml.AliasEvent):
             name = event.anchor
             text = f"`*{name}` is an alias of YAML, which models do not use"
             self._fault("alias", text, event, "quote the value if it is an expression")
             self._attach(Broken(self.source.place(_span(event)[0])))
             return True
+        self.nodes += 1
+        if self.nodes > limits.NODES:
+            text = f"the file has more than {limits.NODES:,} values and collections"
+            self._fault("too-many-values", text, event)
+            return False
         sound = self._no_anchor_or_tag(event)
         if isinstance(event, yaml.ScalarEvent):
             self._attach(self._scalar(event, sound=sound))

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
-from lagsim import files
+from lagsim import files, limits
 from lagsim.errors import UNSEEN, InputError, Place, Problem, unseen
 from lagsim.language.graph import Graph
 from lagsim.model.model import Level, Model
@@ -128,11 +128,12 @@ def text_of(path: str) -> tuple[str, str]:
     file = _STDIN if path == STANDARD_INPUT else path
     try:
         if path == STANDARD_INPUT:
-            data = sys.stdin.buffer.read()
+            data = files.all_of(sys.stdin.buffer, limits.MODEL_BYTES)
         elif path.startswith(_OPEN_ALREADY):
-            data = Path(path).read_bytes()
+            with Path(path).open("rb") as stream:
+                data = files.all_of(stream, limits.MODEL_BYTES)
         else:
-            data = files.content(path)
+            data = files.content(path, limits.MODEL_BYTES)
     except (OSError, ValueError) as error:  # ValueError: a null byte in the path
         reason = getattr(error, "strerror", None) or str(error)
         raise _unusable("unreadable", f"cannot be read: {reason}", file) from None
@@ -196,7 +197,8 @@ def _read(
             raise _unusable("empty-file", "the file is empty", file)
         faults.raise_if_any()
     assert document.root is not None
-    return _File(document.root, file, faults).read(overrides, options, data)
+    graph = Graph(limits.graph_nodes(len(data)))
+    return _File(document.root, file, faults, graph).read(overrides, options, data)
 
 
 def _unfit(name: str, node: Scalar) -> str:
@@ -213,7 +215,7 @@ def _unfit(name: str, node: Scalar) -> str:
 class _File:
     """The sections of one file."""
 
-    def __init__(self, root: Node, file: str, faults: Faults) -> None:
+    def __init__(self, root: Node, file: str, faults: Faults, graph: Graph) -> None:
         self.file = file
         self.faults = faults
         if is_odd(root, SECTIONS):
@@ -228,7 +230,7 @@ class _File:
             self.top.found.get("energy"), faults, self.root
         )
         self.names = Names("lagrangian" in self.energy)
-        self.x = Expressions(Graph(), self.names, faults)
+        self.x = Expressions(graph, self.names, faults)
 
     def read(
         self, overrides: Mapping[str, str], options: Mapping[str, str], data: bytes

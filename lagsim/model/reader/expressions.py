@@ -6,6 +6,7 @@ import math
 from copy import copy
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
+from lagsim import limits
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.parser import Parsed, parse, parse_condition, parse_relation
@@ -117,6 +118,12 @@ class Expressions:
         return self._parse(scalar, parse_relation)
 
     def _parse(self, scalar: Scalar, parser: Callable[[str], _T]) -> _T | None:
+        if len(scalar.text) > limits.EXPRESSION_LETTERS:
+            many, most = len(scalar.text), limits.EXPRESSION_LETTERS
+            text = f"the expression has {many:,} letters, more than {most:,}"
+            hint = "parts of it may be definitions"
+            self.faults.add("expression-too-long", text, scalar.place, hint)
+            return None
         try:
             return parser(scalar.text)
         except ExpressionError as fault:

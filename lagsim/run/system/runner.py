@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from copy import copy
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -14,6 +15,7 @@ from lagsim.native.graph.sincos import LANES
 from lagsim.native.link.cache import kernel_object
 from lagsim.native.link.engine import Engine
 from lagsim.run.pace import Pace
+from lagsim.run.system.functions import coupled, joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -106,6 +108,24 @@ class Runner:
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
         self._work = np.empty(LANES * (1 + system.size + system.rows_observed))
         self._room = self._work.ctypes.data
+
+    @cached_property
+    def empty(self) -> State:
+        """A state that nothing has been put into: for copies, of all bindings."""
+        system = self.system
+        state: State = self.method.STATE.made(
+            n=system.n,
+            size=system.size,
+            signals=len(system.sleepers),
+            surfaces=system.watched,
+            inertias=len(system.inertias),
+        )
+        state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
+        state.powers[:] = [sleeper.power for sleeper in system.sleepers]
+        rows = system.equations.rows
+        state.joined[:] = coupled(system.equations)
+        state.linked[:] = joined(system.n, [row.A.entries for row in rows])
+        return state
 
     def over(self, system: Compiled) -> Runner:
         """Give the same code over the memory of a system bound to other values."""

@@ -11,6 +11,7 @@ the steps are looked through for, see `methods._looks`.
 from __future__ import annotations
 
 import math
+from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import tangent
@@ -65,18 +66,21 @@ def all_sleepers(
     Of what the motion depends on, `nodes` as they are in an arc, those that depend on
     the state; of what ends an arc, `ends`, those that depend on t alone too.
     """
-    g = equations.graph
-    exponents = _exponents(g, tuple(nodes), tuple(ends))
-    values = {p.name: p.value for p in equations.model.parameters}
-    given = tuple((name, values.get(name)) for name in exponents)
-    key = all_sleepers, equations.q, tuple(nodes), tuple(ends), given
-    return once(g, key, lambda: _all_sleepers(equations, nodes, ends))
+    key = all_sleepers, *_resting_on(equations, tuple(nodes), tuple(ends))
+    return once(equations.graph, key, lambda: _all_sleepers(equations, nodes, ends))
+
+
+def _resting_on(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, ...]:
+    """Give what it rests on which of `nodes` sleep: they, and values of exponents."""
+    exponents = _exponents(equations.graph, *nodes)
+    values = {p.name: p.value for p in equations.model.parameters} if exponents else {}
+    return equations.q, nodes, tuple(values.get(name) for name in exponents)
 
 
 @remembered
-def _exponents(g: Graph, nodes: tuple[int, ...], ends: tuple[int, ...]) -> list[str]:
+def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
     """Give the names in exponents: on their values it rests what sleeps."""
-    powers = [n for n in g.cone([*nodes, *ends]) if g.ops[n] == "pow"]
+    powers = [n for n in g.cone(chain(*nodes)) if g.ops[n] == "pow"]
     return sorted(g.depends(g.args[n][1] for n in powers))
 
 
@@ -102,7 +106,9 @@ def timed_sleepers(equations: Equations, nodes: Sequence[int]) -> list[Sleeper]:
 
 def timed(equations: Equations) -> bool:
     """Tell whether anything depends on t and may sleep."""
-    return bool(timed_sleepers(equations, motion_nodes(equations)))
+    nodes = motion_nodes(equations)
+    key = timed, *_resting_on(equations, tuple(nodes))
+    return once(equations.graph, key, lambda: bool(timed_sleepers(equations, nodes)))
 
 
 def signal_nodes(equations: Equations, sleepers: Sequence[Sleeper]) -> list[int]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import io
+import os
 from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,7 @@ from zipfile import BadZipFile
 import numpy as np
 import orjson
 
-from lagsim import files
+from lagsim import files, limits
 from lagsim.errors import InputError, Problem
 from lagsim.outputs import Format
 from lagsim.outputs.results import MANIFEST
@@ -34,8 +35,8 @@ if TYPE_CHECKING:
 
 # Bytes read at once.
 BLOCK = 1 << 19
-# Bytes of a header at most: beyond, the file is something else.
-LONGEST_HEADER = 1 << 24
+# Bytes of a line at most: beyond, the file is something else.
+LONGEST_LINE = 1 << 24
 # What time is in, in a line of units: a row that begins with words is none.
 TIME = "s"
 
@@ -104,6 +105,7 @@ def read_table(path: Path) -> Table:
     read = _PACKED.get(path.suffix, _read)
     try:
         with files.opened(path) as file:
+            _refuse_large(os.fstat(file.fileno()).st_size, str(path))
             return read(file, str(path))
     except OSError as error:
         why = error.strerror or "it is damaged"
@@ -115,10 +117,16 @@ def unusable(name: str, why: str) -> InputError:
     return InputError([Problem("bad-table", f"{name}: {why}")])
 
 
+def _refuse_large(size: int, name: str) -> None:
+    if size > limits.TABLE_BYTES:
+        told = f"{limits.size(size)} of numbers, more than the limit"
+        raise unusable(name, f"it has {told} of {limits.size(limits.TABLE_BYTES)}")
+
+
 def _read(file: BinaryIO, name: str) -> Table:
-    head = file.readline(LONGEST_HEADER)
+    head = file.readline(LONGEST_LINE)
     columns = _header(head, name)
-    second = file.readline(LONGEST_HEADER)
+    second = file.readline(LONGEST_LINE)
     units = _units(second, columns)
     body, line = len(head), 2
     if units:
@@ -131,7 +139,7 @@ def _read(file: BinaryIO, name: str) -> Table:
     data = np.empty((len(columns), most))
     rows = 0
     file.seek(body)
-    for block in _blocks(file):
+    for block in _blocks(file, name):
         part = _plain(block, len(columns))
         if part is None:
             part = _cells(block, columns, name, line)
@@ -166,6 +174,7 @@ def _read_npz(file: BinaryIO, name: str) -> Table:
         archive = np.load(file, allow_pickle=False)
         if isinstance(archive, np.ndarray):
             raise unusable(name, "it is one array, and not one for each column")
+        _refuse_large(sum(x.file_size for x in archive.zip.infolist()), name)
         return _joined({key: archive[key] for key in archive.files}, name)
     except (BadZipFile, ValueError, EOFError):
         raise unusable(name, "it is no archive of arrays of numbers") from None
@@ -175,6 +184,9 @@ def _read_parquet(file: BinaryIO, name: str) -> Table:
     from lagsim.outputs.packed import arrow
 
     try:
+        about = arrow().read_metadata(file)
+        _refuse_large(8 * about.num_rows * about.num_columns, name)
+        file.seek(0)
         found = arrow().read_table(file)
         arrays = {x: found[x].to_numpy() for x in found.column_names}
     except ValueError:
@@ -230,10 +242,13 @@ def _line_breaks(file: BinaryIO, start: int) -> int:
     return sum(block.count(b"\n") for block in iter(lambda: file.read(BLOCK), b""))
 
 
-def _blocks(file: BinaryIO) -> Iterator[bytes]:
+def _blocks(file: BinaryIO, name: str) -> Iterator[bytes]:
     """Give the rest of a file in blocks of whole lines."""
     rest = b""
     while read := file.read(BLOCK):
+        if len(rest) > LONGEST_LINE:
+            most = limits.size(LONGEST_LINE)
+            raise unusable(name, f"a line has more than {most}, which is the limit")
         read = rest + read
         end = read.rfind(b"\n") + 1
         rest = read[end:]

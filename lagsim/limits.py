@@ -1,0 +1,65 @@
+"""What lagsim takes at most: every budget that a stranger's file could exceed.
+
+Each is far beyond what a person writes, and holds memory and time in bounds: a file of
+100 kB is checked in 10 s and 1 GB, and derived, or refused, within a minute. What is
+beyond is told with the limit.
+"""
+
+from __future__ import annotations
+
+MODEL_BYTES = 16 << 20
+"""Of a model file: 10^5 members, a line of 160 letters for each."""
+
+DOCUMENT_BYTES = 256 << 20
+"""Of a record, a golden's or a journal, which are read as a whole."""
+
+TABLE_BYTES = 4 << 30
+"""Of a table of results; what is read of one takes as much memory."""
+
+NODES = 1_000_000
+"""Scalars and collections of YAML in a model file, half a kilobyte each."""
+
+EXPRESSION_LETTERS = 1_000_000
+"""Of one expression; its tokens take a hundred times as much."""
+
+GRAPH_NODES = 3_000_000
+"""Operations in a model and its equations, 260 bytes each, ..."""
+
+GRAPH_NODES_PER_BYTE = 30
+"""... or this many for each byte of the file, where that is more."""
+
+INERTIAS = 1_000_000
+"""Of a mass matrix, entries that are not 0: those of 1,000 coordinates, all coupled."""
+
+EXACT_DIGITS = 4000
+"""Of a number that is written out exactly; Python itself writes no more than 4300."""
+
+WRITTEN_OPERATIONS = 100_000
+"""Of energies and constraints that are written out; nobody reads as many."""
+
+WRITTEN_DEPTH = 150
+"""Of what is written out: sympy recurses into it."""
+
+TIDYING_SECONDS = 20.0
+"""Of the processor, for making equations short; later they are written as they come."""
+
+DERIVING_SECONDS = 45.0
+"""For all of a derivation; what is not done by then is refused."""
+
+
+def graph_nodes(size_of_file: int) -> int:
+    """Give how many operations a model of so many bytes may come to."""
+    return max(GRAPH_NODES, GRAPH_NODES_PER_BYTE * size_of_file)
+
+
+def counted(number: float) -> str:
+    """Give a limit as messages name it: 1,000,000."""
+    return f"{number:,.0f}"
+
+
+def size(amount: int) -> str:
+    """Give an amount of bytes as messages name it: 16 MiB."""
+    for unit, bits in (("GiB", 30), ("MiB", 20), ("KiB", 10)):
+        if amount >= 1 << bits:
+            return f"{amount / (1 << bits):.3g} {unit}"
+    return f"{amount} bytes"

@@ -1,0 +1,45 @@
+"""Files of 100 kB, whatever they are full of: checked, derived or refused."""
+
+from __future__ import annotations
+
+import pytest
+
+from lagsim import limits
+from tests.hunt.large import ENDLESS, LETTERS, SHAPES
+
+CALM = (0, 1, 2)
+# A tenth of the letters takes a tenth of the time where none takes the square of it.
+SOME = LETTERS // 10
+
+
+def calm(called):
+    assert called.code in CALM, called.err
+    assert "Traceback" not in called.err
+    assert called.code == 0 or called.err or called.out
+    return called
+
+
+@pytest.mark.parametrize("shape", ENDLESS)
+def test_numbers_without_end_are_refused(lagsim, tmp_path, shape):
+    (tmp_path / "model.yaml").write_text(ENDLESS[shape])
+    done = calm(lagsim("derive", "model.yaml"))
+    assert done.code == 2
+    assert f"the limit is {limits.EXACT_DIGITS}" in done.err
+    assert "--format python" in done.err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", SHAPES)
+def test_large_files_are_checked_and_derived(lagsim, tmp_path, shape):
+    (tmp_path / "model.yaml").write_text(SHAPES[shape](SOME))
+    calm(lagsim("check", "model.yaml"))
+    calm(lagsim("derive", "model.yaml"))
+    calm(lagsim("derive", "model.yaml", "--format", "python"))
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["check", "derive"])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_files_of_a_hundred_thousand_letters(lagsim, tmp_path, shape, name):
+    (tmp_path / "model.yaml").write_text(SHAPES[shape](LETTERS))
+    calm(lagsim(name, "model.yaml"))

@@ -1,0 +1,115 @@
+"""What is too large is told with the limit, however it comes."""
+
+from __future__ import annotations
+
+import io
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+
+from lagsim import limits
+
+MODEL = """
+parameters: {k: 2}
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: k*x^2}
+initial: {x: 1}
+simulation: {duration: 1}
+"""
+
+
+class Endless(io.RawIOBase):
+    """A stream of zeros, as /dev/zero gives."""
+
+    def readable(self):
+        return True
+
+    def readinto(self, buffer):
+        buffer[:] = bytes(len(buffer))
+        return len(buffer)
+
+
+def refused(done, *words):
+    assert done.code == 2
+    for word in words:
+        assert word in done.err
+
+
+def sparse(path, size):
+    """Make a file of so many zeros, which takes no room."""
+    with path.open("wb") as file:
+        file.truncate(size)
+
+
+def test_a_model_file_has_a_size(lagsim, tmp_path):
+    sparse(tmp_path / "model.yaml", limits.MODEL_BYTES + 1)
+    refused(lagsim("check", "model.yaml"), "more than 16 MiB, which is the limit")
+
+
+def test_standard_input_has_an_end(lagsim, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BufferedReader(Endless())))
+    refused(lagsim("check", "-"), "<stdin>", "more than 16 MiB, which is the limit")
+
+
+@pytest.mark.parametrize(
+    ("limit", "most", "word"),
+    [
+        ("NODES", 10, "more than 10 values and collections"),
+        ("EXPRESSION_LETTERS", 4, "the expression has 9 letters, more than 4"),
+        ("GRAPH_NODES", 5, "take more than 5 operations"),
+    ],
+)
+def test_what_is_in_a_model_file_has_a_size(
+    lagsim, write, monkeypatch, limit, most, word
+):
+    monkeypatch.setattr(limits, "GRAPH_NODES_PER_BYTE", 0)
+    monkeypatch.setattr(limits, limit, most)
+    refused(lagsim("check", write(MODEL)), word)
+
+
+def test_the_mass_matrix_has_a_size(lagsim, write, monkeypatch):
+    monkeypatch.setattr(limits, "INERTIAS", 8)
+    text = MODEL.replace("x: {}", "x: {}, y: {}, z: {}").replace(
+        "x_dot^2/2", "(x_dot + y_dot + z_dot)^2"
+    ).replace("x: 1", "x: 1, y: 1, z: 1")  # fmt: skip
+    refused(lagsim("check", write(text)), "has 9 entries", "the limit is 8")
+
+
+@pytest.mark.parametrize("name", ["large.csv", "large.npz"])
+def test_a_table_has_a_size(lagsim, tmp_path, name):
+    sparse(tmp_path / name, limits.TABLE_BYTES + 1)
+    refused(lagsim("compare", name, name), "the limit of 4 GiB")
+
+
+def test_a_packed_table_has_the_size_of_what_is_in_it(lagsim, tmp_path, monkeypatch):
+    monkeypatch.setattr(limits, "TABLE_BYTES", 100_000)
+    np.savez_compressed(tmp_path / "bomb.npz", t=np.zeros(20_000))
+    assert (tmp_path / "bomb.npz").stat().st_size < 10_000
+    assert zipfile.is_zipfile(tmp_path / "bomb.npz")
+    refused(lagsim("compare", "bomb.npz", "bomb.npz"), "the limit of 97.7 KiB")
+
+
+def test_a_parquet_table_has_the_size_of_what_is_in_it(lagsim, tmp_path, monkeypatch):
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    monkeypatch.setattr(limits, "TABLE_BYTES", 100_000)
+    parquet.write_table(pyarrow.table({"t": np.zeros(20_000)}), tmp_path / "b.parquet")
+    assert (tmp_path / "b.parquet").stat().st_size < 10_000
+    refused(lagsim("compare", "b.parquet", "b.parquet"), "the limit of 97.7 KiB")
+
+
+def test_a_line_of_a_table_has_a_size(lagsim, tmp_path, monkeypatch):
+    from lagsim.studies.comparison import reading
+
+    monkeypatch.setattr(reading, "LONGEST_LINE", 2000)
+    monkeypatch.setattr(reading, "BLOCK", 1000)
+    (tmp_path / "long.csv").write_text("t,x\n1,2\n3," + "4" * 5000)
+    refused(lagsim("compare", "long.csv", "long.csv"), "a line has more than 1.95 KiB")
+
+
+def test_a_document_has_a_size(lagsim, tmp_path, monkeypatch):
+    monkeypatch.setattr(limits, "DOCUMENT_BYTES", 1 << 20)
+    sparse(tmp_path / "run.json", (1 << 20) + 1)
+    refused(lagsim("overlay", tmp_path), "it has more than 1 MiB, which is the limit")

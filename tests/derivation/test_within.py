@@ -1,0 +1,131 @@
+"""Derivations have their time; numbers that sympy keeps exactly have their digits."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import sympy as sp
+
+from lagsim import limits
+from lagsim.derivation.endless import refuse_endless
+from lagsim.derivation.lagrange import content
+from lagsim.derivation.solving import _adjugate, _determinant
+from lagsim.derivation.within import its_time
+from lagsim.errors import InputError
+from lagsim.language.graph import Graph
+from lagsim.language.parser import parse
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read, read_file
+from tests.support import MODELS
+
+
+def for_ever():
+    while True:
+        math.sqrt(2.0)
+
+
+def test_what_goes_on_for_ever_is_ended():
+    with pytest.raises(InputError, match=r"not derived within 0\.05 s"), its_time(0.05):
+        for_ever()
+
+
+def test_it_ends_where_the_first_exception_is_lost():
+    lost = []
+
+    def careless():
+        try:
+            for_ever()
+        except BaseException as error:  # noqa: BLE001  as code of others might
+            lost.append(error)
+        for_ever()
+
+    with pytest.raises(InputError, match="which is the limit"), its_time(0.05):
+        careless()
+    assert len(lost) == 1
+
+
+def test_what_is_done_in_time_is_left_alone():
+    for _ in range(20):
+        with its_time(0.0):
+            pass
+    for_a_while = sum(range(100_000))
+    assert for_a_while == 4999950000
+
+
+def test_other_exceptions_pass():
+    with pytest.raises(ZeroDivisionError), its_time(10.0):
+        1 / 0  # noqa: B018
+
+
+def digits(text, numbers=None):
+    """Tell whether an expression of x is refused for its digits."""
+    g = Graph()
+    node = parse(text).build(g, g.variable)
+    given = {g.variable(name): value for name, value in (numbers or {}).items()}
+    try:
+        refuse_endless(g, [node], given)
+    except InputError as error:
+        return "digits" in str(error)
+    return False
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(x/2)^10000000000", "(2*x)^-20000", "((x/2)^200)^100", "(x/3 + 1/2)^20000",
+        "sqrt(x/7)^50000", "exp(20000*log(x/2))", "exp(-2*(10000*log(x/2) + x))",
+        "10^10^10*x", "x^(10^10^10)", "sin(1 + (x/2)^20000)",
+    ],
+)  # fmt: skip
+def test_exact_numbers_without_end_are_seen(text):
+    assert digits(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x^10000000000", "exp(10000000000*x)", "(x/2)^1000", "2^x", "(x + 1)^20000",
+        "1e300*x + 1e-300*x^2", "9.81*x^2.5", "exp(2*log(x/2))", "(x/2)^0.001",
+    ],
+)  # fmt: skip
+def test_others_are_not(text):
+    assert not digits(text)
+
+
+def test_numbers_that_are_put_in_count():
+    assert not digits("(x/2)^n")
+    assert digits("(x/2)^n", {"n": 20000.0})
+
+
+def test_the_largest_that_is_taken_is_written_out_in_full():
+    power = int((limits.EXACT_DIGITS - 10) / math.log10(2))
+    text = f"""
+coordinates: {{x: {{}}}}
+energy: {{kinetic: x_dot^2/2, potential: (x/2)^{power}}}
+initial: {{x: 1}}
+"""
+    found = content(derive(read(text, "model.yaml"), chained=False))
+    x = found.translation.q[0]
+    slope = sp.Rational(power, 2**power) * x ** (power - 1)
+    assert sp.expand(found.lines[0].terms["dV_dq"] - slope) == 0
+
+
+def test_without_time_expressions_are_as_they_come(monkeypatch):
+    equations = derive(read_file(str(MODELS / "elastic-pendulum.yaml")), chained=False)
+    short = content(equations)
+    monkeypatch.setattr(limits, "TIDYING_SECONDS", -1.0)
+    long = content(equations)
+    assert any("has taken -1 s" in note for note in long.notes)
+    assert not any("taken" in note for note in short.notes)
+    for one, other in zip(short.f, long.f, strict=True):
+        assert sp.simplify(one - other) == 0
+
+
+def test_determinants_and_adjugates():
+    a, b, c = sp.symbols("a b c")
+    M = [[a, b, 0], [b, c, 1], [0, 1, 2]]
+    assert sp.expand(_determinant(M) - (2 * a * c - a - 2 * b**2)) == 0
+    product = (sp.Matrix(M) * sp.Matrix(_adjugate(M))).expand()
+    assert product == (_determinant(M) * sp.eye(3)).expand()
+    assert _adjugate([[a]]) == [[1]]

@@ -1,0 +1,119 @@
+"""Model files of 100 kB as nobody would write them: each makes one thing very large."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+LETTERS = 100_000
+
+
+def model(
+    kinetic: str = "x_dot^2/2",
+    potential: str = "0",
+    *,
+    coordinates: str = "x",
+    parameters: str = "k: 2",
+    more: str = "",
+) -> str:
+    """Give a model whose coordinates, named with blanks between, begin at 1."""
+    names = coordinates.split()
+    return "\n".join(
+        [
+            f"parameters: {{{parameters}}}",
+            f"coordinates: {{{', '.join(f'{name}: {{}}' for name in names)}}}",
+            f'energy: {{kinetic: "{kinetic}", potential: "{potential}"}}',
+            f"initial: {{{', '.join(f'{name}: 1' for name in names)}}}",
+            "simulation: {duration: 1}",
+            more,
+        ]
+    )
+
+
+def _sum(form: str, letters: int, sign: str = "+") -> str:
+    """Give terms with the numbers 1, 2, 3 ... in the place of @."""
+    many = letters // (len(form) + 3)
+    return sign.join(form.replace("@", str(k)) for k in range(1, many))
+
+
+def _nested(before: str, inner: str, after: str, letters: int) -> str:
+    many = letters // (len(before) + len(after))
+    return before * many + inner + after * many
+
+
+def _entries(form: str, letters: int, separator: str = "\n") -> str:
+    return _sum(form, letters, separator)
+
+
+def _q(letters: int, form: str) -> tuple[str, str]:
+    """Give coordinates, and a sum with a term for each."""
+    many = letters // (2 * len(form) + 12)
+    names = [f"q{k}" for k in range(many)]
+    return " ".join(names), "+".join(form.replace("@", name) for name in names)
+
+
+def _coupled(letters: int, whole: str, form: str) -> str:
+    names, total = _q(letters, form)
+    squares = "+".join(f"{name}_dot^2" for name in names.split())
+    return model(f"{whole.replace('@', total)} + {squares}", coordinates=names)
+
+
+def _definitions(letters: int, form: str, first: str = "x") -> str:
+    """Give definitions each of the one before: @ is its name."""
+    many = letters // (2 * len(form) + 8)
+    lines = ["definitions:", f"  d0: {first}"]
+    lines += [f"  d{k}: '{form.replace('@', f'd{k - 1}')}'" for k in range(1, many)]
+    return model(potential=f"d{many - 1}", more="\n".join(lines))
+
+
+SHAPES: dict[str, Callable[[int], str]] = {
+    "parentheses": lambda n: model(potential=_nested("(", "x", ")", n)),
+    "calls in calls": lambda n: model(potential=_nested("sin(x + ", "x", ")", n)),
+    "signs": lambda n: model(potential=_nested("-", "x", "", n)),
+    "conditions": lambda n: model(potential=_nested("if(x > 1, x^2, ", "0", ")", n)),
+    "a tower": lambda n: model(potential=_nested("x^", "2", "", n)),
+    "squares of squares": lambda n: model(potential=_nested("(", "x", ")^2", n)),
+    "a fraction": lambda n: model(potential=_nested("1/(x + ", "1", ")", n)),
+    "a sum": lambda n: model(potential=_sum("sin(@*x)", n)),
+    "a product": lambda n: model(potential=_sum("(1 + x/@)", n, "*")),
+    "switches": lambda n: model(potential=_sum("if(x > @, x, 0)", n)),
+    "digits": lambda n: model(potential=f"0.{'123456789' * (n // 9)}*x"),
+    "a long name": lambda n: model(
+        potential=f"{'a' * (n // 9)}*x", parameters=f"? {'a' * (n // 9)}\n  : 2"
+    ),
+    "definitions twice": lambda n: _definitions(n, "@ + @"),
+    "definitions squared": lambda n: _definitions(n, "@*@ + 1"),
+    "parameters": lambda n: model(parameters="k: 1, " + _entries("p@: @", n, ", ")),
+    "one sum of all velocities": lambda n: _coupled(n // 2, "(@)^2", "@_dot"),
+    "turning sums": lambda n: _coupled(n // 2, "(@)^2", "sin(@)*@_dot"),
+    "equal constraints": lambda n: model(
+        "x_dot^2 + y_dot^2", coordinates="x y",
+        more="constraints:\n" + _entries("  c@: x = y", n),
+    ),
+    "contacts": lambda n: model(
+        "x_dot^2 + y_dot^2", coordinates="x y", more="constraints:\n"
+        + _entries("  c@: {relation: x >= -@, restitution: 0.5}", n),
+    ),
+    "points": lambda n: model(
+        more="scene:\n  points:\n" + _entries("    p@: [x, '@*x']", n)
+    ),
+    "plots": lambda n: model(
+        more="output:\n  plots:\n" + "    - {x: x, y: x_dot}\n" * (n // 30)
+    ),
+    "unknown names": lambda n: model(potential=_sum("u@", n)),
+    "aliases": lambda n: _entries("a@: &a@ [*a1, *a1]", n),
+    "keys": lambda n: ": ".join("a" * (n // 3)),
+    "dashes": lambda n: "- " * (n // 2),
+}  # fmt: skip
+"""Each gives a text of about so many letters."""
+
+# What sympy would not come to the end of.
+ENDLESS = {
+    "an exact power": model(potential="(x/2)^10000000000"),
+    "a tower of numbers": model(potential="10^10^10*x"),
+    "a power of a power": model(potential="(((x/3)^900)^900)^900"),
+    "a logarithm in exp": model(potential="exp(10000000000*log(x/2))"),
+    "a number too long to print": model(potential="2^2^2^2^2*x"),
+}
