@@ -216,4 +216,13 @@ output: {reactions: [x]}
 """,
         ("lagsim run pendulum.yaml --no-plots",),
     ),
+    Row(
+        "E234", "expression-too-long",
+        "An expression has the length that a person writes.",
+        "split it into definitions",
+        commands=(
+            "{ printf 'forces: {theta: '; seq -s+ 300000; echo '}'; } > long.yaml",
+            "lagsim check long.yaml",
+        ),
+    ),
 )  # fmt: skip

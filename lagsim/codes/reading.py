@@ -210,4 +210,14 @@ ROWS = (
             "lagsim check long.yaml 2>&1 | tail -n 4",
         ),
     ),
+    Row(
+        "E134", "too-many-values",
+        "A file has at most as many values and collections as fit a scene that can be "
+        "run.",
+        "tables of numbers belong into a program that calls lagsim: docs/python.md",
+        commands=(
+            "{ echo x-many:; yes '  - 1' | head -n 1000001; } > many.yaml",
+            "lagsim check many.yaml",
+        ),
+    ),
 )  # fmt: skip
