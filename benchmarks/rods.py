@@ -48,7 +48,7 @@ def candidates(n):
     import numpy as np
 
     from lagsim.model.reader import read
-    from lagsim.plan import by_loops
+    from lagsim.plan.making import by_loops
     from lagsim.run.session import open_case
     from lagsim.run.system import System
     from lagsim.run.system.runner import FUNCTION

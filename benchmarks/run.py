@@ -18,8 +18,8 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 PARTS = (
-    "whole_run", "first_run", "chains", "rods", "andrews", "structure", "million_rows",
-    "compare", "contacts",
+    "whole_run", "first_run", "chains", "rods", "many", "andrews", "structure",
+    "million_rows", "compare", "contacts",
 )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ def heeded_signals():
 # Tests of many like cases (each shipped model, say) that take seconds in all: every
 # third case is quick, the others wait for the slow suite.
 MANY_LIKE_CASES = {
+    "test_a_kept_session_runs_as_the_one_that_was_made",
     "test_a_dead_zone_crossed_by_a_motion_that_diverges",
     "test_a_run_in_plain_python_is_the_native_run",
     "test_accelerations_and_multipliers_at_reference_times",

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagsim.model.reader import read, read_file
-from lagsim.plan import by_loops
+from lagsim.plan.making import by_loops
 from lagsim.run.observers import Keep
 from lagsim.run.session import Session, open_case
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import Start
+    from lagsim.admissibility.report import Start
     from lagsim.mechanics.equations import Equations
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.session import Case
     from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
@@ -107,7 +107,7 @@ def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
     """
     limits = {k: keywords.pop(k) for k in LIMITS & keywords.keys()}
     heard = {k: keywords.pop(k) for k in HEARD & keywords.keys()}
-    session = replace(ready(model, loops=loops, **keywords), **limits)
+    session = ready(model, loops=loops, **keywords)._replace(**limits)
     keep = Keep()
     trajectory = session.run([keep], **heard)
     return Run(session, trajectory, keep.table)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
     from lagsim.admissibility.dependence import Dependence
-    from lagsim.admissibility.rank import RankReport
+    from lagsim.admissibility.report import RankReport
     from lagsim.admissibility.verdict import Residual, Verdict
     from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row

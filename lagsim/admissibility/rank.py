@@ -17,6 +17,7 @@ from lagsim.admissibility.lengths import of_rows
 from lagsim.admissibility.metric import RANK, least_squares, metric_of, rank_metric
 from lagsim.admissibility.newton import Trouble, reach
 from lagsim.admissibility.point import Asked
+from lagsim.admissibility.report import RankReport
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -34,29 +35,6 @@ GENERIC_RANK = 1e-9
 TRACE = 1e-4
 # What vanishes at a double root is known to half of the digits.
 HALF = 1e-6
-
-
-class RankReport(NamedTuple):
-    """The rank of the rows at a state.
-
-    Attributes
-    ----------
-    smallest : float
-        The smallest singular value of the scaled rows that is not zero (1 if none).
-    generic_rank, generic_smallest : int, float
-        The same at generic admissible states nearby.
-    dependences : tuple of Dependence
-        One for each row that the earlier ones span, in the order of the file.
-    not_unique : tuple of str
-        The constraints whose multipliers are not determined.
-    """
-
-    rank: int
-    smallest: float
-    generic_rank: int
-    generic_smallest: float
-    dependences: tuple[Dependence, ...] = ()
-    not_unique: tuple[str, ...] = ()
 
 
 class _Generic(NamedTuple):

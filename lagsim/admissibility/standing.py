@@ -24,7 +24,7 @@ from lagsim.notes import Caution
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from lagsim.admissibility.rank import RankReport
+    from lagsim.admissibility.report import RankReport
     from lagsim.admissibility.verdict import Verdict
     from lagsim.language.arrays import Floats
 

@@ -2,31 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from lagsim.admissibility.inertia import needs_constraints
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import analyse
-from lagsim.mechanics.instant import Instant
+from lagsim.admissibility.report import Start
 
 if TYPE_CHECKING:
-    from lagsim.admissibility.rank import RankReport
     from lagsim.mechanics.equations import Equations
-
-
-@dataclass(frozen=True, slots=True)
-class Start(Instant):
-    """A state, which rows depend on others there, and whether M needs them.
-
-    Attributes
-    ----------
-    augmented : bool
-        M alone is singular, but with the constraints every acceleration is determined.
-    """
-
-    ranks: RankReport
-    augmented: bool
+    from lagsim.mechanics.instant import Instant
 
 
 def start_at(equations: Equations, state: Instant) -> Start:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from lagsim.errors import visible
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import StartReport
+    from lagsim.admissibility.report import StartReport
     from lagsim.errors import Problem
     from lagsim.mechanics.equations import Equations
 

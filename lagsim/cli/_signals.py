@@ -52,6 +52,11 @@ def watch() -> None:
         threading.Thread(target=_watch, args=(reads,), daemon=True).start()
 
 
+def is_watched() -> bool:
+    """Tell whether this process runs nothing but the command line: it is watched."""
+    return sys.unraisablehook is _told
+
+
 @contextlib.contextmanager
 def raised() -> Iterator[None]:
     """Turn signals into exceptions (in the main thread, where they are not ignored)."""

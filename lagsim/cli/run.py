@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from functools import partial
 from pathlib import Path
@@ -22,6 +23,7 @@ from lagsim.cli._shared import (
     refused,
     show_json,
 )
+from lagsim.cli._signals import is_watched
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit, cut_short, finish, open_table
 from lagsim.methods import names
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from lagsim.outputs.results import Results
+    from lagsim.run.kept import Asked
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
 
@@ -167,7 +170,7 @@ def command(
     # The processor time so far is close to what starting and importing took.
     own.clock.timings["import"] = time.process_time()
     with faults_shown(documents, file=models[0]) as code:
-        from lagsim.model.reader import text_of
+        from lagsim.model.text import text_of
 
         code.append(own.run(*text_of(models[0]), assignments(sets), options))
     for document in documents or ():
@@ -220,7 +223,7 @@ class Job:
         options: Mapping[str, str],
     ) -> int:
         """Do it; give the exit code."""
-        from lagsim.model.reader import read
+        from lagsim.run.kept import Asked, kept_session
 
         clock = self.clock
         if self.table is not Format.CSV:
@@ -228,15 +231,26 @@ class Job:
 
             check_format(self.table, show_units=self.show_units)
         clock.lap("import")
+        asked = Asked(text, file, overrides, options)
         with self.interrupt.raised():
-            model = read(text, file, overrides, options)
-            settings = wanted(model, "run", hint="add it, or give --duration")
+            session = kept_session(asked, lambda: self._made(asked))
             clock.lap("read")
-            session = open_case(model, settings, clock=clock).ready(clock=clock)
         from lagsim.outputs.results import open_results
 
-        with open_results(self.folder or RESULTS / model.name) as results:
+        name = session.case.equations.model.name
+        with open_results(self.folder or RESULTS / name) as results:
             return self._integrate(session, results)
+
+    def _made(self, asked: Asked) -> Session:
+        """Make what nobody has asked for before."""
+        from lagsim.model.reader import read
+        from lagsim.native.link.ahead import helped
+
+        model = read(*asked)
+        settings = wanted(model, "run", hint="add it, or give --duration")
+        self.clock.lap("read")
+        with helped() if is_watched() else contextlib.nullcontext():
+            return open_case(model, settings, clock=self.clock).ready(clock=self.clock)
 
     def _integrate(self, session: Session, results: Results) -> int:
         from lagsim.outputs.results import MANIFEST
@@ -286,6 +300,10 @@ class Job:
         A signal ends that: pictures can be drawn again, rows cannot.
         """
         form = (self.plots or Picture.PNG).value
+        if self.plots is Picture.PNG and is_watched():
+            from lagsim.outputs import lean_matplotlib
+
+            lean_matplotlib.load()
 
         def put(made: Iterable[tuple[str, bytes]]) -> None:
             for name, content in made:

@@ -54,13 +54,17 @@ class Graph:
         self.ops: list[str] = []
         self.args: list[tuple[int, ...]] = []
         self._payload: dict[int, float | str | bool] = {}
-        self._known: dict[tuple[object, ...], int] = {}
+        self._known: dict[str, dict[object, int]] = {}  # operation -> args or payload
         self.remembered: dict[object, Any] = {}
         self.zero = self.constant(0.0)
         self.one = self.constant(1.0)
 
     def __len__(self) -> int:
         return len(self.ops)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Give what is kept of it elsewhere: what was found out is found again."""
+        return self.__dict__ | {"remembered": {}}
 
     def kept(
         self,
@@ -75,8 +79,9 @@ class Graph:
         InputError
             Where there would be too many.
         """
-        key = (op, *args) if payload is None else (op, payload)
-        known = self._known.get(key)
+        alike = self._known.setdefault(op, {})
+        key = args if payload is None else payload
+        known = alike.get(key)
         if known is not None:
             return known
         node = len(self.ops)
@@ -86,7 +91,7 @@ class Graph:
         self.args.append(args)
         if payload is not None:
             self._payload[node] = payload
-        self._known[key] = node
+        alike[key] = node
         return node
 
     def constant(self, x: float) -> int:

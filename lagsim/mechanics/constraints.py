@@ -7,8 +7,7 @@ b = -(d/dt A q' + d/dt g_t) at constant q'. Nonholonomic phi(q, q', t) = 0: A = 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.rounding import addends
@@ -20,8 +19,7 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(NamedTuple):
     """One constraint where it holds as an equality, as nodes.
 
     Attributes

@@ -8,9 +8,8 @@ multiplier is 0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.mechanics.constraints import Flow, Row, constraint_row
 
@@ -31,8 +30,7 @@ class Kind(Enum):
     TIMED = "an equality that is in force at times"
 
 
-@dataclass(frozen=True, slots=True)
-class Law:
+class Law(NamedTuple):
     """One such row.
 
     Attributes
@@ -68,7 +66,7 @@ class Law:
     def bouncing(self, restitution: float) -> Law:
         """Give the same with another restitution, where it is a contact's."""
         bounces = self.kind in (Kind.CONTACT, Kind.FREEWHEEL)
-        return replace(self, restitution=restitution) if bounces else self
+        return self._replace(restitution=restitution) if bounces else self
 
     def moved(self, g: Graph, rates: Sequence[int]) -> int:
         """Give what times the multiplier is its power.

@@ -221,7 +221,7 @@ class Elimination:
         """Give q'' and lambda of f, as `Factorisation.forward` gives it, and b."""
         g = self.g
         right = {
-            i: g.call("sub", b[i], self._weighted(z, f, sorted(z.keys() & f)))
+            i: g.call("sub", b[i], self._weighted(z, f, sorted(z.keys() & f.keys())))
             for i, z in enumerate(self.Z)
         }
         lam = self.schur.solve(right)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from lagsim.errors import Place
@@ -17,8 +16,7 @@ DEFAULT_ROWS = 1000
 ROWS_TO_DECAY = 10
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
+class Settings(NamedTuple):
     """When to start and end, how finely to show the motion, and how to integrate.
 
     None where nothing was asked for; the properties say what holds then.

@@ -36,7 +36,7 @@ from lagsim.plan.cost import step_cost
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from lagsim.admissibility import Start
+    from lagsim.admissibility.report import Start
     from lagsim.errors import Place
     from lagsim.mechanics.equations import Equations
     from lagsim.model.settings import Settings
@@ -216,7 +216,7 @@ def _stabilised(equations: Equations) -> Equations:
         if row.holonomic:
             square = g.call("mul", g.call("mul", a, a), row.residual)
             pull = g.call("add", g.call("mul", g.constant(2.0), pull), square)
-        rows.append(replace(row, b=g.call("sub", row.b, pull)))
+        rows.append(row._replace(b=g.call("sub", row.b, pull)))
     return replace(equations, rows=tuple(rows))
 
 

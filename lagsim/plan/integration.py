@@ -9,6 +9,7 @@ from lagsim.mechanics.structure import structure
 from lagsim.methods import method, names
 from lagsim.methods.parts.state import USUAL_RADIUS
 from lagsim.notes import Choice
+from lagsim.plan.plan import ANY
 from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_length
 
 if TYPE_CHECKING:
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 
 # Needs of a method that are made from y' as nodes of the graph.
 STRAIGHT_ONLY = frozenset(("series", "linear"))
-# Handles everything.
-ANY = "dop853"
 # The exponential's matrices are dense: measured, 40 states take half of DOP853's time,
 # 120 nine times as much.
 MOST_STATES = 50

@@ -14,22 +14,22 @@ from lagsim.mechanics.ldl import (
     dense_operations,
 )
 from lagsim.notes import Choice
+from lagsim.plan.plan import WELL_CONDITIONED
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.admissibility import Start
+    from lagsim.admissibility.report import Start
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
 
-# Normal equations square the condition of the rows: below this the loops with their QR
-# decomposition take over (numerics: S loses half of the digits of lambda).
-WELL_CONDITIONED = 1e-2
 # Loops of so many multiplications take a millisecond: that is no reason to do without
 # their QR decomposition.
 CHEAP = 10**6
 # Code that fills in more entries of M and A than these compiles for long.
 MOST_ENTRIES = 10_000
+# Functions of as many slopes as n (n + m), twice: see `system.functions`.
+SLOPES = frozenset(("jacobian", "lagrangian"))
 
 
 def eliminate(
@@ -81,6 +81,18 @@ def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
     if elimination is not None:
         return elimination.operations > BUDGET
     return len(equations.q) * (len(equations.q) + len(equations.rows)) > MOST_ENTRIES
+
+
+def many_slopes(
+    equations: Equations, needs: Sequence[str], choices: list[Choice]
+) -> bool:
+    """Tell whether the slopes that a method needs would compile for long."""
+    n, m = len(equations.q), len(equations.rows)
+    slopes = 2 * n * (n + m)
+    if not SLOPES.intersection(needs) or slopes <= MOST_ENTRIES:
+        return False
+    choices.append(Choice("tapes", f"{slopes} slopes would compile for long"))
+    return True
 
 
 def independence_of(

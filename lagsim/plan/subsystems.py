@@ -25,7 +25,7 @@ from lagsim.plan.cost import step_cost
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from lagsim.admissibility import Start
+    from lagsim.admissibility.report import Start
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row
@@ -225,7 +225,7 @@ def _part(
         velocities=tuple(e.velocities[j] for j in group),
         M=tuple(vector(e.M[j]) for j in group),
         f=tuple(e.f[j] for j in group),
-        rows=tuple(replace(row, A=vector(row.A)) for row in rows),
+        rows=tuple(row._replace(A=vector(row.A)) for row in rows),
         momenta=tuple(e.momenta[j] for j in group),
         energy=energy,
         kinetic_form=kinetic_form,

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.plan.subsystems import Subsystem
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer
@@ -152,8 +152,7 @@ class Apart:
         if not own.outcome.complete:
             reason = f"subsystem ({last.names}): {reason}"
         counts = [x.statistics for x in found]
-        return replace(
-            own,
+        return own._replace(
             reason=reason,
             end=reached,
             rows=self.recorder.rows,

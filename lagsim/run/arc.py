@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.singular import CLOSE
-from lagsim.plan.solve import WELL_CONDITIONED
+from lagsim.plan.plan import WELL_CONDITIONED
 from lagsim.run.states import SLIDING, empty_state, taken_over
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.system import System
     from lagsim.run.system.runner import Runner
 
@@ -37,8 +36,7 @@ AT_BOUND = 15
 NEAR = 500
 
 
-@dataclass(frozen=True, slots=True)
-class Arc:
+class Arc(NamedTuple):
     """A stretch of a motion, and the state that it has reached.
 
     The state is the kernels' memory: arcs hand it on, and nothing but an arc writes it.
@@ -178,7 +176,7 @@ class Arc:
         state.fresh = 1.0
         state.arc_start = self.t
         state.switched = 0.0
-        return replace(self, runner=runner, state=state, end=end)
+        return self._replace(runner=runner, state=state, end=end)
 
     def by(self, plan: Plan, system: System) -> Arc:
         """Give the same arc by another method or another system, with its own state."""
@@ -190,7 +188,7 @@ class Arc:
         state = taken_over(self.state, runner)
         if plan.elimination is not self.plan.elimination:
             _set_watch(state, plan)
-        return replace(self, plan=plan, system=system, runner=runner, state=state)
+        return self._replace(plan=plan, system=system, runner=runner, state=state)
 
 
 def first_arc(

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.arc import Arc
     from lagsim.run.decisions import Source
     from lagsim.run.events.impacts import Before

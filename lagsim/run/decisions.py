@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import Enum
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
@@ -34,8 +33,7 @@ class Ending(NamedTuple):
     about: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Decision:
+class Decision(NamedTuple):
     """What a source has found.
 
     Attributes
@@ -63,7 +61,7 @@ class Decision:
     cautions: tuple[Caution, ...] = ()
     choices: tuple[Choice, ...] = ()
     arc: Arc | None = None
-    numbers: Mapping[str, float] = field(default_factory=dict)
+    numbers: Mapping[str, float] = {}
     sizes: Floats | None = None
     y: Floats | None = None
     rows: Floats | None = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -26,8 +25,7 @@ class CoordinateError(NamedTuple):
     time: float
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorBar:
+class ErrorBar(NamedTuple):
     """What a repeat says of a run.
 
     Attributes
@@ -63,7 +61,7 @@ class ErrorBar:
     scales: Floats
     still: Floats | None = None
     rates: Floats | None = None
-    repeated: Mapping[int, Floats] = field(default_factory=dict)
+    repeated: Mapping[int, Floats] = {}
     parted: str = ""
     rests: bool = False
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import state as at
 from lagsim.notes import Choice
-from lagsim.plan.integration import ANY
+from lagsim.plan.plan import ANY
 from lagsim.run.decisions import Decision, Source
 from lagsim.run.trajectory import Outcome
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.plan.integration import ANY
+from lagsim.plan.plan import ANY
 from lagsim.run.fallback import WHY
 from lagsim.run.trajectory import Outcome
 

@@ -8,21 +8,20 @@ and the Python interface. What is heavy to import is imported at its stage.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.errors import InputError, LagsimError, Problem
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.admissibility import Start, StartReport
+    from lagsim.admissibility.report import Start, StartReport
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
     from lagsim.model.model import Model
     from lagsim.model.settings import Settings
     from lagsim.notes import Choice
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.apart import Apart
     from lagsim.run.arcs import Run
     from lagsim.run.interrupt import Interrupt
@@ -73,8 +72,7 @@ class StartError(LagsimError):
         return f"{text}: {', '.join(missed)}" if missed else text
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+class Case(NamedTuple):
     """What to simulate, and how: equations, their start, settings."""
 
     equations: Equations
@@ -98,11 +96,11 @@ class Case:
 
     def asking(self, **other: Any) -> Case:
         """Give the case with other settings."""
-        return replace(self, settings=replace(self.settings, **other))
+        return self._replace(settings=self.settings._replace(**other))
 
     def at(self, state: Instant) -> Case:
         """Give the case with another start, as admissible as its own."""
-        return replace(self, examined=self.examined._replace(state=state))
+        return self._replace(examined=self.examined._replace(state=state))
 
     def plan(self) -> Plan:
         """Choose how to integrate.
@@ -112,7 +110,7 @@ class Case:
         InputError
             Where what was asked for cannot handle the model.
         """
-        from lagsim.plan import make_plan
+        from lagsim.plan.making import make_plan
 
         return make_plan(self.equations, self.start, self.settings)
 
@@ -135,8 +133,7 @@ class Case:
         return session
 
 
-@dataclass(frozen=True, slots=True)
-class Session:
+class Session(NamedTuple):
     """A case, planned and compiled.
 
     Attributes
@@ -166,15 +163,15 @@ class Session:
         if not self.system.fits(plan):
             return None
         system = self.system.bound(case.equations.model, plan)
-        return replace(self, case=case, plan=plan, system=system)
+        return self._replace(case=case, plan=plan, system=system)
 
     def by(self, plan: Plan) -> Session:
         """Give the same system integrated otherwise: at other tolerances, say."""
-        return replace(self, plan=plan)
+        return self._replace(plan=plan)
 
     def asking(self, **other: Any) -> Session:
         """Give the same with settings that change neither plan nor system."""
-        return replace(self, case=self.case.asking(**other))
+        return self._replace(case=self.case.asking(**other))
 
     def run(
         self,
@@ -245,7 +242,7 @@ def open_case(
 
 
 def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
-    from lagsim.admissibility import examine
+    from lagsim.admissibility.examination import examine
 
     clock.lap("import")
     examined = examine(equations, settings.start)
@@ -272,7 +269,7 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     ------
     InputError
     """
-    from lagsim.admissibility import examine
+    from lagsim.admissibility.examination import examine
     from lagsim.mechanics.equations import derive
 
     settings = model.settings()

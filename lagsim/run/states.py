@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.methods.parts.driver import ROUNDED
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -36,6 +34,8 @@ def pulled(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> floa
 
     As `methods.parts.driver.pulled`: each coordinate counts by the push that it gets.
     """
+    from lagsim.methods.parts.driver import ROUNDED
+
     more = np.abs(change) > ROUNDED * sizes
     moved = float(masses @ np.where(more, change, 0.0) ** 2)
     if moved == 0.0:

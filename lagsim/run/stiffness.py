@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Choice
@@ -98,9 +97,11 @@ class Stiffness(Source):
     def _considered(self, arc: Arc) -> Decision:
         """Decide on a step that has been at the bound for a while."""
         asked = {"at_bound": 0.0, "ask_at": ASKED_AGAIN * arc.state.ask_at}
-        return replace(self._considered_once(arc), numbers=asked)
+        return self._considered_once(arc)._replace(numbers=asked)
 
     def _considered_once(self, arc: Arc) -> Decision:
+        from lagsim.mechanics.structure import structure
+
         scene = arc.system.equations
         # Sliding has a method of its own.
         alone = arc.slides or scene.quadratures or scene.laws

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -60,8 +59,7 @@ class Outcome(Enum):
         return self in (Outcome.DONE, Outcome.UNTIL)
 
 
-@dataclass(slots=True)
-class Statistics:
+class Statistics(NamedTuple):
     """Counts of the work done, and the smallest step; None after a few steps only.
 
     `arcs` are counted as they begin.
@@ -75,8 +73,7 @@ class Statistics:
     arcs: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Trajectory:
+class Trajectory(NamedTuple):
     """The result of a run; its rows have gone to the observers.
 
     `reason` says in words why it ended where it did; `end` is the time reached;
@@ -92,7 +89,7 @@ class Trajectory:
     rows: int
     statistics: Statistics
     events: Sequence[Event] = ()
-    event_counts: Mapping[str, int] = field(default_factory=dict)
-    warnings: Sequence[Caution] = field(default_factory=tuple)
+    event_counts: Mapping[str, int] = {}
+    warnings: Sequence[Caution] = ()
     choices: Sequence[Choice] = ()
-    extents: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    extents: Mapping[str, tuple[float, float]] = {}

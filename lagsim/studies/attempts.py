@@ -362,8 +362,8 @@ class Attempts:
             f"by {before.method}, from t = {doubt.time:.9g} on, {doubt.text}",
         )
         plan = replace(way.plan, choices=(*before.choices, choice))
-        return replace(
-            way, plan=plan, longest_step=longest, most_steps=most, arc_steps=price.arc
+        return way._replace(
+            plan=plan, longest_step=longest, most_steps=most, arc_steps=price.arc
         )
 
 
@@ -375,8 +375,8 @@ def _judged(attempt: Attempt, doubt: Doubt | None) -> Attempt:
         return attempt
     outcome = Outcome.NO_ANSWER
     reason = f"from t = {doubt.time:.9g} on the rows are no answer: {doubt.text}"
-    trajectory = replace(
-        attempt.trajectory, outcome=outcome, reason=f"{reason}: {outcome.advice}"
+    trajectory = attempt.trajectory._replace(
+        outcome=outcome, reason=f"{reason}: {outcome.advice}"
     )
     # What a repeat says of a motion that is no answer is no error.
     return attempt._replace(trajectory=trajectory, bar="the rows are no answer")

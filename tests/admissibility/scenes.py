@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from lagsim.admissibility import examine
+from lagsim.admissibility.examination import examine
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import StartReport
+    from lagsim.admissibility.report import StartReport
 
 
 def judged(text: str, *, classify: bool = False) -> StartReport:

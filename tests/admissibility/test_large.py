@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from benchmarks.rod_chain import rod_chain
-from lagsim.admissibility import examine, large
+from lagsim.admissibility import large
+from lagsim.admissibility.examination import examine
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows, weakest_rows
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
-from lagsim.plan import make_plan
+from lagsim.plan.making import make_plan
 from tests.support import MODELS
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import StartReport
+    from lagsim.admissibility.report import StartReport
     from lagsim.mechanics.equations import Equations
 
 

@@ -78,7 +78,9 @@ def test_an_interrupted_run_keeps_what_was_computed(lagsim, write, monkeypatch, 
 
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_before_the_run_leaves_nothing(lagsim, write, monkeypatch, kind):
-    monkeypatch.setattr("lagsim.plan.make_plan", lambda *_: signal.raise_signal(kind))
+    monkeypatch.setattr(
+        "lagsim.plan.making.make_plan", lambda *_: signal.raise_signal(kind)
+    )
     called = lagsim("run", write(PENDULUM), "-o", "out")
     assert (called.code, called.out) == (128 + kind, "")
     assert names(".") == ["model.yaml"]

@@ -13,7 +13,7 @@ from tests.support import MODELS
 
 USUAL = {"PYTHONHASHSEED": "0"}
 AROUND = {
-    "hash seed": {"PYTHONHASHSEED": "12345"},
+    "hash seed": {"PYTHONHASHSEED": "12345", "LAGSIM_CACHE": "/nowhere/that/exists"},
     "threads": {
         "OMP_NUM_THREADS": "7",
         "OPENBLAS_NUM_THREADS": "7",

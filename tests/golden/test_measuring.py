@@ -168,7 +168,8 @@ def test_rows_beside_events_are_left_out(measured, monkeypatch):
 
     def with_events(case, stride):
         base = motion_of(case, stride)
-        return replace(base, trajectory=replace(base.trajectory, events=(event, end)))
+        told = base.trajectory._replace(events=(event, end))
+        return replace(base, trajectory=told)
 
     monkeypatch.setattr("lagsim.studies.golden.measuring.motion_of", with_events)
     golden, _ = measured()

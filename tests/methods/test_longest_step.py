@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -19,7 +18,7 @@ simulation: {duration: 6, output_step: 2, rtol: 1e-8}
 
 def forced(method, longest):
     found = run(SPRING, method=method)
-    return found.trajectory, replace(found.session, longest_step=longest).run([])
+    return found.trajectory, found.session._replace(longest_step=longest).run([])
 
 
 @pytest.mark.parametrize("method", ["taylor", "dop853", "radau"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -167,7 +166,7 @@ def reversed_error(text, name, step, duration, *, loops=False):
         session.run([keep])
         last = keep.table[-1]
         turned = Instant(start.t, last[1 : 1 + n], -last[1 + n : 1 + 2 * n])
-        session = replace(session, case=case.at(turned))
+        session = session._replace(case=case.at(turned))
     ends = [*turned.q - start.q, *turned.v - start.v]
     assert np.max(np.abs(last[1 : 1 + n] - keep.table[0][1 : 1 + n])) > 0.1
     return np.max(np.abs(ends))

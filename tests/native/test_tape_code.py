@@ -13,6 +13,7 @@ from lagsim.language.graph import Graph
 from lagsim.native.graph import tapes
 from tests.language._programs import on_graph, programs, states
 from tests.native.test_graph_code import (
+    GUARD,
     LAYOUT,
     SIZE,
     VALUES,
@@ -126,3 +127,16 @@ def test_sines_wait_for_angles_that_are_sines() -> None:
         found += [g.call("cos", one), g.call("sin", g.call("cos", one)), one]
     tape, code = pair(g, {"f": found})
     assert bits(tape.at(VALUES)) == bits(code.at(VALUES))
+
+
+def test_zeros_are_not_written_where_they_are_found() -> None:
+    g = Graph()
+    nodes = [g.zero, *build(g, "x*a", "0", "w"), g.zero]
+
+    def generate(*given: Any) -> Any:
+        return tapes.generate(*given, sparse=("f",))
+
+    tape = Compiled(g, {"f": nodes, "g": nodes}, generate)
+    whole, sparse = tape.at(VALUES, "g"), tape.at(VALUES)
+    assert whole == [0.0, VALUES["x"] * VALUES["a"], 0.0, VALUES["w"], 0.0]
+    assert sparse == [GUARD, whole[1], GUARD, whole[3], GUARD]

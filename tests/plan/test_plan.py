@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from benchmarks.link_chain import chain
+from benchmarks.rod_chain import rod_chain
 from lagsim.errors import InputError
 from lagsim.model.settings import DEFAULT_RTOL
-from lagsim.plan import by_loops
+from lagsim.plan.making import by_loops
 from tests.scenes.reference import model_text
 from tests.support import case_of
 
@@ -161,3 +163,17 @@ def test_loops_can_be_insisted_on():
 
 def test_plans_are_repeatable():
     assert plan_of("andrews").choices == plan_of("andrews").choices
+
+
+@pytest.mark.parametrize(
+    ("name", "scene", "sizes", "slopes"),
+    [("radau", rod_chain, (10, 20), 12000), ("gauss4", chain, (50, 75), 11250)],
+)
+def test_many_slopes_run_from_tapes(name, scene, sizes, slopes):
+    """Twice n (n + m): of 20 rods with n = 60, m = 40, and of 75 links."""
+    few, many = (plan_of(scene(n, 1.0), method=name) for n in sizes)
+    assert not few.tape
+    assert many.tape
+    assert many.elimination is not None
+    assert f"{slopes} slopes" in reasons(many)["tapes"]
+    assert not plan_of(scene(sizes[1], 1.0), method="dop853").tape

@@ -7,7 +7,7 @@ import pytest
 
 from lagsim.model.reader import read
 from lagsim.native.link.cache import object_code
-from lagsim.plan import by_loops
+from lagsim.plan.making import by_loops
 from lagsim.run.observers import Keep
 from lagsim.run.session import open_case
 
@@ -51,10 +51,10 @@ def test_rows_are_those_of_the_text_read_again(case, monkeypatch):
         compiled.append(made_from)
         return object_code(made_from, generate)
 
-    monkeypatch.setattr("lagsim.run.system.object_code", noted)
+    monkeypatch.setattr("lagsim.native.link.cache.object_code", noted)
     text, changes = CASES[case]
     if case == "by tapes":
-        monkeypatch.setattr("lagsim.plan.from_tape", lambda *_: True)
+        monkeypatch.setattr("lagsim.plan.making.from_tape", lambda *_: True)
     opened = open_case(read(text, "m.yaml"))
     first, _ = rows(opened, case)
     own = compiled.pop()

@@ -76,12 +76,12 @@ def test_a_session_runs_again_at_other_tolerances(monkeypatch):
     def compiled(*_):
         pytest.fail("nothing is compiled again")
 
-    monkeypatch.setattr("lagsim.run.system.object_code", compiled)
+    monkeypatch.setattr("lagsim.native.link.cache.object_code", compiled)
     loose = rows(session.by(replace(session.plan, rtol=1e-4)))
     assert off(tight, 1.0, 2.0) < 1e-9 < off(loose, 1.0, 2.0) < 1e-2
     few = session.asking(output_step=1.0)
     assert np.array_equal(rows(few)[:, 0], [0.0, 1.0, 2.0, 3.0])
-    assert replace(session, most_steps=3).run([]).outcome is Outcome.TOO_MANY_STEPS
+    assert session._replace(most_steps=3).run([]).outcome is Outcome.TOO_MANY_STEPS
 
 
 def test_a_start_that_is_not_admissible_begins_no_run():

@@ -104,7 +104,7 @@ def test_a_source_may_end_the_run():
         def decide(self, arc, code):
             found = super().decide(arc, code)
             ending = Ending(Outcome.CONSTRAINT_JUMPS, "gate")
-            return found and replace(found, ending=ending, rows=None, y=None)
+            return found and found._replace(ending=ending, rows=None, y=None)
 
     rows, trajectory = Begun(End(first=(1.1, 0.0))).whole()
     assert trajectory.end == rows[-1, 0] == 1.1

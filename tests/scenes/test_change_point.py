@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import sympy as sp
@@ -88,6 +86,6 @@ def test_steps_that_are_capped_pass_as_well(longest):
     """A cap must not make the step over the loss too short to pass it."""
     found = run(LINKAGE.format(offset=0))
     keep = Keep()
-    replace(found.session, longest_step=longest).run([keep])
+    found.session._replace(longest_step=longest).run([keep])
     rows = keep.table
     assert deviation(rows[:, 0], rows[:, 1:5]) < 1e-7

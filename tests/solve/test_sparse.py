@@ -12,7 +12,7 @@ from lagsim.mechanics.equations import derive
 from lagsim.mechanics.ldl import BUDGET, Elimination
 from lagsim.model.reader import read
 from lagsim.native.graph import tapes
-from lagsim.plan import by_loops
+from lagsim.plan.making import by_loops
 from lagsim.run.observers import Keep
 from lagsim.run.system import System
 from tests.support import MODELS, case_of, ready, run

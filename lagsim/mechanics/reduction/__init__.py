@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.reduction.ignorable import ignored, momentum_of
 from lagsim.model.model import Parameter
 
 if TYPE_CHECKING:
@@ -20,8 +18,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.reduction.elimination import Pair
 
 
-@dataclass(frozen=True, slots=True)
-class Reduction:
+class Reduction(NamedTuple):
     """The equations that are integrated, and what they leave out.
 
     Attributes
@@ -40,10 +37,10 @@ class Reduction:
     """
 
     equations: Equations
-    recovered: Mapping[int, int] = field(default_factory=dict)
+    recovered: Mapping[int, int] = {}
     eliminated: tuple[tuple[str, str], ...] = ()
     ignored: tuple[str, ...] = ()
-    momenta: Mapping[str, int] = field(default_factory=dict)
+    momenta: Mapping[str, int] = {}
 
     def eliminate(self, found: Sequence[Pair]) -> Reduction:
         """Express coordinates by the others; of `elimination.pairs`."""
@@ -52,25 +49,26 @@ class Reduction:
         e = self.equations
         equations, recovered = eliminated(e, found)
         names = [(e.q[pair.coordinate], e.rows[pair.row].name) for pair in found]
-        return replace(self._followed_by(equations, recovered), eliminated=tuple(names))
+        return self._followed_by(equations, recovered)._replace(eliminated=tuple(names))
 
     def ignore(self, coordinates: Sequence[int], start: Instant) -> Reduction:
         """Integrate `coordinates`, which are `ignorable`, by quadrature.
 
         Of the full equations only: first of all.
         """
+        from lagsim.mechanics.reduction.ignorable import ignored, momentum_of
+
         e = self.equations
         momenta = {momentum_of(e.q[c]): e.momenta[c] for c in coordinates}
         equations, recovered = ignored(e, coordinates)
-        reduction = replace(
-            self._followed_by(equations, recovered),
+        reduction = self._followed_by(equations, recovered)._replace(
             ignored=tuple(e.q[c] for c in coordinates),
             momenta=momenta,
         )
         model = equations.model
         added = tuple(Parameter(*x) for x in reduction.constants(start).items())
         model = replace(model, parameters=(*model.parameters, *added))
-        return replace(reduction, equations=replace(equations, model=model))
+        return reduction._replace(equations=replace(equations, model=model))
 
     def kept(self, full: Floats) -> Floats:
         """Give the values (n,) of the coordinates left, or of their rates."""
@@ -84,6 +82,8 @@ class Reduction:
         """Give the values of the momenta at a full start."""
         if not self.momenta:
             return {}
+        from lagsim.language.evaluate import evaluate
+
         model = self.equations.model
         values = {p.name: p.value for p in model.parameters} | {"t": start.t}
         for k, c in enumerate(model.coordinates):
@@ -110,4 +110,4 @@ class Reduction:
         g = equations.graph
         earlier = g.substitute(self.recovered.values(), recovered)
         whole = dict(zip(self.recovered, earlier, strict=True)) | dict(recovered)
-        return replace(self, equations=equations, recovered=whole)
+        return self._replace(equations=equations, recovered=whole)

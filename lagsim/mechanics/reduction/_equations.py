@@ -36,8 +36,7 @@ def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
         M=tuple(map(replaced, e.M)),
         f=tuple(found[x] for x in e.f),
         rows=tuple(
-            replace(
-                row,
+            row._replace(
                 A=replaced(row.A),
                 residual=found[row.residual],
                 rate=found[row.rate],

@@ -251,7 +251,7 @@ def _row(
         b = minus(g, b, factor, bends[c])
         for j, slope in J[c].items():
             A[j] = plus(g, A.get(j, g.zero), factor, slope)
-    return replace(row, A=vector(g, left, A), b=b)
+    return row._replace(A=vector(g, left, A), b=b)
 
 
 def _multipliers(

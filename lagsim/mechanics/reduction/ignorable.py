@@ -117,7 +117,7 @@ def ignored(
         for c, rate in zip(coordinates, rates, strict=True)
     )
     reduced = of_those_left(full, left, M, f, full.momenta)
-    rows = (replace(r, A=vector(g, left, r.A.entries)) for r in full.rows)
+    rows = (r._replace(A=vector(g, left, r.A.entries)) for r in full.rows)
     return replace(reduced, rows=tuple(rows), quadratures=quadratures), recovered
 
 

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import hashlib
 import re
-import sys
-from pathlib import Path, PurePath
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
-from lagsim import files, limits
-from lagsim.errors import UNSEEN, InputError, Place, Problem, unseen
+from lagsim import limits
+from lagsim.errors import UNSEEN, unseen
 from lagsim.language.graph import Graph
 from lagsim.model.model import Level, Model
 from lagsim.model.nodes import Broken, Scalar, load
@@ -40,13 +39,14 @@ from lagsim.model.reader.fields import (
 )
 from lagsim.model.reader.names import Kind, Names, check_columns, naming
 from lagsim.model.reader.stated import Sections, Stated
+from lagsim.model.text import STDIN, text_of, unusable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.model.nodes import Node
 
-__all__ = ["FORMAT_VERSION", "REQUIRED", "SECTIONS", "read", "read_file", "text_of"]
+__all__ = ["FORMAT_VERSION", "REQUIRED", "SECTIONS", "read", "read_file"]
 
 FORMAT_VERSION = "1"
 SECTIONS = {
@@ -81,11 +81,7 @@ SECTIONS = {
     "output": described("What to write.", keyed(drawing.OUTPUT_KEYS)),
 }
 REQUIRED = ("coordinates", "energy", "initial")
-STANDARD_INPUT = "-"
 
-_STDIN = "<stdin>"
-# Where a shell's `<(command)` is: a pipe, and somebody writes into it.
-_OPEN_ALREADY = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")
 # What a model is called that comes from no file.
 TEXT = "<model>"
 _NO_FILE_NAMES = ("", ".", "..")
@@ -117,37 +113,6 @@ def read_file(
     return read(text, file, overrides, options)
 
 
-def text_of(path: str) -> tuple[str, str]:
-    """Give the text of a model file, or of standard input, and what to call it.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
-    file = _STDIN if path == STANDARD_INPUT else path
-    try:
-        if path == STANDARD_INPUT:
-            data = files.all_of(sys.stdin.buffer, limits.MODEL_BYTES)
-        elif path.startswith(_OPEN_ALREADY):
-            with Path(path).open("rb") as stream:
-                data = files.all_of(stream, limits.MODEL_BYTES)
-        else:
-            data = files.content(path, limits.MODEL_BYTES)
-    except (OSError, ValueError) as error:  # ValueError: a null byte in the path
-        reason = getattr(error, "strerror", None) or str(error)
-        raise _unusable("unreadable", f"cannot be read: {reason}", file) from None
-    try:
-        text = data.decode()
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        column = error.start - (data.rfind(b"\n", 0, error.start) + 1)
-        place = Place(file, line, column + 1)
-        message = f"not UTF-8: byte 0x{data[error.start]:02x} in line {line}"
-        raise _unusable("not-utf8", message, file, place) from None
-    return text, file
-
-
 def read(
     text: str,
     file: str,
@@ -177,12 +142,6 @@ def read(
     return _read(text, file, overrides or {}, options or {}, data)
 
 
-def _unusable(
-    code: str, text: str, file: str, place: Place | None = None
-) -> InputError:
-    return InputError([Problem(code, f"{file}: {text}" if not place else text, place)])
-
-
 def _read(
     text: str,
     file: str,
@@ -194,7 +153,7 @@ def _read(
     faults = Faults(file, document.problems, SECTIONS)
     if document.root is None:
         if not document.problems:
-            raise _unusable("empty-file", "the file is empty", file)
+            raise unusable("empty-file", "the file is empty", file)
         faults.raise_if_any()
     assert document.root is not None
     graph = Graph(limits.graph_nodes(len(data)))
@@ -325,7 +284,7 @@ class _File:
     def _name(self) -> str:
         node = self.top.value("name")
         if node is None:
-            if self.file in (_STDIN, PLAIN):
+            if self.file in (STDIN, PLAIN):
                 return self.file.strip("<>")
             stem = PurePath(self.file).stem
             if letter := unseen(stem):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.model.nodes import Scalar, argument
@@ -115,11 +114,11 @@ class _Reader(NamedTuple):
             formulation_place=self._place("formulation"),
         )  # fmt: skip
         if start is None or end is None:
-            return replace(asked, start=start or 0.0, end=start or 0.0)
+            return asked._replace(start=start or 0.0, end=start or 0.0)
         if output_step is None:
             output_step = (end - start) / DEFAULT_ROWS
         self._check_rows(end - start, output_step)
-        return replace(asked, start=start, end=end, output_step=output_step)
+        return asked._replace(start=start, end=end, output_step=output_step)
 
     def _place(self, key: str) -> Place | None:
         node = self.given.value(key)

@@ -113,14 +113,15 @@ def ordered(g: Graph, roots: Collection[int], places: Mapping[int, int]) -> list
     for none, then those that wait for these.
     """
     order = g.cone(roots, places)
-    depth: dict[int, int] = {}
+    depth: dict[int, int] = {}  # what is not in it waits for none
     rounds: dict[int, list[int]] = {}
     for n in order:
-        inside = () if n in places else g.args[n]
-        depth[n] = max((depth[a] for a in inside), default=0)
+        waits = 0 if n in places else max([depth.get(a, 0) for a in g.args[n]] or (0,))
         if g.ops[n] in CIRCULAR and n not in places:
-            depth[n] += 1
-            rounds.setdefault(depth[n], []).append(n)
+            waits += 1
+            rounds.setdefault(waits, []).append(n)
+        if waits:
+            depth[n] = waits
     sorted_: dict[int, None] = {}
     for k in sorted(rounds):
         angles = [g.args[n][0] for n in rounds[k]]

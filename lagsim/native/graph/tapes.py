@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,17 +37,28 @@ from lagsim.native.graph.machine import (
 from lagsim.native.graph.straight_line import Code, fixed_nodes, ordered
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.graph import Graph
     from lagsim.native.graph.keys import Layout
     from lagsim.native.graph.machine import Step
 
 
-def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -> Code:
-    """Give the code of `functions`: name -> the nodes written to out[0], out[1], ..."""
+def generate(
+    g: Graph,
+    functions: Mapping[str, Sequence[int]],
+    layout: Layout,
+    sparse: Collection[str] = (),
+) -> Code:
+    """Give the code of `functions`: name -> the nodes written to out[0], out[1], ...
+
+    Those named in `sparse` do not write what is zero identically: they find zeros.
+    """
     writer = _Writer(g, layout, fixed_nodes(g, functions, layout))
-    tapes = {name: writer.function(nodes) for name, nodes in functions.items()}
+    tapes = {
+        name: writer.function(nodes, sparse=name in sparse)
+        for name, nodes in functions.items()
+    }
     tapes["prepare"] = writer.preparation()  # the last: it knows all numbers
     parts = [machine(writer.opcodes)]
     parts += [_function(name, tape) for name, tape in tapes.items()]
@@ -82,15 +94,20 @@ class _Writer:
         self.places = {node: layout.size + k for k, node in enumerate(fixed)}
         self.numbers: dict[int, int] = {}
         self.size = layout.size + len(fixed)
+        # What is not in p.
+        self.elsewhere = {g.variable(name): STATE for name in layout.y}
+        self.elsewhere[g.variable("t")] = TIME
+        self.elsewhere |= {g.variable(name): MEMORY for name in layout.p}
         # Indices that are used again and again, and those of them that are free.
         self.temporary: set[int] = set()
         self.free: list[int] = []
 
-    def function(self, nodes: Sequence[int]) -> list[int]:
+    def function(self, nodes: Sequence[int], *, sparse: bool) -> list[int]:
         """Give the tape that writes `nodes` to out."""
         results: dict[int, list[int]] = {}
         for k, node in enumerate(nodes):
-            results.setdefault(node, []).append(k)
+            if node != self.g.zero or not sparse:
+                results.setdefault(node, []).append(k)
         return self._tape(results, self.places, {})
 
     def preparation(self) -> list[int]:
@@ -141,22 +158,24 @@ class _Writer:
         self, results: Mapping[int, Sequence[int]], known: Mapping[int, int]
     ) -> list[Task]:
         """Give what is done, one after the other."""
-        g = self.g
+        g, elsewhere = self.g, self.elsewhere
         order = ordered(g, results, known)
-        uses = Counter(a for n in order if n not in known for a in g.args[n])
+        uses = Counter(chain(*(g.args[n] for n in order if n not in known)))
         inner = self._inner(order, uses, {*results, *known})
         tasks = []
         for n in order:
-            args = g.args[n]
-            if args and n not in known and n not in inner:
-                products = tuple(a in inner for a in args)
-                groups = (g.args[a] if a in inner else (a,) for a in args)
-                operands = tuple(a for group in groups for a in group)
-                kinds = tuple(map(self._kind, operands))
+            operands = g.args[n]
+            if operands and n not in known and n not in inner:
+                products = tuple([a in inner for a in operands])
+                if True in products:
+                    groups = (g.args[a] if a in inner else (a,) for a in operands)
+                    operands = tuple(chain(*groups))
+                kinds = tuple([elsewhere.get(a, MEMORY) for a in operands])
                 operation = g.ops[n], exponent_of(g, n), products
                 tasks.append(Task(n, operation, operands, kinds, -1))
-            kind = self._kind(n)
-            tasks += [Task(n, RESULT, (n,), (kind,), k) for k in results.get(n, ())]
+            if n in results:
+                kinds = (elsewhere.get(n, MEMORY),)
+                tasks += [Task(n, RESULT, (n,), kinds, k) for k in results[n]]
         return tasks
 
     def _inner(
@@ -172,26 +191,21 @@ class _Writer:
             if g.ops[a] == "mul" and uses[a] == 1 and a not in kept
         }
 
-    def _kind(self, n: int) -> str:
-        """Tell where an operand comes from."""
-        if self.g.ops[n] != VARIABLE or self.g.payload(n) in self.layout.p:
-            return MEMORY
-        return TIME if self.g.payload(n) == "t" else STATE
-
     def _taken(
         self, step: Step, task: Task, index: dict[int, int], uses: Counter[int]
     ) -> list[int]:
         """Give the fields of operands, and free what is not used again."""
-        fields = []
+        fields, over = [], []
         for n, operand in zip(task.operands, step.operands, strict=True):
-            if operand.kind == STATE:
-                fields.append(self.layout.y[str(self.g.payload(n))])
-            elif operand.kind == MEMORY:
+            if operand.kind == MEMORY:
                 fields.append(index[n] if n in index else self._leaf(n))
+            elif operand.kind == STATE:
+                fields.append(self.layout.y[str(self.g.payload(n))])
             uses[n] -= 1
-        for n in task.operands:
             if not uses[n]:
-                self._release(n, index)
+                over.append(n)
+        for n in over:
+            self._release(n, index)
         return fields
 
     def _place(

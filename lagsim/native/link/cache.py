@@ -18,11 +18,11 @@ import struct
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim import files
 from lagsim.native.kernels import keys
-from lagsim.native.link import engine
+from lagsim.native.link import ahead, engine
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -84,14 +84,24 @@ def kernel_object(
         If a kernel leaves the subset.
     """
     made_from = ["kernel", keys.fingerprint(functions, statics)]
+    return _kept(made_from, lambda: _translated(functions, statics))
 
-    def compiled() -> bytes:
-        from lagsim.native.kernels import code  # only first runs translate
 
-        ir = code.translate(functions, statics)
-        return engine.compile_object(ir, optimise=True)
+def begin_kernel_object(
+    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
+) -> None:
+    """Have a second process make the object code of kernels, where there may be one."""
+    own = slot(["kernel", keys.fingerprint(functions, statics)])
+    if own.path is not None and not own.path.exists():
+        ahead.send(own.key, lambda: own.keep(_translated(functions, statics)))
 
-    return _kept(made_from, compiled)
+
+def _translated(
+    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None
+) -> bytes:
+    from lagsim.native.kernels import code  # only first runs translate
+
+    return engine.compile_object(code.translate(functions, statics), optimise=True)
 
 
 def folder(name: str = "objects") -> Path | None:
@@ -133,15 +143,37 @@ def _base() -> Path | None:
     return (given if given.is_absolute() else Path.home() / ".cache") / "lagsim"
 
 
-def _kept(made_from: Sequence[str], make: Callable[[], bytes]) -> bytes:
+class Slot(NamedTuple):
+    """Where something is kept, or would be; `path` is None where nothing can be."""
+
+    key: str
+    path: Path | None
+
+    def content(self) -> bytes | None:
+        """Give what is kept here, if there is something."""
+        return None if self.path is None else _read(self.path, self.key)
+
+    def keep(self, content: bytes) -> None:
+        """Keep it here, if possible."""
+        if self.path is not None:
+            _write(self.path, self.key, content)
+
+
+def slot(made_from: Sequence[str]) -> Slot:
+    """Give the place of what is made from that, on this machine."""
     where = folder()
     key = _digest([_FORMAT, *made_from, *engine.target()])
-    path = None if where is None else where / f"{key}{_SUFFIX}"
-    code = None if path is None else _read(path, key)
+    return Slot(key, None if where is None else where / f"{key}{_SUFFIX}")
+
+
+def _kept(made_from: Sequence[str], make: Callable[[], bytes]) -> bytes:
+    own = slot(made_from)
+    code = own.content()
+    if code is None and ahead.wait(own.key):
+        code = own.content()
     if code is None:
         code = make()
-        if path is not None:
-            _write(path, key, code)
+        own.keep(code)
     return code
 
 

@@ -184,6 +184,21 @@ class Engine:
     """
 
     def __init__(self, objects: Sequence[bytes]) -> None:
+        self._link(objects)
+        if missing := _open_symbols(objects):
+            names = ", ".join(f"`{name}`" for name in missing)
+            raise NativeError(f"native code needs {names}, which nothing defines")
+
+    def __getstate__(self) -> Sequence[bytes]:
+        """Give the objects: where they are kept, they have been looked through."""
+        return self._objects
+
+    def __setstate__(self, objects: Sequence[bytes]) -> None:
+        """Link them again, in another process."""
+        self._link(objects)
+
+    def _link(self, objects: Sequence[bytes]) -> None:
+        self._objects = tuple(objects)
         llvm = _binding()
         builder = llvm.JITLibraryBuilder().add_current_process()
         for code in objects:
@@ -200,9 +215,6 @@ class Engine:
             library = builder.link(self._jit, _LIBRARY)
         except RuntimeError as fault:
             raise NativeError(f"native code does not link: {fault}") from fault
-        if missing := _open_symbols(objects):
-            names = ", ".join(f"`{name}`" for name in missing)
-            raise NativeError(f"native code needs {names}, which nothing defines")
         self._trackers = [library]
         self._addresses: dict[str, int] = {}
         # The code goes before what holds it, also when both are found in a cycle. Not

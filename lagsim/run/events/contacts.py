@@ -93,7 +93,7 @@ class Contacts(Source):
             about = self._names(self.sequence.lately())
             found.ending = Ending(Outcome.SWITCHES_ACCUMULATE, about)
         turn = Turn.MODES if arc.system.surfaces else Turn.ARC
-        return replace(self._decision(arc, found), turn=turn)
+        return self._decision(arc, found)._replace(turn=turn)
 
     def _last(self, arc: Arc) -> Decision | None:
         """Let strike what does so at the end, but for rounding."""
@@ -101,7 +101,7 @@ class Contacts(Source):
         found = self._through(arc, None)
         if found.rows is None:
             return None
-        return replace(self._decision(arc, found), turn=Turn.ARC)
+        return self._decision(arc, found)._replace(turn=Turn.ARC)
 
     def _decision(self, arc: Arc, found: Found) -> Decision:
         if found.ending is not None and arc.steps == 0:

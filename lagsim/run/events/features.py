@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import heapq
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -83,7 +82,7 @@ class Features(Source):
         found = self._first(arc)
         cautions = tuple(self._cautions)
         self._cautions.clear()
-        return replace(found, cautions=cautions)
+        return found._replace(cautions=cautions)
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Tell what comes after what is over."""

@@ -8,7 +8,6 @@ Filippov's conditions (`shares`) do: the motion leaves to a side or follows the 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -266,14 +265,14 @@ class Switching(Source):
             self.sequence.recent.clear()
             found = self._begin(arc, at_rest=several, time=limit)
             zeno = [Event(limit, "zeno", switch=self.sides[k].text) for k in several]
-            found = replace(found, events=(*zeno, *found.events))
+            found = found._replace(events=(*zeno, *found.events))
             goes_on = bool(np.any(self.modes.kind[several] > 0.0))
         if self.jumped:
-            return replace(found, ending=Ending(Outcome.STATE_JUMPS))
+            return found._replace(ending=Ending(Outcome.STATE_JUMPS))
         if not goes_on:
             names = self._names(several)
-            return replace(found, ending=Ending(Outcome.SWITCHES_ACCUMULATE, names))
-        return replace(found, turn=Turn.MODE)
+            return found._replace(ending=Ending(Outcome.SWITCHES_ACCUMULATE, names))
+        return found._replace(turn=Turn.MODE)
 
     def _approach(self, arc: Arc, *, short: bool) -> Decision | None:
         """End an arc ahead of a surface that it cannot be stepped over.
@@ -315,7 +314,7 @@ class Switching(Source):
         on = any(self._is_on(arc, k) for k in range(self.modes.count))
         if not on or arc.runner.method.NAME != SERIES:
             return None
-        return replace(handed_over(arc, BENT, {}), turn=Turn.MODE)
+        return handed_over(arc, BENT, {})._replace(turn=Turn.MODE)
 
     def _next(self, arc: Arc) -> tuple[int, float]:
         """Give the surface that is met next, at the rates there are, and how soon."""

@@ -7,39 +7,27 @@ new values of parameters compile nothing.
 
 from __future__ import annotations
 
-from copy import copy
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts.parameters import KEPT, Parameters
-from lagsim.native.graph import keys
-from lagsim.native.graph.keys import Layout
-from lagsim.native.link.cache import kernel_object, object_code
-from lagsim.plan.cost import evaluation_cost
-from lagsim.plan.formulation import GAIN
 from lagsim.run.system.columns import Columns
-from lagsim.run.system.functions import AFTER_FREEZING, functions, varying_inertias
-from lagsim.run.system.runner import Runner
-from lagsim.run.system.sleepers import (
-    Sleeper,
-    all_sleepers,
-    motion_nodes,
-    signal_nodes,
-    slope,
-)
-from lagsim.run.system.switching import surface_functions
+from lagsim.run.system.runner import Runner, linked, of_method
+from lagsim.run.system.sleepers import all_sleepers, motion_nodes, signal_nodes, slope
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
     from lagsim.model.model import Model
+    from lagsim.native.graph.keys import Layout
     from lagsim.native.graph.straight_line import Code
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
+    from lagsim.run.system.sleepers import Sleeper
     from lagsim.run.system.stepping import Pattern
 
 # How straight-line code is written; some functions are taken for several rows at once.
@@ -89,6 +77,17 @@ class System:
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
+        # What only making one needs: runs begin with one that is kept.
+        from lagsim.native.graph import keys
+        from lagsim.native.link.cache import begin_kernel_object, object_code
+        from lagsim.run.system.functions import (
+            AFTER_FREEZING,
+            functions,
+            varying_inertias,
+        )
+        from lagsim.run.system.kernels import kernels
+        from lagsim.run.system.switching import surface_functions
+
         self.plan = plan
         self.model = equations.model
         self.columns = Columns(equations, plan.reduction.recovered)
@@ -146,37 +145,17 @@ class System:
             nodes_of["velocity_steps"] = nodes_of["velocity_step"]
         p = self._parameters()
         layout = self._layout(p)
+        begin_kernel_object(*of_method(self, plan.method))
         found_code, self._p_size = object_code(
             keys.fingerprint(equations.graph, nodes_of, layout, plan.tape, MANNER),
             lambda: self._code(nodes_of, layout),
         )
         self._layout_of = layout.p
-        self.p = self._filled(p)
+        self.p: Parameters = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
-        self.objects = [found_code, *self._kernels()]
-
-    def _kernels(self) -> Iterator[bytes]:
-        """Give the object code of what a method calls besides the model's functions."""
-        if self.met is not None:
-            from lagsim.methods.parts import impulses
-
-            yield kernel_object([impulses.observe])
-        elif self.laws:
-            yield _laws()
-        elif self.plan.elimination is None:
-            yield _loops(self.m > 0, self.surfaces > 0)
-        if self.has_jacobian:
-            from lagsim.solve.jacobian import jacobian
-
-            yield kernel_object([jacobian])
-        if self.watched:
-            from lagsim.solve import sliding
-
-            kernels: list[Callable[..., Any]] = [sliding.derivative, sliding.observe]
-            kernels += [sliding.margins, sliding.pull]
-            yield kernel_object(kernels, {"LAWS": bool(self.laws)})
+        self.objects = [found_code, *kernels(self)]
 
     def _code(self, nodes_of: Mapping[str, Sequence[int]], layout: Layout) -> Code:
         """Write the code of all functions; only first runs do."""
@@ -184,7 +163,7 @@ class System:
         if self.plan.tape:
             from lagsim.native.graph import tapes
 
-            return tapes.generate(g, nodes_of, layout)
+            return tapes.generate(g, nodes_of, layout, MANNER["sparse"])
         from lagsim.native.graph import straight_line
 
         return straight_line.generate(g, nodes_of, layout, **MANNER)
@@ -215,9 +194,21 @@ class System:
 
     def bound(self, model: Model, plan: Plan) -> System:
         """Give the same functions with other values, and a plan that `fits`."""
-        new = copy(self)
+        new = object.__new__(System)
+        new.__dict__.update(self.__dict__)
         new.take_values(model, plan)
         return new
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Give what makes the same system in another process."""
+        engines = {name: runner.engine for name, runner in self._runners.items()}
+        return self.__dict__ | {"_runners": engines}
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        """Be the system of another process."""
+        self.__dict__.update(kept)
+        for name, engine in kept["_runners"].items():
+            self._runners[name] = Runner(self, name, engine)
 
     def take_values(self, model: Model, plan: Plan) -> None:
         """Begin anew with other values, in a memory of its own."""
@@ -232,6 +223,8 @@ class System:
         ]
 
     def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+        from lagsim.plan.cost import evaluation_cost
+
         if self.met is not None:
             return len(self.equations.graph.cone(nodes_of["balance"]))
         loops = self.plan.elimination is None and "series" not in nodes_of
@@ -296,6 +289,9 @@ class System:
         }
 
     def _layout(self, memory: Parameters) -> Layout:
+        from lagsim.native.graph.keys import Layout
+        from lagsim.plan.formulation import GAIN
+
         e = self.equations
         fixed = self._fixed()
         first = memory.place("fixed")
@@ -326,7 +322,7 @@ class System:
     def link(self, name: str) -> Runner:
         """Link with the method `name`, once."""
         if name not in self._runners:
-            self._runners[name] = Runner(self, name)
+            self._runners[name] = Runner(self, name, linked(self, name))
         return self._runners[name]
 
     def begin(self, start: Instant) -> Floats:
@@ -368,28 +364,3 @@ def _met(equations: Equations) -> Pattern:
     from lagsim.run.system.stepping import pattern
 
     return pattern(equations)
-
-
-def _laws() -> bytes:
-    """Give the object code of the solve with laws."""
-    from lagsim.solve import laws
-
-    return kernel_object(
-        [
-            laws.field, laws.rounding, laws.position_step, laws.velocity_step,
-            laws.law_margins,
-        ]
-    )  # fmt: skip
-
-
-def _loops(constrained: bool, switching: bool) -> bytes:
-    """Give the object code of the solve by loops."""
-    from lagsim.solve import dense
-
-    kernels: list[Callable[..., Any]] = [dense.derivative, dense.observe]
-    if switching:
-        kernels = [dense.field]
-    kernels.append(dense.rounding)
-    if constrained:
-        kernels += [dense.position_step, dense.velocity_step]
-    return kernel_object(kernels)

@@ -13,14 +13,15 @@ from lagsim.language.rounding import addends, roundings
 from lagsim.mechanics.constraints import Flow
 from lagsim.mechanics.equations import generalized_forces
 from lagsim.plan.formulation import GAIN
+from lagsim.run.system.coupling import coupled
 from lagsim.solve.series import motion_rates
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Sequence
 
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.system.columns import Columns
     from lagsim.run.system.stepping import Pattern
 
@@ -240,28 +241,6 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
             root = g.call("sqrt", g.call("max", share, g.zero))
             found[i] = g.call("add", x, root)
     return [*found, *loads[n:]]
-
-
-def coupled(e: Equations) -> list[int]:
-    """Give for each coordinate the first that M and all rows join it with."""
-    slopes = (row.entries for row in e.slopes)
-    return joined(len(e.q), [*slopes, *(together for _, together in e.coupled)])
-
-
-def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
-    """Give for each of n coordinates the first one that `rows` join it with."""
-    first = list(range(n))
-
-    def root(i: int) -> int:
-        while first[i] != i:
-            i = first[i]
-        return i
-
-    for row in rows:
-        roots = sorted({root(i) for i in row})
-        for i in roots:
-            first[i] = roots[0]
-    return [root(i) for i in range(n)]
 
 
 def bends(equations: Equations) -> tuple[int, int]:

@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from lagsim.methods import method
-from lagsim.methods.parts import driver
 from lagsim.native.graph.sincos import LANES
-from lagsim.native.link.cache import kernel_object
 from lagsim.native.link.engine import Engine
 from lagsim.run.pace import Pace
-from lagsim.run.system.functions import coupled, joined
+from lagsim.run.system.coupling import coupled, joined
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.laws import Law
     from lagsim.methods.parts.parameters import Parameters
     from lagsim.methods.parts.state import State
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.system.sleepers import Sleeper
+    from lagsim.run.system.stepping import Pattern
 
 _POINTER = ctypes.c_void_p
 # Of the functions of a model: t, y, p, out.
@@ -57,6 +57,9 @@ class Compiled(Protocol):
     size: int
     surfaces: int
     watched: int
+    laws: tuple[Law, ...]
+    met: Pattern | None
+    has_jacobian: bool
     sleepers: list[Sleeper]
     inertias: tuple[str, ...]
     p: Parameters
@@ -72,6 +75,11 @@ class Compiled(Protocol):
 class Runner:
     """A system linked with a method.
 
+    Parameters
+    ----------
+    engine : Engine
+        What `linked` gives for them, in this process or in one before.
+
     Attributes
     ----------
     method : module
@@ -79,31 +87,13 @@ class Runner:
         That of the runs so far.
     """
 
-    def __init__(self, system: Compiled, name: str) -> None:
-        self.system = system
+    def __init__(self, system: Compiled, name: str, engine: Engine) -> None:
+        self.system, self.engine = system, engine
         self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
-        until = system.equations.model.until is not None
-        switches = system.watched > 0
-        held = system.m > 0 and system.plan.projected
-        statics = {"CONSTRAINED": held, "UNTIL": until, "SWITCHES": switches}
-        statics["SLEEPERS"] = bool(system.sleepers)
-        # What a method must make ready for `until` it must for switches.
-        watched = statics | {"UNTIL": until or switches}
-        statics |= {"WIDE": system.wide, "ADAPTIVE": self.method.ADAPTIVE}
-        kernels = [self.method.start, self.method.step, self.method.interpolate]
-        if self.method.ADAPTIVE:
-            kernels.append(self.method.interpolate_rates)
-        self.engine = Engine(
-            [
-                *system.objects,
-                kernel_object(kernels, _used(watched, self.method)),
-                kernel_object([driver.advance, driver.tabulate], statics),
-            ]
-        )
         self._advance = self.engine.function("advance", *_ADVANCE)
-        if switches:
+        if system.watched > 0:
             self._pull = self.engine.function("pull", *_PULL)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
         self._work = np.empty(LANES * (1 + system.size + system.rows_observed))
@@ -209,5 +199,41 @@ class Runner:
         return out
 
 
-def _used(statics: Mapping[str, object], module: Any) -> dict[str, object]:
-    return {name: value for name, value in statics.items() if hasattr(module, name)}
+def linked(system: Compiled, name: str) -> Engine:
+    """Link the functions of a system with the kernels of a method."""
+    from lagsim.methods.parts import driver
+    from lagsim.native.link.cache import kernel_object
+
+    statics = _statics(system, name)
+    return Engine(
+        [
+            *system.objects,
+            kernel_object(*of_method(system, name)),
+            kernel_object([driver.advance, driver.tabulate], statics),
+        ]
+    )
+
+
+def of_method(
+    system: Compiled, name: str
+) -> tuple[list[Callable[..., Any]], dict[str, object]]:
+    """Give the kernels of a method, and what is known of the system they work on."""
+    by, statics = method(name), _statics(system, name)
+    del statics["WIDE"], statics["ADAPTIVE"]
+    # What a method must make ready for `until` it must for switches.
+    statics["UNTIL"] = statics["UNTIL"] or statics["SWITCHES"]
+    kernels = [by.start, by.step, by.interpolate]
+    if by.ADAPTIVE:
+        kernels.append(by.interpolate_rates)
+    return kernels, {key: x for key, x in statics.items() if hasattr(by, key)}
+
+
+def _statics(system: Compiled, name: str) -> dict[str, object]:
+    return {
+        "CONSTRAINED": system.m > 0 and system.plan.projected,
+        "UNTIL": system.equations.model.until is not None,
+        "SWITCHES": system.watched > 0,
+        "SLEEPERS": bool(system.sleepers),
+        "WIDE": system.wide,
+        "ADAPTIVE": method(name).ADAPTIVE,
+    }

@@ -26,7 +26,7 @@ from lagsim.studies.alarms.verdict import Doubt, doubt_about
 if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Caution
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
     from lagsim.run.session import Session

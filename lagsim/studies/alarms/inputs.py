@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from lagsim.notes import Caution
 
 if TYPE_CHECKING:
-    from lagsim.admissibility import StartReport
+    from lagsim.admissibility.report import StartReport
     from lagsim.model.settings import Settings
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
 
 
 def about_inputs(

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
     from lagsim.model.settings import Settings
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
     from lagsim.run.observers.witness import Witness

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Complexes, Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.linearisation import Linear
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.observers.witness import Witness
     from lagsim.run.trajectory import Trajectory
 

@@ -118,7 +118,7 @@ class Subject:
         self.case, self.interrupt = case, interrupt
         self.equations = case.equations
         endless = replace(self.equations.model, until=None)
-        self.endless = replace(case, equations=self.equations.of(endless))
+        self.endless = case._replace(equations=self.equations.of(endless))
         self.span = case.settings.duration
         self._systems: dict[tuple[object, ...], System] = {}
         self.motion = self._trusted()
@@ -135,7 +135,7 @@ class Subject:
     def _trusted(self) -> Floats:
         """Give rows (t, q, q') of the motion, by what `auto` takes."""
         trusted = asking(self.case).asking(output_step=self.span / TRUSTED_ROWS)
-        session = replace(trusted.ready(), most_steps=TRUSTED_STEPS)
+        session = trusted.ready()._replace(most_steps=TRUSTED_STEPS)
         self.switches = session.system.surfaces > 0
         kept = Keep(columns=1 + 2 * len(self.equations.q))
         with np.errstate(all="ignore"):
@@ -204,7 +204,7 @@ class Subject:
             end = asked.settings.start + steps * step
             asked = asked.asking(output_step=step, end=end, rtol=None, atol=None)
             most = 2 * steps + 1000
-        session = replace(self._ready(name, asked), most_steps=most)
+        session = self._ready(name, asked)._replace(most_steps=most)
         watch = _Watch(session.system.columns.names)
         with np.errstate(all="ignore"):
             session = session.by(replace(session.plan, step=step))

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from lagsim.language.evaluate import UNIT_ROUNDOFF
-from lagsim.plan.integration import ANY
+from lagsim.plan.plan import ANY
 from lagsim.run.error import LOST, TIMES, CoordinateError, ErrorBar
 from lagsim.run.observers import Observer
 from lagsim.run.observers.checkpoints import MOST_ROWS, Checkpoints
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from lagsim.language.arrays import Floats
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case, Session
     from lagsim.run.system import System
@@ -153,7 +153,7 @@ def repeat(
         most = allowance.steps(price, system, trajectory)
         way, again = _spaced(way, checkpoints)
         limits = (MOST_STEPS, 0.0) if always else (most, price.arc)
-        way = replace(way, most_steps=limits[0], arc_steps=limits[1])
+        way = way._replace(most_steps=limits[0], arc_steps=limits[1])
         own = None if account is None else account(way)
         repeated = way.run(
             [again, *([own] if own else [])], interrupt=interrupt, progress=progress
@@ -197,8 +197,7 @@ def is_outlier(
     if plan.rtol == way.plan.rtol:  # equal ones may take the same steps
         plan = replace(plan, rtol=LOOSER * (plan.rtol or 0.0))
     allowance = allowance or Allowance(system, trajectory)
-    way = replace(
-        way, plan=plan, longest_step=GOLDEN * GOLDEN * way.longest_step,
+    way = way._replace(plan=plan, longest_step=GOLDEN * GOLDEN * way.longest_step,
         most_steps=allowance.steps(price, system, trajectory), arc_steps=price.arc,
     )  # fmt: skip
     own = None if account is None else account(way)
@@ -221,7 +220,7 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
     """Give the ways to make a run again, the best first."""
 
     def way(plan: Plan, longest: float) -> Session:
-        return replace(session, plan=plan, longest_step=longest)
+        return session._replace(plan=plan, longest_step=longest)
 
     plan, system, settings = session.plan, session.system, session.case.settings
     steps = max(trajectory.statistics.steps, 1)
@@ -237,7 +236,7 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
     if plan.rtol is None:
         free = _free(session.case)
         within = _affordable(within, free.system, free.plan.method, trajectory)
-        yield Repeat(replace(free, longest_step=within))
+        yield Repeat(free._replace(longest_step=within))
         return
     same = GOLDEN * min(mean, settings.output_step)
     for tighter in (_tighter(plan, TIGHTER), _tighter(plan, LOOSER)):
@@ -279,7 +278,7 @@ def _tighter(plan: Plan, times: float) -> Plan:
 def _free(case: Case) -> Session:
     """Give what repeats a method without error control."""
     free = case.asking(method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None)
-    return replace(free.ready(), case=case)
+    return free.ready()._replace(case=case)
 
 
 def _affordable(

@@ -8,7 +8,7 @@ import numpy as np
 
 from lagsim.language.evaluate import evaluate
 from lagsim.run.error import LOST
-from lagsim.run.system.functions import joined
+from lagsim.run.system.coupling import joined
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

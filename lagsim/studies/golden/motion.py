@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.settings import Settings
-    from lagsim.plan import Plan
+    from lagsim.plan.plan import Plan
     from lagsim.run.session import Case
     from lagsim.run.trajectory import Trajectory
 
@@ -142,7 +142,7 @@ def perturbed(case: Case, seed: int) -> Case:
     equations = case.equations.of(replace(model, parameters=parameters))
     start = case.start
     state = Instant(start.t, moved(start.q), moved(start.v))
-    return replace(case, equations=equations).at(state)
+    return case._replace(equations=equations).at(state)
 
 
 def motion_of(case: Case, stride: int) -> Motion:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lagsim.plan import by_loops
+from lagsim.plan.making import by_loops
 from lagsim.run.observers import Keep
 from tests.support import case_of
 

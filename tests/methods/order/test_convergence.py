@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -302,6 +301,6 @@ def test_time_reversal_brings_the_state_back(text, options, off):
         last = keep.table[-1]
         ends.append(last[1 : 1 + 2 * n])
         turned = Instant(start.t, last[1 : 1 + n], -last[1 + n : 1 + 2 * n])
-        session = replace(session, case=session.case.at(turned))
+        session = session._replace(case=session.case.at(turned))
     assert np.max(np.abs(ends[0] - [*start.q, *start.v])) > 0.1
     assert np.max(np.abs(ends[1] - [*start.q, *-start.v])) < off

@@ -235,7 +235,7 @@ def test_a_duplicated_row_shares_its_force():
 
 
 def test_a_contradictory_row_is_refused():
-    from lagsim.admissibility import examine
+    from lagsim.admissibility.examination import examine
     from lagsim.mechanics.equations import derive
     from lagsim.model.reader import read
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
+from lagsim.admissibility.examination import examine
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.equilibrium import NoEquilibriumError, find_equilibrium, modes

@@ -1,0 +1,95 @@
+"""Links and rods in number: what each stage takes, with the exponents in the number."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+
+from link_chain import chain
+from measure import Table, peak, workspace
+from rod_chain import rod_chain
+
+LINKS = (10, 40, 100, 200, 400)
+RODS = (100, 1000, 3000, 10_000)
+STAGES = ("read", "derive, examine", "plan", "compile", "run", "evaluation")
+# One process for each number, whose cache is empty. CPU of the process, not the clock.
+MEASURE = """
+import json, sys, time
+import numpy as np
+from lagsim.model.reader import read_file
+from lagsim.run.session import open_case
+from lagsim.run.system.runner import FUNCTION
+laps = [time.process_time()]
+def lap():
+    laps.append(time.process_time())
+model = read_file(sys.argv[1]); lap()
+case = open_case(model); lap()
+plan = case.plan(); lap()
+session = case.ready(plan); lap()
+session.run([]); lap()
+runner = session.system.link(plan.method)
+call = runner.engine.function("derivative", *FUNCTION)
+y = np.concatenate([case.start.q, case.start.v + 0.1])
+arrays = y, session.system.p.flat, np.zeros_like(y)
+addresses = [array.ctypes.data for array in arrays]
+least = float("inf")
+for turn in range(30):
+    began, made = time.process_time(), 0
+    while made < 2 or time.process_time() - began < 0.02:
+        call(0.0, *addresses)
+        made += 1
+    least = min(least, (time.process_time() - began) / made)
+print(json.dumps([*(b - a for a, b in zip(laps, laps[1:])), least]))
+"""
+
+
+def measured(scene, n):
+    """Give what each of STAGES takes in seconds, and the peak of memory in MB."""
+    with workspace() as folder:
+        model = folder / "model.yaml"
+        model.write_text(scene(n))
+        command = [sys.executable, "-c", MEASURE, str(model)]
+        megabytes, done = peak(command, LAGSIM_CACHE=folder / "cache")
+    return [*json.loads(done.output.splitlines()[-1]), megabytes]
+
+
+def table(title, scene, sizes, turns):
+    """Measure all sizes, each several times, and keep the least of each stage."""
+    found = {n: [] for n in sizes}
+    for _ in range(turns):
+        for n in sizes:
+            found[n].append(measured(scene, n))
+    least = {n: [min(x) for x in zip(*runs, strict=True)] for n, runs in found.items()}
+    rows = []
+    for k, stage in enumerate((*STAGES, "memory, MB")):
+        values = [least[n][k] for n in sizes]
+        scale = 1e6 if stage == "evaluation" else 1.0
+        # The last decade or so: below it, what does not depend on the number counts.
+        first = len(sizes) // 2 - 1
+        span = math.log(sizes[-1] / sizes[first])
+        exponent = math.log(values[-1] / values[first]) / span
+        unit = stage if k == len(STAGES) else f"{stage}, {'us' if scale > 1 else 's'}"
+        shown = [f"{value * scale:.3g}" for value in values]
+        rows.append([unit, *shown, f"{exponent:.2f}"])
+    head = ["CPU", *map(str, sizes), f"exponent, {sizes[first]} to {sizes[-1]}"]
+    return Table(title, head, rows, [f"Least of {turns}, in processes of their own."])
+
+
+def links(n):
+    """Give a twentieth of a second of n links."""
+    return chain(n, 0.05)
+
+
+def rods(n):
+    """Give a few steps of n rods."""
+    return rod_chain(n, 0.001, 0.001)
+
+
+def tables(turns):
+    """Give both tables."""
+    few = max(1, turns // 10)
+    return [
+        table("Links in angles, in number", links, LINKS, few),
+        table("Rods in Cartesian coordinates, in number", rods, RODS, few),
+    ]
