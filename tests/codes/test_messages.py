@@ -70,11 +70,20 @@ def test_each_says_what_is_expected_and_what_to_try():
 # --- the code -------------------------------------------------------------------------
 
 # Calls that take a code, by what it is of; those that are handed one are not asked.
-ERRORS = {"Problem", "add", "fault", "_fault", "_unusable", "failure", "number"}
+ERRORS = {
+    "Problem",
+    "add",
+    "fault",
+    "_fault",
+    "_unusable",
+    "unusable",
+    "failure",
+    "number",
+}
 CAUTIONS = {"Caution", "_once", "_warn"}
 # Files without any of these are not parsed.
 SAYS = re.compile(
-    r"Problem\(|Caution\(|faults?\b|_unusable|ExpressionError|_once|_warn|[ {]code = \""
+    r"Problem\(|Caution\(|faults?\b|unusable|ExpressionError|_once|_warn|[ {]code = \""
 )
 
 
