@@ -125,6 +125,7 @@ def ensemble(equations, rtol):
 def own_one_by_one(case, rtol):
     """Give lagsim's, a run after the other from one compile."""
     from lagsim.run.observers import Keep
+    from lagsim.run.session import Session
     from lagsim.studies.bench.solving import Own
 
     own = Own(case, "auto", "auto", rtol)
@@ -134,7 +135,7 @@ def own_one_by_one(case, rtol):
         for k, start in enumerate(states):
             kept = Keep()
             state = replace(case.start, q=start[:2].copy(), v=start[2:].copy())
-            replace(own.session, case=case.at(state)).run([kept])
+            Session(case.at(state), own.plan, own.system).run([kept])
             ends[k] = kept.table[-1, 1:5]
         return ends
 

@@ -149,11 +149,13 @@ class Scene:
 
     def moved(self, own, start):
         """Give one of lagsim's solvers from another start."""
+        from lagsim.run.session import Session
+
         n = len(start) // 2
         case = own.session.case
         state = replace(case.start, q=start[:n].copy(), v=start[n:].copy())
         found = copy.copy(own)
-        found.session = replace(own.session, case=case.at(state))
+        found.session = Session(case.at(state), own.plan, own.system)
         return found
 
     def ours(self, rtol):

@@ -92,6 +92,7 @@ def sweep(
     model: Model,
     values: Mapping[str, Iterable[float | str]],
     *,
+    ends: bool = False,
     jobs: int | None = None,
     error_bar: Literal["auto", "always", "never"] = "auto",
     **options: float | str,
@@ -102,6 +103,9 @@ def sweep(
     ----------
     values
         Of parameters, and of entries of `initial`: numbers, or expressions.
+    ends
+        Only what each column ends with is asked for: no rows are made, runs of smooth
+        scenes go side by side in vector registers, and there is no error bar.
     jobs
         So many runs at a time, in processes of their own; by default one for each core,
         where that is worth it.
@@ -124,7 +128,8 @@ def sweep(
 
     wanted(model, "sweep", options, hint="add it, or give `duration`")
     given = tuple((name, str(x)) for name, x in options.items())
-    work = Work(packed(model), given, grid_of(model, values), ErrorBars(error_bar))
+    bars = ErrorBars.NEVER if ends else ErrorBars(error_bar)
+    work = Work(packed(model), given, grid_of(model, values), bars, ends=ends)
     found = Found(model, work)
     make(found, jobs or cores(), wanted=jobs is not None)
     return Sweep(found)

@@ -299,6 +299,8 @@ class Job:
 
         A signal ends that: pictures can be drawn again, rows cannot.
         """
+        from lagsim.native.link.ahead import helped
+
         form = (self.plots or Picture.PNG).value
         if self.plots is Picture.PNG and is_watched():
             from lagsim.outputs import lean_matplotlib
@@ -311,7 +313,9 @@ class Job:
 
         try:
             put(found.files(None))
-            self.interrupt.cut(lambda: put(found.files(found.thin, found.frames, form)))
+            with helped() if is_watched() else contextlib.nullcontext():
+                more = found.files(found.thin, found.frames, form)
+                self.interrupt.cut(lambda: put(more))
         except OSError as error:
             return error
         finally:

@@ -37,6 +37,7 @@ from lagsim.cli.run import (
     Step,
     given,
 )
+from lagsim.errors import InputError, Problem
 from lagsim.studies.attempts import ErrorBars
 
 if TYPE_CHECKING:
@@ -86,6 +87,13 @@ def command(
     keep: Annotated[
         bool, typer.Option("--keep", help="Keep the results of each run, in DIR/run-K.")
     ] = False,
+    ends: Annotated[
+        bool,
+        typer.Option(
+            "--ends",
+            help="Only what each column ends with: no rows, no error bar, far faster.",
+        ),
+    ] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a sweep that was interrupted.")
     ] = False,
@@ -117,7 +125,7 @@ def command(
         output_step=output_step,
     )  # fmt: skip
     job = _Job(folder, jobs, dask, plots=not no_plots, as_json=as_json, quiet=quiet)
-    job.keep, job.resume = keep, resume
+    job.keep, job.ends, job.resume = keep, ends, resume
     with faults_shown(job.documents if as_json else None, file=model) as code:
         code.append(job.run(model, values, assignments(sets), options, error_bar))
     for document in job.documents:
@@ -128,7 +136,7 @@ def command(
 class _Job:
     """The manners of the command."""
 
-    keep = resume = False
+    keep = ends = resume = False
 
     def __init__(
         self,
@@ -164,15 +172,26 @@ class _Job:
         model = read_file(path, overrides)
         hint = "add it, or give --duration"
         wanted(model, "sweep", options, hint)
+        error_bars = self._error_bars(error_bars)
         grid = parsed(model, values)
         folder = self.folder or Path("results") / model.name / "sweep"
         kept = str(folder.absolute()) if self.keep else None
         work = Work(
             packed(model), tuple(options.items()), grid, error_bars, kept,
-            plots=self.keep and self.plots,
+            plots=self.keep and self.plots, ends=self.ends,
         )  # fmt: skip
         with open_results(folder, MANIFEST) as results:
             return self._sweep(Found(model, work), results)
+
+    def _error_bars(self, asked: ErrorBars) -> ErrorBars:
+        """Give when runs are repeated: where no rows are made, never."""
+        if not self.ends:
+            return asked
+        if self.keep or asked is ErrorBars.ALWAYS:
+            what = "--keep" if self.keep else "--error-bar always"
+            text = f"--ends makes no rows, which {what} asks for"
+            raise InputError([Problem("usage", text, hint="leave one of them out")])
+        return ErrorBars.NEVER
 
     def _sweep(self, found: Found, results: Results) -> int:
         from lagsim.run.interrupt import Interrupt

@@ -5,11 +5,11 @@ straight-line code. K follows from the tolerance (15 at the default), the step f
 last four coefficients: two alone vanish where a start is symmetric, and the error then
 grows without a warning. The next step's series, which is needed anyway, tells how far
 the motion is off the equations at the step's end: a step that is too long is made anew.
-Where that happens to most steps the scene
-is stiff. Rows between steps are the series itself, to full order. The method for tight
-tolerances; its code grows with the square of K and takes longer to compile. On the
-imaginary axis order 15 does not grow for step * frequency below 1.66, and beyond by
-less than its truncation error, which is what bounds the step.
+Where that happens to most steps the scene is stiff. Rows between steps are the series
+itself, to full order. The method for tight tolerances; its code grows with the square
+of K and takes longer to compile. On the imaginary axis order 15 does not grow for
+step * frequency below 1.66, and beyond by less than its truncation error, which is what
+bounds the step.
 
 Sources: A. Jorba and M. Zou, Experimental Mathematics 14 (2005), sections 3.1 to 3.3;
 E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I, 2nd
@@ -19,23 +19,28 @@ ed., section I.8.
 from __future__ import annotations
 
 import math
-from math import exp, log
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.adaptive import usable_step
 from lagsim.methods.parts.controller import (
     LOCAL,
-    against,
     foresee,
     look_again,
     record_measured,
     record_sizes,
     set_tolerances,
 )
+from lagsim.methods.parts.driver import (
+    keep_sizes,
+    note_inertias,
+    pass_rows,
+    record_step,
+)
 from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
 from lagsim.methods.parts.noise import (
     TIGHT,
+    add_drift,
     add_exactly,
     carry,
     find_drift,
@@ -43,7 +48,13 @@ from lagsim.methods.parts.noise import (
     look_at_rounding,
 )
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.power_series import lead, sum_bend, sum_rates
+from lagsim.methods.parts.power_series import (
+    chosen_step,
+    lead,
+    misfit,
+    sum_bend,
+    sum_rates,
+)
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import leave_loss, record_health
 from lagsim.methods.parts.state import (
@@ -53,7 +64,8 @@ from lagsim.methods.parts.state import (
     STEP_TOO_SMALL,
     State,
 )
-from lagsim.native.kernels.words import at, rare, unrolled
+from lagsim.methods.parts.strays import asks
+from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
@@ -74,20 +86,9 @@ CONSTRAINED = True
 SLEEPERS = True
 SWITCHES = True
 
-# Terms shrink by e^2 from one to the next at the step that costs least per unit of
-# time (Jorba and Zou, proposition 3.1).
-LOG_SHRINK = 2.0
 LEAST_ORDER = 4
 MOST_ORDER = 22
-# How many of the last coefficients bound the step.
-GUARD = 4
-# A step that is made anew is shortened by not less than the first and not more than the
-# second.
-# A priori bounds are met with this much room, or one step in two fails the check.
-SAFETY = 0.9
-# At tight tolerances truncation is kept below rounding, which it outgrows; and shorter
-# steps average more of what forces are rounded by.
-TIGHT_SAFETY = 0.6
+# A step made anew is shortened by not less than the first, not more than the second.
 # An error of up to this many tolerances is let pass: the bound is for the step before.
 PASSED = 1.0
 SHORTER = 0.9
@@ -125,6 +126,9 @@ class Taylor(State):
     trial: float  # the step that is tried
     trouble: float  # the code of what was wrong with the last one
     rejected: float  # 1 once one was not accepted
+    # 1 where one is accepted as it is, and nothing else is to be done; and the next.
+    plain: float
+    next: float
     series: Floats = array(lambda s: buffer(s.size, 2.0))
     new: Floats = array(lambda s: s.size)
     # The rest at the start of the last step, and where tolerances are tight its rate.
@@ -159,40 +163,11 @@ def start(s: Taylor, p: Parameters) -> None:
         before = s.h
         lead(size, c, before, new)
         set_tolerances(s, p, s.t, new, rates, before)
-        s.h = min(before, chosen_step(s, c))
+        s.h = min(before, chosen_step(s, c, s.t))
         if s.h > SETTLED * before:
             break
     if CONSTRAINED:
         s.h = leave_loss(s, p, s.h)
-
-
-def chosen_step(s: Taylor, c: Floats) -> float:
-    """Give the step at which the terms after the last are within the tolerance.
-
-    If each of the last GUARD terms is within its bound, and they shrink by e^2 from
-    one to the next, so is the first that is left out. Not longer than the arc.
-    """
-    size = s.size
-    order = int(c[0])
-    tolerances = s.tolerances
-    largest = s.work
-    arc = s.end - s.t
-    if arc <= 0.0:
-        return 0.0
-    for back in unrolled(GUARD):
-        largest[back] = 0.0
-    for i in range(size):
-        if tolerances[i] > 0.0:
-            for back in unrolled(GUARD):
-                term = abs(c[1 + (order - back) * size + i]) / tolerances[i]
-                largest[back] = max(largest[back], term)
-    safety = TIGHT_SAFETY if s.rtol < TIGHT else SAFETY
-    logarithm = log(arc / safety)
-    for back in unrolled(GUARD):
-        if largest[back] > 0.0:
-            bound = (back + 1) * LOG_SHRINK - log(largest[back])
-            logarithm = min(logarithm, bound / (order - back))
-    return safety * exp(logarithm)
 
 
 def step(s: Taylor, p: Parameters) -> int:
@@ -282,7 +257,7 @@ def reach(s: Taylor, c: Floats, rest: Floats, h: float, out: Floats) -> None:
     sum_bend(size, c, h, left)
     if s.rtol < TIGHT:
         add_exactly(size, at(c, 1), at(c, 1 + size), h, out, left)
-        add_drift(s, h)
+        add_drift(s, s.drift, h)
     else:
         for i in range(size):
             out[i] = c[1 + i]
@@ -290,18 +265,6 @@ def reach(s: Taylor, c: Floats, rest: Floats, h: float, out: Floats) -> None:
     for i in range(size):
         left[i] += rest[i]
     carry(size, out, left, out, left)
-
-
-@rare
-def add_drift(s: Taylor, h: float) -> None:
-    """Add to a change what the rest does: it moves as the state does."""
-    n = s.n
-    left = s.left
-    drift = s.drift
-    for i in range(s.size):
-        left[i] += h * drift[i]
-        if n <= i < 2 * n:
-            left[i - n] += 0.5 * h * h * drift[i]
 
 
 def attempt(s: Taylor, p: Parameters, h: float) -> int:
@@ -338,22 +301,6 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     return error
 
 
-def misfit(s: Taylor, c: Floats, slope: Floats, h: float) -> float:
-    """Give the error of a step of series c, from y' (size,) at its end."""
-    size = s.size
-    tolerances = s.tolerances
-    rates = s.work
-    sum_rates(size, 0, c, h, rates)
-    worst = 0.0
-    for i in range(size):
-        if tolerances[i] > 0.0:
-            off = abs(slope[i] - rates[i]) * h / (c[0] + 1.0)
-            if not off < 1e300:
-                return 1e300
-            worst = max(worst, against(off, tolerances[i]))
-    return worst
-
-
 def accept(s: Taylor, p: Parameters, h: float) -> None:
     """Take the new state and its series; the old one is the dense output."""
     size = s.size
@@ -363,10 +310,25 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
         before = at(s.series, buffer(size, s.which) + 1 + size)
         following = at(s.series, buffer(size, 1.0 - s.which) + 1 + size)
         suspect(s, p, h, y, before, new, following)
-    s.which = 1.0 - s.which
+    move_on(s, p, h)
+    c = at(s.series, buffer(size, s.which))
+    s.h = chosen_step(s, c, s.t)
+    if s.h < SUDDEN * h:
+        # Perhaps it is rounding that the last coefficients consist of.
+        rates = at(c, 1 + size)
+        look_at_rounding(s, p, s.t, y, rates, 1.0)
+        set_tolerances(s, p, s.t, y, rates, h)
+        s.h = chosen_step(s, c, s.t)
+
+
+def move_on(s: Taylor, p: Parameters, h: float) -> None:
+    """Let the state after a step be the present one."""
+    y = s.y
+    new = s.new
     rest = s.rest
     carried = s.carried
-    for i in range(size):
+    s.which = 1.0 - s.which
+    for i in range(s.size):
         y[i] = new[i]
         carried[i] = rest[i]
     keep_rest(s)
@@ -375,14 +337,53 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
     s.t = s.t + h
     s.steps += 1.0
     record_measured(s, p)
+
+
+def try_plain(s: Taylor, p: Parameters) -> None:
+    """Try a step; `plain` tells whether it is accepted, and nothing else is to be done.
+
+    In lanes, see `parts.lanes`. What `step` begins with stays as it is.
+    """
+    size = s.size
+    new = s.new
     c = at(s.series, buffer(size, s.which))
-    s.h = chosen_step(s, c)
-    if s.h < SUDDEN * h:
-        # Perhaps it is rounding that the last coefficients consist of.
-        rates = at(c, 1 + size)
-        look_at_rounding(s, p, s.t, y, rates, 1.0)
-        set_tolerances(s, p, s.t, y, rates, h)
-        s.h = chosen_step(s, c)
+    following = at(s.series, buffer(size, 1.0 - s.which))
+    slope = at(c, 1 + size)
+    counted = s.evaluations
+    h = usable_step(s, p)
+    t = s.t + h
+    if s.rtol < TIGHT:
+        find_drift(s, p, slope, s.drift)
+    reach(s, c, s.rest, h, new)
+    series(t, new, p, following)
+    s.evaluations += 1.0
+    set_tolerances(s, p, t, new, slope, h)
+    error = misfit(s, c, at(following, 1 + size), h)
+    for i in range(size):
+        if not abs(new[i]) < 1e300:
+            error = 1e300
+    s.trial = h
+    s.next = chosen_step(s, following, t)
+    plain = h > 0.0 and error <= PASSED and s.next >= SUDDEN * h
+    if SLEEPERS:
+        suspect(s, p, h, s.y, slope, new, at(following, 1 + size))
+        plain = plain and s.suspect == 0.0
+    s.plain = 1.0 if plain and not asks(s, t) else 0.0
+    if s.plain == 0.0:
+        s.evaluations = counted
+
+
+def take_plain(s: Taylor, p: Parameters) -> None:
+    """Accept the step that was tried."""
+    keep_sizes(s)
+    move_on(s, p, s.trial)
+    s.h = s.next
+    s.at_bound = max(s.at_bound - 1.0, 0.0)
+    s.most_step = 0.0
+    record_step(s)
+    if s.inertias > 0:
+        note_inertias(s, p, s.work)
+    pass_rows(s)
 
 
 def interpolate(s: Taylor, x: float, out: Floats) -> None:

@@ -13,7 +13,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
@@ -218,6 +218,9 @@ class Stated(Protocol):
     def settings(self, options: Mapping[str, str]) -> Settings:
         """Give how the file wants to be run; see `Model.settings`."""
 
+    def rests_on(self, names: Collection[str]) -> bool:
+        """Tell whether other numbers rest on these; see `Model.rests_on`."""
+
     def separated(self, model: Model) -> Separation:
         """Give `model`, of this file, in other coordinates; see `Model.separated`."""
 
@@ -305,6 +308,14 @@ class Model:
             As where the file said so.
         """
         return self.stated.settings(_texts(options or {}))
+
+    def rests_on(self, names: Collection[str]) -> bool:
+        """Tell whether any other number of the file may follow these.
+
+        A parameter, a start value or a setting whose expression names one of these
+        parameters, or start values.
+        """
+        return self.stated.rests_on(names)
 
     def separated(self) -> Separation:
         """Give the model in which the definitions of `output.reactions` are apart.

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TYPE_CHECKING
 
+from lagsim.native.link import ahead
 from lagsim.outputs.curves import series
 from lagsim.outputs.paper import Pixels
 from lagsim.outputs.plot_panel import PlotPanel
@@ -36,6 +38,8 @@ from lagsim.run.observers.thinning import DRIFT
 # Panels are above each other up to so many; the least that they take with a view of the
 # scene beside them, in inches.
 STACKED, BESIDE = 5, 3.3
+# The picture that takes longest.
+LONG = "trajectory"
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -185,10 +189,13 @@ def pictures(
     record: Record, model: Model, *, energy_is_sum: bool
 ) -> Iterator[tuple[str, bytes]]:
     """Give file name and content of every picture of a run, one after the other."""
+    drawings = dict(_drawings(record, model, is_sum=energy_is_sum))
+    # The one that takes as long as all others.
+    aside = ahead.bring(lambda: _file(drawings[LONG]())) if ahead.may_send() else None
     with ThreadPoolExecutor(1) as packer:
         before: tuple[str, Callable[[], bytes]] | None = None
-        for name, sheet in _sheets(record, model, is_sum=energy_is_sum):
-            packed = _packed(sheet, packer)
+        for name, draw in drawings.items():
+            packed = aside if aside and name == LONG else _packed(draw(), packer)
             if before:
                 yield before[0], before[1]()
             before = f"{name}.{record.form}", packed
@@ -196,23 +203,30 @@ def pictures(
             yield before[0], before[1]()
 
 
+def _file(sheet: Sheet) -> bytes:
+    return in_house_style(sheet.content)()
+
+
 def _packed(sheet: Sheet, packer: ThreadPoolExecutor) -> Callable[[], bytes]:
     """Have a sheet made a file; return what gives it."""
     if isinstance(sheet.paper, Pixels):
         # While the next is drawn: zlib needs no interpreter.
         return packer.submit(sheet.content).result
-    content = in_house_style(sheet.content)()
+    content = _file(sheet)
     return lambda: content
 
 
-def _sheets(
+def _drawings(
     record: Record, model: Model, *, is_sum: bool
-) -> Iterator[tuple[str, Sheet]]:
+) -> Iterator[tuple[str, Callable[[], Sheet]]]:
+    """Give what draws each picture, by its name."""
     coordinates = [coordinate.name for coordinate in model.coordinates]
-    yield "energy", energy(record, is_sum=is_sum)
-    yield "trajectory", trajectory(record, coordinates, model.scene)
+    yield "energy", partial(energy, record, is_sum=is_sum)
+    yield LONG, partial(trajectory, record, coordinates, model.scene)
     if model.constraints:
         names = [constraint.name for constraint in model.constraints]
-        yield "constraint_forces", constraint_forces(record, coordinates, names)
+        forces = partial(constraint_forces, record, coordinates, names)
+        yield "constraint_forces", forces
     for number, wanted in enumerate(model.output.plots):
-        yield f"plot_{number + 1}", plot(record, number, wanted, model.scene)
+        one = partial(plot, record, number, wanted, model.scene)
+        yield f"plot_{number + 1}", one

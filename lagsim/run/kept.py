@@ -10,6 +10,7 @@ nothing kept is ever out of date. Where it lies, and who may write there, is tol
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import pickle
@@ -56,8 +57,9 @@ def kept_session(asked: Asked, make: Callable[[], Session]) -> Session:
         return found
     made = make()
     small = len(made.case.equations.graph) <= MOST_NODES
-    if small and UNASKED not in sys.modules:
-        own.keep(_bytes(made))
+    if own.path is not None and small and UNASKED not in sys.modules:
+        with contextlib.suppress(RecursionError):  # of what is nested too deep
+            own.keep(_bytes(made))
     return made
 
 
@@ -74,7 +76,8 @@ def _code() -> str:
     """Tell the code of lagsim from any other: where it lies, its sizes, its ages."""
     waiting, found = [str(Path(__file__).parents[1])], []
     for folder in waiting:
-        with os.scandir(folder) as entries:
+        # Where there are no files to look at, the version has to do.
+        with contextlib.suppress(OSError), os.scandir(folder) as entries:
             for entry in entries:
                 if entry.name.endswith(".py"):
                     told = entry.stat()

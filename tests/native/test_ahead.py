@@ -63,3 +63,22 @@ def test_signals_to_it_are_not_those_of_the_first(tmp_path):
         signal.signal(signal.SIGTERM, before)
     assert heard == []
     assert not (tmp_path / "made").exists()
+
+
+def test_what_it_brings_is_whole():
+    content = os.urandom(10**6)
+    with ahead.helped():
+        bring = ahead.bring(lambda: content)
+        assert bring() == content
+
+
+def test_what_it_fails_to_bring_the_first_makes_itself():
+    first = os.getpid()
+
+    def make():
+        if os.getpid() != first:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return b"made"
+
+    with ahead.helped():
+        assert ahead.bring(make)() == b"made"

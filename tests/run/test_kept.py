@@ -146,3 +146,24 @@ def test_it_binds_other_values_as_the_one_that_was_made():
     assert second.parameters == first.parameters
     assert second.parameters[0].value == 6.0
     assert second.settings() == first.settings()
+
+
+@pytest.mark.usefixtures("empty")
+def test_what_is_nested_deep_runs_kept_or_not():
+    deep = "(" * 90 + "k*x^2/2" + ")" * 90
+    asked = ASKED._replace(text=TEXT.replace("k*x^2/2", deep))
+    find = Counted()
+    assert np.array_equal(rows(find(asked)), rows(find(asked)))
+    assert np.array_equal(rows(find(asked)), rows(made(ASKED)))
+
+
+@pytest.mark.usefixtures("empty")
+def test_what_is_too_deep_to_be_kept_is_made_again(monkeypatch):
+    def deeper(_):
+        raise RecursionError
+
+    monkeypatch.setattr(kept, "_bytes", deeper)
+    find = Counted()
+    find()
+    find()
+    assert find.calls == 2

@@ -135,16 +135,6 @@ def record_step(s: State) -> None:
         s.smallest_step = s.step_h
 
 
-def inspect(s: State, p: Parameters) -> None:
-    """Look for what ends the arc, or the run, within the last step."""
-    if SWITCHES or UNTIL:
-        find_end(s, p)
-    if SWITCHES and s.cut == 0.0:
-        pull_back(s, p, s.t, s.y)
-    if s.inertias > 0:
-        note_inertias(s, p, s.work)
-
-
 def note_inertias(s: State, p: Parameters, now: Floats) -> None:
     """Note how large and how small each inertia is, and when it is smallest.
 
@@ -176,6 +166,24 @@ def keep_sizes(s: State) -> None:
         sizes_before[i] = sizes[i]
         low_before[i] = low[i]
         high_before[i] = high[i]
+
+
+def pass_rows(s: State) -> None:
+    """Go on to the next row after the time reached, without writing those before."""
+    t = s.row_start + s.row * s.row_step
+    while t < s.row_limit and t <= s.t:
+        s.row += 1.0
+        t = s.row_start + s.row * s.row_step
+
+
+def inspect(s: State, p: Parameters) -> None:
+    """Look for what ends the arc, or the run, within the last step."""
+    if SWITCHES or UNTIL:
+        find_end(s, p)
+    if SWITCHES and s.cut == 0.0:
+        pull_back(s, p, s.t, s.y)
+    if s.inertias > 0:
+        note_inertias(s, p, s.work)
 
 
 @rare

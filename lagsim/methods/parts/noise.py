@@ -176,7 +176,6 @@ def add_change(s: State, p: Parameters, k: Floats, h: float, new: Floats) -> Non
     k : (size,), y' at its start. Leaves what is cut off in `left`.
     """
     size = s.size
-    n = s.n
     left = s.left
     rest = s.rest
     for i in range(size):
@@ -184,10 +183,7 @@ def add_change(s: State, p: Parameters, k: Floats, h: float, new: Floats) -> Non
     if s.rtol < TIGHT:
         drift = s.spare
         find_drift(s, p, k, drift)
-        for i in range(size):
-            left[i] += h * drift[i]
-            if n <= i < 2 * n:
-                left[i - n] += 0.5 * h * h * drift[i]
+        add_drift(s, drift, h)
     carry(size, new, left, new, left)
 
 
@@ -209,6 +205,17 @@ def find_drift(s: State, p: Parameters, k: Floats, out: Floats) -> None:
     for i in range(size):
         drift = (out[i] - k[i]) / LARGER
         out[i] = drift if abs(drift) < 1e300 else 0.0
+
+
+@rare
+def add_drift(s: State, drift: Floats, h: float) -> None:
+    """Add to a change what the rest does in a step: it moves as the state does."""
+    n = s.n
+    left = s.left
+    for i in range(s.size):
+        left[i] += h * drift[i]
+        if n <= i < 2 * n:
+            left[i - n] += 0.5 * h * h * drift[i]
 
 
 def keep_rest(s: State) -> None:

@@ -184,8 +184,14 @@ class Parameters:
 
 def unused(root: Node, names: Iterable[str]) -> tuple[str, ...]:
     """Give the parameters that no expression of the file names, used or replaced."""
+    said = words(root)
+    return tuple(name for name in names if name not in said)
+
+
+def words(*roots: Node) -> set[str]:
+    """Give the words of all expressions below some nodes."""
     said: set[str] = set()
-    below = [root]
+    below = [*roots]
     while below:
         node = below.pop()
         if isinstance(node, Mapping):
@@ -194,7 +200,7 @@ def unused(root: Node, names: Iterable[str]) -> tuple[str, ...]:
             below += node.items
         elif isinstance(node, Scalar):
             said.update(_WORD.findall(node.text))
-    return tuple(name for name in names if name not in said)
+    return said
 
 
 def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:

@@ -9,14 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.model.nodes import Mapping, argument
 from lagsim.model.reader.faults import Faults
 from lagsim.model.reader.initial import Initial
-from lagsim.model.reader.parameters import Parameters, Value
+from lagsim.model.reader.parameters import Parameters, Value, words
 from lagsim.model.reader.relations import again
 from lagsim.model.reader.simulation import read_settings
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection
+    from collections.abc import Mapping as MappingType
 
     from lagsim.errors import Place
     from lagsim.model.model import InitialValue, Model, Parameter, Separation
@@ -55,33 +57,36 @@ class Stated:
     file: str
     sections: Sections
     x: Expressions
-    instead: Mapping[str, str]
-    options: Mapping[str, str]
-    starting: Mapping[str, str] = field(default_factory=dict)
+    instead: MappingType[str, str]
+    options: MappingType[str, str]
+    starting: MappingType[str, str] = field(default_factory=dict)
 
     def parameters(self) -> tuple[tuple[Parameter, ...], dict[str, Value]]:
         """Give the parameters, and what is known of each; faults go to those of `x`."""
         reader = Parameters(self.x, self.instead)
         return reader.read(self.sections.parameters), reader.values
 
-    def initial(self, known: Mapping[str, Value]) -> tuple[InitialValue, ...]:
+    def initial(self, known: MappingType[str, Value]) -> tuple[InitialValue, ...]:
         """Give the start values; faults go to those of `x`."""
         reader = Initial(self.x, known, self.starting)
         return reader.read(self.sections.initial, self.sections.root)
 
-    def settings(self, options: Mapping[str, str]) -> Settings:
+    def settings(self, options: MappingType[str, str]) -> Settings:
         """Give the settings, see `Model.settings`."""
         faults = Faults(self.file)
         found = self.asked(self.x.over(faults, self.x.values), options)
         faults.raise_if_any()
         return found
 
-    def asked(self, x: Expressions, options: Mapping[str, str]) -> Settings:
+    def asked(self, x: Expressions, options: MappingType[str, str]) -> Settings:
         """Evaluate the settings; faults go to those of `x`."""
         return read_settings(self.sections.simulation, {**self.options, **options}, x)
 
     def bound(
-        self, model: Model, parameters: Mapping[str, str], initial: Mapping[str, str]
+        self,
+        model: Model,
+        parameters: MappingType[str, str],
+        initial: MappingType[str, str],
     ) -> Model:
         """Give a model of this file with other values, see `Model.bind`."""
         faults = Faults(self.file)
@@ -99,6 +104,18 @@ class Stated:
         return replace(
             model, parameters=values, constraints=laws, initial=starts, stated=new
         )
+
+    def rests_on(self, names: Collection[str]) -> bool:
+        """Tell whether other numbers rest on these, see `Model.rests_on`."""
+        s = self.sections
+        given = {key.text: node for key, node in s.parameters}
+        if s.initial is not None and isinstance(s.initial[1], Mapping):
+            given |= {key.text: node for key, node in s.initial[1].entries}
+        own = (self.instead, self.starting, self.options)
+        instead = {name: argument("", x) for said in own for name, x in said.items()}
+        given |= {key: node for key, (_, node) in s.simulation.found.items()}
+        others = (x for name, x in {**given, **instead}.items() if name not in names)
+        return not words(*others).isdisjoint(names)
 
     def separated(self, model: Model) -> Separation:
         """Give `model` in other coordinates, see `Model.separated`."""

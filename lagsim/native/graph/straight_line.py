@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from lagsim.native.graph.keys import Layout
 
 _SIGNATURE = "double %t, ptr %y, ptr %p, ptr %out"
-_ARGUMENTS = "double %t, ptr %y, ptr %p, ptr %out"
 
 
 class Code(NamedTuple):
@@ -53,7 +52,7 @@ def generate(
     hoisted = fixed_nodes(g, functions, layout)
     places = {node: layout.size + k for k, node in enumerate(hoisted)}
     scratch = layout.size + len(hoisted)
-    writers = [_Writer(g, layout, scratch)]
+    writers = [Writer(g, layout, scratch)]
     writers[0].function("prepare", [(node, "p", k) for node, k in places.items()], {})
     for name, nodes in functions.items():
         stores = [
@@ -61,7 +60,7 @@ def generate(
             for k, node in enumerate(nodes)
             if node != g.zero or name not in sparse
         ]
-        writer = _Writer(
+        writer = Writer(
             g, layout, scratch, contract=name in contracted, wide=name in wide
         )
         manner = f" {UNOPTIMISED}" if name in rare else ""
@@ -130,8 +129,13 @@ def ordered(g: Graph, roots: Collection[int], places: Mapping[int, int]) -> list
     return list(sorted_ | dict.fromkeys(order))
 
 
-class _Writer(Lines):
-    """Writes one function."""
+class Writer(Lines):
+    """Writes one function.
+
+    signature: of the function, as it is defined and called.
+    """
+
+    signature = _SIGNATURE
 
     def __init__(self, g: Graph, layout: Layout, scratch: int, **how: bool) -> None:
         super().__init__(**how)
@@ -139,6 +143,19 @@ class _Writer(Lines):
         self.layout = layout
         self.scratch = scratch
         self.scratch_used = 0
+
+    @property
+    def passed_width(self) -> int:
+        """The numbers that a value takes which a later piece uses."""
+        return sincos.LANES if self.wide else 1
+
+    @property
+    def time_first(self) -> bool:
+        """Whether y begins with t."""
+        return self.wide
+
+    def _time(self) -> str:
+        return self._load("y", 0) if self.wide else "%t"
 
     def function(
         self,
@@ -161,13 +178,13 @@ class _Writer(Lines):
         ]  # fmt: skip
         for piece_name, piece in zip(names, pieces, strict=True):
             linkage = "" if piece_name == name else "internal "
-            head = f"define {linkage}void @{piece_name}({_SIGNATURE}){manner} {{"
+            head = f"define {linkage}void @{piece_name}({self.signature}){manner} {{"
             self.lines.append(head)
             self._piece(piece, places, passed, at_end)
             self.lines += ["ret void", "}"]
         if len(pieces) > 1:
-            self.lines.append(f"define void @{name}({_SIGNATURE}) {{")
-            self.lines += [f"call void @{p}({_ARGUMENTS})" for p in names]
+            self.lines.append(f"define void @{name}({self.signature}) {{")
+            self.lines += [f"call void @{p}({self.signature})" for p in names]
             self.lines += ["ret void", "}"]
 
     def _passed(
@@ -176,7 +193,7 @@ class _Writer(Lines):
         """Give the index in p of operations that a later piece uses."""
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
         passed: dict[int, int] = {}
-        width = sincos.LANES if self.wide else 1
+        width = self.passed_width
         for i, piece in enumerate(pieces):
             for n in piece:
                 for a in self.g.args[n] if n not in places else ():
@@ -250,9 +267,9 @@ class _Writer(Lines):
         if g.ops[n] == VARIABLE:
             name = str(g.payload(n))
             if name == "t":
-                return self._load("y", 0) if self.wide else "%t"
+                return self._time()
             if name in self.layout.y:
-                return self._load("y", self.layout.y[name] + self.wide)
+                return self._load("y", self.layout.y[name] + self.time_first)
             return self._load_same(self.layout.p[name])
         if n in places:
             return self._load_same(places[n])

@@ -43,6 +43,8 @@ class Calls(Expressions):
             math.floor: self._call_floor,
             words.at: self._call_at,
             words.total: self._call_total,
+            words.exponent: lambda node: self.exponent(*self._floats(node, 1)),
+            words.two_to: lambda node: self.two_to(*self._floats(node, 1)),
         }
 
     def _emit_call(self, node: ast.Call) -> Value:

@@ -35,6 +35,9 @@ from lagsim.native.kernels.keys import KernelError, as_kernel, is_own, names_in
 from lagsim.native.kernels.lines import PASSED, RETURNED
 from lagsim.native.kernels.source import Source
 from lagsim.native.kernels.statements import Statements
+from lagsim.native.kernels.wide import Wide
+from lagsim.native.kernels.wide_values import declaration
+from lagsim.native.kernels.wide_values import symbol as wide_symbol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -43,7 +46,10 @@ __all__ = ["KernelError", "bind", "translate"]
 
 
 def translate(
-    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
+    functions: Sequence[Callable[..., Any]],
+    statics: Mapping[str, object] | None = None,
+    *,
+    wide: bool = False,
 ) -> str:
     """Translate kernels, and those they call, to LLVM IR.
 
@@ -54,6 +60,8 @@ def translate(
         An external of the name of one of them is that one.
     statics : mapping, optional
         Values that stand before the globals of the same name, in every module.
+    wide : bool
+        Each takes several states at once, see `wide`.
 
     Returns
     -------
@@ -65,7 +73,7 @@ def translate(
     KernelError
         If a kernel leaves the subset.
     """
-    return _Translation(functions, statics or {}).text()
+    return _Translation(functions, statics or {}, wide=wide).text()
 
 
 def bind(
@@ -117,9 +125,14 @@ class _Translation:
     """The functions found so far, and the text they need besides their own."""
 
     def __init__(
-        self, functions: Sequence[Callable[..., Any]], statics: Mapping[str, object]
+        self,
+        functions: Sequence[Callable[..., Any]],
+        statics: Mapping[str, object],
+        *,
+        wide: bool,
     ) -> None:
         self.statics = statics
+        self.wide = wide
         self.known: dict[FunctionType, tuple[str, Source]] = {}
         self.symbols: set[str] = set()
         self.waiting: list[tuple[str, Source]] = []
@@ -137,7 +150,8 @@ class _Translation:
         while self.waiting:
             symbol, source = self.waiting.pop(0)
             linkage = "" if symbol in self.exported else "internal "
-            defined.append(Statements(source, self).definition(symbol, linkage))
+            made = (Wide if self.wide else Statements)(source, self)
+            defined.append(made.definition(symbol, linkage))
             used |= source.function.__globals__.keys()
         if unknown := self.statics.keys() - used:
             raise KernelError(
@@ -192,8 +206,12 @@ class _Translation:
                 )
             symbol = f"{symbol}.{len(self.symbols)}"
         self.symbols.add(symbol)
+        if source.external and self.wide:
+            symbol = wide_symbol(symbol)
         self.known[function] = symbol, source
-        if source.external:
+        if source.external and self.wide:
+            self.declare(declaration(source))
+        elif source.external:
             kinds = ", ".join(PASSED[kind] for _, kind in source.parameters)
             result = RETURNED[source.result]
             self.declare(f"declare {result} @{symbol}({kinds}) nounwind")

@@ -22,12 +22,15 @@ if TYPE_CHECKING:
 
     from lagsim.native.kernels.keys import Static
 
+# States that wide kernels take at once, see `wide`: a register of AVX-512, two of AVX2.
+LANES: Final = 8
 LLVM: Final = {
     "int": "i64",
     "float": "double",
     "bool": "i1",
     "Floats": "ptr",
     "None": "void",
+    "flags": f"<{LANES} x i1>",
 }
 PASSED: Final = LLVM | {"bool": "i1 zeroext"}
 RETURNED: Final = LLVM | {"bool": "zeroext i1"}
@@ -68,6 +71,14 @@ define internal i64 @int.mod(i64 %a, i64 %b) alwaysinline {
 }
 """,
 }
+
+
+# 2^52 in the exponent: a whole number in the bits below it is added to 2^52. Less that,
+# and less the bias of exponents.
+_WHOLE: Final = 0x4330000000000000
+_BIASED: Final = 2.0**52 + 1023.0
+# Added to a whole number, this leaves it, with the bias, in the last bits.
+_ROUNDER: Final = 1.5 * 2.0**52 + 1023.0
 
 
 class Value(NamedTuple):
@@ -168,7 +179,7 @@ class Lines(Folding):
             advice = "; compare it"
         raise self.source.error(node, f"{what} is {value.kind}, not {kind}{advice}")
 
-    def literal(self, node: ast.expr, known: Static) -> Value:
+    def literal(self, node: ast.AST, known: Static) -> Value:
         """Give a number or a condition known at translation."""
         if isinstance(known, bool):
             return Value("true" if known else "false", "bool")
@@ -205,6 +216,28 @@ class Lines(Folding):
         self.program.declare(f"declare double @llvm.{name}.f64({types})")
         passed = ", ".join(f"double {v.text}" for v in values)
         return self.op("float", f"call double @llvm.{name}.f64({passed})")
+
+    def bits(self, text: str) -> Value:
+        """Add an instruction on the bits of numbers."""
+        return self.op("bits", text)
+
+    def exponent(self, x: Value) -> Value:
+        """Emit the exponent of a number, see `words`."""
+        bits = self.bits(f"bitcast double {x.text} to i64").text
+        bits = self.bits(f"lshr i64 {bits}, 52").text
+        bits = self.bits(f"and i64 {bits}, 2047").text
+        bits = self.bits(f"or i64 {bits}, {_WHOLE}").text
+        whole = self.bits(f"bitcast i64 {bits} to double").text
+        less = self.literal(self.source.node, _BIASED).text
+        return self.op("float", f"fsub double {whole}, {less}")
+
+    def two_to(self, k: Value) -> Value:
+        """Emit a power of two, see `words`."""
+        more = self.literal(self.source.node, _ROUNDER).text
+        last = self.op("float", f"fadd double {k.text}, {more}").text
+        bits = self.bits(f"bitcast double {last} to i64").text
+        bits = self.bits(f"shl i64 {bits}, 52").text
+        return Value(self.bits(f"bitcast i64 {bits} to double").text, "float")
 
     def floored(self, helper: str, left: Value, right: Value) -> Value:
         """Emit `//` or `%` of integers."""

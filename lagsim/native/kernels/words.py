@@ -8,6 +8,7 @@ gives the same bits.
 from __future__ import annotations
 
 import functools
+import struct
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
@@ -58,6 +59,22 @@ def total(terms: Iterable[float]) -> float:
     for term in iterator:
         result = result + term
     return result
+
+
+def exponent(x: float) -> float:
+    """Give the whole number k of |x| = m 2^k, 1 <= m < 2, from the bits of x.
+
+    Of 0 and of what is smaller than normal numbers -1023; of inf and nan 1024.
+    """
+    (bits,) = struct.unpack("<Q", struct.pack("<d", x))
+    return float((bits >> 52 & 2047) - 1023)
+
+
+def two_to(k: float) -> float:
+    """Give 2^k of a whole number k, -1022 <= k <= 1023, by its bits."""
+    found: float
+    (found,) = struct.unpack("<d", struct.pack("<Q", int(k) + 1023 << 52))
+    return found
 
 
 def external(function: Callable[P, R]) -> Callable[P, R]:

@@ -69,13 +69,16 @@ def object_code(made_from: str, generate: Callable[[], Code]) -> tuple[bytes, in
 
 
 def kernel_object(
-    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
+    functions: Sequence[Callable[..., Any]],
+    statics: Mapping[str, object] | None = None,
+    *,
+    wide: bool = False,
 ) -> bytes:
     """Give the object code of kernels; translates only what is not in the cache.
 
     Parameters
     ----------
-    functions, statics : sequence of functions, mapping
+    functions, statics, wide : sequence of functions, mapping, bool
         As for `code.translate`.
 
     Raises
@@ -84,7 +87,8 @@ def kernel_object(
         If a kernel leaves the subset.
     """
     made_from = ["kernel", keys.fingerprint(functions, statics)]
-    return _kept(made_from, lambda: _translated(functions, statics))
+    made_from += ["wide"] if wide else []
+    return _kept(made_from, lambda: _translated(functions, statics, wide=wide))
 
 
 def begin_kernel_object(
@@ -97,11 +101,15 @@ def begin_kernel_object(
 
 
 def _translated(
-    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None
+    functions: Sequence[Callable[..., Any]],
+    statics: Mapping[str, object] | None,
+    *,
+    wide: bool = False,
 ) -> bytes:
     from lagsim.native.kernels import code  # only first runs translate
 
-    return engine.compile_object(code.translate(functions, statics), optimise=True)
+    ir = code.translate(functions, statics, wide=wide)
+    return engine.compile_object(ir, optimise=True)
 
 
 def folder(name: str = "objects") -> Path | None:

@@ -36,6 +36,11 @@ class Extremes:
         self.last: float | None = None
         self.end, self.low, self.high = np.full((3, self._columns), np.nan)
 
+    @property
+    def told(self) -> Floats:
+        """All three of them (3, columns)."""
+        return np.stack([self.end, self.low, self.high])
+
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
         if not len(rows):

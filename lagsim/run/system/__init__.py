@@ -74,6 +74,8 @@ class System:
         Object code of the model's functions.
     operations : int
         About how many one evaluation takes, of y' or of its series.
+    made_from : tuple
+        What has been compiled, name -> nodes, and the fields of its `Layout`.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -150,6 +152,8 @@ class System:
             keys.fingerprint(equations.graph, nodes_of, layout, plan.tape, MANNER),
             lambda: self._code(nodes_of, layout),
         )
+        self.made_from: tuple[dict[str, list[int]], tuple[Any, ...]]
+        self.made_from = nodes_of, tuple(layout)
         self._layout_of = layout.p
         self.p: Parameters = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]

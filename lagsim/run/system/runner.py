@@ -201,17 +201,20 @@ class Runner:
 
 def linked(system: Compiled, name: str) -> Engine:
     """Link the functions of a system with the kernels of a method."""
+    return Engine(objects_of(system, name))
+
+
+def objects_of(system: Compiled, name: str) -> list[bytes]:
+    """Give what is linked."""
     from lagsim.methods.parts import driver
     from lagsim.native.link.cache import kernel_object
 
     statics = _statics(system, name)
-    return Engine(
-        [
-            *system.objects,
-            kernel_object(*of_method(system, name)),
-            kernel_object([driver.advance, driver.tabulate], statics),
-        ]
-    )
+    return [
+        *system.objects,
+        kernel_object(*of_method(system, name)),
+        kernel_object([driver.advance, driver.tabulate], statics),
+    ]
 
 
 def of_method(

@@ -77,6 +77,12 @@ def _resting_on(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, 
     return equations.q, nodes, tuple(values.get(name) for name in exponents)
 
 
+def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[str]:
+    """Give the names on whose values it rests what sleeps."""
+    nodes = tuple(motion_nodes(equations))
+    return frozenset(_exponents(equations.graph, nodes, tuple(ends)))
+
+
 @remembered
 def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
     """Give the names in exponents: on their values it rests what sleeps."""

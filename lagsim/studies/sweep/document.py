@@ -28,8 +28,12 @@ TOLD = ("end", "min", "max")
 def header(found: Found) -> list[str]:
     """Give the columns of sweep.csv."""
     names = [axis.name for axis in found.grid.axes]
-    told = [f"{column}.{x}" for column in found.columns[1:] for x in TOLD]
+    told = [f"{column}.{x}" for column in found.columns[1:] for x in _told(found)]
     return [*names, OUTCOME, COMPLETE, ERROR, f"{found.columns[0]}.end", *told, REASON]
+
+
+def _told(found: Found) -> tuple[str, ...]:
+    return TOLD[:1] if found.work.ends else TOLD
 
 
 def cells(found: Found, row: Row) -> Iterator[object]:
@@ -37,7 +41,7 @@ def cells(found: Found, row: Row) -> Iterator[object]:
     yield from (*row.values, row.outcome, row.complete, row.error)
     numbers = row.numbers.T.tolist()
     if not numbers:
-        yield from [None] * (1 + len(TOLD) * (len(found.columns) - 1))
+        yield from [None] * (1 + len(_told(found)) * (len(found.columns) - 1))
     else:
         yield numbers[0][0]
         for column in numbers[1:]:
@@ -61,6 +65,7 @@ def identity(found: Found) -> dict[str, Any]:
         "grid": [[axis.name, list(axis.texts)] for axis in work.grid.axes],
         "options": dict(work.options) | {"error_bar": work.error_bars.value},
         "kept": [work.kept is not None, work.plots],
+        **({"ends": True} if work.ends else {}),
     }
 
 

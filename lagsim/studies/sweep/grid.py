@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from lagsim.model.model import Model
 
@@ -19,6 +19,7 @@ MOST_RUNS = 10**6
 # A comma that separates values, not arguments of a function.
 _COMMA = re.compile(r",(?![^()]*\))")
 _NUMBER = re.compile(r"-?\d+\.?\d*(e[-+]?\d{1,2})?", re.ASCII)
+_WORD = re.compile(r"\w+")
 EXAMPLE = "such as K=10:40:7 (from, to, how many) or K=10,20,40"
 # The other columns of sweep.csv that have no dot in their names.
 OUTCOME, COMPLETE, ERROR, REASON = "outcome", "complete", "error", "reason"
@@ -67,6 +68,10 @@ class Axis(NamedTuple):
                 x = value_of(bound(model, {name: text}), name)
             values.append(x)
         return cls(name, starts, tuple(texts), tuple(values), unit)
+
+    def says(self, names: Collection[str]) -> bool:
+        """Tell whether a value is an expression of any of these names."""
+        return any(not set(_WORD.findall(x)).isdisjoint(names) for x in self.texts)
 
 
 class Grid(NamedTuple):

@@ -119,5 +119,5 @@ class Journal:
 
 def _row(line: bytes) -> tuple[int, Row]:
     number, values, outcome, complete, error, reason, numbers, form = json.loads(line)
-    cells = np.array(numbers, dtype=float).reshape(3, -1)
+    cells = np.array(numbers, dtype=float)
     return number, Row(tuple(values), outcome, complete, error, reason, cells, form)

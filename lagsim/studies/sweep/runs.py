@@ -12,6 +12,7 @@ import functools
 import gc
 import pickle
 import zlib
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -24,11 +25,12 @@ from lagsim.run.session import Clock, Session, StartError, examined, wanted
 from lagsim.run.system.columns import Columns
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.attempts import Attempts, ErrorBars
+from lagsim.studies.sweep.ends import EndsOfRuns
 from lagsim.studies.sweep.grid import Grid, bound, value_of
 from lagsim.studies.sweep.kept import written
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Generator, Iterator, Mapping
 
     from lagsim.language.arrays import Floats
     from lagsim.model.model import Model
@@ -37,9 +39,12 @@ if TYPE_CHECKING:
 
 # So many ways of compiling a model are kept; the one longest out of use goes.
 MOST_FORMS = 16
+# Runs that are looked at and made together: some tens of milliseconds.
+AT_ONCE = 256
 # Runs leave circles of objects behind, which are collected after so many: the young
 # ones only, all else is there to stay.
 COLLECTED = 50
+DONE = Outcome.DONE.word
 INADMISSIBLE, UNUSABLE = "inadmissible", "unusable"
 NOTHING = np.empty((3, 0))
 
@@ -47,7 +52,8 @@ NOTHING = np.empty((3, 0))
 class Work(NamedTuple):
     """What all runs of a sweep have in common; `model` is a pickled Model.
 
-    `kept` is where each run's folder goes, if it is to be kept.
+    `kept` is where each run's folder goes, if it is to be kept. `ends`: of each column
+    the last value is all that is asked for.
     """
 
     model: bytes
@@ -56,6 +62,7 @@ class Work(NamedTuple):
     error_bars: ErrorBars
     kept: str | None = None
     plots: bool = False
+    ends: bool = False
 
 
 class Piece(NamedTuple):
@@ -75,8 +82,8 @@ class Row(NamedTuple):
     error : float or None
         The estimated error, as a part of a coordinate's range.
     numbers : ndarray, shape (3, columns)
-        What each column ends with, and its least and greatest value; of no columns
-        where there was no run.
+        What each column ends with, and its least and greatest value, or (1, columns)
+        where ends are all that is asked for; of no columns where there was no run.
     form : int
         The same for runs with the same compiled functions; 0 where there was no run.
     """
@@ -92,17 +99,54 @@ class Row(NamedTuple):
 
 def rows_of(piece: Piece, interrupt: Interrupt) -> list[tuple[int, Row]]:
     """Make the rows of a piece; fewer where an end is asked for."""
-    return list(made(piece, interrupt))
+    return [row for rows in made(piece, interrupt) for row in rows]
 
 
-def made(piece: Piece, interrupt: Interrupt) -> Iterator[tuple[int, Row]]:
-    """Make them one by one."""
+def made(piece: Piece, interrupt: Interrupt) -> Iterator[list[tuple[int, Row]]]:
+    """Make them one by one; of ends alone some at a time."""
     runs = runs_of(piece.work)
-    for number in piece.numbers:
+    numbers = piece.numbers
+    if piece.work.ends and numbers:
+        # The first run tells how the others are made.
+        first = runs.row(numbers[0], interrupt)
+        if first is None:
+            return
+        yield [(numbers[0], first)]
+        numbers = yield from _made_together(runs, numbers[1:], interrupt)
+    for number in numbers:
         row = None if interrupt.asked else runs.row(number, interrupt)
         if row is None:
             return
-        yield number, row
+        yield [(number, row)]
+
+
+def _made_together(
+    runs: Runs, numbers: tuple[int, ...], interrupt: Interrupt
+) -> Generator[list[tuple[int, Row]], None, tuple[int, ...]]:
+    """Make rows side by side; give the runs that cannot be made so."""
+    together = runs.together
+    if together is None:
+        return numbers
+    for first in range(0, len(numbers), AT_ONCE):
+        some = numbers[first : first + AT_ONCE]
+        found = None if interrupt.asked else together.made(some, interrupt)
+        if found is None:
+            return ()
+        values, plain, ends = found
+        rows: list[tuple[int, Row]] = []
+        cells, form = ends.ended[:, None, : len(runs.columns)], runs.form
+        for k, own in enumerate(values.swept.tolist()):
+            row: Row | None
+            if plain[k]:
+                row = Row(tuple(own), DONE, True, None, "", cells[k], form)
+            else:
+                row = runs.row(some[k], interrupt)
+            if row is None:
+                yield rows
+                return ()
+            rows.append((some[k], row))
+        yield rows
+    return ()
 
 
 @functools.lru_cache(maxsize=2)
@@ -180,7 +224,7 @@ class Runs:
             complete,
             None if isinstance(bar, str) else bar.relative,
             "" if complete else trajectory.reason,
-            np.stack([extremes.end, extremes.low, extremes.high]),
+            extremes.end[None] if self.work.ends else extremes.told,
             _mark(session),
         )
 
@@ -208,6 +252,25 @@ class Runs:
             )
         attempts = Attempts(extremes, interrupt, Clock(), error_bars=work.error_bars)
         return attempts.best(session)
+
+    @cached_property
+    def together(self) -> EndsOfRuns | None:
+        """What makes the ends of many runs at once, of the form of the last one.
+
+        None where there is none, or its runs are made one by one.
+        """
+        form = self._forms[0]
+        if form.session is None:
+            return None
+        found = EndsOfRuns(form.session, self.work.grid, form.options)
+        return None if found.refusal else found
+
+    @property
+    def form(self) -> int:
+        """The number of that form."""
+        session = self._forms[0].session
+        assert session is not None
+        return _mark(session)
 
 
 def _reason(error: StartError | InputError) -> str:

@@ -117,9 +117,9 @@ def _made(
     missing, work = found.missing, found.work
     # What this process works, whatever others do beside it.
     done, began, lasted = 0, time.process_time(), 0.0
-    for row in made(Piece(work, tuple(missing)), interrupt):
-        yield [row]
-        done += 1
+    for rows in made(Piece(work, tuple(missing)), interrupt):
+        yield rows
+        done += len(rows)
         lasted = max(time.process_time() - began, SHORTEST_SECONDS)
         to_come = (len(missing) - done) * lasted / done
         worth = lasted > ALONE_SECONDS and to_come > WORTH_SECONDS

@@ -1,0 +1,48 @@
+"""Many starts at once against one by one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagsim.admissibility import examine
+from lagsim.admissibility.many import clear_starts, needs_no_solve
+from lagsim.errors import InputError
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read
+
+# M = [[1, c], [c, 1]] is positive for |c| < 1; the force is finite for x > 0.
+COUPLED = """\
+parameters: {c: 0.5}
+coordinates: {x: , y: }
+energy:
+  kinetic: x_dot^2/2 + y_dot^2/2 + c*x_dot*y_dot
+  potential: sqrt(x) + y^2
+initial: {x: 1, y: 0}
+simulation: {duration: 1}
+"""
+
+
+def test_verdicts_are_those_of_each_alone() -> None:
+    model = read(COUPLED, "m.yaml")
+    equations = derive(model)
+    c = np.array([0.0, 0.5, 0.999, 1.0, -1.0, 2.0, 0.5, 0.5, np.nan])
+    x = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, -1.0, 1.0])
+    values = {"t": 0.0, "c": c, "x": x, "y": 0.0, "x_dot": 0.0, "y_dot": 0.0}
+    found = clear_starts(equations, values, len(c))
+    assert found.tolist() == [True] * 3 + [False] * 6
+    for k in range(8):
+        bound = equations.of(model.bind(c=float(c[k]), x=float(x[k])))
+        if found[k]:
+            assert examine(bound).admissible
+        else:
+            with pytest.raises(InputError):
+                examine(bound)
+
+
+def test_what_is_solved_for_is_left_to_each() -> None:
+    held = COUPLED + "constraints: {held: x - y = 1}\n"
+    assert needs_no_solve(derive(read(COUPLED, "m.yaml")))
+    assert not needs_no_solve(derive(read(held, "m.yaml")))
+    guessed = held.replace("y: 0}", "y: {guess: 0}}")
+    assert not needs_no_solve(derive(read(guessed, "m.yaml")))
