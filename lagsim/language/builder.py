@@ -40,14 +40,23 @@ class Builder(Protocol):
 
 
 class Coefficients(Protocol):
-    """Taylor coefficients along a motion; see `Series`."""
+    """Taylor coefficients of one order k along a motion; see `series.Recurrences`.
+
+    Those of order 0 are the nodes themselves.
+    """
 
     @property
     def g(self) -> Builder:
         """The graph that they are made on."""
 
-    def __call__(self, n: int, k: int) -> int:
+    def __call__(self, n: int) -> int:
         """Give the coefficient of order k of a node."""
+
+    def inner(self, a: int, b: int) -> int:
+        """Give the sum of a_j b_(k-j), j from 1 to k - 1."""
+
+    def inner_rate(self, a: int, b: int) -> int:
+        """Give the sum of j/k a_j b_(k-j), j from 1 to k - 1."""
 
     def moves(self, n: int) -> bool:
         """Tell whether a node changes along the motion."""

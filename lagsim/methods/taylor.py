@@ -1,13 +1,14 @@
 """Taylor: the motion's own power series, made on the graph of the equations.
 
 The coefficients up to order K come from recurrences, operation by operation, as
-straight-line code. K follows from the tolerance (15 at the default), the step from the
-last four coefficients: two alone vanish where a start is symmetric, and the error then
-grows without a warning. The next step's series, which is needed anyway, tells how far
-the motion is off the equations at the step's end: a step that is too long is made anew.
-Where that happens to most steps the scene is stiff. Rows between steps are the series
-itself, to full order. The method for tight tolerances; its code grows with the square
-of K and takes longer to compile. On the imaginary axis order 15 does not grow for
+straight-line code, or, where that is long, as a loop over the order that makes the
+products of one coefficient side by side. K follows from the tolerance (15 at the
+default), the step from the last four coefficients: two alone vanish where a start is
+symmetric, and the error then grows without a warning. The next step's series, which is
+needed anyway, tells how far the motion is off the equations at the step's end: a step
+that is too long is made anew. Where that happens to most steps the scene is stiff. Rows
+between steps are the series itself, to full order. The method for tight tolerances; it
+takes longer to compile than others. On the imaginary axis order 15 does not grow for
 step * frequency below 1.66, and beyond by less than its truncation error, which is what
 bounds the step.
 

@@ -32,14 +32,26 @@ def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) 
 def step_cost(equations: Equations) -> float:
     """Give about what a step takes, projection included."""
     n, m = len(equations.q), len(equations.rows)
-    rates = [x.rate for x in equations.quadratures]
     try:
-        q, lam = Elimination(equations, affordable(n, m)).motion()
-        evaluation = evaluation_cost(equations, [*q, *lam, *rates], loops=False)
+        return sum(step_parts(equations, Elimination(equations, affordable(n, m))))
     except TooLongError:
-        nodes = [*equations.mass_nodes, *equations.f, *rates]
+        nodes = [*equations.mass_nodes, *equations.f, *_rates(equations)]
         nodes += [a for row in equations.rows for a in row.A.entries.values()]
-        evaluation = evaluation_cost(equations, nodes, loops=True)
-    size = 2 * n + len(equations.quadratures)
-    solves = SOLVES if m else 0
-    return STAGES * (evaluation + PER_COMPONENT * size) + solves * evaluation
+        return sum(_parts(equations, evaluation_cost(equations, nodes, loops=True)))
+
+
+def step_parts(equations: Equations, solved: Elimination) -> tuple[float, float]:
+    """Give what a step of order 8 takes for its projection, and for its stages."""
+    q, lam = solved.motion()
+    nodes = [*q, *lam, *_rates(equations)]
+    return _parts(equations, evaluation_cost(equations, nodes, loops=False))
+
+
+def _parts(equations: Equations, evaluation: float) -> tuple[float, float]:
+    size = 2 * len(equations.q) + len(equations.quadratures)
+    solves = SOLVES if equations.rows else 0
+    return solves * evaluation, STAGES * (evaluation + PER_COMPONENT * size)
+
+
+def _rates(equations: Equations) -> list[int]:
+    return [x.rate for x in equations.quadratures]

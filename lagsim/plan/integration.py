@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from lagsim.errors import InputError, Problem
@@ -9,8 +10,9 @@ from lagsim.mechanics.structure import structure
 from lagsim.methods import method, names
 from lagsim.methods.parts.state import USUAL_RADIUS
 from lagsim.notes import Choice
+from lagsim.plan.cost import step_parts
 from lagsim.plan.plan import ANY
-from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_length
+from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_cost
 
 if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
@@ -23,13 +25,22 @@ STRAIGHT_ONLY = frozenset(("series", "linear"))
 # The exponential's matrices are dense: measured, 40 states take half of DOP853's time,
 # 120 nine times as much.
 MOST_STATES = 50
-# A series of so many operations compiles in a few tenths of a second, and beats DOP853
-# by two at the default tolerance and by three at 1e-13; a longer one gains less and
-# costs more on a machine that sees the model for the first time.
-SHORT_SERIES = 6000
-# A series takes not less for each operation of y' that moves (measured: 50 to 120 where
-# y' is not linear), so that longer ones need no closer look.
-LEAST_PER_NODE = 20
+# With more operations of y' that move no series pays, and nobody looks at it: what an
+# order keeps leaves the processor's nearest memory.
+MOST_MOVING = 1500
+# What a step takes, in ns (measured on fourteen scenes, within a third): DOP853's for
+# itself and each operation, a series' likewise, which doubles where the series takes
+# so many operations.
+DOP853_STEP, DOP853_OPERATION = 500.0, 0.2
+SERIES_STEP, SERIES_OPERATION, SERIES_DOUBLED = 400.0, 0.13, 50_000
+# DOP853 makes so many steps for one of the series at 1e-8 (measured: 1.1 to 1.5), and
+# so many times as many at a tenth of a tolerance (1.9 to 3.1 at 1e-11).
+MORE_STEPS, PER_DECADE = 1.3, 1.23
+# With constraints left only a shorter one is taken unasked: where a linkage passes a
+# change point, longer series of what its rows divide by were seen without an error bar.
+MOST_CONSTRAINED = 6000
+# What gains less than this is not worth the time that a series takes to compile.
+PAYS = 1.25
 # At looser tolerances a tenth and more of its steps are made in vain.
 SERIES_RTOL = 1e-6
 
@@ -76,19 +87,29 @@ def _automatic(
     if solved is not None:
         if scene.linear_time_invariant and 2 * len(equations.q) <= MOST_STATES:
             return Choice("method: exponential", "linear, and time stands nowhere")
-        few = len(_moving(equations, solved)) * LEAST_PER_NODE <= SHORT_SERIES
-        if 0.0 < rtol <= SERIES_RTOL and few:
-            length = series_length(equations, solved, rtol)
-            if length <= SHORT_SERIES:
-                reason = f"its series is short, about {length} operations"
-                return Choice("method: taylor", reason)
+        gain = _gain(equations, solved, rtol)
+        if gain >= PAYS:
+            reason = f"its series takes about 1/{gain:.1f} of {ANY}'s time"
+            return Choice("method: taylor", reason)
     return Choice(f"method: {ANY}", "order 8, the most digits for smooth motion")
 
 
-def _moving(equations: Equations, solved: Elimination) -> set[int]:
-    """Give the operations of y' that change with the state or with time."""
+def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
+    """Estimate DOP853's time in units of that of a series; 0 where it is too long."""
     names = (*equations.q, *equations.velocities, "t")
-    return equations.graph.dependent(motion_rates(equations, solved), names)
+    moving = equations.graph.dependent(motion_rates(equations, solved), names)
+    if not 0.0 < rtol <= SERIES_RTOL or len(moving) > MOST_MOVING:
+        return 0.0
+    solves, stages = step_parts(equations, solved)
+    operations = solves + series_cost(equations, solved, rtol).operations
+    if equations.rows and operations > MOST_CONSTRAINED:
+        return 0.0
+    more = 1.0 + operations / SERIES_DOUBLED
+    series = SERIES_STEP + SERIES_OPERATION * more * operations
+    dop853 = DOP853_STEP + DOP853_OPERATION * (solves + stages)
+    decades = math.log10(1e-8 / rtol)
+    steps = MORE_STEPS * math.pow(PER_DECADE, decades)
+    return steps * dop853 / series
 
 
 def _asked(
@@ -151,12 +172,14 @@ def _check_straight(
     if elimination is not None:
         if "series" not in method(name).NEEDS:
             return
-        length = series_length(equations, elimination, settings.tolerance)
-        if length <= MOST_OPERATIONS:
-            reason = f"about {length} operations per step"
-            choices.append(Choice("series: straight-line code", reason))
+        cost = series_cost(equations, elimination, settings.tolerance)
+        operations = cost.operations
+        if operations <= MOST_OPERATIONS:
+            form = "a loop over the order" if cost.loop else "straight-line code"
+            reason = f"about {operations} operations per step"
+            choices.append(Choice(f"series: {form}", reason))
             return
-        text = f"its series takes about {length} operations, over {MOST_OPERATIONS}"
+        text = f"its series takes about {operations} operations, over {MOST_OPERATIONS}"
         hint += "; a larger --rtol makes the series shorter"
     text = f"`{name}` cannot handle this model: {text}"
     raise InputError([Problem("method-refused", text, settings.method_place, hint)])

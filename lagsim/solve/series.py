@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.graph import remembered
 from lagsim.language.normal_form import normal_form
-from lagsim.language.series import series_operations, taylor_series
+from lagsim.language.series import (
+    ORDERS,
+    Recurrence,
+    recurrence,
+    series_operations,
+    taylor_series,
+)
 from lagsim.methods.taylor import order_for
 
 if TYPE_CHECKING:
@@ -15,9 +21,19 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
+    from lagsim.native.graph.keys import Loop
 
-# Straight-line code this long compiles in 2 to 3 s (measured: 0.12 s per thousand).
-MOST_OPERATIONS = 20_000
+# What a loop over the order takes may be so much: it compiles in about a second.
+MOST_OPERATIONS = 500_000
+# Operations of straight-line code that fit into the processor's nearest memory; what is
+# longer waits for its instructions, each as long as so many more take.
+CACHED, WAITING = 3700, 3.0
+# What an order takes in a loop, in operations of straight-line code (0.13 ns), and each
+# operation of its code (measured: 18 ns with 40 of them and 6 products, 330 ns with
+# 1,494 and 188).
+PER_ORDER, PER_NODE = 90.0, 1.2
+# Of the inner sums, eight terms of which are one instruction.
+PER_TERM = 0.3
 
 
 def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
@@ -30,22 +46,51 @@ def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
     return [*velocities, *accelerations, *g.substitute(e.quadrature_rates, new)]
 
 
-def series_length(equations: Equations, elimination: Elimination, rtol: float) -> int:
-    """Estimate the operations of one step's series, without making it."""
-    rates = tuple(motion_rates(equations, elimination))
-    return _length(equations.graph, _state(equations), rates, order_for(rtol))
+class Cost(NamedTuple):
+    """What one step's series takes, in operations of straight-line code."""
+
+    operations: int
+    loop: bool
 
 
-def motion_series(equations: Equations, rates: Sequence[int], rtol: float) -> list[int]:
+def series_cost(equations: Equations, elimination: Elimination, rtol: float) -> Cost:
+    """Estimate what a series takes in the form that takes less."""
+    g, state = equations.graph, _state(equations)
+    rates = _shorter(g, state, tuple(motion_rates(equations, elimination)))
+    return _cost(g, state, rates, order_for(rtol))
+
+
+def motion_series(
+    equations: Equations, rates: Sequence[int], rtol: float, *, loop: bool = True
+) -> list[int] | Loop:
     """Give the order for a tolerance, then the coefficients (order + 1, size).
 
-    `rates` is y' with its branches frozen: a series made before would not know those
-    of the arc.
+    As nodes, or as a loop over the order where that takes less, if `loop`; tapes run
+    none. `rates` is y' with its branches frozen: a series made before would not know
+    those of the arc.
     """
     g, order = equations.graph, order_for(rtol)
     state = _state(equations)
-    rows = taylor_series(g, state, _shorter(g, state, tuple(rates)), order)
+    shorter = _shorter(g, state, tuple(rates))
+    cost = _cost(g, state, shorter, order)
+    if cost.loop and loop:
+        from lagsim.native.graph.keys import Loop  # what is only checked has none
+
+        return Loop(_recurrence(g, state, shorter), order, cost.operations)
+    rows = taylor_series(g, state, shorter, order)
     return [g.constant(order), *(node for row in rows for node in row)]
+
+
+@remembered
+def _cost(g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int) -> Cost:
+    length = series_operations(g, state, rates, order)
+    straight = length + WAITING * max(0, length - CACHED)
+    loop = _recurrence(g, state, rates)
+    variables = (*ORDERS, *(str(g.payload(n)) for n in (*loop.carried, *loop.sums)))
+    body = PER_NODE * len(g.dependent(loop.made, variables))
+    sums = 0.5 * order * PER_TERM * len(loop.sums)
+    looped = len(g.cone(loop.rates)) + order * (PER_ORDER + body + sums)
+    return Cost(int(min(straight, looped)), looped < straight)
 
 
 def _state(equations: Equations) -> tuple[int, ...]:
@@ -55,10 +100,8 @@ def _state(equations: Equations) -> tuple[int, ...]:
 
 
 @remembered
-def _length(
-    g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int
-) -> int:
-    return series_operations(g, state, _shorter(g, state, rates), order)
+def _recurrence(g: Graph, state: tuple[int, ...], rates: tuple[int, ...]) -> Recurrence:
+    return recurrence(g, state, rates)
 
 
 @remembered

@@ -69,7 +69,7 @@ def series_at(text: str, x: float) -> list[float]:
     v = g.variable("x")
     node = parse(text).build(g, g.variable)
     series = Series(g, {v: g.one})
-    return list(evaluate(g, [series(node, k) for k in range(1, ORDER)], {"x": x}))
+    return list(evaluate(g, [series.at(node, k) for k in range(1, ORDER)], {"x": x}))
 
 
 EXACT = {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import mpmath as mp
 import pytest
 from hypothesis import given
@@ -10,7 +12,16 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import Graph
 from lagsim.language.normal_form import normal_form
-from lagsim.language.series import Series, series_operations, taylor_series
+from lagsim.language.series import (
+    OVER_K,
+    OVER_NEXT,
+    TIME,
+    K,
+    Series,
+    recurrence,
+    series_operations,
+    taylor_series,
+)
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.ldl import Elimination
 from lagsim.model.reader import read_file
@@ -41,7 +52,7 @@ def value(coefficients, t):
 def coefficients(g, node, **values):
     series = Series(g, {g.variable("t"): g.one})
     series.extend([node], ORDER)
-    nodes = [series(node, k) for k in range(ORDER + 1)]
+    nodes = [series.at(node, k) for k in range(ORDER + 1)]
     return evaluate(g, nodes, {"t": START, **values})
 
 
@@ -164,3 +175,63 @@ def _value(op, args):
     if isinstance(x, mp.mpc) or not (x == 0 or 1e-12 < abs(x) < 1e12):
         raise OutsideError
     return x
+
+
+def by_recurrence(g, state, rates, order, values):
+    """Give y_0 ... y_order from the recurrence, each sum made by itself."""
+    r = recurrence(g, state, rates)
+    names = [g.payload(n) for n in (*r.carried, *r.sums)]
+    rows = [evaluate(g, nodes, values) for nodes in (r.state, r.rates)]
+    made = []
+    for k in range(1, order):
+        back = made[::-1]
+        sums = [
+            math.fsum(a[2 * i] * b[2 * i + 1] for a, b in zip(made, back, strict=True))
+            for i in range(len(r.sums))
+        ]
+        known = dict(zip(names, [*rows[-1], *sums], strict=True))
+        known |= {K: k, OVER_K: 1 / k, OVER_NEXT: 1 / (k + 1), TIME: float(k == 1)}
+        found = evaluate(g, r.made, {**values, **known})
+        rows.append(found[: len(state)])
+        made.append(found[len(state) :])
+    return rows
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_function_by_the_recurrence(name):
+    # y' = f(a(t), b(t)): y_(k+1) = f_k/(k + 1).
+    g = Graph()
+    laws = [MOVED.get(name, X), Y][: len(CASES[name].domain)]
+    node = g.call(name, *(moving(g, law) for law in laws))
+    rows = by_recurrence(g, [g.variable("y")], [node], ORDER + 1, {"t": START, "y": 2})
+    assert rows[0] == [2]
+    found = [row[0] * k for k, row in enumerate(rows)][1:]
+    exact = CASES[name].exact
+    assert_taylor(found, lambda t: exact(*(value(c, t) for c in laws)))
+
+
+@pytest.mark.parametrize("p", [2, 3, -2, 1.5, 2.3, 65])
+def test_powers_by_the_recurrence(p):
+    g = Graph()
+    node = g.call("pow", moving(g, Y), g.constant(p))
+    rows = by_recurrence(g, [g.variable("y")], [node], ORDER + 1, {"t": START, "y": 2})
+    found = [row[0] * k for k, row in enumerate(rows)][1:]
+    assert_taylor(found, lambda t: mp.power(value(Y, t), mp.mpf(p)))
+
+
+def test_a_motion_by_the_recurrence():
+    # x' = v, v' = -x: neither coefficient may be taken for the next one.
+    g = Graph()
+    x, v = map(g.variable, "xv")
+    rows = by_recurrence(g, [x, v], [v, g.call("neg", x)], 8, {"x": 1.0, "v": 0.0})
+    for k, row in enumerate(rows):
+        sign = (-1.0) ** ((k + 1) // 2) / math.factorial(k)
+        assert row == pytest.approx([sign * (1 - k % 2), sign * (k % 2)], rel=1e-15)
+
+
+def test_what_is_only_compared_takes_no_sum():
+    g = Graph()
+    x = g.variable("x")
+    test = g.call("lt", g.call("mul", x, g.call("sin", x)), g.one)
+    rate = g.call("if", test, x, g.call("neg", x))
+    assert not recurrence(g, [x], [rate]).sums

@@ -11,6 +11,7 @@ from lagsim.errors import InputError
 from lagsim.methods import taylor
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.power_series import sum_bend
+from lagsim.plan import integration
 from lagsim.run.system.runner import FUNCTION
 from tests.methods.plain import Plain, fresh_state, linked, state_of
 from tests.methods.test_registry import swing
@@ -252,15 +253,34 @@ def test_plain_python_is_the_native_run(text):
 
 
 @pytest.mark.parametrize(
-    ("model", "loops", "words"),
-    [("andrews", False, "operations"), ("chain-angles", False, "operations")],
+    "model",
+    [
+        "chain-cartesian",
+        pytest.param("andrews", marks=pytest.mark.slow),
+        pytest.param("chain-angles", marks=pytest.mark.slow),
+    ],
 )
-def test_what_is_too_long_is_refused(model, loops, words):
+def test_a_long_series(model):
+    # Two methods that have nothing in common but the equations.
+    one, other = (
+        run(model, method=method, rtol=1e-12, duration=0.02)
+        for method in ("taylor", "dop853")
+    )
+    choices = [c.choice for c in one.plan.choices]
+    assert "series: a loop over the order" in choices
+    assert one.trajectory.statistics.rejections <= 1
+    for name in one.system.equations.q:
+        size = np.max(np.abs(other[name]))
+        assert np.max(np.abs(one[name] - other[name])) < 1e-10 * max(size, 1e-3), name
+
+
+def test_what_is_too_long_is_refused(monkeypatch):
+    monkeypatch.setattr(integration, "MOST_OPERATIONS", 1000)
     with pytest.raises(InputError) as raised:
-        run(model, loops=loops, method="taylor")
+        run("andrews", method="taylor")
     [problem] = raised.value.problems
     assert problem.code == "method-refused"
-    assert words in problem.text
+    assert "operations" in problem.text
     assert "dop853" in problem.hint
 
 

@@ -269,5 +269,15 @@ def test_products_are_contracted_only_where_that_is_asked_for():
     layout = Layout(y={"x": 0}, p={}, fixed=frozenset(), size=0)
     code = generate(g, {"exact": [node], "fused": [node]}, layout, ("fused",))
     exact, fused = code.ir.split("@fused(")
-    assert "contract" not in exact
-    assert fused.count(" contract double") == 2
+    assert "call double @llvm.fmuladd" not in exact
+    assert fused.count("call double @llvm.fmuladd.f64") == 1
+
+
+def test_a_product_that_others_use_is_rounded_alike_for_all() -> None:
+    g = Graph()
+    x = g.variable("x")
+    square = g.call("mul", x, x)
+    nodes = [g.call("add", square, g.one), g.call("sub", square, g.one), square]
+    layout = Layout(y={"x": 0}, p={}, fixed=frozenset(), size=0)
+    code = generate(g, {"f": nodes}, layout, ("f",))
+    assert "call double @llvm.fmuladd" not in code.ir

@@ -99,6 +99,25 @@ def test_tolerances():
     assert (plan.rtol, plan.atol) == (0.0, 1e-9)
 
 
+@pytest.mark.parametrize(
+    ("name", "loose", "tight"),
+    [
+        ("kepler", "taylor", "taylor"),
+        ("elastic-pendulum-forced", "taylor", "taylor"),
+        # Its rates take 800 operations: DOP853's steps are as long at 1e-8.
+        ("chain-angles", "dop853", "dop853"),
+        # Constraints are left.
+        ("rolling-disk", "dop853", "dop853"),
+    ],
+)
+def test_the_method_follows_the_tolerance(name, loose, tight):
+    assert plan_of(name, rtol="1e-8").method == loose
+    assert plan_of(name, rtol="1e-13").method == tight
+    # What no relative tolerance bounds has no order of its own; nor pays a short one.
+    assert plan_of(name, rtol="0", atol="1e-9").method == "dop853"
+    assert plan_of(name, rtol="1e-4").method == "dop853"
+
+
 def test_a_fixed_step_has_no_tolerances():
     plan = plan_of("elastic-pendulum", method="rk4")
     assert (plan.method, plan.rtol, plan.atol, plan.step) == ("rk4", None, None, 0.02)

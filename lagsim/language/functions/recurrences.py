@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 from lagsim.language.sizes import UNDONE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from lagsim.language.builder import Coefficients
 
 # Powers up to this are written as products and a root: cheaper than the recurrence,
@@ -20,71 +18,54 @@ if TYPE_CHECKING:
 LARGEST_PRODUCT = 64
 
 
-def scaled(s: Coefficients, factor: float, node: int) -> int:
-    """Give factor * node."""
-    return s.g.call("mul", s.g.constant(factor), node)
-
-
-def convolution(s: Coefficients, a: int, b: int, k: int, js: Iterable[int]) -> int:
-    """Give the sum of a_j b_(k-j).
-
-    The newest coefficients, those of the highest order, are added last: whatever
-    does not wait for them is ready by then.
-    """
-    js = sorted(js, key=lambda j: (-min(j, k - j), j))
-    return s.g.product_sum((s(a, j), s(b, k - j)) for j in js)
-
-
-def square(s: Coefficients, a: int, k: int, least: int = 0) -> int:
-    """Give the sum of a_j a_(k-j), j from `least` to k - `least`, by halves."""
-    g = s.g
-    total = convolution(s, a, a, k, range(least, (k + 1) // 2))
-    total = scaled(s, 2.0, total)
-    if k % 2 == 0 and 2 * least <= k:
-        middle = s(a, k // 2)
-        total = g.call("add", total, g.call("mul", middle, middle))
-    return total
-
-
-def add(s: Coefficients, n: int, k: int) -> int:
+def add(s: Coefficients, n: int) -> int:
     """Give x_k + y_k."""
     x, y = s.g.args[n]
-    return s.g.call("add", s(x, k), s(y, k))
+    return s.g.call("add", s(x), s(y))
 
 
-def sub(s: Coefficients, n: int, k: int) -> int:
+def sub(s: Coefficients, n: int) -> int:
     """Give x_k - y_k."""
     x, y = s.g.args[n]
-    return s.g.call("sub", s(x, k), s(y, k))
+    return s.g.call("sub", s(x), s(y))
 
 
-def neg(s: Coefficients, n: int, k: int) -> int:
+def neg(s: Coefficients, n: int) -> int:
     """Give -x_k."""
-    return s.g.call("neg", s(s.g.args[n][0], k))
+    return s.g.call("neg", s(s.g.args[n][0]))
 
 
-def mul(s: Coefficients, n: int, k: int) -> int:
-    """Give the sum of x_j y_(k-j)."""
-    x, y = s.g.args[n]
-    return square(s, x, k) if x == y else convolution(s, x, y, k, range(k + 1))
+def mul(s: Coefficients, n: int) -> int:
+    """Give the sum of x_j y_(k-j).
+
+    The newest coefficients, those of order k, are added last: whatever does not wait
+    for them is ready by then.
+    """
+    g = s.g
+    x, y = g.args[n]
+    if x == y:
+        newest = g.call("mul", g.call("mul", g.constant(2.0), x), s(x))
+        return g.call("add", s.inner(x, x), newest)
+    total = g.call("add", s.inner(x, y), g.call("mul", x, s(y)))
+    return g.call("add", total, g.call("mul", s(x), y))
 
 
-def div(s: Coefficients, n: int, k: int) -> int:
+def div(s: Coefficients, n: int) -> int:
     """F y = x: y_0 f_k = x_k - sum of y_j f_(k-j), j from 1 to k."""
     g = s.g
     x, y = g.args[n]
-    earlier = convolution(s, y, n, k, range(1, k + 1)) if s.moves(y) else g.zero
-    return g.call("mul", g.call("sub", s(x, k), earlier), g.call("div", g.one, y))
+    earlier = g.call("add", s.inner(y, n), g.call("mul", s(y), n))
+    return g.call("mul", g.call("sub", s(x), earlier), g.call("div", g.one, y))
 
 
-def sqrt(s: Coefficients, n: int, k: int) -> int:
+def sqrt(s: Coefficients, n: int) -> int:
     """F f = x: 2 f_0 f_k = x_k - sum of f_j f_(k-j), j from 1 to k - 1."""
     g = s.g
-    rest = g.call("sub", s(g.args[n][0], k), square(s, n, k, 1))
+    rest = g.call("sub", s(g.args[n][0]), s.inner(n, n))
     return g.call("mul", rest, g.call("div", g.constant(0.5), n))
 
 
-def hypot(s: Coefficients, n: int, k: int) -> int:
+def hypot(s: Coefficients, n: int) -> int:
     """Give the root of x^2 + y^2."""
     g = s.g
 
@@ -94,21 +75,24 @@ def hypot(s: Coefficients, n: int, k: int) -> int:
 
     twin = s.twin(n, root)
     assert twin is not None
-    return s(twin, k)
+    return s(twin)
 
 
-def power(s: Coefficients, n: int, k: int) -> int:
+def integral(s: Coefficients, x: int, slope: int) -> int:
+    """F' = slope x': f_k = sum of j/k x_j slope_(k-j), j from 1 to k."""
+    g = s.g
+    return g.call("add", s.inner_rate(x, slope), g.call("mul", slope, s(x)))
+
+
+def power(s: Coefficients, n: int) -> int:
     """X f' = p x' f: x_0 f_k = sum of ((p + 1) j/k - 1) x_j f_(k-j), j from 1 to k."""
     g = s.g
     twin = s.twin(n, lambda: _as_products(s, n))
     if twin is not None:
-        return s(twin, k)
+        return s(twin)
     x, p = g.args[n]
-    pairs = [(s(x, j), s(n, k - j)) for j in range(1, k + 1)]
-    rates = ((scaled(s, j, a), b) for j, (a, b) in enumerate(pairs, 1))
-    more = g.call("add", p, g.one)
-    rising = g.call("mul", more, scaled(s, 1.0 / k, g.product_sum(rates)))
-    falling = g.product_sum(pairs)
+    rising = g.call("mul", g.call("add", p, g.one), integral(s, x, n))
+    falling = g.call("add", s.inner(x, n), g.call("mul", s(x), n))
     return g.call("mul", g.call("sub", rising, falling), g.call("div", g.one, x))
 
 

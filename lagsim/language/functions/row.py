@@ -43,8 +43,6 @@ class Function(NamedTuple):
         External symbols that `native` needs, as LLVM declarations.
     wide
         `native` takes vectors as it takes numbers; else it is done lane by lane.
-    contracts
-        May be one operation with another: a*b + c.
     sympy
         `(sympy module, *arguments)`.
     spelled
@@ -57,7 +55,7 @@ class Function(NamedTuple):
     interval
         The rule for enclosures, made from the module `interval_rules`.
     series, convolutions
-        The recurrence of Taylor coefficients `(series, node, order)`, and how many
+        The recurrence of Taylor coefficients `(coefficients, node)`, and how many
         convolutions it takes. None: the chain rule.
     cost
         In additions.
@@ -92,10 +90,9 @@ class Function(NamedTuple):
     spelled: bool = False
     declares: tuple[str, ...] = ()
     wide: bool = False
-    contracts: bool = False
     text: str | tuple[str, str] = ""
     latex: str | tuple[str, str] = ""
-    series: Callable[[Coefficients, int, int], int] | None = None
+    series: Callable[[Coefficients, int], int] | None = None
     convolutions: float = CHAIN
     cost: int = 1
     simpler: Callable[..., int | None] | None = None

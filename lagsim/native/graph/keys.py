@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,9 +18,8 @@ from lagsim.language.functions import OPERATIONS
 from lagsim.native.graph import sincos
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from lagsim.language.graph import Graph
+    from lagsim.language.series import Recurrence
 
 
 # Nodes in one piece: LLVM's time per instruction grows with the length of a function
@@ -40,27 +40,53 @@ class Layout(NamedTuple):
     size: int
 
 
-def fingerprint(
-    g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout, *manner: object
-) -> str:
+class Loop(NamedTuple):
+    """A function that writes a series, order K, then y_0 ... y_K, order by order.
+
+    operations : about how many it takes, as straight-line code would
+    """
+
+    recurrence: Recurrence
+    order: int
+    operations: int = 0
+
+
+# Name -> what it writes to out[0], out[1], ...
+Functions = Mapping[str, Sequence[int] | Loop]
+
+
+def nodes_of(functions: Functions) -> dict[str, list[int]]:
+    """Give the nodes that each is made from, of a loop's before and within it."""
+    found: dict[str, list[int]] = {}
+    for name, made in functions.items():
+        if isinstance(made, Loop):
+            found[f"{name}.start"], found[f"{name}.order"] = made.recurrence.nodes
+        else:
+            found[name] = list(made)
+    return found
+
+
+def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object) -> str:
     """Give a digest of all that the code of `functions` is made from.
 
     Numbers of nodes say nothing but which comes first. manner : what else is told to
     those who write the code.
     """
-    cone = g.cone(n for nodes in functions.values() for n in nodes)
+    made = nodes_of(functions)
+    orders = [(name, f.order) for name, f in functions.items() if isinstance(f, Loop)]
+    cone = g.cone(n for nodes in made.values() for n in nodes)
     place = {n: k for k, n in enumerate(cone)}
     leaves = [(k, g.payload(n)) for k, n in enumerate(cone) if not g.args[n]]
     ops = [g.ops[n] for n in cone]
     rows = [OPERATIONS[op] for op in dict.fromkeys(ops) if op in OPERATIONS]
     parts = [
         _writers(),
-        repr([(x.native, x.declares, x.wide, x.contracts, x.condition) for x in rows]),
-        repr((PIECE, sincos.LANES, manner)),
+        repr([(x.native, x.declares, x.wide, x.condition) for x in rows]),
+        repr((PIECE, sincos.LANES, orders, manner)),
         repr(ops),
         repr([[place[a] for a in g.args[n]] for n in cone]),
         repr(leaves),
-        repr([(name, [place[n] for n in nodes]) for name, nodes in functions.items()]),
+        repr([(name, [place[n] for n in nodes]) for name, nodes in made.items()]),
         repr((place.get(g.zero), layout.size, sorted(layout.fixed))),
         repr((list(layout.y.items()), list(layout.p.items()))),
     ]

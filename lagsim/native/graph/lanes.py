@@ -10,17 +10,19 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from lagsim.native.graph import sincos
+from lagsim.native.graph import keys, sincos
 from lagsim.native.graph.lines import CIRCULAR, number
-from lagsim.native.graph.straight_line import Code, Writer, fixed_nodes
+from lagsim.native.graph.straight_line import Code, fixed_nodes
+from lagsim.native.graph.writer import Writer
 from lagsim.native.kernels.lines import LANES
 from lagsim.native.kernels.wide_values import VECTOR, WIDEST, symbol
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.native.graph.keys import Layout
+    from lagsim.native.graph.keys import Functions, Layout
+    from lagsim.native.graph.writer import Place
 
 _SIGNATURE = "ptr %t, ptr %y, ptr %p, ptr %out"
 _WIDER = (
@@ -34,23 +36,29 @@ _WIDER = (
 
 def generate(
     g: Graph,
-    functions: Mapping[str, Sequence[int]],
+    functions: Functions,
     layout: Layout,
     names: Collection[str],
     contracted: Collection[str] = (),
 ) -> Code:
     """Give the code of those of `functions` that are named, for LANES states.
 
-    functions : all of the system, as they were given to `straight_line.generate`.
+    functions : all of the system, as they were given to `straight_line.generate`;
+        those named are no loops.
     """
-    hoisted = fixed_nodes(g, functions, layout)
-    places = {node: layout.size + k for k, node in enumerate(hoisted)}
-    scratch = layout.size + len(hoisted)
+    nodes_of = keys.nodes_of(functions)
+    fixed = fixed_nodes(g, nodes_of, layout)
+    places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
+    scratch = layout.size + len(fixed)
     writers = []
     for name in names:
         writer = _Lanes(g, layout, scratch, contract=name in contracted, wide=True)
-        stores = [(node, "out", k) for k, node in enumerate(functions[name])]
-        writer.function(symbol(name), stores, places, f" nounwind {WIDEST}")
+        writer.width = 1  # all arrays are interleaved, p too
+        stores = [(node, ("out", k)) for k, node in enumerate(nodes_of[name])]
+        writer.function(
+            symbol(name), stores, places,
+            manner=f" nounwind {WIDEST}", signature=_SIGNATURE,
+        )  # fmt: skip
         writers.append(writer)
     declared = sorted(set().union(*(writer.declared for writer in writers)))
     lines = [line for writer in writers for line in writer.lines]
@@ -61,8 +69,6 @@ def generate(
 class _Lanes(Writer):
     """Writes one function of LANES states."""
 
-    signature = _SIGNATURE
-    passed_width = 1
     time_first = False
 
     @property
@@ -132,10 +138,11 @@ class _Lanes(Writer):
     def _time(self) -> str:
         return self.line(f"load {VECTOR}, ptr %t, align 8")
 
-    def _load_same(self, k: int) -> str:
-        return self._load("p", k)
+    def _load(self, place: Place) -> str:
+        return self._load_own(place)
 
-    def _address(self, array: str, k: int) -> str:
+    def _address(self, place: Place) -> str:
+        array, k = place
         return self.line(
             f"getelementptr inbounds double, ptr %{array}, i64 {k * LANES}"
         )

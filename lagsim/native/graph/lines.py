@@ -20,6 +20,8 @@ CIRCULAR = {"sin": 0, "cos": 1}
 # the 6th power, and faster than `pow`.
 _HALVES = frozenset(k for k in range(-12, 13) if k not in (0, 2))
 
+_FUSED = "declare double @llvm.fmuladd.f64(double, double, double)"
+
 _WIDER = (
     ("double", sincos.VECTOR),
     ("i1", f"<{sincos.LANES} x i1>"),
@@ -42,10 +44,10 @@ def number(x: float) -> str:
 class Lines:
     """Lines of IR with fresh names."""
 
-    def __init__(self, *, contract: bool = False, wide: bool = False) -> None:
+    def __init__(self, *, wide: bool = False) -> None:
         self.lines: list[str] = []
         self.declared: set[str] = set()
-        self.contract, self.wide = contract, wide
+        self.wide = wide
         self._fresh = 0
 
     @property
@@ -68,12 +70,20 @@ class Lines:
             return self._lane_by_lane(op, exponent, operands)
         self.declared.update(map(self.widened, row.declares))
         fresh = {key: self._name() for key in "abcdef"}
-        native = self.widened(row.native)
-        if self.contract and row.contracts:
-            native = native.replace(" ", " contract ", 1)
-        *before, last = native.format(*operands, **fresh).split("\n")
+        *before, last = self.widened(row.native).format(*operands, **fresh).split("\n")
         self.lines += before
         return self.line(last)
+
+    def fused(self, x: str, y: str, z: str) -> str:
+        """Write x*y + z, rounded once where the processor can."""
+        self.declared.add(self.widened(_FUSED))
+        operands = ", ".join(f"{self.kind} {value}" for value in (x, y, z))
+        call = self.widened("@llvm.fmuladd.f64")
+        return self.line(f"call {self.kind} {call}({operands})")
+
+    def negated(self, x: str) -> str:
+        """Write -x."""
+        return self.line(f"fneg {self.kind} {x}")
 
     def circular(
         self, angles: Sequence[str], wanted: Sequence[tuple[str, int]]

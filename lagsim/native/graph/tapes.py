@@ -34,7 +34,8 @@ from lagsim.native.graph.machine import (
     Block,
     machine,
 )
-from lagsim.native.graph.straight_line import Code, fixed_nodes, ordered
+from lagsim.native.graph.straight_line import Code, fixed_nodes
+from lagsim.native.graph.writer import ordered
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence

@@ -18,13 +18,13 @@ from lagsim.run.system.runner import Runner, linked, of_method
 from lagsim.run.system.sleepers import all_sleepers, motion_nodes, signal_nodes, slope
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
     from lagsim.model.model import Model
-    from lagsim.native.graph.keys import Layout
+    from lagsim.native.graph.keys import Functions, Layout, Loop
     from lagsim.native.graph.straight_line import Code
     from lagsim.plan.plan import Plan
     from lagsim.run.system.sleepers import Sleeper
@@ -75,7 +75,7 @@ class System:
     operations : int
         About how many one evaluation takes, of y' or of its series.
     made_from : tuple
-        What has been compiled, name -> nodes, and the fields of its `Layout`.
+        What has been compiled, and the fields of its `Layout`.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -134,26 +134,27 @@ class System:
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
-        if AFTER_FREEZING in needs:
-            from lagsim.solve.series import motion_series
-
-            rates = nodes_of["field" if self.watched else "derivative"][: self.size]
-            nodes_of["series"] = motion_series(equations, rates, plan.rtol or 0.0)
-        self.operations = self._operations(nodes_of)
         # Straight-line code takes several rows at once.
         self.wide = "observe" in nodes_of and not plan.tape
         if self.wide and self.m:
             nodes_of["position_steps"] = nodes_of["position_step"]
             nodes_of["velocity_steps"] = nodes_of["velocity_step"]
+        code: dict[str, list[int] | Loop] = {**nodes_of}
+        if AFTER_FREEZING in needs:
+            from lagsim.solve.series import motion_series
+
+            rates = nodes_of["field" if self.watched else "derivative"][: self.size]
+            made = motion_series(equations, rates, plan.rtol or 0.0, loop=not plan.tape)
+            code["series"] = made
+        self.operations = self._operations(code)
         p = self._parameters()
         layout = self._layout(p)
         begin_kernel_object(*of_method(self, plan.method))
         found_code, self._p_size = object_code(
-            keys.fingerprint(equations.graph, nodes_of, layout, plan.tape, MANNER),
-            lambda: self._code(nodes_of, layout),
+            keys.fingerprint(equations.graph, code, layout, plan.tape, MANNER),
+            lambda: self._code(code, layout),
         )
-        self.made_from: tuple[dict[str, list[int]], tuple[Any, ...]]
-        self.made_from = nodes_of, tuple(layout)
+        self.made_from: tuple[Functions, tuple[Any, ...]] = code, tuple(layout)
         self._layout_of = layout.p
         self.p: Parameters = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
@@ -161,16 +162,24 @@ class System:
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
         self.objects = [found_code, *kernels(self)]
 
-    def _code(self, nodes_of: Mapping[str, Sequence[int]], layout: Layout) -> Code:
+    def _code(self, functions: Functions, layout: Layout) -> Code:
         """Write the code of all functions; only first runs do."""
         g = self.equations.graph
         if self.plan.tape:
-            from lagsim.native.graph import tapes
+            from lagsim.native.graph import keys, tapes
 
-            return tapes.generate(g, nodes_of, layout, MANNER["sparse"])
+            made = keys.nodes_of(functions)
+            return tapes.generate(g, made, layout, MANNER["sparse"])
         from lagsim.native.graph import straight_line
 
-        return straight_line.generate(g, nodes_of, layout, **MANNER)
+        return straight_line.generate(g, functions, layout, **MANNER)
+
+    @property
+    def loops_over_order(self) -> bool:
+        """The series is one loop over its order."""
+        from lagsim.native.graph.keys import Loop
+
+        return isinstance(self.made_from[0].get("series"), Loop)
 
     @property
     def has_loops(self) -> bool:
@@ -226,14 +235,18 @@ class System:
             for x, y in zip(self.parts, plan.parts, strict=True)
         ]
 
-    def _operations(self, nodes_of: Mapping[str, Sequence[int]]) -> int:
+    def _operations(self, code: Functions) -> int:
+        from lagsim.native.graph import keys
         from lagsim.plan.cost import evaluation_cost
 
+        if isinstance(series := code.get("series"), keys.Loop):
+            return series.operations
+        nodes_of = keys.nodes_of(code)
         if self.met is not None:
             return len(self.equations.graph.cone(nodes_of["balance"]))
-        loops = self.plan.elimination is None and "series" not in nodes_of
+        loops = self.plan.elimination is None and series is None
         solved = "field" if self.watched else "derivative"
-        name = "series" if "series" in nodes_of else "dynamics" if loops else solved
+        name = "series" if series is not None else "dynamics" if loops else solved
         return evaluation_cost(self.equations, nodes_of[name], loops=loops)
 
     def _fixed(self) -> list[str]:
