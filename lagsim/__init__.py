@@ -7,6 +7,17 @@ docs/python.md. Nothing is printed, and nothing written unless a result is asked
 
 from __future__ import annotations
 
+import signal
+import sys
+
+# The command that is interrupted while it begins ends without a word, from here on;
+# whoever imports this is left alone.
+if (
+    sys.orig_argv[1:3] == ["-m", "lagsim"]
+    or "".join(sys.argv[:1]).endswith(("/lagsim", "\\lagsim.exe"))
+) and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

@@ -102,7 +102,8 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
     from lagsim.cli import _signals, _streams
 
     try:
-        code = application()(prog_name="lagsim", standalone_mode=False)
+        words = [word for word in sys.argv[1:] if word != "--traceback"]
+        code = application()(words, prog_name="lagsim", standalone_mode=False)
         _streams.put(lambda: None)
     except typer.Exit as wish:
         return int(wish.exit_code)

@@ -146,9 +146,18 @@ def unforeseen() -> int:
     if starved:
         complain(f"lagsim: {starved} [{number('starved')}]")
         return STARVED
-    complain(told)
+    from lagsim.cli._reporting import TRACEBACK, kept
+
+    path, asked = kept(told), TRACEBACK in sys.argv
+    if asked or path is None:
+        complain(told)
+    raised = told.rstrip("\n").rpartition("\n")[2]
+    complain(f"lagsim: {raised} [{number('bug')}]")
+    what = "the lines above" if path is None else str(path)
     complain(
-        "This is a bug in lagsim, not in your model. Please report it with the "
-        f"model file and the lines above. [{number('bug')}]"
+        "  This is a bug in lagsim, not in your model. Please report it with the model "
+        f"file and {what}"
     )
+    if not asked:
+        complain(f"  hint: the same command with {TRACEBACK} shows where it is raised")
     return BUG

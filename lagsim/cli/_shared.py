@@ -71,6 +71,12 @@ def ask_version(
             is_eager=True,
         ),
     ] = False,
+    traceback: Annotated[
+        bool,
+        typer.Option(
+            "--traceback", help="Of a bug in lagsim, show where it is raised."
+        ),
+    ] = False,
 ) -> None:
     """From energies to motion: simulate a system written down as T and V."""
 

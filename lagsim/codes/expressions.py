@@ -218,8 +218,11 @@ output: {reactions: [x]}
     ),
     Row(
         "E234", "expression-too-long",
-        "An expression has at most 1,000,000 letters.",
-        "parts of it may be definitions",
-        commands=(),
+        "An expression has the length that a person writes.",
+        "split it into definitions",
+        commands=(
+            "{ printf 'forces: {theta: '; seq -s+ 300000; echo '}'; } > long.yaml",
+            "lagsim check long.yaml",
+        ),
     ),
 )  # fmt: skip

@@ -212,8 +212,12 @@ ROWS = (
     ),
     Row(
         "E134", "too-many-values",
-        "A file has at most 1,000,000 values and collections.",
-        "a file for each of what is apart, or fewer parameters",
-        commands=(),
+        "A file has at most as many values and collections as fit a scene that can be "
+        "run.",
+        "tables of numbers belong into a program that calls lagsim: docs/python.md",
+        commands=(
+            "{ echo x-many:; yes '  - 1' | head -n 1000001; } > many.yaml",
+            "lagsim check many.yaml",
+        ),
     ),
 )  # fmt: skip

@@ -53,8 +53,8 @@ ROWS = (
     ),
     Row(
         "E408", "too-long",
-        "`derive` writes out equations that a person could read.",
-        "`--format python` takes the energies as they are",
+        "Equations have a size that can be worked with, and are derived in time.",
+        "fewer terms that couple; `derive --format python` takes energies as they are",
         """\
 definitions:
   a: sin(theta) + cos(theta)

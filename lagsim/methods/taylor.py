@@ -79,7 +79,7 @@ ORDER = 15  # at the default tolerance
 DENSE_ORDER = 15
 ADAPTIVE = True
 IMAGINARY_LIMIT = 1.66
-HANDLES = "smooth models; equality constraints"
+HANDLES = "smooth models, not large; equality constraints"
 
 NEEDS = ("series",)
 

@@ -48,6 +48,11 @@ class Interrupt:
         """Ask for an end, as one does who takes rows and can take no more."""
         self._stopped = True
 
+    def prompt(self, _number: int, _frame: object) -> None:
+        """Raise, as the handler of a signal, where an end loses nothing."""
+        if self._raises:
+            raise KeyboardInterrupt
+
     @contextlib.contextmanager
     def noted(self) -> Iterator[Interrupt]:
         """Note the signals while the context lasts (in the main thread only).

@@ -14,6 +14,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections import deque
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -27,7 +28,7 @@ from multiprocessing import connection
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
-from lagsim.run.interrupt import Interrupt
+from lagsim.run.interrupt import Interrupt, noting
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -40,13 +41,16 @@ Found = TypeVar("Found")
 Hired: TypeAlias = "Callable[[int], contextlib.AbstractContextManager[Crew]]"
 
 # How long a piece may take to end in order once it has been asked to: its pictures are
-# drawn, its files synced.
+# drawn, its files synced; and where it keeps nothing, as while it is compiled.
 GRACE_SECONDS = 10.0
+LEAVE_SECONDS = 0.5
 # How often somebody looks whether the user wants an end.
 GLANCE_SECONDS = 0.1
 
-# That of a process of workers: asked where the parent wants an end.
+# That of a process of workers: asked where the parent wants an end. The signal, where
+# there is one, cuts what may be cut, such as pictures.
 _ASKED = Interrupt()
+_PROMPT = getattr(signal, "SIGUSR1", None)
 
 
 class Died:
@@ -103,6 +107,8 @@ def _enlist(stop: connection.Connection) -> None:
     """Begin a process of workers."""
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, signal.SIG_IGN)
+    if _PROMPT is not None:
+        signal.signal(_PROMPT, _ASKED.prompt)
     gc.disable()  # see `cli.entry`; work collects what it has left
     threading.Thread(target=_watch, args=(stop,), daemon=True).start()
 
@@ -113,8 +119,21 @@ def _watch(stop: connection.Connection) -> None:
     assert parent is not None
     if parent.sentinel not in connection.wait([parent.sentinel, stop]):
         _ASKED.stop()
-        connection.wait([parent.sentinel], GRACE_SECONDS)
+        if _PROMPT is not None:
+            signal.pthread_kill(threading.main_thread().ident or 0, _PROMPT)
+        _wait_for_what_is_kept(parent.sentinel)
     os._exit(1)
+
+
+def _wait_for_what_is_kept(parent: int) -> None:
+    """Wait while something is kept, for a time; or until the parent goes."""
+    now = keeping = time.monotonic()
+    until = now + GRACE_SECONDS
+    while now < min(until, keeping + LEAVE_SECONDS):
+        if connection.wait([parent], GLANCE_SECONDS):
+            return
+        now = time.monotonic()
+        keeping = now if noting() else keeping
 
 
 def _done(work: Callable[[Piece, Interrupt], Found], piece: Piece) -> Found:

@@ -113,8 +113,10 @@ def test_an_unforeseen_fault_of_one_keeps_the_others(lagsim, three, monkeypatch)
     monkeypatch.setattr(Ledger, "__init__", begin)
     called = lagsim("run", *three, "--no-plots", "-j", 1)
     assert called.code == 70
-    assert "RuntimeError: unforeseen" in called.err
+    assert "lagsim: RuntimeError: unforeseen [E901]\n" in called.err
     assert "a bug in lagsim" in called.err
+    assert "Traceback" not in called.err
+    assert "--traceback" in called.err
     assert names("results") == ["a", "c"]  # the folder of the first stays empty
     assert names("results/a") == []
     assert manifest("results/c")["complete"]

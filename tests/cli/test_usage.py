@@ -297,3 +297,28 @@ def test_a_line_is_completed(lagsim, monkeypatch, line, words):
     assert words <= set(found)
     begun = line.split(" ")[-1]
     assert [w for w in found if not w.startswith(begun)] == []
+
+
+def test_what_nobody_has_foreseen_is_kept_in_a_file(
+    lagsim, write, monkeypatch, tmp_path
+):
+    def broken(*_arguments, **_keywords):
+        raise RuntimeError("unforeseen")
+
+    monkeypatch.setenv("LAGSIM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("lagsim.run.session.check", broken)
+    model = write(PENDULUM)
+    called = lagsim("check", model)
+    assert (called.code, called.out) == (70, "")
+    assert called.err.startswith("lagsim: RuntimeError: unforeseen [E901]\n")
+    [report] = (tmp_path / "cache/reports").iterdir()
+    assert str(report) in called.err
+    text = report.read_text("utf-8")
+    assert "'check' 'model.yaml'" in text
+    assert "in broken\n" in text
+    # The same with the way to it, and where nothing can be kept.
+    again = lagsim("check", model, "--traceback")
+    assert again.err.startswith("Traceback (most recent call last):\n")
+    assert "in broken\n" in again.err
+    monkeypatch.setenv("LAGSIM_CACHE", str(tmp_path / model / "no"))
+    assert "in broken\n" in lagsim("check", model).err

@@ -35,8 +35,6 @@ WITHOUT = {
     "unsettled-impulses": "hundreds of contacts",
     "short-times": "thousands of turns",
     "events-unlisted": "10^4 events",
-    "too-many-values": "10^6 values",
-    "expression-too-long": "10^6 letters",
     "too-large": "a thousand coordinates",
 }
 

@@ -112,16 +112,16 @@ def _translated(
     return engine.compile_object(ir, optimise=True)
 
 
-def folder() -> Path | None:
-    """Give the folder of the objects, made if need be; None if there is none to trust.
+def folder(name: str = "objects") -> Path | None:
+    """Give a folder of the cache, made if need be; None if there is none to trust.
 
-    That is `objects` in $LAGSIM_CACHE, or in the platform's folder for caches.
+    It is in $LAGSIM_CACHE, or in the platform's folder for caches.
     """
     try:
         base = _base()
         if base is None:
             return None
-        path = base / "objects"
+        path = base / name
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = path.lstat()
     except (OSError, RuntimeError):  # RuntimeError: there is no home

@@ -75,7 +75,7 @@ class System:
     operations : int
         About how many one evaluation takes, of y' or of its series.
     made_from : tuple
-        What has been compiled, name -> nodes, and the fields of its `Layout`.
+        What has been compiled, and the fields of its `Layout`.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:

@@ -60,17 +60,17 @@ class Together:
     def _functions(self) -> tuple[bytes, int]:
         """Give the object code of what is called, and the length of p that it needs."""
         system = self.system
-        g, (nodes_of, fields) = system.equations.graph, system.made_from
+        g, (functions, fields) = system.equations.graph, system.made_from
         layout = keys.Layout(*fields)
-        names = tuple(name for name in CALLED if name in nodes_of)
+        names = tuple(name for name in CALLED if name in functions)
 
         def code() -> Code:
             from lagsim.native.graph import lanes
 
-            return lanes.generate(g, nodes_of, layout, names, CONTRACTED)
+            return lanes.generate(g, functions, layout, names, CONTRACTED)
 
         manner = {"lanes": names, "contracted": CONTRACTED}
-        return object_code(keys.fingerprint(g, nodes_of, layout, False, manner), code)
+        return object_code(keys.fingerprint(g, functions, layout, False, manner), code)
 
     def ensemble(self, state: State, runs: int) -> Ensemble:
         """Give the memory of runs, each at this state with these parameters.

@@ -1,0 +1,207 @@
+"""Cases without end for the command: expressions, files and command lines, by number.
+
+Each case follows from a seed and its number alone, so that one that fails can be made
+again; what fails is made small, and stands in a file.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+import time
+from typing import TYPE_CHECKING, NamedTuple
+
+import typer.main
+
+from lagsim.cli import _application
+from tests.hunt.strangers import CALLS, NAMES, NUMBERS, RUBBISH
+from tests.support import MODELS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+MODEL = """\
+parameters: {k: 2, m: 1}
+coordinates: {x: {unit: m}, y: {unit: m}}
+definitions: {p: 'x + y'}
+energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: 'k*x^2'}
+forces: {x: '-y_dot'}
+constraints: {c: 'x - y = 0'}
+initial: {x: '1', y: x}
+simulation: {duration: 0.01, output_step: 0.01}
+"""
+# What an expression may stand in for.
+PLACES = ("x + y", "k*x^2", "-y_dot", "x - y = 0", "'1'", "0.01")
+WORDS = (
+    *NAMES, *NUMBERS, "+", "-", "*", "/", "^", "(", ")", ",", "=", "<", ">=", "if(",
+    "sin(", "min(", "hypot(", " and ", " not ", "x_ddot", "lambda_c", "q", "2 x", "'",
+)  # fmt: skip
+LINES = (
+    "- 1", "? a", "<<: {a: 1}", "x: &a 1", "y: *a", "a: !!float 1", "---", "\tx: 1",
+    "constraints: {d: 'x >= 0'}", "initial: {x: {guess: 1}}", "output: {columns: [p]}",
+    "scene: {points: {a: [p, x]}, links: [[a, a]]}", "simulation: {until: 'x = 0'}",
+    "lagsim: 1", "name: ''", "output: {plots: [{x: t, y: [x, p]}], reactions: [p]}",
+)  # fmt: skip
+SHIPPED = [path.read_text("utf-8") for path in sorted(MODELS.rglob("*.yaml"))]
+# What options are given; files are those of `FILES`, or none.
+VALUES = (
+    *NUMBERS, "", "-1", "nan", "inf", "x", "k=1", "k=", "=", "k=1e200", "auto", "rk4",
+    "radau", "taylor", "1:2", "1:2:3", "k=1:2:2", "a:b", "1e-3:1e-5", "out", "m.yaml",
+    "no/such/file", ".", "..", "-", "--", "x,y", "\u202e", "é", "a" * 300, "%s", "E104",
+)  # fmt: skip
+FILES = ("m.yaml", "-", "bad.yaml", "none.yaml", "out", "table.csv", "/dev/null", "")
+# Measuring takes long: these get no model that could be measured.
+LONG = ("bench", "stability")
+# They would ask a network, wait for input, or start processes.
+KEPT = ("--dask", "--jobs", "-j", "--install-completion", "--show-completion")
+
+
+class Case(NamedTuple):
+    """A command line, and the file `m.yaml` that it may name."""
+
+    line: tuple[str, ...]
+    text: str
+
+
+def case(seed: int, number: int) -> Case:
+    """Give a case; of ten, seven are of an expression, two of a file, one of a line."""
+    rng = random.Random(f"{seed} {number}")
+    kind = number % 10
+    if kind < 7:
+        old = rng.choice(PLACES)
+        quoted = '"' + expression(rng).replace("\\", "").replace('"', "") + '"'
+        new = quoted if old == "0.01" or old[0] == "'" else quoted[1:-1]
+        return Case(("check", "m.yaml"), MODEL.replace(old, new, 1))
+    if kind < 9:
+        return Case(rng.choice(OF_FILES), mutated(rng))
+    return Case(command_line(rng), MODEL)
+
+
+OF_FILES = (
+    ("check", "m.yaml"), ("check", "m.yaml", "--json"), ("check", "m.yaml", "--repair"),
+    ("check", "m.yaml", "--set", "k=1e200"),
+)  # fmt: skip
+
+
+def expression(rng: random.Random) -> str:
+    """Give an expression that is grown, or a soup of its words."""
+    if rng.random() < 0.3:
+        return "".join(rng.choice(WORDS) for _ in range(rng.randint(1, 12)))
+    grown = _grown(rng, rng.randint(0, 4))
+    if rng.random() < 0.1:
+        at = rng.randrange(len(grown))
+        grown = grown[:at] + rng.choice(RUBBISH) + grown[at + 1 :]
+    return f"{grown} = {_grown(rng, 1)}" if rng.random() < 0.1 else grown
+
+
+def _grown(rng: random.Random, depth: int) -> str:
+    if depth == 0:
+        return rng.choice(NAMES if rng.random() < 0.6 else NUMBERS)
+    form = rng.choice(CALLS)
+    holes = [_grown(rng, rng.randrange(depth)) for _ in range(form.count("{}"))]
+    return form.format(*holes)
+
+
+def mutated(rng: random.Random) -> str:
+    """Give a shipped model in which a few things are wrong."""
+    text = rng.choice(SHIPPED)
+    for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
+        text = rng.choice(CHANGES)(rng, text)
+    return text
+
+
+def _letter(rng: random.Random, text: str) -> str:
+    at = rng.randrange(len(text) + 1)
+    new = rng.choice(("", "", rng.choice(RUBBISH), rng.choice("aex01_")))
+    return text[:at] + new + text[at + rng.randrange(2) :]
+
+
+def _line(rng: random.Random, text: str) -> str:
+    lines = text.split("\n")
+    at = rng.randrange(len(lines))
+    new = rng.choice((lines[rng.randrange(len(lines))], rng.choice(LINES)))
+    lines[at : at + rng.randrange(3)] = [rng.choice(("", "  ", "      ")) + new]
+    return "\n".join(lines)
+
+
+def _word(rng: random.Random, text: str) -> str:
+    words = list(re.finditer(r"[\w.]+", text))
+    if not words:
+        return text
+    found = rng.choice(words)
+    new = rng.choice((rng.choice(words)[0], rng.choice(WORDS), expression(rng)))
+    return text[: found.start()] + new + text[found.end() :]
+
+
+def _cut(rng: random.Random, text: str) -> str:
+    first, last = sorted(rng.randrange(len(text) + 1) for _ in range(2))
+    return text[:first] + text[last if rng.random() < 0.5 else first + 30 :]
+
+
+CHANGES: tuple[Callable[[random.Random, str], str], ...] = (
+    _letter, _letter, _line, _word, _word, _word, _cut,
+)  # fmt: skip
+
+
+def _options() -> dict[str, list[tuple[str, bool]]]:
+    """Give the options of each command, and whether they take a value."""
+    group = typer.main.get_command(_application())
+    found = {}
+    for name, command in group.commands.items():  # type: ignore[attr-defined]
+        found[name] = [
+            (option, not getattr(param, "is_flag", False))
+            for param in command.params
+            for option in param.opts
+            if option.startswith("-") and option not in KEPT
+        ]
+    return found
+
+
+OPTIONS = _options()
+
+
+def command_line(rng: random.Random) -> tuple[str, ...]:
+    """Give a command with arguments and options, few of which make sense."""
+    name = rng.choice((*OPTIONS, "check", "derive", "run", "--help", "nonsense"))
+    words = [name]
+    known = [*OPTIONS.get(name, ()), ("--nonsense", True), ("-q", False)]
+    files = FILES[2:] if name in LONG else FILES
+    words += [
+        rng.choice(files if rng.random() < 0.8 else NUMBERS)
+        for _ in range(rng.choice((0, 1, 1, 1, 2)))
+    ]
+    for _ in range(rng.choice((0, 1, 1, 2, 4))):
+        option, takes = rng.choice(known)
+        words.append(option)
+        if takes and rng.random() < 0.95:
+            words.append(rng.choice(NUMBERS if name in LONG else VALUES))
+    if name in ("run", "golden", "sweep"):
+        words.append("--no-plots" if name == "run" else "-q")
+    return tuple(words)
+
+
+def smaller(found: Case) -> Iterator[Case]:
+    """Give cases that are a step smaller, the boldest first."""
+    for k in range(1, len(found.line)):
+        yield found._replace(line=found.line[:k] + found.line[k + 1 :])
+    for parts, glue in ((found.text.split("\n"), "\n"), (list(found.text), "")):
+        size = len(parts) // 2
+        while size:
+            for at in range(0, len(parts), size):
+                yield found._replace(text=glue.join(parts[:at] + parts[at + size :]))
+            size //= 2
+
+
+def shrunk(found: Case, fails: Callable[[Case], bool], seconds: float = 20.0) -> Case:
+    """Give a smaller case that fails as well; each trial asks `fails`."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        for case in smaller(found):
+            if fails(case):
+                found = case
+                break
+            if time.monotonic() > until:
+                break
+        else:
+            break
+    return found

@@ -1,0 +1,148 @@
+"""Running cases of a soup in this process, and keeping what fails: the hunt itself.
+
+    python -m tests.hunt.soup_runs SEED FIRST COUNT FOLDER
+
+hunts from the command line, without pytest; it tells what it has found, and how much.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import shutil
+import signal
+import sys
+import warnings
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from lagsim.cli import main
+from tests.hunt.soup import MODEL, Case, case, shrunk
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+# 0: done, 1: no, 2: unusable, 3: unfinished. A bug is 70.
+CALM = (0, 1, 2, 3)
+# No file of this size takes longer, on a machine that does something else as well.
+SECONDS = 30
+# As many failures of one sort are made small; more of them say nothing new.
+ENOUGH = 3
+
+
+class TooLongError(BaseException):
+    """A case takes longer than anybody waits."""
+
+
+def prepared(folder: Path) -> None:
+    """Make the files that command lines name, and go there."""
+    inner = folder / "a" / "b"
+    inner.mkdir(parents=True, exist_ok=True)
+    os.chdir(inner)
+    Path("bad.yaml").write_bytes(b"energy: {kinetic: \xff\n\t")
+    Path("table.csv").write_text("t,x\n0,1\n1,2\n")
+    Path("m.yaml").write_text(MODEL)
+    sys.argv = ["lagsim", "run", "m.yaml", "-o", "out", "--no-plots", "-q"]
+    main()
+    shutil.copytree(inner, folder / "kept", dirs_exist_ok=True)
+
+
+def wrong(case: Case) -> str:
+    """Call the command; say what is wrong with what it does, or give ""."""
+    if case.line[1:2] != ("m.yaml",) or case.text == MODEL:
+        _tidy()
+    Path("m.yaml").write_text(case.text, encoding="utf-8", errors="surrogatepass")
+    sys.argv = ["lagsim", *case.line]
+    out, err = io.TextIOWrapper(io.BytesIO(), "utf-8"), io.StringIO()
+    before = signal.signal(signal.SIGALRM, _late)
+    signal.alarm(SECONDS)
+    stdin, sys.stdin = sys.stdin, io.TextIOWrapper(io.BytesIO(case.text.encode()))
+    try:
+        with (
+            contextlib.redirect_stdout(out), contextlib.redirect_stderr(err),
+            warnings.catch_warnings(),
+        ):  # fmt: skip
+            warnings.simplefilter("ignore")  # as the process of the command does
+            code = main()
+            out.flush()
+    except TooLongError:
+        return f"takes longer than {SECONDS} s"
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+        sys.stdin = stdin
+    return judged(case, code, out.buffer.getvalue().decode(), err.getvalue())  # type: ignore[attr-defined]
+
+
+def judged(case: Case, code: int, out: str, err: str) -> str:
+    """Say what is wrong with an answer."""
+    if code > 128:
+        raise KeyboardInterrupt
+    if code not in CALM or "Traceback" in err:
+        last = [line for line in err.splitlines() if line.strip()][-3:]
+        return f"exit {code}: {' | '.join(last)}"
+    if code == 2 and "[E" not in err and '"number"' not in out:
+        return "refused without a number"
+    if "--json" in case.line and "--help" not in case.line:
+        try:
+            json.loads(out)
+        except ValueError:
+            return f"exit {code}: stdout is no JSON"
+    raw = next((c for c in out + err if ord(c) < 32 and c not in "\n\t"), "")
+    return f"prints {raw!r}" if raw else ""
+
+
+def hunt(seed: int, numbers: Iterable[int], folder: Path) -> dict[str, Any]:
+    """Try cases; keep what fails, made small, in files of the folder."""
+    sorts: Counter[str] = Counter()
+    tried = 0
+    for number in numbers:
+        tried += 1
+        why = wrong(found := case(seed, number))
+        if not why:
+            continue
+        sort = _sort(why)
+        sorts[sort] += 1
+        if sorts[sort] <= ENOUGH:
+            small = found
+            if "longer" not in why:
+                small = shrunk(found, lambda c, sort=sort: _sort(wrong(c)) == sort)
+            told = f"# seed {seed}, case {number}: {why}\n# lagsim {list(small.line)}\n"
+            path = folder / f"found-{seed}-{number}.yaml"
+            path.write_text(told + small.text, encoding="utf-8", errors="replace")
+    return {"seed": seed, "cases": tried, "found": dict(sorts)}
+
+
+def _tidy() -> None:
+    """Have the working directory as it was: a command line may have changed it."""
+    here = Path.cwd()
+    kept = here.parent.parent / "kept"
+    assert here.parts[-2:] == ("a", "b")
+    assert kept.is_dir()
+    for path in here.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+    shutil.copytree(kept, here, dirs_exist_ok=True)
+
+
+def _sort(why: str) -> str:
+    """Give what failures of one sort have in common: what was raised, not the case."""
+    return "".join(c for c in why if not c.isdigit())[:160]
+
+
+def _late(_number: int, _frame: object) -> NoReturn:
+    raise TooLongError
+
+
+if __name__ == "__main__":
+    seed, first, count = map(int, sys.argv[1:4])
+    folder = Path(sys.argv[4]).absolute()
+    prepared(folder)
+    for begin in range(first, first + count, 1000):
+        numbers = range(begin, min(begin + 1000, first + count))
+        print(begin, hunt(seed, numbers, folder), file=sys.__stdout__, flush=True)

@@ -1,0 +1,104 @@
+"""No expression, file or command line, and no kill, does what nobody expects."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import subprocess
+import sys
+
+import pytest
+
+from tests.hunt import kills, soup_runs
+from tests.hunt.soup import MODEL, Case, case, shrunk
+from tests.support import ROOT
+
+SEED = 16
+# A case takes about 10 ms: 10^4 of them would be most of the slow suite.
+QUICK, SLOW, CHUNK = 30, 4000, 1000
+NIGHTLY = int(os.environ.get("LAGSIM_HUNT", "1000000"))
+
+
+def hunted(tmp_path, monkeypatch, seed, numbers):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [])
+    monkeypatch.delenv("GITHUB_ACTIONS", raising=False)
+    soup_runs.prepared(tmp_path)
+    told = soup_runs.hunt(seed, numbers, tmp_path)
+    files = [path.read_text("utf-8") for path in tmp_path.glob("found-*")]
+    assert not told["found"], "\n\n".join([str(told), *files])
+    return told["cases"]
+
+
+def test_a_few_cases(tmp_path, monkeypatch):
+    assert hunted(tmp_path, monkeypatch, SEED, range(QUICK)) == QUICK
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", range(0, SLOW, CHUNK))
+def test_thousands_of_cases(tmp_path, monkeypatch, first):
+    assert hunted(tmp_path, monkeypatch, SEED, range(first, first + CHUNK)) == CHUNK
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(36000)
+def test_a_million_cases(tmp_path, monkeypatch, record_property):
+    seed = int(os.environ.get("LAGSIM_SEED", secrets.randbits(32)))
+    record_property("seed", seed)
+    assert hunted(tmp_path, monkeypatch, seed, range(NIGHTLY)) == NIGHTLY
+
+
+def test_a_case_follows_from_its_number():
+    assert case(3, 17) == case(3, 17)
+    assert len({case(3, n) for n in range(100)}) > 80
+
+
+def test_what_fails_is_made_small():
+    found = Case(("check", "m.yaml", "--repair", "--json"), MODEL)
+    small = shrunk(found, lambda c: "x - y" in c.text and c.line[0] == "check")
+    assert small == Case(("check",), "x - y")
+
+
+# --- kills ----------------------------------------------------------------------------
+
+
+def killed(count, folder, seed):
+    """Kill in a process of its own: forks want one without threads."""
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.hunt.kills", str(seed), str(count), folder],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["faults"] == [], told["seed"]
+    assert told["died"] > count / 2
+
+
+forks = pytest.mark.skipif(not hasattr(os, "fork"), reason="processes of another kind")
+
+
+@forks
+@pytest.mark.slow
+def test_kills(tmp_path):
+    killed(200, tmp_path, SEED)
+
+
+@forks
+@pytest.mark.nightly
+@pytest.mark.timeout(7200)
+def test_a_thousand_kills(tmp_path, record_property):
+    seed = secrets.randbits(32)
+    record_property("seed", seed)
+    killed(1000, tmp_path, seed)
+
+
+def test_what_is_torn_is_noticed(tmp_path):
+    (tmp_path / "run.json").write_text('{"files": ["trajectory.csv"], "rows": 2}')
+    assert "without" in kills.wrong(tmp_path, b"")
+    (tmp_path / "trajectory.csv").write_text("t\n0\n")
+    assert "1 rows" in kills.wrong(tmp_path, b"")
+    (tmp_path / "trajectory.csv").write_text("t\n0\n1\n")
+    assert kills.wrong(tmp_path, b"") == ""
+    (tmp_path / "equations.txt").write_text("half")
+    assert "of 5 bytes" in kills.wrong(tmp_path, b"whole")
