@@ -63,8 +63,6 @@ def refusal(session: Session) -> str:
         return "what happens at given times is met in each run by itself"
     if plan.tape:
         return "the equations are too many to be compiled"
-    if system.loops_over_order:
-        return "its series is a loop, whose lanes are its products"
     return ""
 
 

@@ -11,12 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lagsim.language.graph import Graph
-from lagsim.native.graph import keys, lanes
+from lagsim.native.graph import keys, lanes, order_loop
 from lagsim.native.graph.straight_line import Code, generate
 from lagsim.native.kernels.lines import LANES
 from lagsim.native.kernels.wide_values import symbol
 from tests.language._programs import on_graph, programs, states
 from tests.native.test_graph_code import STATE, VALUES, Compiled, long_functions
+from tests.native.test_order_loop import MOTIONS, both
 from tests.native.test_tape_code import bits
 
 
@@ -43,7 +44,9 @@ def without(ir: str, known: str) -> list[str]:
     ]
 
 
-def compare(g: Graph, nodes: list[int], some: list[dict[str, float]]) -> None:
+def compare(
+    g: Graph, nodes: Any, some: list[dict[str, float]], length: int = 0
+) -> None:
     one = Compiled(g, {"f": nodes})
     many = Compiled(g, {"f": nodes}, written)
     y = np.array([[s.get(name, 0.0) for s in some] for name in STATE])
@@ -53,11 +56,13 @@ def compare(g: Graph, nodes: list[int], some: list[dict[str, float]]) -> None:
         many.prepare(state)
         p.append(many.p.copy())
     own = np.array(p).T.copy()
-    out = np.zeros((len(nodes), LANES))
+    length = length or len(nodes)
+    out = np.zeros((length, LANES))
     call = many.engine.function(symbol("f"), None, [ctypes.c_void_p] * 4)
     call(t.ctypes.data, y.ctypes.data, own.ctypes.data, out.ctypes.data)
     for lane, state in enumerate(some):
-        assert bits(out[:, lane].tolist()) == bits(one.at(state))
+        one.prepare(state)
+        assert bits(out[:, lane].tolist()) == bits(one.call("f", state, length))
 
 
 @given(
@@ -76,3 +81,11 @@ def test_long_functions(piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
     g = Graph()
     some = [{name: x + 0.3 * k for name, x in VALUES.items()} for k in range(LANES)]
     compare(g, long_functions(g)["f"], some)
+
+
+@pytest.mark.parametrize("edges", [0, 32])
+def test_series_by_a_loop(edges: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(order_loop, "MOST_EDGES", edges)
+    g, nodes, loop = both(MOTIONS[1], 5)
+    some = [{name: x + 0.1 * k for name, x in VALUES.items()} for k in range(LANES)]
+    compare(g, loop, some, len(nodes))

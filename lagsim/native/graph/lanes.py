@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from lagsim.native.graph import keys, sincos
+from lagsim.native.graph import keys, order_loop, sincos
 from lagsim.native.graph.lines import CIRCULAR, number
 from lagsim.native.graph.straight_line import Code, fixed_nodes
 from lagsim.native.graph.writer import Writer
@@ -22,9 +22,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.graph import Graph
     from lagsim.native.graph.keys import Functions, Layout
-    from lagsim.native.graph.writer import Place
 
-_SIGNATURE = "ptr %t, ptr %y, ptr %p, ptr %out"
 _WIDER = (
     ("double", VECTOR),
     ("i1", f"<{LANES} x i1>"),
@@ -43,22 +41,21 @@ def generate(
 ) -> Code:
     """Give the code of those of `functions` that are named, for LANES states.
 
-    functions : all of the system, as they were given to `straight_line.generate`;
-        those named are no loops.
+    functions : all of the system, as they were given to `straight_line.generate`.
     """
-    nodes_of = keys.nodes_of(functions)
-    fixed = fixed_nodes(g, nodes_of, layout)
+    fixed = fixed_nodes(g, keys.nodes_of(functions), layout)
     places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
     scratch = layout.size + len(fixed)
+    manner = f" nounwind {WIDEST}"
     writers = []
     for name in names:
         writer = _Lanes(g, layout, scratch, contract=name in contracted, wide=True)
-        writer.width = 1  # all arrays are interleaved, p too
-        stores = [(node, ("out", k)) for k, node in enumerate(nodes_of[name])]
-        writer.function(
-            symbol(name), stores, places,
-            manner=f" nounwind {WIDEST}", signature=_SIGNATURE,
-        )  # fmt: skip
+        nodes = functions[name]
+        if isinstance(nodes, keys.Loop):
+            order_loop.write(writer, symbol(name), nodes, places, manner)
+        else:
+            stores = [(node, ("out", k)) for k, node in enumerate(nodes)]
+            writer.function(symbol(name), stores, places, manner=manner)
         writers.append(writer)
     declared = sorted(set().union(*(writer.declared for writer in writers)))
     lines = [line for writer in writers for line in writer.lines]
@@ -69,6 +66,9 @@ def generate(
 class _Lanes(Writer):
     """Writes one function of LANES states."""
 
+    signature = "ptr %t, ptr %y, ptr %p, ptr %out"
+    shared = frozenset(("orders",))
+    width = LANES
     time_first = False
 
     @property
@@ -123,26 +123,26 @@ class _Lanes(Writer):
     def _lane_by_lane(
         self, op: str, exponent: float | None, operands: list[str]
     ) -> str:
-        found = "poison"
+        values = []
         for lane in range(LANES):
             one = [
                 self.line(f"extractelement {VECTOR} {x}, i32 {lane}") for x in operands
             ]
             self.wide = False
-            value = self.operation(op, exponent, one)
+            values.append(self.operation(op, exponent, one))
             self.wide = True
+        return self.joined(values)
+
+    def time(self) -> str:
+        """Give t."""
+        return self._load_own(("t", 0))
+
+    def joined(self, values: Sequence[str]) -> str:
+        """Write the vector of numbers."""
+        if len(values) < LANES:
+            return super().joined(values)
+        found = "poison"
+        for lane, value in enumerate(values):
             place = f"double {value}, i32 {lane}"
             found = self.line(f"insertelement {VECTOR} {found}, {place}")
         return found
-
-    def _time(self) -> str:
-        return self.line(f"load {VECTOR}, ptr %t, align 8")
-
-    def _load(self, place: Place) -> str:
-        return self._load_own(place)
-
-    def _address(self, place: Place) -> str:
-        array, k = place
-        return self.line(
-            f"getelementptr inbounds double, ptr %{array}, i64 {k * LANES}"
-        )

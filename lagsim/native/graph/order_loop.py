@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.language.series import ORDERS
 from lagsim.native.graph.lines import number
-from lagsim.native.graph.writer import SIGNATURE, hoisted
+from lagsim.native.graph.writer import hoisted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -40,7 +40,7 @@ LINE_BYTES = 64
 # 600 -> 480 ns with 15 sums; of 69 sums this takes longer than it saves).
 MOST_EDGES = 32
 
-_SIGNATURE = f"{SIGNATURE}, ptr %w, ptr %row, ptr %orders, ptr %ones"
+_MORE = ", ptr %w, ptr %row, ptr %orders, ptr %ones"
 
 
 _FUSED_NAME = f"llvm.fmuladd.v{TOGETHER}f64"
@@ -63,7 +63,9 @@ class _Memory:
         self.size = self.rows + self.row * loop.order + LINE_BYTES // 8
 
 
-def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None:
+def write(
+    w: Writer, name: str, loop: Loop, places: Mapping[int, Place], manner: str = ""
+) -> None:
     """Write the function `name`."""
     g, r = w.g, loop.recurrence
     size, count = len(r.state), len(r.sums)
@@ -79,7 +81,7 @@ def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None
     begin = [(n, ("out", 1 + i)) for i, n in enumerate((*r.state, *r.rates))]
     begin += [(g.zero, ("w", memory.edges + i)) for i in range(len(edges))]
     begin += kept.items()
-    internal = {"signature": _SIGNATURE, "linkage": "internal "}
+    internal = {"more": _MORE, "linkage": "internal ", "manner": manner}
     w.function(f"{name}.start", begin, places, **internal)
     rows = [i for j in range(count) for i in (j, memory.second + j)]
     found = {**places, **kept}
@@ -92,8 +94,11 @@ def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None
     to += [("w", memory.edges + i) for i in range(len(edges))]
     w.function(f"{name}.order", list(zip(made, to, strict=True)), found, **internal)
     base = w.scratch + w.scratch_used
-    w.scratch_used += memory.size
-    w.lines += _whole(name, loop, memory, base, w.width)
+    each = w.width // w.in_p  # numbers of one place in p
+    w.scratch_used += -(-memory.size // each)
+    w.lines += _tables(name, loop, memory)
+    w.lines.append(f"define void @{name}({w.signature}){manner} {{")
+    w.lines += _whole(w, name, loop, memory, base * each)
     w.declared.add(_FUSED)
 
 
@@ -118,21 +123,25 @@ def _with_edges(
     return made + following, firsts
 
 
-def _whole(name: str, loop: Loop, memory: _Memory, base: int, width: int) -> list[str]:
-    """Write what calls the others, order by order."""
-    size = len(loop.recurrence.state) * width
+def _tables(name: str, loop: Loop, memory: _Memory) -> list[str]:
+    """Write what ORDERS are of each order, and a row of zeros."""
     orders = ", ".join(
         f"double {number(x)}"
         for k in range(1, loop.order)
         for x in (k, 1.0 / k, 1.0 / (k + 1), k == 1)
     )
-    each = len(ORDERS)
-    table = f"[{each * (loop.order - 1)} x double]"
-    order = f"double {number(loop.order)}"
-    lines = [
+    table = f"[{len(ORDERS) * (loop.order - 1)} x double]"
+    return [
         f"@{name}.orders = private constant {table} [{orders}], align 8",
         f"@{name}.zeros = private constant [{memory.row} x double] zeroinitializer",
-        f"define void @{name}({SIGNATURE}) {{",
+    ]
+
+
+def _whole(w: Writer, name: str, loop: Loop, memory: _Memory, base: int) -> list[str]:
+    """Write what calls the others, order by order."""
+    size, each = len(loop.recurrence.state) * w.width, len(ORDERS)
+    order = f"double {number(loop.order)}"
+    lines = [
         "entry:",
         f"%raw = getelementptr double, ptr %p, i64 {base}",
         "%address = ptrtoint ptr %raw to i64",
@@ -142,15 +151,15 @@ def _whole(name: str, loop: Loop, memory: _Memory, base: int, width: int) -> lis
         f"%first = getelementptr double, ptr %w, i64 {memory.rows - memory.row}",
         f"%orders.0 = getelementptr double, ptr @{name}.orders, i64 {-each}",
     ]
-    for lane in range(width):
+    for lane in range(w.width):
         lines += [
             f"%out.{lane} = getelementptr double, ptr %out, i64 {lane}",
             f"store {order}, ptr %out.{lane}",
         ]
     null = "ptr null, ptr null, ptr null"
-    called = _SIGNATURE.replace("%out", "%row.out")
+    called = (w.signature + _MORE).replace("%out", "%row.out")
     lines += [
-        f"call void @{name}.start({SIGNATURE}, ptr %w, {null})",
+        f"call void @{name}.start({w.signature}, ptr %w, {null})",
         "br label %order",
         "order:",
         "%k = phi i64 [1, %entry], [%next, %made]",
@@ -168,7 +177,7 @@ def _whole(name: str, loop: Loop, memory: _Memory, base: int, width: int) -> lis
         f"%ones = select i1 %is.1, ptr @{name}.zeros, ptr %row.1",
         "%next = add i64 %k, 1",
         f"%ahead = mul i64 %next, {size}",
-        f"%there = getelementptr double, ptr %out, i64 {width}",
+        f"%there = getelementptr double, ptr %out, i64 {w.width}",
         "%row.out = getelementptr double, ptr %there, i64 %ahead",
         f"call void @{name}.order({called})",
         f"%more = icmp slt i64 %next, {loop.order}",

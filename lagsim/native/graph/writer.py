@@ -20,10 +20,6 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.native.graph.keys import Layout
 
-SIGNATURE = "double %t, ptr %y, ptr %p, ptr %out"
-# Those arrays of a function that hold the same for all lanes.
-_SHARED = frozenset(("p", "orders"))
-
 # An array of a function, and an index there.
 Place = tuple[str, int]
 
@@ -65,7 +61,14 @@ def ordered(
 
 
 class Writer(Lines):
-    """Writes one function, or those that it consists of."""
+    """Writes one function, or those that it consists of.
+
+    signature : of the function, as it is defined and called
+    shared : those of its arrays that hold the same for all lanes
+    """
+
+    signature = "double %t, ptr %y, ptr %p, ptr %out"
+    shared = frozenset(("p", "orders"))
 
     def __init__(
         self,
@@ -80,10 +83,28 @@ class Writer(Lines):
         self.g = g
         self.layout = layout
         self.contract = contract
-        self.width = sincos.LANES if wide else 1
         self.scratch = scratch
         self.scratch_used = 0
         self._sums: dict[int, int] = {}
+
+    @property
+    def width(self) -> int:
+        """The numbers of a value."""
+        return sincos.LANES if self.wide else 1
+
+    @property
+    def in_p(self) -> int:
+        """The places in p that a value takes."""
+        return self.width if "p" in self.shared else 1
+
+    @property
+    def time_first(self) -> bool:
+        """Whether y begins with t."""
+        return self.wide
+
+    def time(self) -> str:
+        """Give t."""
+        return self._load_own(("y", 0)) if self.wide else "%t"
 
     def function(
         self,
@@ -92,7 +113,7 @@ class Writer(Lines):
         places: Mapping[int, Place],
         *,
         manner: str = "",
-        signature: str = SIGNATURE,
+        more: str = "",
         linkage: str = "",
     ) -> None:
         """Write it.
@@ -103,9 +124,10 @@ class Writer(Lines):
             Nodes, and where they go.
         places
             What needs no evaluation, and where it is found.
-        signature
-            t, and the arrays.
+        more
+            Arrays besides those of the signature.
         """
+        signature = self.signature + more
         order = ordered(self.g, [node for node, _ in stores], places)
         pieces = [
             order[i : i + keys.PIECE] for i in range(0, len(order), keys.PIECE)
@@ -165,8 +187,8 @@ class Writer(Lines):
                 for a in self.g.args[n] if n not in places else ():
                     earlier = home.get(a, i) < i and a not in places
                     if earlier and self.g.args[a] and a not in passed:
-                        passed[a] = self.scratch + self.width * len(passed)
-        self.scratch_used = max(self.scratch_used, self.width * len(passed))
+                        passed[a] = self.scratch + self.in_p * len(passed)
+        self.scratch_used = max(self.scratch_used, self.in_p * len(passed))
         return passed
 
     def _piece(
@@ -254,17 +276,9 @@ class Writer(Lines):
             return self.line(f"fcmp one {self.kind} {value}, {self.literal(0.0)}")
         return value
 
-    @property
-    def time_first(self) -> bool:
-        """Whether y begins with t."""
-        return self.wide
-
-    def _time(self) -> str:
-        return self._load(("y", 0)) if self.wide else "%t"
-
     def _variable(self, name: str) -> str:
         if name == "t":
-            return self._time()
+            return self.time()
         if name in self.layout.y:
             return self._load(("y", self.layout.y[name] + self.time_first))
         return self._load(("p", self.layout.p[name]))
@@ -276,10 +290,10 @@ class Writer(Lines):
         return value
 
     def _load(self, place: Place) -> str:
-        if place[0] not in _SHARED:
+        if place[0] not in self.shared:
             return self._load_own(place)
         value = self.line(f"load double, ptr {self._address(place)}")
-        return self.joined([value] * sincos.LANES) if self.wide else value
+        return self.joined([value] * self.width) if self.wide else value
 
     def _load_own(self, place: Place) -> str:
         """Load a number for each lane."""
@@ -291,6 +305,6 @@ class Writer(Lines):
 
     def _address(self, place: Place) -> str:
         array, k = place
-        if array not in _SHARED:
+        if array not in self.shared:
             k *= self.width
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")

@@ -175,13 +175,6 @@ class System:
         return straight_line.generate(g, functions, layout, **MANNER)
 
     @property
-    def loops_over_order(self) -> bool:
-        """The series is one loop over its order."""
-        from lagsim.native.graph.keys import Loop
-
-        return isinstance(self.made_from[0].get("series"), Loop)
-
-    @property
     def has_loops(self) -> bool:
         """Something is solved by the loops of `kkt`, so they need their workspace."""
         loops = self.met is None and self.plan.elimination is None
