@@ -118,10 +118,7 @@ def refusal(_scene: Structure) -> str:
 
 def amplification(z: complex) -> float:
     """Give the size of the sum of z^k / k! up to ORDER."""
-    total = 1.0 + 0j
-    for k in range(ORDER, 0, -1):
-        total = 1.0 + total * z / k
-    return abs(total)
+    return abs(sum(z**k / math.factorial(k) for k in range(ORDER + 1)))
 
 
 class Taylor(State):
@@ -158,8 +155,7 @@ def start(s: Taylor, p: Parameters) -> None:
     rates = at(c, 1 + size)
     look_at_rounding(s, p, s.t, y, rates, 1.0)
     foresee(s, p, rates)
-    # Tolerances depend on the step, and on where it leads what is at rest: some looks
-    # settle both well enough.
+    # Tolerances depend on the step, and on where it leads what is at rest.
     new = s.new
     # One that was taken back has a length to begin with.
     first = s.most_step if s.most_step > 0.0 else s.row_step
@@ -393,13 +389,11 @@ def take_plain(s: Taylor, p: Parameters) -> None:
 
 def interpolate(s: Taylor, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: the series there."""
-    size = s.size
-    before = at(s.series, buffer(size, 1.0 - s.which))
+    before = at(s.series, buffer(s.size, 1.0 - s.which))
     reach(s, before, s.carried, x * s.step_h, out)
 
 
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
     """Give the slope of that, from the velocities on."""
-    size = s.size
-    before = at(s.series, buffer(size, 1.0 - s.which))
-    sum_rates(size, s.n, before, x * s.step_h, out)
+    before = at(s.series, buffer(s.size, 1.0 - s.which))
+    sum_rates(s.size, s.n, before, x * s.step_h, out)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.admissibility import examine
+from lagsim.admissibility.examination import examine
 from lagsim.admissibility.many import clear_starts, needs_no_solve
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive

@@ -37,7 +37,10 @@ def refused(lagsim, *arguments):
         ("none.yaml", "none.yaml: cannot be read: No such file or directory"),
         ("folder", "folder: cannot be read: Is a directory"),
         ("model.yaml/x", "model.yaml/x: cannot be read: Not a directory"),
-        ("/dev/null", "/dev/null: the file is empty"),
+        (
+            "/dev/null",
+            "/dev/null: cannot be read: it is a pipe or a device, and no regular file",
+        ),
     ],
 )
 def test_a_file_that_cannot_be_read(lagsim, write, command, path, told):
