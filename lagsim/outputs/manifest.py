@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
 
-PACKAGES = ("numpy", "llvmlite", "yaml", "matplotlib")
+PACKAGES = ("numpy", "llvmlite", "matplotlib")
 
 
 def manifest(
@@ -104,7 +104,7 @@ def _printable(document: Any) -> Any:
 
 
 def versions() -> dict[str, str]:
-    """Give the versions of Python and of the packages that this run has loaded.
+    """Give the versions of Python and of what numbers and pictures rest on.
 
     From the modules: reading the metadata of packages takes longer than integrating.
     """

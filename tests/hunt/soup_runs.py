@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from lagsim.cli import main
-from tests.hunt.soup import MODEL, Case, case, shrunk
+from tests.hunt.soup import MODEL, OPTIONS, Case, case, shrunk
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -86,7 +86,11 @@ def judged(case: Case, code: int, out: str, err: str) -> str:
         return f"exit {code}: {' | '.join(last)}"
     if code == 2 and "[E" not in err and '"number"' not in out:
         return "refused without a number"
-    if "--json" in case.line and "--help" not in case.line:
+    # What follows an option that takes a value is its value.
+    takes = {option for option, value in OPTIONS.get(case.line[0], ()) if value}
+    pairs = zip(case.line, case.line[1:], strict=False)
+    asked = [word for before, word in pairs if before not in takes]
+    if "--json" in asked and "--help" not in case.line:
         try:
             json.loads(out)
         except ValueError:
