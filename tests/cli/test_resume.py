@@ -16,7 +16,10 @@ from lagsim.cli import _writing
 from lagsim.studies import restart
 from tests.support import MODELS
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="processes are killed")
+pytestmark = [
+    pytest.mark.skipif(os.name == "nt", reason="processes are killed"),
+    pytest.mark.usefixtures("heeded_signals"),
+]
 
 # Keeps the run between any two calls of its kernels, which are short, and after some of
 # these kills itself.
