@@ -360,6 +360,8 @@ class Sheet:
         yield axes
         if over:
             axes.yaxis.tick_right()
+        # Labels say it; where ticks change sides it is shown again.
+        axes.yaxis.offsetText.set_visible(False)
         for line in kept:
             line.set_visible(not over)
         axes.draw(self.renderer)
