@@ -242,7 +242,7 @@ def test_a_disk_that_fills_up(lagsim, write, tmp_path):
         pytest.skip("mounting is not allowed here")
     try:
         # A run that may end long before its time is begun, however large its table.
-        maybe = ENDLESS.replace("output_step: 1", 'output_step: 1, until: "t = 9e6"')
+        maybe = ENDLESS.replace("_step: 1", "_step: 1, until: theta >= 9")
         called = lagsim("run", write(maybe), "-o", "disk/out")
         assert called.code == 3
         assert "No space left on device" in called.err
