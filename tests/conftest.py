@@ -28,7 +28,7 @@ def heeded_signals():
 
 
 # Tests of many like cases (each shipped model, say) that take seconds in all: every
-# third case is quick, the others wait for the slow suite.
+# fifth case is quick, the others wait for the slow suite.
 MANY_LIKE_CASES = {
     "test_a_kept_session_runs_as_the_one_that_was_made",
     "test_a_dead_zone_crossed_by_a_motion_that_diverges",
@@ -65,7 +65,7 @@ MANY_LIKE_CASES = {
     "test_units_do_not_matter",
     "test_whole_documents",
 }
-QUICK_ONE_IN = 3
+QUICK_ONE_IN = 5
 
 
 def pytest_collection_modifyitems(items):

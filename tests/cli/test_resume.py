@@ -117,7 +117,7 @@ def test_an_interrupted_run_says_that_it_can_go_on(lagsim, begun):
     ("model", "more"),
     [
         ("elastic-pendulum", ("--animate",)),
-        ("elastic-pendulum", ("--method", "kahan-li8", "--step", "0.01")),
+        ("kepler", ("--method", "kahan-li8", "--step", "0.01")),
         ("elastic-pendulum-steered", ("--no-plots", "--units")),
         ("bouncing-ball", ("--no-plots",)),
         ("slack-string", ("--no-plots",)),
