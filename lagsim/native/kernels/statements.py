@@ -131,6 +131,10 @@ class Statements(Calls):
             for single, value in zip(target.elts, values, strict=True):
                 self._store(single, value)
 
+    def _keep(self, value: Value, place: str) -> None:
+        """Store a number that the memory had another of."""
+        self.store(value, place)
+
     def _augmented(self, node: ast.AugAssign) -> None:
         # The place is found once and read before the right side is evaluated.
         target = node.target
@@ -138,7 +142,7 @@ class Statements(Calls):
             place = self._place(target)
             now = self.op("float", f"load double, ptr {place}")
             value = self.arithmetic(node, now, node.op, self.number(node.value))
-            self.store(self.cast(value, "float", node, "the value"), place)
+            self._keep(self.cast(value, "float", node, "the value"), place)
             return
         if not isinstance(target, ast.Name):
             unsupported(self.source, node)

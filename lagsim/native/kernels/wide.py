@@ -147,16 +147,6 @@ class Wide(WideValues):
         else:
             super()._store(target, value)
 
-    def _augmented(self, node: ast.AugAssign) -> None:
-        target = node.target
-        if isinstance(target, ast.Subscript) or self.source.field(target):
-            place = self._place(target)
-            now = self.op("float", f"load double, ptr {place}")
-            value = self.arithmetic(node, now, node.op, self.number(node.value))
-            self._keep(self.cast(value, "float", node, "the value"), place)
-        else:
-            super()._augmented(node)
-
     def _if(self, node: ast.If) -> None:
         known = self.fold(node.test)
         if isinstance(known, bool):
