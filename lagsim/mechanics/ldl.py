@@ -176,6 +176,8 @@ class Elimination:
         # What is solved for later, corrections, is a part of this.
         self.operations = self.meter.operations
         self.meter.stop()
+        if equations.chains is not None and not equations.rows:
+            self._motion = self._along_links(equations), []
 
     def _schur(self) -> dict[tuple[int, int], int]:
         holders: dict[int, list[int]] = {}  # coordinate -> rows of Z that have it
@@ -199,6 +201,19 @@ class Elimination:
             scaled = g.call("mul", z[k], self.mass.inverse[k])
             total = g.call("add", total, g.call("mul", scaled, other[k]))
         return total
+
+    def _along_links(self, equations: Equations) -> list[int]:
+        """Give q'' by the forces in massless links, where that is shorter."""
+        from lagsim.mechanics.tensions import accelerations  # of many links
+
+        g, found = self.g, accelerations(equations)
+        moving = {*equations.q, *equations.velocities, "t"}
+        before = self._motion[0]
+        if found is None or g.cost(found, moving) >= g.cost(before, moving):
+            return before
+        moved = g.dependent(found, moving)
+        self.operations = sum(g.ops[n] in ("mul", "div") for n in moved)
+        return found
 
     def motion(self) -> tuple[list[int], list[int]]:
         """Give q'' (n,) and lambda (m,)."""
