@@ -176,7 +176,7 @@ class Elimination:
         # What is solved for later, corrections, is a part of this.
         self.operations = self.meter.operations
         self.meter.stop()
-        if equations.chains is not None and not equations.rows:
+        if not equations.rows:
             self._motion = self._along_links(equations), []
 
     def _schur(self) -> dict[tuple[int, int], int]:
@@ -204,7 +204,7 @@ class Elimination:
 
     def _along_links(self, equations: Equations) -> list[int]:
         """Give q'' by the forces in massless links, where that is shorter."""
-        from lagsim.mechanics.tensions import accelerations  # of many links
+        from lagsim.mechanics.tensions import accelerations  # not of rows
 
         g, found = self.g, accelerations(equations)
         moving = {*equations.q, *equations.velocities, "t"}

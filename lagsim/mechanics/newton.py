@@ -48,6 +48,8 @@ class Newton(NamedTuple):
 def newton(e: Equations) -> Newton | None:
     """Give the laws; None where masses move, couple, or are of no positions."""
     g, model = e.graph, e.model
+    if e.q != tuple(c.name for c in model.coordinates):
+        return None  # reduced
     flow = Flow(g, e.q, e.velocities)
     moving = (*e.q, "t")
     found = chains(g, model.lagrangian, flow.rates, flow.velocities, moving)

@@ -16,9 +16,11 @@ Automation 11 (1995) 389: the constraint force algorithm.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate
 from lagsim.language.normal_form import normal_form
 from lagsim.language.trigonometry import fewer_terms
 from lagsim.mechanics.newton import Newton, newton
@@ -30,17 +32,19 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
 
+# Of a few operations: what numbers in a file may differ by.
+ROUNDED = 8 * UNIT_ROUNDOFF
+
 Vector = dict[int, int]  # unknown, sum or link -> node; what is absent is zero
 
 
 def accelerations(e: Equations) -> list[int] | None:
     """Give q'' (n,); None where not all is masses on massless links."""
-    if e.chains is None or e.rows or e.laws:
-        return None
-    laws = newton(e)
-    if laws is None:
-        return None
     g, n = e.graph, len(e.q)
+    turning = any(g.ops[k] in ("sin", "cos") for k in g.cone([e.model.lagrangian]))
+    laws = newton(e) if turning and not (e.rows or e.laws) else None
+    if laws is None or not _heavy(e, laws):
+        return None
     moving = frozenset((*e.q, *e.velocities, "t"))
     held, followers = _led(g, laws, n)
     given = {*range(n), *laws.sums} - held.sums.keys()
@@ -54,6 +58,12 @@ def accelerations(e: Equations) -> list[int] | None:
         rest = g.call("add", g.product_sum(others), x.drift)
         found[x.velocity] = g.call("sub", found[x.leader], rest)
     return [found[j] for j in range(n)]
+
+
+def _heavy(e: Equations, laws: Newton) -> bool:
+    """Tell whether all masses are positive at the values of the parameters."""
+    values = {p.name: p.value for p in e.model.parameters}
+    return all(m > 0.0 for m in evaluate(e.graph, [*laws.masses.values()], values))
 
 
 class _Follower(NamedTuple):
@@ -160,6 +170,39 @@ def _commonest(g: Graph, nodes: Iterable[int]) -> int:
     return node
 
 
+def _alike(g: Graph, nodes: Vector) -> Vector:
+    """Give nodes whose numbers differ by the rounding of quotients as the same ones."""
+    met: dict[int, list[float]] = {}
+    found = {}
+    for k, node in nodes.items():
+        number, rest = _number(g, node)
+        numbers = met.setdefault(rest, [])
+        same = (x for x in numbers if math.isclose(x, number, rel_tol=ROUNDED))
+        number = next(same, number)
+        numbers.append(number)
+        found[k] = g.call("mul", g.constant(number), rest)
+    return found
+
+
+def _number(g: Graph, n: int) -> tuple[float, int]:
+    """Give the number that a product of it and something else starts with."""
+    number = 1.0
+    while g.value(n) is None and g.args[n]:
+        one, other = g.args[n][0], g.args[n][-1]
+        if g.ops[n] == "neg":
+            number, n = -number, one
+        elif g.ops[n] == "div" and (below := g.value(other)):
+            number, n = number / below, one
+        elif g.ops[n] == "mul" and (factor := g.value(one)) is not None:
+            number, n = number * factor, other
+        elif g.ops[n] == "mul" and (factor := g.value(other)) is not None:
+            number, n = number * factor, one
+        else:
+            return number, n
+    value = g.value(n)
+    return (number, n) if value is None else (number * value, g.one)
+
+
 class _Motion:
     """The equations of the tensions, in units of the commonest mass and length.
 
@@ -216,7 +259,7 @@ class _Motion:
         pushed = {u: held.forces.get(u, g.zero) for u in held.masses}
         moved = g.dependent(pushed.values(), self.moving)
         still = {u: node for u, node in pushed.items() if node not in moved}
-        fall = self._over(still, unit)
+        fall = _alike(g, self._over(still, unit))
         for u in pushed.keys() - still.keys():
             fall[u] = g.variable(f"fall.{u}")
             self.known[fall[u]] = g.call("div", pushed[u], unit[u])
@@ -229,7 +272,11 @@ class _Motion:
     def _missing(self) -> Vector:
         g, held = self.g, self.held
         drifts = {k: held.drifts.get(k, g.zero) for k in held.sums}
-        found = self._over(drifts, dict.fromkeys(drifts, self.length))
+        lengths = dict.fromkeys(drifts, self.length)
+        lengths |= {k: x.length for x in self.links for k in x.across}
+        drifts = self._over(drifts, lengths)
+        scales = self._over(lengths, dict.fromkeys(drifts, self.length))
+        found = {k: g.call("mul", scales[k], drift) for k, drift in drifts.items()}
         for k, form in held.sums.items():
             along = ((c, self.fall[i]) for i, c in form.items() if i in held.masses)
             fallen = g.call("sub", self.fall[k], g.product_sum(along))
