@@ -13,6 +13,8 @@ is for all else.
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING
 
@@ -138,9 +140,7 @@ class Factorisation:
 
 def unconstrained(equations: Equations) -> list[int]:
     """Give M^-1 f (n,), the accelerations without constraints."""
-    mass = factored_mass(equations, Meter())
-    x = mass.solve(dict(enumerate(equations.f)))
-    return [x.get(j, equations.graph.zero) for j in range(len(equations.q))]
+    return Elimination(replace(equations, rows=(), laws=()), math.inf).motion()[0]
 
 
 def factored_mass(equations: Equations, meter: Meter) -> Factorisation | Articulated:
