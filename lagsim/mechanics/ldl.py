@@ -211,9 +211,7 @@ class Elimination:
         before = self._motion[0]
         if found is None or g.cost(found, moving) >= g.cost(before, moving):
             return before
-        moved = g.dependent(found, moving)
-        self.operations = sum(g.ops[n] in ("mul", "div") for n in moved)
-        return found
+        return found  # `operations` stays that of L D L^T: tapes pay as early as before
 
     def motion(self) -> tuple[list[int], list[int]]:
         """Give q'' (n,) and lambda (m,)."""
