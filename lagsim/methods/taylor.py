@@ -313,8 +313,7 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
         suspect(s, p, h, y, before, new, following)
     move_on(s, p, h)
     c = at(s.series, buffer(size, s.which))
-    if CONSTRAINED:
-        s.met = met_part(s, c[0] + 1.0)
+    s.met = met_part(s, c[0] + 1.0)
     s.h = chosen_step(s, c, s.t)
     if s.h < SUDDEN * h:
         # Perhaps it is rounding that the last coefficients consist of.
