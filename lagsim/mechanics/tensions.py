@@ -42,8 +42,7 @@ Vector = dict[int, int]  # unknown, sum or link -> node; what is absent is zero
 def accelerations(e: Equations) -> list[int] | None:
     """Give q'' (n,); None where not all is masses on massless links."""
     g, n = e.graph, len(e.q)
-    turning = any(g.ops[k] in ("sin", "cos") for k in g.cone([e.model.lagrangian]))
-    laws = newton(e) if turning and not (e.rows or e.laws) else None
+    laws = None if e.rows or e.laws else newton(e)
     if laws is None or not _heavy(e, laws):
         return None
     moving = frozenset((*e.q, *e.velocities, "t"))

@@ -239,9 +239,10 @@ def test_a_double_pendulum_takes_no_more_than_a_textbook() -> None:
 def test_operations_of_a_chain_in_space() -> None:
     """64 a link, a third of what M takes; counted on paper.
 
-    The angles take 7, with the difference to the next; their products 7; E E' 3,
-    E x E' 8 and its square 5; elimination 10 as above, the right side 4; what turns the
-    two angles 10, and they 10.
+    Sines and cosines 4, and 3 with the difference of bearings to the next link; E 2,
+    squares and products of rates 5, what drifts along the link 3 and across it 5; with
+    the next link E E' 5, E x E' 9 and its square 5; elimination 9; what tensions turn
+    the two angles by 6, and these 8.
     """
     counts = []
     for n in (3, 6):
