@@ -51,6 +51,7 @@ from lagsim.methods.parts.noise import (
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.power_series import (
     chosen_step,
+    is_finite,
     lead,
     misfit,
     sum_bend,
@@ -66,7 +67,7 @@ from lagsim.methods.parts.state import (
     State,
 )
 from lagsim.methods.parts.strays import asks
-from lagsim.native.kernels.words import at
+from lagsim.native.kernels.words import abreast, at, keep, vector
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
@@ -133,6 +134,7 @@ class Taylor(State):
     next: float
     series: Floats = array(lambda s: buffer(s.size, 2.0))
     new: Floats = array(lambda s: s.size)
+    rates: Floats = array(lambda s: s.size)  # the series' own at the new state
     # The rest at the start of the last step, and where tolerances are tight its rate.
     carried: Floats = array(lambda s: s.size)
     drift: Floats = array(lambda s: s.size)
@@ -259,13 +261,17 @@ def reach(s: Taylor, c: Floats, rest: Floats, h: float, out: Floats) -> None:
     if s.rtol < TIGHT:
         add_exactly(size, at(c, 1), at(c, 1 + size), h, out, left)
         add_drift(s, s.drift, h)
-    else:
         for i in range(size):
-            out[i] = c[1 + i]
-            left[i] += h * c[1 + size + i]
-    for i in range(size):
-        left[i] += rest[i]
-    carry(size, out, left, out, left)
+            left[i] += rest[i]
+        carry(size, out, left, out, left)
+        return
+    for i in abreast(size):
+        before = vector(c, 1 + i)
+        change = (vector(left, i) + h * vector(c, 1 + size + i)) + vector(rest, i)
+        after = before + change
+        moved = after - before
+        keep(after, out, i, size - i)
+        keep((before - (after - moved)) + (change - moved), left, i, size - i)
 
 
 def attempt(s: Taylor, p: Parameters, h: float) -> int:
@@ -276,10 +282,9 @@ def attempt(s: Taylor, p: Parameters, h: float) -> int:
     if s.rtol < TIGHT and s.rejected == 0.0:
         find_drift(s, p, at(c, 1 + size), s.drift)
     reach(s, c, s.rest, h, new)
-    for i in range(size):
-        if not abs(new[i]) < 1e300:
-            return 0
-    return 1
+    # Beside that, as each of both sums waits for itself.
+    sum_rates(size, 0, c, h, s.rates)
+    return 1 if is_finite(size, new) else 0
 
 
 def check(s: Taylor, p: Parameters, h: float) -> float:
@@ -294,11 +299,11 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     new = s.new
     s.evaluations += 1.0
     set_tolerances(s, p, s.t + h, new, at(c, 1 + size), h)
-    error = misfit(s, c, at(following, 1 + size), h)
+    error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
     # Perhaps it is nothing but rounding.
     doubtful = error > PASSED and error < 1e300
     if doubtful and look_again(s, p, h, new, at(c, 1 + size), 1.0) > 0:
-        error = misfit(s, c, at(following, 1 + size), h)
+        error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
     return error
 
 
@@ -307,19 +312,20 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
     size = s.size
     y = s.y
     new = s.new
+    following = at(s.series, buffer(size, 1.0 - s.which))
+    rates = at(following, 1 + size)
+    # First what the next step waits for; what follows here does not.
+    next_ = chosen_step(s, following, s.t + h)
     if SLEEPERS:
         before = at(s.series, buffer(size, s.which) + 1 + size)
-        following = at(s.series, buffer(size, 1.0 - s.which) + 1 + size)
-        suspect(s, p, h, y, before, new, following)
+        suspect(s, p, h, y, before, new, rates)
     move_on(s, p, h)
-    c = at(s.series, buffer(size, s.which))
-    s.h = chosen_step(s, c, s.t)
-    if s.h < SUDDEN * h:
+    if next_ < SUDDEN * h:
         # Perhaps it is rounding that the last coefficients consist of.
-        rates = at(c, 1 + size)
         look_at_rounding(s, p, s.t, y, rates, 1.0)
         set_tolerances(s, p, s.t, y, rates, h)
-        s.h = chosen_step(s, c, s.t)
+        next_ = chosen_step(s, following, s.t)
+    s.h = next_
 
 
 def move_on(s: Taylor, p: Parameters, h: float) -> None:
@@ -329,9 +335,9 @@ def move_on(s: Taylor, p: Parameters, h: float) -> None:
     rest = s.rest
     carried = s.carried
     s.which = 1.0 - s.which
-    for i in range(s.size):
-        y[i] = new[i]
-        carried[i] = rest[i]
+    for i in abreast(s.size):
+        keep(vector(new, i), y, i, s.size - i)
+        keep(vector(rest, i), carried, i, s.size - i)
     keep_rest(s)
     s.step_t = s.t
     s.step_h = h
@@ -356,16 +362,15 @@ def try_plain(s: Taylor, p: Parameters) -> None:
     if s.rtol < TIGHT:
         find_drift(s, p, slope, s.drift)
     reach(s, c, s.rest, h, new)
+    sum_rates(size, 0, c, h, s.rates)
     series(t, new, p, following)
     s.evaluations += 1.0
     set_tolerances(s, p, t, new, slope, h)
-    error = misfit(s, c, at(following, 1 + size), h)
-    for i in range(size):
-        if not abs(new[i]) < 1e300:
-            error = 1e300
+    error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
     s.trial = h
     s.next = chosen_step(s, following, t)
     plain = h > 0.0 and error <= PASSED and s.next >= SUDDEN * h
+    plain = plain and is_finite(size, new)
     if SLEEPERS:
         suspect(s, p, h, s.y, slope, new, at(following, 1 + size))
         plain = plain and s.suspect == 0.0
