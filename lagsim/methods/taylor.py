@@ -53,9 +53,11 @@ from lagsim.methods.parts.power_series import (
     chosen_step,
     is_finite,
     lead,
+    log2_of,
     misfit,
     sum_bend,
     sum_rates,
+    two_to_the,
 )
 from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import leave_loss, record_health
@@ -129,8 +131,9 @@ class Taylor(State):
     trial: float  # the step that is tried
     trouble: float  # the code of what was wrong with the last one
     rejected: float  # 1 once one was not accepted
-    # 1 where one is accepted as it is, and nothing else is to be done; and the next.
+    # 1 where a step is made in lanes; its error in units of the tolerance; the next.
     plain: float
+    error: float
     next: float
     series: Floats = array(lambda s: buffer(s.size, 2.0))
     new: Floats = array(lambda s: s.size)
@@ -223,19 +226,21 @@ def conclude(s: Taylor, p: Parameters) -> bool:
         if CONSTRAINED:
             record_health(s, health, h)
         accept(s, p, h)
-        s.at_bound = max(s.at_bound + (1.0 if s.rejected > 0.0 else -1.0), 0.0)
-        begin_trials(s)
         return True
+    shorten(s, h, error)
+    return False
+
+
+def shorten(s: Taylor, h: float, error: float) -> None:
+    """Choose a shorter step than h, of this error in units of the tolerance."""
     s.h = SHORTEST * h
     s.trouble = NOT_FINITE
     if error < 1e300:
-        order = s.series[0]
-        shorter = SHORTER * (PASSED / error) ** (1.0 / (order + 1.0))
-        s.h = h * max(SHORTEST, shorter)
+        shorter = two_to_the(log2_of(PASSED / error) / (s.series[0] + 1.0))
+        s.h = h * max(SHORTEST, SHORTER * shorter)
         s.trouble = STEP_TOO_SMALL
     s.rejected = 1.0
     s.rejections += 1.0
-    return False
 
 
 def begin_trials(s: Taylor) -> None:
@@ -302,7 +307,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
     # Perhaps it is nothing but rounding.
     doubtful = error > PASSED and error < 1e300
-    if doubtful and look_again(s, p, h, new, at(c, 1 + size), 1.0) > 0:
+    if doubtful and look_again(s, p, h, new, at(c, 1 + size), 1.0):
         error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
     return error
 
@@ -319,22 +324,19 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
     if SLEEPERS:
         before = at(s.series, buffer(size, s.which) + 1 + size)
         suspect(s, p, h, y, before, new, rates)
-    move_on(s, p, h)
-    if next_ < SUDDEN * h:
-        # Perhaps it is rounding that the last coefficients consist of.
-        look_at_rounding(s, p, s.t, y, rates, 1.0)
-        set_tolerances(s, p, s.t, y, rates, h)
-        next_ = chosen_step(s, following, s.t)
-    s.h = next_
+    s.which = 1.0 - s.which
+    move_on(s, p, h, next_)
 
 
-def move_on(s: Taylor, p: Parameters, h: float) -> None:
-    """Let the state after a step be the present one."""
+def move_on(s: Taylor, p: Parameters, h: float, next_: float) -> None:
+    """Let the state after a step be the present one, whose series has become that.
+
+    next_ : the step that its series tells.
+    """
     y = s.y
     new = s.new
     rest = s.rest
     carried = s.carried
-    s.which = 1.0 - s.which
     for i in abreast(s.size):
         keep(vector(new, i), y, i, s.size - i)
         keep(vector(rest, i), carried, i, s.size - i)
@@ -344,12 +346,22 @@ def move_on(s: Taylor, p: Parameters, h: float) -> None:
     s.t = s.t + h
     s.steps += 1.0
     record_measured(s, p)
+    s.h = next_
+    if next_ < SUDDEN * h:
+        # Perhaps it is rounding that the last coefficients consist of.
+        c = at(s.series, buffer(s.size, s.which))
+        rates = at(c, 1 + s.size)
+        look_at_rounding(s, p, s.t, y, rates, 1.0)
+        set_tolerances(s, p, s.t, y, rates, h)
+        s.h = chosen_step(s, c, s.t)
+    s.at_bound = max(s.at_bound + (1.0 if s.rejected > 0.0 else -1.0), 0.0)
+    begin_trials(s)
 
 
 def try_plain(s: Taylor, p: Parameters) -> None:
-    """Try a step; `plain` tells whether it is accepted, and nothing else is to be done.
+    """Try a step; `plain` tells whether it is one of those that are made in lanes.
 
-    In lanes, see `parts.lanes`. What `step` begins with stays as it is.
+    See `parts.lanes`. For another all that `step` begins with stays as it is.
     """
     size = s.size
     new = s.new
@@ -359,7 +371,7 @@ def try_plain(s: Taylor, p: Parameters) -> None:
     counted = s.evaluations
     h = usable_step(s, p)
     t = s.t + h
-    if s.rtol < TIGHT:
+    if s.rtol < TIGHT and s.rejected == 0.0:
         find_drift(s, p, slope, s.drift)
     reach(s, c, s.rest, h, new)
     sum_rates(size, 0, c, h, s.rates)
@@ -367,24 +379,38 @@ def try_plain(s: Taylor, p: Parameters) -> None:
     s.evaluations += 1.0
     set_tolerances(s, p, t, new, slope, h)
     error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
-    s.trial = h
-    s.next = chosen_step(s, following, t)
-    plain = h > 0.0 and error <= PASSED and s.next >= SUDDEN * h
-    plain = plain and is_finite(size, new)
+    plain = h > 0.0 and error < 1e300 and is_finite(size, new) and not asks(s, t)
     if SLEEPERS:
         suspect(s, p, h, s.y, slope, new, at(following, 1 + size))
         plain = plain and s.suspect == 0.0
-    s.plain = 1.0 if plain and not asks(s, t) else 0.0
-    if s.plain == 0.0:
+    if plain and error > PASSED and look_again(s, p, h, new, slope, 1.0):
+        error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
+    s.trial = h
+    s.error = error
+    s.next = chosen_step(s, following, t)
+    s.plain = 1.0
+    if not plain:
+        s.plain = 0.0
         s.evaluations = counted
 
 
 def take_plain(s: Taylor, p: Parameters) -> None:
-    """Accept the step that was tried."""
+    """Accept the step that was tried, or try a shorter one.
+
+    In all lanes the present series is where the one just made lies.
+    """
+    s.which = 1.0 - s.which
+    if s.plain == 0.0:
+        return
+    if s.error > PASSED:
+        present = at(s.series, buffer(s.size, 1.0 - s.which))
+        c = at(s.series, buffer(s.size, s.which))
+        for k in range(1 + (int(present[0]) + 1) * s.size):
+            c[k] = present[k]
+        shorten(s, s.trial, s.error)
+        return
     keep_sizes(s)
-    move_on(s, p, s.trial)
-    s.h = s.next
-    s.at_bound = max(s.at_bound - 1.0, 0.0)
+    move_on(s, p, s.trial, s.next)
     s.most_step = 0.0
     record_step(s)
     if s.inertias > 0:

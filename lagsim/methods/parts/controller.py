@@ -240,13 +240,13 @@ def limit_work(s: State, new: Floats) -> None:
 @rare
 def look_again(
     s: State, p: Parameters, h: float, new: Floats, k: Floats, health: float
-) -> int:
+) -> bool:
     """Look at the rounding in a step h to `new`, and set the tolerances by it.
 
-    Gives 0 where that has been done. k : (size,), y' at the start of the step.
+    Tells whether that had not been done. k : (size,), y' at the start of the step.
     """
     if s.looked > 0.0:
-        return 0
+        return False
     size = s.size
     n = s.n
     t = s.t
@@ -268,7 +268,7 @@ def look_again(
                 noise[2 * n] = max(noise[2 * n], power)
     set_tolerances(s, p, t + h, new, k, h)
     s.looked = 1.0
-    return 1
+    return True
 
 
 @rare
