@@ -12,6 +12,7 @@ from lagsim.native.kernels.words import (
     above,
     abreast,
     exponent,
+    fused,
     head,
     keep,
     larger,
@@ -84,10 +85,10 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
     if not max(last, second, third, fourth) < 1e300:
         return 0.0
     logarithm = min(
-        bound(last, LOG_SHRINK, order),
-        bound(second, 2.0 * LOG_SHRINK, order - 1),
-        bound(third, 3.0 * LOG_SHRINK, order - 2),
         bound(fourth, 4.0 * LOG_SHRINK, order - 3),
+        bound(third, 3.0 * LOG_SHRINK, order - 2),
+        bound(second, 2.0 * LOG_SHRINK, order - 1),
+        bound(last, LOG_SHRINK, order),
     )
     safety = TIGHT_SAFETY if s.rtol < TIGHT else SAFETY
     return min(safety * two_to_the(logarithm), float(arc))
@@ -109,13 +110,13 @@ def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
         low = vector(c, 1 + (order - 1) * size + i)
         for back in range(1, (order - 1) // 2):
             k = order - 2 * back
-            high = high * square + vector(c, 1 + k * size + i)
-            low = low * square + vector(c, 1 + (k - 1) * size + i)
+            high = fused(high, square, vector(c, 1 + k * size + i))
+            low = fused(low, square, vector(c, 1 + (k - 1) * size + i))
         if order % 2 == 0:
-            low = low * h + vector(c, 1 + 2 * size + i)
-            high = high * square + low
+            low = fused(low, h, vector(c, 1 + 2 * size + i))
+            high = fused(high, square, low)
         else:
-            high = high * h + low
+            high = fused(high, h, low)
         keep(high * square, out, i, size - i)
 
 
@@ -131,11 +132,11 @@ def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
         for _ in range(1, order // 2):
             times -= 2.0
             place -= 2 * size
-            high = high * square + times * vector(c, place)
-            low = low * square + (times - 1.0) * vector(c, place - size)
-        high = high * h + low
+            high = fused(high, square, times * vector(c, place))
+            low = fused(low, square, (times - 1.0) * vector(c, place - size))
+        high = fused(high, h, low)
         if order % 2 == 1:
-            high = high * h + vector(c, 1 + size + i)
+            high = fused(high, h, vector(c, 1 + size + i))
         keep(high, out, i, size - i)
 
 
@@ -182,13 +183,14 @@ def log2_of(x: float) -> float:
     f = mantissa(x) - 1.0
     square = f * f
     fourth = square * square
-    low = (LOGARITHM[0] + LOGARITHM[1] * f) + (LOGARITHM[2] + LOGARITHM[3] * f) * square
-    more = (LOGARITHM[4] + LOGARITHM[5] * f) + (
-        LOGARITHM[6] + LOGARITHM[7] * f
-    ) * square
-    high = LOGARITHM[8] + LOGARITHM[9] * f
-    high += (LOGARITHM[10] + LOGARITHM[11] * f) * square
-    return exponent(x) + f * ((low + more * fourth) + high * (fourth * fourth))
+    low = fused(LOGARITHM[1], f, LOGARITHM[0])
+    low = fused(fused(LOGARITHM[3], f, LOGARITHM[2]), square, low)
+    middle = fused(LOGARITHM[5], f, LOGARITHM[4])
+    middle = fused(fused(LOGARITHM[7], f, LOGARITHM[6]), square, middle)
+    high = fused(LOGARITHM[9], f, LOGARITHM[8])
+    high = fused(fused(LOGARITHM[11], f, LOGARITHM[10]), square, high)
+    found = fused(fused(high, fourth, middle), fourth, low)
+    return fused(f, found, exponent(x))
 
 
 def two_to_the(x: float) -> float:
@@ -197,6 +199,8 @@ def two_to_the(x: float) -> float:
     k = (x + ROUNDER) - ROUNDER
     f = x - k
     square = f * f
-    low = (POWER[0] + POWER[1] * f) + (POWER[2] + POWER[3] * f) * square
-    high = (POWER[4] + POWER[5] * f) + (POWER[6] + POWER[7] * f) * square
-    return (low + high * (square * square)) * two_to(k)
+    low = fused(POWER[1], f, POWER[0])
+    low = fused(fused(POWER[3], f, POWER[2]), square, low)
+    high = fused(POWER[5], f, POWER[4])
+    high = fused(fused(POWER[7], f, POWER[6]), square, high)
+    return fused(high, square * square, low) * two_to(k)

@@ -62,6 +62,7 @@ class Calls(Expressions):
             words.smaller: lambda node: self._call_beyond(node, larger=False),
             words.head: self._call_head,
             words.largest: self._call_largest,
+            words.fused: self._call_fused,
             words.exponent: lambda node: self.exponent(*self._floats(node, 1)),
             words.mantissa: lambda node: self.mantissa(*self._floats(node, 1)),
             words.two_to: lambda node: self.two_to(*self._floats(node, 1)),
@@ -175,6 +176,12 @@ class Calls(Expressions):
         array, index = self._arguments(node, 2)
         view = ast.copy_location(ast.Subscript(array, index, ast.Load()), node)
         return Value(self.element(view), "Floats")
+
+    def _call_fused(self, node: ast.Call) -> Value:
+        numbers = map(self.number, self._arguments(node, 3))
+        # Integers as floats.
+        values, _ = self.together(*numbers, self.literal(node, 0.0))
+        return self.intrinsic("fma", *values[:3])
 
     # Vectors.
 
