@@ -15,6 +15,7 @@ from lagsim.native.kernels.lines import LANES
 from lagsim.native.kernels.words import (
     above,
     abreast,
+    fused,
     head,
     keep,
     larger,
@@ -51,7 +52,7 @@ def work(s: Walk) -> None:
     far = 0.0
     for i in abreast(size):
         v = vector(y, i)
-        w = abs(v) * s.t - 2.0 / larger(abs(v), 0.5)
+        w = fused(abs(v), s.t, -2.0 / larger(abs(v), 0.5))
         w = above(v, 0.25, w, -v)
         if i < n:
             w = head(n - i, w + 1.0, w)
@@ -61,7 +62,7 @@ def work(s: Walk) -> None:
         v = smaller(vector(z, i), 3)
         v += s.t
         keep(v, y, i, size - i)
-    s.far = far
+    s.far = fused(s.t, far, 1)
 
 
 @functools.cache
@@ -132,3 +133,12 @@ def test_mantissas() -> None:
         m, k = np.frexp(abs(x))
         assert mantissa(x) == 2.0 * m
         assert 2.0 * m * 2.0 ** (int(k) - 1) == abs(x)
+
+
+def test_products_and_sums_rounded_once() -> None:
+    tiny = 2.0**-30
+    # (1 + e)^2 - 1 = 2 e + e^2, which the product alone has no room for.
+    assert fused(1.0 + tiny, 1.0 + tiny, -1.0) == 2.0 * tiny + tiny * tiny
+    assert (1.0 + tiny) * (1.0 + tiny) - 1.0 != 2.0 * tiny + tiny * tiny
+    assert fused(1e300, 1e300, -inf) == -inf
+    assert np.isnan(fused(inf, 0.0, 1.0))

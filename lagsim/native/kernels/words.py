@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import functools
 import struct
-from typing import TYPE_CHECKING, ParamSpec, TypeVar, overload
+from math import inf
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
 
 from lagsim.native.layout import FOUR
 
@@ -124,27 +125,31 @@ def head(count: int, v: Vector, w: Vector) -> Floats:
 @overload
 def fused(a: float, b: float, c: float) -> float: ...
 @overload
-def fused(a: Vector, b: Vector, c: Vector) -> Floats: ...
+def fused(a: Vector, b: Vector, c: Vector) -> Any: ...
 def fused(a: Vector, b: Vector, c: Vector) -> Vector:
     """Give a*b + c, of numbers or vectors, rounded once (IEEE 754: fusedMultiplyAdd).
 
     Where a sum waits for each of its terms: it takes half the time of two operations.
     """
-    if isinstance(a, float) and isinstance(b, float) and isinstance(c, float):
-        return _fused(a, b, c)
     import numpy as np
 
+    if np.ndim(a) == np.ndim(b) == np.ndim(c) == 0:
+        return _fused(float(a), float(b), float(c))
     return np.array([_fused(*map(float, x)) for x in np.broadcast(a, b, c)])
 
 
 def _fused(a: float, b: float, c: float) -> float:
     from fractions import Fraction
 
-    try:
-        exact = Fraction(a) * Fraction(b) + Fraction(c)
-        return float(exact) if exact else a * b + c
-    except (OverflowError, ValueError):  # what is not finite
+    if not abs(a) < inf or not abs(b) < inf:
         return a * b + c
+    if not abs(c) < inf:
+        return c
+    exact = Fraction(a) * Fraction(b) + Fraction(c)
+    try:
+        return float(exact) if exact else a * b + c
+    except OverflowError:
+        return inf if exact > 0 else -inf
 
 
 def largest(v: Floats) -> float:
