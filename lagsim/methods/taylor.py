@@ -55,7 +55,7 @@ from lagsim.methods.parts.power_series import (
     sum_rates,
     two_to_the,
 )
-from lagsim.methods.parts.projection import project
+from lagsim.methods.parts.projection import met_part, project
 from lagsim.methods.parts.singular import leave_loss, record_health
 from lagsim.methods.parts.state import (
     DONE,
@@ -269,6 +269,8 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
     if SLEEPERS:
         before = at(s.series, buffer(size, s.which) + 1 + size)
         suspect(s, p, h, y, before, new, rates)
+    if CONSTRAINED:
+        s.met = met_part(s, following[0] + 1.0)
     s.which = 1.0 - s.which
     move_on(s, p, h, next_)
 

@@ -93,7 +93,7 @@ simulation: {duration: 10, output_step: 0.1}
         assert result.trajectory.statistics.steps < 200
         drifts.append(np.max(np.abs(result["x"])))
     # What a constant force of 128 units of roundoff would do, the least that is
-    # controlled of terms of size 1. Of several starts: the last digits of each are dice.
+    # controlled of terms of size 1. The last digits of one start are dice.
     assert np.median(drifts) < 0.5 * 10.0**2 * 128.0 * 2.0**-53
 
 
