@@ -12,11 +12,15 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.language.sparse import Meter, minimum_degree
+
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.language.collected import Collected
     from lagsim.mechanics.constraints import Row
+
+Vector = dict[int, int]  # index -> node
 
 
 class Combined(NamedTuple):
@@ -34,6 +38,28 @@ class Combined(NamedTuple):
     weights: dict[int, float]
     A: dict[int, int]
     b: int
+
+
+def shortest(
+    x: Collected, rows: Sequence[Row], forward: Callable[[dict[int, int]], Vector]
+) -> list[Combined]:
+    """Give the rows that S takes fewest operations for; `forward` gives Z of one."""
+    plain = shared_out(x, rows)
+    others = differences(x, rows, plain)
+    if others == plain:
+        return plain
+    return min(plain, others, key=lambda found: _fill([forward(r.A) for r in found]))
+
+
+def _fill(Z: Sequence[Vector]) -> int:
+    """Give how many operations it takes to eliminate in Z^T D^-1 Z."""
+    holders: dict[int, set[int]] = {}
+    for i, z in enumerate(Z):
+        for k in z:
+            holders.setdefault(k, set()).add(i)
+    meter = Meter()
+    minimum_degree([set().union(*(holders[k] for k in z)) for z in Z], meter)
+    return meter.operations
 
 
 def shared_out(x: Collected, rows: Sequence[Row]) -> list[Combined]:

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.mechanics.articulated import Articulated
     from lagsim.mechanics.combined import Combined
-    from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
 
 # Straight-line code of a few thousand operations compiles in well under a second;
@@ -194,7 +193,12 @@ class Elimination:
         self.slopes = [row.A.entries for row in e.rows]
         self.moving = (*e.q, *e.velocities, "t")
         self.mass = factored_mass(e, self.meter)
-        self._choose_rows(e.rows)
+        self.rows: list[Combined] = []
+        if e.rows:
+            from lagsim.mechanics.combined import shortest
+
+            self.rows = shortest(self.collected, e.rows, self.mass.forward)
+        self.Z = [self.mass.forward(row.A) for row in self.rows]
         self.unit = self._unit()
         f = self.mass.forward(dict(enumerate(e.f)))
         self.schur = Factorisation(g, self.m, self._schur(), self.meter)
@@ -213,23 +217,6 @@ class Elimination:
         from lagsim.language.collected import Collected  # a kept session makes none
 
         return Collected(self.g, self.moving)
-
-    def _choose_rows(self, given: Sequence[Row]) -> None:
-        """Find the rows that S is shortest for, and Z of them."""
-        self.rows: list[Combined] = []
-        self.Z: list[Vector] = []
-        if not given:
-            return
-        from lagsim.mechanics.combined import differences, shared_out  # of constraints
-
-        self.rows = shared_out(self.collected, given)
-        self.Z = [self.mass.forward(row.A) for row in self.rows]
-        others = differences(self.collected, given, self.rows)
-        if others == self.rows:
-            return
-        Z = [self.mass.forward(row.A) for row in others]
-        if _fill(Z) < _fill(self.Z):
-            self.rows, self.Z = others, Z
 
     def _unit(self) -> int:
         """Give the mass in which those of M that rows meet are measured, if any is."""
@@ -340,17 +327,10 @@ class Elimination:
         x, mass = self.collected, self.mass
         held = {k: x.sum(found) for k, found in terms.items()}
         if isinstance(mass, Factorisation) and self.unit != g.one:
-            return mass.upward(
-                {
-                    k: x.sum(
-                        [
-                            (f.get(k, g.zero), mass.inverse[k]),
-                            (held.get(k, g.zero), self._inverse(k)),
-                        ]
-                    )
-                    for k in sorted(f.keys() | held.keys())
-                }
-            )
+            parts = {k: [(node, mass.inverse[k])] for k, node in f.items()}
+            for k, node in held.items():
+                parts.setdefault(k, []).append((node, self._inverse(k)))
+            return mass.upward({k: x.sum(parts[k]) for k in sorted(parts)})
         ends = {
             k: g.call("add", f.get(k, g.zero), held.get(k, g.zero))
             for k in sorted(f.keys() | held.keys())
@@ -394,14 +374,3 @@ class Elimination:
                 "min", g.call("div", g.call("div", pivot, scale), usual), worst
             )
         return g.call("sqrt", g.call("max", worst, g.zero))
-
-
-def _fill(Z: Sequence[Mapping[int, int]]) -> int:
-    """Give how many operations it takes to eliminate in Z^T D^-1 Z."""
-    holders: dict[int, set[int]] = {}
-    for i, z in enumerate(Z):
-        for k in z:
-            holders.setdefault(k, set()).add(i)
-    meter = Meter()
-    minimum_degree([set().union(*(holders[k] for k in z)) for z in Z], meter)
-    return meter.operations
