@@ -11,6 +11,7 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.singular import CLOSE
 from lagsim.plan.plan import WELL_CONDITIONED
 from lagsim.run.states import SLIDING, empty_state, taken_over
+from lagsim.run.system.coupling import held_together
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -119,7 +120,9 @@ class Arc(NamedTuple):
 
     def row(self, y: Floats | None = None) -> Floats:
         """Give time and state (1, 1 + size), the one reached or y."""
-        return np.concatenate([[self.t], self.y if y is None else y])[None, :]
+        row = np.empty((1, 1 + self.system.size))
+        row[0, 0], row[0, 1:] = self.t, self.y if y is None else y
+        return row
 
     def observed(self, y: Floats | None = None) -> Floats:
         """Give the columns of the state reached, or of y."""
@@ -137,9 +140,9 @@ class Arc(NamedTuple):
         if abs(near - self.t) <= MOMENTS * np.spacing(abs(self.t)):
             self.state.t = near
 
-    def advance(self, out: Floats, budget: int) -> int:
+    def advance(self, rows: int, budget: int) -> int:
         """Integrate on, by one call of the kernel; give what it says."""
-        return self.runner.advance(self.state, out, budget)
+        return self.runner.advance(self.state, rows, budget)
 
     def put(self, y: Floats) -> None:
         """Let the state jump; how large it was, and where, stays known."""
@@ -170,12 +173,17 @@ class Arc(NamedTuple):
             runner = self.system.link(name)
             if runner is not self.runner:
                 state = taken_over(state, runner)
+        if self.system.laws:
+            modes = self.system.p.law_mode
+            state.linked[:] = held_together(self.system.equations, modes)
         state.end = ahead = min(end, ahead)
         last = settings.end - SAME_ROW * settings.output_step
         state.row_limit = min(ahead, last)
         state.fresh = 1.0
         state.arc_start = self.t
         state.switched = 0.0
+        if state is self.state and end == self.end:
+            return self
         return self._replace(runner=runner, state=state, end=end)
 
     def by(self, plan: Plan, system: System) -> Arc:
