@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 
     from lagsim.language.graph import Graph
 
+ARITHMETIC = frozenset(("add", "sub", "neg", "mul", "div", "pow"))
+# The factors that move in a product; and products that are added or subtracted.
+Key = tuple[int, ...]
+Group = list[tuple[str, Key]]
+
 
 class Collected:
     """Makes such sums.
@@ -41,31 +46,79 @@ class Collected:
 
     def sum(self, products: Iterable[Sequence[int]]) -> int:
         """Give the sum of products of nodes."""
-        g = self.g
-        terms: dict[tuple[int, ...], list[Sequence[int]]] = {}
-        factor: dict[tuple[int, ...], int] = {}
-        for factors in products:
-            parts = [self.parts(n) for n in factors]
-            key = tuple(sorted(core for _, core in parts if core != g.one))
-            still = self.still([c for c, _ in parts])
-            factor[key] = g.call("add", factor.get(key, g.zero), still)
-            terms.setdefault(key, []).append(factors)
-        alike: dict[int, list[tuple[str, tuple[int, ...]]]] = {}
-        for key, still in factor.items():
-            opposite = g.call("neg", still)
-            if opposite in alike:
-                alike[opposite].append(("sub", key))
-            elif still != g.zero:
-                alike.setdefault(still, []).append(("add", key))
-        total = g.zero
+        g, total = self.g, self.g.zero
+        alike, given = self._alike(products)
         for still, group in alike.items():
-            found = [factors for _, key in group for factors in terms[key]]
+            found = [factors for _, key in group for factors in given[key]]
             if len(found) == 1 and self._stays(still, found[0]):
                 term = self._product(found[0])
             else:
                 term = g.call("mul", still, self._written(group))
             total = g.call("add", total, term)
         return total
+
+    def _alike(
+        self, products: Iterable[Sequence[int]]
+    ) -> tuple[dict[int, Group], dict[Key, list[Sequence[int]]]]:
+        """Give what moves by the factor in front of it; and what was given of each."""
+        g = self.g
+        given: dict[Key, list[Sequence[int]]] = {}
+        fronts: dict[Key, int] = {}
+        for factors in products:
+            parts = [self.parts(n) for n in factors]
+            key = tuple(sorted(core for _, core in parts if core != g.one))
+            still = self.still([c for c, _ in parts])
+            fronts[key] = g.call("add", fronts.get(key, g.zero), still)
+            given.setdefault(key, []).append(factors)
+        alike: dict[int, Group] = {}
+        for key, still in fronts.items():
+            opposite = g.call("neg", still)
+            if opposite in alike:
+                alike[opposite].append(("sub", key))
+            elif still != g.zero:
+                alike.setdefault(still, []).append(("add", key))
+        return alike, given
+
+    def scaled(self, node: int, factor: int) -> int:
+        """Give node * factor; what of it stands still goes into a sum if that is short.
+
+        m (a + ...) - k b times 1/m is a + ... - (k/m) b.
+        """
+        g = self.g
+        still, core = self.parts(factor)
+        terms = [(sign, *self.parts(n)) for sign, n in self.addends(node)]
+        inside = [(still, *factors) for factors in terms]
+        signs = {g.one, g.constant(-1.0)}
+        before, after = (len(self._alike(x)[0].keys() - signs) for x in (terms, inside))
+        if still == g.one or after > before or (after == before and core != g.one):
+            return g.call("mul", node, factor)
+        return g.call("mul", self.sum(inside), core)
+
+    def tidy(self, nodes: Sequence[int]) -> list[int]:
+        """Give equal expressions, all sums in which are collected, or `nodes`.
+
+        Which of both takes less.
+        """
+        g = self.g
+        functions = {n for n in g.cone(nodes) if g.ops[n] not in ARITHMETIC}
+        cone = g.cone(nodes, functions)  # what is below these is shared as it is
+        linear = ("add", "sub", "neg")
+        users = {a for n in cone if g.ops[n] not in linear for a in g.args[n]}
+        users.update(nodes)
+        done: dict[int, int] = {}
+        for n in cone:
+            if n in functions or not self.moves(n):
+                done[n] = n
+                continue
+            new = g.call(g.ops[n], *(done[a] for a in g.args[n]))
+            if g.ops[n] not in linear:
+                still, core = self.parts(new)
+                new = g.call("mul", still, core)
+            elif n in users:
+                new = self.sum((sign, *self.parts(x)) for sign, x in self.addends(new))
+            done[n] = new
+        found = [done[n] for n in nodes]
+        return min(list(nodes), found, key=lambda x: g.cost(x, self.moving))
 
     def _stays(self, still: int, factors: Sequence[int]) -> bool:
         """Tell whether a product that is like no other is best as it is given.
@@ -83,8 +136,18 @@ class Collected:
     def _size(self, factors: Sequence[int]) -> int:
         return sum(map(abs, self._powers(factors)[1].values()))
 
-    def _written(self, group: Sequence[tuple[str, tuple[int, ...]]]) -> int:
+    def _written(self, group: Group) -> int:
+        """Give a sum of products, in which a factor that several have stands once."""
         g, total = self.g, self.g.zero
+        held = Counter(n for _, key in group for n in set(key))
+        for shared, times in held.most_common():
+            if times == 1:
+                break
+            inner = [(op, _without(key, shared)) for op, key in group if shared in key]
+            if len(inner) > 1:
+                term = g.call("mul", shared, self._written(inner))
+                total = g.call("add", total, term)
+                group = [(op, key) for op, key in group if shared not in key]
         for op, factors in group:
             total = g.call(op, total, self._product(factors))
         return total
@@ -146,7 +209,10 @@ class Collected:
         found = [self._parts[a] for a in args]
         if all(core == g.one for _, core in found):
             return n, g.one
-        if op not in ("add", "sub", "neg", "mul", "div"):
+        if op == "pow" and g.value(args[1]) == 2.0:
+            c, x = found[0]
+            return self.still([c, c]), g.call("mul", x, x)
+        if op not in ARITHMETIC or op == "pow":
             return g.one, n
         (c, x), (d, y) = found[0], found[-1]
         if op == "neg":
@@ -209,3 +275,8 @@ class Collected:
             else:
                 powers[n] += e
         return number, powers
+
+
+def _without(factors: tuple[int, ...], one: int) -> tuple[int, ...]:
+    at = factors.index(one)
+    return factors[:at] + factors[at + 1 :]

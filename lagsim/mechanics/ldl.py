@@ -157,21 +157,30 @@ class Factorisation:
 
 def unconstrained(equations: Equations) -> list[int]:
     """Give M^-1 f (n,), the accelerations without constraints."""
-    mass = factored_mass(equations, Meter())
+    mass = factored_mass(equations, Meter(), collected_along(equations))
     x = mass.solve(dict(enumerate(equations.f)))
     return [x.get(j, equations.graph.zero) for j in range(len(equations.q))]
 
 
-def factored_mass(equations: Equations, meter: Meter) -> Factorisation | Articulated:
+def collected_along(equations: Equations) -> Collected:
+    """Give what collects what stands still along a motion."""
+    from lagsim.language.collected import Collected  # a kept session makes none
+
+    return Collected(equations.graph, equations.moving)
+
+
+def factored_mass(
+    equations: Equations, meter: Meter, x: Collected
+) -> Factorisation | Articulated:
     """Give L D L^T of M: along its chains, or entry by entry."""
     g = equations.graph
     if equations.chains is not None:
         from lagsim.mechanics.articulated import Articulated  # of many links
 
         return Articulated(g, equations.chains, meter)
-    entries = equations.mass_entries
-    moving = g.dependent(entries.values(), (*equations.q, "t"))
-    late = {i for (i, j), node in entries.items() if i == j and node in moving}
+    given = equations.mass_entries
+    entries = dict(zip(given, x.tidy(list(given.values())), strict=True))
+    late = {i for (i, j), node in entries.items() if i == j and x.moves(node)}
     return Factorisation(g, len(equations.q), entries, meter, late)
 
 
@@ -191,8 +200,8 @@ class Elimination:
         self.n, self.m = len(e.q), len(e.rows)
         self.names = [row.name for row in e.rows]
         self.slopes = [row.A.entries for row in e.rows]
-        self.moving = (*e.q, *e.velocities, "t")
-        self.mass = factored_mass(e, self.meter)
+        self.equations = e
+        self.mass = factored_mass(e, self.meter, self.collected)
         self.rows: list[Combined] = []
         if e.rows:
             from lagsim.mechanics.combined import shortest
@@ -200,7 +209,9 @@ class Elimination:
             self.rows = shortest(self.collected, e.rows, self.mass.forward)
         self.Z = [self.mass.forward(row.A) for row in self.rows]
         self.unit = self._unit()
-        f = self.mass.forward(dict(enumerate(e.f)))
+        tidy = self.collected.tidy([*e.f, *e.quadrature_rates])
+        self.quadrature_rates = tidy[self.n :]
+        f = self.mass.forward(dict(enumerate(tidy[: self.n])))
         self.schur = Factorisation(g, self.m, self._schur(), self.meter)
         self._motion = self._solve(f, [row.b for row in self.rows])
         # What is solved for later, corrections, is a part of this.
@@ -214,9 +225,7 @@ class Elimination:
     @cached_property
     def collected(self) -> Collected:
         """What makes sums on the graph."""
-        from lagsim.language.collected import Collected  # a kept session makes none
-
-        return Collected(self.g, self.moving)
+        return collected_along(self.equations)
 
     def _unit(self) -> int:
         """Give the mass in which those of M that rows meet are measured, if any is."""
@@ -303,43 +312,44 @@ class Elimination:
 
     def _missing(self, b: int, z: Mapping[int, int], f: Mapping[int, int]) -> int:
         """Give b - z^T D^-1 f."""
-        g = self.g
-        terms: list[tuple[int, ...]] = list(self.collected.addends(b))
+        g, x = self.g, self.collected
+        minus = g.constant(-1.0)
+        terms: list[tuple[int, ...]] = list(x.addends(b))
         for k in sorted(z.keys() & f.keys()):
             self.meter.add(2)
             inverse = self.mass.inverse[k]
-            scaled = g.call("mul", z[k], inverse)
-            minus = g.constant(-1.0)
-            if self.collected.moves(inverse):
-                terms.append((minus, scaled, f[k]))
+            if self.unit == g.one:  # S has the same products
+                terms.append((minus, g.call("mul", z[k], inverse), f[k]))
             else:
-                terms.append((minus, inverse, z[k], f[k]))
-        return self.collected.sum(terms)
+                terms.append((minus, z[k], x.scaled(f[k], inverse)))
+        return x.sum(terms)
 
     def _accelerations(self, f: Mapping[int, int], lam: Mapping[int, int]) -> Vector:
         """Give M^-1 (f + A^T lam), lam in the unit of mass."""
-        g = self.g
+        g, x, mass = self.g, self.collected, self.mass
         terms: dict[int, list[tuple[int, ...]]] = {}
         for i, multiplier in sorted(lam.items()):
             for k, entry in self.Z[i].items():
                 self.meter.add(1)
                 terms.setdefault(k, []).append((entry, multiplier))
-        x, mass = self.collected, self.mass
         held = {k: x.sum(found) for k, found in terms.items()}
-        if isinstance(mass, Factorisation) and self.unit != g.one:
-            parts = {k: [(node, mass.inverse[k])] for k, node in f.items()}
-            for k, node in held.items():
-                parts.setdefault(k, []).append((node, self._inverse(k)))
-            return mass.upward({k: x.sum(parts[k]) for k in sorted(parts)})
-        ends = {
-            k: g.call("add", f.get(k, g.zero), held.get(k, g.zero))
+        both = {
+            k: (f.get(k, g.zero), held.get(k, g.zero))
             for k in sorted(f.keys() | held.keys())
         }
-        if isinstance(mass, Factorisation):
-            return mass.upward(
-                {k: x.sum([(z, mass.inverse[k])]) for k, z in ends.items()}
-            )
-        return mass.backward(ends)
+        if not isinstance(mass, Factorisation):
+            return mass.backward({k: g.call("add", *pair) for k, pair in both.items()})
+        scaled: Vector = {}
+        for k, (push, pull) in both.items():
+            inverse = mass.inverse[k]
+            if self.unit != g.one:
+                free = x.scaled(push, inverse)
+                scaled[k] = x.sum([(free,), (pull, self._inverse(k))])
+            elif mass.below[k] or k in held:  # others have `push` as well
+                scaled[k] = g.call("mul", g.call("add", push, pull), inverse)
+            else:
+                scaled[k] = x.scaled(push, inverse)
+        return mass.upward(scaled)
 
     def correction(self, residuals: Sequence[int]) -> list[int]:
         """Give the least change, in the metric of M, that removes `residuals`.

@@ -91,3 +91,49 @@ def product_of(factors: Sequence[float]) -> float:
     for x in factors:
         whole *= x
     return whole
+
+
+def test_what_stands_still_divides_a_sum_where_that_is_shorter() -> None:
+    g = Graph()
+    x, y, m, k = map(g.variable, ("x", "y", "m", "k"))
+    push = g.call("sub", g.call("mul", m, g.call("mul", x, x)), g.call("mul", k, y))
+    found = Collected(g, MOVING).scaled(push, g.call("div", g.one, m))
+    # x x - (k/m) y
+    assert moving_operations(g, found) == 3
+    values = {"x": 3.0, "y": 5.0, "m": 4.0, "k": 2.0}
+    assert evaluate(g, [found], values) == [6.5]
+    whole = g.call("add", x, y)
+    assert moving_operations(g, Collected(g, MOVING).scaled(whole, k)) == 2
+
+
+def test_tidy_sums_have_no_terms_that_cancel() -> None:
+    g = Graph()
+    x, y, z, m, k = map(g.variable, ("x", "y", "z", "m", "k"))
+    # z (m (k (2 x y)) / 2 - k (m (x y)) + m (x^2)), as chain rules give it
+    twice = g.call("mul", k, g.call("mul", g.constant(2.0), g.call("mul", x, y)))
+    one = g.call("mul", m, g.call("mul", g.constant(0.5), twice))
+    other = g.call("mul", k, g.call("mul", m, g.call("mul", x, y)))
+    square = g.call("mul", m, g.call("pow", x, g.constant(2.0)))
+    inner = g.call("add", g.call("sub", one, other), square)
+    node = g.call("mul", z, inner)
+    [found] = Collected(g, MOVING).tidy([node])
+    assert moving_operations(g, found) == 3  # m z (x x)
+    values = {"x": 3.0, "y": 5.0, "z": 0.5, "m": 4.0, "k": 2.0}
+    assert evaluate(g, [found], values) == [18.0]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_tidy_values_stay_and_are_no_longer(seed: int) -> None:
+    r = random.Random(seed)
+    g = Graph()
+    nodes = [g.variable(name) for name in (*MOVING, *STILL)]
+    nodes += [g.constant(0.5), g.constant(3.0)]
+    for _ in range(30):
+        op = r.choice(("add", "sub", "mul", "mul", "neg", "sin"))
+        nodes.append(g.call(op, *r.choices(nodes, k=1 if op in ("neg", "sin") else 2)))
+    given = nodes[-4:]
+    found = Collected(g, MOVING).tidy(given)
+    assert g.cost(found, MOVING) <= g.cost(given, MOVING)
+    values = {name: r.uniform(0.2, 1.0) for name in (*MOVING, *STILL)}
+    expected = evaluate(g, given, values)
+    assert evaluate(g, found, values) == pytest.approx(expected, rel=1e-9, abs=1e-11)

@@ -8,6 +8,7 @@ import pytest
 
 from tests.support import ready
 
+
 def calls_of(function):
     """Count the functions that are called, in Python and by name of it."""
     count = 0
