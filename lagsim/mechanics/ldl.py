@@ -13,7 +13,9 @@ is for all else.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from dataclasses import replace
 from functools import cached_property
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, Any
@@ -157,16 +159,7 @@ class Factorisation:
 
 def unconstrained(equations: Equations) -> list[int]:
     """Give M^-1 f (n,), the accelerations without constraints."""
-    mass = factored_mass(equations, Meter(), collected_along(equations))
-    x = mass.solve(dict(enumerate(equations.f)))
-    return [x.get(j, equations.graph.zero) for j in range(len(equations.q))]
-
-
-def collected_along(equations: Equations) -> Collected:
-    """Give what collects what stands still along a motion."""
-    from lagsim.language.collected import Collected  # a kept session makes none
-
-    return Collected(equations.graph, equations.moving)
+    return Elimination(replace(equations, rows=(), laws=()), math.inf).motion()[0]
 
 
 def factored_mass(
@@ -217,6 +210,8 @@ class Elimination:
         # What is solved for later, corrections, is a part of this.
         self.operations = self.meter.operations
         self.meter.stop()
+        if not equations.rows:
+            self._motion = self._along_links(equations), []
 
     def __getstate__(self) -> dict[str, Any]:
         """Give what is kept of it elsewhere: what was found out is found again."""
@@ -225,7 +220,10 @@ class Elimination:
     @cached_property
     def collected(self) -> Collected:
         """What makes sums on the graph."""
-        return collected_along(self.equations)
+        from lagsim.language.collected import Collected  # a kept session makes none
+
+        e = self.equations
+        return Collected(self.g, (*e.moving, *e.accelerations, *e.multipliers))
 
     def _unit(self) -> int:
         """Give the mass in which those of M that rows meet are measured, if any is."""
@@ -265,6 +263,19 @@ class Elimination:
             else:
                 terms.append((inverse, z[k], other[k]))
         return self.collected.sum(terms)
+
+    def _along_links(self, equations: Equations) -> list[int]:
+        """Give q'' by the forces in massless links, where that is shorter."""
+        from lagsim.mechanics.tensions import accelerations  # not of rows
+
+        g, found = self.g, accelerations(equations)
+        moving = equations.moving
+        before = self._motion[0]
+        if found is None or g.cost(found, moving) >= g.cost(before, moving):
+            return before
+        moved = g.dependent(found, moving)
+        self.operations = sum(g.ops[n] in ("mul", "div") for n in moved)
+        return found
 
     def motion(self) -> tuple[list[int], list[int]]:
         """Give q'' (n,) and lambda (m,)."""

@@ -182,8 +182,6 @@ class Arc(NamedTuple):
         state.fresh = 1.0
         state.arc_start = self.t
         state.switched = 0.0
-        if state is self.state and end == self.end:
-            return self
         return self._replace(runner=runner, state=state, end=end)
 
     def by(self, plan: Plan, system: System) -> Arc:
