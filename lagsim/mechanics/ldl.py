@@ -162,16 +162,21 @@ def unconstrained(equations: Equations) -> list[int]:
     return Elimination(replace(equations, rows=(), laws=()), math.inf).motion()[0]
 
 
-def factored_mass(
-    equations: Equations, meter: Meter, x: Collected
-) -> Factorisation | Articulated:
+def collected_along(e: Equations) -> Collected:
+    """Give what makes sums on the graph, of what changes along a motion."""
+    from lagsim.language.collected import Collected  # a kept session makes none
+
+    return Collected(e.graph, (*e.moving, *e.accelerations, *e.multipliers))
+
+
+def factored_mass(equations: Equations, meter: Meter) -> Factorisation | Articulated:
     """Give L D L^T of M: along its chains, or entry by entry."""
     g = equations.graph
     if equations.chains is not None:
         from lagsim.mechanics.articulated import Articulated  # of many links
 
         return Articulated(g, equations.chains, meter)
-    given = equations.mass_entries
+    given, x = equations.mass_entries, collected_along(equations)
     entries = dict(zip(given, x.tidy(list(given.values())), strict=True))
     late = {i for (i, j), node in entries.items() if i == j and x.moves(node)}
     return Factorisation(g, len(equations.q), entries, meter, late)
@@ -194,7 +199,7 @@ class Elimination:
         self.names = [row.name for row in e.rows]
         self.slopes = [row.A.entries for row in e.rows]
         self.equations = e
-        self.mass = factored_mass(e, self.meter, self.collected)
+        self.mass = factored_mass(e, self.meter)
         self.rows: list[Combined] = []
         if e.rows:
             from lagsim.mechanics.combined import shortest
@@ -220,10 +225,7 @@ class Elimination:
     @cached_property
     def collected(self) -> Collected:
         """What makes sums on the graph."""
-        from lagsim.language.collected import Collected  # a kept session makes none
-
-        e = self.equations
-        return Collected(self.g, (*e.moving, *e.accelerations, *e.multipliers))
+        return collected_along(self.equations)
 
     def _unit(self) -> int:
         """Give the mass in which those of M that rows meet are measured, if any is."""
