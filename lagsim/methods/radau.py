@@ -25,7 +25,6 @@ from lagsim.methods.parts.controller import (
     set_tolerances,
 )
 from lagsim.methods.parts.interface import derivative
-from lagsim.methods.parts.linearised import solve_real
 from lagsim.methods.parts.looks import suspect
 from lagsim.methods.parts.lu import too_large
 from lagsim.methods.parts.parameters import Parameters
@@ -37,8 +36,9 @@ from lagsim.methods.parts.radau_newton import (
     norm,
     polynomial,
     renew,
+    solve_one,
 )
-from lagsim.methods.parts.radau_tableau import A_INVERSE, DENSE, ERROR, GAMMA, A, B, C
+from lagsim.methods.parts.radau_tableau import A_INVERSE, DENSE, ERROR, A, B, C
 from lagsim.methods.parts.singular import (
     bent,
     forget_removed,
@@ -78,6 +78,7 @@ NEEDS = ("jacobian",)
 
 CONSTRAINED = True
 SLEEPERS = True
+SPARSE = False
 STATE = Radau
 
 # A step at which Newton's method failed is kept clear of, and grows by this per step.
@@ -262,8 +263,7 @@ def filtered(s: Radau, p: Parameters, h: float, errors: Floats) -> float:
     tolerance^(4/5), the result follows the tolerance (RADAU5 takes 2/3).
     """
     size = s.size
-    n = s.n
-    solve_real(n, size > 2 * n, GAMMA / h, s.J, s.K, s.pivots, errors)
+    solve_one(s, p, h, errors)
     tolerances = s.tolerances
     error = norm(size, errors, tolerances) * s.rtol**0.2
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):

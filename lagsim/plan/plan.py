@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.model.settings import DEFAULT_RTOL
+from lagsim.plan.newton import newton_of
 
 if TYPE_CHECKING:
     from lagsim.mechanics.ldl import Elimination
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.switches import Switches
     from lagsim.notes import Choice
     from lagsim.plan.subsystems import Subsystem
+    from lagsim.solve.newton import Newton
 
 # The method that handles everything.
 ANY = "dop853"
@@ -99,6 +101,13 @@ class Plan:
             self.elimination is None, self.rtol, reduction.eliminated,
             reduction.ignored, tuple(parts),
         )  # fmt: skip
+
+    @property
+    def newton(self) -> Newton | None:
+        """Newton's matrix of an implicit method, where it is sparse."""
+        if self.elimination is None:
+            return None
+        return newton_of(self.method, self.reduction.equations)
 
     @property
     def tolerance(self) -> float:
