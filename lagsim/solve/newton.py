@@ -18,6 +18,7 @@ section IV.8; T. A. Davis, Direct Methods for Sparse Linear Systems, chapter 6.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from itertools import accumulate
 from typing import TYPE_CHECKING, NamedTuple
@@ -30,7 +31,7 @@ from lagsim.language.sparse import Meter, TooLongError, minimum_degree
 from lagsim.mechanics.ldl import dense_operations
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
@@ -152,25 +153,60 @@ def _newton(equations: Equations) -> Newton | None:
     entries = sorted(_entries(equations, most))
     if len(entries) > most:
         return None
-    neighbours: list[set[int]] = [
-        set() for _ in range(n + m + (equations.power is not None))
-    ]
-    for entry in entries:
-        neighbours[entry.row].add(entry.column)
-        neighbours[entry.column].add(entry.row)
     after = {n + i: row.A.entries.keys() for i, row in enumerate(equations.rows)}
     try:
-        order = minimum_degree([set(row) for row in neighbours], Meter(most), after)
+        return factored(entries, n + m, after, most)
     except TooLongError:
         return None
-    places = [0] * len(order)
+
+
+def factored(
+    entries: Sequence[Entry],
+    size: int,
+    after: Mapping[int, Collection[int]],
+    most: float = math.inf,
+) -> Newton:
+    """Order the matrix of these entries, and find the pattern of its factors.
+
+    Parameters
+    ----------
+    size
+        Rows that are put into an order. One may follow that nothing depends on.
+    after
+        Row -> those that must come before it.
+    most
+        Real multiplications.
+
+    Raises
+    ------
+    TooLongError
+        Where a real factorisation takes more of them.
+    """
+    neighbours: list[set[int]] = [set() for _ in range(size)]
+    for entry in entries:
+        if entry.row < size:
+            neighbours[entry.row].add(entry.column)
+            neighbours[entry.column].add(entry.row)
+    order = minimum_degree([set(row) for row in neighbours], Meter(most), after)
+    places = list(range(size + any(entry.row == size for entry in entries)))
     for place, k in enumerate(order):
         places[k] = place
     upper = _filled([{places[j] for j in neighbours[k]} for k in order])
-    operations = BOTH * sum(len(row) * (len(row) + 1) for row in upper)
-    if operations > BOTH * most:
-        return None
-    return _laid_out(entries, places, upper, operations)
+    lower: list[list[int]] = [[] for _ in upper]
+    for i, row in enumerate(upper):
+        for j in row:
+            lower[j].append(i)
+    if len(places) > size:
+        last = {places[entry.column] for entry in entries if entry.row == size}
+        for i in range(size):
+            if i in last:
+                last.update(upper[i])
+        lower.append(sorted(last - {size}))
+        upper.append([])
+    operations = sum(1 + len(upper[k]) for row in lower for k in row)
+    Meter(most).add(operations)
+    columns = [[*row, i, *upper[i]] for i, row in enumerate(lower)]
+    return _laid_out(entries, places, columns, BOTH * operations)
 
 
 def _filled(rows: Sequence[set[int]]) -> list[list[int]]:
@@ -186,14 +222,9 @@ def _filled(rows: Sequence[set[int]]) -> list[list[int]]:
 def _laid_out(
     entries: Sequence[Entry],
     places: Sequence[int],
-    upper: Sequence[Sequence[int]],
+    columns: Sequence[Sequence[int]],
     operations: int,
 ) -> Newton:
-    columns: list[list[int]] = [[] for _ in upper]
-    for i, row in enumerate(upper):
-        columns[i] += [i, *row]
-        for j in row:
-            columns[j].append(i)
     starts = [0, *accumulate(len(row) for row in columns)]
     slot = {
         (i, j): start + k
@@ -206,7 +237,7 @@ def _laid_out(
         counts=(powers[0], powers[1], powers[2]),
         places=tuple(places),
         starts=tuple(starts),
-        diagonals=tuple(slot[i, i] for i in range(len(upper))),
+        diagonals=tuple(slot[i, i] for i in range(len(columns))),
         columns=tuple(j for row in columns for j in row),
         slots=tuple(slot[places[e.row], places[e.column]] for e in entries),
         operations=operations,
