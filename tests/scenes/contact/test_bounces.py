@@ -124,7 +124,7 @@ def test_a_hundred_bounces_without_loss():
     many(100)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ten_thousand_bounces_without_loss():
     many(10_000)
 

@@ -174,7 +174,7 @@ print(code, status.split("VmHWM:")[1].split()[0])
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 def test_a_million_rows_fit_into_memory(tmp_path):
     from lagsim.outputs.table import TableWriter
