@@ -170,7 +170,9 @@ simulation: {duration: 1, output_step: 0.25, rtol: 1e-7, method: radau}
 """
 
 
-@pytest.mark.parametrize("text", [stiff_chain(9), CONSTRAINED])
+@pytest.mark.parametrize(
+    "text", [CONSTRAINED, pytest.param(stiff_chain(9), marks=pytest.mark.slow)]
+)
 def test_the_steps_are_those_of_full_matrices(monkeypatch, text):
     monkeypatch.setattr(module, "SLOWER", 1e-3)
     sparse = run(text)
@@ -186,6 +188,7 @@ def test_the_steps_are_those_of_full_matrices(monkeypatch, text):
         assert np.allclose(sparse[name], full[name], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_stiff_method_takes_over_with_sparse_matrices():
     text = stiff_chain(8, method="auto", rtol="1e-6").replace("20*x0^2", "-cos(x0)")
     found = run(text.replace("c: 1e3", "c: 1e6"))

@@ -21,6 +21,7 @@ from lagsim.methods.parts.linearised import (
     solve_pair,
     solve_real,
 )
+from lagsim.methods.parts.noise import look_at_rounding
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.radau_tableau import ALPHA, BETA, GAMMA, T_INVERSE, C
 from lagsim.methods.parts.radau_tableau import T as TRANSFORM
@@ -31,12 +32,13 @@ from lagsim.methods.parts.sparse_lu import (
     sparse_real,
 )
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import at, total, unrolled
+from lagsim.native.kernels.words import at, rare, total, unrolled
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
+CONSTRAINED = True
 SPARSE = False  # the matrices of the iterations are; set by the translator
 MOST = 10  # iterations
 # What Newton's method may leave, in parts of the tolerance; not below rounding.
@@ -149,16 +151,19 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
         if iteration > 0:
             latest = size / previous
             rate = latest if iteration == 1 else sqrt(rate * latest)
-            if rate >= 0.99:
-                return 0
-            left_over = rate / (1.0 - rate)
+            left_over = rate / (1.0 - rate) if rate < 0.99 else 1e300
             ahead = MOST - 2 - iteration
             coming = left_over * size * rate**ahead / limit
             hopeless = coming >= 1.0 and left_over * size > limit
             # Quotients alternate where the errors of J do: one alone is no rate yet.
-            if hopeless and iteration > 1:
-                slower = max(1e-4, min(20.0, coming))
-                s.h = 0.8 * h * slower ** (-1.0 / (4.0 + ahead))
+            if rate >= 0.99 or (hopeless and iteration > 1):
+                if is_rounding(s, p, h, size):
+                    apply_step(s)
+                    s.iterations = iteration + 1
+                    return 1
+                if rate < 0.99:
+                    slower = max(1e-4, min(20.0, coming))
+                    s.h = 0.8 * h * slower ** (-1.0 / (4.0 + ahead))
                 return 0
         previous = max(size, 1e-300)
         apply_step(s)
@@ -168,6 +173,28 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
             s.iterations = iteration + 1
             return 1
     return 0
+
+
+@rare
+def is_rounding(s: Radau, p: Parameters, h: float, change: float) -> bool:
+    """Tell whether a change of W is no larger than what rounding leaves of the rates.
+
+    A stiff force rounds the state that it is asked at; however often, the iteration
+    comes no closer.
+    """
+    size = s.size
+    noise = s.noise
+    errors = s.errors
+    if CONSTRAINED and p.least_health < s.close_below:
+        return False
+    if s.looked == 0.0:
+        look_at_rounding(s, p, s.t, s.y, s.slope, 1.0)
+    for i in range(size):
+        errors[i] = noise[i] if i >= s.n else 0.0
+        if s.looked == 0.0:
+            noise[i] = 0.0
+    solve_one(s, p, h, errors)
+    return change <= norm(size, errors, s.tolerances)
 
 
 def guess(s: Radau, h: float) -> None:

@@ -97,6 +97,19 @@ def test_a_stiff_method_is_not_held_by_stability():
         assert np.max(np.abs(found["y"] - 0.5 * np.sin(found["x"]))) < 2e-4
 
 
+def test_the_rounding_of_a_stiff_force_shortens_no_steps():
+    # K = 1e8 makes 5e-9 of the last place of y: more than Newton's method is to leave.
+    options = {"rtol": 1e-12, "duration": 2}
+    found = run("failing/relaxation", method="radau", **options)
+    few = found.trajectory.statistics
+    assert few.rejections < 0.05 * few.steps
+    # Of steps as h^4 goes with the tolerance for an estimate, to the power 4/5.
+    loose = run("failing/relaxation", method="radau", rtol=1e-9, duration=2)
+    assert few.steps < 2 * 1000**0.2 * loose.trajectory.statistics.steps
+    exact = run("failing/relaxation", method="taylor", rtol=1e-13, duration=2)
+    assert np.max(np.abs(found["x"] - exact["x"])) < 1e-12
+
+
 def eccentric(h, count, *, swing):
     """Give the energy error of the midpoint rule on Kepler's ellipse, e = 0.3.
 
