@@ -11,6 +11,7 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.singular import CLOSE
 from lagsim.plan.plan import WELL_CONDITIONED
 from lagsim.run.states import SLIDING, empty_state, taken_over
+from lagsim.run.system.coupling import held_together
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -170,6 +171,9 @@ class Arc(NamedTuple):
             runner = self.system.link(name)
             if runner is not self.runner:
                 state = taken_over(state, runner)
+        if self.system.laws:
+            modes = self.system.p.law_mode
+            state.linked[:] = held_together(self.system.equations, modes)
         state.end = ahead = min(end, ahead)
         last = settings.end - SAME_ROW * settings.output_step
         state.row_limit = min(ahead, last)

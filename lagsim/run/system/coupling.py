@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.parameters import OFF
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
 
 
@@ -14,6 +17,15 @@ def coupled(e: Equations) -> list[int]:
     """Give for each coordinate the first that M and all rows join it with."""
     slopes = (row.entries for row in e.slopes)
     return joined(len(e.q), [*slopes, *(together for _, together in e.coupled)])
+
+
+def held_together(e: Equations, modes: Floats) -> list[int]:
+    """Give for each coordinate the first that the rows in force join it with.
+
+    modes : (L,), those of the laws.
+    """
+    acting = (law.row for law, mode in zip(e.laws, modes, strict=True) if mode != OFF)
+    return joined(len(e.q), [row.A.entries for row in (*e.rows, *acting)])
 
 
 def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:

@@ -349,7 +349,8 @@ def _compared(
     moving = beside(equations, start, sizes)
     mechanism = linked(equations, start, sizes)
     largest = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0)
-    held = falls(equations, start, run.end - run.start)
+    step = case.settings.output_step
+    held = falls(equations, start, run.end - run.start, step)
     scales, still = scales_of(sizes, moving, mechanism, largest, held)
     return ErrorBar(
         method=plan.method,

@@ -11,7 +11,7 @@ from lagsim.run.error import LOST
 from lagsim.run.system.coupling import joined
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
@@ -62,11 +62,14 @@ def beside(equations: Equations, start: Instant, found: Floats) -> Floats:
 
 def linked(equations: Equations, start: Instant, found: Floats) -> Floats:
     """Give `beside` of what the rows of constraints link each coordinate with (n,)."""
-    labels = np.array(joined(len(found), [row.A.entries for row in equations.rows]))
-    roots = _roots(equations, start)
+    labels = joined(len(found), [row.A.entries for row in equations.rows])
+    return _in_groups(labels, _roots(equations, start), found)
+
+
+def _in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
     whole = np.array(found)
-    for label in sorted({k for i, k in enumerate(labels.tolist()) if k != i}):
-        group = labels == label
+    for label in sorted({k for i, k in enumerate(labels) if k != i}):
+        group = np.array(labels) == label
         whole[group] = _largest(roots[group], found[group])
     return whole
 
@@ -93,11 +96,12 @@ def _largest(roots: Floats, found: Floats) -> Floats:
     return whole
 
 
-def falls(equations: Equations, start: Instant, span: float) -> Floats:
+def falls(equations: Equations, start: Instant, span: float, step: float) -> Floats:
     """Give how far forces would carry each coordinate without constraints (n,).
 
     What constraints hold against them rests, as far as these balance, and has no range
-    of its own. Zero without constraints.
+    of its own. What no force acts on is pushed by the constraints alone: rounding of
+    that is projected away again within a step. Zero without constraints.
     """
     e = equations
     if not (e.rows or e.laws):
@@ -108,7 +112,10 @@ def falls(equations: Equations, start: Instant, span: float) -> Floats:
     masses = np.array(evaluate(e.graph, e.inertias, values))
     forces = np.abs(evaluate(e.graph, list(e.f), values))
     pulled = np.divide(forces, masses, out=np.zeros(len(e.q)), where=masses > 0.0)
-    return np.where(np.isfinite(pulled), pulled, 0.0) * span * span
+    pulled = np.where(np.isfinite(pulled), pulled, 0.0)
+    labels = joined(len(e.q), [A.entries for A in e.slopes])
+    pushed = _in_groups(labels, np.sqrt(np.fmax(masses, 0.0)), pulled)
+    return np.asarray(np.fmax(pulled * span * span, pushed * step * step))
 
 
 def is_at_rest(found: Floats, largest: Floats, falls: Floats) -> bool:

@@ -10,7 +10,9 @@ import pytest
 import lagsim
 from lagsim.cli._closing import _error
 from lagsim.model.reader import read
-from lagsim.run.observers.checkpoints import numbers
+from lagsim.run.observers.checkpoints import Checkpoints, numbers
+from lagsim.run.session import open_case
+from lagsim.studies.error_bar import repeat
 from tests.scenes.contact import scenes
 from tests.scenes.contact.motions import G, contact, scene
 from tests.studies.error_bar.test_error_bar import barred
@@ -140,3 +142,34 @@ def test_a_motion_that_is_small_beside_its_forces_is_none_at_rest():
     text = scenes.string(0).replace("x: 0", "x: 1e-9").replace("1.5", "10")
     assert "duration: 10" in text
     assert not barred(read(text, "m.yaml"))[1].rests
+
+
+CORNERS = {"one": "h + a + b", "two": "h + a - b", "three": "h - a + b"}
+FOURTH = {"four": "h - a - b"}
+UNEVEN = {
+    "one": "h + 0.3*a + 0.7*b", "two": "h + 0.9*a - 0.41*b",
+    "three": "h - a + 0.11*b", "four": "h - 0.8*a - 0.77*b",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("height", ["z", "(z - 1000)"])
+@pytest.mark.parametrize("corners", [CORNERS, CORNERS | FOURTH, UNEVEN])
+def test_what_stands_on_legs_stays(corners, height):
+    # Only the legs push what turns, with forces that balance but for rounding: no
+    # motion to be controlled by, no range to be measured by.
+    text = scene(
+        "z a b", "(z_dot^2 + a_dot^2 + b_dot^2)/2", f"{G}*z",
+        {k: contact(f"{e.replace('h', height)} >= 0", 0) for k, e in corners.items()},
+        {"z": 1000 if "1000" in height else 0, "a": 0, "b": 0},
+        duration=1, output_step=0.001,
+    )  # fmt: skip
+    session = open_case(read(text, "m.yaml")).ready()
+    checkpoints = Checkpoints(3, session.case.settings)
+    trajectory = session.run([checkpoints])
+    # Five steps without an error, which become ever longer; some more beside an end.
+    assert trajectory.statistics.steps < 20
+    bar = repeat(session, trajectory, checkpoints)
+    assert not isinstance(bar, str), bar
+    assert bar.rests
+    assert bar.horizon is None
+    assert np.max(np.abs(checkpoints.rows[:, 2:])) < 1e-12
