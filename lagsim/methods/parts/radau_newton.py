@@ -44,6 +44,8 @@ MOST = 10  # iterations
 # What Newton's method may leave, in parts of the tolerance; not below rounding.
 LEFT = 0.03
 ROUNDING = 10.0 * 2.0**-52
+# A first quotient past this is a rate all the same.
+DIVERGES = 2.0
 
 
 class Radau(State):
@@ -156,7 +158,7 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
             coming = left_over * size * rate**ahead / limit
             hopeless = coming >= 1.0 and left_over * size > limit
             # Quotients alternate where the errors of J do: one alone is no rate yet.
-            if rate >= 0.99 or (hopeless and iteration > 1):
+            if hopeless and (iteration > 1 or rate > DIVERGES):
                 if is_rounding(s, p, h, size):
                     apply_step(s)
                     s.iterations = iteration + 1
@@ -180,11 +182,13 @@ def is_rounding(s: Radau, p: Parameters, h: float, change: float) -> bool:
     """Tell whether a change of W is no larger than what rounding leaves of the rates.
 
     A stiff force rounds the state that it is asked at; however often, the iteration
-    comes no closer.
+    comes no closer. What the estimate would not let pass is too large for that.
     """
     size = s.size
     noise = s.noise
     errors = s.errors
+    if change * s.rtol**0.2 >= 1.0:
+        return False
     if CONSTRAINED and p.least_health < s.close_below:
         return False
     if s.looked == 0.0:

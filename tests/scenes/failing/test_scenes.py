@@ -102,7 +102,7 @@ def test_the_rounding_of_a_stiff_force_shortens_no_steps():
     options = {"rtol": 1e-12, "duration": 2}
     found = run("failing/relaxation", method="radau", **options)
     few = found.trajectory.statistics
-    assert few.rejections < 0.05 * few.steps
+    assert few.rejections < 0.1 * few.steps
     # Of steps as h^4 goes with the tolerance for an estimate, to the power 4/5.
     loose = run("failing/relaxation", method="radau", rtol=1e-9, duration=2)
     assert few.steps < 2 * 1000**0.2 * loose.trajectory.statistics.steps
