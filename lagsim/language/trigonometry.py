@@ -24,8 +24,9 @@ Sum = dict[int, float]
 BITS = 6
 LARGEST_EXPONENT = 2**BITS - 1
 
-# Products of two terms, in all: where it takes more, nothing is changed.
-MOST_PRODUCTS = 20_000
+# Products of two terms, in all, or for each expression where there are many: where it
+# takes more, nothing is changed.
+MOST_PRODUCTS, PRODUCTS_EACH = 20_000, 10
 
 
 class TooLongError(Exception):
@@ -52,7 +53,7 @@ def fewer_terms(g: Graph, nodes: Sequence[int], moving: Collection[str]) -> list
     """
     nodes = list(nodes)
     try:
-        terms = _Terms(g, g.cone(nodes))
+        terms = _Terms(g, g.cone(nodes), PRODUCTS_EACH * len(nodes))
     except TooLongError:
         return nodes
     joined = _Joined(g, terms)
@@ -80,12 +81,12 @@ class _Terms:
         The nodes that products are made of, in the order of their bits.
     """
 
-    def __init__(self, g: Graph, cone: Sequence[int]) -> None:
+    def __init__(self, g: Graph, cone: Sequence[int], products: int) -> None:
         self.g = g
         self.turning: set[int] = set()
         self.factors: list[int] = []
         self._places: dict[int, int] = {}
-        self._left = MOST_PRODUCTS
+        self._left = max(MOST_PRODUCTS, products)
         self.sums: dict[int, Sum] = {}
         self._degrees: dict[int, int] = {}
         for n in cone:

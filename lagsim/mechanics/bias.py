@@ -19,9 +19,6 @@ from lagsim.language.products import slow_factors_first
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Flow
     from lagsim.model.model import Model
 
@@ -29,8 +26,7 @@ if TYPE_CHECKING:
 def inertial_forces(model: Model, flow: Flow) -> list[int]:
     """Give dL/dq - d/dt(dL/dq') at q'' = 0, shape (n,)."""
     g = model.graph
-    placed = (d.node for d in model.definitions if d.level is Level.POSITION)
-    rates = _rates(g, flow, [*placed, model.lagrangian])
+    rates = sorted(rates_of_places(model, flow))
     variables = frozenset((*rates, *flow.rates, *flow.positions))
     found = slopes(g, model.lagrangian, variables)
     moving = [v for v in (*rates, *flow.rates) if v in found]
@@ -45,9 +41,12 @@ def inertial_forces(model: Model, flow: Flow) -> list[int]:
     return slow_factors_first(g, forces, places, flow.velocities)
 
 
-def _rates(g: Graph, flow: Flow, nodes: Iterable[int]) -> list[int]:
-    """Give the rates of all positions below `nodes`, but for single velocities."""
-    cone = g.cone(nodes)
+def rates_of_places(model: Model, flow: Flow) -> dict[int, int]:
+    """Give the rates of all positions in L, each with one; but no single velocities."""
+    g = model.graph
+    placed = (d.node for d in model.definitions if d.level is Level.POSITION)
+    cone = g.cone([*placed, model.lagrangian])
     faster = g.dependent(cone, flow.velocities)
-    found = tangent(g, [n for n in cone if n not in faster], flow.forward)
-    return sorted({n for n in found if g.args[n]})
+    places = [n for n in reversed(cone) if n not in faster]
+    found = dict(zip(tangent(g, places, flow.forward), places, strict=True))
+    return {rate: place for rate, place in found.items() if g.args[rate]}

@@ -37,11 +37,14 @@ class Chains(NamedTuple):
         Sum k, unknown n + k: its factor of each unknown in it. Only sums before k.
     squares : dict
         (i, j), i <= j: the second derivative of L by these two unknowns.
+    rates : tuple of int
+        The sums, as nodes of L.
     """
 
     size: int
     sums: tuple[Vector, ...]
     squares: dict[tuple[int, int], int]
+    rates: tuple[int, ...]
 
     @property
     def key(self) -> tuple[object, ...]:
@@ -79,7 +82,7 @@ class Chains(NamedTuple):
 
         sums = ({i: size(c) for i, c in form.items()} for form in self.sums)
         squares = {key: size(weight) for key, weight in self.squares.items()}
-        return Chains(self.size, tuple(sums), squares).product(g, x)
+        return self._replace(sums=tuple(sums), squares=squares).product(g, x)
 
     def groups(self) -> list[tuple[list[int], list[int]]]:
         """Give the coordinates that M couples, group by group, with its nodes."""
@@ -123,11 +126,20 @@ class _NotFoundError(Exception):
 
 
 def chains(
-    g: Graph, lagrangian: int, rates: Sequence[int], names: Collection[str]
+    g: Graph,
+    lagrangian: int,
+    rates: Sequence[int],
+    names: Collection[str],
+    moving: Collection[str] = (),
 ) -> Chains | None:
     """Find how `lagrangian` is written with sums of the velocities `rates`.
 
     None where it is no polynomial of second degree in them, as far as is seen.
+
+    Parameters
+    ----------
+    moving
+        One velocity counts as a sum where its factor depends on any of these.
     """
     cone = g.cone([lagrangian])
     degrees = dict(zip(cone, g.degrees(cone, names), strict=True))
@@ -136,7 +148,7 @@ def chains(
         return None
     try:
         products = _products(g, cone, degrees)
-        return _Reader(g, degrees, rates, products).chains()
+        return _Reader(g, degrees, rates, products).chains(frozenset(moving))
     except _NotFoundError:
         return None
 
@@ -222,16 +234,20 @@ class _Reader:
             stack += [a for a, _ in self.parts[n]]
         self.forms = {v: {j: g.one} for j, v in enumerate(rates)}
         self.sums: list[Vector] = []
+        self.rates: list[int] = []
 
-    def chains(self) -> Chains:
-        squared = {a for pair in self.products for a in pair}
+    def chains(self, moving: frozenset[str]) -> Chains:
+        g, squared = self.g, {a for pair in self.products for a in pair}
         for n in sorted(self.parts):
             form = self._sum(self.parts[n])
-            if len(form) > 1 and (self.uses[n] > 1 or n in squared):
+            several = len(form) > 1 or not moving.isdisjoint(g.depends(form.values()))
+            if several and (self.uses[n] > 1 or n in squared):
                 self.sums.append(form)
-                form = {self.size + len(self.sums) - 1: self.g.one}
+                self.rates.append(n)
+                form = {self.size + len(self.sums) - 1: g.one}
             self.forms[n] = form
-        return Chains(self.size, tuple(self.sums), self._squares())
+        sums, rates = tuple(self.sums), tuple(self.rates)
+        return Chains(self.size, sums, self._squares(), rates)
 
     def _sum(self, parts: Sequence[tuple[int, int]]) -> Vector:
         g, total = self.g, Vector()

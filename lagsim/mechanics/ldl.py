@@ -13,6 +13,8 @@ is for all else.
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING
 
@@ -138,9 +140,7 @@ class Factorisation:
 
 def unconstrained(equations: Equations) -> list[int]:
     """Give M^-1 f (n,), the accelerations without constraints."""
-    mass = factored_mass(equations, Meter())
-    x = mass.solve(dict(enumerate(equations.f)))
-    return [x.get(j, equations.graph.zero) for j in range(len(equations.q))]
+    return Elimination(replace(equations, rows=(), laws=()), math.inf).motion()[0]
 
 
 def factored_mass(equations: Equations, meter: Meter) -> Factorisation | Articulated:
@@ -176,6 +176,8 @@ class Elimination:
         # What is solved for later, corrections, is a part of this.
         self.operations = self.meter.operations
         self.meter.stop()
+        if not equations.rows:
+            self._motion = self._along_links(equations), []
 
     def _schur(self) -> dict[tuple[int, int], int]:
         holders: dict[int, list[int]] = {}  # coordinate -> rows of Z that have it
@@ -199,6 +201,19 @@ class Elimination:
             scaled = g.call("mul", z[k], self.mass.inverse[k])
             total = g.call("add", total, g.call("mul", scaled, other[k]))
         return total
+
+    def _along_links(self, equations: Equations) -> list[int]:
+        """Give q'' by the forces in massless links, where that is shorter."""
+        from lagsim.mechanics.tensions import accelerations  # not of rows
+
+        g, found = self.g, accelerations(equations)
+        moving = {*equations.q, *equations.velocities, "t"}
+        before = self._motion[0]
+        if found is None or g.cost(found, moving) >= g.cost(before, moving):
+            return before
+        moved = g.dependent(found, moving)
+        self.operations = sum(g.ops[n] in ("mul", "div") for n in moved)
+        return found
 
     def motion(self) -> tuple[list[int], list[int]]:
         """Give q'' (n,) and lambda (m,)."""

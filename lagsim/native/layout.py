@@ -23,6 +23,7 @@ is a view of the flat array: arrays are views in it, of their exact length.
 from __future__ import annotations
 
 import inspect
+from ctypes import addressof, c_char
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 if TYPE_CHECKING:
@@ -65,21 +66,27 @@ class Field:
     def __get__(self, memory: Memory | None, _owner: type) -> Any:
         if memory is None:
             return self
+        word = self.word
         if self.kind == NUMBER:
-            return float(memory.flat[self.word])
-        begin = int(memory.flat[self.word])
+            return memory.numbers[word]
         if self.kind == SIZE:
-            return begin
-        view = memory.views.get(self.word)
+            return int(memory.numbers[word])
+        view = memory.views.get(word)
         if view is None:
+            begin = int(memory.numbers[word])
             view = memory.flat[begin : begin + self.length(memory)]
-            memory.views[self.word] = view
+            memory.views[word] = view
         return view
 
     def __set__(self, memory: Memory, value: float) -> None:
         if self.kind != NUMBER:
             raise AttributeError("only numbers are stored; sizes and arrays stay")
-        memory.flat[self.word] = value
+        memory.numbers[self.word] = value
+
+
+def address(flat: Floats) -> int:
+    """Give where an array begins: three times as fast as `flat.ctypes.data`."""
+    return addressof(c_char.from_buffer(flat.data))
 
 
 def array(length: Callable[[Any], int], value: float | Sequence[float] = 0.0) -> Any:
@@ -107,6 +114,8 @@ class Memory:
         All of it.
     fields : dict
         The declarations, in the order of their words.
+    numbers : memoryview
+        The same, for single numbers: several times faster than numpy.
     views : dict
         The arrays that have been asked for, by their words.
     address : int
@@ -117,8 +126,9 @@ class Memory:
 
     def __init__(self, flat: Floats) -> None:
         self.flat = flat
+        self.numbers: Any = flat.data
         self.views: dict[int, Floats] = {}
-        self.address = int(flat.ctypes.data)
+        self.address = address(flat)
 
     def __init_subclass__(cls) -> None:
         """Give each name that is annotated its word."""
@@ -172,7 +182,7 @@ class Memory:
 
     def place(self, name: str) -> int:
         """Give where an array begins in the flat one."""
-        return int(self.flat[self.fields[name].word])
+        return int(self.numbers[self.fields[name].word])
 
     def copy(self) -> Self:
         """Give another memory with the same content."""

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.run.arcs import BLOCK, Run
+from lagsim.run.arcs import Run
 from lagsim.run.decisions import Ending
 from lagsim.run.recorder import Recorder
+from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import Outcome, Statistics, Trajectory
 
 if TYPE_CHECKING:

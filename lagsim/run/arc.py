@@ -120,7 +120,9 @@ class Arc(NamedTuple):
 
     def row(self, y: Floats | None = None) -> Floats:
         """Give time and state (1, 1 + size), the one reached or y."""
-        return np.concatenate([[self.t], self.y if y is None else y])[None, :]
+        row = np.empty((1, 1 + self.system.size))
+        row[0, 0], row[0, 1:] = self.t, self.y if y is None else y
+        return row
 
     def observed(self, y: Floats | None = None) -> Floats:
         """Give the columns of the state reached, or of y."""
@@ -138,9 +140,9 @@ class Arc(NamedTuple):
         if abs(near - self.t) <= MOMENTS * np.spacing(abs(self.t)):
             self.state.t = near
 
-    def advance(self, out: Floats, budget: int) -> int:
+    def advance(self, rows: int, budget: int) -> int:
         """Integrate on, by one call of the kernel; give what it says."""
-        return self.runner.advance(self.state, out, budget)
+        return self.runner.advance(self.state, rows, budget)
 
     def put(self, y: Floats) -> None:
         """Let the state jump; how large it was, and where, stays known."""

@@ -8,6 +8,7 @@ forgotten, so memory does not grow with their number.
 
 from __future__ import annotations
 
+import time
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -26,7 +27,6 @@ from lagsim.run.reasons import reason_of
 from lagsim.run.recorder import Recorder
 from lagsim.run.states import most_pulled, named_extents
 from lagsim.run.stiffness import Stiffness
-from lagsim.run.system.sleepers import timed
 from lagsim.run.trajectory import Outcome, Statistics, Trajectory
 from lagsim.run.unmet import Unmet, unsettled
 
@@ -46,9 +46,6 @@ if TYPE_CHECKING:
     from lagsim.run.observers.corners import Corners
     from lagsim.run.system import System
 
-# Rows in one block: a few hundred kilobytes; fewer where there are many columns.
-BLOCK = 2048
-MOST_NUMBERS = 2**20
 # Of the range of each component, and of what tells numbers of its size apart: nothing
 # in a picture, and clear of rounding.
 ASIDE, SPACINGS = 1e-9, 64
@@ -81,8 +78,6 @@ class Run:
         self.corners = corners
         self.pace = self.arc.runner.pace
         self.arcs = 0
-        rows = max(1, min(BLOCK, MOST_NUMBERS // system.rows_observed))
-        self.block = np.empty((rows, 1 + system.size))
 
     @property
     def t(self) -> float:
@@ -119,9 +114,11 @@ class Run:
             return Ending(Outcome.TOO_MANY_STEPS)
         asked = min(source.ask_at(arc) for source in self.sources) - arc.steps
         budget = min(self.pace.steps, left, asked)
-        with self.pace.kept():
-            code = arc.advance(self.block[: self.pace.rows], budget)
-        self._emit(self.block[: int(arc.state.emitted)])
+        began = time.perf_counter()
+        code = arc.advance(self.pace.rows, budget)
+        self.pace.lasted(time.perf_counter() - began)
+        if emitted := int(arc.state.emitted):
+            self.recorder.hand_on(arc.runner.shown(emitted))
         if self._is_stopped(code):
             return Ending(Outcome.INTERRUPTED)
         if not arc.state.pulled <= most_pulled(arc.plan.rtol):
@@ -132,10 +129,12 @@ class Run:
 
     def _is_stopped(self, code: int) -> bool:
         """Tell whether somebody wants an end, and the run has not come to its own."""
+        if self.interrupt is None or not self.interrupt.asked:
+            return False
         arc = self.arc
         over = code == at.EVENT_FOUND or arc.t >= arc.settings.end
         over |= arc.state.cut > 0.0  # the state is that of the step as it was
-        return self.interrupt is not None and self.interrupt.asked and not over
+        return not over
 
     def _decide(self, code: int) -> Ending | None:
         """Do what the first source says that has an answer to the kernel."""
@@ -160,12 +159,13 @@ class Run:
     def _before(self, code: int) -> Before | None:
         """Look at the state just before an event that may jerk constraints."""
         arc = self.arc
+        if not arc.system.m:
+            return None
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
         ends |= code == at.PAUSED and arc.is_looked_at
         # What a law ends without switches says by itself what was before.
         ends &= code != at.SWITCH_FOUND or arc.system.surfaces > 0
-        more = arc.t < arc.settings.end or arc.system.watched
-        if not (ends and more and arc.system.m):
+        if not (ends and (arc.t < arc.settings.end or arc.system.watched)):
             return None
         from lagsim.run.events.impacts import before_event
 
@@ -173,9 +173,11 @@ class Run:
 
     def _corner(self, code: int) -> Floats | None:
         """Look at the columns just before an event, where they are wanted."""
+        if not self.corners:
+            return None
         arc = self.arc
         meets = code in (at.SWITCH_FOUND, at.DONE) and arc.t < arc.settings.end
-        return self._seen() if meets and self.corners else None
+        return self._seen() if meets else None
 
     def _seen(self) -> Floats:
         """Give the columns at the state reached, and at those a little aside (3, k)."""
@@ -242,33 +244,33 @@ class Run:
         if decision.y is not None:
             arc.put(decision.y)
         if decision.rows is not None:
-            self._emit(arc.row())
+            self._show()
             if arc.row_time(0) == arc.t:
                 arc.tell({"row": arc.state.row + 1.0})
 
     def _set_out(self, ahead: float) -> None:
         """Begin an arc at the state reached, to be looked at again at `ahead`."""
-        ends = [source.limit(self.arc) for source in self.sources]
-        self.arc = self.arc.next(min(self.arc.settings.end, *ends), ahead)
+        arc, end = self.arc, self.arc.settings.end
+        for source in self.sources:
+            end = min(end, source.limit(arc))
+        self.arc = arc.next(end, ahead)
         self.arcs += 1
         for source in self.sources:
             self._take(source.set_out(self.arc))
 
-    def _emit(self, states: Floats) -> None:
-        """Hand rows of times and states on, as columns."""
-        if len(states):
-            self.recorder.hand_on(self.arc.runner.tabulate(states))
+    def _show(self) -> None:
+        """Hand the row of the state reached on."""
+        self.recorder.hand_on(self.arc.runner.shown_at(self.arc.state))
 
     def show_last(self) -> None:
         """Give the row at the time reached, unless it has been given."""
         if self.recorder.rows == 0 or self.arc.row_time(-1) < self.t:
-            self._emit(self.arc.row())
+            self._show()
 
     def trajectory(self, ending: Ending) -> Trajectory:
         """Put together what the run has done."""
         arc, recorder = self.arc, self.recorder
-        state = arc.state
-        evaluations = int(state.evaluations)
+        state, evaluations = arc.state, int(arc.state.evaluations)
         all_constant = arc.plan.constant >= (2 if arc.system.m else 1)
         return Trajectory(
             outcome=ending.outcome,
@@ -299,7 +301,8 @@ class Run:
 
 def _sources(arc: Arc) -> Iterator[Source]:
     """Give what may pause or end the arcs of a run; the first has the first word."""
-    yield Unmet()
+    if arc.system.m:
+        yield Unmet()
     yield Fallback()
     yield TimeBreaks(arc)
     if arc.system.surfaces:
@@ -310,10 +313,11 @@ def _sources(arc: Arc) -> Iterator[Source]:
         from lagsim.run.events.contacts import Contacts
 
         yield Contacts(arc)
-    yield Dependence()
-    yield RankLosses()
+    if arc.system.m:
+        yield Dependence()
+        yield RankLosses()
     yield Stiffness(arc)
-    if method(arc.plan.method).ADAPTIVE and timed(arc.system.equations):
+    if method(arc.plan.method).ADAPTIVE and arc.system.timed:
         from lagsim.run.events.features import Features
 
         yield Features(arc)

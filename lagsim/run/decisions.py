@@ -6,7 +6,7 @@ from enum import Enum
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.run.states import MOST_STEPS
+from lagsim.run.pace import MOST_STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

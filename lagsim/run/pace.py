@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import time
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
+# More steps than any run makes, unless it is told otherwise.
+MOST_STEPS = 100_000_000
 # Steps of a call: so few at first, then as many as take about this long, in seconds.
 # Where a kernel pauses changes nothing in what it computes.
 FIRST = 16
@@ -34,13 +29,9 @@ class Pace:
         """The rows that a call may write."""
         return ROWS * self.steps
 
-    @contextlib.contextmanager
-    def kept(self) -> Iterator[None]:
-        """Measure a call, and choose the next."""
-        began = time.perf_counter()
-        yield
-        lasted = time.perf_counter() - began
-        if lasted > 2.0 * MOMENT:
-            self.steps = max(1, int(self.steps * MOMENT / lasted))
-        elif lasted < MOMENT:
+    def lasted(self, seconds: float) -> None:
+        """Choose the next call by how long one of so many steps has lasted."""
+        if seconds > 2.0 * MOMENT:
+            self.steps = max(1, int(self.steps * MOMENT / seconds))
+        elif seconds < MOMENT:
             self.steps = min(2 * self.steps, MOST)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from typing import TYPE_CHECKING
 
 from lagsim.notes import Caution
@@ -27,7 +26,7 @@ class Recorder:
     ----------
     rows : int
         Handed on so far.
-    counts, unkept : Counter
+    counts, unkept : dict
         How many events there were of each kind, and how many of them are not kept.
     full : float
         The time of the first that is not kept.
@@ -38,20 +37,21 @@ class Recorder:
         self.events: list[Event] = []
         self.cautions: list[Caution] = []
         self.choices: list[Choice] = []
-        self.counts: Counter[str] = Counter()
-        self.unkept: Counter[str] = Counter()
+        self.counts: dict[str, int] = {}
+        self.unkept: dict[str, int] = {}
         self.full = math.inf
         self.rows = 0
 
     def keep(self, decision: Decision) -> None:
         """Keep what a decision says."""
         for event in decision.events:
-            self.counts[event.kind] += 1
+            kind = event.kind
+            self.counts[kind] = self.counts.get(kind, 0) + 1
             often = event.switch is not None or event.constraint is not None
             if not often or len(self.events) < MOST_EVENTS:
                 self.events.append(event)
             else:
-                self.unkept[event.kind] += 1
+                self.unkept[kind] = self.unkept.get(kind, 0) + 1
                 self.full = min(self.full, event.time)
         self.cautions += decision.cautions
         self.choices += decision.choices

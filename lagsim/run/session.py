@@ -11,6 +11,7 @@ import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.run.pace import MOST_STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -141,8 +142,6 @@ class Session(NamedTuple):
     longest_step : float
         No step of a method that chooses its steps is longer, if it is not 0; the ranges
         of the coordinates over the steps are then noted, too.
-    most_steps : int or None
-        As many as usual, if it is None.
     arc_steps : float
         How many of the most steps an arc counts as, besides its own.
     """
@@ -151,7 +150,7 @@ class Session(NamedTuple):
     plan: Plan
     system: System
     longest_step: float = 0.0
-    most_steps: int | None = None
+    most_steps: int = MOST_STEPS
     arc_steps: float = 0.0
 
     def bound(self, case: Case) -> Session | None:
@@ -193,9 +192,7 @@ class Session(NamedTuple):
         joined
             Gets the run before it begins, and may put it where another was.
         """
-        from lagsim.run.states import MOST_STEPS
-
-        case, most = self.case, self.most_steps
+        case = self.case
         run: Run | Apart
         if self.plan.parts:
             from lagsim.run.apart import Apart
@@ -218,7 +215,7 @@ class Session(NamedTuple):
 
         # A motion that diverges passes every number; what is made of it says so itself.
         with np.errstate(all="ignore"):
-            return run.whole(MOST_STEPS if most is None else most, self.arc_steps)
+            return run.whole(self.most_steps, self.arc_steps)
 
 
 def open_case(

@@ -20,8 +20,6 @@ SLIDING = "dop853"
 # said, and it is looked at after so many steps, some ten milliseconds.
 SERIES = "taylor"
 LONG = 20_000
-# More than any run makes, unless it is told otherwise.
-MOST_STEPS = 100_000_000
 # A state that slides is pulled back by what a step errs: a few times the tolerance
 # by a method that has one, and this part of the motion by any other.
 MOST_PULLED = 1e-2

@@ -22,7 +22,8 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Choice
 from lagsim.plan.cost import STAGES
 from lagsim.run.decisions import GO_ON, Decision, Source
-from lagsim.run.states import LONG, MOST_STEPS, SERIES
+from lagsim.run.pace import MOST_STEPS
+from lagsim.run.states import LONG, SERIES
 from lagsim.run.system import System
 
 if TYPE_CHECKING:
@@ -269,12 +270,12 @@ def _trial(arc: Arc) -> tuple[at.State, at.State]:
 
     On a copy; its beginning counts only if that is all.
     """
-    block, state = np.empty((1, 1 + arc.system.size)), arc.state.copy()
+    state = arc.state.copy()
     state.row_limit, state.ask_at = -np.inf, 0.0
     before = state.copy()
-    if arc.runner.advance(state, block, TRIAL) == at.PAUSED:
+    if arc.runner.advance(state, 1, TRIAL) == at.PAUSED:
         before = state.copy()
-        arc.runner.advance(state, block, TRIAL)
+        arc.runner.advance(state, 1, TRIAL)
     return before, state
 
 

@@ -346,7 +346,6 @@ def _parts(run: Run | Apart, at: str) -> dict[str, Any]:
         f"{at}system.plan": system.plan,
         f"{at}runner": arc.runner,
         f"{at}pace": run.pace,
-        f"{at}block": run.block,
         f"{at}interrupt": run.interrupt,
         f"{at}progress": run.progress,
     }

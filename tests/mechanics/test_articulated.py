@@ -286,7 +286,7 @@ def test_operations_grow_as_the_number_of_links() -> None:
 def test_examining_and_planning_write_no_matrix_out() -> None:
     # From so many links on no series is written out to be counted.
     sizes = []
-    for n in (40, 80, 160):
+    for n in (80, 110, 140):
         case = case_of(read(chain(n, 1.0), "links"))
         plan = case.plan()
         e = plan.reduction.equations
@@ -296,7 +296,7 @@ def test_examining_and_planning_write_no_matrix_out() -> None:
         assert f"left in {2 * n - 2} sums along chains" in told.values()
         assert any("along chains" in reason for reason in told.values())
         sizes.append(len(e.graph))
-    assert sizes[2] - sizes[1] <= 2.02 * (sizes[1] - sizes[0])
+    assert sizes[2] - sizes[1] <= 1.01 * (sizes[1] - sizes[0])
 
 
 @pytest.mark.slow

@@ -54,7 +54,7 @@ def stepper(text, name, h, *, loops=False):
 
     def step(y):
         s = fresh_state(runner.method, y, n=system.n, fixed_step=h, end=9.0)
-        assert runner.advance(s, np.zeros((1, 1 + system.size)), 1) == at.PAUSED
+        assert runner.advance(s, 1, 1) == at.PAUSED
         return state_of(s)
 
     return step
@@ -269,11 +269,10 @@ def uncompensated(steps):
         n=2, fixed_step=2 * math.pi / 100, row_limit=-1.0,
     )  # fmt: skip
     rest = s.rest
-    out = np.zeros((1, 5))
     worst, first = 0.0, None
     for _ in range(steps // 100):
         for _ in range(100):
-            runner.advance(s, out, 1)
+            runner.advance(s, 1, 1)
             rest[:] = 0.0
         x, y, vx, vy = state_of(s)
         energy = (vx * vx + vy * vy) / 2 - 1 / math.hypot(x, y)

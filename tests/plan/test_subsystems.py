@@ -10,8 +10,8 @@ from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
 from lagsim.plan.subsystems import groups, subsystems
-from lagsim.run.arcs import BLOCK
 from lagsim.run.interrupt import Interrupt
+from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import Outcome
 from tests.mechanics.reduction.test_runs import differences
 from tests.support import MODELS, case_of, run

@@ -14,8 +14,8 @@ from lagsim.run.arcs import Run
 from lagsim.run.decisions import Decision, Ending, Source, Turn
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep
+from lagsim.run.pace import MOST_STEPS
 from lagsim.run.recorder import MOST_EVENTS, Recorder
-from lagsim.run.states import MOST_STEPS
 from lagsim.run.trajectory import Outcome
 from tests.small_scenes import oscillator
 from tests.support import ready
@@ -120,7 +120,7 @@ def test_an_arc_by_another_method_has_a_state_of_its_own():
     other = arc.by(replace(arc.plan, method="dop853"), arc.system)
     other.tell({"h": 0.125})
     other.put(np.array([3.0, 4.0]))
-    other.advance(run.block, 10)
+    other.advance(16, 10)
     assert other.steps > 0
     assert np.array_equal(arc.state.flat, kept)
     assert other.runner.method.NAME == "dop853" != arc.runner.method.NAME

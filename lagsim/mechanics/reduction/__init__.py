@@ -92,17 +92,18 @@ class Reduction(NamedTuple):
         found = evaluate(model.graph, list(self.momenta.values()), values)
         return dict(zip(self.momenta, found, strict=True))
 
-    def state(self, start: Instant) -> Floats:
-        """Give y at a full start: q, q', work, the quadratures, the action from 0."""
-        e = self.equations
-        ignored: list[float] = []
+    def state(self, start: Instant, size: int) -> Floats:
+        """Give y (size,) at a full start: q, q', the quadratures; all else from 0."""
+        e, n = self.equations, len(self.equations.q)
+        y = np.zeros(size)
+        y[:n], y[n : 2 * n] = self.kept(start.q), self.kept(start.v)
         if e.quadratures:
+            first = 2 * n if e.power is None else 2 * n + 1
             names = (c.name for c in e.model.coordinates)
             values = dict(zip(names, start.q, strict=True))
-            ignored = [values.get(x.name, 0.0) for x in e.quadratures]
-        work = [] if e.power is None else [0.0]
-        parts = (self.kept(start.q), self.kept(start.v), work, ignored)
-        return np.concatenate(parts)
+            for k, x in enumerate(e.quadratures, first):
+                y[k] = values.get(x.name, 0.0)
+        return y
 
     def _followed_by(
         self, equations: Equations, recovered: Mapping[int, int]

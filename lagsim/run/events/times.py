@@ -24,9 +24,10 @@ class TimeBreaks(Source):
 
     def begin(self, arc: Arc) -> Decision:
         """Set the branches up to the next break."""
-        end = min(self._next, arc.settings.end)
         switches = arc.system.switches
-        arc.system.set_modes(switches.mode_values(arc.t, end, arc.parameters))
+        if switches.modes:
+            end = min(self._next, arc.settings.end)
+            arc.system.set_modes(switches.mode_values(arc.t, end, arc.parameters))
         arc.runner.prepare()
         return GO_ON
 

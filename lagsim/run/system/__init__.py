@@ -7,6 +7,7 @@ new values of parameters compile nothing.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,13 @@ from lagsim.methods import method
 from lagsim.methods.parts.parameters import KEPT, Parameters
 from lagsim.run.system.columns import Columns
 from lagsim.run.system.runner import Runner, linked, of_method
-from lagsim.run.system.sleepers import all_sleepers, motion_nodes, signal_nodes, slope
+from lagsim.run.system.sleepers import (
+    all_sleepers,
+    motion_nodes,
+    signal_nodes,
+    slope,
+    timed,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -183,6 +190,11 @@ class System:
         loops = self.met is None and self.plan.elimination is None
         return loops or self.has_jacobian
 
+    @cached_property
+    def timed(self) -> bool:
+        """Whether anything depends on t and may sleep."""
+        return timed(self.equations)
+
     @staticmethod
     def watched_for(equations: Equations, plan: Plan) -> list[Sleeper]:
         """Find what may sleep in the motion, or in what ends it."""
@@ -222,6 +234,7 @@ class System:
     def take_values(self, model: Model, plan: Plan) -> None:
         """Begin anew with other values, in a memory of its own."""
         self.plan, self.model = plan, model
+        self.__dict__.pop("timed", None)
         self.equations = plan.reduction.equations
         self.laws = self.equations.laws if self.met is None else ()
         self.p = self._filled(self._parameters())
@@ -345,8 +358,7 @@ class System:
         """Give y at a start; sets what it determines for the whole run."""
         for name, value in self.plan.reduction.constants(start).items():
             self.p.flat[self._layout_of[name]] = value
-        y = self.plan.reduction.state(start)
-        return np.concatenate([y, np.zeros(self.size - len(y))])
+        return self.plan.reduction.state(start, self.size)
 
     def set_modes(self, values: Sequence[float]) -> None:
         """Set the branch of each switch in time for the arc to come."""

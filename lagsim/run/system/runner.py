@@ -11,6 +11,7 @@ import numpy as np
 
 from lagsim.methods import method
 from lagsim.native.graph.sincos import LANES
+from lagsim.native.layout import address
 from lagsim.native.link.engine import Engine
 from lagsim.run.pace import Pace
 from lagsim.run.system.coupling import coupled, joined
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from lagsim.run.system.stepping import Pattern
     from lagsim.solve.newton import Newton
 
+# Rows in one block: a few hundred kilobytes; fewer where there are many columns.
+BLOCK = 2048
+MOST_NUMBERS = 2**20
 _POINTER = ctypes.c_void_p
 # Of the functions of a model: t, y, p, out.
 FUNCTION = (None, (ctypes.c_double, _POINTER, _POINTER, _POINTER))
@@ -87,6 +91,8 @@ class Runner:
     method : module
     pace : Pace
         That of the runs so far.
+    block : ndarray, shape (rows, 1 + size)
+        Times and states of the rows that the last call of `advance` has written.
     """
 
     def __init__(self, system: Compiled, name: str, engine: Engine) -> None:
@@ -94,12 +100,17 @@ class Runner:
         self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
+        self._prepare = self.engine.function("prepare", *FUNCTION)
         self._advance = self.engine.function("advance", *_ADVANCE)
         if system.watched > 0:
             self._pull = self.engine.function("pull", *_PULL)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
-        self._work = np.empty(LANES * (1 + system.size + system.rows_observed))
-        self._room = self._work.ctypes.data
+        columns, width = system.rows_observed, 1 + system.size
+        self._work = np.empty(LANES * (width + columns))
+        self._room = address(self._work)
+        self._columns, self._width = columns, width
+        self.block = np.empty((max(1, min(BLOCK, MOST_NUMBERS // columns)), width))
+        self._rows = address(self.block)
 
     @cached_property
     def empty(self) -> State:
@@ -165,7 +176,6 @@ class Runner:
 
         No arc sees what another one left in the working memory.
         """
-        call = self.engine.function("prepare", *FUNCTION)
         p = self.system.p
         p.reference = self.system.plan.independence
         p.factored = p.noted = 0.0
@@ -175,30 +185,38 @@ class Runner:
             rows = len(self.system.plan.lengths)  # laws have none
             p.lengths[:rows] = self.system.plan.lengths
             p.aside[:rows] = self.system.plan.set_aside
-        call(0.0, None, p.address, None)
+        self._prepare(0.0, None, p.address, None)
 
-    def advance(self, state: State, out: Floats, budget: int) -> int:
-        """Run the method on; see `driver.advance`. out : (rows, 1 + size)."""
-        p = self.system.p
-        return int(
-            self._advance(
-                state.address,
-                p.address,
-                out.ctypes.data,
-                len(out),
-                budget,
-            )
+    def advance(self, state: State, rows: int, budget: int) -> int:
+        """Run the method on, for so many rows at most; see `driver.advance`."""
+        rows = min(rows, len(self.block))
+        code: int = self._advance(
+            state.address, self.system.p.address, self._rows, rows, budget
         )
+        return code
+
+    def shown(self, count: int) -> Floats:
+        """Give the columns (count, columns) of the first rows of the block."""
+        return self._columns_of(self._rows, count, self._width - 1)
+
+    def shown_at(self, state: State) -> Floats:
+        """Give the columns (1, columns) of a state; the block is written over."""
+        self.block[0, 0], self.block[0, 1:] = state.t, state.y
+        return self.shown(1)
 
     def tabulate(self, states: Floats) -> Floats:
         """Give the columns (rows, columns) of `states` (rows, 1 + size)."""
-        out = np.empty((len(states), self.system.rows_observed))
         states = np.ascontiguousarray(states)
-        self._tabulate(
-            states.ctypes.data, len(states), states.shape[1] - 1,
-            self.system.p.address, out.ctypes.data, out.shape[1],
-            self._room,
-        )  # fmt: skip
+        count, width = states.shape
+        return self._columns_of(states.ctypes.data, count, width - 1)
+
+    def _columns_of(self, states: int, count: int, size: int) -> Floats:
+        out = np.empty((count, self._columns))
+        if count:
+            self._tabulate(
+                states, count, size, self.system.p.address, address(out),
+                self._columns, self._room,
+            )  # fmt: skip
         return out
 
 

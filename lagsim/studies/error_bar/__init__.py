@@ -24,7 +24,8 @@ from lagsim.plan.plan import ANY
 from lagsim.run.error import LOST, TIMES, CoordinateError, ErrorBar
 from lagsim.run.observers import Observer
 from lagsim.run.observers.checkpoints import MOST_ROWS, Checkpoints
-from lagsim.run.states import MOST_STEPS, SERIES
+from lagsim.run.pace import MOST_STEPS
+from lagsim.run.states import SERIES
 from lagsim.run.system.sleepers import timed
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.error_bar.allowance import BUDGET, Allowance, Price, cost, own_cost

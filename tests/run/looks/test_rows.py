@@ -27,7 +27,7 @@ ROOT = math.sqrt(2 * math.pi)
 def by_rows_alone(monkeypatch):
     """Neither what may sleep nor what happens at its own time is looked for."""
     monkeypatch.setattr("lagsim.run.system.all_sleepers", lambda *_: [])
-    monkeypatch.setattr("lagsim.run.arcs.timed", lambda _: False)
+    monkeypatch.setattr("lagsim.run.system.timed", lambda _: False)
 
 
 # Forces on a body at rest, and their impulse; rows are 1 apart.
