@@ -146,8 +146,11 @@ def by_loops(plan: Plan) -> Plan:
     choices = [c for c in plan.choices if not c.choice.startswith("solve:")]
     choices.append(Choice("solve: loops with QR", "the rows lost their independence"))
     name = plan.method
+    why = method(name).refusal(structure(plan.reduction.equations))
     if STRAIGHT_ONLY.intersection(method(name).NEEDS):
-        choices.append(Choice(f"method: {ANY}", f"`{name}` needs straight-line code"))
+        why = f"`{name}` needs straight-line code"
+    if why:
+        choices.append(Choice(f"method: {ANY}", why))
         name = ANY
     return replace(
         plan, method=name, elimination=None, tape=False, choices=tuple(choices)

@@ -21,6 +21,7 @@ from lagsim.methods.parts.sparse_lu import (
     sparse_real,
 )
 from lagsim.model.reader import read
+from lagsim.plan.making import by_loops
 from lagsim.solve import newton as module
 from lagsim.solve.newton import Entry, factored, newton
 from tests.support import case_of, run
@@ -219,6 +220,7 @@ def test_full_matrices_alone_have_a_largest_size(monkeypatch):
     monkeypatch.setattr(lu, "LARGEST", 11)
     plan = case_of(stiff_chain(12)).plan()
     assert plan.newton is not None
+    assert by_loops(plan).method == "dop853"
     # Rows that imply each other are solved for by loops, with full matrices.
     twice = stiff_chain(
         12, more="constraints: {a: x1 - x0 = 0.01, b: 2*x1 = 0.02 + 2*x0}"

@@ -44,8 +44,6 @@ MOST = 10  # iterations
 # What Newton's method may leave, in parts of the tolerance; not below rounding.
 LEFT = 0.03
 ROUNDING = 10.0 * 2.0**-52
-# A first quotient past this is a rate all the same.
-DIVERGES = 2.0
 
 
 class Radau(State):
@@ -158,7 +156,7 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
             coming = left_over * size * rate**ahead / limit
             hopeless = coming >= 1.0 and left_over * size > limit
             # Quotients alternate where the errors of J do: one alone is no rate yet.
-            if hopeless and (iteration > 1 or rate > DIVERGES):
+            if hopeless and (iteration > 1 or rate >= 0.99):
                 if is_rounding(s, p, h, size):
                     apply_step(s)
                     s.iterations = iteration + 1
