@@ -56,7 +56,7 @@ from lagsim.methods.parts.power_series import (
     sum_bend,
     sum_rates,
 )
-from lagsim.methods.parts.projection import project
+from lagsim.methods.parts.projection import met_part, project
 from lagsim.methods.parts.singular import leave_loss, record_health
 from lagsim.methods.parts.state import (
     DONE,
@@ -313,6 +313,7 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
         suspect(s, p, h, y, before, new, following)
     move_on(s, p, h)
     c = at(s.series, buffer(size, s.which))
+    s.met = met_part(s, c[0] + 1.0)
     s.h = chosen_step(s, c, s.t)
     if s.h < SUDDEN * h:
         # Perhaps it is rounding that the last coefficients consist of.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from lagsim.errors import InputError
 from lagsim.methods import taylor
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.power_series import sum_bend
+from lagsim.methods.parts.projection import met_part
 from lagsim.plan import integration
 from lagsim.run.system.runner import FUNCTION
 from tests.methods.plain import Plain, fresh_state, linked, state_of
@@ -358,3 +360,30 @@ def test_dry_friction_sticks():
     # The tolerance, and 4 arcs.
     assert np.max(np.abs(found["x"] - exact)) < 1e-10
     assert np.max(np.abs(found["x_dot"][k == 3])) < 1e-12
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-11])
+def test_rows_meet_the_constraints_projected_or_not(rtol):
+    found = run(HELD.replace("RTOL", str(rtol)))
+    x, y, vx, vy = (found[name] for name in ("x", "y", "x_dot", "y_dot"))
+    # Some roundings of terms of size 1, and of 2 x x' where speeds are below 1.7.
+    assert np.max(np.abs(x * x + y * y - 1.0)) < 1e-15
+    assert np.max(np.abs(x * vx + y * vy)) < 2e-15
+
+
+def test_the_part_of_a_step_that_needs_no_projection():
+    s = SimpleNamespace(fixed_rows=1.0, missed=0.0)
+    assert met_part(s, 16.0) == 1.0
+    # (1/2)^16 of what the end is off by is one unit of rounding.
+    s.missed = 2.0**-37
+    assert met_part(s, 16.0) == 0.5
+    s.fixed_rows = 0.0
+    assert met_part(s, 16.0) == 0.0
+
+
+def test_rows_of_constraints_that_move_are_all_projected():
+    moved = HELD.replace("x^2 + y^2 = 1", "(x - sin(t)/2)^2 + y^2 = 1")
+    moved = moved.replace("y: -cos(2)", "y: -cos(2), x_dot: 1/2")
+    for text, fixed in ((HELD, 1.0), (moved, 0.0)):
+        found = run(text.replace("RTOL", "1e-9"))
+        assert found.system.link("taylor").empty.fixed_rows == fixed

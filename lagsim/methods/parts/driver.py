@@ -81,6 +81,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
         made += 1
         if SWITCHES or ADAPTIVE:
             keep_sizes(s)
+        s.met = 0.0
         code = step(s, p)
         if code != DONE:
             return code
@@ -277,8 +278,11 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
     own = s.step_h == 0.0 or out[max(end - 1, 0) * width] == s.t
     if end > first and own and s.cut == 0.0:
         end -= 1
-    if CONSTRAINED and end > first:
-        settle_rows(s, p, at(out, first * width), end - first)
+    if CONSTRAINED:
+        unmet = first
+        while unmet < end and out[unmet * width] <= s.step_t + s.met * s.step_h:
+            unmet += 1
+        settle_rows(s, p, at(out, unmet * width), end - unmet)
     if SWITCHES:
         for k in range(first, end):
             row = at(out, k * width)

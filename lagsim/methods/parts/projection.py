@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 # What a Newton step leaves of a residual is rounding if this small against its terms.
 # Terms know what a double can hold of a position, whatever else stands in the scene.
 LAST = 2.0**-50
+# No row gets a residual of more than this, of its terms, by what a step is off.
+UNIT = 2.0**-53
 # A residual this small against its terms is rounding.
 ROUNDING = 2.0**-47
 # Where steps no longer shrink, they are rounding if the residual is smaller than this.
@@ -54,10 +56,26 @@ def project(
     h is the step that led to y. work : (n + 3,), where work[n + 1] is left as
     `velocity_step` gives it.
     """
+    s.missed = 0.0
     for level in range(2):
         if project_level(level, s, p, t, h, y, work) == 0:
             return 0
     return 1
+
+
+def met_part(s: State, order: float) -> float:
+    """Give the part of a step whose rows meet the constraints as they are.
+
+    Of one whose rows are the polynomial that its end was a value of: the residual grows
+    from what it is at the start, rounding, to what the projection of the end began
+    with, by this order. What moves is also off by the rounding of the time, relations
+    of velocities by that of positions.
+    """
+    if s.fixed_rows == 0.0:
+        return 0.0
+    if s.missed <= UNIT:
+        return 1.0
+    return float((UNIT / s.missed) ** (1.0 / order))
 
 
 def project_level(
@@ -71,6 +89,8 @@ def project_level(
         newton_step(level, t, y, p, work)
         if not is_finite(n, work):
             return 0
+        if iteration == 0:
+            s.missed = max(s.missed, work[n])
         # Residuals shrink by more than half, or they are rounding.
         stalled = iteration > 0 and work[n] >= 0.5 * previous
         done = work[n + 2] <= LAST or work[n] <= ROUNDING

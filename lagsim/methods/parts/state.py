@@ -95,6 +95,9 @@ class State(Memory):
     # The farthest a state was pulled onto what it slides along, against the motion.
     pulled: float
     unsettled: float  # steps whose impulses were not found to the end
+    fixed_rows: float  # 1 where all constraints hold positions, and none moves
+    missed: float  # the largest residual, of its scale, that a projection began with
+    met: float  # rows up to this part of the last step are not projected
 
     y: Floats = array(lambda s: s.size)
     # What rounding has cut off of y, and what the step that is made leaves of it; see

@@ -127,6 +127,8 @@ class Runner:
         state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
         state.powers[:] = [sleeper.power for sleeper in system.sleepers]
         rows = system.equations.rows
+        fixed = all(row.holonomic and row.scleronomic for row in rows)
+        state.fixed_rows = float(fixed and not system.laws)
         state.joined[:] = coupled(system.equations)
         state.linked[:] = joined(system.n, [row.A.entries for row in rows])
         return state
