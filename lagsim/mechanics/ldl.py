@@ -185,6 +185,11 @@ def factored_mass(equations: Equations, meter: Meter) -> Factorisation | Articul
 class Elimination:
     """Solves for q'' and lambda, and for corrections in the metric of M.
 
+    Attributes
+    ----------
+    along_links : bool
+        q'' is that of `tensions`, for the masses that the parameters give.
+
     Raises
     ------
     TooLongError
@@ -215,8 +220,11 @@ class Elimination:
         # What is solved for later, corrections, is a part of this.
         self.operations = self.meter.operations
         self.meter.stop()
+        self.along_links = False
         if not equations.rows:
-            self._motion = self._along_links(equations), []
+            shorter = self._along_links(equations)
+            self.along_links = shorter != self._motion[0]
+            self._motion = shorter, []
 
     def __getstate__(self) -> dict[str, Any]:
         """Give what is kept of it elsewhere: what was found out is found again."""

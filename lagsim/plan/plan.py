@@ -93,12 +93,12 @@ class Plan:
 
         Of all that a start, or values of parameters, may change.
         """
-        reduction = self.reduction
+        reduction, solved = self.reduction, self.elimination
         parts = ((x.subsystem.coordinates, x.plan.form) for x in self.parts)
         return (
             self.method, self.formulation, self.projected, self.tape, self.augmented,
-            self.elimination is None, self.rtol, reduction.eliminated,
-            reduction.ignored, tuple(parts),
+            solved is None or solved.along_links, solved is None, self.rtol,
+            reduction.eliminated, reduction.ignored, tuple(parts),
         )  # fmt: skip
 
     @property
