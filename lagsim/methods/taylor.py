@@ -57,9 +57,10 @@ from lagsim.methods.parts.power_series import (
     sum_rates,
 )
 from lagsim.methods.parts.projection import met_part, project
-from lagsim.methods.parts.singular import leave_loss, record_health
+from lagsim.methods.parts.singular import leave_loss, passable, record_between
 from lagsim.methods.parts.state import (
     DONE,
+    LOSS_AHEAD,
     NOT_FINITE,
     PROJECTION_FAILED,
     STEP_TOO_SMALL,
@@ -172,11 +173,7 @@ def start(s: Taylor, p: Parameters) -> None:
 
 
 def step(s: Taylor, p: Parameters) -> int:
-    """Make one accepted step, or give a code other than 0.
-
-    Around its one series lies all else: what proposes a state, and what concludes from
-    the series there.
-    """
+    """Make one accepted step, or give a code other than 0; all has its one series."""
     while True:
         code = propose(s, p)
         if code != DONE:
@@ -184,6 +181,9 @@ def step(s: Taylor, p: Parameters) -> int:
         series(s.t + s.trial, s.new, p, at(s.series, buffer(s.size, 1.0 - s.which)))
         if conclude(s, p):
             return DONE
+        # Close to a loss of rank a series enlarges rounding by powers of the step.
+        if CONSTRAINED and s.passes > 0.0:
+            return LOSS_AHEAD
 
 
 def propose(s: Taylor, p: Parameters) -> int:
@@ -218,9 +218,9 @@ def conclude(s: Taylor, p: Parameters) -> bool:
     health = s.work[s.n + 1]
     error = check(s, p, h)
     if error <= PASSED:
-        if CONSTRAINED:
-            record_health(s, health, h)
         accept(s, p, h)
+        if CONSTRAINED:
+            record_between(s, p, health, h)
         s.at_bound = max(s.at_bound + (1.0 if s.rejected > 0.0 else -1.0), 0.0)
         begin_trials(s)
         return True
@@ -299,7 +299,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     doubtful = error > PASSED and error < 1e300
     if doubtful and look_again(s, p, h, new, at(c, 1 + size), 1.0) > 0:
         error = misfit(s, c, at(following, 1 + size), h)
-    return error
+    return passable(s, error) if CONSTRAINED else error
 
 
 def accept(s: Taylor, p: Parameters, h: float) -> None:

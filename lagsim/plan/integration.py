@@ -36,9 +36,6 @@ SERIES_STEP, SERIES_OPERATION, SERIES_DOUBLED = 400.0, 0.13, 50_000
 # DOP853 makes so many steps for one of the series at 1e-8 (measured: 1.1 to 1.5), and
 # so many times as many at a tenth of a tolerance (1.9 to 3.1 at 1e-11).
 MORE_STEPS, PER_DECADE = 1.3, 1.23
-# With constraints left only a shorter one is taken unasked: where a linkage passes a
-# change point, longer series of what its rows divide by were seen without an error bar.
-MOST_CONSTRAINED = 6000
 # What gains less than this is not worth the time that a series takes to compile.
 PAYS = 1.25
 # At looser tolerances a tenth and more of its steps are made in vain.
@@ -102,8 +99,6 @@ def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
         return 0.0
     solves, stages = step_parts(equations, solved)
     operations = solves + series_cost(equations, solved, rtol).operations
-    if equations.rows and operations > MOST_CONSTRAINED:
-        return 0.0
     more = 1.0 + operations / SERIES_DOUBLED
     series = SERIES_STEP + SERIES_OPERATION * more * operations
     dop853 = DOP853_STEP + DOP853_OPERATION * (solves + stages)
