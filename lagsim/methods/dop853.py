@@ -190,7 +190,7 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     doubtful = error >= 1.0
     if SWITCHES:
         doubtful = doubtful or (error >= SHRINKING and hardly_moves(s, h, k))
-    if doubtful and look_again(s, p, h, new, k, health) > 0:
+    if doubtful and look_again(s, p, h, new, k, health):
         error = error_norm(size, h, errors, tolerances)
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, t + h, new)

@@ -225,7 +225,7 @@ def attempt(s: Radau, p: Parameters, h: float) -> float:
     if CONSTRAINED and p.least_health < s.close_below:
         health = p.least_health
     # Perhaps it is nothing but rounding.
-    if error >= 1.0 and look_again(s, p, h, new, slope, health) > 0:
+    if error >= 1.0 and look_again(s, p, h, new, slope, health):
         error = norm(size, s.errors, s.tolerances)
         error *= s.rtol**0.2
     return error

@@ -41,9 +41,6 @@ from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
 from lagsim.methods.parts.noise import (
     TIGHT,
-    add_drift,
-    add_exactly,
-    carry,
     find_drift,
     keep_rest,
     look_at_rounding,
@@ -51,10 +48,12 @@ from lagsim.methods.parts.noise import (
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.power_series import (
     chosen_step,
+    is_finite,
     lead,
+    log2_of,
     misfit,
-    sum_bend,
     sum_rates,
+    two_to_the,
 )
 from lagsim.methods.parts.projection import met_part, project
 from lagsim.methods.parts.singular import leave_loss, passable, record_between
@@ -64,11 +63,10 @@ from lagsim.methods.parts.state import (
     NOT_FINITE,
     PROJECTION_FAILED,
     STEP_TOO_SMALL,
-    State,
 )
 from lagsim.methods.parts.strays import asks
-from lagsim.native.kernels.words import at
-from lagsim.native.layout import array
+from lagsim.methods.parts.two_series import MOST_ORDER, Taylor, buffer, reach
+from lagsim.native.kernels.words import abreast, at, keep, vector
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -89,7 +87,6 @@ SLEEPERS = True
 SWITCHES = True
 
 LEAST_ORDER = 4
-MOST_ORDER = 18
 # At tight tolerances steps of lower order, shorter and more of them, cost the same and
 # average more of what forces are rounded by.
 TIGHT_ORDER = 14
@@ -120,23 +117,6 @@ def refusal(_scene: Structure) -> str:
 def amplification(z: complex) -> float:
     """Give the size of the sum of z^k / k! up to ORDER."""
     return abs(sum(z**k / math.factorial(k) for k in range(ORDER + 1)))
-
-
-class Taylor(State):
-    """Two series, each its order K, then y_0 ... y_K; and the new state."""
-
-    which: float  # of the two series is the present one: 0 or 1
-    trial: float  # the step that is tried
-    trouble: float  # the code of what was wrong with the last one
-    rejected: float  # 1 once one was not accepted
-    # 1 where one is accepted as it is, and nothing else is to be done; and the next.
-    plain: float
-    next: float
-    series: Floats = array(lambda s: buffer(s.size, 2.0))
-    new: Floats = array(lambda s: s.size)
-    # The rest at the start of the last step, and where tolerances are tight its rate.
-    carried: Floats = array(lambda s: s.size)
-    drift: Floats = array(lambda s: s.size)
 
 
 STATE = Taylor
@@ -173,7 +153,11 @@ def start(s: Taylor, p: Parameters) -> None:
 
 
 def step(s: Taylor, p: Parameters) -> int:
-    """Make one accepted step, or give a code other than 0; all has its one series."""
+    """Make one accepted step, or give a code other than 0.
+
+    Around its one series lies all else: what proposes a state, and what concludes from
+    the series there.
+    """
     while True:
         code = propose(s, p)
         if code != DONE:
@@ -221,51 +205,27 @@ def conclude(s: Taylor, p: Parameters) -> bool:
         accept(s, p, h)
         if CONSTRAINED:
             record_between(s, p, health, h)
-        s.at_bound = max(s.at_bound + (1.0 if s.rejected > 0.0 else -1.0), 0.0)
-        begin_trials(s)
         return True
+    shorten(s, h, error)
+    return False
+
+
+def shorten(s: Taylor, h: float, error: float) -> None:
+    """Choose a shorter step than h, of this error in units of the tolerance."""
     s.h = SHORTEST * h
     s.trouble = NOT_FINITE
     if error < 1e300:
-        order = s.series[0]
-        shorter = SHORTER * (PASSED / error) ** (1.0 / (order + 1.0))
-        s.h = h * max(SHORTEST, shorter)
+        shorter = two_to_the(log2_of(PASSED / error) / (s.series[0] + 1.0))
+        s.h = h * max(SHORTEST, SHORTER * shorter)
         s.trouble = STEP_TOO_SMALL
     s.rejected = 1.0
     s.rejections += 1.0
-    return False
 
 
 def begin_trials(s: Taylor) -> None:
     """Begin a step: nothing has been tried yet."""
     s.trouble = STEP_TOO_SMALL
     s.rejected = 0.0
-
-
-def buffer(size: int, which: float) -> int:
-    """Give where one of the two series lies; of both, how long they are."""
-    return int(which) * (1 + (MOST_ORDER + 1) * size)
-
-
-def reach(s: Taylor, c: Floats, rest: Floats, h: float, out: Floats) -> None:
-    """Give the state (size,) at h in a step of series c, and in `left` its own rest.
-
-    rest : (size,), what the state lacked at the start. At the end of the step this is
-    the new state to the last bit: what lies past a switch there does so here.
-    """
-    size = s.size
-    left = s.left
-    sum_bend(size, c, h, left)
-    if s.rtol < TIGHT:
-        add_exactly(size, at(c, 1), at(c, 1 + size), h, out, left)
-        add_drift(s, s.drift, h)
-    else:
-        for i in range(size):
-            out[i] = c[1 + i]
-            left[i] += h * c[1 + size + i]
-    for i in range(size):
-        left[i] += rest[i]
-    carry(size, out, left, out, left)
 
 
 def attempt(s: Taylor, p: Parameters, h: float) -> int:
@@ -276,10 +236,9 @@ def attempt(s: Taylor, p: Parameters, h: float) -> int:
     if s.rtol < TIGHT and s.rejected == 0.0:
         find_drift(s, p, at(c, 1 + size), s.drift)
     reach(s, c, s.rest, h, new)
-    for i in range(size):
-        if not abs(new[i]) < 1e300:
-            return 0
-    return 1
+    # Beside that, as each of both sums waits for itself.
+    sum_rates(size, 0, c, h, s.rates)
+    return 1 if is_finite(size, new) else 0
 
 
 def check(s: Taylor, p: Parameters, h: float) -> float:
@@ -294,11 +253,11 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     new = s.new
     s.evaluations += 1.0
     set_tolerances(s, p, s.t + h, new, at(c, 1 + size), h)
-    error = misfit(s, c, at(following, 1 + size), h)
+    error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
     # Perhaps it is nothing but rounding.
     doubtful = error > PASSED and error < 1e300
-    if doubtful and look_again(s, p, h, new, at(c, 1 + size), 1.0) > 0:
-        error = misfit(s, c, at(following, 1 + size), h)
+    if doubtful and look_again(s, p, h, new, at(c, 1 + size), 1.0):
+        error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
     return passable(s, error) if CONSTRAINED else error
 
 
@@ -307,44 +266,53 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
     size = s.size
     y = s.y
     new = s.new
+    following = at(s.series, buffer(size, 1.0 - s.which))
+    rates = at(following, 1 + size)
+    # First what the next step waits for; what follows here does not.
+    next_ = chosen_step(s, following, s.t + h)
     if SLEEPERS:
         before = at(s.series, buffer(size, s.which) + 1 + size)
-        following = at(s.series, buffer(size, 1.0 - s.which) + 1 + size)
-        suspect(s, p, h, y, before, new, following)
-    move_on(s, p, h)
-    c = at(s.series, buffer(size, s.which))
-    s.met = met_part(s, c[0] + 1.0)
-    s.h = chosen_step(s, c, s.t)
-    if s.h < SUDDEN * h:
-        # Perhaps it is rounding that the last coefficients consist of.
-        rates = at(c, 1 + size)
-        look_at_rounding(s, p, s.t, y, rates, 1.0)
-        set_tolerances(s, p, s.t, y, rates, h)
-        s.h = chosen_step(s, c, s.t)
+        suspect(s, p, h, y, before, new, rates)
+    if CONSTRAINED:
+        s.met = met_part(s, following[0] + 1.0)
+    s.which = 1.0 - s.which
+    move_on(s, p, h, next_)
 
 
-def move_on(s: Taylor, p: Parameters, h: float) -> None:
-    """Let the state after a step be the present one."""
+def move_on(s: Taylor, p: Parameters, h: float, next_: float) -> None:
+    """Let the state after a step be the present one, whose series has become that.
+
+    next_ : the step that its series tells.
+    """
     y = s.y
     new = s.new
     rest = s.rest
     carried = s.carried
-    s.which = 1.0 - s.which
-    for i in range(s.size):
-        y[i] = new[i]
-        carried[i] = rest[i]
+    for i in abreast(s.size):
+        keep(vector(new, i), y, i, s.size - i)
+        keep(vector(rest, i), carried, i, s.size - i)
     keep_rest(s)
     s.step_t = s.t
     s.step_h = h
     s.t = s.t + h
     s.steps += 1.0
     record_measured(s, p)
+    s.h = next_
+    if next_ < SUDDEN * h:
+        # Perhaps it is rounding that the last coefficients consist of.
+        c = at(s.series, buffer(s.size, s.which))
+        rates = at(c, 1 + s.size)
+        look_at_rounding(s, p, s.t, y, rates, 1.0)
+        set_tolerances(s, p, s.t, y, rates, h)
+        s.h = chosen_step(s, c, s.t)
+    s.at_bound = max(s.at_bound + (1.0 if s.rejected > 0.0 else -1.0), 0.0)
+    begin_trials(s)
 
 
 def try_plain(s: Taylor, p: Parameters) -> None:
-    """Try a step; `plain` tells whether it is accepted, and nothing else is to be done.
+    """Try a step; `plain` tells whether it is one of those that are made in lanes.
 
-    In lanes, see `parts.lanes`. What `step` begins with stays as it is.
+    See `parts.lanes`. For another all that `step` begins with stays as it is.
     """
     size = s.size
     new = s.new
@@ -354,33 +322,46 @@ def try_plain(s: Taylor, p: Parameters) -> None:
     counted = s.evaluations
     h = usable_step(s, p)
     t = s.t + h
-    if s.rtol < TIGHT:
+    if s.rtol < TIGHT and s.rejected == 0.0:
         find_drift(s, p, slope, s.drift)
     reach(s, c, s.rest, h, new)
+    sum_rates(size, 0, c, h, s.rates)
     series(t, new, p, following)
     s.evaluations += 1.0
     set_tolerances(s, p, t, new, slope, h)
-    error = misfit(s, c, at(following, 1 + size), h)
-    for i in range(size):
-        if not abs(new[i]) < 1e300:
-            error = 1e300
-    s.trial = h
-    s.next = chosen_step(s, following, t)
-    plain = h > 0.0 and error <= PASSED and s.next >= SUDDEN * h
+    error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
+    plain = h > 0.0 and error < 1e300 and is_finite(size, new) and not asks(s, t)
     if SLEEPERS:
         suspect(s, p, h, s.y, slope, new, at(following, 1 + size))
         plain = plain and s.suspect == 0.0
-    s.plain = 1.0 if plain and not asks(s, t) else 0.0
-    if s.plain == 0.0:
+    if plain and error > PASSED and look_again(s, p, h, new, slope, 1.0):
+        error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
+    s.trial = h
+    s.error = error
+    s.next = chosen_step(s, following, t)
+    s.plain = 1.0
+    if not plain:
+        s.plain = 0.0
         s.evaluations = counted
 
 
 def take_plain(s: Taylor, p: Parameters) -> None:
-    """Accept the step that was tried."""
+    """Accept the step that was tried, or try a shorter one.
+
+    In all lanes the present series is where the one just made lies.
+    """
+    s.which = 1.0 - s.which
+    if s.plain == 0.0:
+        return
+    if s.error > PASSED:
+        present = at(s.series, buffer(s.size, 1.0 - s.which))
+        c = at(s.series, buffer(s.size, s.which))
+        for k in range(1 + (int(present[0]) + 1) * s.size):
+            c[k] = present[k]
+        shorten(s, s.trial, s.error)
+        return
     keep_sizes(s)
-    move_on(s, p, s.trial)
-    s.h = s.next
-    s.at_bound = max(s.at_bound - 1.0, 0.0)
+    move_on(s, p, s.trial, s.next)
     s.most_step = 0.0
     record_step(s)
     if s.inertias > 0:

@@ -82,16 +82,19 @@ def test_a_force_that_is_nothing_but_rounding(method):
 coordinates: {x: {}, y: {}}
 energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y^2/2}
 forces: {x: "1 - sin(5*t + y)^2 - cos(5*t + y)^2"}
-initial: {x: 0, y: 1, x_dot: 0, y_dot: 0}
+initial: {x: 0, y: START, x_dot: 0, y_dot: 0}
 simulation: {duration: 10, output_step: 0.1}
 """
-    result = run(text, method=method)
-    assert result.trajectory.outcome.complete
-    assert np.max(np.abs(result["y"] - np.cos(result["t"]))) < 1e-11
+    drifts = []
+    for start in np.linspace(0.9, 1.1, 7):
+        result = run(text.replace("START", repr(float(start))), method=method)
+        assert result.trajectory.outcome.complete
+        assert np.max(np.abs(result["y"] - start * np.cos(result["t"]))) < 1e-11
+        assert result.trajectory.statistics.steps < 200
+        drifts.append(np.max(np.abs(result["x"])))
     # What a constant force of 128 units of roundoff would do, the least that is
-    # controlled of terms of size 1.
-    assert np.max(np.abs(result["x"])) < 0.5 * 10.0**2 * 128.0 * 2.0**-53
-    assert result.trajectory.statistics.steps < 200
+    # controlled of terms of size 1. The last digits of one start are dice.
+    assert np.median(drifts) < 0.5 * 10.0**2 * 128.0 * 2.0**-53
 
 
 @pytest.mark.parametrize("method", METHODS)

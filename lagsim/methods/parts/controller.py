@@ -24,7 +24,17 @@ from lagsim.methods.parts.noise import (
 )
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import at, rare
+from lagsim.native.kernels.words import (
+    above,
+    abreast,
+    at,
+    head,
+    keep,
+    larger,
+    rare,
+    smaller,
+    vector,
+)
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -80,11 +90,13 @@ def record_measured(s: State, p: Parameters) -> None:
     pushes = s.pushes
     pushes[0] = 0.0
     for i in range(n):
+        push = parts[i]
+        parts[i] = 0.0
         if masses[i] > 0.0:
-            pushes[0] += parts[i] * parts[i] / masses[i]
-            parts[i] /= masses[i]
-        else:
-            parts[i] = 0.0
+            part = push / masses[i]
+            pushes[0] += push * part
+            parts[i] = part
+        parts[n + i] = parts[i]
 
 
 def record_extents(s: State) -> None:
@@ -95,11 +107,12 @@ def record_extents(s: State) -> None:
     low = s.low
     high = s.high
     noise = s.noise
-    for i in range(size):
-        sizes[i] = max(sizes[i], abs(y[i]))
-        low[i] = min(low[i], y[i])
-        high[i] = max(high[i], y[i])
-        noise[i] = 0.0
+    for i in abreast(size):
+        now = vector(y, i)
+        keep(larger(abs(now), vector(sizes, i)), sizes, i, size - i)
+        keep(smaller(now, vector(low, i)), low, i, size - i)
+        keep(larger(now, vector(high, i)), high, i, size - i)
+        keep(0.0, noise, i, size - i)
     s.looked = 0.0
 
 
@@ -148,22 +161,27 @@ def set_tolerances(
     moment = max(h, instant)
     rtol = LOCAL * s.rtol
     floor = FINEST if s.rtol < TIGHT else NOISE
-    for i in range(size):
-        scale = WIDTH * (max(high[i], new[i]) - min(low[i], new[i]))
-        if scale == 0.0:
-            scale = h * abs(rates[i])
+    for i in abreast(size):
+        after = vector(new, i)
+        rate = abs(vector(rates, i))
+        width = larger(after, vector(high, i)) - smaller(after, vector(low, i))
+        sized = above(width, 0.0, WIDTH * width, h * rate)
         if instant > 0.0:
-            scale = max(scale, instant * abs(rates[i]), foreseen[i])
-        part = parts[i]
+            sized = larger(larger(vector(foreseen, i), instant * rate), sized)
+        part = vector(parts, i)
+        quiet = vector(noise, i)
         if i < n:
-            part = parts[i] * moment
-            scale = max(scale, instant * instant * abs(rates[n + i]))
-            noise[i] = max(floor * abs(rates[i]), noise[n + i] * h)
-        elif i < 2 * n:
-            part = parts[i - n]
-        scale = max(scale, FLOOR * moment * part)
-        rough = max(floor * max(sizes[i], abs(new[i])), noise[i] * h, UNDERFLOW)
-        tolerances[i] = max(rtol * scale, rough)
+            # Positions: what their velocities do in the step.
+            part = head(n - i, part * moment, part)
+            follows = larger(vector(noise, n + i) * h, floor * rate)
+            quiet = head(n - i, follows, quiet)
+            keep(quiet, noise, i, size - i)
+            follows = instant * instant * abs(vector(rates, n + i))
+            sized = larger(head(n - i, follows, 0.0), sized)
+        sized = larger(FLOOR * moment * part, sized)
+        rough = floor * larger(abs(after), vector(sizes, i))
+        rough = larger(UNDERFLOW, larger(quiet * h, rough))
+        keep(larger(rough, rtol * sized), tolerances, i, size - i)
     if p.m > 0:
         share_tolerances(s)
     if size > 2 * n:
@@ -222,13 +240,13 @@ def limit_work(s: State, new: Floats) -> None:
 @rare
 def look_again(
     s: State, p: Parameters, h: float, new: Floats, k: Floats, health: float
-) -> int:
+) -> bool:
     """Look at the rounding in a step h to `new`, and set the tolerances by it.
 
-    Gives 0 where that has been done. k : (size,), y' at the start of the step.
+    Tells whether that had not been done. k : (size,), y' at the start of the step.
     """
     if s.looked > 0.0:
-        return 0
+        return False
     size = s.size
     n = s.n
     t = s.t
@@ -250,7 +268,7 @@ def look_again(
                 noise[2 * n] = max(noise[2 * n], power)
     set_tolerances(s, p, t + h, new, k, h)
     s.looked = 1.0
-    return 1
+    return True
 
 
 @rare

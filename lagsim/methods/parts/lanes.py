@@ -1,10 +1,11 @@
 """Many runs of one scene, LANES of them at once, each with steps of its own.
 
-A step as most are is tried and taken in all lanes at once, by the kernels of the method
-that `native.kernels.wide` has made of its text. A lane in which anything else is to be
-done (a step that is not accepted, a look at rounding, a row that is asked for, an end)
-is handed to `advance` as it was before. So each run has the bits that it has alone. One
-that comes to anything but its end is left, with what `advance` gave, to be made alone.
+A step as most are is tried and taken, or tried anew, in all lanes at once, by the
+kernels of the method that `native.kernels.wide` has made of its text. A lane in which
+anything else is to be done (a state that is not finite, a row that is asked for, an
+end) is handed to `advance` as it was before. So each run has the bits that it has
+alone. One that comes to anything but its end is left, with what `advance` gave, to be
+made alone.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Ensemble(Memory):
     columns: int  # of a row
     begin: int  # where in a state its y begins
     which: int  # ... which of its two series is the present one ...
-    plain: int  # ... whether a step can be taken at once ...
+    plain: int  # ... whether a step is made in lanes ...
     first: int  # ... and the two series themselves, each so long
     length: int
 
@@ -91,7 +92,7 @@ def try_plain(s: Floats, p: Floats) -> None:
 
 @external
 def take_plain(s: Floats, p: Floats) -> None:
-    """Take it."""
+    """Take it where it is accepted."""
 
 
 def together(e: Ensemble, budget: int) -> int:

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import derivative, rounding
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import apart, rare
+from lagsim.native.kernels.words import abreast, apart, keep, rare, vector
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -220,10 +220,13 @@ def add_drift(s: State, drift: Floats, h: float) -> None:
 
 def keep_rest(s: State) -> None:
     """Take what the step has cut off: it is accepted."""
+    if CONSTRAINED or SWITCHES:
+        forget_rest(s)
+        return
     rest = s.rest
     left = s.left
-    for i in range(s.size):
-        rest[i] = 0.0 if CONSTRAINED or SWITCHES else left[i]
+    for i in abreast(s.size):
+        keep(vector(left, i), rest, i, s.size - i)
 
 
 def forget_rest(s: State) -> None:

@@ -5,10 +5,23 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.controller import against
+from lagsim.methods.parts.controller import HUGE
 from lagsim.methods.parts.noise import TIGHT
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import exponent, two_to, unrolled
+from lagsim.native.kernels.words import (
+    above,
+    abreast,
+    exponent,
+    fused,
+    head,
+    keep,
+    larger,
+    largest,
+    mantissa,
+    smaller,
+    two_to,
+    vector,
+)
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -18,8 +31,6 @@ if TYPE_CHECKING:
 LOG_SHRINK = 2.0 / math.log(2.0)  # as a power of two
 # Below this numbers are not normal.
 LEAST_NUMBER = 2.0**-1000
-# How many of the last coefficients bound the step.
-GUARD = 4
 # A priori bounds are met with this much room, or one step in two fails the check.
 SAFETY = 0.9
 # At tight tolerances truncation is kept below rounding, which it outgrows; and shorter
@@ -27,11 +38,12 @@ SAFETY = 0.9
 TIGHT_SAFETY = 0.6
 # Logarithms and powers of two by interpolants at Chebyshev's nodes: lanes of vectors
 # have them at once. A step is not known better than to their nine digits.
-# log2(1 + f)/f for 1/sqrt(2) <= 1 + f <= sqrt(2); f times it is within 4e-10.
+# log2(1 + f)/f for 0 <= f <= 1; f times it is within 2e-10.
 LOGARITHM = (
-    1.4426950417560511, -0.7213475119905358, 0.48089790445500086, -0.36067466009513405,
-    0.2885755897331174, -0.24044757077719425, 0.20504002106652403, -0.17919457239512765,
-    0.17234259277671127, -0.16765051818984325, 0.09481863798699576,
+    1.442695040695281, -0.721347464488058, 0.48089563727879786, -0.36062166708448046,
+    0.2880130904231821, -0.23724857110215014, 0.19337101304091628, -0.14544969777453617,
+    0.09161531514341954, -0.04299252211648444, 0.012876924428271262,
+    -0.0018070985458731863,
 )  # fmt: skip
 # 2^f for |f| <= 1/2, within 1e-10.
 POWER = (
@@ -39,7 +51,6 @@ POWER = (
     0.009618025613318034, 0.0013333478473685416, 0.00015469729214118296,
     1.5303700711365693e-05,
 )  # fmt: skip
-ROOT = 2.0**0.5
 # Exponents of normal numbers; and what rounds to a whole number when it is added.
 LEAST = -1022.0
 MOST = 1023.0
@@ -49,67 +60,84 @@ ROUNDER = 1.5 * 2.0**52
 def chosen_step(s: State, c: Floats, t: float) -> float:
     """Give the step from t at which the terms after the last are within the tolerance.
 
-    If each of the last GUARD terms is within its bound, and they shrink by e^2 from
+    If each of the last four terms is within its bound, and they shrink by e^2 from
     one to the next, so is the first that is left out. Not longer than the arc.
     """
     size = s.size
     order = int(c[0])
     tolerances = s.tolerances
-    largest = s.work
     arc = s.end - t
     if arc <= 0.0:
         return 0.0
-    for back in unrolled(GUARD):
-        largest[back] = 0.0
-    for i in range(size):
-        if tolerances[i] > 0.0:
-            part = 1.0 / max(tolerances[i], LEAST_NUMBER)
-            for back in unrolled(GUARD):
-                term = abs(c[1 + (order - back) * size + i]) * part
-                largest[back] = max(largest[back], term)
+    last = 0.0
+    second = 0.0
+    third = 0.0
+    fourth = 0.0
+    for i in abreast(size):
+        tolerance = vector(tolerances, i)
+        part = 1.0 / larger(tolerance, LEAST_NUMBER)
+        part = head(size - i, above(tolerance, 0.0, part, 0.0), 0.0)
+        k = 1 + order * size + i
+        last = max(last, largest(abs(vector(c, k)) * part))
+        second = max(second, largest(abs(vector(c, k - size)) * part))
+        third = max(third, largest(abs(vector(c, k - 2 * size)) * part))
+        fourth = max(fourth, largest(abs(vector(c, k - 3 * size)) * part))
+    if not max(last, second, third, fourth) < 1e300:
+        return 0.0
+    logarithm = min(
+        bound(fourth, 4.0 * LOG_SHRINK, order - 3),
+        bound(third, 3.0 * LOG_SHRINK, order - 2),
+        bound(second, 2.0 * LOG_SHRINK, order - 1),
+        bound(last, LOG_SHRINK, order),
+    )
     safety = TIGHT_SAFETY if s.rtol < TIGHT else SAFETY
-    logarithm = log2_of(max(arc / safety, LEAST_NUMBER))
-    for back in unrolled(GUARD):
-        if not largest[back] < 1e300:
-            return 0.0
-        if largest[back] > LEAST_NUMBER:
-            bound = (back + 1) * LOG_SHRINK - log2_of(largest[back])
-            logarithm = min(logarithm, bound / (order - back))
-    return safety * two_to_the(logarithm)
+    return min(safety * two_to_the(logarithm), float(arc))
+
+
+def bound(term: float, shrink: float, k: int) -> float:
+    """Give the logarithm of the step up to which a term, y_k, tells that it will do."""
+    part = 1.0 / k
+    found = (shrink - log2_of(max(term, LEAST_NUMBER))) * part
+    return found if term > LEAST_NUMBER else MOST
 
 
 def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
     """Give the sum of y_k h^k from k = 2, even and odd powers apart: they overlap."""
     order = int(c[0])
     square = h * h
-    for i in range(size):
-        high = c[1 + order * size + i]
-        low = c[1 + (order - 1) * size + i]
+    for i in abreast(size):
+        high = vector(c, 1 + order * size + i)
+        low = vector(c, 1 + (order - 1) * size + i)
         for back in range(1, (order - 1) // 2):
             k = order - 2 * back
-            high = high * square + c[1 + k * size + i]
-            low = low * square + c[1 + (k - 1) * size + i]
+            high = fused(high, square, vector(c, 1 + k * size + i))
+            low = fused(low, square, vector(c, 1 + (k - 1) * size + i))
         if order % 2 == 0:
-            low = low * h + c[1 + 2 * size + i]
-            out[i] = (high * square + low) * square
+            low = fused(low, h, vector(c, 1 + 2 * size + i))
+            high = fused(high, square, low)
         else:
-            out[i] = (high * h + low) * square
+            high = fused(high, h, low)
+        keep(high * square, out, i, size - i)
 
 
 def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
     """Give the sum of k y_k h^(k - 1) in the same way, from component `first` on."""
     order = int(c[0])
     square = h * h
-    for i in range(first, size):
-        high = order * c[1 + order * size + i]
-        low = (order - 1) * c[1 + (order - 1) * size + i]
-        for back in range(1, order // 2):
-            k = order - 2 * back
-            high = high * square + k * c[1 + k * size + i]
-            low = low * square + (k - 1) * c[1 + (k - 1) * size + i]
-        out[i] = high * h + low
+    for i in abreast(first, size):
+        times = c[0]
+        place = 1 + order * size + i
+        high = times * vector(c, place)
+        low = (times - 1.0) * vector(c, place - size)
+        for _ in range(1, order // 2):
+            times -= 2.0
+            place -= 2 * size
+            high = fused(high, square, times * vector(c, place))
+            low = fused(low, square, (times - 1.0) * vector(c, place - size))
+        high = fused(high, h, low)
         if order % 2 == 1:
-            out[i] = out[i] * h + c[1 + size + i]
+            high = fused(high, h, vector(c, 1 + size + i))
+        keep(high, out, i, size - i)
 
 
 def lead(size: int, c: Floats, h: float, out: Floats) -> None:
@@ -122,34 +150,47 @@ def lead(size: int, c: Floats, h: float, out: Floats) -> None:
         out[i] = c[1 + i] + far
 
 
-def misfit(s: State, c: Floats, slope: Floats, h: float) -> float:
-    """Give the error of a step of series c, from y' (size,) at its end."""
+def misfit(s: State, order: float, slope: Floats, rates: Floats, h: float) -> float:
+    """Give the error of a step, from y' (size,) at its end and the series' own there.
+
+    One that is finite has a finite square.
+    """
     size = s.size
     tolerances = s.tolerances
-    rates = s.work
-    sum_rates(size, 0, c, h, rates)
+    part = h / (order + 1.0)
     worst = 0.0
-    for i in range(size):
-        if tolerances[i] > 0.0:
-            off = abs(slope[i] - rates[i]) * h / (c[0] + 1.0)
-            if not off < 1e300:
-                return 1e300
-            worst = max(worst, against(off, tolerances[i]))
+    for i in abreast(size):
+        tolerance = vector(tolerances, i)
+        off = abs(vector(slope, i) - vector(rates, i)) * part
+        found = smaller(off / larger(tolerance, LEAST_NUMBER), HUGE)
+        found = above(1e300, off, found, 1e300)
+        found = above(tolerance, 0.0, found, 0.0)
+        worst = max(worst, largest(head(size - i, found, 0.0)))
     return worst
+
+
+def is_finite(size: int, y: Floats) -> bool:
+    """Tell whether all components of y (size,) are."""
+    worst = 0.0
+    for i in abreast(size):
+        found = above(1e300, abs(vector(y, i)), 0.0, 1.0)
+        worst = max(worst, largest(head(size - i, found, 0.0)))
+    return worst == 0.0
 
 
 def log2_of(x: float) -> float:
     """Give log2(x) of a normal number that is positive."""
-    k = exponent(x)
-    m = x * two_to(min(max(-k, LEAST), MOST))
-    if m > ROOT:
-        m = 0.5 * m
-        k += 1.0
-    f = m - 1.0
-    found = LOGARITHM[10]
-    for down in unrolled(10):
-        found = found * f + LOGARITHM[9 - down]
-    return k + f * found
+    f = mantissa(x) - 1.0
+    square = f * f
+    fourth = square * square
+    low = fused(LOGARITHM[1], f, LOGARITHM[0])
+    low = fused(fused(LOGARITHM[3], f, LOGARITHM[2]), square, low)
+    middle = fused(LOGARITHM[5], f, LOGARITHM[4])
+    middle = fused(fused(LOGARITHM[7], f, LOGARITHM[6]), square, middle)
+    high = fused(LOGARITHM[9], f, LOGARITHM[8])
+    high = fused(fused(LOGARITHM[11], f, LOGARITHM[10]), square, high)
+    found = fused(fused(high, fourth, middle), fourth, low)
+    return fused(f, found, exponent(x))
 
 
 def two_to_the(x: float) -> float:
@@ -157,7 +198,9 @@ def two_to_the(x: float) -> float:
     x = min(max(x, LEAST), MOST)
     k = (x + ROUNDER) - ROUNDER
     f = x - k
-    found = POWER[7]
-    for down in unrolled(7):
-        found = found * f + POWER[6 - down]
-    return found * two_to(k)
+    square = f * f
+    low = fused(POWER[1], f, POWER[0])
+    low = fused(fused(POWER[3], f, POWER[2]), square, low)
+    high = fused(POWER[5], f, POWER[4])
+    high = fused(fused(POWER[7], f, POWER[6]), square, high)
+    return fused(high, square * square, low) * two_to(k)

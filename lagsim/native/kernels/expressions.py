@@ -74,9 +74,9 @@ class Expressions(Lines):
         return self.cast(self.expression(node), kind, node, what)
 
     def number(self, node: ast.expr) -> Value:
-        """Emit an expression that must be an int or a float."""
+        """Emit an expression that must be an int, a float or a vector of them."""
         value = self.expression(node)
-        if value.kind not in ("int", "float"):
+        if value.kind not in ("int", "float", "vector"):
             raise self.source.error(
                 node, f"`{ast.unparse(node)}` is {value.kind}, not a number"
             )
@@ -173,8 +173,8 @@ class Expressions(Lines):
         value = self.number(node.operand)
         if not isinstance(node.op, ast.USub):
             unsupported(self.source, node)
-        if value.kind == "float":
-            return self.op("float", f"fneg double {value.text}")
+        if value.kind != "int":
+            return self.op(value.kind, f"fneg {LLVM[value.kind]} {value.text}")
         return self.op("int", f"sub i64 0, {value.text}")
 
     def _emit_binary(self, node: ast.BinOp) -> Value:
@@ -189,23 +189,25 @@ class Expressions(Lines):
             raise self.source.error(
                 node, "a power of integers; write the product, or float(...) ** ..."
             )
-        if isinstance(op, ast.Div | ast.Pow):
+        if isinstance(op, ast.Pow) or (
+            isinstance(op, ast.Div) and "vector" not in (left.kind, right.kind)
+        ):
             left = self.cast(left, "float", node, "an operand")
             right = self.cast(right, "float", node, "an operand")
         (left, right), kind = self.together(left, right)
         operands = f"{left.text}, {right.text}"
         if isinstance(op, ast.Div):
-            return self.op("float", f"fdiv double {operands}")
+            return self.op(kind, f"fdiv {LLVM[kind]} {operands}")
         if isinstance(op, ast.Pow):
             return self.libm("pow", left, right)
         if type(op) in _ARITHMETIC:
-            prefix = "f" if kind == "float" else ""
+            prefix = "" if kind == "int" else "f"
             return self.op(
                 kind, f"{prefix}{_ARITHMETIC[type(op)]} {LLVM[kind]} {operands}"
             )
         if type(op) not in _FLOORED:
             unsupported(self.source, node)
-        if kind == "float":
+        if kind != "int":
             raise self.source.error(
                 node, "`//` and `%` are of integers; write floor(...)"
             )

@@ -17,6 +17,7 @@ from lagsim.native.kernels.lines import (
 )
 from lagsim.native.kernels.source import Source, unsupported
 from lagsim.native.kernels.words import is_rare
+from lagsim.native.layout import FOUR
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,7 +35,15 @@ class _Loop(NamedTuple):
 
 
 class Statements(Calls):
-    """One function: its statements."""
+    """One function: its statements.
+
+    Attributes
+    ----------
+    abreast : int
+        How many numbers a vector has.
+    """
+
+    abreast = FOUR
 
     def __init__(self, source: Source, program: Program) -> None:
         super().__init__(source, program)
@@ -279,18 +288,20 @@ class Statements(Calls):
 
     def _range(self, node: ast.For) -> tuple[Value, Value, int]:
         call = node.iter
+        vectors = self._goes_over(node, words.abreast)
         if not (
-            self._goes_over(node, range, words.apart)
+            self._goes_over(node, range, words.apart, words.abreast)
             and isinstance(call, ast.Call)
-            and 1 <= len(call.args) <= 3
+            and 1 <= len(call.args) <= (2 if vectors else 3)
             and not call.keywords
         ):
             raise self.source.error(
                 node,
-                "a loop is over range(...), apart(n) or unrolled(...); else use while",
+                "a loop is over range(...), abreast(...), apart(n) or unrolled(...); "
+                "else use while",
             )
         bounds = [self.converted(a, "int", "a bound") for a in call.args[:2]]
-        step = 1
+        step = self.abreast if vectors else 1
         if len(call.args) == 3:
             [step] = self.fold_integers(call.args[2:], "step")
             if step == 0:

@@ -46,7 +46,13 @@ def declaration(source: Source) -> str:
 
 
 class WideValues(Statements):
-    """The expressions of one function, of LANES states."""
+    """The expressions of one function, of LANES states.
+
+    A vector has one element, and so is a number.
+    """
+
+    vector = "float"
+    abreast = 1
 
     def __init__(self, source: Source, program: Program) -> None:
         super().__init__(source, program)
@@ -161,6 +167,28 @@ class WideValues(Statements):
         passed = ", ".join(f"{VECTOR} {v.text}" for v in values)
         call = f"call {VECTOR} @llvm.{name}.v{LANES}f64({passed})"
         return self._one("float", call)
+
+    # Vectors.
+
+    def _kept(self, value: Value, place: Value, count: Value) -> Value:  # noqa: ARG002
+        self._keep(value, place.text)
+        return Value("", "None")
+
+    def _above(self, v: Value, w: Value, yes: Value, no: Value) -> Value:
+        test = self.compared(self.source.node, ast.Gt(), v, w)
+        return self._one(
+            "float",
+            f"select {FLAGS} {test.text}, {VECTOR} {yes.text}, {VECTOR} {no.text}",
+        )
+
+    def _head(self, count: Value, v: Value, w: Value) -> Value:
+        test = self._one("bool", f"icmp sgt i64 {count.text}, 0")
+        two = f"{VECTOR} {v.text}, {VECTOR} {w.text}"
+        return self._one("float", f"select i1 {test.text}, {two}")
+
+    def _largest(self, value: Value) -> Value:
+        zero = self.literal(self.source.node, 0.0)
+        return self._above(value, zero, value, zero)
 
     def bits(self, text: str) -> Value:
         """Add an instruction on the bits of numbers."""

@@ -9,12 +9,18 @@ from __future__ import annotations
 
 import functools
 import struct
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from math import inf
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
+
+from lagsim.native.layout import FOUR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from lagsim.language.arrays import Floats
+
+    # Or a number, which is that many alike.
+    Vector = Floats | float
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -61,6 +67,97 @@ def total(terms: Iterable[float]) -> float:
     return result
 
 
+def abreast(*bounds: int) -> range:
+    """Give the first element of each vector in `range(*bounds)`, for a loop over them.
+
+    Kernels of several states have one element in a vector, and so no more to do.
+    """
+    whole = range(*bounds)
+    return range(whole.start, whole.stop, FOUR)
+
+
+def vector(a: Floats, k: int) -> Floats:
+    """Give a vector: elements of `a` from `k` on.
+
+    Vectors have + - * / with each other and with numbers, `abs` and the words below;
+    each number is what it would be alone. Those past the end of an array are anything:
+    `a` must lie in a `Memory`.
+    """
+    import numpy as np
+
+    found = np.zeros(FOUR)
+    there = a[k : k + FOUR]
+    found[: len(there)] = there
+    return found
+
+
+def keep(v: Vector, a: Floats, k: int, count: int) -> None:
+    """Store the first `count`, one or more, of a vector, or all, in `a` from `k` on."""
+    import numpy as np
+
+    a[k : k + min(count, FOUR)] = np.broadcast_to(v, FOUR)[:count]
+
+
+def above(v: Vector, w: Vector, yes: Vector, no: Vector) -> Floats:
+    """Give a vector: of `yes` where v > w, else of `no`."""
+    import numpy as np
+
+    return np.where(np.greater(v, w), yes, no)
+
+
+def larger(v: Vector, w: Vector) -> Floats:
+    """Give a vector: of `v` where it is above w, else of `w`."""
+    return above(v, w, v, w)
+
+
+def smaller(v: Vector, w: Vector) -> Floats:
+    """Give a vector: of `v` where w is above it, else of `w`."""
+    return above(w, v, v, w)
+
+
+def head(count: int, v: Vector, w: Vector) -> Floats:
+    """Give a vector: the first `count` numbers, or all, of `v`, the others of `w`."""
+    import numpy as np
+
+    return np.where(np.arange(FOUR) < count, v, w)
+
+
+@overload
+def fused(a: float, b: float, c: float) -> float: ...
+@overload
+def fused(a: Vector, b: Vector, c: Vector) -> Any: ...
+def fused(a: Vector, b: Vector, c: Vector) -> Vector:
+    """Give a*b + c, of numbers or vectors, rounded once (IEEE 754: fusedMultiplyAdd).
+
+    Where a sum waits for each of its terms: it takes half the time of two operations.
+    """
+    import numpy as np
+
+    if np.ndim(a) == np.ndim(b) == np.ndim(c) == 0:
+        return _fused(float(a), float(b), float(c))
+    return np.array([_fused(*map(float, x)) for x in np.broadcast(a, b, c)])
+
+
+def _fused(a: float, b: float, c: float) -> float:
+    from fractions import Fraction
+
+    if not abs(a) < inf or not abs(b) < inf:
+        return a * b + c
+    if not abs(c) < inf:
+        return c
+    exact = Fraction(a) * Fraction(b) + Fraction(c)
+    try:
+        return float(exact) if exact else a * b + c
+    except OverflowError:
+        return inf if exact > 0 else -inf
+
+
+def largest(v: Floats) -> float:
+    """Give the largest of a vector, or 0; what is no number does not count."""
+    first, second, third, last = (max(0.0, float(x)) for x in v)
+    return max(first, second, third, last)
+
+
 def exponent(x: float) -> float:
     """Give the whole number k of |x| = m 2^k, 1 <= m < 2, from the bits of x.
 
@@ -68,6 +165,14 @@ def exponent(x: float) -> float:
     """
     (bits,) = struct.unpack("<Q", struct.pack("<d", x))
     return float((bits >> 52 & 2047) - 1023)
+
+
+def mantissa(x: float) -> float:
+    """Give the m of that, if x is a normal number, from its bits."""
+    (bits,) = struct.unpack("<Q", struct.pack("<d", x))
+    found: float
+    (found,) = struct.unpack("<d", struct.pack("<Q", bits % 2**52 + (1023 << 52)))
+    return found
 
 
 def two_to(k: float) -> float:

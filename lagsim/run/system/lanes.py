@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 LINE = 64
 WORD = 8
 # The functions of a model that steps in lanes call, and those with contraction.
-CALLED = ("series", "measure", "terms", "inertias", "signals", "derivative")
+CALLED = (
+    "series", "measure", "terms", "inertias", "signals", "derivative", "rounding",
+)  # fmt: skip
 CONTRACTED = ("series",)
 
 
