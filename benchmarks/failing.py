@@ -57,7 +57,7 @@ class Motion:
         run.arc.tell({"ask_at": 0.0})  # go on at the bound
         found, s = [], run.arc.state
         while len(found) < most and run.t < case.settings.end:
-            run.arc.advance(run.block, 1)
+            run.arc.advance(len(run.arc.runner.block), 1)
             found.append((s.t, s.step_h, s.rejections, s.evaluations))
         return np.array(found).T
 

@@ -41,8 +41,6 @@ class Pendulum:
         system, plan = self.session.system, self.session.plan
         start, settings = self.session.case.start, self.session.case.settings
         self.runner = system.link(plan.method)
-        size = system.size
-        self.out = np.empty((2048, 1 + size))
         self.first = empty_state(self.runner)
         self.first.end = settings.end
         self.first.row_step = settings.output_step
@@ -53,17 +51,17 @@ class Pendulum:
         self.first.y[:] = y
 
     def integrate(self):
-        """Integrate from start to end; the rows are left in `out`."""
+        """Integrate from start to end; the rows are left in the runner."""
         self.runner.prepare()
         state = self.first.copy()
-        code = self.runner.advance(state, self.out, 10**9)
+        code = self.runner.advance(state, len(self.runner.block), 10**9)
         assert code == at.DONE, code
         self.rows = int(state.emitted)
 
     def tabulate(self):
         """Integrate, and compute the columns."""
         self.integrate()
-        return self.runner.tabulate(self.out[: self.rows])
+        return self.runner.shown(self.rows)
 
     def simulate(self):
         """Run the loop over arcs; give theta, u and their rates in every row."""

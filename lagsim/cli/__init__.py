@@ -11,6 +11,7 @@ import signal
 import sys
 import warnings
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
@@ -60,6 +61,9 @@ def entry() -> int:
     # take; numpy's OpenBLAS looks when it is loaded.
     if "OMP_NUM_THREADS" not in os.environ:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Nor does anybody read here what numpy says of its compiled functions.
+    for name in ("numpy._core._add_newdocs", "numpy._core._add_newdocs_scalars"):
+        sys.modules.setdefault(name, ModuleType(name))
     code = main()
     gc.freeze()
     return code

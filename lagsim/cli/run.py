@@ -44,6 +44,7 @@ from lagsim.studies.attempts import ErrorBars
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
+    from lagsim.outputs.artist import Draw
     from lagsim.outputs.results import Results
     from lagsim.run.kept import Asked
     from lagsim.run.session import Session
@@ -228,6 +229,7 @@ class Job:
         self.strict = strict
         self.interrupt = interrupt or Interrupt()
         self.clock = Clock()
+        self._draw: Draw | None = None
 
     def run(
         self,
@@ -237,9 +239,8 @@ class Job:
         options: Mapping[str, str],
     ) -> int:
         """Do it; give the exit code."""
-        from lagsim.run.kept import Asked, kept_session
+        from lagsim.run.kept import Asked
 
-        clock = self.clock
         if self.resume and self.table is not Format.CSV:
             text = "--resume goes on with a table as CSV, the one that grows by rows"
             raise InputError([Problem("usage", text)])
@@ -247,14 +248,22 @@ class Job:
             from lagsim.outputs.packed import check_format
 
             check_format(self.table, show_units=self.show_units)
-        clock.lap("import")
-        asked = Asked(text, file, overrides, options)
+        self.clock.lap("import")
+        aside: Any = contextlib.nullcontext
+        if self.plots is Picture.PNG and is_watched():
+            from lagsim.outputs.artist import artist as aside
+        with aside() as self._draw:
+            return self._do(Asked(text, file, overrides, options))
+
+    def _do(self, asked: Asked) -> int:
+        from lagsim.outputs.results import open_results
+        from lagsim.run.kept import kept_session
+
         with self.interrupt.raised():
             session = kept_session(asked, lambda: self._made(asked))
-            clock.lap("read")
-        from lagsim.outputs.results import open_results
-
-        model, wishes = session.case.equations.model, {**options, "set": {**overrides}}
+            self.clock.lap("read")
+        model = session.case.equations.model
+        wishes = {**asked.options, "set": {**asked.overrides}}
         folder = self.folder or RESULTS / model.name
         ask_for_room(session, folder, self.table, quiet=self.quiet)
         restart = partial(self._restart, folder, model.sha256, wishes)
@@ -341,13 +350,7 @@ class Job:
 
         A signal ends that: pictures can be drawn again, rows cannot.
         """
-        from lagsim.native.link.ahead import helped
-
         form = (self.plots or Picture.PNG).value
-        if self.plots is Picture.PNG and is_watched():
-            from lagsim.outputs import lean_matplotlib
-
-            lean_matplotlib.load()
 
         def put(made: Iterable[tuple[str, bytes]]) -> None:
             for name, content in made:
@@ -355,9 +358,8 @@ class Job:
 
         try:
             put(found.files(None))
-            with helped() if is_watched() else contextlib.nullcontext():
-                more = found.files(found.thin, found.frames, form)
-                self.interrupt.cut(lambda: put(more))
+            more = found.files(found.thin, found.frames, form, self._draw)
+            self.interrupt.cut(lambda: put(more))
         except OSError as error:
             return error
         finally:

@@ -37,6 +37,21 @@ def normal_form(g: Graph, nodes: Iterable[int], moving: Collection[int]) -> list
     return [form.written(form.sums[n]) for n in nodes]
 
 
+def common_factor(g: Graph, nodes: Iterable[int]) -> tuple[int, list[int]]:
+    """Give what all `nodes` but zeros are products with, and them without it."""
+    nodes, form = list(nodes), _Form(g)
+    for n in g.cone(nodes):
+        form.sums[n] = form.of(n)
+    whole = [form.single(form.sums[n]) for n in nodes if n != g.zero]
+    exponents = [dict(monomial) for monomial, _ in whole]
+    shared = set(exponents[0]).intersection(*exponents[1:])
+    least = {atom: min(e[atom] for e in exponents) for atom in sorted(shared)}
+    inverse = tuple((atom, -e) for atom, e in least.items())
+    rest = iter([form.written({_product(m, inverse): c}) for m, c in whole])
+    common = form.written({tuple(least.items()): g.one})
+    return common, [g.zero if n == g.zero else next(rest) for n in nodes]
+
+
 def sum_node(
     g: Graph,
     terms: Mapping[tuple[tuple[int, int], ...], float],
@@ -103,10 +118,10 @@ class _Form:
         g = self.g
         if not a or not b:
             return {}
-        (m, c), (k, d) = self._single(a), self._single(b)
+        (m, c), (k, d) = self.single(a), self.single(b)
         return {_product(m, k): g.call("mul", c, d)}
 
-    def _single(self, a: Sum) -> tuple[Monomial, int]:
+    def single(self, a: Sum) -> tuple[Monomial, int]:
         """Give `a` as one monomial: a sum becomes an atom, without common factors."""
         if len(a) == 1:
             return next(iter(a.items()))
@@ -123,7 +138,7 @@ class _Form:
         g = self.g
         if not a:  # all has cancelled
             return {(): g.call("pow", g.zero, g.constant(float(exponent)))}
-        monomial, factor = self._single(a)
+        monomial, factor = self.single(a)
         if exponent.denominator == 1:
             raised = tuple((atom, e * exponent) for atom, e in monomial)
             p = g.constant(float(abs(exponent)))
@@ -138,7 +153,7 @@ class _Form:
         """Give the node of a sum."""
         if not a:
             return self.g.zero
-        monomial, factor = self._single(a)
+        monomial, factor = self.single(a)
         return self._term(monomial, factor)
 
     def _sum(self, a: Sum) -> int:

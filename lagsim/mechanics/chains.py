@@ -139,7 +139,7 @@ def chains(
     Parameters
     ----------
     moving
-        One velocity counts as a sum where its factor depends on any of these.
+        The square of one velocity is that of a sum where its factor depends on these.
     """
     cone = g.cone([lagrangian])
     degrees = dict(zip(cone, g.degrees(cone, names), strict=True))
@@ -240,8 +240,9 @@ class _Reader:
         g, squared = self.g, {a for pair in self.products for a in pair}
         for n in sorted(self.parts):
             form = self._sum(self.parts[n])
-            several = len(form) > 1 or not moving.isdisjoint(g.depends(form.values()))
-            if several and (self.uses[n] > 1 or n in squared):
+            several = len(form) > 1 and (self.uses[n] > 1 or n in squared)
+            turning = n in squared and not moving.isdisjoint(g.depends(form.values()))
+            if several or turning:
                 self.sums.append(form)
                 self.rates.append(n)
                 form = {self.size + len(self.sums) - 1: g.one}

@@ -204,16 +204,17 @@ class Elimination:
 
     def _along_links(self, equations: Equations) -> list[int]:
         """Give q'' by the forces in massless links, where that is shorter."""
-        from lagsim.mechanics.tensions import accelerations  # not of rows
+        g, before = self.g, self._motion[0]
+        below = g.cone([equations.model.lagrangian])
+        if not any(g.ops[node] in ("sin", "cos") for node in below):
+            return before
+        from lagsim.mechanics.tensions import accelerations  # of what turns
 
-        g, found = self.g, accelerations(equations)
+        found = accelerations(equations)
         moving = {*equations.q, *equations.velocities, "t"}
-        before = self._motion[0]
         if found is None or g.cost(found, moving) >= g.cost(before, moving):
             return before
-        moved = g.dependent(found, moving)
-        self.operations = sum(g.ops[n] in ("mul", "div") for n in moved)
-        return found
+        return found  # `operations` stays that of L D L^T: tapes pay as early as before
 
     def motion(self) -> tuple[list[int], list[int]]:
         """Give q'' (n,) and lambda (m,)."""

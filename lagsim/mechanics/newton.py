@@ -70,7 +70,7 @@ def newton(e: Equations) -> Newton | None:
         if mass.keys() != {variable} or g.depends([mass[variable]]) & apart.moving:
             return None
         masses[u] = mass[variable]
-    if any(rate not in places for k, rate in apart.sums.items() if k in masses):
+    if any(k not in apart.places for k in apart.sums.keys() & masses.keys()):
         return None
     total = apart.by(slope, rates=False)
     levels = [force.level is not Level.POSITION for force in forces]
@@ -112,8 +112,12 @@ class _Apart:
         self.new: dict[int, int] = {}
         for k, rate in self.sums.items():
             self.rates[k] = self.new[rate] = g.variable(f"rate.{k}")
-            if rate in places:
-                self._place(k, places[rate])
+            place = places.get(rate)
+            back = places.get(g.call("neg", rate))
+            if place is None and back is not None:
+                place = g.call("neg", back)  # (-x)^2 is written as x^2
+            if place is not None:
+                self._place(k, place)
         known = [*self.rates.values(), *self.places.values(), g.variable("t")]
         self.variables = frozenset(known)
         self.moving = g.depends(known)

@@ -1,8 +1,8 @@
 """Accelerations of masses on massless links, by the forces in the links.
 
 What has no inertia hands forces on: of the forces F on two sums that have an angle
-theta without inertia in common, c F = torque leaves one unknown, along the link. With
-the laws of `newton`, in which C u'' = drift holds the sums together,
+theta without inertia in common, c F = torque leaves one unknown, along the link (see
+`joints`). With the laws of `newton`, in which C u'' = drift holds the sums together,
 
     u'' = (force + C^T F) / m,    F = E x + N torque,    c E = 0,    c N = 1,
     E^T C u'' = E^T drift,    theta'' = N^T (C u'' - drift),
@@ -23,11 +23,12 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate
 from lagsim.language.normal_form import normal_form
 from lagsim.language.trigonometry import fewer_terms
+from lagsim.mechanics.joints import Joints, joints
 from lagsim.mechanics.newton import Newton, newton
 from lagsim.mechanics.squares import Squares, groups, weighted
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Sequence
+    from collections.abc import Iterable
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
@@ -41,18 +42,17 @@ Vector = dict[int, int]  # unknown, sum or link -> node; what is absent is zero
 def accelerations(e: Equations) -> list[int] | None:
     """Give q'' (n,); None where not all is masses on massless links."""
     g, n = e.graph, len(e.q)
-    turning = any(g.ops[k] in ("sin", "cos") for k in g.cone([e.model.lagrangian]))
-    laws = newton(e) if turning and not (e.rows or e.laws) else None
+    laws = None if e.rows or e.laws else newton(e)
     if laws is None or not _heavy(e, laws):
         return None
     moving = frozenset((*e.q, *e.velocities, "t"))
     held, followers = _led(g, laws, n)
     given = {*range(n), *laws.sums} - held.sums.keys()
     free = given - held.masses.keys() - {x.velocity for x in followers}
-    links = _links(g, held, free, moving)
-    if links is None:
+    met = joints(g, held, sorted(free), moving)
+    if met is None:
         return None
-    found = _Motion(g, held, links, moving).accelerations()
+    found = _Motion(g, held, met, moving).accelerations()
     for x in followers:
         others = ((c, found[i]) for i, c in x.others.items())
         rest = g.call("add", g.product_sum(others), x.drift)
@@ -93,76 +93,6 @@ def _led(g: Graph, laws: Newton, size: int) -> tuple[Newton, list[_Follower]]:
             forces[i] = g.call("sub", forces.get(i, g.zero), back)
     forces = {u: node for u, node in forces.items() if node != g.zero}
     return laws._replace(sums=sums, forces=forces), followers
-
-
-class _Link(NamedTuple):
-    """Sums that take their forces from what has no inertia, or each for itself.
-
-    Attributes
-    ----------
-    along : dict
-        E: sum -> its part of the unknown force; empty where there is none.
-    free : int
-        What has no inertia, or -1.
-    across : dict
-        Sum -> its factor of that, over `length`.
-    length : int
-        What the factors have in common and does not move.
-    """
-
-    along: Vector
-    free: int
-    across: Vector
-    length: int
-
-
-def _links(
-    g: Graph, held: Newton, free: Collection[int], moving: frozenset[str]
-) -> list[_Link] | None:
-    """Give the links; None where there are others than of one sum or two."""
-    moved = g.dependent((c for x in held.sums.values() for c in x.values()), moving)
-    joined: dict[int, list[int]] = {u: [] for u in free}
-    links = []
-    for k, form in held.sums.items():
-        massless = [i for i in form if i not in held.masses]
-        if (
-            k not in held.masses
-            or len(massless) > 1
-            or not joined.keys() >= {*massless}
-        ):
-            return None
-        if any(form[i] in moved for i in form if i in held.masses):
-            return None  # of little inertia, it would take digits
-        if massless:
-            joined[massless[0]].append(k)
-        else:
-            links.append(_Link({k: g.one}, -1, {}, g.one))
-    for u, sums in joined.items():
-        if len(sums) not in (1, 2):
-            return None
-        length, parts = _common(g, [held.sums[k][u] for k in sums], moved)
-        along = {}
-        if len(sums) == 2:
-            along = {sums[0]: g.call("neg", parts[1]), sums[1]: parts[0]}
-        links.append(_Link(along, u, dict(zip(sums, parts, strict=True)), length))
-    return links
-
-
-def _common(
-    g: Graph, factors: Sequence[int], moved: Collection[int]
-) -> tuple[int, list[int]]:
-    """Give the factor of all `factors` that does not move, and them without it."""
-    found = []
-    for n in factors:
-        pair = (g.one, n)
-        if g.ops[n] == "mul":
-            still = [a for a in g.args[n] if a not in moved]
-            rest = [a for a in g.args[n] if a in moved]
-            pair = (still[0], rest[0]) if len(still) == 1 else pair
-        found.append(pair)
-    if len({still for still, _ in found}) == 1:
-        return found[0][0], [rest for _, rest in found]
-    return g.one, list(factors)
 
 
 def _commonest(g: Graph, nodes: Iterable[int]) -> int:
@@ -217,21 +147,21 @@ class _Motion:
     """
 
     def __init__(
-        self, g: Graph, held: Newton, links: list[_Link], moving: frozenset[str]
+        self, g: Graph, held: Newton, met: Joints, moving: frozenset[str]
     ) -> None:
-        self.g, self.held, self.links, self.moving = g, held, links, moving
+        self.g, self.held, self.moving = g, held, moving
+        self.along, self.joints, self.lengths = met
         self.mass = _commonest(g, held.masses.values())
-        self.length = _commonest(g, (x.length for x in links if x.across))
+        self.length = _commonest(g, met.lengths.values())
         self.weights = self._over(dict.fromkeys(held.masses, self.mass), held.masses)
-        self.pulls = {t: self._back(x.along) for t, x in enumerate(links) if x.along}
-        turned = (t for t, x in enumerate(links) if x.across)
-        self.turns = {t: self._back(links[t].across) for t in turned}
-        # Forces over the units, |c|^2 beside it: variables until all is joined.
+        self.pulls = dict(enumerate(map(self._back, met.along)))
+        self.turns = {t: self._back(x.across) for t, x in enumerate(met.turns)}
+        # Forces over the units, and over N's: variables until all is joined.
         self.known: Vector = {}
         self.torques = {
             t: g.variable(f"torque.{t}")
-            for t in self.turns
-            if links[t].free in held.forces
+            for t, x in enumerate(met.turns)
+            if x.velocity in held.forces
         }
         self.fall = self._fall()
         self.missing = self._missing()
@@ -273,7 +203,7 @@ class _Motion:
         g, held = self.g, self.held
         drifts = {k: held.drifts.get(k, g.zero) for k in held.sums}
         lengths = dict.fromkeys(drifts, self.length)
-        lengths |= {k: x.length for x in self.links for k in x.across}
+        lengths |= self.lengths
         drifts = self._over(drifts, lengths)
         scales = self._over(lengths, dict.fromkeys(drifts, self.length))
         found = {k: g.call("mul", scales[k], drift) for k, drift in drifts.items()}
@@ -285,10 +215,10 @@ class _Motion:
 
     def accelerations(self) -> Vector:
         """Give u'' of all that has a mass, and of what has none."""
-        g, links = self.g, self.links
-        right = {t: self._dot(links[t].along, self.missing) for t in self.pulls}
-        rest = {t: self._dot(links[t].across, self.missing) for t in self.turns}
-        squares = {t: self._dot(links[t].across, links[t].across) for t in self.turns}
+        g, turns = self.g, dict(enumerate(self.joints))
+        right = {t: self._dot(x, self.missing) for t, x in enumerate(self.along)}
+        rest = {t: self._dot(x.across, self.missing) for t, x in turns.items()}
+        squares = {t: self._dot(x.factors, x.across) for t, x in turns.items()}
         levers = self._levers()
         met = groups(g, self.pulls, self.weights)
         nodes = [*right.values(), *rest.values(), *squares.values()]
@@ -302,14 +232,14 @@ class _Motion:
 
         solved = Squares(g, [group.written(new) for group in met])
         x = solved.solve({t: new[n] for t, n in right.items()})
-        units = dict.fromkeys(self.turns, self.length)
-        scales = self._over(units, {t: links[t].length for t in self.turns})
+        units = dict.fromkeys(turns, self.length)
+        scales = self._over(units, {t: x.length for t, x in turns.items()})
         found = {}
         for t, lever in levers.items():
             moved = g.product_sum((new[n], x[i]) for i, n in lever.items() if i in x)
             moved = g.call("sub", moved, new[rest[t]])
             scale = g.call("div", scales[t], new[squares[t]])
-            found[links[t].free] = g.call("mul", scale, moved)
+            found[turns[t].velocity] = g.call("mul", scale, moved)
         fall = g.substitute(self.fall.values(), known)
         found |= dict(zip(self.fall, fall, strict=True))
         for t, tension in x.items():
@@ -324,11 +254,12 @@ class _Motion:
 
     def _known(self, squares: Vector) -> Vector:
         """Give what variables stand for."""
-        g, links, known = self.g, self.links, dict(self.known)
+        g, known = self.g, dict(self.known)
         unit = g.call("mul", self.mass, self.length)
         for t, variable in self.torques.items():
-            torque = self.held.forces[links[t].free]
-            force = g.call("div", torque, g.call("mul", unit, links[t].length))
+            joint = self.joints[t]
+            force = self.held.forces[joint.velocity]
+            force = g.call("div", force, g.call("mul", unit, joint.length))
             known[variable] = g.call("div", force, squares[t])
         return known
 

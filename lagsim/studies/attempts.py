@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.notes import Caution
+    from lagsim.outputs.artist import Draw
     from lagsim.run.error import ErrorBar
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer, Store
@@ -135,12 +136,17 @@ class Attempt(NamedTuple):
         )  # fmt: skip
 
     def files(
-        self, rows: Thinning | None, frames: Frames | None = None, form: str = "png"
+        self,
+        rows: Thinning | None,
+        frames: Frames | None = None,
+        form: str = "png",
+        draw: Draw | None = None,
     ) -> Iterator[tuple[str, bytes]]:
         """Give name and content of what stands beside its table.
 
         That is events; a page, of which `frames` are; and pictures, of which `rows`
-        are, in the format `form`. What is None is not made.
+        are, in the format `form`. What is None is not made. `draw` draws them, by
+        default in this process.
         """
         equations, trajectory = self.session.case.equations, self.trajectory
         if equations.laws:
@@ -153,10 +159,9 @@ class Attempt(NamedTuple):
             return
         if self.corners is not None:
             rows.meet(self.corners.rows())
+        from lagsim.outputs.artist import Order, drawn
         from lagsim.outputs.events import marked
         from lagsim.outputs.letters import Letters
-        from lagsim.outputs.plots import pictures
-        from lagsim.outputs.record import Record
         from lagsim.outputs.units import units
 
         listed, happened = len(trajectory.events), sum(trajectory.event_counts.values())
@@ -166,12 +171,13 @@ class Attempt(NamedTuple):
         model = equations.model
         names = [c.name for c in model.coordinates]
         names += [d.name for d in model.definitions]
-        record = Record(
-            model.name, rows, units(equations, self.session.system.units()), note=note,
-            horizon=self.horizon, form=form, letters=Letters(names),
-            events=marked(trajectory.events),
-        )  # fmt: skip
-        yield from pictures(record, model, energy_is_sum=equations.energy_is_sum)
+        fields = {
+            "title": model.name, "rows": rows, "note": note, "form": form,
+            "units": units(equations, self.session.system.units()),
+            "horizon": self.horizon, "letters": Letters(names),
+            "events": marked(trajectory.events),
+        }  # fmt: skip
+        yield from (draw or drawn)(Order(fields, model, equations.energy_is_sum))
 
     @property
     def horizon(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 
 import pytest
 
@@ -82,3 +83,45 @@ def test_what_it_fails_to_bring_the_first_makes_itself():
 
     with ahead.helped():
         assert ahead.bring(make)() == b"made"
+
+
+def helper(work):
+    return ahead.Helper(lambda: None, work)
+
+
+def test_a_helper_gives_one_content_after_the_other(tmp_path):
+    ready = tmp_path / "ready"
+    large = os.urandom(10**6)  # more than a pipe holds
+    made = ahead.Helper(ready.touch, lambda order: iter([order, large]))
+    assert list(made.give(large[::-1])) == [large[::-1], large]
+    assert made.done
+    made.end()
+    assert ready.exists()
+
+
+def test_a_helper_that_ends_on_the_way_is_not_done():
+    def work(_):
+        yield b"first"
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    made = helper(work)
+    assert list(made.give(b"order")) == [b"first"]
+    assert not made.done
+    made.end()
+
+
+def test_a_helper_that_is_gone_gives_nothing():
+    made = ahead.Helper(lambda: os.kill(os.getpid(), signal.SIGKILL), iter)
+    assert list(made.give(os.urandom(10**6))) == []
+    assert not made.done
+    made.end()
+
+
+def test_a_helper_that_nobody_needs_is_not_left_behind(tmp_path):
+    number = tmp_path / "number"
+    made = ahead.Helper(lambda: number.write_text(str(os.getpid())), iter)
+    while not number.exists() or not number.read_text():
+        time.sleep(1e-3)
+    made.end()
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(number.read_text()), 0)

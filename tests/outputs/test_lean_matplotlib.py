@@ -21,8 +21,11 @@ import json
 loaded = [name for name in lean.UNUSED if name in sys.modules]
 print(json.dumps([code, "matplotlib" in sys.modules, loaded]))
 """
-# As the command line draws, and as matplotlib is.
-LEAN = "import lagsim.cli.run as run\nrun.is_watched = lambda: True"
+# As the command line draws, where there is no other process; as matplotlib is.
+LEAN = (
+    "import lagsim.cli.run as run\nrun.is_watched = lambda: True"
+    "\nfrom lagsim.native.link import ahead\nahead.is_possible = lambda: False"
+)
 PLAIN = ""
 REFUSED = LEAN + (
     "\nfrom lagsim.outputs import lean_matplotlib as lean"

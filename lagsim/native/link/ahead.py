@@ -1,8 +1,9 @@
 """What a second process makes, while the first goes on: kernels, and pictures.
 
 LLVM works in one thread at a time, and so does matplotlib. Kernels are put into the
-cache, where the first finds them. What the second has not made, the first makes itself;
-so it does all where there is no second core or no `fork`.
+cache, where the first finds them; pictures are drawn by a `Helper`, which has loaded
+matplotlib by then. What the second has not made, the first makes itself; so it does all
+where there is no second core or no `fork`.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from typing import BinaryIO
 
 # By the key of what each of them makes; empty where nobody may be sent.
 _sent: list[dict[str, int]] = []
@@ -29,8 +31,7 @@ def helped() -> Iterator[None]:
     Only for a process that nobody else has a part in: of its threads, which may hold
     locks, the other one has none.
     """
-    # Elsewhere what a system loads may not like it.
-    if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2:
+    if not is_possible():
         yield
         return
     _sent.append({})
@@ -40,6 +41,12 @@ def helped() -> Iterator[None]:
         for key in list(_sent[-1]):
             wait(key)
         _sent.pop()
+
+
+def is_possible() -> bool:
+    """Tell whether there is a second core, and a system on which to fork is safe."""
+    # Elsewhere what a system loads may not like it.
+    return sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1
 
 
 def may_send() -> bool:
@@ -61,19 +68,95 @@ def bring(make: Callable[[], bytes]) -> Callable[[], bytes]:
         os.close(reads)
         content = make()
         with os.fdopen(writes, "wb") as line:
-            line.write(_LENGTH.pack(len(content)) + content)
+            _put(line, content)
 
     number = _fork(put)
     os.close(writes)
 
     def brought() -> bytes:
         with os.fdopen(reads, "rb") as line:
-            said, content = line.read(_LENGTH.size), line.read()
+            content = _next(line)
         _end(number)
-        whole = len(said) == _LENGTH.size and _LENGTH.unpack(said)[0] == len(content)
-        return content if whole else make()
+        return make() if content is None else content
 
     return brought
+
+
+class Helper:
+    """Another process, which makes itself ready, and works when it is told on what.
+
+    Parameters
+    ----------
+    ready, work
+        `work` is given what `give` was, and gives one content after the other.
+
+    Attributes
+    ----------
+    done : bool
+        Whether all of its contents have come.
+    """
+
+    def __init__(
+        self, ready: Callable[[], None], work: Callable[[bytes], Iterator[bytes]]
+    ) -> None:
+        orders, self._orders = os.pipe()
+        self._brought, brings = os.pipe()
+
+        def serve() -> None:
+            os.close(self._orders)
+            os.close(self._brought)
+            ready()
+            with os.fdopen(orders, "rb") as line:
+                order = _next(line)
+            if order is None:
+                return
+            with os.fdopen(brings, "wb") as line:
+                for content in work(order):
+                    _put(line, content)
+                _put(line, b"")
+
+        self._number = _fork(serve)
+        os.close(orders)
+        os.close(brings)
+        self.done = False
+
+    def give(self, order: bytes) -> Iterator[bytes]:
+        """Tell it what to work on; give what it makes, as far as it comes."""
+        with (
+            contextlib.suppress(BrokenPipeError),
+            os.fdopen(self._orders, "wb") as line,
+        ):
+            self._orders = -1
+            _put(line, order)
+        with os.fdopen(self._brought, "rb") as line:
+            self._brought = -1
+            while content := _next(line):
+                yield content
+            self.done = content is not None
+
+    def end(self) -> None:
+        """Let it end, whatever it is at."""
+        for line in (self._orders, self._brought):
+            if line >= 0:
+                os.close(line)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self._number, signal.SIGKILL)
+        _end(self._number)
+
+
+def _put(line: BinaryIO, content: bytes) -> None:
+    line.write(_LENGTH.pack(len(content)) + content)
+    line.flush()
+
+
+def _next(line: BinaryIO) -> bytes | None:
+    """Give the next content that comes whole."""
+    said = line.read(_LENGTH.size)
+    if len(said) < _LENGTH.size:
+        return None
+    (length,) = _LENGTH.unpack(said)
+    content = line.read(length)
+    return content if len(content) == length else None
 
 
 def _fork(work: Callable[[], None]) -> int:
