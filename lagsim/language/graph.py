@@ -94,6 +94,10 @@ class Graph:
         alike[key] = node
         return node
 
+    def known(self, op: str, args: tuple[int, ...]) -> int | None:
+        """Give the node of `op` on `args` if there is one already."""
+        return self._known.get(op, {}).get(args)
+
     def constant(self, x: float) -> int:
         """Give the node of the number `x`."""
         return self.kept(CONSTANT, payload=float(x) + 0.0)  # -0.0 becomes 0.0

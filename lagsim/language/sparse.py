@@ -8,7 +8,7 @@ from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, overload
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Collection, Container, Iterator, Mapping
 
     from lagsim.language.graph import Graph
 
@@ -74,24 +74,33 @@ class Meter:
             raise TooLongError
 
 
-def minimum_degree(rows: Sequence[set[int]], meter: Meter) -> list[int]:
+def minimum_degree(
+    rows: Sequence[set[int]],
+    meter: Meter,
+    late: Container[int] = (),
+    after: Mapping[int, Collection[int]] | None = None,
+) -> list[int]:
     """Give an order of elimination that keeps fill small; counts its operations.
 
-    The row of fewest entries comes next, the first of them where there are several
-    (A. George and J. W. H. Liu, SIAM Review 31 (1989), section 2).
+    The row of fewest entries comes next; where there are several the first of them, and
+    what is `late` after the others (A. George and J. W. H. Liu, SIAM Review 31 (1989),
+    section 2).
 
     Parameters
     ----------
     rows
         The columns of the entries of each row, symmetric; eliminated on the way.
+    after
+        Row -> those that come before it, neighbours of it.
     """
     order: list[int] = []
-    queue = [(len(row), k) for k, row in enumerate(rows)]
+    waits = {k: set(before) for k, before in (after or {}).items() if before}
+    queue = [(len(row), k in late, k) for k, row in enumerate(rows)]
     heapify(queue)
     left = set(range(len(rows)))
     while left:
-        degree, k = heappop(queue)
-        if k not in left or degree != len(rows[k]):
+        degree, _, k = heappop(queue)
+        if k not in left or k in waits or degree != len(rows[k]):
             continue  # out of date: another entry has its degree
         left.remove(k)
         order.append(k)
@@ -100,5 +109,9 @@ def minimum_degree(rows: Sequence[set[int]], meter: Meter) -> list[int]:
         for i in others:
             rows[i].remove(k)
             rows[i] |= others
-            heappush(queue, (len(rows[i]), i))
+            if i in waits:
+                waits[i].discard(k)
+                if not waits[i]:
+                    del waits[i]
+            heappush(queue, (len(rows[i]), i in late, i))
     return order

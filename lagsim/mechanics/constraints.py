@@ -1,7 +1,7 @@
 """Equality constraints on the graph: residuals, rates, the rows of A and b.
 
 Holonomic g(q, t) = 0: A = dg/dq, its rate is A q' + g_t, and A q'' = b with
-b = -(d/dt A q' + d/dt g_t) at constant q'. Nonholonomic phi(q, q', t) = 0: A = dphi/dq'
+b = -d^2 g/dt^2 at constant q'. Nonholonomic phi(q, q', t) = 0: A = dphi/dq'
 (Chetaev's rule where phi is not linear), its rate is phi, b = -(phi_q q' + phi_t).
 """
 
@@ -57,8 +57,8 @@ class Flow:
     Attributes
     ----------
     positions, rates : tuple of int, shape (n,)
-    velocities : frozenset of str
-        Their names.
+    places, velocities : frozenset of str
+        The names of what positions depend on, time included; and of the rates.
     forward : dict
         The total time derivative at constant q': variable -> rate.
     """
@@ -66,7 +66,7 @@ class Flow:
     def __init__(self, g: Graph, q: Sequence[str], velocities: Sequence[str]) -> None:
         self.positions = tuple(g.variable(name) for name in q)
         self.rates = tuple(g.variable(name) for name in velocities)
-        self.velocities = frozenset(velocities)
+        self.places, self.velocities = frozenset((*q, "t")), frozenset(velocities)
         self.forward = dict(zip(self.positions, self.rates, strict=True))
         self.forward[g.variable("t")] = g.one
         self.indices = [
@@ -85,13 +85,16 @@ class Flow:
 
 def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
     """Derive the row of an equality constraint `node` = 0."""
+    from lagsim.language.products import slow_factors_first  # of constraints
+
     names = g.depends([node])
     holonomic = not names & flow.velocities
     A = flow.gradient(g, node, by_rates=not holonomic)
     moved = g.product_sum((slope, flow.rates[j]) for j, slope in A.entries.items())
     if holonomic:
         drift = gradient(g, node, [g.variable("t")])[0]
-        rate = g.call("add", moved, drift)
+        # Forward, common differences stay as they are: d^2 + ... has 2*d*d' + ...
+        rate = tangent(g, [node], flow.forward)[0]
         transport = g.call("neg", drift)
         residual_scale = scale_of(g, node, flow.positions, A.entries)
     else:
@@ -101,13 +104,14 @@ def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
         transport = g.zero if homogeneous else moved
         residual_scale = scale_of(g, node, flow.rates, A.entries)
     degrees = g.degree(rate, flow.velocities)
+    fall = g.call("neg", tangent(g, [rate], flow.forward)[0])
     return Row(
         name=name,
         holonomic=holonomic,
         residual=node,
         rate=rate,
         A=A,
-        b=g.call("neg", tangent(g, [rate], flow.forward)[0]),
+        b=slow_factors_first(g, [fall], flow.places, flow.velocities)[0],
         transport=transport,
         residual_scale=residual_scale,
         rate_scale=scale_of(g, rate, flow.rates, A.entries),

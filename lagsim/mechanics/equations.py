@@ -130,6 +130,11 @@ class Equations:
         return tuple(f"{q}_ddot" for q in self.q)
 
     @property
+    def moving(self) -> tuple[str, ...]:
+        """The names of the variables that change along a motion."""
+        return (*self.q, *self.velocities, "t")
+
+    @property
     def quadrature_rates(self) -> list[int]:
         """The rates of what follows the velocities in y: work, then `quadratures`."""
         work = [] if self.power is None else [self.power]

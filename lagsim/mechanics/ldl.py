@@ -14,17 +14,21 @@ is for all else.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
+from functools import cached_property
 from heapq import heapify, heappop, heappush
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lagsim.language.sparse import Meter, minimum_degree
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Container, Mapping, Sequence
 
+    from lagsim.language.collected import Collected
     from lagsim.language.graph import Graph
     from lagsim.mechanics.articulated import Articulated
+    from lagsim.mechanics.combined import Combined
     from lagsim.mechanics.equations import Equations
 
 # Straight-line code of a few thousand operations compiles in well under a second;
@@ -50,6 +54,11 @@ def dense_operations(n: int, m: int) -> int:
 class Factorisation:
     """S = L D L^T of a symmetric matrix, in minimum-degree order.
 
+    Parameters
+    ----------
+    late
+        What comes later where the degree is the same: whose diagonal entry moves.
+
     Attributes
     ----------
     order : list of int
@@ -62,7 +71,12 @@ class Factorisation:
     """
 
     def __init__(
-        self, g: Graph, size: int, entries: Mapping[tuple[int, int], int], meter: Meter
+        self,
+        g: Graph,
+        size: int,
+        entries: Mapping[tuple[int, int], int],
+        meter: Meter,
+        late: Container[int] = (),
     ) -> None:
         self.g = g
         self.meter = meter
@@ -70,7 +84,7 @@ class Factorisation:
         for (i, j), node in entries.items():
             rows[i][j] = node
             rows[j][i] = node
-        self.order = minimum_degree([set(row) for row in rows], meter)
+        self.order = minimum_degree([set(row) for row in rows], meter, late)
         self.place = {k: at for at, k in enumerate(self.order)}
         self.below: dict[int, Vector] = {}
         self.inverse: Vector = {}
@@ -114,9 +128,14 @@ class Factorisation:
     def backward(self, z: Mapping[int, int]) -> Vector:
         """Give L^-T D^-1 z."""
         g = self.g
+        return self.upward({k: g.call("mul", z[k], self.inverse[k]) for k in z})
+
+    def upward(self, scaled: Mapping[int, int]) -> Vector:
+        """Give L^-T scaled."""
+        g = self.g
         x: Vector = {}
         for k in reversed(self.order):
-            value = g.call("mul", z[k], self.inverse[k]) if k in z else g.zero
+            value = scaled.get(k, g.zero)
             for i, entry in self.below[k].items():
                 if i in x:
                     self.meter.add(1)
@@ -143,6 +162,13 @@ def unconstrained(equations: Equations) -> list[int]:
     return Elimination(replace(equations, rows=(), laws=()), math.inf).motion()[0]
 
 
+def collected_along(e: Equations) -> Collected:
+    """Give what makes sums on the graph, of what changes along a motion."""
+    from lagsim.language.collected import Collected  # a kept session makes none
+
+    return Collected(e.graph, (*e.moving, *e.accelerations, *e.multipliers))
+
+
 def factored_mass(equations: Equations, meter: Meter) -> Factorisation | Articulated:
     """Give L D L^T of M: along its chains, or entry by entry."""
     g = equations.graph
@@ -150,7 +176,10 @@ def factored_mass(equations: Equations, meter: Meter) -> Factorisation | Articul
         from lagsim.mechanics.articulated import Articulated  # of many links
 
         return Articulated(g, equations.chains, meter)
-    return Factorisation(g, len(equations.q), equations.mass_entries, meter)
+    given, x = equations.mass_entries, collected_along(equations)
+    entries = dict(zip(given, x.tidy(list(given.values())), strict=True))
+    late = {i for (i, j), node in entries.items() if i == j and x.moves(node)}
+    return Factorisation(g, len(equations.q), entries, meter, late)
 
 
 class Elimination:
@@ -163,23 +192,58 @@ class Elimination:
     """
 
     def __init__(self, equations: Equations, limit: float = BUDGET) -> None:
-        g = self.g = equations.graph
+        e, g = equations, equations.graph
+        self.g = g
         self.meter = Meter(limit)
-        n = len(equations.q)
-        self.n, self.m = n, len(equations.rows)
-        self.names = [row.name for row in equations.rows]
-        self.mass = factored_mass(equations, self.meter)
-        self.Z = [self.mass.forward(row.A.entries) for row in equations.rows]
-        f = self.mass.forward(dict(enumerate(equations.f)))
+        self.n, self.m = len(e.q), len(e.rows)
+        self.names = [row.name for row in e.rows]
+        self.slopes = [row.A.entries for row in e.rows]
+        self.equations = e
+        self.mass = factored_mass(e, self.meter)
+        self.rows: list[Combined] = []
+        if e.rows:
+            from lagsim.mechanics.combined import shortest
+
+            self.rows = shortest(self.collected, e.rows, self.mass.forward)
+        self.Z = [self.mass.forward(row.A) for row in self.rows]
+        self.unit = self._unit()
+        tidy = self.collected.tidy([*e.f, *e.quadrature_rates])
+        self.quadrature_rates = tidy[self.n :]
+        f = self.mass.forward(dict(enumerate(tidy[: self.n])))
         self.schur = Factorisation(g, self.m, self._schur(), self.meter)
-        self._motion = self._solve(f, [row.b for row in equations.rows])
+        self._motion = self._solve(f, [row.b for row in self.rows])
         # What is solved for later, corrections, is a part of this.
         self.operations = self.meter.operations
         self.meter.stop()
         if not equations.rows:
             self._motion = self._along_links(equations), []
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Give what is kept of it elsewhere: what was found out is found again."""
+        return {k: v for k, v in self.__dict__.items() if k != "collected"}
+
+    @cached_property
+    def collected(self) -> Collected:
+        """What makes sums on the graph."""
+        return collected_along(self.equations)
+
+    def _unit(self) -> int:
+        """Give the mass in which those of M that rows meet are measured, if any is."""
+        met = [self.mass.pivots[k][0] for k in sorted({k for z in self.Z for k in z})]
+        if not met or any(map(self.collected.moves, met)):
+            return self.g.one
+        return Counter(met).most_common(1)[0][0]
+
+    def _inverse(self, k: int) -> int:
+        """Give unit / D_k."""
+        g, inverse = self.g, self.mass.inverse[k]
+        if self.unit == g.one:
+            return inverse
+        pivot = self.mass.pivots[k][0]
+        return self.collected.still([self.unit, g.call("div", g.one, pivot)])
+
     def _schur(self) -> dict[tuple[int, int], int]:
+        """Give Z^T D^-1 Z, in the unit of mass."""
         holders: dict[int, list[int]] = {}  # coordinate -> rows of Z that have it
         entries = {}
         for i, z in enumerate(self.Z):
@@ -187,20 +251,20 @@ class Elimination:
                 holders.setdefault(k, []).append(i)
             near = sorted({j for k in z for j in holders[k]})
             for j in near:
-                common = sorted(z.keys() & self.Z[j].keys())
-                entries[i, j] = self._weighted(z, self.Z[j], common)
+                entries[i, j] = self._weighted(z, self.Z[j])
         return entries
 
-    def _weighted(
-        self, z: Mapping[int, int], other: Mapping[int, int], common: Iterable[int]
-    ) -> int:
-        """Give z^T D^-1 other over the entries both have."""
-        g, total = self.g, self.g.zero
-        for k in common:
+    def _weighted(self, z: Mapping[int, int], other: Mapping[int, int]) -> int:
+        """Give unit z^T D^-1 other over the entries both have."""
+        terms: list[tuple[int, ...]] = []
+        for k in sorted(z.keys() & other.keys()):
             self.meter.add(2)
-            scaled = g.call("mul", z[k], self.mass.inverse[k])
-            total = g.call("add", total, g.call("mul", scaled, other[k]))
-        return total
+            inverse = self._inverse(k)
+            if self.collected.moves(inverse):
+                terms.append((self.g.call("mul", z[k], inverse), other[k]))
+            else:
+                terms.append((inverse, z[k], other[k]))
+        return self.collected.sum(terms)
 
     def _along_links(self, equations: Equations) -> list[int]:
         """Give q'' by the forces in massless links, where that is shorter."""
@@ -210,8 +274,7 @@ class Elimination:
             return before
         from lagsim.mechanics.tensions import accelerations  # of what turns
 
-        found = accelerations(equations)
-        moving = {*equations.q, *equations.velocities, "t"}
+        found, moving = accelerations(equations), equations.moving
         if found is None or g.cost(found, moving) >= g.cost(before, moving):
             return before
         return found  # `operations` stays that of L D L^T: tapes pay as early as before
@@ -229,25 +292,77 @@ class Elimination:
         """Give for each row the square of its force in the metric of M, A M^-1 A^T."""
         g = self.g
         return [
-            g.call("mul", g.call("mul", lam, lam), self.schur.pivots[k][1])
+            g.call("mul", g.call("mul", lam, lam), self.square(k))
             for k, lam in enumerate(self._motion[1])
         ]
+
+    def square(self, k: int) -> int:
+        """Give the diagonal entry of A M^-1 A^T of a row as it was given."""
+        g, weights = self.g, self.rows[k].weights
+        whole, factors = self.schur.pivots[k][1], [self.unit]
+        if len(weights) == 1:
+            factors.append(g.constant(weights[k] ** 2))
+        else:
+            z = self.mass.forward(self.slopes[k])
+            whole = self._weighted(z, z)
+        divisor = self.collected.still(factors)
+        return self.collected.sum([(whole, g.call("div", g.one, divisor))])
 
     def _solve(self, f: Vector, b: Sequence[int]) -> tuple[list[int], list[int]]:
         """Give q'' and lambda of f, as `Factorisation.forward` gives it, and b."""
         g = self.g
-        right = {
-            i: g.call("sub", b[i], self._weighted(z, f, sorted(z.keys() & f.keys())))
-            for i, z in enumerate(self.Z)
-        }
-        lam = self.schur.solve(right)
-        moved = dict(f)
-        self._add_forces(moved, lam)
-        q = self.mass.backward(moved)
+        right = {i: self._missing(b[i], z, f) for i, z in enumerate(self.Z)}
+        found = self.schur.solve(right)
+        q = self._accelerations(f, found)
+        lam: list[list[tuple[int, ...]]] = [[] for _ in range(self.m)]
+        for k, multiplier in sorted(found.items()):
+            for i, weight in self.rows[k].weights.items():
+                lam[i].append((self.unit, g.constant(weight), multiplier))
         return (
             [q.get(j, g.zero) for j in range(self.n)],
-            [lam.get(i, g.zero) for i in range(self.m)],
+            [self.collected.sum(terms) for terms in lam],
         )
+
+    def _missing(self, b: int, z: Mapping[int, int], f: Mapping[int, int]) -> int:
+        """Give b - z^T D^-1 f."""
+        g, x = self.g, self.collected
+        minus = g.constant(-1.0)
+        terms: list[tuple[int, ...]] = list(x.addends(b))
+        for k in sorted(z.keys() & f.keys()):
+            self.meter.add(2)
+            inverse = self.mass.inverse[k]
+            if self.unit == g.one:  # S has the same products
+                terms.append((minus, g.call("mul", z[k], inverse), f[k]))
+            else:
+                terms.append((minus, z[k], x.scaled(f[k], inverse)))
+        return x.sum(terms)
+
+    def _accelerations(self, f: Mapping[int, int], lam: Mapping[int, int]) -> Vector:
+        """Give M^-1 (f + A^T lam), lam in the unit of mass."""
+        g, x, mass = self.g, self.collected, self.mass
+        terms: dict[int, list[tuple[int, ...]]] = {}
+        for i, multiplier in sorted(lam.items()):
+            for k, entry in self.Z[i].items():
+                self.meter.add(1)
+                terms.setdefault(k, []).append((entry, multiplier))
+        held = {k: x.sum(found) for k, found in terms.items()}
+        both = {
+            k: (f.get(k, g.zero), held.get(k, g.zero))
+            for k in sorted(f.keys() | held.keys())
+        }
+        if not isinstance(mass, Factorisation):
+            return mass.backward({k: g.call("add", *pair) for k, pair in both.items()})
+        scaled: Vector = {}
+        for k, (push, pull) in both.items():
+            inverse = mass.inverse[k]
+            if self.unit != g.one:
+                free = x.scaled(push, inverse)
+                scaled[k] = x.sum([(free,), (pull, self._inverse(k))])
+            elif mass.below[k] or k in held:  # others have `push` as well
+                scaled[k] = g.call("mul", g.call("add", push, pull), inverse)
+            else:
+                scaled[k] = x.scaled(push, inverse)
+        return mass.upward(scaled)
 
     def correction(self, residuals: Sequence[int]) -> list[int]:
         """Give the least change, in the metric of M, that removes `residuals`.
@@ -255,20 +370,14 @@ class Elimination:
         -M^-1 A^T S^-1 residuals, to first order; shape (n,).
         """
         g = self.g
-        right = {i: g.call("neg", r) for i, r in enumerate(residuals)}
-        moved: Vector = {}
-        self._add_forces(moved, self.schur.solve(right))
-        change = self.mass.backward(moved)
+        right = {
+            k: self.collected.sum(
+                (g.constant(-weight), residuals[i]) for i, weight in row.weights.items()
+            )
+            for k, row in enumerate(self.rows)
+        }
+        change = self._accelerations({}, self.schur.solve(right))
         return [change.get(j, g.zero) for j in range(self.n)]
-
-    def _add_forces(self, to: Vector, lam: Mapping[int, int]) -> None:
-        """Add Z lam, the constraint forces in the factor's coordinates."""
-        g = self.g
-        for i, multiplier in sorted(lam.items()):
-            for k, entry in self.Z[i].items():
-                self.meter.add(1)
-                term = g.call("mul", entry, multiplier)
-                to[k] = g.call("add", to.get(k, g.zero), term)
 
     def health(self) -> int:
         """Give the root of the smallest ratio of a pivot of S to its diagonal entry.
@@ -279,8 +388,12 @@ class Elimination:
         """
         g = self.g
         worst = g.one
-        for k, (pivot, entry) in self.schur.pivots.items():
+        for k, (pivot, _) in self.schur.pivots.items():
             length = g.variable(f"length.{self.names[k]}")
-            usual = g.call("max", entry, g.call("mul", length, length))
-            worst = g.call("min", g.call("div", pivot, usual), worst)
+            usual = g.call("max", self.square(k), g.call("mul", length, length))
+            weight = self.rows[k].weights[k]
+            scale = self.collected.still([self.unit, g.constant(weight**2)])
+            worst = g.call(
+                "min", g.call("div", g.call("div", pivot, scale), usual), worst
+            )
         return g.call("sqrt", g.call("max", worst, g.zero))

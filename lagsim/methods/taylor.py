@@ -47,11 +47,15 @@ from lagsim.methods.parts.noise import (
 )
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.power_series import (
+    MOST_ORDER,
+    Taylor,
+    buffer,
     chosen_step,
     is_finite,
     lead,
     log2_of,
     misfit,
+    reach,
     sum_rates,
     two_to_the,
 )
@@ -65,7 +69,6 @@ from lagsim.methods.parts.state import (
     STEP_TOO_SMALL,
 )
 from lagsim.methods.parts.strays import asks
-from lagsim.methods.parts.two_series import MOST_ORDER, Taylor, buffer, reach
 from lagsim.native.kernels.words import abreast, at, keep, vector
 
 if TYPE_CHECKING:

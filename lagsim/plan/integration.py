@@ -11,6 +11,7 @@ from lagsim.methods import method, names
 from lagsim.methods.parts.state import USUAL_RADIUS
 from lagsim.notes import Choice
 from lagsim.plan.cost import step_parts
+from lagsim.plan.newton import newton_of
 from lagsim.plan.plan import ANY
 from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_cost
 
@@ -114,11 +115,7 @@ def _asked(
         hint = f"one of auto, {known}; `lagsim methods` describes them"
         text = f"there is no method `{asked}`"
         raise InputError([Problem("unknown-method", text, place, hint)])
-    why = refusal(asked, equations, scene)
-    if why:
-        text = f"`{asked}` cannot handle this model: {why}"
-        hint = "`lagsim methods` says what each handles; `auto` chooses one that can"
-        raise InputError([Problem("method-refused", text, place, hint)])
+    refuse(asked, refusal(asked, equations, scene), settings)
     choices.append(Choice(f"method: {asked}", "asked for"))
     if asked == "generalized-alpha":
         given = settings.spectral_radius
@@ -126,6 +123,15 @@ def _asked(
         reason = "as usual" if given is None else "asked for"
         choices.append(Choice(f"spectral radius: {radius:g}", reason))
     return asked
+
+
+def refuse(name: str, why: str, settings: Settings) -> None:
+    """Raise InputError where there is a reason why a method cannot handle a scene."""
+    if why:
+        text = f"`{name}` cannot handle this model: {why}"
+        hint = "`lagsim methods` says what each handles; `auto` chooses one that can"
+        place = settings.method_place
+        raise InputError([Problem("method-refused", text, place, hint)])
 
 
 def refusal(name: str, equations: Equations, scene: Structure) -> str:
@@ -137,7 +143,8 @@ def refusal(name: str, equations: Equations, scene: Structure) -> str:
         return "it does not integrate ignorable coordinates by quadrature"
     if equations.laws and chosen.NEEDS and locates(name):
         return "constraints that hold at times need a method that asks for y' alone"
-    return str(chosen.refusal(scene))
+    why = str(chosen.refusal(scene))
+    return "" if why and newton_of(name, equations) is not None else why
 
 
 def locates(name: str) -> bool:

@@ -12,7 +12,7 @@ from lagsim.mechanics.switches import model_switches
 from lagsim.methods import method
 from lagsim.notes import Choice
 from lagsim.plan.formulation import formulate
-from lagsim.plan.integration import STRAIGHT_ONLY, choose, locates, suits
+from lagsim.plan.integration import STRAIGHT_ONLY, choose, locates, refuse, suits
 from lagsim.plan.lengths import usual_lengths
 from lagsim.plan.plan import ANY, Part, Plan
 from lagsim.plan.solve import (
@@ -78,8 +78,10 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     solved = None if tape else elimination
     switching = bool(switches.sides or equations.laws)
     name = choose(equations, scene, solved, settings, choices, switching=switching)
+    if elimination is None:
+        refuse(name, method(name).refusal(scene), settings)
     adaptive = bool(method(name).ADAPTIVE)
-    tape = tape or many_slopes(equations, method(name).NEEDS, choices)
+    tape = tape or many_slopes(name, equations, elimination, choices)
     return Plan(
         method=name,
         formulation=found.name,
@@ -144,8 +146,11 @@ def by_loops(plan: Plan) -> Plan:
     choices = [c for c in plan.choices if not c.choice.startswith("solve:")]
     choices.append(Choice("solve: loops with QR", "the rows lost their independence"))
     name = plan.method
+    why = method(name).refusal(structure(plan.reduction.equations))
     if STRAIGHT_ONLY.intersection(method(name).NEEDS):
-        choices.append(Choice(f"method: {ANY}", f"`{name}` needs straight-line code"))
+        why = f"`{name}` needs straight-line code"
+    if why:
+        choices.append(Choice(f"method: {ANY}", why))
         name = ANY
     return replace(
         plan, method=name, elimination=None, tape=False, choices=tuple(choices)

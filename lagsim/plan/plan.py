@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.switches import Switches
     from lagsim.notes import Choice
     from lagsim.plan.subsystems import Subsystem
+    from lagsim.solve.newton import Newton
 
 # The method that handles everything.
 ANY = "dop853"
@@ -99,6 +100,15 @@ class Plan:
             self.elimination is None, self.rtol, reduction.eliminated,
             reduction.ignored, tuple(parts),
         )  # fmt: skip
+
+    @property
+    def newton(self) -> Newton | None:
+        """Newton's matrix of an implicit method, where it is sparse."""
+        if self.elimination is None:
+            return None
+        from lagsim.plan.newton import newton_of  # kept sessions know
+
+        return newton_of(self.method, self.reduction.equations)
 
     @property
     def tolerance(self) -> float:

@@ -13,7 +13,9 @@ from lagsim.mechanics.ldl import (
     affordable,
     dense_operations,
 )
+from lagsim.methods import method
 from lagsim.notes import Choice
+from lagsim.plan.newton import newton_of
 from lagsim.plan.plan import WELL_CONDITIONED
 
 if TYPE_CHECKING:
@@ -84,12 +86,20 @@ def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
 
 
 def many_slopes(
-    equations: Equations, needs: Sequence[str], choices: list[Choice]
+    name: str,
+    equations: Equations,
+    elimination: Elimination | None,
+    choices: list[Choice],
 ) -> bool:
     """Tell whether the slopes that a method needs would compile for long."""
     n, m = len(equations.q), len(equations.rows)
+    sparse = None if elimination is None else newton_of(name, equations)
     slopes = 2 * n * (n + m)
-    if not SLOPES.intersection(needs) or slopes <= MOST_ENTRIES:
+    if sparse is not None:
+        slopes = len(sparse.entries)
+        reason = f"{slopes} entries; {sparse.operations} multiplications factor them"
+        choices.append(Choice("Newton's matrix: sparse", reason))
+    if not SLOPES.intersection(method(name).NEEDS) or slopes <= MOST_ENTRIES:
         return False
     choices.append(Choice("tapes", f"{slopes} slopes would compile for long"))
     return True

@@ -204,8 +204,7 @@ def _taken(arc: Arc, reason: str) -> Decision:
 def _fastest(arc: Arc) -> Fast | None:
     """Analyse q' = v, v' = J (q, v); None where J is not finite."""
     n = arc.system.n
-    jacobian = arc.runner.function("jacobian", (n + 1) * 2 * n)
-    J = jacobian(arc.t, arc.y)[: 2 * n * n].reshape(n, 2 * n)
+    J = _jacobian(arc)
     if not np.all(np.isfinite(J)):
         return None
     from lagsim.mechanics.eigenmodes import eigenmodes, weighted  # few come here
@@ -223,6 +222,16 @@ def _fastest(arc: Arc) -> Fast | None:
     rate = float(np.max(np.abs(modes.values)))
     excited = rate > 0.0 and _is_excited(arc, masses * moving**2, masses, J, rate)
     return Fast(rate, where, excited)
+
+
+def _jacobian(arc: Arc) -> Floats:
+    """Give dq''/d(q, q') (n, 2 n)."""
+    n, sparse = arc.system.n, arc.system.newton
+    length = (n + 1) * 2 * n if sparse is None else len(sparse.entries)
+    found = arc.runner.function("jacobian", length)(arc.t, arc.y)
+    if sparse is None:
+        return found[: 2 * n * n].reshape(n, 2 * n)
+    return sparse.jacobian(n, found)
 
 
 def _is_excited(
@@ -278,6 +287,8 @@ def _cost(arc: Arc, before: at.State, after: at.State) -> float:
         return inf
     # Half of the factorisations are real (n^3/3), half complex as real ones of 2 n.
     factorisation = 0.5 * (n**3 / 3 + (2 * n) ** 3 / 3)
+    if (sparse := arc.system.newton) is not None:
+        factorisation = 0.5 * sparse.operations
     evaluations = after.evaluations - before.evaluations
     factorisations = after.factorisations - before.factorisations
     spent = arc.system.operations * evaluations + factorisation * factorisations

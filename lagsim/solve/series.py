@@ -43,7 +43,11 @@ def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
     new |= dict(zip(map(g.variable, e.accelerations), accelerations, strict=True))
     velocities = [g.variable(v) for v in e.velocities]
-    return [*velocities, *accelerations, *g.substitute(e.quadrature_rates, new)]
+    return [
+        *velocities,
+        *accelerations,
+        *g.substitute(elimination.quadrature_rates, new),
+    ]
 
 
 class Cost(NamedTuple):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from statistics import median
-
 import numpy as np
 import pytest
 
@@ -242,11 +240,7 @@ def test_a_series_gives_way_where_fast_motion_is_damped():
     alone = run(text, duration="60", method="taylor")
     assert not alone.trajectory.choices
     # Radau's steps are some twenty times longer than h = 6e-4, which stability allows.
-    # What rounding leaves in the follower's force rejects a few more of them or fewer:
-    # the median of five starts that hardly differ.
-    starts = [text.replace("x: 1\n", f"x: 1.000000{k}\n") for k in range(1, 5)]
-    runs = [found, *(run(start, duration="60") for start in starts)]
-    few = median(r.trajectory.statistics.steps for r in runs)
+    few = found.trajectory.statistics.steps
     many = alone.trajectory.statistics.steps
     assert few - 20_000 < 0.2 * (many - 20_000)
     # Radau keeps to the tolerance too, up to some hundred times for a minute's steps.

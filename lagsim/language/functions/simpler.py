@@ -65,14 +65,14 @@ def _scaled(g: Builder, c: float, x: int, y: int) -> int | None:
         return g.call("mul", g.constant(-c), g.args[y][0])
     if g.ops[y] == "mul":
         inner = g.value(g.args[y][0])
-        if inner is not None and _is_normal(c * inner):
+        if inner is not None and is_normal(c * inner):
             return g.call("mul", g.constant(c * inner), g.args[y][1])
     if g.value(y) is None and y < x:
         return g.kept("mul", (x, y))  # the constant comes first
     return None
 
 
-def _is_normal(x: float) -> bool:
+def is_normal(x: float) -> bool:
     """Tell whether `x` has all its digits, neither overflown nor underflown."""
     return sys.float_info.min <= abs(x) <= sys.float_info.max
 

@@ -26,7 +26,16 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import derivative, rounding
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import abreast, apart, keep, rare, vector
+from lagsim.native.kernels.words import (
+    above,
+    abreast,
+    apart,
+    fused,
+    head,
+    keep,
+    rare,
+    vector,
+)
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -46,8 +55,6 @@ FEW_PLACES = 2.0**-30
 # Below this tolerance, which no repeat of a usual run has, as much is done against
 # rounding as can be.
 TIGHT = 5e-14
-# Parts a double into two halves of 26 bits.
-HALVES = 2.0**27 + 1.0
 # So much larger a rest is a change of y by a relative 1e-8 at most: little beside what
 # bends the forces, and much beside the rounding of y'.
 LARGER = 2.0**26
@@ -146,28 +153,20 @@ def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
         out[i] = y[i] * (1.0 + change * (0.5 + part - int(part)))
 
 
-@rare
 def add_exactly(
     size: int, y: Floats, k: Floats, h: float, new: Floats, left: Floats
 ) -> None:
-    """Give y + h k (size,), and add to `left` what both roundings cut off.
-
-    The product in halves of the factors (T. J. Dekker, Numer. Math. 18 (1971) 224-242).
-    """
-    wide = HALVES * h
-    h_high = wide - (wide - h)
-    h_low = h - h_high
-    for i in range(size):
-        wide = HALVES * k[i]
-        k_high = wide - (wide - k[i])
-        k_low = k[i] - k_high
-        moved = h * k[i]
-        cut = h_high * k_high - moved
-        cut = ((cut + h_high * k_low) + h_low * k_high) + h_low * k_low
-        after = y[i] + moved
-        back = after - y[i]
-        new[i] = after
-        left[i] += cut + ((y[i] - (after - back)) + (moved - back))
+    """Give y + h k (size,), and add to `left` what both roundings cut off."""
+    for i in abreast(size):
+        before = vector(y, i)
+        rate = vector(k, i)
+        moved = h * rate
+        cut = fused(h, rate, -moved)
+        after = before + moved
+        back = after - before
+        cut += (before - (after - back)) + (moved - back)
+        keep(after, new, i, size - i)
+        keep(vector(left, i) + cut, left, i, size - i)
 
 
 def add_change(s: State, p: Parameters, k: Floats, h: float, new: Floats) -> None:
@@ -187,7 +186,6 @@ def add_change(s: State, p: Parameters, k: Floats, h: float, new: Floats) -> Non
     carry(size, new, left, new, left)
 
 
-@rare
 def find_drift(s: State, p: Parameters, k: Floats, out: Floats) -> None:
     """Give what the rest adds to y' (size,), which is k at y alone."""
     size = s.size
@@ -198,24 +196,26 @@ def find_drift(s: State, p: Parameters, k: Floats, out: Floats) -> None:
         for i in range(size):
             out[i] = 0.0
         return
-    for i in range(size):
-        z[i] = y[i] + LARGER * rest[i]
+    for i in abreast(size):
+        keep(vector(y, i) + LARGER * vector(rest, i), z, i, size - i)
     derivative(s.t, z, p, out)
     s.evaluations += 1.0
-    for i in range(size):
-        drift = (out[i] - k[i]) / LARGER
-        out[i] = drift if abs(drift) < 1e300 else 0.0
+    for i in abreast(size):
+        drift = (vector(out, i) - vector(k, i)) / LARGER
+        keep(above(1e300, abs(drift), drift, 0.0), out, i, size - i)
 
 
-@rare
 def add_drift(s: State, drift: Floats, h: float) -> None:
     """Add to a change what the rest does in a step: it moves as the state does."""
+    size = s.size
     n = s.n
     left = s.left
-    for i in range(s.size):
-        left[i] += h * drift[i]
-        if n <= i < 2 * n:
-            left[i - n] += 0.5 * h * h * drift[i]
+    for i in abreast(size):
+        more = vector(left, i) + h * vector(drift, i)
+        if i < n:
+            bend = 0.5 * h * h * vector(drift, n + i)
+            more += head(n - i, bend, 0.0)
+        keep(more, left, i, size - i)
 
 
 def keep_rest(s: State) -> None:

@@ -98,6 +98,13 @@ class Parameters(Memory):
     met: int
     inertial: int
     sloping: int
+    # Of Newton's matrix where it is sparse, see `solve.newton`: its rows, the entries
+    # of its factors, those of C0, of C0 and C1, of C0, C1 and C2.
+    unknowns: int
+    filled: int
+    still: int
+    damped: int
+    entries: int
 
     augmented: float  # 1: M alone is singular
     expected: float  # the rank that the rows have in general
@@ -169,6 +176,18 @@ class Parameters(Memory):
     inertia_first: Floats = array(lambda p: p.n if p.inertial else 0)
     slope_starts: Floats = array(lambda p: p.met + 1)
     slope_columns: Floats = array(lambda p: p.sloping)
+
+    # Newton's matrix: of each entry its place among those of the factors, its row
+    # there, and the component of y that its column stands for.
+    newton_slots: Floats = array(lambda p: p.entries)
+    newton_rows: Floats = array(lambda p: p.entries)
+    newton_parts: Floats = array(lambda p: p.entries)
+    # Where each unknown comes in the factors; where their rows begin, their diagonal,
+    # and the column of each entry.
+    newton_places: Floats = array(lambda p: p.unknowns)
+    newton_starts: Floats = array(lambda p: p.unknowns + 1)
+    newton_diagonals: Floats = array(lambda p: p.unknowns)
+    newton_columns: Floats = array(lambda p: p.filled)
 
     # From here on nothing outlasts an arc: q'' and lambda first, which the model reads.
     motion: Floats = array(lambda p: p.n + p.m)

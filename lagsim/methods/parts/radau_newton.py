@@ -21,16 +21,25 @@ from lagsim.methods.parts.linearised import (
     solve_pair,
     solve_real,
 )
+from lagsim.methods.parts.noise import look_at_rounding
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.radau_tableau import ALPHA, BETA, GAMMA, T_INVERSE, C
 from lagsim.methods.parts.radau_tableau import T as TRANSFORM
+from lagsim.methods.parts.sparse_lu import (
+    factor_pair,
+    factor_real,
+    sparse_pair,
+    sparse_real,
+)
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import at, total, unrolled
+from lagsim.native.kernels.words import at, rare, total, unrolled
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
+CONSTRAINED = True
+SPARSE = False  # the matrices of the iterations are; set by the translator
 MOST = 10  # iterations
 # What Newton's method may leave, in parts of the tolerance; not below rounding.
 LEFT = 0.03
@@ -56,20 +65,18 @@ class Radau(State):
     Z: Floats = array(lambda s: 3 * s.size)  # the increments of the stages
     W: Floats = array(lambda s: 3 * s.size)  # T^-1 Z
     F: Floats = array(lambda s: 3 * s.size)  # the right side
-    J: Floats = array(lambda s: (s.n + 1) * 2 * s.n)
-    K: Floats = array(lambda s: s.n * s.n)  # real factors and their pivots
-    pivots: Floats = array(lambda s: s.n)
-    pair: Floats = array(lambda s: 4 * s.n * s.n)  # complex ones
+    J: Floats = array(lambda s: s.entries or (s.n + 1) * 2 * s.n)
+    K: Floats = array(lambda s: s.filled or s.n * s.n)  # real factors ...
+    pivots: Floats = array(lambda s: s.n)  # ... and their pivots, where they are full
+    pair: Floats = array(lambda s: 2 * s.filled or 4 * s.n * s.n)  # complex ones
     pair_pivots: Floats = array(lambda s: 2 * s.n)
-    x: Floats = array(lambda s: 2 * s.n)
+    x: Floats = array(lambda s: 2 * max(s.n, s.unknowns))
 
 
 def renew(s: Radau, p: Parameters, h: float) -> int:
     """Evaluate the Jacobian and factor where that is due; give 0 where singular."""
-    n = s.n
-    J = s.J
     if s.jacobian == 0.0:
-        jacobian(s.t, s.y, p, J)
+        jacobian(s.t, s.y, p, s.J)
         s.factorisations += 1.0
         s.jacobian = 2.0
         s.factored_h = 0.0
@@ -78,12 +85,53 @@ def renew(s: Radau, p: Parameters, h: float) -> int:
         return 1
     s.factored_h = h
     s.factorisations += 2.0
-    done = decompose_real(n, GAMMA / h, J, s.K, s.pivots)
-    if done > 0:
-        done = decompose_pair(n, ALPHA / h, BETA / h, J, s.pair, s.pair_pivots)
+    done = factor(s, p, h)
     if done == 0:
         s.factored_h = 0.0
     return done
+
+
+def factor(s: Radau, p: Parameters, h: float) -> int:
+    """Factor the real and the complex matrix; give 0 where one is singular."""
+    n = s.n
+    J = s.J
+    g = GAMMA / h
+    alpha = ALPHA / h
+    beta = BETA / h
+    if SPARSE:
+        done = factor_real(p, g, J, s.K, s.x)
+        if done > 0:
+            done = factor_pair(p, alpha, beta, J, s.pair, s.x)
+    else:
+        done = decompose_real(n, g, J, s.K, s.pivots)
+        if done > 0:
+            done = decompose_pair(n, alpha, beta, J, s.pair, s.pair_pivots)
+    return done
+
+
+def solve_one(s: Radau, p: Parameters, h: float, r: Floats) -> None:
+    """Replace r (size,) by the solution with the real matrix."""
+    g = GAMMA / h
+    if SPARSE:
+        sparse_real(p, g, s.J, s.K, r, s.x)
+    else:
+        solve_real(s.n, s.size > 2 * s.n, g, s.J, s.K, s.pivots, r)
+
+
+def solve_two(
+    s: Radau, p: Parameters, h: float, real: Floats, imaginary: Floats
+) -> None:
+    """Replace real + i imaginary, (size,) each, by that with the complex one."""
+    n = s.n
+    alpha = ALPHA / h
+    beta = BETA / h
+    if SPARSE:
+        sparse_pair(p, alpha, beta, s.J, s.pair, real, imaginary, s.x)
+    else:
+        solve_pair(
+            n, s.size > 2 * n, alpha, beta, s.J, s.pair, s.pair_pivots, real,
+            imaginary, s.x,
+        )  # fmt: skip
 
 
 def converge(s: Radau, p: Parameters, h: float) -> int:
@@ -103,16 +151,19 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
         if iteration > 0:
             latest = size / previous
             rate = latest if iteration == 1 else sqrt(rate * latest)
-            if rate >= 0.99:
-                return 0
-            left_over = rate / (1.0 - rate)
+            left_over = rate / (1.0 - rate) if rate < 0.99 else 1e300
             ahead = MOST - 2 - iteration
             coming = left_over * size * rate**ahead / limit
             hopeless = coming >= 1.0 and left_over * size > limit
             # Quotients alternate where the errors of J do: one alone is no rate yet.
-            if hopeless and iteration > 1:
-                slower = max(1e-4, min(20.0, coming))
-                s.h = 0.8 * h * slower ** (-1.0 / (4.0 + ahead))
+            if hopeless and (iteration > 1 or rate >= 0.99):
+                if is_rounding(s, p, h, size):
+                    apply_step(s)
+                    s.iterations = iteration + 1
+                    return 1
+                if rate < 0.99:
+                    slower = max(1e-4, min(20.0, coming))
+                    s.h = 0.8 * h * slower ** (-1.0 / (4.0 + ahead))
                 return 0
         previous = max(size, 1e-300)
         apply_step(s)
@@ -122,6 +173,30 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
             s.iterations = iteration + 1
             return 1
     return 0
+
+
+@rare
+def is_rounding(s: Radau, p: Parameters, h: float, change: float) -> bool:
+    """Tell whether a change of W is no larger than what rounding leaves of the rates.
+
+    A stiff force rounds the state that it is asked at; however often, the iteration
+    comes no closer. What the estimate would not let pass is too large for that.
+    """
+    size = s.size
+    noise = s.noise
+    errors = s.errors
+    if change * s.rtol**0.2 >= 1.0:
+        return False
+    if CONSTRAINED and p.least_health < s.close_below:
+        return False
+    if s.looked == 0.0:
+        look_at_rounding(s, p, s.t, s.y, s.slope, 1.0)
+    for i in range(size):
+        errors[i] = noise[i] if i >= s.n else 0.0
+        if s.looked == 0.0:
+            noise[i] = 0.0
+    solve_one(s, p, h, errors)
+    return change <= norm(size, errors, s.tolerances)
 
 
 def guess(s: Radau, h: float) -> None:
@@ -149,7 +224,6 @@ def guess(s: Radau, h: float) -> None:
 def newton_step(s: Radau, p: Parameters, h: float) -> float:
     """Leave the change of W where F was, and give its size against the tolerance."""
     size = s.size
-    n = s.n
     y = s.y
     z = s.z
     Z = s.Z
@@ -170,16 +244,13 @@ def newton_step(s: Radau, p: Parameters, h: float) -> float:
         F[i] = a - g * W[i]
         F[size + i] = b - alpha * W[size + i] + beta * W[2 * size + i]
         F[2 * size + i] = c - beta * W[size + i] - alpha * W[2 * size + i]
-    J = s.J
-    work = size > 2 * n
+    real = at(F, size)
     imaginary = at(F, 2 * size)
-    solve_real(n, work, g, J, s.K, s.pivots, F)
-    solve_pair(
-        n, work, alpha, beta, J, s.pair, s.pair_pivots, at(F, size), imaginary, s.x
-    )
+    solve_one(s, p, h, F)
+    solve_two(s, p, h, real, imaginary)
     return (
         norm(size, F, s.tolerances)
-        + norm(size, at(F, size), s.tolerances)
+        + norm(size, real, s.tolerances)
         + norm(size, imaginary, s.tolerances)
     )
 

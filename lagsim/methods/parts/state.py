@@ -24,6 +24,10 @@ class State(Memory):
     signals: int  # arguments of functions that may sleep, which are watched
     surfaces: int  # that switches are located on, and laws whose modes end
     inertias: int  # which are followed, whether they vanish on the way
+    # Of Newton's matrix where it is sparse: rows, entries, those of its factors.
+    unknowns: int
+    entries: int
+    filled: int
 
     t: float  # time reached
     end: float  # where the arc ends

@@ -5,7 +5,7 @@ has the bits that the kernel gives by itself. Integers, with sizes, bounds of lo
 indices, are the same in all lanes: what is made of a float by `int` is that of the
 first one. Where a condition of floats differs among lanes both ways are gone, and each
 lane keeps what is stored on its own. Two things cannot be had: `break` and `continue`
-under such a condition.
+under such a condition. A vector has one element here: lanes are what is side by side.
 
 A function given at link time is another one here, of the name `symbol` gives: all that
 it takes are addresses, numbers too.

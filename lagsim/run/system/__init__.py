@@ -73,6 +73,8 @@ class System:
     laws : tuple of Law
     watched : int
         Surfaces and laws: what may end a mode.
+    newton : Newton or None
+        Newton's matrix of an implicit method, where it is sparse.
     parts : list of System
         Of the subsystems, where they are integrated apart.
     sleepers : list of Sleeper
@@ -111,7 +113,8 @@ class System:
             self.m, self.laws = 0, ()
         self.has_work = equations.power is not None
         self.inertias = tuple(varying_inertias(equations, plan))
-        self.has_jacobian = "jacobian" in needs
+        self.newton = plan.newton
+        self.has_jacobian = "jacobian" in needs and self.newton is None
         work = ("work",) if self.has_work else ()
         self.state = (
             *equations.q, *equations.velocities, *work,
@@ -268,7 +271,10 @@ class System:
             n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
             laws=len(self.laws), surfaces=self.surfaces, elements=len(elements),
             loops=self.has_loops, slopes_known=self.has_jacobian, **self._met_sizes(),
+            **({} if self.newton is None else self.newton.sizes),
         )  # fmt: skip
+        if self.newton is not None:
+            self.newton.fill(p)
         if self.met is not None:
             from lagsim.run.system.stepping import fill
 

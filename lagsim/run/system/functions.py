@@ -297,9 +297,11 @@ def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     return {"power": [equations.graph.zero if power is None else power]}
 
 
-def _jacobian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
-    """Give what `kkt.jacobian` begins with."""
+def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
+    """Give what `kkt.jacobian` begins with; or the entries of Newton's matrix."""
     e, g = equations, equations.graph
+    if plan.newton is not None and plan.elimination is not None:
+        return {"jacobian": plan.newton.nodes(e, plan.elimination)}
     residuals = e.motion_residuals()
     state = [g.variable(name) for name in (*e.q, *e.velocities)]
     motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from lagsim.plan.plan import Plan
     from lagsim.run.system.sleepers import Sleeper
     from lagsim.run.system.stepping import Pattern
+    from lagsim.solve.newton import Newton
 
 # Rows in one block: a few hundred kilobytes; fewer where there are many columns.
 BLOCK = 2048
@@ -64,6 +65,7 @@ class Compiled(Protocol):
     laws: tuple[Law, ...]
     met: Pattern | None
     has_jacobian: bool
+    newton: Newton | None
     sleepers: list[Sleeper]
     inertias: tuple[str, ...]
     p: Parameters
@@ -120,6 +122,7 @@ class Runner:
             signals=len(system.sleepers),
             surfaces=system.watched,
             inertias=len(system.inertias),
+            **({} if system.newton is None else system.newton.sizes_of_factors),
         )
         state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
         state.powers[:] = [sleeper.power for sleeper in system.sleepers]
@@ -245,6 +248,7 @@ def of_method(
     del statics["WIDE"], statics["ADAPTIVE"]
     # What a method must make ready for `until` it must for switches.
     statics["UNTIL"] = statics["UNTIL"] or statics["SWITCHES"]
+    statics["SPARSE"] = system.newton is not None
     kernels = [by.start, by.step, by.interpolate]
     if by.ADAPTIVE:
         kernels.append(by.interpolate_rates)

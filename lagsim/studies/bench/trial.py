@@ -231,7 +231,7 @@ class Subject:
         plan = case.plan()
         key = (
             method_named(name).NEEDS, plan.formulation, plan.elimination is None,
-            plan.projected, plan.tape, plan.constant,
+            plan.projected, plan.tape, plan.constant, plan.newton is None,
         )  # fmt: skip
         if key not in self._systems:
             self._systems[key] = System(case.equations, plan)

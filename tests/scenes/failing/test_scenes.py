@@ -97,6 +97,20 @@ def test_a_stiff_method_is_not_held_by_stability():
         assert np.max(np.abs(found["y"] - 0.5 * np.sin(found["x"]))) < 2e-4
 
 
+def test_the_rounding_of_a_stiff_force_shortens_no_steps():
+    # K = 1e8 makes 5e-9 of the last place of y: more than Newton's method is to leave.
+    loose, tight = (
+        run("failing/relaxation", method="radau", rtol=rtol, duration=2)
+        for rtol in (1e-9, 1e-12)
+    )
+    few, many = (x.trajectory.statistics.steps for x in (loose, tight))
+    # Steps go with the power 4/5 of the tolerance, of an error that has the power 4 of
+    # them, or 3 where the order is reduced; 25 times as many where rounding counts.
+    assert many < 2 * 1000 ** (0.8 / 3) * few
+    exact = run("failing/relaxation", method="taylor", rtol=1e-13, duration=2)
+    assert np.max(np.abs(tight["x"] - exact["x"])) < 1e-12
+
+
 def eccentric(h, count, *, swing):
     """Give the energy error of the midpoint rule on Kepler's ellipse, e = 0.3.
 

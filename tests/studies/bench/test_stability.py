@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -291,3 +292,22 @@ def test_large_scenes_have_no_eigenvalues(monkeypatch):
     found = looked_at(COUPLED, "verlet", steps=(0.05, 0.1))
     assert found.borders[0].at_start is None
     assert found.rest.at is None
+
+
+@pytest.mark.slow
+def test_systems_are_shared_where_their_matrices_are_alike():
+    # Ten masses in a row: radau's matrices are sparse, generalized-alpha's are full.
+    q = [f"x{i}" for i in range(10)]
+    springs = [f"({a} - {b})^2" for a, b in pairwise(q)]
+    text = f"""
+coordinates: {{{", ".join(f"{x}: {{}}" for x in q)}}}
+energy:
+  kinetic: {" + ".join(f"{x}_dot^2/2" for x in q)}
+  potential: {" + ".join(springs)}
+initial: {{{", ".join(f"{x}: {0.1 * k**2}" for k, x in enumerate(q))}}}
+simulation: {{duration: 1}}
+"""
+    both, alone = Subject(scene(text)), Subject(scene(text))
+    assert both.run("radau", None, 0, None).verdict
+    shared, own = (x.run("generalized-alpha", 0.05, 20, None) for x in (both, alone))
+    assert shared == own
