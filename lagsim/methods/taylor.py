@@ -60,9 +60,10 @@ from lagsim.methods.parts.power_series import (
     two_to_the,
 )
 from lagsim.methods.parts.projection import met_part, project
-from lagsim.methods.parts.singular import leave_loss, record_health
+from lagsim.methods.parts.singular import leave_loss, passable, record_between
 from lagsim.methods.parts.state import (
     DONE,
+    LOSS_AHEAD,
     NOT_FINITE,
     PROJECTION_FAILED,
     STEP_TOO_SMALL,
@@ -167,6 +168,9 @@ def step(s: Taylor, p: Parameters) -> int:
         series(s.t + s.trial, s.new, p, at(s.series, buffer(s.size, 1.0 - s.which)))
         if conclude(s, p):
             return DONE
+        # Close to a loss of rank a series enlarges rounding by powers of the step.
+        if CONSTRAINED and s.passes > 0.0:
+            return LOSS_AHEAD
 
 
 def propose(s: Taylor, p: Parameters) -> int:
@@ -201,9 +205,9 @@ def conclude(s: Taylor, p: Parameters) -> bool:
     health = s.work[s.n + 1]
     error = check(s, p, h)
     if error <= PASSED:
-        if CONSTRAINED:
-            record_health(s, health, h)
         accept(s, p, h)
+        if CONSTRAINED:
+            record_between(s, p, health, h)
         return True
     shorten(s, h, error)
     return False
@@ -257,7 +261,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     doubtful = error > PASSED and error < 1e300
     if doubtful and look_again(s, p, h, new, at(c, 1 + size), 1.0):
         error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
-    return error
+    return passable(s, error) if CONSTRAINED else error
 
 
 def accept(s: Taylor, p: Parameters, h: float) -> None:

@@ -29,17 +29,13 @@ MOST_STATES = 50
 # With more operations of y' that move no series pays, and nobody looks at it: what an
 # order keeps leaves the processor's nearest memory.
 MOST_MOVING = 1500
-# What a step takes, in ns (measured on fourteen scenes, within a third): DOP853's for
-# itself and each operation, a series' likewise, which doubles where the series takes
-# so many operations.
-DOP853_STEP, DOP853_OPERATION = 500.0, 0.2
-SERIES_STEP, SERIES_OPERATION, SERIES_DOUBLED = 400.0, 0.13, 50_000
-# DOP853 makes so many steps for one of the series at 1e-8 (measured: 1.1 to 1.5), and
-# so many times as many at a tenth of a tolerance (1.9 to 3.1 at 1e-11).
-MORE_STEPS, PER_DECADE = 1.3, 1.23
-# With constraints left only a shorter one is taken unasked: where a linkage passes a
-# change point, longer series of what its rows divide by were seen without an error bar.
-MOST_CONSTRAINED = 6000
+# What a step takes, in ns (measured on six scenes of 4 to 40 components, within a third
+# but for ten rods at 1e-8): DOP853's for itself and each operation, a series' likewise.
+DOP853_STEP, DOP853_OPERATION = 450.0, 0.22
+SERIES_STEP, SERIES_OPERATION = 150.0, 0.18
+# DOP853 makes so many steps for one of the series at 1e-8 (measured: 1.0 to 1.3), and
+# so many times as many at a tenth of a tolerance (2.6 to 3.4 at 1e-12).
+MORE_STEPS, PER_DECADE = 1.2, 1.23
 # What gains less than this is not worth the time that a series takes to compile.
 PAYS = 1.25
 # At looser tolerances a tenth and more of its steps are made in vain.
@@ -103,10 +99,7 @@ def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
         return 0.0
     solves, stages = step_parts(equations, solved)
     operations = solves + series_cost(equations, solved, rtol).operations
-    if equations.rows and operations > MOST_CONSTRAINED:
-        return 0.0
-    more = 1.0 + operations / SERIES_DOUBLED
-    series = SERIES_STEP + SERIES_OPERATION * more * operations
+    series = SERIES_STEP + SERIES_OPERATION * operations
     dop853 = DOP853_STEP + DOP853_OPERATION * (solves + stages)
     decades = math.log10(1e-8 / rtol)
     steps = MORE_STEPS * math.pow(PER_DECADE, decades)

@@ -51,7 +51,10 @@ class Plain:
 
     def kernel(self, name: str) -> Callable[..., Any]:
         """Give a kernel of the method."""
-        return bind(getattr(self.method, name), self.model, self.statics)
+        called = self.model
+        if name != "interpolate":
+            called = called | {"interpolate": self.kernel("interpolate")}
+        return bind(getattr(self.method, name), called, self.statics)
 
     def advance(self, s: Any, p: Any, out: Any, rows: int, budget: int) -> int:
         """Do what the native `advance` does; `out` is flat."""

@@ -89,3 +89,13 @@ def test_steps_that_are_capped_pass_as_well(longest):
     found.session._replace(longest_step=longest).run([keep])
     rows = keep.table
     assert deviation(rows[:, 0], rows[:, 1:5]) < 1e-7
+
+
+@pytest.mark.parametrize("rtol", ["1e-10", "1e-11"])
+def test_a_series_does_not_pass_it_on_rounding(rtol):
+    # Places of 1e5 are known to 1e-11, which the passage divides by the independence; a
+    # series through it would lie off by high powers of the step, and take a wrong way.
+    found = run(LINKAGE.format(offset=1e5), rtol=rtol, method="taylor")
+    assert deviation(found["t"], found.rows[:, 1:5], 1e5) < 1e-5
+    kinds = [e.kind for e in found.trajectory.events]
+    assert kinds.count("rank") == 6  # three constraints, twice

@@ -74,6 +74,19 @@ def record_health(s: State, health: float, h: float) -> None:
     s.health = health
 
 
+def record_between(s: State, p: Parameters, health: float, h: float) -> None:
+    """Do the same for a method whose steps are long: by way of the middle of the step.
+
+    The health at both ends of one may be the same while it vanishes in between.
+    """
+    first = s.health
+    record_health(s, health_at(s, p, 0.5), 0.5 * h)
+    watched = s.watched
+    record_health(s, health, 0.5 * h)
+    s.previous_health = first
+    s.watched = max(s.watched, watched)
+
+
 @rare
 def clear_of_loss(s: State, p: Parameters, h: float, rest: float) -> float:
     """Give a step that keeps its distance from a loss of rank: about h, or less.
