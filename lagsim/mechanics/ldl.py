@@ -144,14 +144,6 @@ class Factorisation:
                 x[k] = value
         return x
 
-    def less(self, node: int, z: Mapping[int, int], other: Mapping[int, int]) -> int:
-        """Give node - z^T D^-1 other."""
-        g = self.g
-        for k in sorted(z.keys() & other.keys()):
-            part = g.call("mul", g.call("mul", z[k], self.inverse[k]), other[k])
-            node = g.call("sub", node, part)
-        return node
-
     def solve(self, right: Mapping[int, int]) -> Vector:
         """Give the solution for `right`."""
         return self.backward(self.forward(right))

@@ -26,7 +26,7 @@ from lagsim.mechanics.reduction._equations import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.mechanics.equations import Equations
 
@@ -101,10 +101,11 @@ def ignored(
     M = dict(full.mass_entries)
     f = list(full.f)
     for i, z in Z.items():
-        f[i] = factors.less(f[i], z, force)
+        f[i] = _less(factors, f[i], z, force)
         for j, other in Z.items():
             if j <= i:
-                M[i, j] = M[j, i] = factors.less(M.get((i, j), g.zero), z, other)
+                entry = M.get((i, j), g.zero)
+                M[i, j] = M[j, i] = _less(factors, entry, z, other)
     bends = factors.solve(
         {k: _less_inertia(full, c, left) for k, c in enumerate(coordinates)}
     )
@@ -129,6 +130,17 @@ def _factored(e: Equations, coordinates: Sequence[int]) -> Factorisation:
         if d in e.M[c].entries
     }
     return Factorisation(e.graph, len(coordinates), entries, Meter())
+
+
+def _less(
+    factors: Factorisation, node: int, z: Mapping[int, int], other: Mapping[int, int]
+) -> int:
+    """Give node - z^T D^-1 other."""
+    g = factors.g
+    for k in sorted(z.keys() & other.keys()):
+        part = g.call("mul", g.call("mul", z[k], factors.inverse[k]), other[k])
+        node = g.call("sub", node, part)
+    return node
 
 
 def _less_inertia(e: Equations, c: int, left: Sequence[int]) -> int:
