@@ -52,7 +52,7 @@ CASES = {
     "held": (ON_CURVE, DOP853),
     "held until": (ON_CURVE, f"{DOP853}, {UNTIL}"),
     "held twice until": (TWICE, UNTIL),
-    "steered": (STEERED, ""),
+    "steered": (STEERED, DOP853),
     "rk4": ("", FIXED),
     "rk4 until": ("", f"{FIXED}, {UNTIL}"),
     "rk4 held until": (ON_CURVE, f"{FIXED}, {UNTIL}"),
