@@ -245,6 +245,7 @@ MORE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MORE)
 def test_constraint_forces_are_those_of_the_reduced_system(name):
     def forces(relations):

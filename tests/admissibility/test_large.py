@@ -104,6 +104,7 @@ def test_a_coordinate_without_inertia(monkeypatch):
     assert start.degrees_of_freedom == 6
 
 
+@pytest.mark.slow
 def test_factors_grow_with_a_chain(monkeypatch):
     sizes = []
     factored = large._factored

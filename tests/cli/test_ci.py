@@ -198,6 +198,7 @@ def test_reports_that_cannot_be_written(lagsim, differing):
         assert "cannot be written" in called.err
 
 
+@pytest.mark.slow
 def test_two_models_of_one_name_share_no_golden(lagsim, write, tmp_path):
     named = "name: one\n" + PENDULUM
     files = [write(named, "a.yaml"), write(named + "x-other: 1\n", "b.yaml")]

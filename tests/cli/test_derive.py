@@ -226,6 +226,7 @@ def test_faults_are_json_where_json_is_asked_for(lagsim):
     assert problem["code"] == "unreadable"
 
 
+@pytest.mark.slow
 def test_letters_that_the_terminal_does_not_know():
     done = process("derive", PENDULUM, PYTHONIOENCODING="ascii")
     assert done.returncode == 0

@@ -75,6 +75,7 @@ def test_another_method_or_version_is_noted(lagsim, stored, write):
     assert "the golden is from lagsim 0.0." in called.out
 
 
+@pytest.mark.slow
 def test_columns_that_are_gone_or_new(lagsim, stored, write):
     more = PENDULUM.replace("energy:", "definitions: {h: -l*cos(theta)}\nenergy:")
     write(more, "pendulum.yaml")
@@ -142,6 +143,7 @@ def test_several_models_are_all_told_of(lagsim, write, stored):
     assert "missing.yaml" in called.err
 
 
+@pytest.mark.slow
 def test_models_that_cannot_run(lagsim, write):
     assert lagsim("golden", write(TIMELESS), "--update").code == 2
     assert lagsim("golden", write(CAPTION), "--update").code == 1

@@ -137,6 +137,7 @@ def test_a_misspelt_column_is_guessed(overlay):
     assert "did you mean `kinetic`?" in told.err
 
 
+@pytest.mark.slow
 @needs_browser
 def test_side_by_side_in_a_browser(overlay, tmp_path):
     assert overlay("round", "ball", "-o", "it.html").code == 0

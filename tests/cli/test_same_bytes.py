@@ -43,7 +43,7 @@ def digests(folder, model, **around):
     "model",
     [
         pytest.param("elastic-pendulum-steered", marks=pytest.mark.nightly),
-        pytest.param("dry-friction", marks=pytest.mark.slow),
+        pytest.param("dry-friction", marks=pytest.mark.nightly),
     ],
 )
 def test_whatever_is_set_around_it(tmp_path, model):

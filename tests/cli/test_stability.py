@@ -54,6 +54,7 @@ def test_the_files_and_the_table(lagsim, write):
     assert "equilibrium  x = 0" in called.out
 
 
+@pytest.mark.slow
 def test_the_document(lagsim, write):
     called = lagsim("stability", write(OSCILLATOR), *SOME, "-o", "out", "--json")
     assert called.code == 0
@@ -95,6 +96,7 @@ def test_a_parameter_varies(lagsim, write):
     assert "holds below, k = 16" in called.out
 
 
+@pytest.mark.slow
 def test_quiet(lagsim, write):
     called = lagsim("stability", write(OSCILLATOR), *SOME, "-q", "-o", "out")
     assert (called.code, called.out, called.err) == (0, "", "")

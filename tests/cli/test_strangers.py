@@ -136,6 +136,7 @@ def run_there(*command, **environment):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("lagsim")
 def test_nothing_of_the_working_directory_is_read(write):
     model = write(PENDULUM)
@@ -167,6 +168,7 @@ def test_processes_that_a_command_starts_read_nothing_there_either(write):
     assert "stranger" not in done.stdout
 
 
+@pytest.mark.slow
 def test_matplotlib_is_loaded_with_nobodys_settings():
     first = "lagsim.outputs.bare_matplotlib"
     files = []

@@ -344,6 +344,7 @@ def test_rows_of_another_sweep_are_not_gone_on_with(lagsim, write, interrupted):
     assert names("out") == ["sweep.csv", "sweep.json"]
 
 
+@pytest.mark.slow
 def test_a_torn_line_is_made_again(lagsim, write):
     sweep = ("sweep", write(SPRING), "K=20:30:4", *QUICK, "-o", "out", "-j", 1)
     lagsim(*sweep)

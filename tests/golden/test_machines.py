@@ -101,6 +101,7 @@ def test_functions_that_round_otherwise(name):
     assert found.passed, told(found)
 
 
+@pytest.mark.slow
 def test_functions_do_round_otherwise(request):
     usual = motion_of(scene("double-pendulum"), 1).rows
     request.getfixturevalue("rounding_otherwise")

@@ -16,7 +16,7 @@ from tests.support import ROOT
 
 SEED = 16
 # A case takes about 10 ms: 10^4 of them would be most of the slow suite.
-QUICK, SLOW, CHUNK = 30, 4000, 1000
+QUICK, SLOW, CHUNK = 30, 2000, 1000
 NIGHTLY = int(os.environ.get("LAGSIM_HUNT", "1000000"))
 
 
@@ -81,7 +81,7 @@ forks = pytest.mark.skipif(not hasattr(os, "fork"), reason="processes of another
 @forks
 @pytest.mark.slow
 def test_kills(tmp_path):
-    killed(200, tmp_path, SEED)
+    killed(100, tmp_path, SEED)
 
 
 @forks

@@ -167,6 +167,7 @@ def differences(program: Program, state: dict[str, float]) -> list[Any]:
     return found
 
 
+@pytest.mark.slow
 @given(programs(), states)
 @settings(max_examples=300, deadline=None, derandomize=True)
 def test_gradient_tangent_and_differences_agree(

@@ -91,6 +91,7 @@ def test_never_raises() -> None:
 OPERATIONS = ({*SMOOTH} - {"atan2"}) | {"abs", "min", "max"}
 
 
+@pytest.mark.slow
 @given(programs(sorted(OPERATIONS)), states)
 @settings(max_examples=500, deadline=None, derandomize=True)
 def test_the_bound_bounds(program: Program, state: dict[str, float]) -> None:

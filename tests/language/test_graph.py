@@ -203,6 +203,7 @@ def test_deep_expressions_exhaust_nothing() -> None:
     assert evaluate(g, [moved], {"y": 0.5}) == evaluate(g, [node], {"x": 0.5})
 
 
+@pytest.mark.slow
 @given(programs(), states)
 @settings(max_examples=300, deadline=None, derandomize=True)
 def test_simplification_keeps_values(program: Program, state: dict[str, float]) -> None:

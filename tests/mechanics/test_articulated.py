@@ -269,6 +269,7 @@ def test_what_is_no_polynomial_of_velocities_keeps_its_entries() -> None:
     assert derive(read(text, "links")).chains is None
 
 
+@pytest.mark.slow
 def test_operations_grow_as_the_number_of_links() -> None:
     found = []
     for n in (50, 100, 200):
@@ -283,6 +284,7 @@ def test_operations_grow_as_the_number_of_links() -> None:
     assert np.all(growth[1:] == 2 * growth[:-1])
 
 
+@pytest.mark.slow
 def test_examining_and_planning_write_no_matrix_out() -> None:
     # From so many links on no series is written out to be counted.
     sizes = []

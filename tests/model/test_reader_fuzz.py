@@ -63,6 +63,7 @@ def check(text: str) -> None:
     str(error).encode()
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(st.lists(change, min_size=1, max_size=5))
 def test_changes_of_a_valid_file(changes):

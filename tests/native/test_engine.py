@@ -114,6 +114,7 @@ def test_callables_keep_the_engine() -> None:
     assert kept() is None
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 def test_dropped_engines_free_their_code() -> None:
     # A table of 2 MB in each: kept, 40 of them would show.

@@ -206,6 +206,7 @@ def long_functions(g: Graph) -> dict[str, list[int]]:
     return {"f": [*made, late, x, a, hoisted[3]], "h": made[40:60]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("piece", [1, 2, 7, 50])
 def test_pieces_give_the_same_bits(piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
     g = Graph()
@@ -241,6 +242,7 @@ def test_longer_than_a_piece_and_deep() -> None:
     assert compiled.at(VALUES) == pytest.approx(expected, rel=1e-13)
 
 
+@pytest.mark.slow
 @given(st.lists(programs(), min_size=20, max_size=20), st.lists(states, min_size=5))
 @settings(max_examples=30, deadline=None, derandomize=True)
 def test_random_expressions(many: Any, some_states: Any) -> None:

@@ -176,6 +176,7 @@ def kind_of(path, **options):
     return {link["kind"] for link in animation.record(film)["links"]}
 
 
+@pytest.mark.slow
 def test_what_links_are_like():
     assert kind_of(PENDULUM) == {"rod"}
     assert kind_of(MODELS / "elastic-pendulum.yaml", duration=2) == {"spring"}

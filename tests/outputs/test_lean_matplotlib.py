@@ -43,6 +43,7 @@ def drawn(folder, before, name):
     return {path.name: path.read_bytes() for path in folder.glob("*.png")}, loaded
 
 
+@pytest.mark.slow
 def test_nothing_drawn_changes_and_nothing_unused_is_loaded(tmp_path):
     plain, everything = drawn(tmp_path / "plain", PLAIN, "elastic-pendulum")
     lean, loaded = drawn(tmp_path / "lean", LEAN, "elastic-pendulum")
@@ -62,6 +63,7 @@ def test_nothing_drawn_changes_in_any_model(tmp_path, name):
     assert (lean, loaded) == (plain, [])
 
 
+@pytest.mark.slow
 def test_a_version_that_does_not_go_along_is_loaded_as_it_is(tmp_path):
     refused, everything = drawn(tmp_path / "refused", REFUSED, "kepler")
     assert len(refused) >= 2

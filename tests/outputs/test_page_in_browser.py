@@ -55,6 +55,7 @@ def result_files(folder):
     return {path.name for path in folder.iterdir()}
 
 
+@pytest.mark.slow
 def test_between_rows(tmp_path):
     page = written(SPRING, tmp_path / "results")
     t, points = shown(page, tmp_path / "home", "#t=2.3")
@@ -65,6 +66,7 @@ def test_between_rows(tmp_path):
     assert math.isclose(y, 2 * math.cos(2.3), abs_tol=2 * 0.5**4 / 384)
 
 
+@pytest.mark.slow
 def test_beside_an_impact(tmp_path):
     page = written(BALL, tmp_path / "results")
     # 0.05 s after it, between the impact at 1 s and the row at 1.2 s: a parabola, which
@@ -75,6 +77,7 @@ def test_beside_an_impact(tmp_path):
     assert math.isclose(points["ball"][1], expected, abs_tol=4.9 * ROUNDED)
 
 
+@pytest.mark.slow
 def test_in_space_and_at_the_ends(tmp_path):
     page = written(CIRCLE, tmp_path / "results")
     t, points = shown(page, tmp_path / "home", "#t=100")

@@ -159,6 +159,7 @@ def test_a_singular_mass_matrix_is_solved_with_the_constraints():
     assert "mass matrix solved with the constraints" in reasons(plan)
 
 
+@pytest.mark.slow
 def test_too_long_a_system_is_solved_by_loops():
     n = 30
     names = [f"a{k}" for k in range(n)]
@@ -183,6 +184,7 @@ def test_plans_are_repeatable():
     assert plan_of("andrews").choices == plan_of("andrews").choices
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "scene", "sizes", "slopes"),
     [

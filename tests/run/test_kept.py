@@ -119,6 +119,7 @@ def test_what_is_refused_is_refused_again():
             Counted()(asked)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("empty")
 def test_what_is_damaged_is_made_anew(tmp_path):
     find = Counted()
@@ -148,6 +149,7 @@ def test_it_binds_other_values_as_the_one_that_was_made():
     assert second.settings() == first.settings()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("empty")
 def test_what_is_nested_deep_runs_kept_or_not():
     deep = "(" * 90 + "k*x^2/2" + ")" * 90

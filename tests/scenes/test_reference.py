@@ -166,6 +166,7 @@ def test_the_steady_rolling_disk_costs_few_steps():
         assert statistics.rejections <= 5
 
 
+@pytest.mark.slow
 def test_bricard_costs_few_steps():
     # Of 24 coordinates 8 stay where they are, and one row of 24 is dependent: off the
     # constraints, in the stages of a step, it must not act as an independent one.

@@ -221,6 +221,7 @@ simulation: {duration: 2, output_step: 0.1}
     assert result["lambda_a"] == pytest.approx(-9.81e7, rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("N", "speed", "length"),
     [(1, 1, 1.0), (2, 1, 1.0), (3, 1, 1.0), (2, 5, 1.0), (3, -0.5, 3.0), (4, 1, 1.7)],

@@ -53,6 +53,7 @@ def test_who_dies_is_told_and_the_others_are_done():
     assert found == {0: 1, 2: 4, 3: 9}
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_what_is_under_way_and_begins_nothing():
     interrupt, found = Interrupt(), {}
     for number, result in spread(waited, range(4), 2, interrupt):

@@ -72,6 +72,7 @@ simulation: {{duration: 2, output_step: 0.05, until: "{a} = 0.123"}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_random_scenes_agree(seed):
     text = random_scene(seed)

@@ -241,6 +241,7 @@ def test_a_search_without_end_pauses():
     assert time.perf_counter() - begin < 20.0
 
 
+@pytest.mark.slow
 def test_memory_is_bounded():
     first = search("floor(1e6*t)", 0.0, 1e9)
     tracemalloc.start()

@@ -50,6 +50,7 @@ def test_a_penalty_bounds_the_drift_and_never_removes_it():
     assert 1e-9 < long < 1e-2 * worst_residual("drift", 80)
 
 
+@pytest.mark.slow
 def test_a_tuned_gain_beats_drift_and_a_large_one_does_not():
     """Andrews' mechanism at equal evaluations; projection beats them all."""
     exact = run("andrews", formulation="projection", rtol="1e-13")

@@ -76,6 +76,7 @@ simulation: {duration: 20}
 # Steps
 
 
+@pytest.mark.slow
 def test_without_pi_control_steps_swing_about_the_stability_bound(monkeypatch):
     options = {"method": "dop853", "rtol": 1e-6, "duration": 5}
     with_pi = run("failing/relaxation", **options).trajectory.statistics
@@ -140,6 +141,7 @@ def eccentric(h, count, *, swing):
     return worst
 
 
+@pytest.mark.slow
 def test_the_midpoint_rule_with_steps_that_vary_drifts():
     # Conserving energy on the whole is a property of one step size: an error of order 2
     # that swings, against one that adds up over orbits.

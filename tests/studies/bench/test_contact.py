@@ -71,6 +71,7 @@ def test_what_knows_nothing_of_laws_is_left_out_with_the_reason(charted):
     assert "constraints that hold at times" in reasons["scipy:BDF"]
 
 
+@pytest.mark.slow
 def test_a_ball_at_rest_after_other_numbers_of_bounces_is_compared():
     ball = scenes.ball(0.5, duration=2, output_step=0.02)
     found = measure(case(ball), Wish(("dop853",), (1e-3, 1e-9)))

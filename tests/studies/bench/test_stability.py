@@ -176,6 +176,7 @@ def test_refusals():
         looked_at(DAMPED, "dop853", steps=(0.1, 1.0))
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_it():
     interrupt = Interrupt()
 

@@ -77,6 +77,7 @@ def test_every_text_of_a_crowd_does(strips):
     assert set(VERDICTS) <= set(drawing.written())
 
 
+@pytest.mark.slow
 def test_every_text_of_maps_does_and_axes_have_their_units(maps):
     drawing = drawn(chart, "spring", maps, "k")
     assert_legible(drawing)

@@ -256,8 +256,8 @@ def test_the_reference_of_chaos_ends_where_solutions_part():
     options = {"duration": "40"}
     model = read_file(str(MODELS / "double-pendulum.yaml"), options=options)
     reference = make_reference(open_case(model))
-    # Growth by about e^1.2 each second from rounding leaves 1e-10 somewhere before 15 s,
-    # and nothing at 40.
+    # Growth by about e^1.2 each second from rounding leaves 1e-10 somewhere before 15
+    # s, and nothing at 40.
     assert reference.horizon is not None
     assert 4.0 < reference.horizon < 15.0
     assert reference.floor <= 1e-10
