@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from lagsim.api.deriving import Derivation, derive
     from lagsim.api.examining import Examination, InadmissibleError, check
     from lagsim.api.loading import load
-    from lagsim.api.simulating import Result, simulate
+    from lagsim.api.models import Model
+    from lagsim.api.results import Result
+    from lagsim.api.simulating import simulate
     from lagsim.api.sweeping import Sweep, sweep
 
 __all__ = [
@@ -37,6 +39,7 @@ __all__ = [
     "InadmissibleError",
     "InputError",
     "LagsimError",
+    "Model",
     "Result",
     "Sweep",
     "__version__",
@@ -52,7 +55,8 @@ _PLACES = {
     "Derivation": "deriving",
     "Examination": "examining",
     "InadmissibleError": "examining",
-    "Result": "simulating",
+    "Model": "models",
+    "Result": "results",
     "Sweep": "sweeping",
     "check": "examining",
     "derive": "deriving",

@@ -95,6 +95,12 @@ class Problem(NamedTuple):
         """Its column, from 1."""
         return self.place.column if self.place else None
 
+    def __repr__(self) -> str:
+        where = (
+            f" at {visible(self.place.file)}:{self.place.line}" if self.place else ""
+        )
+        return f"<Problem {self.number} {self.code}{where}: {visible(self.text):.160}>"
+
     def __str__(self) -> str:
         """Give the fault as FILE:LINE:COLUMN, the source line, a caret and the hint."""
         return self.shown()
@@ -137,6 +143,10 @@ class InputError(LagsimError):
         self.problems = tuple(problem.whole for problem in problems)
         self.code = self.problems[0].code
         super().__init__(self.problems)  # another process makes it anew from these
+
+    def __repr__(self) -> str:
+        first, more = self.problems[0], len(self.problems) - 1
+        return f"<InputError: {first!r}{f' and {more} more' if more else ''}>"
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.problems))

@@ -30,6 +30,10 @@ class Event(NamedTuple):
     rate_after: float | None = None
     energy: float | None = None
 
+    def __repr__(self) -> str:
+        said = ((k, v) for k, v in self._asdict().items() if v is not None)
+        return f"Event({', '.join(f'{name}={value!r}' for name, value in said)})"
+
 
 class Caution(NamedTuple):
     """Something the user should know; `code` is stable."""

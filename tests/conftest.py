@@ -1,11 +1,23 @@
-"""What tests of several folders share."""
+"""What tests of several folders share, and which of them are run.
+
+Set in the environment:
+
+LAGSIM_TEST_PATIENCE : 1; every timeout of a test is so many times longer.
+LAGSIM_TEST_COMMIT : nothing; with one the cases that are quick change with it.
+LAGSIM_TEST_SLICE : nothing; `slow=4,nightly=100` keeps one in four of the slow tests
+    and one in a hundred of the nightly ones, others with each commit.
+LAGSIM_TEST_SKIPS : nothing; the run fails if more tests than this are skipped.
+"""
 
 from __future__ import annotations
 
+import os
 import signal
-from collections import Counter
 
 import pytest
+
+from tests.choosing import chosen, slices
+from tests.patience import PATIENCE
 
 
 @pytest.fixture
@@ -74,7 +86,6 @@ MANY_LIKE_CASES = {
     "test_tapes_give_the_bits_of_compiled_code",
     "test_terms_add_up_to_the_equation",
     "test_the_default_tolerances_are_tight_enough",
-    "test_the_motion_is_still_the_same",
     "test_the_wall_is_met_from_far",
     "test_units_do_not_matter",
     "test_verdicts_depend_on_neither_scale_nor_units",
@@ -83,11 +94,52 @@ MANY_LIKE_CASES = {
 QUICK_ONE_IN = 5
 
 
-def pytest_collection_modifyitems(items):
-    seen: Counter[tuple[str, str]] = Counter()
+# What tests start shows where it is when `finished` ends it.
+os.environ.setdefault("PYTHONFAULTHANDLER", "1")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    commit = os.environ.get("LAGSIM_TEST_COMMIT", "")
     for item in items:
-        name = getattr(item, "originalname", "")
-        if name in MANY_LIKE_CASES:
-            seen[item.module.__name__, name] += 1
-            if seen[item.module.__name__, name] % QUICK_ONE_IN != 1:
-                item.add_marker(pytest.mark.slow)
+        many = getattr(item, "originalname", "") in MANY_LIKE_CASES
+        if many and not chosen(item.nodeid, commit, QUICK_ONE_IN):
+            item.add_marker(pytest.mark.slow)
+        _have_patience(item, float(config.getini("timeout")))
+    kept = [item for item in items if _in_the_slice(item, commit)]
+    gone = [item for item in items if not _in_the_slice(item, commit)]
+    if gone:
+        config.hook.pytest_deselected(items=gone)
+        items[:] = kept
+
+
+def _in_the_slice(item, commit):
+    """Tell whether a slow or nightly test has its turn: the rarer mark decides."""
+    one_in = slices(os.environ.get("LAGSIM_TEST_SLICE", ""))
+    for mark in ("nightly", "slow"):
+        if item.get_closest_marker(mark):
+            return chosen(item.nodeid, f"slice {commit}", one_in.get(mark, 1))
+    return True
+
+
+def _have_patience(item, usual):
+    """Let a test take longer where all do; its stacks are printed when it is over."""
+    marker = item.get_closest_marker("timeout")
+    if PATIENCE != 1.0:
+        seconds = marker.args[0] if marker else usual
+        item.add_marker(pytest.mark.timeout(PATIENCE * seconds), append=False)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session, exitstatus):
+    """Fail a run whose tests are skipped although nothing says that they may be."""
+    most = os.environ.get("LAGSIM_TEST_SKIPS")
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if not most or reporter is None or hasattr(session.config, "workerinput"):
+        return
+    skipped = reporter.stats.get("skipped", [])
+    if len(skipped) > int(most) and exitstatus == pytest.ExitCode.OK:
+        reporter.write_line(f"{len(skipped)} tests are skipped, {most} may be:")
+        for report in skipped:
+            reporter.write_line(f"  {report.nodeid}: {report.longrepr[-1]}")
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED

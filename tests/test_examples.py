@@ -14,12 +14,15 @@ import json
 import re
 import shutil
 import sys
+from decimal import Decimal
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
 import lagsim as house
+from benchmarks import readme
 from tests.cli._results import table
 from tests.cli.conftest import lagsim  # noqa: F401
 from tests.pages import PAGES, blocks, commands, indented, text_of, words_of
@@ -199,13 +202,23 @@ def test_the_repair_that_is_shown_is_the_nearest(folder, lagsim):  # noqa: F811
         assert other == pytest.approx(one, rel=1e-12)
 
 
+def test_the_tutorial_shows_the_template(lagsim):  # noqa: F811
+    lagsim("new", "pendulum")
+    lines = Path("pendulum.yaml").read_text(encoding="utf-8").splitlines()
+    plain = [line.partition("#")[0].rstrip() for line in lines]
+    shown = only("docs/tutorial.md", "yaml", "Phase plane")
+    assert shown.splitlines() == [line for line in plain if line]
+
+
 @pytest.mark.parametrize("page", ["docs/tutorial.md", "docs/errors.md"])
-def test_the_fault_that_is_shown(page, folder, lagsim):  # noqa: F811
-    model = only("docs/tutorial.md", "yaml", "name: pendulum")
-    (folder / "pendulum.yaml").write_text(model.replace("sin(theta)", "sin theta"))
+def test_the_fault_that_is_shown(page, lagsim):  # noqa: F811
+    lagsim("new", "pendulum")
+    path = Path("pendulum.yaml")
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("sin(theta)", "sin theta"), encoding="utf-8")
     called = lagsim("check", "pendulum.yaml")
     assert (called.code, called.out) == (2, "")
-    assert called.err == only(page, "text", "pendulum.yaml:9:20")
+    assert called.err == only(page, "text", "pendulum.yaml:20:20")
 
 
 @pytest.mark.slow
@@ -317,25 +330,24 @@ def test_the_reactions_are_those_of_the_page(lagsim, tmp_path):  # noqa: F811
 
 
 def test_what_is_compared_was_measured():
-    """The README's times are those of the benchmarks' tables."""
+    """The README's times are those of the benchmarks' tables, with two digits."""
+    text = text_of("README.md")
+    assert text == readme.page(text)
+    part = text.partition("## How it compares\n")[2].partition("\n## ")[0]
     measured = "".join(
-        (ROOT / "benchmarks" / name).read_text()
+        (ROOT / "benchmarks" / name).read_text(encoding="utf-8")
         for name in ("results.md", "results-rivals.md")
     )
-    part = (
-        text_of("README.md").partition("## How it compares\n")[2].partition("\n## ")[0]
-    )
-    rows = [
-        re.split(r" *\| *", line)[1:-1]
-        for line in part.splitlines()
-        if line.startswith("|")
-    ]
-    assert len(rows) > 5
-    for scene, error, own, best in rows[2:]:
-        assert f"| {scene} | {error} | {own} | {best} |" in measured
-    told = re.findall(r"\b(\d[\d.e+]*) ms\b", part)
-    assert told
-    assert all(re.search(rf"\| {re.escape(x)} \|", measured) for x in told)
+    cells = re.findall(r"(?<=[|:]) (\d[\d.]*(?:e\+\d+)?)(?= \|)", measured)
+    known = {f"{Decimal(x):.1e}" for x in cells}
+    times = re.findall(r"\| ([\d.]+) \| \w+: ([\d.]+) \|", part)
+    assert len(times) > 5
+    assert {f"{Decimal(x):.1e}" for pair in times for x in pair} <= known
+    seconds = re.findall(r"\b(\d+\.\d+) s\b", part)
+    assert len(seconds) == 2
+    assert {f"{1000 * Decimal(x):.1e}" for x in seconds} <= known
+    for number in [x for pair in times for x in pair] + seconds:
+        assert len(number.replace(".", "").lstrip("0")) <= 2
 
 
 def test_the_continuous_integration_runs_the_commands_of_the_readme():

@@ -28,7 +28,7 @@ def test_columns_are_those_of_single_runs(capsys):
         assert found["energy.min"][k] == single["energy"].min()
         assert found["theta_dot.max"][k] == single["theta_dot"].max()
         assert found["error"][k] == single.error.relative
-    assert repr(found) == "<Sweep of swing: 4 of 4 runs complete>"
+    assert repr(found).startswith("<Sweep of swing: 4 of 4 runs complete\n")
     with pytest.raises(KeyError, match="there is no column `phi`"):
         found["phi"]
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
 
 import numpy as np
@@ -10,6 +12,7 @@ from scipy.special import ellipj, roots_laguerre
 
 import lagsim
 from tests.pages import blocks
+from tests.support import ROOT
 
 MODELS = {
     re.search(r"^name: (\S+)", block.text)[1]: block.text
@@ -125,3 +128,18 @@ def test_a_body_tumbles(result):
 
 def test_each_recipe_is_held_against_its_formula():
     assert set(MODELS) == HELD
+
+
+@pytest.mark.slow
+def test_one_problem_in_several_tools():
+    """docs/coming-from.md: what it prints of lagsim, and that scipy's text agrees."""
+    (model,) = (b.text for b in blocks("docs/coming-from.md") if b.kind == "yaml")
+    result = lagsim.simulate(lagsim.load(model), error_bar="never")
+    page = (ROOT / "docs/coming-from.md").read_text("utf-8")
+    script = next(t for b in blocks("docs/coming-from.md") if "scipy" in (t := b.text))
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(compile(script, "coming-from", "exec"), {})
+    assert abs(result["theta"][-1] - float(printed.getvalue())) < 1e-9
+    assert f"it is {result['theta'][-1]:.9f}." in page
+    assert len([e for e in result.events if e.kind == "impact"]) == 2

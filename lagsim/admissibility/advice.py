@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.admissibility.angles import about_angles
 from lagsim.language.parser import parse
 from lagsim.language.tokens import ExpressionError
 from lagsim.notes import Caution
@@ -14,15 +15,12 @@ if TYPE_CHECKING:
     from lagsim.admissibility.dependence import Dependence
     from lagsim.admissibility.report import RankReport
     from lagsim.admissibility.verdict import Residual, Verdict
-    from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
 
 # As many names are told of which one could be a guess.
 MOST_NAMES = 4
-DEGREES = ("deg", "degree", "degrees", "°")
-_OF_ANGLES = ("sin", "cos", "tan")
 
 
 def rough_starts(
@@ -99,33 +97,7 @@ def about_names(model: Model) -> Iterator[Caution]:
     for name in model.unused:
         text = f"the parameter `{name}` is given and used nowhere"
         yield Caution("unused-parameter", text)
-    g = model.graph
-    units = [(p.name, p.unit) for p in model.parameters]
-    units += [(q.name, q.unit) for q in model.coordinates]
-    named = {g.variable(name): name for name, unit in units if unit in DEGREES}
-    named |= {x.node: x.name for x in model.definitions if x.unit in DEGREES}
-    for node in range(len(g)) if named else ():
-        for term in _terms(g, node) if g.ops[node] in _OF_ANGLES else ():
-            if name := named.pop(term, ""):
-                yield Caution(
-                    "degrees",
-                    f"`{name}` has the unit deg and enters {g.ops[node]}, which takes "
-                    f"radians: units never scale numbers; write {name}*pi/180 there, "
-                    "or give it in rad",
-                )
-                break
-
-
-def _terms(g: Graph, function: int) -> Iterator[int]:
-    """Give the terms of the argument of a function, without whole factors."""
-    below = list(g.args[function])
-    while below:
-        node = below.pop()
-        yield node
-        factors = [g.value(n) for n in g.args[node]]
-        whole = any(f is not None and f.is_integer() for f in factors)
-        if g.ops[node] in ("add", "sub", "neg") or (g.ops[node] == "mul" and whole):
-            below += g.args[node]
+    yield from about_angles(model)
 
 
 def multiple_roots(equations: Equations) -> Iterator[Caution]:
@@ -135,9 +107,9 @@ def multiple_roots(equations: Equations) -> Iterator[Caution]:
             name = constraint.name
             yield Caution(
                 "multiple-root",
-                f"`{name}` is a power of what it sets to zero, so that its gradient "
-                "vanishes wherever it holds: it is met as a simple root, and "
-                f"lambda_{name} and residual_{name} are those of the root",
+                f"`{name}` is a power, so that its gradient vanishes wherever it "
+                f"holds: its simple root is taken in its place, and lambda_{name} "
+                f"and residual_{name} are those of the root",
             )
 
 
@@ -150,7 +122,7 @@ def about_reactions(equations: Equations) -> Iterator[Caution]:
     for name, node in reactions(equations).items():
         if node == equations.graph.zero:
             text = f"`reaction.{name}` is 0 throughout: no energy, no force and no "
-            text += f"constraint is written with `{name}`"
+            text += f"constraint uses `{name}`"
             yield Caution("reaction-zero", text)
 
 
@@ -169,8 +141,8 @@ def about_ranks(
         rest = f"; unique are those of {', '.join(unique)}" if unique else ""
         yield Caution(
             "multipliers-not-unique",
-            f"the multipliers of {', '.join(ranks.not_unique)} are not unique (the "
-            f"least are given){rest}; the constraint forces Qc are",
+            f"the multipliers of {', '.join(ranks.not_unique)} are not unique "
+            f"(those of least norm are given){rest}; the constraint forces Qc are",
         )
 
 
@@ -180,10 +152,10 @@ def _about(d: Dependence) -> Caution:
         where = here if d.everywhere is False else ""
         return Caution(
             "vanishing-gradient",
-            f"the gradient of `{d.name}` vanishes at the start{where}: it constrains "
-            "nothing here, and its multiplier is not unique",
+            f"the gradient of `{d.name}` vanishes at the start{where}: the "
+            "constraint has no effect there, and its multiplier is not unique",
         )
-    where = "everywhere: one relation too many"
+    where = "everywhere: one constraint too many"
     if d.everywhere is False:
         where = "only here: a singular configuration, where motions branch"
     elif d.everywhere is None:

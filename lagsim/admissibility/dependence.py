@@ -60,8 +60,8 @@ class Dependence(NamedTuple):
         for level, size in self.contradictions.items():
             if not self.combination:
                 return (
-                    f"`{self.name}` cannot be met on the level of {level}: its "
-                    f"gradient vanishes, and it is off by {size:.6g}"
+                    f"`{self.name}` cannot be satisfied on the level of {level}: "
+                    f"its gradient vanishes, and it is off by {size:.6g}"
                 )
             others = " and ".join(f"`{name}`" for name, _ in self.combination)
             return (

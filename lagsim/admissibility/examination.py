@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 # What differs from what was stated by less than so many rounding errors is not reported
 # as a change.
 REPORTED = 225.0
-SIMPLE = "write the relations that it amounts to, each with a gradient"
+SIMPLE = "write the equivalent simple relations, each with a gradient that is not 0"
 
 
 def examine(

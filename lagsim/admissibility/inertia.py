@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from lagsim.admissibility.large import is_large, is_positive
 from lagsim.admissibility.metric import RANK, sizes_of
 from lagsim.admissibility.newton import null_space
 from lagsim.errors import InputError, Problem
+from lagsim.language.evaluate import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -47,9 +49,7 @@ def needs_constraints(
     if inertia[0] < -RANK:
         direction = directions[:, 0] / size
         raise InputError([_problem(point, direction, negative=True)])
-    rows = A / size
-    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    kernel = null_space(rows / np.where(lengths > 0, lengths, 1.0))
+    kernel = _admissible(A / size)
     if not kernel.shape[1]:
         return True
     inertia, directions = np.linalg.eigh(kernel.T @ scaled @ kernel)
@@ -58,6 +58,27 @@ def needs_constraints(
     direction = (kernel @ directions[:, 0]) / size
     always = " that always holds" if point.e.laws else ""
     raise InputError([_problem(point, direction, negative=False, which=always)])
+
+
+def admitted_inertia(point: Point, q: Floats, v: Floats, i: int) -> float:
+    """Give the inertia that a force on coordinate i meets; inf: constraints hold it.
+
+    That is 1 over its acceleration by a unit force along the admissible directions.
+    """
+    M = point.mass(q, v)
+    A = point.jacobian(point.e.rows, q, v, {})
+    size = sizes_of(np.sqrt(np.abs(np.diag(M))), A)
+    kernel = _admissible(A / size)
+    inertia, directions = np.linalg.eigh(kernel.T @ (M / np.outer(size, size)) @ kernel)
+    along = (kernel[i] @ directions) ** 2
+    moved = float(np.sum(along / np.maximum(inertia, UNIT_ROUNDOFF)))
+    return float(size[i] ** 2 / moved) if moved > 0.0 else math.inf
+
+
+def _admissible(rows: Floats) -> Floats:
+    """Give the directions (n, k) that rows (m, n) leave."""
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    return null_space(rows / np.where(lengths > 0, lengths, 1.0))
 
 
 def _varies(point: Point) -> bool:

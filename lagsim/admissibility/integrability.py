@@ -20,6 +20,7 @@ from lagsim.admissibility.newton import reach
 from lagsim.admissibility.point import Asked
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.language.functions import CHOOSING, STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
 
+# What has one form on one side of a switch and another on the other.
+BRANCHED = CHOOSING | STEPS | {"abs"}
 # Vectors that differ from a span by less than this part of their length lie in it.
 INDEPENDENT = 1e-7
 # The bounds of rounding errors are to first order; this keeps them bounds.
@@ -85,6 +88,9 @@ def reach_of(point: Point, rows: Sequence[Row], q: Floats) -> Reach:
     """Decide what the motions that `rows` admit can reach from near q."""
     if any(not row.holonomic and not row.pfaffian for row in rows):
         return Reach(None, None, reason="a relation is not linear in the velocities")
+    switched = _switch(point, rows)
+    if switched is not None:
+        return Reach(None, None, reason=switched)
     if is_large(point):
         return Reach(None, None, reason=f"{point.n} coordinates have too many brackets")
     time = point.t
@@ -92,6 +98,22 @@ def reach_of(point: Point, rows: Sequence[Row], q: Floats) -> Reach:
         return _at_generic_points(point, rows, q)
     finally:
         point.move_to(time)
+
+
+def _switch(point: Point, rows: Sequence[Row]) -> str | None:
+    """Give why brackets do not decide: relations have another form past a switch.
+
+    Brackets are those of one branch, and the motion may leave it.
+    """
+    g = point.g
+    if all(row.holonomic for row in rows):
+        return None
+    for row in rows:
+        moving = g.dependent([*row.A, row.rate], (*point.e.q, "t"))
+        op = next((g.ops[n] for n in sorted(moving) if g.ops[n] in BRANCHED), None)
+        if op is not None:
+            return f"`{row.name}` has another form past the switch of its `{op}`"
+    return None
 
 
 def _at_generic_points(point: Point, rows: Sequence[Row], q: Floats) -> Reach:

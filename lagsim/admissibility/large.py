@@ -7,6 +7,7 @@ matrices, which takes time proportional to the cube of the number of coordinates
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -136,7 +137,7 @@ class SparseRows:
             return -np.asarray(factors.solve(np.concatenate([np.zeros(n), r])))[n:]
 
         largest, self.weakest = _largest(inverse, len(scale))
-        self.smallest = 1.0 / np.sqrt(largest) if np.isfinite(largest) else 0.0
+        self.smallest = 1.0 / math.sqrt(largest) if np.isfinite(largest) else 0.0
 
 
 def nearest(relations: AtState, x0: Floats, M: Any) -> Found | None:

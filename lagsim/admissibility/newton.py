@@ -11,11 +11,12 @@ says why.
 from __future__ import annotations
 
 from enum import Enum
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from lagsim.admissibility.metric import RANK, least_squares
+from lagsim.admissibility.running import runs_away
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -50,6 +51,7 @@ class Trouble(Enum):
     DOUBLE_ROOT = "double root"
     MINIMUM = "positive minimum"
     RANK_LOSS = "loss of rank"
+    RUNS_AWAY = "no root at a finite distance"
     NOT_FINITE = "values that are not finite"
 
 
@@ -78,6 +80,9 @@ class Relations(Protocol):
     def met(self, x: Floats, errors: Floats) -> bool:
         """Tell whether r is small against its terms, or rounding for these errors."""
 
+    def missed(self, x: Floats, errors: Floats) -> Any:
+        """Tell of each of r whether it is not (m,)."""
+
     def exact(self, x: Floats) -> bool:
         """Tell whether r is within the rounding errors of x as it was stated."""
 
@@ -100,7 +105,7 @@ def nearest(
     best = _descend(relations, x0, reached.x, metric) if reached.met else None
     if far and (best is None or len(x0) <= FEW):
         for start in _others(relations, x0, best, metric):
-            other = reach(relations, start, metric)
+            other = reach(relations, start, metric, x0)
             if not other.met:
                 continue
             x = _descend(relations, x0, other.x, metric)
@@ -156,15 +161,20 @@ def _congruent(H: Floats, L: Floats) -> Floats:
     return np.asarray(np.linalg.solve(L, half.T))
 
 
-def reach(relations: Relations, x0: Floats, metric: Floats) -> Found:
-    """Take damped steps of least change until the relations are met."""
+def reach(
+    relations: Relations, x0: Floats, metric: Floats, guess: Floats | None = None
+) -> Found:
+    """Take damped steps of least change until the relations are met.
+
+    `guess`: what was to be solved for, if x0 is another start.
+    """
     try:
-        return _reached(relations, x0, metric)
+        return _reached(relations, x0, metric, x0 if guess is None else guess)
     except np.linalg.LinAlgError:  # steps went where doubles hold no more
         return Found(x0.copy(), met=False, trouble=Trouble.NOT_FINITE)
 
 
-def _reached(relations: Relations, x0: Floats, metric: Floats) -> Found:
+def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) -> Found:
     x = x0.copy()
     L = cholesky(metric)
     r, J = relations(x)
@@ -198,6 +208,8 @@ def _reached(relations: Relations, x0: Floats, metric: Floats) -> Found:
         largest = np.maximum(largest, np.abs(x))
         way = max(way, float(np.linalg.norm(L.T @ (x - x0))))
     met = not np.any(r) or relations.met(x, SOLVED * largest + way * ulp)
+    if met and runs_away(relations, guess, x, SOLVED * largest + way * ulp):
+        return Found(x, met=False, trouble=Trouble.RUNS_AWAY)
     # Far from a simple root steps can shrink so, too; then the last ones do not.
     jumped |= not polished and k - jump <= ARRIVED
     trouble = Trouble.DOUBLE_ROOT if jumped and met else Trouble.NONE
@@ -243,7 +255,7 @@ def least_change(J: Floats, residual: Floats, L: Floats) -> Floats:
 
 def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
     """Say why the relations were not reached; give the point of least |r|."""
-    if reached.trouble is Trouble.NOT_FINITE:
+    if reached.trouble in (Trouble.NOT_FINITE, Trouble.RUNS_AWAY):
         return reached
     from scipy.optimize import least_squares  # slow to load, and only failures need it
 

@@ -65,15 +65,14 @@ class ThinSet(NamedTuple):
     def __str__(self) -> str:
         named = " and ".join(f"`{name}`" for name in self.names)
         text = (
-            f"{named} can only be met as a multiple root: the constraints lose their "
-            "rank on the whole set that they make, and no multiplier keeps a motion on "
-            "it"
+            f"{named} has only a multiple root: the constraints lose rank at every "
+            "admissible state, and no multiplier keeps a motion admissible"
         )
         if self.dimension is None:
             return text
         if self.dimension == 0:
-            return f"{text}; it is an isolated point"
-        return f"{text}; its dimension is {self.dimension}"
+            return f"{text}; there is one admissible state, an isolated point"
+        return f"{text}; the admissible states have dimension {self.dimension}"
 
 
 class Varied:

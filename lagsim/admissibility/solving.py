@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 # Other roots are looked for from this many starts around the guess, this far away.
 OTHER_STARTS = 16
 AROUND = 1.0
+# A whole turn of an angle.
+TURN = 2.0 * math.pi
 # The rows that share in a least residual: their distances, against the largest.
 SHARES = 1e-6
 
@@ -150,8 +153,8 @@ class Solver:
         if np.any(moved) and np.all(flat[moved]):
             self._warn(
                 "other-roots",
-                "at the guess the relations have no slope: other solutions are as near "
-                f"as {_listed(names, found.x)}",
+                "at the guess the relations have no slope: other solutions are as "
+                f"near, such as {_listed(names, found.x)}",
             )
         return found
 
@@ -178,13 +181,15 @@ class Solver:
         size = np.maximum(size, np.abs(x0 - found.x))
         size[size == 0] = 1.0
         metric = self.metric(free)
-        roots = [found.x]
+        roots = [found.x if velocities else _unwound(relations, found.x, x0)]
         for _ in range(OTHER_STARTS):
             start = x0 + AROUND * size * random.standard_normal(len(free))
-            other = reach(relations, start, metric)
-            apart = [np.max(np.abs(other.x - r) / size) > 1e-6 for r in roots]
-            if other.met and all(apart):
-                roots.append(other.x)
+            other = reach(relations, start, metric, x0)
+            if not other.met:
+                continue
+            x = other.x if velocities else _unwound(relations, other.x, x0)
+            if all(np.max(np.abs(x - r) / size) > 1e-6 for r in roots):
+                roots.append(x)
         if len(roots) == 1:
             return found
         roots.sort(key=lambda r: float((r - x0) @ metric @ (r - x0)))
@@ -232,9 +237,9 @@ class Solver:
                 self.double |= not velocities
                 self._warn(
                     "double-root",
-                    f"Newton's method halves its way to {where}: a double root of "
-                    f"`{name}`, or a singular configuration; its multiplier means "
-                    "little",
+                    f"Newton's method converges only linearly, to {where}: a "
+                    f"double root of `{name}`, or a singular configuration; the "
+                    "multiplier there is not reliable",
                 )
             return found
         least = f"the least |residual| is {abs(residual[worst]):.6g}, at {where}"
@@ -247,13 +252,15 @@ class Solver:
             what = " and ".join(named)
             together = " together" if len(named) > 1 else ""
             reason = f"{what} cannot be satisfied{together} near there: {least}"
+        elif found.trouble is Trouble.RUNS_AWAY:
+            reason = f"the guess diverges: no finite value satisfies `{name}`: {least}"
         elif found.trouble is Trouble.RANK_LOSS:
             reason = (
-                f"the constraints lose their independence on the way to meeting "
-                f"`{name}`: {least}"
+                f"the constraints become dependent before `{name}` is satisfied: "
+                f"{least}"
             )
         else:
-            reason = f"`{name}` has no finite value on the way, near {where}"
+            reason = f"`{name}` has no finite value near {where}"
         return found._replace(reason=reason, least=least)
 
     def _warn(self, code: str, text: str) -> None:
@@ -269,6 +276,24 @@ class Solver:
         relations = self.relations(free, q, v, velocities=velocities, definitions=False)
         found = self._nearest(relations, x, far=False)
         return found.x if found.met else x
+
+
+def _unwound(relations: AtState, x: Floats, near: Floats) -> Floats:
+    """Give a root without the whole turns of its angles that lead away from a guess.
+
+    An angle is a component whose turn changes no relation: at the root, and beside it.
+    """
+    turns = np.rint((x - near) / TURN)
+    for k in np.flatnonzero(turns):
+        turn = np.zeros(len(x))
+        turn[k] = TURN
+        for at in (x, near + 0.1 * (x - near)):
+            (r, J), (turned, slopes) = relations(at), relations(at + turn)
+            size = 1e-9 * (np.abs(r) + TURN * np.linalg.norm(J, axis=1))
+            same = np.all(np.abs(turned - r) <= size)
+            if not (same and np.all(np.abs(slopes - J) <= size[:, None])):
+                turns[k] = 0.0
+    return np.asarray(x - TURN * turns)
 
 
 def _listed(names: Sequence[str], values: Floats) -> str:

@@ -143,8 +143,8 @@ def _modes(
 
 _PARADOX = Caution(
     "painleve",
-    "at the start the laws of friction contradict each other (Painlevé's paradox): a "
-    "contact that slides has no effective mass that is positive",
+    "at the start the laws of friction contradict each other (Painlevé's "
+    "paradox): a sliding contact has no positive effective mass",
 )
 
 

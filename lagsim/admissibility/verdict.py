@@ -71,7 +71,7 @@ class Residual(NamedTuple):
         if self.rounding == self.bound:
             return "the rounding error of the start"
         if self.floor == self.bound:
-            return "what numbers of all digits leave"
+            return "the rounding of numbers in full precision"
         return f"{TOLERANCE:g} of {self.size}"
 
     @property
@@ -220,16 +220,18 @@ def _of_size(residual: Residual, own: float) -> Residual:
     residual = residual._replace(floor=float(ALL_DIGITS * own))
     if own >= residual.scale:
         return residual
-    return residual._replace(scale=float(own), size="its own size, wherever it stands")
+    return residual._replace(scale=float(own), size="the lengths that it relates")
 
 
 def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
     """Compare with the motion that a relation sees, and with that of its body."""
     residual = residual._replace(floor=COMPUTED * body)
     if motion < residual.scale:
-        return residual._replace(scale=float(motion), size="the motion that it sees")
+        return residual._replace(
+            scale=float(motion), size="the velocities that it relates"
+        )
     if np.isfinite(motion) and MOTION * motion > residual.scale:
-        size = "a tenth of the motion that it sees"
+        size = "a tenth of the velocities that it relates"
         scale = float(MOTION * motion)
         return residual._replace(scale=scale, size=size)
     return residual

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from lagsim.api.models import Model
     from lagsim.derivation.content import Content
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Model
 
 
 class Derivation:
@@ -76,7 +78,7 @@ class Derivation:
 
 
 def derive(
-    model: Model,
+    model: Model | str | Path,
     *,
     substitute: bool = False,
     solve: bool = False,
@@ -86,14 +88,22 @@ def derive(
 
     Parameters
     ----------
+    model
+        What `load` gives, a path, or the text of a model file.
     substitute
         Put the numbers of the parameters in.
     solve
         Give the accelerations in closed form, however long.
     gauss
         Give Gauss's principle, too.
+
+    Raises
+    ------
+    InputError
+        Where the model has faults.
     """
+    from lagsim.api.models import model_of
     from lagsim.mechanics.equations import derive
 
     options = {"substitute": substitute, "solve": solve, "with_gauss": gauss}
-    return Derivation(derive(model, chained=False), options)
+    return Derivation(derive(model_of(model), chained=False), options)

@@ -8,8 +8,9 @@ from lagsim.errors import LagsimError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
-    from lagsim.model.model import Model
+    from lagsim.api.models import Model
 
 
 class Examination:
@@ -31,7 +32,7 @@ class Examination:
     def __getattr__(self, name: str) -> Any:
         record: dict[str, Any] = self.__dict__.get("record", {})
         if name not in record:
-            raise AttributeError(f"an examination says nothing of `{name}`")
+            raise AttributeError(f"an examination has no entry `{name}`")
         return record[name]
 
     def __dir__(self) -> list[str]:
@@ -41,13 +42,13 @@ class Examination:
         return f"<Examination of {self.record['model']['name']}: {self._verdict()}>"
 
     def _verdict(self) -> str:
-        from lagsim.api.pages import counted
+        from lagsim.outputs.notebook import counted
 
         word = "admissible" if self.admissible else "not admissible"
         return f"{word}, {counted(self.degrees_of_freedom, 'degree of freedom')}"
 
     def _repr_html_(self) -> str:
-        from lagsim.api.pages import heading, table
+        from lagsim.outputs.notebook import heading, table
 
         parts = [heading(f"{self.record['model']['name']}: {self._verdict()}")]
         rows = [
@@ -76,16 +77,23 @@ class InadmissibleError(LagsimError):
         self.examination = examination
 
 
-def check(model: Model) -> Examination:
+def check(model: Model | str | Path) -> Examination:
     """Tell whether the start of a model is admissible, and what its constraints are.
+
+    Parameters
+    ----------
+    model
+        What `load` gives, a path, or the text of a model file.
 
     Raises
     ------
     InputError
-        Where the file asks for a method or a formulation that cannot be had.
+        Where the model has faults, or asks for a method or a formulation that cannot be
+        had.
     """
+    from lagsim.api.models import model_of
     from lagsim.outputs.examined import document
     from lagsim.run.session import check
 
-    case, choices = check(model)
+    case, choices = check(model_of(model))
     return Examination(document(case.equations, case.examined, choices))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from lagsim.model.model import Model
+    from lagsim.api.models import Model
 
 
 def load(source: str | Path, **values: float | str) -> Model:
@@ -16,7 +16,7 @@ def load(source: str | Path, **values: float | str) -> Model:
     Parameters
     ----------
     source
-        A path, or the text of a model file: what has a line break in it.
+        A path, or the text of a model file: a string with a line break in it.
     **values
         Numbers, or expressions, instead of those of parameters or of start values, see
         `Model.bind`.
@@ -26,8 +26,7 @@ def load(source: str | Path, **values: float | str) -> Model:
     InputError
         With every fault, each with file, line, column, code, text and hint.
     """
-    from lagsim.model.reader import TEXT, read, read_file
+    from lagsim.api.models import model_of
 
-    text = str(source)
-    model = read(text, TEXT) if "\n" in text else read_file(text)
+    model = model_of(source)
     return model.bind(**values) if values else model

@@ -10,9 +10,10 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from lagsim.model.model import Model
+    from lagsim.api.models import Model
     from lagsim.studies.sweep.sweeping import Found
 
 
@@ -78,46 +79,112 @@ class Sweep:
         from lagsim.studies.sweep.document import MANIFEST, document, files
 
         with open_results(Path(folder), MANIFEST) as results:
-            for name, content in files(self._found, plots=plots):
-                results.write(name, content)
+            undrawn = [c.record for c in results.fill(files(self._found, plots=plots))]
             record = document(self._found, [*results.names, MANIFEST])
-            results.commit(encode(record))
+            more = {"warnings": undrawn} if undrawn else {}
+            results.commit(encode(record | more))
+
+    def plot(self, *columns: str) -> Figure:
+        """Draw columns against what is swept first; nothing is shown.
+
+        One name gives curves. With more, each column is a map over the first two, and
+        the others have the value in the middle of their lists.
+
+        Parameters
+        ----------
+        columns
+            Such as `theta.end` or `theta.max`; by default all coordinates at the end.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such column.
+        """
+        from lagsim.studies.sweep.figures import sweep_figure
+
+        shown = columns or [f"{c.name}.end" for c in self._found.model.coordinates]
+        return sweep_figure(self._found, {name: self[name] for name in shown})
 
     def __repr__(self) -> str:
+        from lagsim.outputs.notebook import block
+
         name, complete = self.record["model"]["name"], self.record["complete"]
-        return f"<Sweep of {name}: {complete} of {len(self)} runs complete>"
+        head = f"Sweep of {name}: {complete} of {len(self)} runs complete"
+        return block(head, self._summary())
+
+    def _summary(self) -> list[tuple[str, str]]:
+        """Say what was swept, and which runs have no result."""
+        from lagsim.outputs.notebook import listed
+
+        lines = []
+        for axis in self._found.grid.axes:
+            unit = f" {axis.unit}" if axis.unit else ""
+            values = listed([f"{x:.6g}" for x in axis.values], 40)
+            lines.append((axis.name, f"{values}{unit}"))
+        others = [
+            f"{count} {word}"
+            for word, count in self.record["outcomes"].items()
+            if word not in ("done", "until")
+        ]
+        lines += [("without a result", listed(others))] if others else []
+        return [*lines, ("columns", listed(self.columns))]
+
+    def _repr_html_(self) -> str:
+        from lagsim.outputs.notebook import heading, picture, table
+        from lagsim.studies.sweep.chart import chart
+
+        name, complete = self.record["model"]["name"], self.record["complete"]
+        parts = [
+            heading(f"{name}: {complete} of {len(self)} runs complete"),
+            table(self._summary()),
+            picture(chart(self._found), f"the runs of {name}"),
+        ]
+        return "\n".join(parts)
 
 
 def sweep(
-    model: Model,
+    model: Model | str | Path,
     values: Mapping[str, Iterable[float | str]],
     *,
     ends: bool = False,
     jobs: int | None = None,
     error_bar: Literal["auto", "always", "never"] = "auto",
-    **options: float | str,
+    duration: float | str | None = None,
+    output_step: float | str | None = None,
+    method: str | None = None,
+    rtol: float | str | None = None,
+    atol: float | str | None = None,
+    step: float | str | None = None,
+    formulation: str | None = None,
+    gain: float | str | None = None,
+    spectral_radius: float | str | None = None,
 ) -> Sweep:
     """Run a model at all combinations of values; the first name is the slowest.
 
     Parameters
     ----------
+    model
+        What `load` gives, a path, or the text of a model file.
     values
-        Of parameters, and of entries of `initial`: numbers, or expressions.
+        A list of numbers, or expressions, for each name: of a parameter, or of an entry
+        of `initial`. `{"k": [1, 4], "x": [0.1, 0.2]}` makes four runs.
     ends
         Only what each column ends with is asked for: no rows are made, runs of smooth
-        scenes go side by side in vector registers, and there is no error bar.
+        models go side by side in vector registers, and there is no error bar.
     jobs
         So many runs at a time, in processes of their own; by default one for each core,
         where that is worth it.
-    error_bar, options
-        As for `simulate`.
+    error_bar, duration, ..., spectral_radius
+        As for `simulate`, the same for all runs.
 
     Raises
     ------
     InputError
-        Where a name, a value or an option cannot be had. A run that cannot begin or
-        finish is a row with its outcome and its reason.
+        Where the model has faults, or a name, a value or an option cannot be had. A run
+        that cannot begin or finish is a row with its outcome and its reason.
     """
+    from lagsim.api.models import model_of
+    from lagsim.api.words import given, in_python, lists, one_of
     from lagsim.run.session import wanted
     from lagsim.studies.attempts import ErrorBars
     from lagsim.studies.sweep.grid import grid_of
@@ -126,10 +193,19 @@ def sweep(
     from lagsim.studies.sweep.sweeping import sweep as make
     from lagsim.studies.workers import cores
 
-    wanted(model, "sweep", options, hint="add it, or give `duration`")
-    given = tuple((name, str(x)) for name, x in options.items())
-    bars = ErrorBars.NEVER if ends else ErrorBars(error_bar)
-    work = Work(packed(model), given, grid_of(model, values), bars, ends=ends)
-    found = Found(model, work)
+    if jobs is not None and jobs < 1:
+        raise ValueError(f"jobs={jobs}: 1 or more is expected")
+    options = given(
+        duration=duration, output_step=output_step, method=method, rtol=rtol, atol=atol,
+        step=step, formulation=formulation, gain=gain, spectral_radius=spectral_radius,
+    )  # fmt: skip
+    bars = ErrorBars(one_of("error_bar", error_bar, [x.value for x in ErrorBars]))
+    bars = ErrorBars.NEVER if ends else bars
+    with in_python():
+        read = model_of(model)
+        wanted(read, "sweep", options, hint="add it, or give `duration`")
+        grid = grid_of(read, lists(values))
+    texts = tuple((name, str(x)) for name, x in options.items())
+    found = Found(read, Work(packed(read), texts, grid, bars, ends=ends))
     make(found, jobs or cores(), wanted=jobs is not None)
     return Sweep(found)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from typing import Any
 
     import typer
 
@@ -127,20 +128,42 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
     return code if isinstance(code, int) else 0
 
 
-def _usage(error: Exception) -> int:
-    """Tell what is wrong with the command line."""
+def _usage(error: Any) -> int:
+    """Report what is wrong with the command line."""
     from lagsim.cli import _streams
     from lagsim.cli._faults import errors_document
     from lagsim.cli._shared import show_json
     from lagsim.errors import Problem
 
-    told = getattr(error, "format_message", lambda: str(error))()
-    problem = Problem("usage", told)
+    if type(error).__name__ == "NoArgsIsHelpError":
+        # Nothing is wrong: the page that it shows has no number.
+        _streams.complain(error.format_message())
+        return 2
+    if getattr(error, "possibilities", None) and hasattr(error, "option_name"):
+        _suggest(error)
+    text = getattr(error, "format_message", lambda: str(error))()
+    problem = Problem("usage", text)
     if "--json" in sys.argv[1:]:
         show_json(errors_document([problem]))
     else:
         with contextlib.redirect_stderr(io.StringIO()) as shown:
-            error.show()  # type: ignore[attr-defined]
+            error.show()
         text = shown.getvalue().rstrip("\n")
         _streams.complain(f"{text} [{problem.number}]")
     return 2
+
+
+def _suggest(error: Any) -> None:
+    """Name the option that an unknown one resembles, where there is one."""
+    from difflib import get_close_matches
+
+    # Their dashes make all options alike.
+    given = error.option_name.lstrip("-")
+    options = [o for p in error.ctx.command.params for o in p.opts if o[:2] == "--"]
+    names = [o[2:] for o in [*options, "--help"]]
+    near = get_close_matches(given, names, 2)
+    near = near or [o for o in names if o.startswith(given)][:2]
+    error.possibilities = None
+    if near:
+        found = " or ".join(f"--{option}" for option in near)
+        error.message = f"{error.message}. Did you mean {found}?"

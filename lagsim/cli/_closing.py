@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import sys
 import time
 from typing import TYPE_CHECKING, Any
@@ -15,12 +16,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
+    from lagsim.notes import Event
     from lagsim.run.error import ErrorBar
     from lagsim.run.trajectory import Trajectory
     from lagsim.studies.attempts import Attempt
 
 # Kinds of events that are counted, in this order.
-COUNTED = ("impact", "contact", "release", "stick", "slip")
+COUNTED = ("impact", "contact", "release", "stick", "slip", "switch")
 # More names of constraints than this are told by their number.
 MOST_NAMES = 2
 # Runs that last longer than this show a progress bar on a terminal.
@@ -49,14 +51,16 @@ def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     rows.append(_accuracy(document))
     if document["outcome"] == "until":
         rows.append(("ended", document["reason"]))
-    if equations.laws:
+    if made.session.lists_events:
         happened = _happened(made.trajectory)
         rows += [("" if k else "events", text) for k, text in enumerate(happened)]
     rows.append(("work done", _work(document)))
     unit = document["columns"]["energy"]
-    drift = f"{document['energy_drift']:.2g} {unit}".rstrip()
+    drift = document["energy_drift"]
+    drift = f"{drift:.2g} {unit}".rstrip() if math.isfinite(drift) else "not known"
     ledger = "energy - work" if "work" in document["columns"] else "energy"
-    start = f"(energy {made.account.ledger.first_energy:.7g} at the start)"
+    energy = f"{made.account.ledger.first_energy:.7g} {unit}".rstrip()
+    start = f"(energy {energy} at the start)"
     rows.append(("error", _error(made.bar)))
     rows.append(("energy drift", f"{drift} in {ledger} {start}"))
     if held:
@@ -67,25 +71,34 @@ def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
 
 
 def _happened(trajectory: Trajectory) -> list[str]:
-    """Say what constraints that hold at times did."""
+    """Report what happened to constraints that hold at times, and to switches."""
     counts = [(kind, trajectory.event_counts.get(kind, 0)) for kind in COUNTED]
     parts = [counted(number, kind) for kind, number in counts if number]
-    names = [e.constraint for e in trajectory.events if e.kind in COUNTED]
-    lines = [f"{', '.join(parts)} at {_named(names)}"] if parts else ["none"]
-    rests = [e for e in trajectory.events if e.kind == "zeno" and e.constraint]
-    if rests:
-        times = {e.time for e in rests}
-        last = max(times)
-        names = [e.constraint for e in rests if e.time == last]
-        often = f", {len(times)} times in all" if len(times) > 1 else ""
-        lines.append(f"at rest from t = {last:.9g}: {_named(names)}{often}")
-    return lines
+    named = _named([e for e in trajectory.events if e.kind in COUNTED])
+    where = f" at {named}" if named else ""
+    lines = [", ".join(parts) + where] if parts else []
+    for word, own in (("at rest from", True), ("switches accumulate until", False)):
+        ends = [
+            e for e in trajectory.events
+            if e.kind == "zeno" and (e.constraint is not None) is own
+        ]  # fmt: skip
+        if ends:
+            times = {e.time for e in ends}
+            last = max(times)
+            named = _named([e for e in ends if e.time == last])
+            often = f", {len(times)} times in all" if len(times) > 1 else ""
+            lines.append(f"{word} t = {last:.9g}: {named}{often}")
+    return lines or ["none"]
 
 
-def _named(names: Sequence[str | None]) -> str:
-    """Give the names of constraints, or their number where they are many."""
-    known = list(dict.fromkeys(f"`{name}`" for name in names if name))
-    return ", ".join(known) if len(known) <= MOST_NAMES else f"{len(known)} constraints"
+def _named(events: Sequence[Event]) -> str:
+    """Give the constraints and switches of events, or their number where many."""
+    held = dict.fromkeys(f"`{e.constraint}`" for e in events if e.constraint)
+    switches = dict.fromkeys(f"`{e.switch}`" for e in events if e.switch)
+    if len(held) + len(switches) <= MOST_NAMES:
+        return ", ".join((*held, *switches))
+    numbers = ((len(held), "constraint"), (len(switches), "switch"))
+    return ", ".join(counted(number, noun) for number, noun in numbers if number)
 
 
 def _accuracy(document: Mapping[str, Any]) -> tuple[str, str]:
@@ -104,10 +117,8 @@ def _error(bar: ErrorBar | str) -> str:
     by = bar.method if bar.rtol is None else f"{bar.method} at rtol {bar.rtol:.2g}"
     if bar.rests:
         apart = max(error.largest for error in bar.coordinates.values())
-        text = "everything stays where it is; a repeat by " + by
-        return (
-            f"{text} says so, too, to {apart:.1g}" if apart else f"{text} says so, too"
-        )
+        text = "nothing moves; a repeat by " + by
+        return f"{text} agrees to {apart:.1g}" if apart else f"{text} agrees"
     t, reached = bar.growth[(len(bar.growth) - 1) // 2]
     text = (
         f"about {worst.relative:.1g} of the range of {name} ({reached:.1g} by "

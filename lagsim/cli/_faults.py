@@ -46,8 +46,7 @@ def faults_shown(
         yield code
     except StartError as error:
         code.append(error.exit_code)
-        from lagsim.cli._github import annotate_start
-        from lagsim.cli._verdict import report
+        from lagsim.cli._verdict import annotate_start, report
         from lagsim.outputs.examined import document
 
         if raised is not None:

@@ -1,7 +1,7 @@
 """Annotations: what GitHub Actions shows beside a line of a file, where it runs us.
 
 They go to stderr, which the runner reads as it does stdout, so that stdout stays what
-it is for everybody else.
+it is for everybody else. What else is printed is made harmless in `_streams`.
 """
 
 from __future__ import annotations
@@ -12,12 +12,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lagsim.cli._streams import on_github, unmarked
 from lagsim.errors import visible
 
 if TYPE_CHECKING:
-    from lagsim.admissibility.report import StartReport
     from lagsim.errors import Problem
-    from lagsim.mechanics.equations import Equations
 
 ERROR, WARNING = "error", "warning"
 
@@ -27,13 +26,13 @@ def annotate(
     column: int | None = None, number: str | None = None,
 ) -> None:  # fmt: skip
     """Annotate a file; do nothing where nobody runs a workflow."""
-    if os.environ.get("GITHUB_ACTIONS") != "true":
+    if not on_github():
         return
     place = {"file": _within(file), "line": line, "col": column, "title": number}
     named = ",".join(f"{k}={_property(str(v))}" for k, v in place.items() if v)
     with contextlib.suppress(OSError):
         start = f"::{level} {named}".rstrip()
-        print(visible(f"{start}::{_data(text)}"), file=sys.stderr, flush=True)
+        print(visible(f"{start}::{_data(unmarked(text))}"), file=sys.stderr, flush=True)
 
 
 def annotate_problem(problem: Problem, file: str | None = None) -> None:
@@ -43,24 +42,6 @@ def annotate_problem(problem: Problem, file: str | None = None) -> None:
         ERROR, problem.text + hint, problem.file or file, problem.line, problem.column,
         problem.number,
     )  # fmt: skip
-
-
-def annotate_start(equations: Equations, start: StartReport) -> None:
-    """Annotate the constraint that a start violates, or what it is warned of."""
-    from lagsim.cli._verdict import faults
-    from lagsim.codes import number
-
-    model = equations.model
-    if not start.admissible:
-        wrong = {v.name for v in start.verdicts if not v.satisfied}
-        places = [c.relation.place for c in model.constraints if c.name in wrong]
-        places += [v.place for v in model.initial]
-        line, column = (places[0].line, places[0].column) if places else (None, None)
-        text = f"inadmissible: {model.name}: {'; '.join(faults(start))}"
-        annotate(ERROR, text, model.file, line, column, number("inadmissible"))
-    for caution in start.warnings:
-        text = f"{model.name}: {caution.text}"
-        annotate(WARNING, text, model.file, number=caution.number)
 
 
 def _within(file: str | None) -> str | None:

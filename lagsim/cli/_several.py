@@ -186,7 +186,8 @@ class Batch:
         for k in range(self._told, end):
             if k in self.found and self.found[k].told:
                 told = textwrap.indent(self.found[k].told.rstrip("\n"), "  ")
-                complain(f"{self.paths[k]}:\n{told}")
+                complain(f"{self.paths[k]}:")
+                complain(told, again=True)
         self._told = end
 
     def _summary(self) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._streams import colour, put, say
+from lagsim.cli._streams import colour, on_github, put, say
 from lagsim.errors import InputError, Problem, visible
 from lagsim.version import __version__
 
@@ -25,7 +25,7 @@ Sets = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=EXPR",
-        help="Give a parameter another value; may be repeated.",
+        help="Another value of a parameter, or another start value; may be repeated.",
     ),
 ]
 Jobs = Annotated[
@@ -35,7 +35,7 @@ Jobs = Annotated[
         "--jobs",
         metavar="N",
         min=1,
-        help="Processes; default one for each core.",
+        help="Number of processes; default one for each core.",
     ),
 ]
 
@@ -49,9 +49,11 @@ class Picture(Enum):
 
 
 PictureForm = Annotated[
-    Picture, typer.Option("--format", help="Of pictures; svg, pdf for print.")
+    Picture, typer.Option("--format", help="Format of pictures; svg and pdf for print.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
+AsJson = Annotated[
+    bool, typer.Option("--json", help="Print one JSON document on stdout.")
+]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit 1 if there are warnings.")]
 
 
@@ -73,9 +75,7 @@ def ask_version(
     ] = False,
     traceback: Annotated[
         bool,
-        typer.Option(
-            "--traceback", help="Of a bug in lagsim, show where it is raised."
-        ),
+        typer.Option("--traceback", help="Print the traceback of a bug in lagsim."),
     ] = False,
 ) -> None:
     """From energies to motion: simulate a system written down as T and V."""
@@ -119,6 +119,8 @@ def show_json(document: Any) -> None:
     content = encode(document)
     if sys.stdout.isatty():
         content = visible(content.decode(), json=True).encode()
+    if on_github():  # no line of it begins with `::`
+        content = content.replace(b"##[", rb"#\u0023[")
     put(lambda: sys.stdout.buffer.write(content))
 
 
@@ -131,8 +133,9 @@ def coloured(text: str, code: str) -> str:
 
 
 def counted(number: int, noun: str) -> str:
-    """Give `1 row`, `2 rows`."""
-    return f"{number} {noun}{'s' * (number != 1)}"
+    """Give `1 row`, `2 rows`, `2 switches`."""
+    ending = "es" if noun.endswith("ch") else "s"
+    return f"{number} {noun}{ending if number != 1 else ''}"
 
 
 def table(rows: Iterable[tuple[str, str]], indent: str = "  ") -> str:

@@ -1,4 +1,8 @@
-"""Standard streams that may be closed, full, narrow, or left by their reader."""
+"""Standard streams that may be closed, full, narrow, or left by their reader.
+
+Where GitHub's runner reads them, it takes a line that begins with `::`, after blanks
+too, for a command, and `##[` anywhere in a line: what is printed is made harmless.
+"""
 
 from __future__ import annotations
 
@@ -23,6 +27,8 @@ _LABEL = re.compile(r"\s*(?:\S+(?: \S+)?\s{2,})?")
 # Begins the colours that are ours, of which no file can know.
 _OWN = f"\x1b{os.urandom(8).hex()}"
 _COLOUR = re.compile(rf"{_OWN}(\[\d+m)")
+# Blanks without width, which Python does not count as such.
+_NO_WIDTH = dict.fromkeys(map(ord, "\ufeff\u200b\u180e"))
 
 
 class UnwritableError(LagsimError):
@@ -58,12 +64,46 @@ def colour(text: str, code: str) -> str:
     return f"{_OWN}[{code}m{text}{_OWN}[0m"
 
 
-def shown(text: str, stream: TextIO) -> str:
-    """Give what a terminal shows, and does not act on, but for colours of our own."""
+def shown(text: str, stream: TextIO, *, again: bool = False) -> str:
+    """Give what a terminal shows, and does not act on, but for colours of our own.
+
+    Parameters
+    ----------
+    again
+        The text was printed before, by a process of ours, with its annotations.
+    """
     parts = _COLOUR.split(text)
     parts[::2] = map(visible, parts[::2])
     parts[1::2] = [f"\x1b{code}" * stream.isatty() for code in parts[1::2]]
-    return fitted("".join(parts), stream)
+    lines = fitted("".join(parts), stream)
+    return lines if again else harmless(lines)
+
+
+def on_github() -> bool:
+    """Tell whether a runner of GitHub reads what is printed."""
+    return os.environ.get("GITHUB_ACTIONS") == "true"
+
+
+def harmless(text: str) -> str:
+    """Give a text of which the runner takes no line for a command.
+
+    A mark takes the place of the first blank, so that columns stay where they are.
+    """
+    if not on_github():
+        return text
+    return "".join(map(_marked, re.split("([\r\n])", unmarked(text))))
+
+
+def unmarked(text: str) -> str:
+    """Give a text without the sign of older commands."""
+    return text.replace("##[", "## [")
+
+
+def _marked(line: str) -> str:
+    at = line.find("::")
+    if at < 0 or line[:at].translate(_NO_WIDTH).strip():
+        return line
+    return f"| {line[min(2, at) :]}"
 
 
 def fitted(text: str, stream: TextIO) -> str:
@@ -110,10 +150,10 @@ def full(error: OSError) -> int:
     return UnwritableError.exit_code
 
 
-def complain(text: str) -> None:
+def complain(text: str, *, again: bool = False) -> None:
     """Print on stderr; where that cannot be written, nobody can be told."""
     with contextlib.suppress(OSError):
-        print(shown(text, sys.stderr), file=sys.stderr, flush=True)
+        print(shown(text, sys.stderr, again=again), file=sys.stderr, flush=True)
 
 
 def _mute() -> None:

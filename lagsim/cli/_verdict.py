@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.admissibility.verdict import ONE_SIDED, START_VALUE
+from lagsim.cli._github import ERROR, WARNING, annotate
 from lagsim.cli._shared import coloured, counted, table
 from lagsim.codes import number
 
@@ -117,12 +118,16 @@ def _reached(equations: Equations, start: StartReport) -> list[str]:
     """Say what inertia and velocity constraints mean for the motion."""
     lines = []
     if start.augmented:
-        lines.append("  the mass matrix is singular alone; the constraints complete it")
+        lines.append(
+            "  the mass matrix is singular; together with the constraints it is not"
+        )
     reach = start.reach
     if reach is None:
         return lines
     if reach.dimension is None:
-        lines.append(f"  what the motion can reach is undecided: {reach.reason}")
+        lines.append(
+            f"  how many dimensions the motion can reach is not known: {reach.reason}"
+        )
         return lines
     text = f"  the motion can reach {reach.dimension} of {len(equations.q)} dimensions"
     if reach.hidden:
@@ -143,13 +148,28 @@ def _repair(start: StartReport) -> list[str]:
         return [f"  no admissible state was found: {start.unsolved}"]
     lines = []
     if start.unsolved:
-        lines.append(f"  the guesses alone do not suffice: {start.unsolved}")
+        lines.append(f"  changing the guesses is not enough: {start.unsolved}")
     lines += ["  the nearest admissible state, for `initial:`"]
     lines += _pasteable(start.repair)
     guesses = ", ".join(f"{name}: {{guess: ...}}" for name in start.repair)
-    lines.append(f"  or have them solved, or some of them: {guesses}")
+    lines.append(f"  or let lagsim solve for some of them: {guesses}")
     return lines
 
 
 def _pasteable(values: Mapping[str, float]) -> list[str]:
     return [f"    {name}: {value!r}" for name, value in values.items()]
+
+
+def annotate_start(equations: Equations, start: StartReport) -> None:
+    """Annotate the constraint that a start violates, or what it is warned of."""
+    model = equations.model
+    if not start.admissible:
+        wrong = {v.name for v in start.verdicts if not v.satisfied}
+        places = [c.relation.place for c in model.constraints if c.name in wrong]
+        places += [v.place for v in model.initial]
+        line, column = (places[0].line, places[0].column) if places else (None, None)
+        text = f"inadmissible: {model.name}: {'; '.join(faults(start))}"
+        annotate(ERROR, text, model.file, line, column, number("inadmissible"))
+    for caution in start.warnings:
+        text = f"{model.name}: {caution.text}"
+        annotate(WARNING, text, model.file, number=caution.number)

@@ -10,17 +10,18 @@ from lagsim.cli._streams import UnwritableError, complain
 from lagsim.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from lagsim.outputs import Format
+    from lagsim.outputs.attempted import Made
     from lagsim.outputs.results import Results
     from lagsim.outputs.table import TableWriter, Writer
     from lagsim.run.apart import Apart
     from lagsim.run.arcs import Run
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Relay
-    from lagsim.run.session import Session
+    from lagsim.run.session import Clock, Session
     from lagsim.studies.attempts import Attempt
     from lagsim.studies.restart import Restart
 
@@ -44,6 +45,24 @@ def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
         if folders:
             path.parent.mkdir(parents=True, exist_ok=True)
         put(path, content)
+
+
+def put_picture(
+    path: Path, draw: Callable[[], bytes], *, folders: bool = False
+) -> bool:
+    """Write a picture beside a verdict; tell whether it could be drawn.
+
+    Raises
+    ------
+    UnwritableError
+        Where it cannot be written.
+    """
+    from lagsim.outputs.attempted import attempted
+
+    drawn, _ = sorted_out([(path.name, attempted(path.name, draw))])
+    for content in drawn.values():
+        put_file(path, content, folders=folders)
+    return bool(drawn)
 
 
 @contextlib.contextmanager
@@ -87,7 +106,7 @@ def ask_for_room(session: Session, folder: Path, form: Format, *, quiet: bool) -
     ------
     InputError
     """
-    settings, columns = session.case.settings, len(session.system.units())
+    settings, columns = session.case.settings, session.system.columns.table
     if settings.duration / settings.output_step * columns < MANY:
         return
     from lagsim.outputs.room import refuse_without_room
@@ -139,6 +158,60 @@ def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
         results.commit(encode(document))
 
 
+def tell_of_replaced(results: Results, document: dict[str, Any]) -> None:
+    """Add the warning that the folder held a result of something else."""
+    before = results.before()
+    if not before:
+        return
+    from lagsim.outputs.replaced import replaced
+
+    caution = replaced(before, document, results.folder)
+    document["warnings"] += [caution.record] if caution else []
+
+
+def filled(results: Results, made: Iterable[Made]) -> OSError | None:
+    """Write files of numbers; give what kept one from being written."""
+    try:
+        list(results.fill(made))
+    except OSError as error:
+        return error
+    return None
+
+
+def draw_all(
+    results: Results,
+    document: dict[str, Any],
+    more: Iterable[Made],
+    interrupt: Interrupt,
+    clock: Clock,
+) -> OSError | None:
+    """Add page and pictures; give what kept one from being written.
+
+    The table and the record are in their places before: whatever becomes of pictures,
+    rows are there. A signal ends the drawing: pictures can be drawn again.
+    """
+    from lagsim.outputs.manifest import encode
+    from lagsim.outputs.results import MANIFEST
+
+    # Where there is no room for that, pictures will say so.
+    with contextlib.suppress(OSError):
+        results.stand(encode(document | {"sha256": results.digests()}))
+
+    def draw() -> None:
+        for caution in results.fill(more):
+            document["warnings"].append(caution.record)
+
+    try:
+        interrupt.cut(draw)
+    except OSError as error:
+        return error
+    finally:
+        clock.lap("plots")
+        document["timings"] = clock.rounded()
+        document["files"] = [*results.names, MANIFEST]
+    return None
+
+
 def commit_with_chart(
     results: Results,
     document: dict[str, Any],
@@ -147,13 +220,32 @@ def commit_with_chart(
     draw: Callable[[], bytes],
     interrupt: Interrupt,
 ) -> dict[str, Any]:
-    """Commit numbers and their chart, which a signal leaves out; give the document."""
-    drawn: dict[str, bytes] = {}
-    if not interrupt.cut(lambda: drawn.update({name: draw()})):
+    """Commit numbers and their chart; give the document.
+
+    A signal leaves the chart out, and so does what keeps it from being drawn.
+    """
+    from lagsim.outputs.attempted import attempted
+
+    made: list[Made] = []
+    interrupt.cut(lambda: made.append((name, attempted(name, draw))))
+    drawn, told = sorted_out(made)
+    if not drawn:
         left = [file for file in document["files"] if file != name]
-        document = document | {"files": left}
+        document = document | {"files": left} | told
     commit(results, document, {**files, **drawn})
     return document
+
+
+def sorted_out(made: Iterable[Made]) -> tuple[dict[str, bytes], dict[str, Any]]:
+    """Say what could not be drawn; give the files that are, and what documents say."""
+    files, warnings = {}, []
+    for name, content in made:
+        if isinstance(content, bytes):
+            files[name] = content
+        else:
+            complain(f"warning: {content.text} [{content.number}]")
+            warnings.append(content.record)
+    return files, {"warnings": warnings} if warnings else {}
 
 
 def finish(writer: Writer, results: Results, form: Format) -> OSError | None:
@@ -179,8 +271,8 @@ def cut_short(
     found["failure"] = failure(UnwritableError.code)
     if lost:
         found["reason"] = (
-            f"the table could not be packed: {full.strerror}; as CSV it takes its room "
-            "while it grows, and its rows are kept"
+            f"the table could not be written: {full.strerror}; a CSV table is "
+            "written row by row, and would keep its rows"
         )
         return found
     if made.fault is None:

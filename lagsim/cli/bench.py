@@ -49,7 +49,7 @@ def command(
         typer.Argument(
             metavar="MODEL...",
             help="Model files; - is standard input. A work_precision.json is drawn "
-            "anew, with --methods only these.",
+            "again, with --methods only for these.",
         ),
     ],
     folder: Annotated[
@@ -58,8 +58,8 @@ def command(
             "-o",
             "--output",
             metavar="DIR",
-            help="Folder, DIR/NAME where there are several models; default "
-            "results/NAME/bench.",
+            help="Output folder; default results/NAME/bench; DIR/NAME for several "
+            "models.",
         ),
     ] = None,
     sets: Sets = None,
@@ -67,30 +67,34 @@ def command(
         str | None,
         typer.Option(
             metavar="A,B",
-            help="Only these; scipy's solvers are scipy:DOP853 and so on.",
+            help="Only these methods; scipy's solvers are scipy:DOP853 and so on.",
         ),
     ] = None,
     tolerances: Annotated[
         str | None,
-        typer.Option(metavar="A:B", help="Decades of rtol; default 1e-3:1e-13."),
+        typer.Option(
+            metavar="A:B", help="Range of rtol, in decades; default 1e-3:1e-13."
+        ),
     ] = None,
     steps: Annotated[
         str | None,
         typer.Option(
-            metavar="A:B", help="Of fixed-step methods, halved from the first on."
+            metavar="A:B",
+            help="Range of steps of fixed-step methods; each is half of the one "
+            "before.",
         ),
     ] = None,
     budget: Annotated[
         float | None,
-        typer.Option(metavar="SECONDS", help="For each model; default 180."),
+        typer.Option(metavar="SECONDS", help="Time limit for each model; default 180."),
     ] = None,
     form: PictureForm = Picture.PNG,
     as_json: AsJson = False,
     quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
+        bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
     ] = False,
 ) -> int:
-    """Chart error against time for every method that applies."""
+    """Compare the methods: error against computing time."""
     documents: list[Any] = []
     codes = [0]
     faults: list[Any] = []
@@ -171,8 +175,8 @@ class _Job:
         from lagsim.studies.bench.wanted import Wish
 
         if overrides or wish != Wish(wish.methods):
-            text = f"{path} holds what was measured: only --methods can be chosen of it"
-            hint = "measure anew: lagsim bench MODEL"
+            text = f"{path} holds finished measurements: only --methods can be chosen"
+            hint = "measure again: lagsim bench MODEL"
             raise InputError([Problem("usage", text, hint=hint)])
         content = read_document(path) | {"files": files(self.form)}
         shown = [row for row in content["rows"] if wish.wants(row["method"])]
@@ -293,7 +297,7 @@ def _time(found: WorkPrecision) -> str:
     names = [f"{method} ({formulation})" for method, formulation in cut]
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     named = ", ".join(names[:MOST_NAMES]) + more
-    return f"{said}: too little to finish {named}; --budget gives more"
+    return f"{said}: not enough to finish {named}; --budget allows more"
 
 
 def _left_out(found: WorkPrecision) -> list[str]:

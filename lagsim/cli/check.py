@@ -24,11 +24,11 @@ def command(
     ] = False,
     as_json: AsJson = False,
     quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Say nothing of admissible starts.")
+        bool, typer.Option("-q", "--quiet", help="Print nothing for admissible starts.")
     ] = False,
     strict: Strict = False,
 ) -> int:
-    """Tell whether a start is admissible, and what constrains it."""
+    """Check whether a start is admissible, and list the constraints."""
     documents: list[Any] = []
     codes = [
         _one(
@@ -71,7 +71,7 @@ def _one(
         elif not (quiet and admissible and not alarmed):
             say(report(case.equations, case.examined, choices, repair=repair))
         if warnings or not admissible:
-            from lagsim.cli._github import annotate_start
+            from lagsim.cli._verdict import annotate_start
 
             annotate_start(case.equations, case.examined)
         if alarmed:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path  # noqa: TC003  typer looks at it
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +17,7 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.cli._streams import say
-from lagsim.cli._writing import put_file
+from lagsim.cli._writing import put_picture
 from lagsim.codes import failure, number
 from lagsim.errors import InputError, Problem
 
@@ -32,30 +33,46 @@ DIFFERS = "differs"
 
 def command(
     golden: Annotated[
-        Path, typer.Argument(metavar="GOLDEN", help="CSV file or folder of results.")
+        Path,
+        typer.Argument(
+            metavar="GOLDEN", help="The reference: a CSV file or a folder of results."
+        ),
     ],
     new: Annotated[
-        Path, typer.Argument(metavar="NEW", help="The one to judge; likewise.")
+        Path,
+        typer.Argument(
+            metavar="NEW",
+            help="The result to be compared with it: a CSV file or a folder.",
+        ),
     ],
     rtol: Annotated[
         str | None,
         typer.Option(
             metavar="X",
-            help="Part of a column's scale that it may differ by; without it, one unit "
+            help="Allowed difference relative to a column's scale; default: one unit "
             "in the last place.",
         ),
     ] = None,
     atol: Annotated[
         str | None,
-        typer.Option(metavar="X", help="What may be added to that; default 0."),
+        typer.Option(
+            metavar="X", help="Allowed absolute difference, added to that; default 0."
+        ),
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Draw the worst columns into a PNG file."),
+        typer.Option(
+            metavar="FILE", help="Draw the columns that differ most into a PNG file."
+        ),
     ] = None,
     as_json: AsJson = False,
     quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Only the exit code, and faults.")
+        bool,
+        typer.Option(
+            "-q",
+            "--quiet",
+            help="Print nothing but faults; the exit code gives the result.",
+        ),
     ] = False,
 ) -> int:
     """Compare two results.
@@ -101,7 +118,8 @@ def _compared(
         from lagsim.studies.comparison.picture import picture
 
         title = f"{found.golden.name} and {found.new.name}"
-        put_file(plot, picture(title, one, two, found.comparison))
+        draw = partial(picture, title, one, two, found.comparison)
+        put_picture(plot, draw)
     return found
 
 

@@ -10,7 +10,7 @@ import typer
 
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import ModelPath, Sets, assignments, show_json
-from lagsim.cli._streams import put
+from lagsim.cli._streams import harmless, put
 from lagsim.cli._writing import put_file
 from lagsim.errors import InputError, Problem, visible
 from lagsim.version import __version__
@@ -32,17 +32,20 @@ def command(
     model: ModelPath,
     sets: Sets = None,
     form: Annotated[
-        Format, typer.Option("--format", help="How the equations are written.")
+        Format, typer.Option("--format", help="Format of the equations.")
     ] = Format.text,
     ascii_only: Annotated[
-        bool, typer.Option("--ascii", help="Text in ASCII, as model files write it.")
+        bool,
+        typer.Option("--ascii", help="Write the text in ASCII, as in model files."),
     ] = False,
     substitute: Annotated[
-        bool, typer.Option("--substitute", help="Put the parameters' numbers in.")
+        bool, typer.Option("--substitute", help="Replace parameters by their numbers.")
     ] = False,
     solve: Annotated[
         bool,
-        typer.Option("--solve", help="Solve for the accelerations, however long."),
+        typer.Option(
+            "--solve", help="Solve for the accelerations, even if the result is long."
+        ),
     ] = False,
     gauss: Annotated[
         bool, typer.Option("--gauss", help="Add Gauss's principle.")
@@ -167,4 +170,4 @@ def _print(content: bytes) -> None:
         text.encode(encoding)
     except UnicodeEncodeError:
         text = text.encode(encoding, "backslashreplace").decode(encoding)
-    sys.stdout.write(text)
+    sys.stdout.write(harmless(text))

@@ -1,4 +1,4 @@
-"""`lagsim explain`: what a message means, and what to try."""
+"""`lagsim explain`: the meaning of a message, and what to try."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ def _words() -> list[str]:
 def command(
     code: Annotated[
         str | None,
-        typer.Argument(help="Such as E104; all where none is given.",
+        typer.Argument(help="Number or code, such as E104; without it all are listed.",
                        autocompletion=_words),
     ] = None,
     as_json: AsJson = False,
 ) -> int:  # fmt: skip
-    """Say what a message means, and what to try."""
+    """Explain a message, and what to try."""
     documents: list[Any] = []
     with faults_shown(documents if as_json else None) as codes:
         rows = _asked(code)
         if as_json:
             documents.append([_document(row) for row in rows])
         elif code is None:
-            say(table((row.number, f"{row.code}: {row.expected}") for row in rows))
+            say(table((row.number, f"{row.code}: {row.happened}") for row in rows))
         else:
             say("\n\n".join(map(_page, rows)))
         codes.append(0)
@@ -75,12 +75,13 @@ def _page(row: Row) -> str:
     lines = [
         f"{row.number} {row.code}",
         "",
-        textwrap.fill(row.expected, WIDTH),
+        textwrap.fill(row.happened, WIDTH),
+        *([textwrap.fill(f"Expected: {row.expected}", WIDTH)] if row.found else []),
         textwrap.fill(row.hint, WIDTH, initial_indent="  hint: ",
                       subsequent_indent="        "),
     ]  # fmt: skip
     if row.commands:
-        lines += ["", "Such as"]
+        lines += ["", "Example"]
         if row.change:
             lines += ["", textwrap.indent(row.change.rstrip("\n"), "    ")]
         lines += ["", *(f"    {command}" for command in row.commands)]

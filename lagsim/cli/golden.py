@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -17,7 +18,7 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import put_file, writing
+from lagsim.cli._writing import put_file, put_picture, writing
 from lagsim.cli.compare import DIFFERS, LISTED, as_mapping, listing
 from lagsim.codes import failure, number
 from lagsim.errors import InputError, LagsimError, Problem
@@ -42,25 +43,29 @@ def command(
     folder: Annotated[
         Path | None,
         typer.Option(
-            "--dir", metavar="DIR", help="Folder; default golden/ beside each model."
+            "--dir",
+            metavar="DIR",
+            help="Folder of the goldens; default golden/ beside each model.",
         ),
     ] = None,
     update: Annotated[
-        bool, typer.Option("--update", help="Store the goldens, in place of old ones.")
+        bool, typer.Option("--update", help="Store new goldens, and replace old ones.")
     ] = False,
     plots: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Draw the worst columns of what differs: DIR/NAME.png."
+            metavar="DIR", help="Draw the columns that differ most: DIR/NAME.png."
         ),
     ] = None,
     junit: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write JUnit's XML, which CI servers read."),
+        typer.Option(
+            metavar="FILE", help="Write a report in JUnit XML for CI servers."
+        ),
     ] = None,
     as_json: AsJson = False,
     quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Only what differs, and faults.")
+        bool, typer.Option("-q", "--quiet", help="Print only differences and faults.")
     ] = False,
 ) -> int:
     """Run models and compare them with their goldens."""
@@ -186,17 +191,19 @@ class _Job:
             from lagsim.studies.golden.picture import picture
 
             path = self.plots / f"{model.name}.png"
-            drawn = picture(case, motion, stored, judgement)
-            put_file(path, drawn, folders=True)
-            lines.append(f"  picture: {path}")
-            found["picture"] = str(path)
+            draw = partial(picture, case, motion, stored, judgement)
+            if put_picture(path, draw, folders=True):
+                lines.append(f"  picture: {path}")
+                found["picture"] = str(path)
         self.documents.append(found)
         if not self.as_json and not (self.quiet and judgement.passed):
             say("\n".join([headline(model, judgement, stored.golden), *lines]))
         if judgement.passed:
             return 0, ("", "", "")
         text = f"{model.name} differs from its golden: {worst(judgement)}"
-        annotate(ERROR, text, model.file, number=number(DIFFERS))
+        told = "; ".join([text, *judgement.changed])
+        line, column = (p.line, p.column) if (p := judgement.place) else (1, 1)
+        annotate(ERROR, told, model.file, line, column, number(DIFFERS))
         return 1, ("failure", DIFFERS, "\n".join([text, *lines]))
 
     def _store(self, case: Case, folder: Path) -> tuple[int, tuple[str, str, str]]:
@@ -233,7 +240,7 @@ def _name(model: Model) -> dict[str, Any]:
 def _horizon(golden: Golden) -> str:
     if golden.horizon is None:
         return ""
-    return f"; past t = {golden.horizon:.4g} only what it keeps constant"
+    return f"; past t = {golden.horizon:.4g} only conserved quantities"
 
 
 def headline(model: Model, judgement: Judgement, golden: Golden) -> str:

@@ -27,7 +27,7 @@ def command(
         str,
         typer.Option(
             metavar="T",
-            help=f"What to begin with: {', '.join(sorted(TEMPLATES))}.",
+            help=f"Template to begin with: {', '.join(sorted(TEMPLATES))}.",
             autocompletion=lambda: sorted(TEMPLATES),
         ),
     ] = "pendulum",

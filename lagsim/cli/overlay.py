@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 # Without -o there is one of each.
 DEFAULT = (Path("results/overlay.png"), Path("results/overlay.html"))
 PAGE = ".html"
-# A page of more runs is not called by their names.
-MOST_NAMES = 4
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -47,10 +45,10 @@ def command(
         ),
     ] = None,
     quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
+        bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
     ] = False,
 ) -> int:
-    """Draw several results in one picture, play them on one page."""
+    """Draw several results in one picture, and play them on one page."""
     with faults_shown() as code:
         wanted = DEFAULT if output is None else (output,)
         for path in wanted:
@@ -100,9 +98,8 @@ def _content(
         return None
     from lagsim.outputs.animation import page
 
-    names = [run["name"] for run in found]
-    many = len(names) > MOST_NAMES
-    return page(found, counted(len(names), "run") if many else ", ".join(names))
+    title = overlay.title(runs)
+    return page(found, f"{title}: {counted(len(found), 'run')}")
 
 
 def _write(path: Path, content: bytes) -> str:

@@ -30,8 +30,11 @@ from lagsim.cli._writing import (
     ask_for_room,
     commit,
     cut_short,
+    draw_all,
+    filled,
     finish,
     open_table,
+    tell_of_replaced,
 )
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names
@@ -42,7 +45,7 @@ from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import ErrorBars
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Mapping
 
     from lagsim.outputs.artist import Draw
     from lagsim.outputs.results import Results
@@ -81,15 +84,15 @@ Formulation = Annotated[
     str | None,
     typer.Option(
         metavar="F",
-        help="How constraints are met: projection, elimination, baumgarte, drift; "
-        "full: nothing is reduced.",
+        help="How constraints are satisfied: projection, elimination, baumgarte, "
+        "drift; full: nothing is reduced.",
     ),
 ]
 Gain = Annotated[
     str | None,
     typer.Option(
         metavar="X",
-        help="Of baumgarte, per unit of time; "
+        help="Gain of baumgarte, per unit of time; "
         f"default {1 / ROWS_TO_DECAY:g}/output step.",
     ),
 ]
@@ -97,18 +100,18 @@ SpectralRadius = Annotated[
     str | None,
     typer.Option(metavar="X", help="Of generalized-alpha, from 0 to 1."),
 ]
-Duration = Annotated[str | None, typer.Option(metavar="T", help="How long to run.")]
+Duration = Annotated[str | None, typer.Option(metavar="T", help="Duration of the run.")]
 OutputStep = Annotated[
     str | None,
     typer.Option(
-        metavar="H", help=f"Spacing of rows; default duration/{DEFAULT_ROWS}."
+        metavar="H", help=f"Time between rows; default duration/{DEFAULT_ROWS}."
     ),
 ]
 ErrorBar = Annotated[
     ErrorBars,
     typer.Option(
-        help="Repeat the run more tightly to estimate its error; auto: where that "
-        "takes no more than about 2 s."
+        help="Repeat the run with a tighter tolerance to estimate its error; auto: if "
+        "that takes at most about 2 s."
     ),
 ]
 
@@ -128,7 +131,7 @@ def command(
             "-o",
             "--output",
             metavar="DIR",
-            help="Folder; default results/NAME. Of several models: DIR/NAME.",
+            help="Output folder; default results/NAME; DIR/NAME for several models.",
         ),
     ] = None,
     jobs: Jobs = None,
@@ -144,7 +147,7 @@ def command(
     output_step: OutputStep = None,
     error_bar: ErrorBar = ErrorBars.AUTO,
     table: Annotated[
-        Format, typer.Option(help="How the table is kept: trajectory.csv, and so on.")
+        Format, typer.Option(help="Format of the table: trajectory.csv and so on.")
     ] = Format.CSV,
     units: Annotated[
         bool, typer.Option("--units", help="A line of units below the header of CSV.")
@@ -152,14 +155,14 @@ def command(
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
     form: PictureForm = Picture.PNG,
     animate: Annotated[
-        bool, typer.Option("--animate", help="Add animation.html: the motion, to play.")
+        bool, typer.Option("--animate", help="Write the page animation.html.")
     ] = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with one that was interrupted.")
+        bool, typer.Option("--resume", help="Continue an interrupted run.")
     ] = False,
     as_json: AsJson = False,
     quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
+        bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
     ] = False,
     strict: Strict = False,
 ) -> int:
@@ -242,7 +245,7 @@ class Job:
         from lagsim.run.kept import Asked
 
         if self.resume and self.table is not Format.CSV:
-            text = "--resume goes on with a table as CSV, the one that grows by rows"
+            text = "--resume needs --table csv, which is written row by row"
             raise InputError([Problem("usage", text)])
         if self.table is not Format.CSV:
             from lagsim.outputs.packed import check_format
@@ -271,7 +274,7 @@ class Job:
         first = None if known is None else known.rescue
         with open_results(folder, first=first) as results:
             if known is not None and known.stand is None and not self.quiet:
-                complain(f"lagsim: nothing is left in {folder} to go on with")
+                complain(f"lagsim: {folder} holds no interrupted run to continue")
             made = restart if known is None else lambda: known
             return self._integrate(session, results, made)
 
@@ -299,13 +302,11 @@ class Job:
         self, session: Session, results: Results, restart: Callable[[], Restart]
     ) -> int:
         from lagsim.outputs.results import MANIFEST
+        from lagsim.outputs.units import of_table
         from lagsim.studies.attempts import Attempts
 
-        units, interrupt = session.system.units(), self.interrupt
-        if self.show_units or self.table is Format.PARQUET:
-            from lagsim.outputs.units import of_table
-
-            units = of_table(session.case.equations, units)
+        columns, interrupt = session.system.columns.of_table, self.interrupt
+        units = of_table(session.case.equations, columns)
         table = open_table(results, self.table, units, show_units=self.show_units)
         with table as writer, interrupt.noted():
             joined = None
@@ -317,55 +318,46 @@ class Job:
                 progress=partial(progress_bar, quiet=self.quiet), joined=joined,
             ).best(session)  # fmt: skip
             lost = finish(writer, results, self.table)
-            full = lost or found.fault or self._write(found, results)
+            full = lost or found.fault
+            if not full and session.lists_events:
+                from lagsim.studies.beside import events
+
+                full = filled(results, events(found))
             cautions = found.cautions()
             self.clock.lap("output")
             files = [*results.names, MANIFEST]
             document = found.record(cautions, self.clock.timings, files)
+            if results.folder == RESULTS / document["model"]["name"]:
+                tell_of_replaced(results, document)
+            if not full and (self.plots or self.animate):
+                from lagsim.studies.beside import drawings
+
+                form = (self.plots or Picture.PNG).value
+                more = drawings(found, found.thin, found.frames, form, self._draw)
+                full = draw_all(results, document, more, interrupt, self.clock)
             if full:
                 document |= cut_short(writer, found, full, lost=lost is not None)
-            usual = results.folder == RESULTS / document["model"]["name"]
-            if usual and (before := results.before()):
-                from lagsim.outputs.replaced import replaced
-
-                caution = replaced(before, document, results.folder)
-                document["warnings"] += [caution.record] if caution else []
             document["sha256"] = results.digests()
             commit(results, document, {})
             if not full and document["outcome"] != "interrupted":
                 results.forget()
         self._report(found, document, results.folder)
+        return self._code(found, document, full)
+
+    def _code(
+        self, found: Attempt, document: Mapping[str, Any], full: OSError | None
+    ) -> int:
+        """Give the exit code, and say what a signal has cost."""
+        interrupt = self.interrupt
         if full:
             return UnwritableError.exit_code
         if interrupt.signal is not None:
             if document["complete"]:
-                complain("lagsim: interrupted: all rows are there, pictures may not be")
+                complain("lagsim: interrupted: all rows are there, some pictures not")
             return 128 + interrupt.signal
         if not found.trajectory.outcome.complete:
             return 3
         return self._strictly(found, document)
-
-    def _write(self, found: Attempt, results: Results) -> OSError | None:
-        """Write what stands beside the table; give what kept one from being written.
-
-        A signal ends that: pictures can be drawn again, rows cannot.
-        """
-        form = (self.plots or Picture.PNG).value
-
-        def put(made: Iterable[tuple[str, bytes]]) -> None:
-            for name, content in made:
-                results.write(name, content)
-
-        try:
-            put(found.files(None))
-            more = found.files(found.thin, found.frames, form, self._draw)
-            self.interrupt.cut(lambda: put(more))
-        except OSError as error:
-            return error
-        finally:
-            if found.thin is not None:
-                self.clock.lap("plots")
-        return None
 
     def _strictly(self, found: Attempt, document: Mapping[str, Any]) -> int:
         """Give the exit code of a run that is complete; say why it is not 0."""
@@ -390,7 +382,7 @@ class Job:
             numbered = f" [{failed['number']}]" if failed else ""
             complain(f"lagsim: {document['reason']}{numbered}")
             if (folder / RESTART).exists():
-                complain("lagsim: the same command with --resume goes on with it")
+                complain("lagsim: the same command with --resume continues the run")
         if not self.quiet or self.strict:
             for caution in document["warnings"]:
                 complain(f"warning: {caution['text']} [{caution['number']}]")

@@ -23,7 +23,9 @@ def command(
     result: Annotated[
         Path, typer.Argument(metavar="RESULT", help="Folder of a run, or its table.")
     ],
-    column: Annotated[str, typer.Argument(metavar="COLUMN", help="What to look at.")],
+    column: Annotated[
+        str, typer.Argument(metavar="COLUMN", help="The column to analyse.")
+    ],
     output: Annotated[
         list[Path] | None,
         typer.Option(
@@ -36,13 +38,13 @@ def command(
     ] = None,
     as_json: AsJson = False,
 ) -> int:
-    """Tell the frequencies in a column, and their amplitudes."""
+    """List the frequencies in a column, and their amplitudes."""
     documents: list[Any] = []
     with faults_shown(documents if as_json else None) as code:
         _refuse(output or ())
         found = _spectrum(result, column)
         for file in output or ():
-            _write(file, found, f"{result}: {column}")
+            _write(file, found, _title(result))
         if as_json:
             documents.append({"result": str(result), **found.record})
         else:
@@ -60,7 +62,7 @@ def _refuse(files: list[Path] | tuple[()]) -> None:
     ------
     InputError
     """
-    hint = "what it ends in says what is written: .png, .svg, .pdf or .csv"
+    hint = "the ending of the name gives the format: .png, .svg, .pdf or .csv"
     problems = [
         Problem("usage", f"{file}: no such format", hint=hint)
         for file in files
@@ -88,9 +90,24 @@ def _spectrum(result: Path, column: str) -> Spectrum:
     if column not in table.columns:
         near = get_close_matches(column, table.columns, 1)
         hint = f"did you mean `{near[0]}`?" if near else ""
+        hint = hint or f"its columns are {', '.join(table.columns)}"
         text = f"{table.name}: there is no column `{column}`"
         raise InputError([Problem("unknown-name", text, hint=hint)])
     return spectrum(table.t, table[column], column, table.units.get(column, ""))
+
+
+def _title(result: Path) -> str:
+    """Give the model's name, else that of the file."""
+    import orjson
+
+    from lagsim import files
+    from lagsim.outputs.results import MANIFEST
+
+    folder = result if result.is_dir() else result.parent
+    try:
+        return str(orjson.loads(files.content(folder / MANIFEST))["model"]["name"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return result.name
 
 
 def _write(file: Path, found: Spectrum, title: str) -> None:

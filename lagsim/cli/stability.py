@@ -44,35 +44,36 @@ def command(
             "-o",
             "--output",
             metavar="DIR",
-            help="Folder; default results/NAME/stability.",
+            help="Output folder; default results/NAME/stability.",
         ),
     ] = None,
     sets: Sets = None,
     methods: Annotated[
         str | None,
-        typer.Option(metavar="A,B", help="Only these; default all that apply."),
+        typer.Option(metavar="A,B", help="Only these methods; default all that apply."),
     ] = None,
     steps: Annotated[
         str | None,
         typer.Option(
-            metavar="A:B", help="Range of steps; default around the predicted borders."
+            metavar="A:B",
+            help="Range of steps; default around the predicted stability limits.",
         ),
     ] = None,
     vary: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NAME=A:B",
-            help="Let a parameter vary: maps over it and the step, and the work of "
-            "methods that choose their steps.",
+            help="Vary a parameter: maps over it and the step; for methods that choose "
+            "their steps, their work.",
         ),
     ] = None,
     form: PictureForm = Picture.PNG,
     as_json: AsJson = False,
     quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
+        bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
     ] = False,
 ) -> int:
-    """Map where each method holds and where it fails."""
+    """Map where each method is stable and where it fails."""
     documents: list[Any] = []
     with faults_shown(documents if as_json else None, file=model) as code:
         wish = _wish(methods, steps, vary)
@@ -258,7 +259,7 @@ def _borders(found: Stability) -> list[str]:
         return []
     period = fastest_period(found.subject)
     rows: list[tuple[str, ...]] = [
-        ("method", "holds below", "of the fastest period", "predicted", "")
+        ("method", "holds below (s)", "of the fastest period", "predicted (s)", "")
     ]
     for border in found.borders:
         step = border.found
@@ -284,7 +285,7 @@ def _over_parameter(found: Stability, varied: str) -> list[str]:
     ends = (values[0], values[-1])
     rows: list[tuple[str, ...]] = []
     if found.methods:
-        rows.append(("method", *(f"holds below, {varied} = {v:.4g}" for v in ends)))
+        rows.append(("method", *(f"holds below (s), {varied} = {v:.4g}" for v in ends)))
     for name in found.methods:
         at = {b.value: b.found for b in found.borders if b.method == name}
         steps = (at.get(v) for v in ends)
@@ -320,9 +321,10 @@ def _eigenvalues(found: Stability) -> list[tuple[str, str]]:
         fastest, slowest = known[abs(known).argmax()], known[abs(known).argmin()]
         damping = -known.real / abs(known)
         low, high = _number(min(damping)), _number(max(damping))
+        ends = dict.fromkeys((_complex(slowest), _complex(fastest)))
+        ratios = dict.fromkeys((low, high))
         texts.append(
-            f"{where}: {_complex(slowest)} to {_complex(fastest)}, damping ratio "
-            f"{low if low == high else f'{low} to {high}'}"
+            f"{where}: {' to '.join(ends)} 1/s, damping ratio {' to '.join(ratios)}"
         )
     return [("" if k else "eigenvalues", text) for k, text in enumerate(texts)]
 
@@ -360,7 +362,9 @@ def _modes(found: Stability) -> list[str]:
     if not rest.modes:
         return lines
     names = found.subject.equations.q
-    rows: list[tuple[str, ...]] = [("frequency", "period", "damping ratio", "shape")]
+    rows: list[tuple[str, ...]] = [
+        ("frequency (Hz)", "period (s)", "damping ratio", "shape")
+    ]
     for mode in rest.modes:
         period = "-" if mode.period is None else f"{mode.period:.5g}"
         shapes = zip(names, mode.shape.real, strict=True)

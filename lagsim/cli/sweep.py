@@ -23,7 +23,7 @@ from lagsim.cli._shared import (
     table,
 )
 from lagsim.cli._streams import UnwritableError, complain, say
-from lagsim.cli._writing import commit
+from lagsim.cli._writing import commit, sorted_out
 from lagsim.cli.run import (
     Atol,
     Duration,
@@ -72,34 +72,41 @@ def command(
         list[str],
         typer.Argument(
             metavar="NAME=A:B:N|NAME=V1,V2,...",
-            help="A parameter, or an entry of `initial`, and its values: from A to B, "
-            "N of them, or a list; expressions.",
+            help="A parameter or a start value, and its values: N values from A to B, "
+            "or a list; each may be an expression.",
             autocompletion=_names,
         ),
     ],
     folder: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", metavar="DIR", help="Folder; default results/NAME/sweep."
+            "-o",
+            "--output",
+            metavar="DIR",
+            help="Output folder; default results/NAME/sweep.",
         ),
     ] = None,
     jobs: Jobs = None,
     keep: Annotated[
-        bool, typer.Option("--keep", help="Keep the results of each run, in DIR/run-K.")
+        bool, typer.Option("--keep", help="Keep the results of each run in DIR/run-K.")
     ] = False,
     ends: Annotated[
         bool,
         typer.Option(
             "--ends",
-            help="Only what each column ends with: no rows, no error bar, far faster.",
+            help="Compute only the last value of each column: no rows, no error "
+            "estimate, much faster.",
         ),
     ] = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with a sweep that was interrupted.")
+        bool, typer.Option("--resume", help="Continue an interrupted sweep.")
     ] = False,
     dask: Annotated[
         str | None,
-        typer.Option(metavar="ADDRESS", help="Of a Dask scheduler whose workers run."),
+        typer.Option(
+            metavar="ADDRESS",
+            help="Address of a Dask scheduler, whose workers make the runs.",
+        ),
     ] = None,
     sets: Sets = None,
     method: Method = None,
@@ -115,10 +122,10 @@ def command(
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
     as_json: AsJson = False,
     quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Say nothing unless it fails.")
+        bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
     ] = False,
 ) -> int:
-    """Run a model at all combinations of values."""
+    """Run a model at all combinations of parameter values."""
     options = given(
         method=method, rtol=rtol, atol=atol, step=step, formulation=formulation,
         gain=gain, spectral_radius=spectral_radius, duration=duration,
@@ -215,7 +222,7 @@ class _Job:
         if found.missing:
             known = f"{len(found.rows)} of {found.grid.runs} runs"
             complain(f"lagsim: interrupted; {known} are kept")
-            complain("  hint: the same command with --resume goes on from there")
+            complain("  hint: the same command with --resume continues from there")
             return 128 + (interrupt.signal or 0)
         code = self._finish(found, results)
         rows.remove()
@@ -237,7 +244,7 @@ class _Job:
         if self.as_json:
             self.documents.append(there)
         elif not self.quiet:
-            say(f"nothing is left to do: {folder} holds this sweep")
+            say(f"nothing to do: {folder} holds this sweep, complete")
         return _code(there["outcomes"], there["complete"], there["runs"])
 
     def _make(self, found: Found, rows: Journal, interrupt: Interrupt) -> None:
@@ -263,8 +270,8 @@ class _Job:
         """Write what was found, and tell it; give the exit code."""
         from lagsim.studies.sweep import document
 
-        files = dict(document.files(found, plots=self.plots))
-        content = document.document(found, [*files, document.MANIFEST])
+        files, undrawn = sorted_out(document.files(found, plots=self.plots))
+        content = document.document(found, [*files, document.MANIFEST]) | undrawn
         commit(results, content, files)
         missing = found.grid.runs - content["complete"]
         if missing:

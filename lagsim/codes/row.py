@@ -1,4 +1,4 @@
-"""What one row of the table says."""
+"""One row of the table of messages."""
 
 from __future__ import annotations
 
@@ -30,12 +30,14 @@ class Row(NamedTuple):
     expected : str
         The rule that is broken; of a warning, what has happened.
     hint : str
-        What to try. Where a message has nothing better to say, it says this.
+        What to try, where the message itself has no better hint.
     change : str
         The sections of the example that differ from EXAMPLE, or the whole of it where
         it is not made of these.
     commands : tuple of str
         What is called then; the last one gives the message.
+    found : str
+        Of an error, what has been found.
     """
 
     number: str
@@ -44,6 +46,12 @@ class Row(NamedTuple):
     hint: str
     change: str = ""
     commands: tuple[str, ...] = (f"lagsim check {MODEL}",)
+    found: str = ""
+
+    @property
+    def happened(self) -> str:
+        """What has happened."""
+        return self.found or self.expected
 
     @property
     def model(self) -> str:

@@ -1,4 +1,4 @@
-"""E4xx: how a model is to be run."""
+"""E4xx: methods and settings of a run."""
 
 from __future__ import annotations
 
@@ -10,51 +10,61 @@ ROWS = (
         "A method is one of those that `lagsim methods` lists, or `auto`.",
         "`lagsim methods` lists them",
         commands=("lagsim run pendulum.yaml --method rk5",),
+        found="The method does not exist.",
     ),
     Row(
         "E402", "method-refused",
-        "A method can handle what the model has.",
-        "`lagsim methods` says what each handles; `auto` chooses one that can",
+        "The method suits the model.",
+        "`lagsim methods` lists what each handles; `auto` chooses one that suits",
         "forces: {theta: -theta_dot}\n",
         ("lagsim run pendulum.yaml --method kahan-li6 --step 0.01",),
+        found="The method cannot integrate this model.",
     ),
     Row(
         "E403", "unknown-formulation",
         "A formulation is one of those that docs/model-file.md describes, or `auto`.",
         "leave it out: `auto` chooses one",
         "simulation: {duration: 1, formulation: exact}\n",
+        found="The formulation does not exist.",
     ),
     Row(
         "E404", "formulation-refused",
-        "A formulation suits the constraints of the model.",
-        "`auto` chooses one that can be had",
+        "The formulation suits the constraints of the model.",
+        "`auto` chooses one that suits",
         "simulation: {duration: 1, formulation: elimination}\n"
         "constraints: {wall: {relation: theta >= 0, restitution: 0.5}}\n",
         ("lagsim run pendulum.yaml",),
+        found="The formulation cannot be used with this model's constraints.",
     ),
     Row(
         "E405", "adaptive-method",
-        "Borders of stability are those of methods with a fixed step.",
-        "--vary shows how the work of the others changes with a parameter",
+        "A stability limit is that of a method with a fixed step.",
+        "use --vary to see how the work of this method changes with a parameter",
         commands=("lagsim stability pendulum.yaml --methods dop853",),
+        found="A stability limit is asked for, and the method chooses its steps "
+        "itself.",
     ),
     Row(
         "E406", "no-stability",
-        "Stability is looked at where the same equations hold all along.",
-        "`lagsim bench` compares methods on such a scene",
+        "One set of equations holds for the whole run: no contacts, no friction, and "
+        "no constraints that come and go.",
+        "`lagsim bench` compares methods on such a model",
         "constraints: {wall: {relation: theta >= 0, restitution: 0.5}}\n",
         ("lagsim stability pendulum.yaml",),
+        found="A stability map is asked for, and the model's equations change "
+        "during the run.",
     ),
     Row(
         "E407", "too-many-rows",
         "A table has at most 10^8 rows.",
         "choose a longer `output_step`",
         "simulation: {duration: 1, output_step: 1e-12}\n",
+        found="The table would have too many rows.",
     ),
     Row(
         "E408", "too-long",
-        "Equations have a size that can be worked with, and are derived in time.",
-        "fewer terms that couple; `derive --format python` takes energies as they are",
+        "The equations are derived within the limits of length and time.",
+        "couple fewer terms; `derive --format python` uses the energies as written",
         """\
 definitions:
   a: sin(theta) + cos(theta)
@@ -66,12 +76,14 @@ definitions:
   y: sin(f)*f + cos(f)*f + f
 """,
         ("lagsim derive pendulum.yaml",),
+        found="The equations are too long to be derived.",
     ),
     Row(
         "E409", "too-large",
         "The equations of a model of usual size take at most 3,000,000 operations, and "
         "a mass matrix has at most 1,000,000 entries that are not 0.",
-        "fewer velocities in one product or square of the energies couple less",
+        "put fewer velocities into one product or square of the energies",
         commands=(),
+        found="The equations of the model are too large.",
     ),
 )  # fmt: skip

@@ -21,13 +21,14 @@ ROWS = (
     ),
     Row(
         "W102", "degrees",
-        "What has the unit `deg` enters `sin`, `cos` or `tan`, which take radians.",
+        "A quantity in `deg`, or a number of degrees such as 60, enters `sin`, "
+        "`cos` or `tan`, which take radians.",
         "write theta*pi/180 there",
         "coordinates: {theta: {unit: deg}}\n",
     ),
     Row(
         "W103", "rough-start",
-        "The start was rounded, and meets the constraints only roughly.",
+        "The start was rounded, and satisfies the constraints only approximately.",
         "write the start value as the expression that is shown",
         _PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
         "initial: {x: 0.8, y: -0.6000001}\n",
@@ -41,7 +42,8 @@ ROWS = (
     ),
     Row(
         "W105", "multipliers-not-unique",
-        "Constraints are redundant: the least multipliers are given.",
+        "Constraints are redundant: their multipliers are not unique, and those of "
+        "least norm are given.",
         "leave constraints out until the others determine their forces",
         _PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
         "initial: {x: 1, y: 1}\n",
@@ -54,7 +56,8 @@ ROWS = (
     ),
     Row(
         "W107", "multiple-root",
-        "A relation is a power of what it sets to zero, and is met as a simple root.",
+        "A relation is a power, whose gradient is 0 wherever it holds: its root is "
+        "taken.",
         "take the root of both sides",
         _PLANE + "constraints: {line: (x - y)^2 = 0}\ninitial: {x: 1, y: 1}\n",
     ),
@@ -82,7 +85,7 @@ ROWS = (
         "W111", "painleve",
         "Friction laws contradict each other at the start (Painlevé's paradox): `run` "
         "refuses it.",
-        "less friction, or a body that yields a little",
+        "reduce the friction, or let a body yield a little",
         """\
 parameters: {mu: 1.4, angle: atan(0.5)}
 coordinates: {x: {}, y: {}, q: {}}
@@ -95,7 +98,8 @@ initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
     ),
     Row(
         "W112", "reaction-zero",
-        "Nothing is written with a definition whose reaction is asked for: it is 0.",
+        "No energy, force or constraint uses a definition whose reaction is asked for: "
+        "the reaction is 0.",
         "ask for the reaction of a definition that energies, forces or constraints use",
         "output: {reactions: [x]}\n",
     ),
@@ -109,27 +113,27 @@ initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
     ),
     Row(
         "W202", "step-unused",
-        "`step` is for methods with a fixed step alone.",
+        "`step` has no effect: only methods with a fixed step use it.",
         "leave it out, or take a method with a fixed step",
         "simulation: {duration: 1, step: 0.01}\n",
         _RUN,
     ),
     Row(
         "W203", "tolerance-unused",
-        "Tolerances are for methods that choose their steps alone.",
+        "Tolerances have no effect: only methods that choose their steps use them.",
         "leave them out, or take a method that chooses its steps",
         commands=(_RUN[0] + " --method rk4 --step 0.001 --rtol 1e-9",),
     ),
     Row(
         "W204", "gain-unused",
-        "`gain` is for the formulation baumgarte alone.",
+        "`gain` has no effect: only the formulation `baumgarte` uses it.",
         "leave it out, or ask for `formulation: baumgarte`",
         "simulation: {duration: 1, gain: 10}\n",
         _RUN,
     ),
     Row(
         "W205", "spectral-radius-unused",
-        "`spectral_radius` is for generalized-alpha alone.",
+        "`spectral_radius` has no effect: only the method `generalized-alpha` uses it.",
         "leave it out, or ask for `method: generalized-alpha`",
         "simulation: {duration: 1, spectral_radius: 0.8}\n",
         _RUN,
@@ -137,13 +141,13 @@ initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
     Row(
         "W301", "horizon",
         "Past this time the estimated error exceeds 0.1 of a coordinate's range.",
-        "end the run there, or look at what chaos leaves: averages and bounds",
+        "end the run there, or use averages and bounds, which chaos leaves reliable",
         commands=("lagsim run models/failing/chaos.yaml --no-plots",),
     ),
     Row(
         "W302", "end-in-doubt",
-        "A repeat of the run comes to another end.",
-        "tighten the tolerance, or look at the scene around that time",
+        "A repeat of the run ends differently.",
+        "tighten the tolerance, or look at the model around that time",
         commands=(
             _RUN[0].replace(MODEL, "models/failing/cubic-well.yaml")
             + " --method verlet --step 1.7320508",
@@ -188,19 +192,20 @@ initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
     ),
     Row(
         "W308", "nearly-dependent",
-        "Constraints came close to dependent; a QR decomposition goes on.",
-        "look at the mechanism around that time; other coordinates may do without",
+        "Constraints became nearly dependent; from there on a QR decomposition solves "
+        "them.",
+        "look at the mechanism around that time; other coordinates may avoid it",
         commands=("lagsim run models/failing/parallelogram.yaml --no-plots",),
     ),
     Row(
         "W309", "rank",
-        "Constraints lost their independence: a singular configuration.",
-        "the motion may branch there: one coordinate less decides how it goes on",
+        "Constraints became dependent: a singular configuration.",
+        "the motion may branch there: use one coordinate fewer to select a branch",
         commands=("lagsim run models/failing/parallelogram.yaml --no-plots",),
     ),
     Row(
         "W310", "coordinate-singularity",
-        "An inertia of a coordinate all but vanished on the way.",
+        "The inertia of a coordinate nearly vanished during the run.",
         "take coordinates whose pole lies elsewhere",
         commands=("lagsim run models/failing/polar-miss.yaml --no-plots",),
     ),
@@ -228,7 +233,8 @@ initial: {x: 0, q: 0.8, y: a*sin(q) + 0.47, x_dot: 0.1, y_dot: -2}
     ),
     Row(
         "W313", "shared-contact",
-        "Contacts hold more often than they must: their forces are one way of many.",
+        "Contacts are redundant: their forces are not unique, and one solution is "
+        "given.",
         "leave contacts out until the others determine their forces",
         """\
 coordinates: {z: {}, a: {}, b: {}}
@@ -246,24 +252,24 @@ simulation: {duration: 0.1, output_step: 0.1}
     ),
     Row(
         "W314", "unsettled-impulses",
-        "`moreau` did not find the impulses of a step to the end: contacts gave way a "
+        "The relaxation of `moreau` did not converge in a step: contacts yield a "
         "little.",
         "take a shorter step, or a method that locates impacts",
         commands=(),
     ),
     Row(
         "W315", "unresolved-switch",
-        "Forces leave more than one way to go on from a switch.",
-        "write what they are at the switch itself, or start beside it",
-        "coordinates: {x: {}}\ndefinitions: {push: sign(x_dot)}\n"
+        "More than one motion from a switch of the forces is possible.",
+        "define the forces at the switch itself, or start away from it",
+        "coordinates: {x: {}}\ndefinitions: {push: 'if(x_dot >= 0, 1, -1)'}\n"
         "energy: {kinetic: x_dot^2/2, potential: 0}\nforces: {x: push}\n"
         "initial: {x: 0}\n",
         _RUN,
     ),
     Row(
         "W316", "short-times",
-        "A short pulse could be stepped over: what may make one turns too often to be "
-        "looked at.",
+        "A short pulse could be stepped over: an argument of time has too many extrema "
+        "for all of them to be checked.",
         "bound the step by a shorter `output_step`, or write the pulse as an `if`",
         commands=(),
     ),
@@ -272,6 +278,36 @@ simulation: {duration: 0.1, output_step: 0.1}
         "More events happened than are listed: `event_counts` counts all.",
         "end the run earlier, or count what is of interest in the table",
         commands=(),
+    ),
+    Row(
+        "W318", "error-unknown",
+        "The error is not known: the repeat that estimates it failed.",
+        "look at the model where the repeat failed, or try another method or rtol",
+        commands=(),
+    ),
+    Row(
+        "W319", "energy-drifts",
+        "energy - work, which is constant, changed by more than the tolerance allows.",
+        "put the origin, and the frame, near the moving bodies; or use differences as "
+        "coordinates",
+        """\
+coordinates: {x: {}, y: {}, u: {}, v: {}}
+definitions: {}
+energy:
+  kinetic: (x_dot^2 + y_dot^2 + u_dot^2 + v_dot^2)/2
+  potential: -1/hypot(u - x, v - y)
+initial: {x: 1e9 - 0.5, y: 0, u: 1e9 + 0.5, v: 0, y_dot: -0.6, v_dot: 0.6}
+simulation: {duration: 40, output_step: 0.5}
+""",
+        _RUN,
+    ),
+    Row(
+        "W320", "column-not-finite",
+        "A column of the table has values that are not finite (inf or nan).",
+        "choose units in which the numbers are nearer to 1, or look at what the "
+        "expression of the column divides by from that time on",
+        "energy: {kinetic: m*l^2*theta_dot^2/2, potential: 1e300*g*theta}\n",
+        _RUN,
     ),
     Row(
         "W401", "nothing-to-draw",
@@ -284,9 +320,16 @@ simulation: {duration: 0.1, output_step: 0.1}
     ),
     Row(
         "W402", "result-replaced",
-        "The folder that nobody named held a result of other parameters or options, or "
-        "of another file.",
+        "The default folder held a result of other parameters or options, or of "
+        "another file, which this run has replaced.",
         "name folders with -o to keep both",
         commands=(_RUN[0] + " -q", _RUN[0] + " --set m=2"),
+    ),
+    Row(
+        "W403", "not-drawn",
+        "A picture, or the page, could not be drawn. The table and run.json are "
+        "complete.",
+        "this is a fault of lagsim's: please report it with the model",
+        commands=(),
     ),
 )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from lagsim.derivation.conditions import LATEX, conditions
@@ -233,7 +234,8 @@ def _lines(left: str, terms: list[tuple[str, str]]) -> list[str]:
     line = f"{left} &= " if left else "& "
     room = LONGEST_LINE - _width(left)
     used = 0
-    for k, (sign, text) in enumerate(terms):
+    parts = [part for term in terms for part in _parts(*term, room)]
+    for k, (sign, text) in enumerate(parts):
         shown = "" if k == 0 and sign == "+" else f"{sign} "
         if k and used + _width(text) > room:
             lines.append(line.rstrip())
@@ -242,6 +244,75 @@ def _lines(left: str, terms: list[tuple[str, str]]) -> list[str]:
         line += shown + text + " "
         used += _width(text) + 3
     return [*lines, line.rstrip()]
+
+
+_NESTED = re.compile(r"\\left|\\right|\\begin|\\end|[{}]| (?=[-+] )")
+_FRACTION = r"\frac{"
+
+
+def _places(text: str) -> list[int]:
+    """Give where signs stand that are within no group."""
+    found, level = [], 0
+    for match in _NESTED.finditer(text):
+        if match[0] in (r"\right", r"\end", "}"):
+            level -= 1
+        if level == 0 and match[0] == " ":
+            found.append(match.start())
+        if match[0] in (r"\left", r"\begin", "{"):
+            level += 1
+    return found
+
+
+def _parts(sign: str, text: str, room: int) -> list[tuple[str, str]]:
+    """Break a term that is longer than a line, before signs within parentheses."""
+    if _width(text) <= room:
+        return [(sign, text)]
+    before, within, after = "", text, ""
+    over = _closed(text, len(_FRACTION) - 1) if text.startswith(_FRACTION) else 0
+    if over and _closed(text, over) == len(text):
+        before = rf"\frac{{1}}{text[over:]} \, "
+        within = text[len(_FRACTION) : over - 1]
+    if not (before and _places(within)):
+        groups = [g for g in _groups(within) if _places(within[g[0] : g[1]])]
+        if not groups:
+            return [(sign, text)]
+        first, last = max(groups, key=lambda g: _width(within[g[0] : g[1]]))
+        before += within[: first - len(r"\left(")]
+        after = within[last + len(r"\right)") :]
+        within = within[first:last]
+    places = _places(within)
+    pieces = [within[a:b] for a, b in pairwise([0, *places, len(within)])]
+    found = [(sign, rf"{before}\bigl({pieces[0]}")]
+    found += [(piece[1], piece[3:]) for piece in pieces[1:]]
+    found[-1] = found[-1][0], rf"{found[-1][1]}\bigr){after}"
+    return found
+
+
+def _closed(text: str, start: int) -> int:
+    """Give where a group ends that begins with a brace; 0 where none begins."""
+    if text[start : start + 1] != "{":
+        return 0
+    level = 0
+    for k in range(start, len(text)):
+        level += (text[k] == "{") - (text[k] == "}")
+        if not level:
+            return k + 1
+    return 0
+
+
+def _groups(text: str) -> list[tuple[int, int]]:
+    """Give the insides of the parentheses that stand in no others."""
+    found, level, start = [], 0, 0
+    for match in _NESTED.finditer(text):
+        if match[0] in (r"\right", r"\end", "}"):
+            level -= 1
+            if not level and match[0] == r"\right" and text[start - 1] == "(":
+                found.append((start, match.start()))
+        elif match[0] != " ":
+            if not level and match[0] == r"\left":
+                start = match.end() + 1
+            level += 1
+    return found
 
 
 def _related(relation: str, terms: list[tuple[str, str]]) -> list[tuple[str, str]]:

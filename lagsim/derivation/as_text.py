@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 import unicodedata
 from typing import TYPE_CHECKING, Any
@@ -66,6 +67,40 @@ def _width(text: str) -> int:
     return sum(not unicodedata.combining(c) for c in text)
 
 
+# Before a sign or a relation, else between factors.
+_SIGN = re.compile(r"(?<=\S) (?=[-+−=≥≤<>] )")
+_SPACE = re.compile(r"(?<=\S) (?=\S)")
+
+
+def _folded(line: str) -> list[str]:
+    """Break a line that is too long, within as few parentheses as can be."""
+    lines = []
+    margin = len(line) - len(line.lstrip())
+    while _width(line) > WIDTH:
+        at = _break(line, margin)
+        if not at:
+            break
+        lines.append(line[:at])
+        margin = min(margin + 4, 28) if len(lines) == 1 else margin
+        line = " " * margin + line[at + 1 :]
+    return [*lines, line]
+
+
+def _break(line: str, margin: int) -> int:
+    """Give where a line is broken; 0 where it cannot be."""
+    depth, depths = 0, []
+    for c in line:
+        depth += (c in "([") - (c in ")]")
+        depths.append(depth)
+    for least in (WIDTH // 2, margin + 8):
+        for sign in (_SIGN, _SPACE):
+            places = [m.start() for m in sign.finditer(line)]
+            fit = [x for x in places if x >= least and _width(line[:x]) <= WIDTH]
+            if fit:
+                return min(fit, key=lambda x: (depths[x], -x))
+    return 0
+
+
 def _called(k: Condition) -> tuple[str, str]:
     return ("rate", "rate") if k.moving else ("gap", "dgap/dt")
 
@@ -96,11 +131,11 @@ class _Text(Outline):
             first = style.negative if sign == "-" else ""
             part = (style.minus if sign == "-" else style.plus) if k else first
             if k and _width(line) + _width(part + text) > WIDTH:
-                self.lines.append(line)
+                self.lines += _folded(line)
                 line = " " * min(max(_width(head) - 2, 4), 24) + part + text
             else:
                 line += part + text
-        self.lines.append(line + tail)
+        self.lines += _folded(line + tail)
 
     def _rows(self, rows: Sequence[Row]) -> None:
         for left, right in rows:

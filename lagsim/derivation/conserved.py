@@ -29,12 +29,18 @@ if TYPE_CHECKING:
     from lagsim.derivation.content import Condition, Line
     from lagsim.derivation.translation import Translation
     from lagsim.language.arrays import Floats
+    from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
 
 # More shifts and turns than this are not looked through.
 MOST_GENERATORS = 250
+# A product is multiplied out to so many terms at most.
+MOST_TERMS = 64
 # What vanishes at all samples leaves this much against rounding in sums of terms.
 ROUNDING = 1e-9
+# A term of L by so many times another is tested by itself: beside it, what the other
+# changes by is rounding.
+BESIDE = 1e4
 # States beyond the number of unknowns, and tries for states with finite values.
 SPARE, TRIES = 8, 4
 
@@ -106,15 +112,78 @@ def _slips(c: Condition, v: Any) -> bool:
     return any(sp.diff(s, v) != 0 for s in c.law.get("slip", ()))
 
 
+def _terms_of(g: Graph, L: int) -> list[int]:
+    """Give the terms that L is the sum of, products of sums multiplied out.
+
+    So a weak term in a factor is one of them. What makes too many stays a product.
+    """
+    found = []
+    stack = [(L, False)]
+    while stack:
+        node, negative = stack.pop()
+        op, args = g.ops[node], g.args[node]
+        if op in ("add", "sub"):
+            stack += [(args[1], negative ^ (op == "sub")), (args[0], negative)]
+        elif op == "neg":
+            stack.append((args[0], not negative))
+        else:
+            terms = _multiplied_out(g, node)
+            found += [g.call("neg", x) for x in terms] if negative else terms
+    return found
+
+
+def _multiplied_out(g: Graph, node: int) -> list[int]:
+    op, args = g.ops[node], g.args[node]
+    if op not in ("mul", "div"):
+        return [node]
+    first = _terms_of(g, args[0])
+    second = _terms_of(g, args[1]) if op == "mul" else [args[1]]
+    if not 1 < len(first) * len(second) <= MOST_TERMS:
+        return [node]
+    return [g.call(op, a, b) for a in first for b in second]
+
+
 class _Samples:
-    """Random states and parameters, and what the graph gives there."""
+    """Random states and parameters, and what the graph gives there.
+
+    Attributes
+    ----------
+    slopes : list of int
+        Of each part of L, its slopes in the coordinates and in the velocities (2 n,).
+    """
 
     def __init__(self, e: Equations) -> None:
         self.e = e
         g = e.graph
-        positions = [g.variable(q) for q in e.q]
-        self.dL_dq = gradient(g, e.model.lagrangian, positions)
         self._random = np.random.default_rng(7)
+        self.parts = self._parts_of_one_size()
+        state = [g.variable(name) for name in (*e.q, *e.velocities)]
+        self.slopes = [x for part in self.parts for x in gradient(g, part, state)]
+
+    def _parts_of_one_size(self) -> list[int]:
+        """Give sums of terms of L: T and V apart, and what is small beside others.
+
+        Parameters are near 1 here, but numbers in the file are as they are.
+        """
+        e, g = self.e, self.e.graph
+        state = {*e.q, *e.velocities}
+        terms = [x for x in _terms_of(g, e.model.lagrangian) if g.depends([x]) & state]
+        moving = g.dependent(terms, e.velocities)
+        at = self.values()
+        sizes = np.abs(evaluate(g, terms, at))
+        found: list[int] = []
+        for with_velocities in (True, False):
+            chosen = [
+                k for k, x in enumerate(terms) if (x in moving) == with_velocities
+            ]
+            before = math.nan
+            for k in sorted(chosen, key=lambda k: sizes[k]):
+                if sizes[k] <= BESIDE * before:
+                    found[-1] = g.call("add", found[-1], terms[k])
+                else:
+                    found.append(terms[k])
+                before = sizes[k]
+        return found
 
     def values(self) -> dict[str, float]:
         """Give a state and parameters, near 1 so that roots and logarithms exist."""
@@ -202,16 +271,17 @@ def _sampled(
     -------
     rows : (k, generators)
         The changes, each row scaled by its largest.
-    terms : (samples, generators, 4)
-        What the changes of L are made of.
+    terms : (samples of parts of L, generators, 4)
+        What their changes are made of.
     """
     n, m = len(e.q), len(e.rows)
     wanted = len(shifts) + len(turns) + SPARE
-    nodes = [*samples.dL_dq, *e.momenta, *(a for row in e.rows for a in row.A)]
+    parts = len(samples.parts)
+    nodes = [*samples.slopes, *(a for row in e.rows for a in row.A)]
     rows: list[Floats] = []
     terms: list[Floats] = []
     for _ in range(TRIES * wanted):
-        if len(rows) >= wanted * (1 + m):
+        if len(rows) >= wanted * (parts + m):
             break
         at = samples.values()
         flat = np.array(evaluate(e.graph, nodes, at))
@@ -219,14 +289,14 @@ def _sampled(
             continue
         q = np.array([at[name] for name in e.q])
         v = np.array([at[name] for name in e.velocities])
-        slope, momentum = flat[:n], flat[n : 2 * n]
-        A = flat[2 * n :].reshape(m, n)
-        moved = _terms(momentum, v, shifts, turns)
-        moved[: len(shifts)] = 0.0  # a shift leaves the velocities as they are
-        terms.append(np.hstack([_terms(slope, q, shifts, turns), moved]))
-        rows.append(np.sum(terms[-1], axis=1))
+        for slopes in flat[: 2 * n * parts].reshape(parts, 2 * n):
+            moved = _terms(slopes[n:], v, shifts, turns)
+            moved[: len(shifts)] = 0.0  # a shift leaves the velocities as they are
+            terms.append(np.hstack([_terms(slopes[:n], q, shifts, turns), moved]))
+            rows.append(np.sum(terms[-1], axis=1))
+        A = flat[2 * n * parts :].reshape(m, n)
         rows += [np.sum(_terms(a, q, shifts, turns), axis=1) for a in A]
-    if len(rows) < wanted * (1 + m):
+    if len(rows) < wanted * (parts + m):
         return None
     found = np.array(rows)
     sizes = np.max(np.abs(found), axis=1, initial=0.0)
@@ -243,7 +313,7 @@ def _terms(
 
 
 def _vanishes(terms: Floats, vector: Sequence[int]) -> bool:
-    """Tell whether the change of L is rounding, against its own terms.
+    """Tell whether the change of each part of L is rounding, against its own terms.
 
     What is small beside another coordinate's large force is no symmetry.
     """

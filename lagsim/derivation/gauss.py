@@ -42,7 +42,7 @@ def gauss(
         Where M is singular, so that there is no unconstrained acceleration.
     """
     if any(c.law for c in constraints):
-        notes.append("Gauss's principle is told for the equality constraints")
+        notes.append("Gauss's principle is given for the equality constraints")
     constraints = [c for c in constraints if not c.law]
     lacking = without_inertia(x.equations)
     if lacking is not None:

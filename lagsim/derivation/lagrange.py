@@ -90,9 +90,9 @@ class _Derivation:
             )
         if x.tidy.late:
             notes.append(
-                "expressions stand as they came, for simplification has taken "
-                f"{limits.TIDYING_SECONDS:.3g} s; others had another form by then, so "
-                "that a second time they may look different"
+                "expressions are not simplified further, because simplification "
+                f"has taken {limits.TIDYING_SECONDS:.3g} s; a second derivation "
+                "may write them differently"
             )
         return Content(
             translation=x,

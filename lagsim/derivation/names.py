@@ -150,9 +150,10 @@ class UnicodeNames(Typeset):
         return name, ""
 
     def joined(self, base: str, below: str, order: int) -> str:
-        """Put dots over the first letter."""
-        mark = ("", "\u0307", "\u0308")[order]
-        return base[0] + mark + base[1:] + below
+        """Put dots over a letter; of a word they would be those of its first letter."""
+        if len(base) > 1 and order:
+            return f"{base}{below}_{DOTS[order]}"
+        return base + ("", "\u0307", "\u0308")[order] + below
 
     def multiplier(self, constraint: str) -> str:
         """Give λ with the constraint as a subscript."""

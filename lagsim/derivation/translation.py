@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
-from lagsim.derivation.endless import refuse_endless
+from lagsim.derivation.endless import refuse_endless, refuse_hopeless
 from lagsim.derivation.functions import TWINS
 from lagsim.derivation.names import Name
 from lagsim.derivation.tidy import Roles, Tidier
@@ -86,6 +86,7 @@ class Translation:
         physics = self._physics()
         values = {g.variable(p.name): p.value for p in model.parameters if substitute}
         refuse_endless(g, physics, values)
+        refuse_hopeless(g, model.lagrangian, self._indices())
         self.known = {n: number(x) for n, x in values.items()}
         self.kept = self._keep(physics, substitute=substitute)
         self._slopes = {
@@ -98,6 +99,12 @@ class Translation:
         still = [k.symbol for k in self.kept if not self.free(k.value) & moving_names]
         constants = frozenset((*parameters, *still))
         self.tidy = Tidier(Roles(constants, frozenset(moving)))
+
+    def _indices(self) -> dict[int, int]:
+        """Give the index k of each position, and ~k of each velocity."""
+        g, e = self.g, self.equations
+        found = {g.variable(q): k for k, q in enumerate(e.q)}
+        return found | {g.variable(v): ~k for k, v in enumerate(e.velocities)}
 
     def _physics(self) -> list[int]:
         """Give the nodes of what the derivation begins with."""

@@ -150,9 +150,11 @@ class _Parser:
                 return ExpressionError(
                     token.offset, 1, "an expression is expected, found nothing"
                 )
+            last = self.part[-2].text
             return ExpressionError(
-                token.offset, 1, "the expression ends where a value is expected"
-            )
+                token.offset, 1, "the expression ends where a value is expected",
+                f"leave `{last}` out, or write what follows it",
+            )  # fmt: skip
         if token.kind == "relation":
             return _relation_inside(token, self.text)
         hint = ""
@@ -165,7 +167,8 @@ class _Parser:
 
     def _function(self, token: Token) -> None:
         if token.text not in FUNCTIONS:
-            near = get_close_matches(token.text, FUNCTIONS, 1)
+            # One letter is near to all names of two.
+            near = get_close_matches(token.text, FUNCTIONS, 1) if token.text[1:] else []
             hint = f"did you mean `{near[0]}`?" if near else ""
             raise ExpressionError(
                 token.offset, len(token.text), f"there is no function `{token.text}`",
@@ -296,7 +299,9 @@ def _wrong_kind(expected: str, at: Token, wants: bool) -> ExpressionError:
 
 def _relation_inside(token: Token, text: str) -> ExpressionError:
     hint = "relations stand only in constraints and `until`, one each"
-    if text[: token.offset].strip().isidentifier():
+    if not text[: token.offset].strip():
+        hint = "leave `=` out"
+    elif text[: token.offset].strip().isidentifier():
         hint = f"write only what stands right of it, or elsewhere: {hint}"
     return ExpressionError(token.offset, 1, "`=` has no meaning here", hint)
 

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
     from lagsim.language.graph import Graph
 
+# Forces balance to this part of what each of them could do: rounding is the rest.
+BALANCED = 2.0**-46
+
 
 def roundings(g: Graph, nodes: Iterable[int], moving: Collection[str]) -> list[int]:
     """Give the bound of each of `nodes`, 0 where nothing of it is `moving`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, overload
@@ -69,8 +70,12 @@ class Meter:
 
     def add(self, operations: int) -> None:
         """Count `operations` more."""
+        self.foresee(operations)
         self.operations += operations
-        if self.operations > self.limit:
+
+    def foresee(self, operations: int) -> None:
+        """Give up if `operations` more, which are counted when they are made, pass."""
+        if self.operations + operations > self.limit:
             raise TooLongError
 
 
@@ -115,3 +120,23 @@ def minimum_degree(
                     del waits[i]
             heappush(queue, (len(rows[i]), i in late, i))
     return order
+
+
+def squares(Z: Sequence[Collection[int]]) -> int:
+    """Give how many operations the products Z^T D^-1 Z take, of where Z has entries."""
+    holders = Counter(k for z in Z for k in z)
+    return sum(count * (count + 1) for count in holders.values())
+
+
+def fill(Z: Sequence[Collection[int]]) -> int:
+    """Give how many operations it takes to eliminate in Z^T D^-1 Z.
+
+    From where its columns have entries; no two products of theirs cancel.
+    """
+    holders: dict[int, set[int]] = {}
+    for i, z in enumerate(Z):
+        for k in z:
+            holders.setdefault(k, set()).add(i)
+    meter = Meter()
+    minimum_degree([set().union(*(holders[k] for k in z)) for z in Z], meter)
+    return meter.operations

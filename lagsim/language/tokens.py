@@ -52,13 +52,13 @@ _CALL = re.compile(r"\s*\(")
 _WORD = re.compile(r"\w+")
 
 _WRONG = {
-    "==": "write a single `=`",
-    "!=": "write `not` and a comparison, or two of them",
-    "<>": "write `not` and a comparison, or two of them",
+    "==": "numbers are compared by <, <=, > and >=, in `if`",
+    "!=": "numbers are compared by <, <=, > and >=, in `if`",
+    "<>": "numbers are compared by <, <=, > and >=, in `if`",
     "&&": "write `and`",
     "||": "write `or`",
-    "−": "write a plain minus `-`",
-    "–": "write a plain minus `-`",
+    "−": "write `-`, a plain minus",
+    "–": "write `-`, a plain minus",
     "×": "write `*`",
     "·": "write `*`",
     "÷": "write `/`",
@@ -69,7 +69,11 @@ _WRONG = {
     "%": "there is no remainder; `x - y*floor(x/y)` is one",
     "[": "group with parentheses",
     "{": "group with parentheses",
-    ";": "an expression is one line without `;`",
+    ";": "write `,` between entries, and nothing at the end of one",
+    "~": "write `not`",
+    "¬": "write `not`",
+    "∧": "write `and`",
+    "∨": "write `or`",
     "'": "an expression contains no quotes; a rate is written q_dot",
     '"': "an expression contains no quotes",
 }

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.sparse import Meter, minimum_degree
+from lagsim.language.sparse import fill
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -48,18 +48,7 @@ def shortest(
     others = differences(x, rows, plain)
     if others == plain:
         return plain
-    return min(plain, others, key=lambda found: _fill([forward(r.A) for r in found]))
-
-
-def _fill(Z: Sequence[Vector]) -> int:
-    """Give how many operations it takes to eliminate in Z^T D^-1 Z."""
-    holders: dict[int, set[int]] = {}
-    for i, z in enumerate(Z):
-        for k in z:
-            holders.setdefault(k, set()).add(i)
-    meter = Meter()
-    minimum_degree([set().union(*(holders[k] for k in z)) for z in Z], meter)
-    return meter.operations
+    return min(plain, others, key=lambda found: fill([forward(r.A) for r in found]))
 
 
 def shared_out(x: Collected, rows: Sequence[Row]) -> list[Combined]:

@@ -15,10 +15,8 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient, tangent
-from lagsim.language.functions import OPERATIONS
 from lagsim.mechanics.constraints import Flow, Row, constraint_row
 from lagsim.mechanics.laws import Law, laws_of
-from lagsim.mechanics.mass import mass_matrix
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
@@ -28,6 +26,7 @@ if TYPE_CHECKING:
     from lagsim.language.sparse import SparseVector
     from lagsim.mechanics.articulated import ChainedMass
     from lagsim.mechanics.chains import Chains
+    from lagsim.mechanics.works import Work
     from lagsim.model.model import Model
 
 
@@ -71,9 +70,9 @@ class Equations:
         h is kinetic + potential.
     kinetic_form : int
         q'^T M q' / 2, which is `kinetic` where that is quadratic.
-    power : int or None
-        The rate of `work`, with the multipliers as variables `lambda_<c>`; None where
-        the model has nothing that could do work.
+    works : tuple of Work
+        The work done on each group of coordinates, with the multipliers as variables
+        `lambda_<c>`; none where the model has nothing that could do work.
     unforced : frozenset of str
         The coordinates on which no force acts and that L does not name: without
         constraints they keep their momenta.
@@ -93,7 +92,7 @@ class Equations:
     energy: int
     energy_is_sum: bool
     kinetic_form: int
-    power: int | None
+    works: tuple[Work, ...]
     unforced: frozenset[str] = frozenset()
     quadratures: tuple[Quadrature, ...] = ()
     laws: tuple[Law, ...] = ()
@@ -120,7 +119,7 @@ class Equations:
                 (x.name, x.residual, x.rate, x.b, *x.A.entries.items()) for x in rows
             ),
             len(self.rows),
-            self.power,
+            self.works,
             self.quadratures,
         )
 
@@ -135,10 +134,25 @@ class Equations:
         return (*self.q, *self.velocities, "t")
 
     @property
+    def powers(self) -> list[int]:
+        """The rates of the works."""
+        return [x.rate for x in self.works]
+
+    @property
+    def worked(self) -> list[int]:
+        """The work that is done on each coordinate, by its number; or -1."""
+        own = {q: k for k, x in enumerate(self.works) for q in x.coordinates}
+        return [own.get(q, -1) for q in self.q]
+
+    @property
+    def work(self) -> int:
+        """Their sum: a node."""
+        return self.graph.sum(self.graph.variable(x.name) for x in self.works)
+
+    @property
     def quadrature_rates(self) -> list[int]:
-        """The rates of what follows the velocities in y: work, then `quadratures`."""
-        work = [] if self.power is None else [self.power]
-        return [*work, *(x.rate for x in self.quadratures)]
+        """The rates of what follows the velocities in y: works, then `quadratures`."""
+        return [*self.powers, *(x.rate for x in self.quadratures)]
 
     @property
     def multipliers(self) -> tuple[str, ...]:
@@ -237,6 +251,9 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     chained
         M may stay in the chains that bodies hang in, where these take fewer operations.
     """
+    from lagsim.mechanics.mass import mass_matrix
+    from lagsim.mechanics.works import works_of
+
     g = model.graph
     q = tuple(c.name for c in model.coordinates)
     velocities = tuple(f"{name}_dot" for name in q)
@@ -280,7 +297,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
         energy=energy,
         energy_is_sum=is_sum,
         kinetic_form=model.kinetic or g.zero,
-        power=_power(g, model, Q, rates, rows, laws, dL_dt),
+        works=(),
         unforced=frozenset(
             name
             for name, *pushes in zip(q, dL_dq, Q, strict=True)
@@ -289,6 +306,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
         quadratures=_action(g, model),
         laws=laws,
     )
+    found = replace(found, works=works_of(found, Q, dL_dt))
     if chains and is_sum:
         return found
     form = g.product_sum(zip(rates, found.mass_times(rates), strict=True))
@@ -337,32 +355,3 @@ def _energy(
                 return g.call("add", model.kinetic, model.potential), True
     moved = g.product_sum(zip(rates, momenta, strict=True))
     return g.call("sub", moved, model.lagrangian), False
-
-
-def _may_strike(g: Graph, rows: Sequence[Row]) -> bool:
-    """Tell whether a constraint's rate may jump: an impact takes energy."""
-    cone = g.cone([row.rate for row in rows])
-    return any((known := OPERATIONS.get(g.ops[n])) and known.switch for n in cone)
-
-
-def _power(
-    g: Graph,
-    model: Model,
-    Q: Sequence[int],
-    rates: Sequence[int],
-    rows: Sequence[Row],
-    laws: Sequence[Law],
-    dL_dt: int,
-) -> int | None:
-    moved = [row for row in rows if row.transport != g.zero]
-    has_forces = bool(model.forces) or model.dissipation is not None
-    if not (has_forces or moved or laws or dL_dt != g.zero or _may_strike(g, rows)):
-        return None
-    power = g.call("sub", g.product_sum(zip(Q, rates, strict=True)), dL_dt)
-    for row in moved:
-        term = g.call("mul", g.variable(f"lambda_{row.name}"), row.transport)
-        power = g.call("add", power, term)
-    for law in laws:
-        term = g.call("mul", g.variable(law.multiplier), law.moved(g, rates))
-        power = g.call("add", power, term)
-    return power

@@ -20,7 +20,7 @@ from functools import cached_property
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, Any
 
-from lagsim.language.sparse import Meter, minimum_degree
+from lagsim.language.sparse import Meter, fill, minimum_degree, squares
 
 if TYPE_CHECKING:
     from collections.abc import Container, Mapping, Sequence
@@ -149,9 +149,9 @@ class Factorisation:
         return self.backward(self.forward(right))
 
 
-def unconstrained(equations: Equations) -> list[int]:
-    """Give M^-1 f (n,), the accelerations without constraints."""
-    return Elimination(replace(equations, rows=(), laws=()), math.inf).motion()[0]
+def without_rows(equations: Equations) -> Elimination:
+    """Give what solves M x = f alone: its motion is a = M^-1 f."""
+    return Elimination(replace(equations, rows=(), laws=()), math.inf)
 
 
 def collected_along(e: Equations) -> Collected:
@@ -244,6 +244,7 @@ class Elimination:
 
     def _schur(self) -> dict[tuple[int, int], int]:
         """Give Z^T D^-1 Z, in the unit of mass."""
+        self.meter.foresee(squares(self.Z) + fill(self.Z))  # too long is not begun
         holders: dict[int, list[int]] = {}  # coordinate -> rows of Z that have it
         entries = {}
         for i, z in enumerate(self.Z):

@@ -90,7 +90,7 @@ def _structure(equations: Equations) -> Structure:
     kinds = {(): "none", (True,): "holonomic", (False,): "nonholonomic"}
     constants = g.depends([*entries, *A])
     degrees = g.degrees(right, state)
-    power = [] if equations.power is None else [equations.power]
+    power = equations.powers
     # Multipliers are affine where all else is.
     of_power = g.degrees(power, state.union(equations.multipliers))
     return Structure(

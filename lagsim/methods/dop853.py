@@ -185,26 +185,32 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     if CONSTRAINED and p.least_health < s.close_below:
         health = p.least_health
     tolerances = s.tolerances
-    error = error_norm(size, h, errors, tolerances)
+    error = error_norm(s.n, size, h, errors, tolerances)
     # Perhaps it is nothing but rounding.
     doubtful = error >= 1.0
     if SWITCHES:
-        doubtful = doubtful or (error >= SHRINKING and hardly_moves(s, h, k))
+        doubtful = doubtful or (error >= SHRINKING and hardly_moves(s, p, h, k))
     if doubtful and look_again(s, p, h, new, k, health):
-        error = error_norm(size, h, errors, tolerances)
+        error = error_norm(s.n, size, h, errors, tolerances)
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, t + h, new)
         removed = h * h * forget_removed(s, p, h, errors)
         forget_removed(s, p, h, at(errors, size))
-        error = bent(s, removed, error_norm(size, h, errors, tolerances))
+        error = bent(s, removed, error_norm(s.n, size, h, errors, tolerances))
         error = passable(s, error)
     return error
 
 
-def error_norm(size: int, h: float, errors: Floats, tolerances: Floats) -> float:
+def error_norm(
+    n: int, size: int, h: float, errors: Floats, tolerances: Floats
+) -> float:
     """Combine the estimates of order 5 and 3 (II.10, (10.17)); errors : (2 size,).
 
-    The mean is that over the components which have an error: others rest.
+    Each work together with the motion, where that is more than the motion alone: a
+    work of which the estimate of order 3 alone is large, as a polynomial in t has it
+    beside a tolerance of nearly nothing, would hide all other errors. The mean is that
+    over the components which have an error: others rest. What is nan stays so, and its
+    step is refused.
     """
     error5 = 0.0
     error3 = 0.0
@@ -213,13 +219,26 @@ def error_norm(size: int, h: float, errors: Floats, tolerances: Floats) -> float
         if tolerances[i] > 0.0:
             e5 = against(errors[i], tolerances[i])
             e3 = against(errors[size + i], tolerances[i])
-            error5 += e5 * e5
-            error3 += e3 * e3
             if e5 > 0.0:
                 controlled += 1
-    if error5 == 0.0:
-        return 0.0
-    return h * error5 / sqrt(max(controlled, 1) * (error5 + 0.01 * error3))
+            if i < 2 * n:
+                error5 += e5 * e5
+                error3 += e3 * e3
+    motion = combined(error5, error3)
+    error = motion
+    for i in range(2 * n, size):
+        if tolerances[i] > 0.0:
+            e5 = against(errors[i], tolerances[i])
+            e3 = against(errors[size + i], tolerances[i])
+            both = combined(error5 + e5 * e5, error3 + e3 * e3)
+            if not both <= motion:
+                error += both - motion
+    return h * sqrt(error / max(controlled, 1))
+
+
+def combined(error5: float, error3: float) -> float:
+    """Combine the squares of two estimates; what is nan stays so."""
+    return error5 * (error5 / (error5 + 0.01 * error3)) if error5 != 0.0 else 0.0
 
 
 def accept(s: Dop853, p: Parameters, h: float) -> None:
@@ -243,6 +262,10 @@ def accept(s: Dop853, p: Parameters, h: float) -> None:
     watched = watched or (SLEEPERS and s.suspect > 0.0)
     if UNTIL or watched or (row < s.row_limit and row < s.t):
         prepare_dense(s, p)
+    elif s.extras > 0.0 and s.extra < s.t:
+        counted = s.evaluations
+        prepare_dense(s, p)
+        s.evaluations = counted  # nothing that is decided by them depends on it
     for i in range(size):
         y[i] = new[i]
         k[i] = k[12 * size + i]

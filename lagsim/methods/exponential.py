@@ -1,10 +1,9 @@
-"""Exponential: the exact motion of a scene that is linear and does not change in time.
+"""Exponential: the exact motion of a linear model that does not change in time.
 
-y' = J y + c is solved by one matrix exponential per length of step, made at the start:
-then a step is one product with a matrix, exact to rounding whatever its length and
-however fast the fastest mode. Work, the integral of a quadratic form, is one more
-product. Steps are those of the rows unless one is given. There is no limit of
-stability.
+y' = J y + c is solved by one matrix exponential for each length of step, computed at
+the start. A step is then one product with a matrix, exact to rounding for any length
+and any frequency. Work, the integral of a quadratic form, is one more product. The
+steps are those of the rows unless `step` is given. There is no limit of stability.
 
 Sources: C. Moler and C. Van Loan, SIAM Review 45 (2003), methods 1 and 3 and section 4
 (balancing); N. J. Higham, SIAM J. Matrix Anal. Appl. 26 (2005); C. Van Loan, IEEE
@@ -90,24 +89,34 @@ def square(s: Exponential) -> int:
     return (2 * s.n + 1) ** 2
 
 
+def works(s: Exponential) -> int:
+    """Give the number of works."""
+    return s.size - 2 * s.n
+
+
+def squares(s: Exponential) -> int:
+    """Give the entries of a matrix for z for each work."""
+    return works(s) * square(s)
+
+
 class Exponential(State):
     """Matrices, for z = (q, q', 1)."""
 
     made_for: float  # the step
     norm: float  # of A
-    work_before: float  # the last step
+    works_before: Floats = array(works)  # before the last step
     A: Floats = array(square)  # both balanced: A ...
-    form: Floats = array(square)  # ... and the form P of the power
-    # What `linear` gives; then, for a step, exp - 1 by columns, the form of the work,
-    # and two to work with.
-    given: Floats = array(lambda s: 2 + 6 * square(s))
+    forms: Floats = array(squares)  # ... and the forms P of the powers
+    # What `linear` gives; then, for a step, exp - 1 by columns, and two to work with.
+    given: Floats = array(lambda s: (1 + works(s)) * (1 + 3 * square(s)))
     F: Floats = part("given", lambda _: 0, square)
-    Q: Floats = part("given", square, square)
-    x: Floats = part("given", lambda s: 2 * square(s), square)
-    second: Floats = part("given", lambda s: 3 * square(s), square)
+    x: Floats = part("given", square, square)
+    second: Floats = part("given", lambda s: 2 * square(s), square)
+    Q: Floats = array(squares)  # the forms of the works over a step
     d: Floats = array(lambda s: 2 * s.n + 1)  # the scales
     z: Floats = array(lambda s: 2 * s.n + 1)  # at the start of the step
     new: Floats = array(lambda s: 2 * s.n + 1)
+    found: Floats = array(works)
     terms: Floats = array(lambda s: (TERMS + 1) * (2 * s.n + 1))
 
 
@@ -118,19 +127,22 @@ def start(s: Exponential, p: Parameters) -> None:
     """Begin an arc: the matrices for its steps."""
     m = 2 * s.n + 1
     a = s.A
-    form = s.form
+    forms = s.forms
     given = s.given
     d = s.d
     linear(s.t, s.y, p, given)
     for i in range(m * m):
         a[i] = 0.0
-        form[i] = 0.0
     count = fill(m, given, a)
-    fill(m, at(given, count), form)
     balance(m, a, d)
-    for i in range(m):
-        for j in range(m):
-            form[i * m + j] = form[i * m + j] * d[i] * d[j]
+    for k in range(s.size - 2 * s.n):
+        form = at(forms, k * m * m)
+        for i in range(m * m):
+            form[i] = 0.0
+        count += fill(m, at(given, count), form)
+        for i in range(m):
+            for j in range(m):
+                form[i * m + j] = form[i * m + j] * d[i] * d[j]
     s.norm = norm(m, m, a)
     make(s, s.fixed_step)
     s.evaluations += 1.0
@@ -159,7 +171,7 @@ def make(s: Exponential, h: float) -> None:
     m = 2 * s.n + 1
     entries = m * m
     a = s.A
-    form = s.form
+    forms = s.forms
     F = s.F
     Q = s.Q
     x = s.x
@@ -171,20 +183,21 @@ def make(s: Exponential, h: float) -> None:
     while s.norm * tau > SMALL and doublings < 1000:
         tau = 0.5 * tau
         doublings += 1
-    works = s.size == m
-    if works:
-        begin_form(m, tau, a, form, Q, x, y)
+    count = s.size - 2 * s.n
+    for k in range(count):
+        begin_form(m, tau, a, at(forms, k * entries), at(Q, k * entries), x, y)
     begin_exponential(m, tau, a, F, x)
     for _doubling in range(doublings):
-        if works:
-            double_form(m, F, Q, x, y)
+        for k in range(count):
+            double_form(m, F, at(Q, k * entries), x, y)
         multiply(m, F, F, x)
         for i in range(entries):
             F[i] = 2.0 * F[i] + x[i]
     for i in range(m):
         for j in range(m):
             x[j * m + i] = F[i * m + j] * d[i] / d[j]
-            Q[i * m + j] = Q[i * m + j] / (d[i] * d[j])
+            for k in range(count):
+                Q[k * entries + i * m + j] /= d[i] * d[j]
     for i in range(entries):
         F[i] = x[i]
 
@@ -217,12 +230,14 @@ def step(s: Exponential, p: Parameters) -> int:
         record_health(s, work[n + 1], h)
     for i in range(m - 1):
         y[i] = new[i]
-    if size == m:
+    Q = s.Q
+    works_before = s.works_before
+    for k in range(size - 2 * n):
         # What interpolation begins with, before y is the new state's.
-        s.work_before = y[m - 1]
-        times_columns(m, s.Q, z, new)
+        works_before[k] = y[2 * n + k]
+        times_columns(m, at(Q, k * m * m), z, new)
         for i in range(m):
-            y[m - 1] += z[i] * new[i]
+            y[2 * n + k] += z[i] * new[i]
     s.step_t = t
     s.step_h = h
     s.t = after
@@ -239,27 +254,33 @@ def interpolate(s: Exponential, x: float, out: Floats) -> None:
     """
     size = s.size
     m = 2 * s.n + 1
-    form = s.form
+    count = size - 2 * s.n
+    forms = s.forms
     d = s.d
     z = s.z
     terms = s.terms
-    work = s.work_before
+    new = s.new
+    found = s.found
+    works_before = s.works_before
+    for k in range(count):
+        found[k] = works_before[k]
     length = x * s.step_h
     parts = int(s.norm * length / SMALL) + 1
     for i in range(m):
         terms[i] = z[i] / d[i]
     for _part in range(parts):
         make_terms(m, length / parts, s.A, terms)
-        if size == m:
+        if count > 0:
             for node in unrolled(8):
-                sum_terms(m, TERMS, NODES[node], terms, out)
-                power = value_of(m, form, out)
-                work += length / parts * WEIGHTS[node] * power
+                sum_terms(m, TERMS, NODES[node], terms, new)
+                for k in range(count):
+                    power = value_of(m, at(forms, k * m * m), new)
+                    found[k] += length / parts * WEIGHTS[node] * power
         sum_terms(m, TERMS, 1.0, terms, terms)
     for i in range(m - 1):
         out[i] = terms[i] * d[i]
-    if size == m:
-        out[m - 1] = work
+    for k in range(count):
+        out[2 * s.n + k] = found[k]
 
 
 def make_terms(m: int, tau: float, a: Floats, terms: Floats) -> None:

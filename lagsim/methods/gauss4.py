@@ -1,12 +1,12 @@
 """Gauss collocation with two stages: order 4, symplectic for any Lagrangian.
 
-In positions and momenta, so that mass matrices that vary with the positions are no
-exception: energy errors, of size (step * frequency)^4, do not grow, quadratic
-invariants such as angular momentum are kept to rounding, and the method is symmetric.
-The step to be preferred to `midpoint` wherever more than two digits are wanted. Forces
-and damping are allowed; the order stays on motion that is not stiff, and falls to 2
-where it is. Stable at any step on the imaginary axis, but fast motion past step *
-frequency of about 2 has the wrong phase, and Newton's method must converge.
+The method uses positions and momenta, so the mass matrix may vary with the positions.
+Energy errors, of size (step * frequency)^4, do not grow; quadratic invariants such as
+angular momentum are kept to rounding; the method is symmetric. For more than two digits
+it is better than `midpoint`. Forces and damping are allowed. The order is 4 for motion
+that is not stiff, and 2 for stiff motion. Stable at any step on the imaginary axis, but
+fast motion past step * frequency of about 2 has the wrong phase, and Newton's method
+must converge.
 
 Source: E. Hairer, C. Lubich and G. Wanner, Geometric Numerical Integration, 2nd ed.,
 sections II.1.3, VI.4 and VIII.6.

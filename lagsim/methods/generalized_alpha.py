@@ -1,17 +1,15 @@
-"""Generalized-alpha: structural dynamics' implicit method, with damping by choice.
+"""Generalized-alpha: structural dynamics' implicit method with adjustable damping.
 
 Order 2, fixed step, stable at any step on the whole imaginary axis. The parameter
-`spectral_radius` (0.8 unless given) says how much of the amplitude is left after one
-step of an oscillation that is infinitely fast against the step: 1 keeps all of it, 0
-removes it at once; motion that is resolved keeps all but a part of order
-(step * frequency)^3. That is the use of it: what a fine mesh oscillates too fast for
-the step dies out, and nothing else. It is not for exact energies: `midpoint` and
-`gauss4` keep them.
+`spectral_radius` (0.8 unless given) is the factor by which one step reduces an
+oscillation that is infinitely fast against the step: 1 keeps it, 0 removes it at once.
+Resolved motion loses a part of order (step * frequency)^3. So oscillations that are too
+fast for the step, as in a fine mesh, are damped, and nothing else. The energy is not
+kept exactly: `midpoint` and `gauss4` do that.
 
-The balance of the step is between accelerations, q'' = F(t, q, q'), with the exact
-Jacobian in Newton's method. Constraints are met by projection after each step; the
-proof of order 2 for constrained motion is for the form with multipliers in the step
-(Arnold and Bruels).
+A step balances accelerations, q'' = F(t, q, q'), with the exact Jacobian in Newton's
+method. Constraints are satisfied by projection after each step; the proof of order 2
+for constrained motion is for the form with multipliers in the step (Arnold and Bruels).
 
 Sources: J. Chung and G. M. Hulbert, J. Appl. Mech. 60 (1993) 371-375; M. Arnold and O.
 Bruels, Multibody Syst. Dyn. 18 (2007) 185-202.
@@ -115,7 +113,7 @@ class GeneralizedAlpha(Fixed):
     a: Floats = array(lambda s: s.n)
     a_new: Floats = array(lambda s: s.n)
     change: Floats = array(lambda s: s.n)
-    J: Floats = array(lambda s: (s.n + 1) * 2 * s.n)
+    J: Floats = array(lambda s: (s.size - s.n) * 2 * s.n)
     factors: Floats = array(lambda s: s.n * s.n)
     pivots: Floats = array(lambda s: s.n)
 
@@ -177,8 +175,8 @@ def step(s: GeneralizedAlpha, p: Parameters) -> int:
     code = balance(s, p, after, h)
     if code != DONE:
         return code
-    if size > 2 * n:
-        new[2 * n] = y[2 * n] + 0.5 * h * (k[2 * n] + slope[2 * n])
+    for i in range(2 * n, size):
+        new[i] = y[i] + 0.5 * h * (k[i] + slope[i])
     if not is_finite(size, new):
         return NOT_FINITE
     if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:

@@ -1,14 +1,13 @@
-"""Kahan-Li 6: nine Verlet steps, two of them backwards, make order 6.
+"""Kahan-Li 6: nine Verlet steps, two of them backwards, give order 6.
 
-A symmetric method has only even powers of the step in its error. Verlet steps of
-different lengths can cancel these powers one after the other, if some of them go back
-in time; of the ways to reach order 6 with nine, this one was found by a long search for
-small weights. It inherits from Verlet's method that it is symplectic and reversible:
-the energy's error, of size (h w)^6, swings and does not grow. What would grow is
-rounding, so it is carried along (compensated summation).
+The error of a symmetric method has only even powers of the step. Verlet steps of
+different lengths, some backwards in time, cancel these powers one after the other;
+these nine lengths were found by a search for small weights. Like Verlet's
+method it is symplectic and reversible: the error of the energy, of size (h w)^6,
+oscillates and does not grow. Summation is compensated, so rounding does not accumulate.
 
-For many periods of a smooth motion; it costs nine evaluations per step. Stable for
-h w < 2.532, w the fastest frequency; a step of h w = 0.1 to 0.5 is usual. It needs a
+For many periods of a smooth motion; it takes nine evaluations per step. Stable for h w
+< 2.532, w the fastest frequency; a step of h w = 0.1 to 0.5 is usual. It needs a
 constant mass matrix and forces that depend on positions and time only.
 
 Source: W. Kahan and R.-C. Li, Composition constants for raising the orders of

@@ -1,12 +1,12 @@
-"""Kahan-Li 8: seventeen Verlet steps, five of them backwards, make order 8.
+"""Kahan-Li 8: seventeen Verlet steps, five of them backwards, give order 8.
 
-What `kahan-li6` does, taken two orders further. Where an energy is to be kept to
-rounding over many thousands of periods, as of planets, this is the method: with
-compensated summation the error of Kepler's energy is some 1e-14 after ten thousand
-orbits. Where fewer digits will do, `kahan-li6` or `verlet` are cheaper, and where it is
-the path that counts for a few hundred periods, `dop853` is.
+The same construction as `kahan-li6`, two orders higher. It is the method for keeping an
+energy to rounding over many thousands of periods, as of planets: with compensated
+summation the error of Kepler's energy is some 1e-14 after ten thousand orbits. For
+fewer digits `kahan-li6` or `verlet` are cheaper; for the path over a few hundred
+periods `dop853` is.
 
-It costs seventeen evaluations per step. Stable for h w < 3.096, w the fastest
+It takes seventeen evaluations per step. Stable for h w < 3.096, w the fastest
 frequency; a step of h w = 0.1 to 0.5 is usual. It needs a constant mass matrix and
 forces that depend on positions and time only.
 

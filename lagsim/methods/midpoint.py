@@ -1,11 +1,11 @@
 """The implicit midpoint rule: order 2, symplectic for any Lagrangian.
 
-The Gauss method of one stage, in positions and momenta: where the mass matrix varies
-with the positions (double pendulum, polar coordinates) it is still symplectic and
-symmetric, which the same rule in positions and velocities is not. Energy errors, of
+The Gauss method of one stage, in positions and momenta. So it is symplectic and
+symmetric even if the mass matrix varies with the positions (double pendulum, polar
+coordinates); the same rule in positions and velocities is not. Energy errors, of
 size (step * frequency)^2, do not grow; quadratic invariants, such as angular momentum
 and the energy of linear oscillations, are kept to rounding. Forces and damping are
-allowed; there is nothing to conserve then, the order stays. Stable at any step on the
+allowed, with the same order. Stable at any step on the
 imaginary axis, but fast motion past step * frequency of about 1 has the wrong phase,
 and Newton's method must converge.
 

@@ -1,24 +1,26 @@
-"""Moreau's time stepping: contacts by hundreds, with impulses in fixed steps, order 1.
+"""Moreau's time stepping: for hundreds of contacts, impulses in fixed steps, order 1.
 
-No impact is located. The velocities of a step change by the forces and by the impulses
-of whatever touches, all in one: positions at its middle, q + h/2 v, tell which contacts
-do (gap <= 0) and where forces and M are taken; M (v+ - v) = h f + A^T p; and q + h/2
-(v + v+) is where the step ends. After it a contact that touches has Newton's rate, at
-least -e times the one before, friction is on its cone, a limited row within its limit.
-Equalities are rows like the others, and what a step leaves of them is taken back in the
-next. Rows that act are met one after the other, again and again, until all of them are
-(projected relaxation): a sweep costs as much as these rows have elements. A step in
-which that did not end is counted, and told.
+No impact is located. In each step the velocities change by the forces and by the
+impulses of all contacts at once: M (v+ - v) = h f + A^T p. The positions in the middle,
+q + h/2 v, decide which contacts act (gap <= 0), and forces and M are evaluated there;
+the step ends at q + h/2 (v + v+). After it each active contact has Newton's rate, at
+least -e times the one before; friction is on its cone, a limited multiplier within its
+limit. Equalities are treated like contacts, and their residuals are corrected in the
+next step. The impulses are found by projected relaxation: a sweep over the active rows
+costs as much as these have elements. A step whose relaxation does not converge is
+counted and reported.
 
-What comes of it is as coarse as the step: a contact is found up to one step late, and
-what lands there stays there, some h |v| deep; times of impact, and all that follows
-from them, are of order 1, whatever the motion between them. Bounces shorter than some
-steps are rest. A row shows the mean multiplier of the step it lies in, lambda = p/h, so
-that an impact is a high one; columns `impulse.<c>` stay 0 and there are no events.
-Smooth motion is that of `verlet`. The work of impulses is that of p at the mean of the
-velocities, so that `energy - work` is the same before and after each of them.
+The result is of order 1 in the step. A contact is found up to one step late and keeps a
+penetration of about h |v|; times of impact, and all that follows from them, are of
+order 1, whatever the motion between them. The residual of an equality is up to h^2
+times the acceleration along it, and of one between velocities h times it. Bounces
+shorter than a few steps count as rest. A row has the mean multiplier of its step,
+lambda = p/h, so that an impact is a high value; columns `impulse.<c>` are 0 and there
+are no events. Smooth motion is that of `verlet`. The work of impulses is p times the
+mean of the velocities before and after, so that `energy - work` is the same before and
+after each of them.
 
-For some contacts, and for digits, another method with located impacts is better.
+For few contacts, or for many digits, methods that locate impacts are better.
 
 Sources: J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics,
 CISM 302 (1988) 1-82; M. Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235-257.
@@ -61,7 +63,7 @@ class Moreau(State):
     new: Floats = array(lambda s: s.size)
     z: Floats = array(lambda s: s.size)
     w: Floats = array(lambda s: s.n)
-    room: Floats = array(lambda s: s.n)
+    room: Floats = array(lambda s: s.size)
 
 
 STATE = Moreau
@@ -145,7 +147,7 @@ def attempt(s: Moreau, p: Parameters, h: float) -> int:
     for i in range(n):
         new[i] = z[i] + 0.5 * h * w[i]
         new[n + i] = w[i]
-    if s.size - p.met > 2 * n:
+    if p.works > 0:
         add_work(s, p, middle, h)
     return sweeps
 
@@ -174,8 +176,12 @@ def meet_rows(s: Moreau, p: Parameters, h: float) -> int:
 
 
 def add_work(s: Moreau, p: Parameters, middle: float, h: float) -> None:
-    """Add the work of the forces, and of the impulses at the mean velocities."""
+    """Add the works of the forces, and of the impulses at the mean velocities."""
     n = s.n
+    works = p.works
+    worked = p.worked
+    starts = p.slope_starts
+    columns = p.slope_columns
     y = s.y
     z = s.z
     new = s.new
@@ -183,12 +189,14 @@ def add_work(s: Moreau, p: Parameters, middle: float, h: float) -> None:
     for i in range(n):
         z[n + i] = 0.5 * (y[n + i] + new[n + i])
     effort(middle, z, p, room)
-    new[2 * n] = y[2 * n] + h * room[0]
+    for i in range(works):
+        new[2 * n + i] = y[2 * n + i] + h * room[i]
     for k in range(p.met):
         impulse = h * new[s.size - p.met + k]
         if impulse != 0.0:
+            own = int(worked[int(columns[int(starts[k])])])
             moved = rate(p, k, at(z, n)) - p.met_offsets[k]
-            new[2 * n] += impulse * moved
+            new[2 * n + own] += impulse * moved
 
 
 def interpolate(s: Moreau, x: float, out: Floats) -> None:

@@ -1,14 +1,13 @@
-"""Radau IIA of order 5: implicit, for stiff scenes.
+"""Radau IIA of order 5: implicit, for stiff models.
 
-Very stiff springs and dampers do not bound its step: what is fast and has died out is
-passed over. It damps such motion itself (L-stable): a fast oscillation that is excited
-and smaller than the tolerance disappears, so energy is lost. Simplified Newton
-iterations with the exact Jacobian, Gustafsson's predictive step control, an error
-estimate of order 3 with the tolerance adapted to it, dense output of order 4 from the
-stages' slopes. On stiff parts of the motion the order falls to 3. Stable on the whole
-imaginary axis and in the left half-plane: no limit on step * frequency. Where few
-of the entries of Newton's matrix do not vanish it is factored by these alone: for
-chains and trees in a time that goes with the number of bodies.
+Very stiff springs and dampers do not limit its step once their fast motion has died
+out. It damps such motion itself (L-stable): a fast oscillation below the tolerance
+disappears, so energy is lost. Simplified Newton iterations with the exact Jacobian,
+Gustafsson's predictive step control, an error estimate of order 3 with the tolerance
+adapted to it, dense output of order 4 from the stages' slopes. On stiff parts of the
+motion the order falls to 3. Stable on the whole imaginary axis and in the left
+half-plane: no limit on step * frequency. A sparse Newton matrix is factored as such:
+for chains and trees in a time proportional to the number of bodies.
 
 Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 sections IV.5, IV.8 and IV.15; K. Gustafsson, ACM Trans. Math. Software 20 (1994).

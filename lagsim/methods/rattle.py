@@ -1,20 +1,20 @@
-"""RATTLE: Verlet's method on constraints, order 2.
+"""RATTLE: Verlet's method with constraints, order 2.
 
-A pendulum's rod, a chain, a molecule with rigid bonds: the positions drift to where the
-constraints hold, and the forces of the constraints that take them there point along the
-gradients at the *start* of the step; then the velocities are made tangent, by forces
-along the gradients at its *end*. That is what makes it symplectic and reversible on the
-constrained motion. A Verlet step that is merely projected back is neither: its energy
-drifts. Here the error of the energy, of size (h w)^2, swings and does not grow.
+For rods, chains, and molecules with rigid bonds. In each step the positions are
+corrected by constraint forces along the gradients at the *start* of the step; then the
+velocities are made tangent by forces along the gradients at its *end*. This makes the
+method symplectic and reversible on the constrained motion. A Verlet step with a mere
+projection is neither, and its energy drifts. The error of the energy of RATTLE, of size
+(h w)^2, oscillates and does not grow.
 
-Positions and velocities meet the constraints to rounding after every step. One
-evaluation of the forces per step (two where the scene has `work`), and some ten solves
-with the constraint matrix. Stable for h w < 2, w the fastest frequency. The solve needs
-steps short enough that the gradients of the constraints turn by well less than a right
-angle in each.
+Positions and velocities satisfy the constraints to rounding after every step. A step
+takes one evaluation of the forces (two if the model has `work`), and some ten solves
+with the constraint matrix. It is stable for h w < 2, w the fastest frequency. In each
+step the gradients of the constraints must turn by well less than a right angle.
 
-It needs a constant mass matrix and forces that depend on positions and time only;
-without constraints it is `verlet`.
+RATTLE needs a constant mass matrix and forces that depend on positions and time only;
+without constraints it is `verlet`. The friction of contacts is exact along a straight
+path, and of order 1 along a curved one.
 
 Source: H. C. Andersen, J. Comput. Phys. 52 (1983) 24-34; E. Hairer, C. Lubich and G.
 Wanner, Geometric Numerical Integration, 2nd ed., section VII.1.4.
@@ -123,7 +123,8 @@ def step(s: Rattle, p: Parameters) -> int:
     if size > 2 * n:
         derivative(after, new, p, slope)
         s.evaluations += 1.0
-        new[2 * n] = y[2 * n] + 0.5 * h * (k[2 * n] + slope[2 * n])
+        for i in range(2 * n, size):
+            new[i] = y[i] + 0.5 * h * (k[i] + slope[i])
     if not is_finite(size, new):
         return NOT_FINITE
     for i in range(n):

@@ -7,10 +7,10 @@ energy swings within bounds of size (h w)^2 and does not grow, for millions of p
 where an explicit Runge-Kutta method gains or loses a little in each.
 
 Stable for h w < 2, w the fastest frequency: 3.14 steps per period. Well below that, an
-oscillation comes out too fast by the part (h w)^2/24, its amplitude right. With a
-nonlinear force, whole fractions of the frequency resonate with the step: at
-h w = sqrt(3) three steps are one turn and a cubic potential has no stable motion of any
-size.
+oscillation is too fast by the fraction (h w)^2/24, with the right amplitude. With a
+nonlinear force, the step resonates with the motion if a period is a whole number of
+steps: at h w = sqrt(3) it is three steps, and in a cubic potential no motion of any
+amplitude is stable.
 
 It needs a constant mass matrix and forces that depend on positions and time only.
 

@@ -21,12 +21,16 @@ if TYPE_CHECKING:
 
 
 class Parameter(NamedTuple):
-    """A number of the model; an input of every compiled function."""
+    """A number of the model; an input of every compiled function.
+
+    `follows`: its expression in the file names others.
+    """
 
     name: str
     value: float
     unit: str = ""
     description: str = ""
+    follows: bool = False
 
 
 class Coordinate(NamedTuple):
@@ -187,7 +191,8 @@ class Plot(NamedTuple):
 class Output(NamedTuple):
     """Which definitions become columns, the extra plots, and the optional columns.
 
-    `reactions` are definitions whose reactions are asked for.
+    `reactions` are definitions whose reactions are asked for; `event_marks`, whether
+    pictures mark events.
     """
 
     columns: tuple[str, ...]
@@ -195,6 +200,7 @@ class Output(NamedTuple):
     gauss: bool = False
     action: bool = False
     reactions: tuple[str, ...] = ()
+    event_marks: bool = True
 
 
 class Separation(NamedTuple):
@@ -220,6 +226,9 @@ class Stated(Protocol):
 
     def rests_on(self, names: Collection[str]) -> bool:
         """Tell whether other numbers rest on these; see `Model.rests_on`."""
+
+    def numbers(self) -> list[str]:
+        """Give the expressions that parameters and start values are given by."""
 
     def separated(self, model: Model) -> Separation:
         """Give `model`, of this file, in other coordinates; see `Model.separated`."""

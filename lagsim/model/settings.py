@@ -33,6 +33,8 @@ class Settings(NamedTuple):
         Of Baumgarte's formulation, per unit of time.
     spectral_radius : float or None
         Of the generalized-alpha method.
+    moments : tuple of float
+        Times, in order, at which states are asked for beside the rows.
     """
 
     start: float = 0.0
@@ -47,6 +49,7 @@ class Settings(NamedTuple):
     spectral_radius: float | None = None
     method_place: Place | None = None
     formulation_place: Place | None = None
+    moments: tuple[float, ...] = ()
 
     @property
     def duration(self) -> float:

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from lagsim.model.model import Model
+    from lagsim.outputs.attempted import Made
 
-    Draw: TypeAlias = "Callable[[Order], Iterator[tuple[str, bytes]]]"
+    Draw: TypeAlias = "Callable[[Order], Iterator[Made]]"
 
 
 class Order(NamedTuple):
@@ -30,8 +31,8 @@ class Order(NamedTuple):
     energy_is_sum: bool
 
 
-def drawn(order: Order) -> Iterator[tuple[str, bytes]]:
-    """Draw in this process: give file name and content of each picture."""
+def drawn(order: Order) -> Iterator[Made]:
+    """Draw in this process: give the file name and the content of each picture."""
     from lagsim.outputs.plots import pictures
     from lagsim.outputs.record import Record
 
@@ -44,7 +45,7 @@ def artist() -> Iterator[Draw]:
     """Get ready to draw pictures in pixels, in a process that is nobody else's."""
     helper = ahead.Helper(_ready, _drawn_for_another) if ahead.is_possible() else None
 
-    def draw(order: Order) -> Iterator[tuple[str, bytes]]:
+    def draw(order: Order) -> Iterator[Made]:
         brought = set()
         for content in helper.give(_bytes(order)) if helper else ():
             name, picture = pickle.loads(content)

@@ -23,34 +23,32 @@ if TYPE_CHECKING:
 
     from lagsim.run.observers.thinning import Array
 
-EVENTS: Pen = {"color": "#888888", "dashes": (1.0, 1.5), "linewidth": 0.6}
-RESTS: Pen = {"color": "#444444", "dashes": (5.0, 2.0), "linewidth": 0.6}
-# Ticks at the top: the curves show where impacts are, and there may be thousands.
-IMPACTS = mark("|", 5.0, "#D55E00")
+GREY = "#444444"
 
 
 class Mark(NamedTuple):
-    """How events of a kind are called and marked: a line across, a mark at the top."""
+    """How events of a kind are called and marked at the top of a panel."""
 
     name: str
-    line: Pen | None = None
-    top: Pen | None = None
+    top: Pen
 
 
 # In the order of a legend. Filled where something holds from then on.
 MARKS = {
-    "impact": Mark("impacts", None, IMPACTS),
-    "zeno": Mark("comes to rest", RESTS),
-    "stick": Mark("sticks", EVENTS, mark("v", 3.6, "#444444")),
-    "slip": Mark("slips", EVENTS, mark("v", 3.6, "#444444", "white")),
-    "contact": Mark("touches", EVENTS, mark("s", 3.2, "#444444")),
-    "release": Mark("lets go", EVENTS, mark("s", 3.2, "#444444", "white")),
-    "switch": Mark("switches", EVENTS),
-    "rank": Mark("rank is lost", EVENTS, mark("D", 2.8, "#444444")),
+    "impact": Mark("impacts", mark("|", 5.0, "#D55E00")),
+    "zeno": Mark("comes to rest", mark("o", 3.2, GREY)),
+    "stick": Mark("sticks", mark("v", 3.6, GREY)),
+    "slip": Mark("slips", mark("v", 3.6, GREY, "white")),
+    "contact": Mark("touches", mark("s", 3.2, GREY)),
+    "release": Mark("lets go", mark("s", 3.2, GREY, "white")),
+    "switch": Mark("switches", mark("|", 5.0, GREY)),
+    "rank": Mark("rank is lost", mark("D", 2.8, GREY)),
 }
-OTHERS = Mark("events", EVENTS)
-# More lines across a panel than this would hide its curves.
-MOST_LINES = 40
+OTHERS = Mark("events", mark("|", 5.0, "#888888"))
+# Points from one mark to the next of its kind, beside its own width.
+APART = 2.0
+# Single values more than these have no dots.
+MOST_DOTS = 40
 # What lies past the horizon, where a row is no longer a forecast.
 LOST = "#dddddd"
 
@@ -158,25 +156,27 @@ def shade(axes: Axes, horizon: float) -> None:
 
 
 def marks(axes: Axes, times: Sequence[float], look: Mark) -> None:
-    """Mark times by a thin line and at the top; by what is at the top where many."""
+    """Mark times by short ticks at the top; no two of them so near that they touch."""
     low, high = axes.get_xlim()
-    inside = np.array([t for t in times if low <= t <= high])
-    if not len(inside):
-        return
-    # One for each pixel.
+    inside = np.sort([t for t in times if low <= t <= high])
     across = axes.get_xaxis_transform()
     at = across.transform(np.column_stack((inside, np.zeros_like(inside))))[:, 0]
-    pixels = np.floor(at / _dpi(axes) * DPI)
-    inside = inside[np.unique(pixels, return_index=True)[1]]
+    size = float(look.top["markersize"])
+    apart = APART if look.top["marker"] == "|" else size + APART
+    shown = inside[_spaced(at / _dpi(axes), apart / 72)]
     tall = axes.bbox.height / _dpi(axes)
-    if look.line:
-        reach = 0.06 / tall if len(inside) > MOST_LINES else 1.0
-        x = np.stack((inside, inside, np.full_like(inside, np.nan)), axis=1).ravel()
-        y = np.tile([1.0, 1.0 - reach, np.nan], len(inside))
-        line(axes, x, y, look.line, transform=across, zorder=1.5)
-    if look.top:
-        level = np.full_like(inside, 1.0 - look.top["markersize"] / 144 / tall)
-        line(axes, inside, level, look.top, transform=across, zorder=1.6, clip_on=False)
+    level = np.full_like(shown, 1.0 - size / 144 / tall)
+    line(axes, shown, level, look.top, transform=across, zorder=1.6, clip_on=False)
+
+
+def _spaced(places: Array, apart: float) -> list[int]:
+    """Return which of ascending places stay, the first of those nearer than `apart`."""
+    kept = []
+    k = 0
+    while k < len(places):
+        kept.append(k)
+        k = max(k + 1, int(np.searchsorted(places, places[k] + apart)))
+    return kept
 
 
 def stems(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
@@ -188,7 +188,7 @@ def stems(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
     x = np.stack((t, t, none), axis=1).ravel()
     y = np.stack((np.zeros_like(t), values, none), axis=1).ravel()
     line(axes, x, y, pen)
-    if len(t) <= MOST_LINES:
+    if len(t) <= MOST_DOTS:
         line(axes, t, values, mark("o", 2.0, pen["color"]), clip_on=False)
 
 

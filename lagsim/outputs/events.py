@@ -11,9 +11,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from lagsim.notes import Event
+    from lagsim.run.trajectory import Trajectory
 
 NAME = "events.csv"
-COLUMNS = ("time", "kind", "constraint", "rate_before", "rate_after", "energy")
+COLUMNS = (
+    "time", "kind", "constraint", "rate_before", "rate_after", "energy", "switch",
+)  # fmt: skip
 
 
 def table(events: Iterable[Event]) -> bytes:
@@ -39,3 +42,9 @@ def marked(events: Iterable[Event]) -> dict[str, list[float]]:
         for kind, own in times.items()
     }
     return {kind: own for kind, own in found.items() if own}
+
+
+def unmarked(trajectory: Trajectory) -> str:
+    """Give the note below a picture that marks only the first events."""
+    listed, count = len(trajectory.events), sum(trajectory.event_counts.values())
+    return f"marks: the first {listed} of {count} events" if listed < count else ""

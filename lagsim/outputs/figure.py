@@ -11,10 +11,14 @@ import lagsim.outputs.bare_matplotlib  # noqa: F401
 import io
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from lagsim.outputs.paper import DPI
 from lagsim.outputs.sheet import (
     DIM,
+    EDGE,
     FAINT,
     HEADING,
     NORMAL,
@@ -36,9 +40,12 @@ if TYPE_CHECKING:
 ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 # Inches: of a panel, of one that shows a path, and of what is above and below.
 PANEL, PATH, SPECTRUM, REST = 1.9, 4.2, 3.2, 0.75
+MAP = 2.6
+# From above: of the line of the title, and of what is below it.
+LINE_OF_TITLE, TITLE = 0.22, 0.3
+COLOURS, NO_RESULT = "viridis", "#999999"
 # Of the largest amplitude, what a spectrum still shows.
 SHOWN = 1e-5
-DPI = 150
 
 
 class Column(NamedTuple):
@@ -78,7 +85,7 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
             axes.set_aspect("equal", adjustable="datalim")
     panels[-1].set_xlabel(against.label, size=NORMAL)
     found.align_ylabels()
-    found.suptitle(title, x=0.01, ha="left", size=HEADING, weight="bold")
+    _headed(found, title)
     return found
 
 
@@ -102,7 +109,12 @@ def spectrum_figure(
     for number, place in enumerate(peaks, 1):
         axes.plot(*place, **mark("o", 3.0))
         axes.annotate(
-            str(number), place, (3.0, 3.0), textcoords="offset points", size=SMALL
+            str(number),
+            place,
+            (3.0, 3.0),
+            textcoords="offset points",
+            size=SMALL,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.3, "alpha": 0.8},
         )
     lines = [
         f"{number}:  {frequency:.4g} {across.unit},  {amplitude:.3g}{unit}"
@@ -113,7 +125,29 @@ def spectrum_figure(
         va="top", multialignment="left",
         bbox={"facecolor": "white", "edgecolor": "none"},
     )  # fmt: skip
-    found.suptitle(title, x=0.01, ha="left", size=HEADING, weight="bold")
+    _headed(found, title, f"spectrum of {up.name.removeprefix('amplitude of ')}")
+    return found
+
+
+@in_house_style
+def map_figure(
+    title: str, across: Column, up: Column, maps: Sequence[Column]
+) -> Picture:
+    """Draw maps, values (rows, columns), over two others: borders of their cells."""
+    height = MAP * len(maps) + REST
+    found = Picture(figsize=(WIDTH, height), layout="constrained")
+    panels = found.subplots(len(maps), sharex=True, squeeze=False)[:, 0]
+    for axes, column in zip(panels, maps, strict=True):
+        axes.set_facecolor(NO_RESULT)
+        cells = np.ma.masked_invalid(column.values)
+        drawn = axes.pcolormesh(across.values, up.values, cells, cmap=COLOURS)
+        bar = found.colorbar(drawn, ax=axes, aspect=15)
+        bar.set_label(column.label, size=NORMAL)
+        bar.ax.tick_params(labelsize=SMALL, length=0.0)
+        axes.set_ylabel(up.label, size=NORMAL)
+        axes.tick_params(length=2.0, labelsize=SMALL)
+    panels[-1].set_xlabel(across.label, size=NORMAL)
+    _headed(found, title)
     return found
 
 
@@ -123,6 +157,18 @@ def content(figure: Figure, form: str) -> bytes:
     file = io.BytesIO()
     figure.savefig(file, format=form, dpi=DPI, metadata=dated.get(form))
     return file.getvalue()
+
+
+def _headed(found: Figure, title: str, subject: str = "") -> None:
+    """Write a title at the left and what is shown at the right."""
+    edge, high = EDGE / WIDTH, found.get_figheight()
+    # Above the panels, and with one line for both to stand on.
+    engine = found.get_layout_engine()
+    assert isinstance(engine, ConstrainedLayoutEngine)
+    engine.set(rect=(0.0, 0.0, 1.0, 1.0 - TITLE / high))
+    level = 1.0 - LINE_OF_TITLE / high
+    found.text(edge, level, title, size=HEADING, weight="bold")
+    found.text(1.0 - edge, level, subject, ha="right", size=NORMAL, color=DIM)
 
 
 def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import orjson
 
+from lagsim.outputs.units import of_table
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def manifest(
         "error": _error(error_bar),
         "warnings": [c.record for c in cautions],
         "timings": dict(timings),
-        "columns": session.system.units(),
+        "columns": of_table(session.case.equations, session.system.columns.of_table),
         "files": list(files),
     }
 

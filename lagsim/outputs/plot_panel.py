@@ -8,7 +8,7 @@ import numpy as np
 
 from lagsim.outputs.curves import dotted, inches, path, series
 from lagsim.outputs.record import LEFT, REACH, RIGHT
-from lagsim.outputs.scale import Scale, extent, log_scale, value_scale
+from lagsim.outputs.scale import Scale, extent, log_scale, value_scale, with_one_power
 from lagsim.outputs.sheet import PENS, WIDTH, mark
 from lagsim.outputs.spread import spread_scale
 from lagsim.outputs.time_panels import tell
@@ -122,6 +122,8 @@ class PlotPanel:
         for axis, (low, high), side in zip("xy", ends, sides, strict=True):
             middle, half = 0.5 * (low + high), 0.5 * scale * side
             self._scales[axis] = Scale(middle - half, middle + half)
+        shared = with_one_power([self._scales["x"], self._scales["y"]])
+        self._scales |= dict(zip("xy", shared, strict=True))
         return sides[0], sides[1]
 
     def pens(self) -> Mapping[str, Pen]:
@@ -143,7 +145,7 @@ class PlotPanel:
         below = (record.letters.text(wanted.x.text), unit)
         with sheet.panel(
             place, self._scales["x"], self._scales["y"], below=below,
-            side=self._named("y"), reach=REACH,
+            side=self._named("y"), reach=REACH, colour=self._colour("y"),
         ) as axes:  # fmt: skip
             if self.timed:
                 record.mark(axes)
@@ -155,6 +157,7 @@ class PlotPanel:
             with sheet.panel(
                 place, self._scales["x"], self._scales["y2"],
                 side=self._named("y2"), reach=REACH, over=True,
+                colour=self._colour("y2"),
             ) as axes:  # fmt: skip
                 self._draw_curves(axes, self._sides["y2"])
 
@@ -165,6 +168,12 @@ class PlotPanel:
         units = {record.unit(name) for name in names}
         texts = [record.letters.text(curves[name].text) for name in names]
         return ", ".join(texts), units.pop() if len(units) == 1 else ""
+
+    def _colour(self, axis: str) -> str:
+        """Give the colour of an axis with one curve, where there are two axes."""
+        names, pens = self._sides[axis], self.pens()
+        single = len(names) == 1 and self._sides["y2"]
+        return str(pens[names[0]]["color"]) if single else ""
 
     def _draw_curves(self, axes: Axes, names: Sequence[str]) -> None:
         pens = self.pens()

@@ -7,11 +7,13 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from lagsim.native.link import ahead
+from lagsim.notes import Caution
+from lagsim.outputs.attempted import attempted
 from lagsim.outputs.curves import series
 from lagsim.outputs.paper import Pixels
 from lagsim.outputs.plot_panel import PlotPanel
 from lagsim.outputs.record import LEFT, REACH, RIGHT, Record, header, header_height
-from lagsim.outputs.scale import noise_scale, power_of_ten
+from lagsim.outputs.scale import NOISE, noise_scale, power_of_ten
 from lagsim.outputs.scene_panel import ScenePanel
 from lagsim.outputs.sheet import (
     BLACK,
@@ -45,6 +47,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from lagsim.model.model import Model, Plot, Scene
+    from lagsim.outputs.attempted import Made
 
 
 @in_house_style
@@ -61,7 +64,7 @@ def energy(record: Record, *, is_sum: bool) -> Sheet:
     width = WIDTH - LEFT - RIGHT
     sheet = record.sheet(WIDTH, top + 2.2 + 0.36 + 1.1 + 0.45)
     header(sheet, record, "energy")
-    total = "energy T + V" if is_sum else "energy function h = Σ q′ ∂L/∂q′ − L"
+    total = "energy T + V" if is_sum else "energy function h = Σ q̇ ∂L/∂q̇ − L"
     named = {"kinetic": "kinetic T", "potential": "potential V"}
     named |= {"lagrangian": "lagrangian L", "energy": total}
     names = [name for name in named if name in record.rows]
@@ -135,12 +138,9 @@ def constraint_forces(
     columns = record.rows.columns
     multipliers += [name for name in columns if name.startswith("friction.")]
     impulses = [name for name in columns if name.startswith(IMPULSE)]
-    total = len(forces) + len(multipliers)
-    families = [_acting(record, names) for names in (forces, multipliers, impulses)]
-    if impulses := families[2]:
-        total += len(impulses)
-    else:
-        families = [forces, multipliers]
+    total = len(forces) + len(multipliers) + len(impulses)
+    families = _acting(record, (forces, multipliers, impulses))
+    acting = sum(len(names) for names in families)
     left = sum(len(names) for names in families)
     shown: list[str] = []
     for names in families:
@@ -149,24 +149,40 @@ def constraint_forces(
             names, room if left <= room else max(1, room * len(names) // left)
         )
         left -= len(names)
-    panels = Panels(record, [(name,) for name in shown])
+    panels = Panels(record, [(name,) for name in shown], paired=True)
     top = header_height(record)
     sheet = record.sheet(WIDTH, top + panels.total)
     subject = "constraint forces Qc and multipliers λ"
-    if impulses:
+    if families[2]:
         subject = "constraint forces and impulses"
-    header(sheet, record, _counted(subject, len(shown), total))
+    if acting < total:
+        header(sheet, record, f"{subject}; {total - acting} more are 0")
+    else:
+        header(sheet, record, _counted(subject, len(shown), total))
     panels.draw(sheet, top)
     return sheet
 
 
-def _acting(record: Record, names: Sequence[str]) -> list[str]:
-    """Return the columns that are not 0 throughout."""
-    return [name for name in names if height_of(record.rows.series(name)[1])]
+def _acting(
+    record: Record, families: Sequence[Sequence[str]]
+) -> Sequence[Sequence[str]]:
+    """Return the columns that are not 0 beside others of their unit, else the first."""
+    sizes: dict[str, dict[str, float]] = {}
+    for name in (name for names in families for name in names):
+        of_unit = sizes.setdefault(record.unit(name), {})
+        of_unit[name] = height_of(record.rows.series(name)[1])
+    acting = {
+        name
+        for own in sizes.values()
+        for name, size in own.items()
+        if size > NOISE * max(own.values())
+    }
+    found = [[name for name in names if name in acting] for names in families]
+    return found if acting else [families[0][:1], [], []]
 
 
 def _counted(subject: str, shown: int, total: int) -> str:
-    return subject if shown == total else f"{subject}, {shown} of {total}"
+    return subject if shown == total else f"{subject}: {shown} of {total} are shown"
 
 
 @in_house_style
@@ -185,20 +201,19 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Sheet:
     return sheet
 
 
-def pictures(
-    record: Record, model: Model, *, energy_is_sum: bool
-) -> Iterator[tuple[str, bytes]]:
+def pictures(record: Record, model: Model, *, energy_is_sum: bool) -> Iterator[Made]:
     """Give file name and content of every picture of a run, one after the other."""
     drawings = dict(_drawings(record, model, is_sum=energy_is_sum))
     # The one that takes as long as all others.
     aside = ahead.bring(lambda: _file(drawings[LONG]())) if ahead.may_send() else None
     with ThreadPoolExecutor(1) as packer:
-        before: tuple[str, Callable[[], bytes]] | None = None
-        for name, draw in drawings.items():
-            packed = aside if aside and name == LONG else _packed(draw(), packer)
+        before: tuple[str, Callable[[], bytes | Caution]] | None = None
+        for key, draw in drawings.items():
+            name = f"{key}.{record.form}"
+            packed = aside if aside and key == LONG else _packed(name, draw, packer)
             if before:
                 yield before[0], before[1]()
-            before = f"{name}.{record.form}", packed
+            before = name, partial(attempted, name, packed)
         if before:
             yield before[0], before[1]()
 
@@ -207,12 +222,17 @@ def _file(sheet: Sheet) -> bytes:
     return in_house_style(sheet.content)()
 
 
-def _packed(sheet: Sheet, packer: ThreadPoolExecutor) -> Callable[[], bytes]:
-    """Have a sheet made a file; return what gives it."""
+def _packed(
+    name: str, draw: Callable[[], Sheet], packer: ThreadPoolExecutor
+) -> Callable[[], bytes | Caution]:
+    """Draw a sheet and have it made a file; return what gives it."""
+    sheet = attempted(name, draw)
+    if isinstance(sheet, Caution):
+        return lambda: sheet
     if isinstance(sheet.paper, Pixels):
         # While the next is drawn: zlib needs no interpreter.
         return packer.submit(sheet.content).result
-    content = _file(sheet)
+    content = attempted(name, partial(_file, sheet))
     return lambda: content
 
 

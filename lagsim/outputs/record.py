@@ -89,15 +89,13 @@ class Record:
         """Return the names of marks and of the shade, and how they look."""
         entries: list[tuple[str, Pen]] = []
         if timed:
-            entries += [(x.name, x.top or x.line or {}) for x, _ in self.marks()]
+            entries += [(mark.name, mark.top) for mark, _ in self.marks()]
         if self.horizon < self.rows.last("t"):
             entries.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
         return entries
 
     def trusted(self) -> int:
-        """Return how many of the rows that paths show lie before the horizon."""
-        if math.isinf(self.horizon):
-            return self.rows.row_count
+        """Return how many of the points that paths show lie before the horizon."""
         return int(np.searchsorted(self.rows.sampled("t"), self.horizon, side="right"))
 
     def time(self) -> Scale:

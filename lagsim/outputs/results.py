@@ -2,7 +2,8 @@
 
 Every file is written beside its place and synced. When all are complete the old
 run.json goes, the files take their places, and the new run.json comes last: who finds a
-run.json finds the files that it lists, whatever happened in between.
+run.json finds the files that it lists, whatever happened in between. A table and its
+run.json may do so before pictures are drawn, which come to them later.
 
 A folder may come from a stranger. Nothing is written through a link that was put there,
 no pipe is waited for, and of what its run.json lists only files with names that lagsim
@@ -23,8 +24,11 @@ from lagsim import files
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
+
+    from lagsim.notes import Caution
+    from lagsim.outputs.attempted import Made
 
 MANIFEST = "run.json"
 # Room kept on the disk for a run.json that says that the disk is full.
@@ -59,6 +63,8 @@ class Results:
         self.manifest = manifest
         self.names: list[str] = []
         self._begun: set[str] = set()
+        self._placed: set[str] = set()
+        self._digests: dict[str, str] = {}
 
     def reserve(self) -> None:
         """Keep room for the manifest."""
@@ -85,9 +91,18 @@ class Results:
     def drop(self, name: str) -> None:
         """Do without a file that was begun."""
         self._begun.discard(name)
+        self._digests.pop(name, None)
         if name in self.names:
             self.names.remove(name)
         self._part(name).unlink(missing_ok=True)
+
+    def fill(self, made: Iterable[Made]) -> Iterator[Caution]:
+        """Write files; give the warnings of those that could not be drawn."""
+        for name, content in made:
+            if isinstance(content, bytes):
+                self.write(name, content)
+            else:
+                yield content
 
     def digests(self) -> dict[str, str]:
         """Give the sha256 of each file, so that who reads them knows them for one set.
@@ -97,7 +112,25 @@ class Results:
         OSError
             If one cannot be read.
         """
-        return {name: files.digest(self._part(name)) for name in self.names}
+        for name in self.names:
+            if name not in self._digests:
+                stands = name in self._placed
+                path = self.folder / name if stands else self._part(name)
+                self._digests[name] = files.digest(path)
+        return {name: self._digests[name] for name in self.names}
+
+    def stand(self, manifest: bytes) -> None:
+        """Put in its place what there is so far; `commit` adds what comes later.
+
+        Raises
+        ------
+        OSError
+            If something cannot be written.
+        """
+        first = self.folder / PART.format("first")
+        os.close(files.held(first, os.O_RDWR | os.O_CREAT | os.O_EXCL))
+        _write(first, manifest)
+        self._place(first)
 
     def commit(self, manifest: bytes) -> None:
         """Put all files in their places, remove what the last run left, then run.json.
@@ -109,17 +142,23 @@ class Results:
         OSError
             If something cannot be written; then the folder is as it was.
         """
-        _write(self._part(self.manifest), manifest)
-        for name in self.names:
+        part = self._part(self.manifest)
+        _write(part, manifest)
+        self._place(part)
+
+    def _place(self, manifest: Path) -> None:
+        new = [name for name in self.names if name not in self._placed]
+        for name in new:
             _sync(self._part(name))
         obsolete = self._listed() - set(self.names)
         (self.folder / self.manifest).unlink(missing_ok=True)
-        for name in self.names:
+        for name in new:
             self._part(name).replace(self.folder / name)
+            self._placed.add(name)
         for name in sorted(obsolete):
             with contextlib.suppress(OSError):  # a folder has taken the name
                 (self.folder / name).unlink()
-        self._part(self.manifest).replace(self.folder / self.manifest)
+        manifest.replace(self.folder / self.manifest)
         with contextlib.suppress(OSError):  # not every system syncs folders
             _sync(self.folder, os.O_RDONLY)
 

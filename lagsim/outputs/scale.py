@@ -22,9 +22,10 @@ from matplotlib.ticker import (
 )
 
 from lagsim.outputs.letters import SUPERSCRIPTS
+from lagsim.run.observers.thinning import HUGE, TINY
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
@@ -46,9 +47,6 @@ LEAST_TICKS = 3
 # number; a panel that is wider has room for as many as it gets.
 DIGIT, FREE, CROWDED = 0.067, 0.1, 3.0
 
-# Past these, squares and differences leave the range of a double, or of an Axes.
-_HUGE, _TINY = 1e300, 1e-285
-
 
 class Scale(NamedTuple):
     """A range from `low` to `high`, linear or of powers of ten.
@@ -59,6 +57,7 @@ class Scale(NamedTuple):
     log : whether it is logarithmic; then `low` may be the larger.
     linear : beyond this size it is, to both sides, if that is not 0.
     share : of how many decades the length of `linear` is.
+    power : the power of ten that numbers are counted in; None where that is free.
     """
 
     low: float
@@ -67,6 +66,7 @@ class Scale(NamedTuple):
     log: bool = False
     linear: float = 0.0
     share: float = 1.0
+    power: int | None = None
 
     def put(
         self,
@@ -155,7 +155,11 @@ class Scale(NamedTuple):
         least = min(most, LEAST_TICKS)
         locator = MaxNLocator(max(1, most - 1), steps=steps, min_n_ticks=least)
         formatter = Counting()
-        formatter.set_powerlimits(self.plain)
+        if self.power == 0:
+            formatter.set_scientific(False)
+        else:
+            limits = self.plain if self.power is None else (self.power, self.power)
+            formatter.set_powerlimits(limits)
         return locator, formatter
 
     def _powers(self, most: int) -> tuple[Locator, Formatter]:
@@ -179,7 +183,8 @@ class Counting(ScalarFormatter):
 
 def _as_power(value: float, _: object) -> str:
     # A locator looks for ticks past the ends too, where there may be no number left.
-    return power_of_ten(round(math.log10(value))) if value > 0.0 else ""
+    known = 0.0 < value < math.inf
+    return power_of_ten(round(math.log10(value))) if known else ""
 
 
 def _as_read(value: float, _: object) -> str:
@@ -225,7 +230,7 @@ def power_of_ten(exponent: int) -> str:
 
 def extent(*series: Array) -> tuple[float, float] | None:
     """Return the least and the greatest finite value; None if there is none."""
-    usable = [s[np.abs(s) < _HUGE] for s in series]
+    usable = [s[np.abs(s) < HUGE] for s in series]
     usable = [s for s in usable if len(s)]
     if not usable:
         return None
@@ -243,7 +248,7 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
         low = high = 0.0
     else:
         size = max(abs(low), abs(high))
-    if size < _TINY:
+    if size < TINY:
         return Scale(-1.0, 1.0)
     if high - low <= FLAT * size:
         # A tenth to both sides: enough to see that it is level, and at which value.
@@ -252,10 +257,23 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
     return Scale(low - free, high + free)
 
 
+def with_one_power(scales: Sequence[Scale]) -> list[Scale]:
+    """Give scales whose numbers are counted in one power of ten."""
+    spans = [s.high - s.low for s in scales]
+    sizes = [
+        size if size < 1e4 * span else span
+        for s, span in zip(scales, spans, strict=True)
+        if (size := max(abs(s.low), abs(s.high)))
+    ]
+    power = math.floor(math.log10(max(sizes, default=1.0)))
+    power = 0 if PLAIN[0] < power < PLAIN[1] else power
+    return [s._replace(power=power) for s in scales]
+
+
 def time_scale(t: Array) -> Scale:
     """Return a scale that the times fill from edge to edge."""
     low, high = extent(t) or (0.0, 1.0)
-    if high - low <= _TINY + 1e-14 * abs(high):
+    if high - low <= TINY + 1e-14 * abs(high):
         half = 0.5 * abs(low) or 0.5
         low, high = low - half, high + half
     return Scale(low, high, PLAIN_TIMES)
@@ -265,8 +283,8 @@ def noise_scale(values: Array, size: float) -> Scale:
     """Return a scale for what should be zero; `size` is that of what it comes from."""
     low, high = extent(values) or (0.0, 0.0)
     low, high = min(low, 0.0), max(high, 0.0)
-    if high - low < _TINY:
-        high = max(abs(size) * np.finfo(float).eps, _TINY)
+    if high - low < TINY:
+        high = max(abs(size) * np.finfo(float).eps, TINY)
         low = -high
     free = 0.08 * (high - low)
     return Scale(low - free, high + free)
@@ -275,7 +293,8 @@ def noise_scale(values: Array, size: float) -> Scale:
 def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale:
     """Return a scale of powers of ten; of `margin` and `least` decades is left free."""
     low, high = extent(*(s[s > 0.0] for s in series)) or (1.0, 10.0)
-    low = max(low, _TINY)
+    low = max(low, TINY)
     high = max(low, high)
     free = 10.0 ** (margin * (math.log10(high) - math.log10(low)) + least)
-    return Scale(low / free, high * free, log=True)
+    # Past the largest and the smallest double there is no axis.
+    return Scale(max(low / free, 1e-305), min(high * free, 1e305), log=True)

@@ -18,7 +18,7 @@ from matplotlib.colors import to_hex
 
 from lagsim.outputs.curves import curve, dotted, path, point
 from lagsim.outputs.record import LEFT, RIGHT
-from lagsim.outputs.scale import FLAT, Scale, extent
+from lagsim.outputs.scale import FLAT, Scale, extent, with_one_power
 from lagsim.outputs.sheet import DIM, INK, PENS, SMALL, WIDTH, Sheet, in_lines, mark
 
 if TYPE_CHECKING:
@@ -147,10 +147,11 @@ class ScenePanel:
     def _measure(self, widest: float, tallest: float) -> None:
         """Choose the one scale, and with it the range and length of each direction."""
         spans = [high - low for low, high in self._extents]
-        across, up = spans[0], spans[1]
+        scale = max(spans[0] / widest, spans[1] / tallest)
         if len(spans) == 3:
-            across, up = spans[0] + spans[1], spans[2] + spans[1]
-        scale = self._scale_for(((0.0, across), (0.0, up)), (widest, tallest))
+            across, up = (spans[0], spans[1]), (spans[2], spans[1])
+            scale = max(_beside(across, widest), _beside(up, tallest))
+        scale = self._at_rest_too(FREE * scale)
         self._lengths = [max(LEAST, FREE * span / scale) for span in spans]
         if self.beside:
             self._lengths = [max(LEAST_ASIDE, self._lengths[0]), tallest]
@@ -164,6 +165,10 @@ class ScenePanel:
         scale = FREE * max(
             (high - low) / side for (low, high), side in zip(ends, sides, strict=True)
         )
+        return self._at_rest_too(scale)
+
+    def _at_rest_too(self, scale: float) -> float:
+        """Return a scale, also where nothing moves and all points are in one place."""
         return scale if scale > FLAT * self._size else self._size or 1.0
 
     def _pens_of_moving(self) -> dict[str, Pen]:
@@ -224,8 +229,8 @@ class ScenePanel:
             right = max(right, x + width)
             with sheet.panel(
                 (x, y, width, height), self._ranges[view.across], self._ranges[view.up],
-                below=(f"scene {'xyz'[view.across]}", self._unit),
-                side=(f"scene {'xyz'[view.up]}", self._unit), spare=0.4,
+                below=("xyz"[view.across], self._unit),
+                side=("xyz"[view.up], self._unit), spare=0.4,
             ) as axes:  # fmt: skip
                 self._draw_view(axes, view.seen)
         if len(self._views) > 1:
@@ -280,6 +285,17 @@ def _span(values: Array) -> float:
     return found[1] - found[0] if found else 0.0
 
 
+def _beside(spans: tuple[float, float], room: float) -> float:
+    """Give how much an inch is where two views stand beside each other.
+
+    One that is short has the least length, and the other what is left of the room.
+    """
+    share = room * min(spans) / sum(spans) if max(spans) > 0.0 else 0.0
+    if share * FREE < LEAST:
+        return max(spans) / (room - LEAST)
+    return sum(spans) / room
+
+
 def _aside(p: Array) -> Array:
     """Return what of positions (3, rows) runs right and up, seen from aside."""
     return OBLIQUE @ p
@@ -291,4 +307,6 @@ def _around(
     """Return ranges of these lengths with what is shown in their middle."""
     middles = [0.5 * (low + high) for low, high in ends]
     halves = [0.5 * scale * side for side in sides]
-    return [Scale(m - half, m + half) for m, half in zip(middles, halves, strict=True)]
+    return with_one_power(
+        [Scale(m - half, m + half) for m, half in zip(middles, halves, strict=True)]
+    )

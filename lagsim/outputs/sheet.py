@@ -317,6 +317,7 @@ class Sheet:
         reach: float = 0.46,
         spare: float = 0.1,
         over: bool = False,
+        colour: str = "",
     ) -> Iterator[Axes]:
         """Give Axes at a place; they are drawn in the end, and then lent to the next.
 
@@ -327,6 +328,7 @@ class Sheet:
             above. Without `below` there are no numbers there either.
         ticks : how many at most, across and up, 0 for none; else as many as fit.
         over : over the panel that was drawn last, with its own scale at the right.
+        colour : of the numbers and the label of the axis that runs up.
         """
         left, top, width, height = place
         figure = self._figure()
@@ -364,9 +366,18 @@ class Sheet:
         axes.yaxis.offsetText.set_visible(False)
         for line in kept:
             line.set_visible(not over)
+        _label_colour(axes, colour or INK)
         axes.draw(self.renderer)
+        _label_colour(axes, INK)
         if over:
             axes.yaxis.tick_left()
+
+
+def _label_colour(axes: Axes, colour: str) -> None:
+    axes.yaxis.label.set_color(colour)
+    for tick in axes.yaxis.get_major_ticks():
+        tick.label1.set_color(colour)
+        tick.label2.set_color(colour)
 
 
 def _label(axis: Axis, named: Named, room: float, size: float = NORMAL) -> str:

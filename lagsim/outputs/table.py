@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
 _LINE = b"\r\n"
+# What begins a formula in a spreadsheet; the second four are of full width.
+_COMPUTED = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 
 
 class Writer(Protocol):
@@ -81,10 +83,30 @@ def table_of(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> bytes:
 
     text = io.StringIO(newline="")
     writer = csv.writer(text)
-    writer.writerow(columns)
+    writer.writerow(map(_cell, columns))
     for row in rows:
-        writer.writerow([str(x).lower() if isinstance(x, bool) else x for x in row])
+        writer.writerow(map(_cell, row))
     return text.getvalue().encode()
+
+
+def _cell(x: object) -> object:
+    if isinstance(x, bool):
+        return str(x).lower()
+    return guarded(x) if isinstance(x, str) else x
+
+
+def guarded(text: str) -> str:
+    """Give a text as a cell has it: with a `'` where a spreadsheet would compute it.
+
+    That is what begins with one of = + - @ and is no number; `unguarded` gives it back.
+    """
+    bare = text.lstrip(" \t\r\n'")
+    return f"'{text}" if bare.startswith(_COMPUTED) and numberless(text) else text
+
+
+def unguarded(cell: str) -> str:
+    """Give the text of a cell that `guarded` has made."""
+    return cell[1:] if cell.startswith("'") and guarded(cell[1:]) == cell else cell
 
 
 class TableWriter:

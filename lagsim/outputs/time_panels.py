@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,6 +49,8 @@ GRIDS = (
     (1, 1, 2.4), (2, 1, 1.6), (3, 1, 1.25), (4, 1, 1.05), (5, 1, 0.95), (12, 2, 0.95),
     (24, 3, 0.8), (MOST_PANELS, 5, 0.55),
 )  # fmt: skip
+# So many beside each other where some are pairs, which three or five would part.
+IN_PAIRS = 4
 
 
 def grouped(record: Record, names: Sequence[str]) -> list[tuple[str, ...]]:
@@ -66,6 +69,30 @@ def _comparable(record: Record, names: Sequence[str]) -> bool:
     scales = [value_scale(record.rows.series(name)[1], margin=0.0) for name in names]
     whole = max(s.high for s in scales) - min(s.low for s in scales)
     return min(s.high - s.low for s in scales) >= SQUEEZED * whole
+
+
+def in_pairs(
+    groups: Sequence[tuple[str, ...]], columns: int
+) -> tuple[list[tuple[str, ...]], int]:
+    """Put x and y of a body side by side: an empty group is a free place.
+
+    Give the groups, and how many stand beside each other.
+    """
+    firsts = {one for one, other in pairwise(groups) if _is_pair(one[0], other[0])}
+    if firsts and columns > 1 and columns % 2:
+        columns = IN_PAIRS
+    found: list[tuple[str, ...]] = []
+    for group in groups:
+        if group in firsts and columns > 1 and len(found) % columns == columns - 1:
+            found.append(())
+        found.append(group)
+    return found, columns
+
+
+def _is_pair(one: str, other: str) -> bool:
+    """Tell whether two names differ in an x and a y alone."""
+    differ = [(a, b) for a, b in zip(one, other, strict=False) if a != b]
+    return len(one) == len(other) and differ in ([("x", "y")], [("X", "Y")])
 
 
 def chosen(names: Sequence[str], most: int) -> list[str]:
@@ -87,7 +114,12 @@ class Panels:
     """
 
     def __init__(
-        self, record: Record, groups: Sequence[tuple[str, ...]], least: float = 0.0
+        self,
+        record: Record,
+        groups: Sequence[tuple[str, ...]],
+        least: float = 0.0,
+        *,
+        paired: bool = False,
     ) -> None:
         self._record, self._groups = record, groups
         self._aside = 0.0
@@ -95,7 +127,12 @@ class Panels:
             size for most, *size in GRIDS if len(groups) <= most
         )
         self._wide = self._columns == 1
+        if paired:
+            self._groups, self._columns = in_pairs(groups, int(self._columns))
+            groups = self._groups
         self._headed = [self._is_headed(group) for group in groups]
+        if paired:  # all names in one place
+            self._headed = [any(self._headed)] * len(groups)
         self.gap = 0.25
         if self._wide:
             self.gap = 0.24 if any(self._headed) else 0.12
@@ -114,6 +151,8 @@ class Panels:
 
     def _is_headed(self, group: tuple[str, ...]) -> bool:
         """Whether the name stands above the panel and not at its side."""
+        if not group:
+            return False
         # A power of ten may stand beside the unit.
         name, unit = self._record.named(group[0])
         text = f"{name} (10⁻³ {unit})"
@@ -141,6 +180,8 @@ class Panels:
             unit, height = record.unit(name), height_of(record.rows.series(name)[1])
             sizes[unit] = max(sizes.get(unit, 0.0), height)
         for k, group in enumerate(self._groups):
+            if not group:
+                continue
             row, column = divmod(k, self._columns)
             x = left + column * (width + NUMBERS)
             y = top + row * (self._height + self.gap) + self.gap
@@ -150,9 +191,11 @@ class Panels:
             written = [record.letters.name(name) for name in group]
             named = (", ".join(written), record.unit(group[0]))
             above = self._headed[k] and len(group) == 1
+            under = k + int(self._columns)
+            is_last = under >= count or not self._groups[under]
             with sheet.panel(
                 (x, y, width, self._height), record.time(), scale,
-                below=record.named("t") if k + self._columns >= count else NOTHING,
+                below=record.named("t") if is_last else NOTHING,
                 side=NOTHING if above else named,
                 above=named if above else NOTHING,
                 reach=REACH,
@@ -178,7 +221,7 @@ def tell(
     """Say in a panel, or above, where powers of ten begin and what is greatest."""
     if not scale.linear:
         return
-    every = [np.where(np.isfinite(values), values, 0.0) for _, values in drawn]
+    every = [np.where(np.isfinite(t + values), values, 0.0) for t, values in drawn]
     sizes = [float(np.abs(values).max(initial=0.0)) for values in every]
     k = int(np.argmax(sizes))
     at = int(np.abs(every[k]).argmax())

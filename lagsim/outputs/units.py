@@ -1,19 +1,24 @@
-"""Units that follow: of energies, multipliers, forces and of what plots show.
+"""Units: of all columns of a table, of what pictures show, of forces and energies.
 
 A file gives units to coordinates, parameters and definitions. What follows from these
-by sums, products and powers is told on axes. Where a factor has none, or two terms
-differ, nothing is told: a number may stand for what has a unit that nobody wrote.
+by sums, products and powers has a unit, too. A parameter without a unit is a number
+where all energies and forces agree with that. Where a factor may stand for a quantity,
+or two terms differ, there is no unit. All who show units ask here.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from typing import TYPE_CHECKING, TypeAlias
 
 from lagsim.language.functions import OPERATIONS
+from lagsim.language.graph import once
+from lagsim.mechanics.equations import ACTION
+from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
@@ -50,6 +55,9 @@ MOST_NODES = 4000
 # A number in a product is taken for no more than one if it is a fraction of such
 # numbers; 9.8 may be metres per second squared.
 SMALL = 12
+
+# A part of something that is written in so many hundredths is no conversion of units.
+LEAST_PART = 0.02
 
 _SAME = frozenset(("neg", "abs", "floor", "ceil"))
 _ALIKE = frozenset(("add", "sub", "min", "max", "hypot"))
@@ -101,23 +109,39 @@ class Dimensions:
     """The units of the nodes of a graph, as far as they follow from some.
 
     A number fits everything in a sum: it is in `free`, and so is what is made of such.
+    `texts` are units as they are written, which sums and numbers in front keep.
     """
 
-    def __init__(self, graph: Graph, given: Mapping[int, Unit]) -> None:
+    def __init__(
+        self,
+        graph: Graph,
+        given: Mapping[int, Unit],
+        texts: Mapping[int, str] | None = None,
+        numbers: Iterable[int] = (),
+    ) -> None:
         self.graph = graph
         self.known: dict[int, Unit | None] = dict(given)
         self.free: set[int] = set()
+        self.texts = dict(texts or {})
+        self.known |= {node: PURE for node in numbers if node not in self.known}
 
     def of(self, node: int) -> Unit | None:
         """Give the unit of a node, None where none follows."""
         graph = self.graph
-        cone = graph.cone([node], self.known)
-        if len(cone) > MOST_NODES:
-            return None
-        for k in cone:
-            if k not in self.known:
-                self.known[k] = self._made(k)
+        if node not in self.known:
+            cone = graph.cone([node], self.known)
+            if len(cone) > MOST_NODES:
+                self.known[node] = None
+                return None
+            for k in cone:
+                if k not in self.known:
+                    self.known[k] = self._made(k)
         return None if node in self.free else self.known[node]
+
+    def text(self, node: int) -> str:
+        """Give the unit of a node as it is written; "" where none follows."""
+        unit = self.of(node)
+        return "" if node in self.free else self.texts.get(node) or written(unit)
 
     def _made(self, node: int) -> Unit | None:
         graph, known = self.graph, self.known
@@ -134,17 +158,34 @@ class Dimensions:
             one, other = known[args[0]], known[args[1]]
             if one is None or other is None:
                 return None
+            self._keep(node, self._scaled(op, args))
             return times(one, other, 1.0 if op == "mul" else -1.0)
         if op == "pow":
             return self._powered(*args)
         if op in _SAME:
+            self._keep(node, args)
             return known[args[0]]
         if op in _ALIKE or op == "if":
+            self._keep(node, args[-2:])
             return self._agreed(args[-2:])
         if op in _ROOTS:
             base = known[args[0]]
             return None if base is None else times(PURE, base, _ROOTS[op])
         return PURE  # of sines and logarithms, and of conditions
+
+    def _keep(self, node: int, parts: Iterable[int]) -> None:
+        """Write the unit of a node as that of its parts, where they have one text."""
+        texts = {self.texts.get(k, "") for k in parts if k not in self.free}
+        if len(texts) == 1 and (text := texts.pop()):
+            self.texts[node] = text
+
+    def _scaled(self, op: str, args: Sequence[int]) -> Sequence[int]:
+        """Give the factor whose unit a product has, the other being a number."""
+        one, other = args
+        if self.known[other] == PURE and not self.texts.get(other):
+            return (one,)
+        pure = self.known[one] == PURE and not self.texts.get(one)
+        return (other,) if pure and op == "mul" else ()
 
     def _powered(self, base: int, exponent: int) -> Unit | None:
         unit, power = self.known[base], self.graph.value(exponent)
@@ -160,60 +201,166 @@ class Dimensions:
 
 
 def _is_pure(value: float) -> bool:
-    return any(
-        value * k % 1 == 0.0 and abs(value * k) <= SMALL for k in range(1, SMALL + 1)
-    ) or any(abs(value) == k * 3.141592653589793 for k in (0.25, 0.5, 1.0, 2.0, 4.0))
+    """Tell whether a number in a product is none that stands for a quantity."""
+    size, hundredths = abs(value), abs(value) * 100.0
+    return (
+        any(value * k % 1 == 0.0 and size * k <= SMALL for k in range(1, SMALL + 1))
+        or any(size == k * math.pi for k in (0.25, 0.5, 1.0, 2.0, 4.0))
+        or (LEAST_PART <= size < 1.0 and abs(hundredths - round(hundredths)) < 1e-9)
+    )
 
 
-def units(equations: Equations, told: Mapping[str, str]) -> dict[str, str]:
-    """Give the unit of each column that pictures show, where it is known.
+def told(equations: Equations, columns: Iterable[str]) -> dict[str, str]:
+    """Give the unit of each column as the file has it; "" where it has none."""
+    model = equations.model
+    found = {"t": "s"}
+    for c in model.coordinates:
+        if c.unit:
+            found[c.name] = c.unit
+            found[f"{c.name}_dot"] = f"{c.unit}/s"
+            found[f"{c.name}_ddot"] = found[f"gauss.a_{c.name}"] = f"{c.unit}/s^2"
+    found |= {d.name: d.unit for d in model.definitions if d.unit}
+    return {name: found.get(name, "") for name in columns}
 
-    Parameters
-    ----------
-    told : the units of the columns of the table, as run.json has them.
+
+def units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
+    """Give the unit of each of these columns, and of what pictures show besides.
+
+    Those that have none are left out.
     """
+    key = ("units", equations.model.sha256, tuple(equations.q), tuple(columns))
+    return once(equations.graph, key, lambda: _units(equations, columns))
+
+
+def of_table(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
+    """Give the unit of each column of the table, "" where none is known or follows."""
+    found = units(equations, columns)
+    return {name: found.get(name, "") for name in columns}
+
+
+def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
     model, graph = equations.model, equations.graph
-    named = {p.name: p.unit for p in model.parameters} | dict(told)
+    rates = [*equations.q, *equations.velocities, *equations.accelerations]
+    stated = told(equations, dict.fromkeys((*columns, *rates, "t")))
+    named = {p.name: p.unit for p in model.parameters} | stated
     nodes = {graph.variable(name): text for name, text in named.items()}
     nodes |= {d.node: d.unit for d in model.definitions if d.unit}
     texts = {k: text for k, text in nodes.items() if text and graph.value(k) is None}
     given = {k: unit for k, text in texts.items() if (unit := parsed(text)) is not None}
-    dimensions = Dimensions(graph, given)
-    found = {name: text for name, text in told.items() if text}
-    energies = (model.kinetic, model.potential, model.lagrangian)
-    known = [u for e in energies if e is not None and (u := dimensions.of(e))]
-    # Without a mass, what is called an energy is that of one that is not told.
-    known = [] if any(set(unit) <= MOTION for unit in known) else known
-    if known and all(unit == known[0] for unit in known):
-        follow = [(name, known[0]) for name in ENERGIES]
-        follow += _forces(equations, dimensions, known[0])
-        for name, unit in follow:
-            text = written(unit, _FORCES if name not in ENERGIES else ("J",))
+    found = {name: text for name, text in stated.items() if text and name in columns}
+    dimensions, energy = _consistent(equations, given, texts)
+    if energy:
+        for name in ENERGIES:
+            _follow(dimensions, found, name, energy, ("J",))
+        for name, unit in _forces(equations, dimensions, energy):
+            _follow(dimensions, found, name, unit, _FORCES)
+        _follow(dimensions, found, ACTION, times(energy, {"s": 1.0}), ("J s",))
+        _follow(dimensions, found, "gauss.G", times(energy, {"s": -2.0}), ("J/s^2",))
+        for one in model.forces:
+            along = dimensions.of(one.direction)
+            if along == PURE and dimensions.of(one.node) == energy:
+                dimensions.texts.setdefault(one.node, "N m")
+    for name, node in _shown(equations):
+        text = dimensions.text(node)
+        if text:
             found.setdefault(name, text)
-            node = graph.variable(name)
-            if dimensions.known.get(node) is None:
-                dimensions.known[node] = unit
-                texts[node] = text
-    for name, node in _drawn(equations):
-        follows = texts.get(node) or written(dimensions.of(node))
-        if follows:
-            found.setdefault(name, follows)
     return {name: text for name, text in found.items() if text}
 
 
-def of_table(equations: Equations, told: Mapping[str, str]) -> dict[str, str]:
-    """Give the unit of each column of the table, those that follow too."""
-    found = units(equations, told)
-    return {name: found.get(name, "") for name in told}
+def _follow(
+    dimensions: Dimensions,
+    found: dict[str, str],
+    name: str,
+    unit: Unit,
+    names: Iterable[str],
+) -> None:
+    """Give a column a unit, where it has none, and what is made of it."""
+    text = written(unit, names)
+    found.setdefault(name, text)
+    node = dimensions.graph.variable(name)
+    if dimensions.known.get(node) is None:
+        dimensions.known[node] = unit
+        dimensions.texts[node] = text
 
 
-def _drawn(equations: Equations) -> Iterator[tuple[str, int]]:
-    """Give name and expression of what pictures draw besides columns."""
+def _consistent(
+    equations: Equations, given: Mapping[int, Unit], texts: Mapping[int, str]
+) -> tuple[Dimensions, Unit]:
+    """Give the units of nodes, and that of all energies; none where these disagree.
+
+    Parameters without units are numbers, unless an energy or a force speaks against it.
+    """
+    model, graph = equations.model, equations.graph
+    bare = {
+        graph.variable(p.name): p.name
+        for p in model.parameters
+        if not p.unit and not p.follows
+    }
+    while True:
+        dimensions = Dimensions(graph, given, texts, bare)
+        energy = _energy(equations, dimensions)
+        wanted: list[tuple[int, Unit]] = []
+        if energy:
+            for one in model.forces:
+                along = dimensions.of(one.direction)
+                if along is not None:
+                    wanted.append((one.node, _per(energy, along, one.level)))
+            if model.dissipation is not None:
+                wanted.append((model.dissipation, times(energy, {"s": -1.0})))
+        wrong = [] if energy else _energies(equations)
+        for node, unit in wanted:
+            wrong += _against(dimensions, node, unit)
+        doubtful = graph.depends(wrong) if wrong else frozenset()
+        left = {node: name for node, name in bare.items() if name not in doubtful}
+        if len(left) == len(bare):
+            return dimensions, energy
+        bare = left
+
+
+def _against(dimensions: Dimensions, node: int, wanted: Unit) -> list[int]:
+    """Give the terms of a sum that have another unit than the one wanted."""
+    graph, below, terms = dimensions.graph, [node], list[int]()
+    while below:
+        k = below.pop()
+        if graph.ops[k] in ("add", "sub", "neg"):
+            below += graph.args[k]
+        elif dimensions.of(k) not in (None, wanted):
+            terms.append(k)
+    return terms
+
+
+def _per(energy: Unit, along: Unit, level: Level) -> Unit:
+    """Give the unit of a force that works on something; on a rate, it is a power's."""
+    force = times(energy, along, -1.0)
+    return force if level is Level.POSITION else times(force, {"s": 1.0}, -1.0)
+
+
+def _energies(equations: Equations) -> list[int]:
     model = equations.model
-    for k, plot in enumerate(model.output.plots):
+    found = (model.kinetic, model.potential, model.lagrangian)
+    return [node for node in found if node is not None]
+
+
+def _energy(equations: Equations, dimensions: Dimensions) -> Unit:
+    """Give the one unit of all energies that have one."""
+    known = [u for node in _energies(equations) if (u := dimensions.of(node))]
+    # Without a mass, what is called an energy is that of one that has no unit.
+    if not known or any(set(unit) <= MOTION for unit in known):
+        return PURE
+    return known[0] if all(unit == known[0] for unit in known) else PURE
+
+
+def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
+    """Give name and expression of columns that no rule names, and of what is drawn."""
+    for d in equations.model.definitions:
+        yield d.name, d.node
+    rows = [*equations.rows, *(law.row for law in equations.laws)]
+    for row in rows:
+        yield f"residual_{row.name}", row.residual
+    for k, plot in enumerate(equations.model.output.plots):
         for name, curve in plot.curves(k).items():
             yield name, curve.node
-    for name, parts in model.scene.points.items():
+    for name, parts in equations.model.scene.points.items():
         for k, node in enumerate(parts, 1):
             yield f"point.{name}.{k}", node
 

@@ -20,6 +20,7 @@ others see `reduction` and `methods._projection`.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
@@ -27,6 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.start import start_at
 from lagsim.errors import InputError, Problem
+from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.instant import Instant
 from lagsim.mechanics.reduction import Reduction
 from lagsim.mechanics.reduction.ignorable import ignorable
@@ -52,6 +54,8 @@ LARGEST = 24
 # coordinates ignorable: 0.7 of the operations, 0.95 of the time).
 PAYS = 0.8
 PAYS_IGNORING = 0.6
+# Multiplications to solve for what is ignorable: about 50 coordinates, all coupled.
+LONGEST = 20_000
 
 
 class Formulation(NamedTuple):
@@ -112,8 +116,8 @@ def formulate(
             ways["projection"] = _at_times
         return ways[asked](equations, start)
     except _CannotError as error:
-        text = f"formulation `{asked}` cannot be had: {error}"
-        hint = "`auto` chooses one that can be had"
+        text = f"formulation `{asked}` cannot be used: {error}"
+        hint = "`auto` chooses one that suits"
         raise InputError([Problem("formulation-refused", text, place, hint)]) from None
 
 
@@ -159,7 +163,7 @@ def _at_times(equations: Equations, start: Start) -> Formulation:
 
 
 def _refused(equations: Equations, start: Start) -> Formulation:  # noqa: ARG001
-    raise _CannotError("the model has constraints that hold at times")
+    raise _CannotError("the model has constraints that come and go")
 
 
 def _constrained(equations: Equations) -> None:
@@ -169,7 +173,7 @@ def _constrained(equations: Equations) -> None:
 
 def _none(equations: Equations, start: Start) -> Formulation:
     if equations.rows:
-        why = "the model has constraints; `drift` does nothing about them"
+        why = "the model has constraints; `drift` integrates without enforcing them"
         raise _CannotError(why)
     return _whole(equations, start, "none", "no constraints")
 
@@ -179,9 +183,9 @@ def _projection(equations: Equations, start: Start) -> Formulation:
     _constrained(equations)
     held = sum(row.holonomic for row in rows)
     if held:
-        reason = f"{held} of {len(rows)} constraints hold positions"
+        reason = f"{held} of {len(rows)} constraints are of positions"
         return _whole(equations, start, "projection", reason, projected=True)
-    reason = "the constraints hold velocities"
+    reason = "the constraints are of velocities"
     return _whole(equations, start, "velocity projection", reason, projected=True)
 
 
@@ -195,7 +199,7 @@ def _velocity_projection(equations: Equations, start: Start) -> Formulation:
 def _drift(equations: Equations, start: Start) -> Formulation:
     _constrained(equations)
     return _whole(
-        equations, start, "drift", "asked for; the motion leaves the constraints"
+        equations, start, "drift", "asked for; the constraints are not enforced"
     )
 
 
@@ -231,7 +235,7 @@ def _elimination(equations: Equations, start: Start) -> Formulation:
 def _ignorable(equations: Equations, start: Start) -> Formulation:
     found = ignorable(equations)
     if not found:
-        why = "no coordinate keeps its momentum and is absent from the equations"
+        why = "no coordinate is ignorable with a conserved momentum"
         raise _CannotError(why)
     return _reduced(Reduction(equations).ignore(found, start), start, "asked for")
 
@@ -280,14 +284,16 @@ def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, flo
     if equations.chains is not None and len(equations.q) > LARGEST:
         return found  # M would be written out
     cyclic = ignorable(equations)
+    ignoring = None
     if cyclic:
-        ignoring = Reduction(equations).ignore(cyclic, start)
-        found.append((ignoring, PAYS_IGNORING))
+        with suppress(TooLongError):
+            ignoring = Reduction(equations).ignore(cyclic, start, LONGEST)
+            found.append((ignoring, PAYS_IGNORING))
     if equations.rows and len(equations.q) <= LARGEST:
         eliminated, _ = _eliminated(equations, start)
         if eliminated.eliminated:
             found.append((eliminated, PAYS))
-            if cyclic:
+            if ignoring is not None:
                 both, _ = _eliminated(ignoring.equations, start, ignoring)
                 found.append((both, PAYS_IGNORING))
     return found
@@ -315,7 +321,7 @@ def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
         choices.append(Choice("formulation: none", "no constraints"))
     if reduction.ignored:
         what = f"ignorable: {', '.join(reduction.ignored)}"
-        choices.append(Choice(what, f"momentum is kept: a quadrature; {reason}"))
+        choices.append(Choice(what, f"momentum is conserved: a quadrature; {reason}"))
     return Formulation(
         name, reduction, reduced_start(reduction, start), bool(rows), 0.0,
         tuple(choices),
@@ -334,7 +340,8 @@ def _eliminated(
     """Eliminate what can be; say why if nothing can be."""
     reduction = base or Reduction(equations)
     if start.ranks.rank < len(equations.rows):
-        return reduction, f"the constraints have rank {start.ranks.rank}"
+        many, rank = len(equations.rows), start.ranks.rank
+        return reduction, f"constraints are redundant ({many} of rank {rank})"
     e = reduction.equations
     q, v = reduction.kept(start.q), reduction.kept(start.v)
     point = Point(e, start.t)
@@ -344,5 +351,5 @@ def _eliminated(
     if found:
         return reduction.eliminate(found), ""
     names = ", ".join(f"`{row.name}`" for row in equations.rows)
-    why = f"no coordinate stands in {names} with a factor that is constant and not 0"
+    why = f"no coordinate has in {names} a factor that is constant and not 0"
     return reduction, why

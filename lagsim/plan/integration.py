@@ -83,12 +83,14 @@ def _automatic(
 ) -> Choice:
     if solved is not None:
         if scene.linear_time_invariant and 2 * len(equations.q) <= MOST_STATES:
-            return Choice("method: exponential", "linear, and time stands nowhere")
+            return Choice(
+                "method: exponential", ("linear equations, and constant in time")
+            )
         gain = _gain(equations, solved, rtol)
         if gain >= PAYS:
-            reason = f"its series takes about 1/{gain:.1f} of {ANY}'s time"
+            reason = f"estimated {gain:.1f} times as fast as {ANY}"
             return Choice("method: taylor", reason)
-    return Choice(f"method: {ANY}", "order 8, the most digits for smooth motion")
+    return Choice(f"method: {ANY}", "order 8, accurate for smooth motion")
 
 
 def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
@@ -129,7 +131,7 @@ def refuse(name: str, why: str, settings: Settings) -> None:
     """Raise InputError where there is a reason why a method cannot handle a scene."""
     if why:
         text = f"`{name}` cannot handle this model: {why}"
-        hint = "`lagsim methods` says what each handles; `auto` chooses one that can"
+        hint = "`lagsim methods` lists what each handles; `auto` chooses one that suits"
         place = settings.method_place
         raise InputError([Problem("method-refused", text, place, hint)])
 
@@ -142,7 +144,7 @@ def refusal(name: str, equations: Equations, scene: Structure) -> str:
             return "it does not integrate the action, which `output` asks for"
         return "it does not integrate ignorable coordinates by quadrature"
     if equations.laws and chosen.NEEDS and locates(name):
-        return "constraints that hold at times need a method that asks for y' alone"
+        return "constraints that come and go need a method that evaluates y' only"
     why = str(chosen.refusal(scene))
     return "" if why and newton_of(name, equations) is not None else why
 
@@ -179,7 +181,10 @@ def _check_straight(
             reason = f"about {operations} operations per step"
             choices.append(Choice(f"series: {form}", reason))
             return
-        text = f"its series takes about {operations} operations, over {MOST_OPERATIONS}"
+        text = (
+            f"its series would take about {operations} operations a step, more than "
+            f"{MOST_OPERATIONS}"
+        )
         hint += "; a larger --rtol makes the series shorter"
     text = f"`{name}` cannot handle this model: {text}"
     raise InputError([Problem("method-refused", text, settings.method_place, hint)])

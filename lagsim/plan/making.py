@@ -61,12 +61,15 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         choices.append(Choice("solve: impulses in steps", "by projected relaxation"))
     elif equations.laws:
         elimination = None
-        choices.append(Choice("solve: loops", "constraints come into force and go"))
+        choices.append(Choice("solve: loops", "constraints come and go"))
     else:
         elimination = eliminate(equations, start, lengths, choices)
     if start.augmented:
         choices.append(
-            Choice("mass matrix solved with the constraints", "it is singular alone")
+            Choice(
+                "mass matrix solved with the constraints",
+                ("it is singular without them"),
+            )
         )
     if start.augmented and not locates(settings.method):
         raise InputError([_no_impulses(settings)])
@@ -112,13 +115,13 @@ def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part
         return ()
     why = refusal(equations)
     if equations.laws:
-        why = "contacts and limits are met by all of them"
+        why = "a contact or a limit can stop the step of any of them"
     if not why:
         switches = model_switches(equations)
         if switches.modes or switches.sides:
-            why = "a switch is met by all of them"
+            why = "a switch can stop the step of any of them"
     if why and asked == "apart":
-        text = f"formulation `apart` cannot be had: {why}"
+        text = f"formulation `apart` cannot be used: {why}"
         place = settings.formulation_place
         raise InputError([Problem("formulation-refused", text, place)])
     if why:
@@ -134,7 +137,7 @@ def _told(parts: tuple[Part, ...]) -> list[Choice]:
     if not parts:
         return []
     names = "; ".join(", ".join(x.subsystem.equations.q) for x in parts)
-    text = f"they do not touch, and each takes its own steps: {names}"
+    text = f"nothing couples them, and each takes its own steps: {names}"
     return [Choice(f"subsystems: {len(parts)} integrated apart", text)]
 
 
@@ -144,7 +147,7 @@ def by_loops(plan: Plan) -> Plan:
     Nobody can be asked on the way: for a method that needs y' as nodes another goes on.
     """
     choices = [c for c in plan.choices if not c.choice.startswith("solve:")]
-    choices.append(Choice("solve: loops with QR", "the rows lost their independence"))
+    choices.append(Choice("solve: loops with QR", "the constraints became dependent"))
     name = plan.method
     why = method(name).refusal(structure(plan.reduction.equations))
     if STRAIGHT_ONLY.intersection(method(name).NEEDS):
@@ -152,8 +155,9 @@ def by_loops(plan: Plan) -> Plan:
     if why:
         choices.append(Choice(f"method: {ANY}", why))
         name = ANY
+    tape = from_tape(plan.reduction.equations, None)
     return replace(
-        plan, method=name, elimination=None, tape=False, choices=tuple(choices)
+        plan, method=name, elimination=None, tape=tape, choices=tuple(choices)
     )
 
 
@@ -166,8 +170,10 @@ def _constant(scene: Structure, start: Start) -> int:
 def _no_unconstrained_acceleration() -> Problem:
     return Problem(
         "singular-mass",
-        "`output.gauss` asks for the accelerations without constraints, M^-1 f, and "
-        "the mass matrix of this model is singular: the constraints complete it",
+        (
+            "`output.gauss` asks for the accelerations without constraints, M^-1 f, "
+            "and the mass matrix of this model is singular without the constraints"
+        ),
         hint="leave `gauss` out, or give every coordinate some mass",
     )
 
@@ -187,7 +193,10 @@ def _switches(
 ) -> Switches:
     found = model_switches(equations, located=locates(settings.method))
     if found.sides:
-        reason = "forces step or bend there: each ends an arc, where it is met"
+        reason = (
+            "forces jump or have a kink there: each is located, and the integration "
+            "restarts"
+        )
         choices.append(Choice(f"switches: {len(found.sides)} located", reason))
     return found
 
@@ -205,6 +214,6 @@ def _mass_reason(equations: Equations, scene: Structure) -> str:
         return "factored once, before the run"
     n = len(equations.q)
     if equations.chains is not None:
-        return f"left in {len(equations.chains.sums)} sums along chains"
+        return f"kept as {len(equations.chains.sums)} sums along chains"
     full = len(equations.mass_entries)
     return f"{full} of {n * n} entries are not zero"

@@ -50,7 +50,7 @@ def eliminate(
     n, m = len(equations.q), len(equations.rows)
     dense = dense_operations(n, m)
     close = start.ranks.smallest < WELL_CONDITIONED
-    reason = f"the rows are nearly dependent ({start.ranks.smallest:.1e})"
+    reason = f"the constraints are nearly dependent ({start.ranks.smallest:.1e})"
     if close and dense <= CHEAP:
         choices.append(Choice("solve: loops with QR", reason))
         return None
@@ -68,12 +68,14 @@ def eliminate(
             return None
     count = elimination.operations
     many = f"{count} multiplication{'s' * (count != 1)}"
-    where = "on what is not zero" if equations.chains is None else "along chains"
+    where = (
+        ("of entries that are not zero") if equations.chains is None else "along chains"
+    )
     if count <= BUDGET:
         told = many if equations.chains is None else f"{many} {where}"
         choices.append(Choice("solve: straight-line code", told))
     else:
-        reason = f"{many} {where}; loops would make {dense}"
+        reason = f"{many} {where}; loops would take {dense}"
         choices.append(Choice("solve: sparse elimination", reason))
     return elimination
 
@@ -82,7 +84,10 @@ def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
     """Tell whether compiled code would be too long."""
     if elimination is not None:
         return elimination.operations > BUDGET
-    return len(equations.q) * (len(equations.q) + len(equations.rows)) > MOST_ENTRIES
+    if equations.chains is not None:  # whose M is full, and made where it is read
+        return len(equations.q) ** 2 > MOST_ENTRIES
+    rows = sum(len(row.A.entries) for row in equations.rows)
+    return sum(len(row.entries) for row in equations.M) + rows > MOST_ENTRIES
 
 
 def many_slopes(
@@ -101,7 +106,7 @@ def many_slopes(
         choices.append(Choice("Newton's matrix: sparse", reason))
     if not SLOPES.intersection(method(name).NEEDS) or slopes <= MOST_ENTRIES:
         return False
-    choices.append(Choice("tapes", f"{slopes} slopes would compile for long"))
+    choices.append(Choice("tapes", f"{slopes} derivatives would take long to compile"))
     return True
 
 

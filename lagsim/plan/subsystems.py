@@ -13,10 +13,9 @@ import numpy as np
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.start import start_at
-from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.evaluate import evaluate
-from lagsim.language.graph import VARIABLE, once
 from lagsim.language.sparse import SparseVector, TooLongError
+from lagsim.mechanics.groups import coordinates_of, groups, shares
 from lagsim.mechanics.instant import Instant
 from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Output, Parameter, Scene
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility.report import Start
     from lagsim.language.arrays import Floats
-    from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
@@ -40,9 +38,6 @@ COMPILING = 1e8
 RADIANS = 1.0
 # Of the state: how far it is moved to see how fast the motion is.
 NUDGE = 1e-6
-
-# Whose coordinates a node depends on: of no group, or of more than one.
-NOBODY, SEVERAL = -1, -2
 
 
 class Subsystem(NamedTuple):
@@ -74,52 +69,13 @@ def part_of(whole: Instant, coordinates: Iterable[int]) -> Instant:
 
 def refusal(equations: Equations) -> str:
     """Say why subsystems cannot be integrated apart, or give ""."""
-    if equations.power is not None or equations.quadratures:
-        return "work and action are quadratures of them all"
+    if equations.works or equations.quadratures:
+        return "work and action depend on all of them"
     if equations.model.until:
-        return "`until` looks at them all"
+        return "`until` depends on all of them"
     if len(groups(equations)) < 2:
         return "all coordinates are coupled"
     return ""
-
-
-def groups(equations: Equations) -> list[list[int]]:
-    """Give the coordinates that touch one another, group by group."""
-    key = groups, equations.nodes
-    return once(equations.graph, key, lambda: _groups(equations))
-
-
-def _groups(equations: Equations) -> list[list[int]]:
-    e, g = equations, equations.graph
-    together = [([*nodes, *(e.f[i] for i in own)], own) for nodes, own in e.coupled]
-    together += [
-        ([row.residual, row.rate, row.b, *row.A.entries.values()], [*row.A.entries])
-        for row in e.rows
-    ]
-    names = _names(e)
-    found = DisjointSets(len(e.q))
-    # Of each node one of the coordinates below it: the others are in the same set.
-    touched: dict[int, int] = {}
-
-    def unite(below: list[int], nodes: Iterable[int]) -> int | None:
-        below = below + [touched[n] for n in nodes if n in touched]
-        for j in below[1:]:
-            found.merge(below[0], j)
-        return below[0] if below else None
-
-    for node in g.cone(node for nodes, _ in together for node in nodes):
-        leaf = g.ops[node] == VARIABLE
-        j = names.get(str(g.payload(node))) if leaf else unite([], g.args[node])
-        if j is not None:
-            touched[node] = j
-    for nodes, own in together:
-        unite(own, nodes)
-    return found.sets()
-
-
-def _names(e: Equations) -> dict[str, int]:
-    """Give the coordinate that each variable of the state belongs to."""
-    return {name: j for names in (e.q, e.velocities) for j, name in enumerate(names)}
 
 
 def subsystems(equations: Equations, start: Instant) -> list[Subsystem]:
@@ -132,66 +88,11 @@ def subsystems(equations: Equations, start: Instant) -> list[Subsystem]:
     for row in equations.rows:
         if row.A.entries:
             rows[group_of[min(row.A.entries)]].append(row)
-    names = _names(equations)
+    names = coordinates_of(equations)
     return [
         _part(replace(equations, energy=h, kinetic_form=form), start, own, names, group)
         for group, own, h, form in zip(found, rows, energies, forms, strict=True)
     ]
-
-
-def shares(e: Equations, found: Sequence[Sequence[int]], node: int) -> list[int]:
-    """Give what there is in `node` of each group, but for a constant.
-
-    A sum is shared out; what touches several groups and is no sum goes to each of them.
-    """
-    g = e.graph
-    group_of = {j: i for i, group in enumerate(found) for j in group}
-    names = {name: group_of[j] for name, j in _names(e).items()}
-    given, factors = [g.zero] * len(found), {node: g.one}
-    cone = g.cone([node])
-    owners = _owners(g, cone, names)
-    for n in reversed(cone):
-        factor = factors.get(n)
-        if factor is None or owners[n] == NOBODY:
-            continue
-        if owners[n] == SEVERAL and (addends := _addends(g, n, factor, owners)):
-            for a, c in addends:
-                factors[a] = g.call("add", factors.get(a, g.zero), c)
-            continue
-        term = g.call("mul", factor, n)
-        for i in {names[name] for name in g.depends([n]) if name in names}:
-            given[i] = g.call("add", given[i], term)
-    return given
-
-
-def _owners(g: Graph, cone: Iterable[int], names: Mapping[str, int]) -> dict[int, int]:
-    """Give the group that each node depends on, or NOBODY or SEVERAL."""
-    found: dict[int, int] = {}
-    for n in cone:
-        if g.ops[n] == VARIABLE:
-            found[n] = names.get(str(g.payload(n)), NOBODY)
-        else:
-            below = {found[a] for a in g.args[n]} - {NOBODY}
-            found[n] = SEVERAL if len(below) > 1 else below.pop() if below else NOBODY
-    return found
-
-
-def _addends(
-    g: Graph, n: int, factor: int, owners: Mapping[int, int]
-) -> list[tuple[int, int]]:
-    """Give what `factor` times `n` is a sum of, each with its factor, or nothing."""
-    op, args = g.ops[n], g.args[n]
-    if op in ("add", "sub"):
-        other = factor if op == "add" else g.call("neg", factor)
-        return [(args[0], factor), (args[1], other)]
-    if op == "neg":
-        return [(args[0], g.call("neg", factor))]
-    if op == "mul" and NOBODY in (owners[args[0]], owners[args[1]]):
-        fixed, one = sorted(args, key=lambda a: owners[a] != NOBODY)
-        return [(one, g.call("mul", factor, fixed))]
-    if op == "div" and owners[args[1]] == NOBODY:
-        return [(args[0], g.call("div", factor, args[1]))]
-    return []
 
 
 def _part(

@@ -56,8 +56,7 @@ class Part:
         self.columns = [0, *(1 + j for j in part.coordinates)]
         self.columns += [1 + n + j for j in part.coordinates]
         self.waiting = np.empty((0, len(self.columns)))
-        self.ending: Ending | None = None
-        self.run.begin()
+        self.ending: Ending | None = self.run.begin()
 
     def add(self, rows: Floats) -> None:
         """Keep rows until they are joined."""
@@ -173,6 +172,7 @@ class Apart:
             warnings=[w for x in found for w in x.warnings],
             choices=[c for x in found for c in x.choices],
             extents={k: v for x in found for k, v in x.extents.items()},
+            largest_energy=sum(x.largest_energy for x in found),
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -99,6 +100,16 @@ class Arc(NamedTuple):
         return np.maximum(self.state.masses[: self.system.n], 0.0)
 
     @property
+    def pushes(self) -> Floats:
+        """What each term of their forces, and laws, could do to coordinates (n,).
+
+        Accelerations: at the end of the last step, see `mechanics.pushes`.
+        """
+        n, p = self.system.n, self.system.p
+        own = self.state.parts[:n]
+        return np.maximum(own, p.law_pushes[:n]) if self.system.laws else own
+
+    @property
     def parameters(self) -> dict[str, float]:
         """The values of the parameters."""
         return {p.name: p.value for p in self.equations.model.parameters}
@@ -128,6 +139,17 @@ class Arc(NamedTuple):
         """Give the columns of the state reached, or of y."""
         return np.asarray(self.runner.tabulate(self.row(y))[0])
 
+    def energies(self, y: Floats, shown: Floats | None = None) -> Floats:
+        """Give the energies (works,) of what each work is done on, at this time.
+
+        shown : the columns of y, where they are known.
+        """
+        if self.system.has_energies:
+            return self.runner.function("energies", self.system.works)(self.t, y)
+        columns = self.observed(y) if shown is None else shown
+        first = self.system.columns.names.index("energy")
+        return columns[first : first + self.system.works]
+
     def row_time(self, k: int) -> float:
         """Give the time of the next row (k = 0), or of one before or after it."""
         state = self.state
@@ -136,13 +158,29 @@ class Arc(NamedTuple):
     def meet_row(self) -> None:
         """Take an event within rounding of an output time to be at it."""
         rows = self.row_time(-1), self.row_time(0), self.settings.end
-        near = min(rows, key=lambda s: abs(s - self.t))
-        if abs(near - self.t) <= MOMENTS * np.spacing(abs(self.t)):
+        t = self.t
+        near = min(rows, key=lambda s: abs(s - t))
+        if abs(near - t) <= MOMENTS * math.ulp(t):
             self.state.t = near
 
     def advance(self, rows: int, budget: int) -> int:
         """Integrate on, by one call of the kernel; give what it says."""
+        if self.settings.moments and self.state.extras:
+            self.state.extra = self._moment
         return self.runner.advance(self.state, rows, budget)
+
+    @property
+    def _moment(self) -> float:
+        """The time of the next state beside the rows, where there is one."""
+        return self.settings.moments[-int(self.state.extras)]
+
+    def pass_shown(self) -> None:
+        """Take it that what is shown at the time reached has been."""
+        state = self.state
+        if self.row_time(0) == self.t:
+            state.row += 1.0
+        if state.extras and self._moment == self.t:
+            state.extras -= 1.0
 
     def put(self, y: Floats) -> None:
         """Let the state jump; how large it was, and where, stays known."""
@@ -174,8 +212,7 @@ class Arc(NamedTuple):
             if runner is not self.runner:
                 state = taken_over(state, runner)
         if self.system.laws:
-            modes = self.system.p.law_mode
-            state.linked[:] = held_together(self.system.equations, modes)
+            state.linked[:] = held_together(self.system)
         state.end = ahead = min(end, ahead)
         last = settings.end - SAME_ROW * settings.output_step
         state.row_limit = min(ahead, last)
@@ -211,6 +248,8 @@ def first_arc(
     state = empty_state(runner)
     state.t = state.row_start = state.arc_start = settings.start
     state.row_step = settings.output_step
+    if settings.moments:
+        state.extras = len(settings.moments)
     state.rtol = plan.tolerance
     state.atol = -1.0 if plan.atol is None else plan.atol
     state.fixed_step = plan.step or 0.0

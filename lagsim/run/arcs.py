@@ -23,6 +23,7 @@ from lagsim.run.events.coordinates import singularity_caution
 from lagsim.run.events.ranks import Dependence, RankLosses
 from lagsim.run.events.times import TimeBreaks
 from lagsim.run.fallback import FAILED, Fallback
+from lagsim.run.overflow import finite_rows, unless_overflow
 from lagsim.run.reasons import reason_of
 from lagsim.run.recorder import Recorder
 from lagsim.run.states import most_pulled, named_extents
@@ -78,6 +79,8 @@ class Run:
         self.corners = corners
         self.pace = self.arc.runner.pace
         self.arcs = 0
+        # The first row with a state that is not finite: no row of it is given.
+        self.cut: Floats | None = None
 
     @property
     def t(self) -> float:
@@ -86,9 +89,7 @@ class Run:
 
     def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
         """Go through all arcs; each counts as some steps besides its own."""
-        if not self.arcs:
-            self.begin()
-        ending = None
+        ending = None if self.arcs else self.begin()
         while ending is None:
             if self.tick is not None:
                 self.tick(self)
@@ -101,11 +102,17 @@ class Run:
         self.show_last()
         return self.trajectory(ending)
 
-    def begin(self) -> None:
-        """Begin the first arc."""
+    @unless_overflow(Ending(Outcome.NOT_FINITE))
+    def begin(self) -> Ending | None:
+        """Begin the first arc; tell how the run ends if it does."""
+        before = self._at_start()
         self._set_modes()
-        self._set_out(self.arc.settings.end)
+        ending = self._strike(before)
+        if ending is None:
+            self._set_out(self.arc.settings.end)
+        return ending
 
+    @unless_overflow(Ending(Outcome.NOT_FINITE))
     def advance(self, most_steps: int, arc_steps: float = 0.0) -> Ending | None:
         """Integrate on, by one call of the kernel; tell how the run ends if it does."""
         arc = self.arc
@@ -118,7 +125,13 @@ class Run:
         code = arc.advance(self.pace.rows, budget)
         self.pace.lasted(time.perf_counter() - began)
         if emitted := int(arc.state.emitted):
-            self.recorder.hand_on(arc.runner.shown(emitted))
+            rows = arc.runner.shown(emitted)
+            known = finite_rows(rows, 1 + 2 * arc.system.n)
+            self.recorder.hand_on(rows[:known])
+            if known < emitted:
+                return self._cut(rows[known])
+        if not np.isfinite(arc.y[: 2 * arc.system.n]).all():
+            return self._cut(arc.observed())
         if self._is_stopped(code):
             return Ending(Outcome.INTERRUPTED)
         if not arc.state.pulled <= most_pulled(arc.plan.rtol):
@@ -126,6 +139,11 @@ class Run:
         if code == at.PAUSED and left <= budget:
             return Ending(Outcome.TOO_MANY_STEPS)
         return self._decide(code)
+
+    def _cut(self, row: Floats) -> Ending:
+        """End the run before a row with a state that is not finite."""
+        self.cut = row
+        return Ending(Outcome.NOT_FINITE)
 
     def _is_stopped(self, code: int) -> bool:
         """Tell whether somebody wants an end, and the run has not come to its own."""
@@ -171,6 +189,14 @@ class Run:
 
         return before_event(arc)
 
+    def _at_start(self) -> Before | None:
+        """Look at the start before its switches are those of the first arc."""
+        if not (self.arc.system.m and self.arc.system.switches.modes):
+            return None
+        from lagsim.run.events.impacts import at_start
+
+        return at_start(self.arc)
+
     def _corner(self, code: int) -> Floats | None:
         """Look at the columns just before an event, where they are wanted."""
         if not self.corners:
@@ -202,15 +228,22 @@ class Run:
             ending = self._set_modes(source if turn is Turn.MODE else None)
             if ending is not None:
                 return ending
-        if before is not None and turn is not Turn.ARC:
-            from lagsim.run.events.impacts import impact
-
-            struck = impact(self.arc, before)
-            self._take(struck)
-            if struck.ending is not None:
-                return struck.ending
+        if turn is not Turn.ARC:
+            ending = self._strike(before)
+            if ending is not None:
+                return ending
         self._set_out(decision.ahead)
         return None
+
+    def _strike(self, before: Before | None) -> Ending | None:
+        """Meet the constraints whose rates jump at the time reached."""
+        if before is None:
+            return None
+        from lagsim.run.events.impacts import impact
+
+        struck = impact(self.arc, before)
+        self._take(struck)
+        return struck.ending
 
     def _set_modes(self, but: Source | None = None) -> Ending | None:
         """Let all sources set their modes, but for one; all where something strikes."""
@@ -245,8 +278,7 @@ class Run:
             arc.put(decision.y)
         if decision.rows is not None:
             self._show()
-            if arc.row_time(0) == arc.t:
-                arc.tell({"row": arc.state.row + 1.0})
+            arc.pass_shown()
 
     def _set_out(self, ahead: float) -> None:
         """Begin an arc at the state reached, to be looked at again at `ahead`."""
@@ -264,6 +296,8 @@ class Run:
 
     def show_last(self) -> None:
         """Give the row at the time reached, unless it has been given."""
+        if self.cut is not None:
+            return
         if self.recorder.rows == 0 or self.arc.row_time(-1) < self.t:
             self._show()
 
@@ -274,9 +308,9 @@ class Run:
         all_constant = arc.plan.constant >= (2 if arc.system.m else 1)
         return Trajectory(
             outcome=ending.outcome,
-            reason=reason_of(arc, ending),
+            reason=reason_of(arc, ending, self.cut),
             start=arc.settings.start,
-            end=arc.t,
+            end=arc.t if self.cut is None else recorder.last,
             rows=recorder.rows,
             statistics=Statistics(
                 arc.steps,
@@ -296,6 +330,7 @@ class Run:
             ),
             choices=tuple(recorder.choices),
             extents=named_extents(state, arc.system.state),
+            largest_energy=float(state.energy),
         )
 
 

@@ -50,17 +50,17 @@ def refusal(session: Session) -> str:
     """Say why runs cannot be made side by side, or give ""."""
     plan, system = session.plan, session.system
     if not hasattr(method(plan.method), "try_plain"):
-        return f"the method {plan.method} makes runs one by one"
+        return f"the method {plan.method} integrates runs one by one"
     if plan.parts:
         return "subsystems are integrated apart"
     if system.m or system.watched:
-        return "constraints and switches are met in each run by itself"
+        return "constraints and switches are located in each run separately"
     if plan.reduction.ignored or plan.reduction.eliminated:
-        return "the equations are reduced by what is kept in each run"
+        return "the equations are reduced by what is conserved in each run"
     if system.model.until is not None:
-        return "`until` is looked for in each run by itself"
+        return "`until` is located in each run separately"
     if plan.switches.modes or timed(system.equations):
-        return "what happens at given times is met in each run by itself"
+        return "events at given times are located in each run separately"
     if plan.tape:
         return "the equations are too many to be compiled"
     return ""

@@ -17,6 +17,12 @@ LOST = 0.1
 TIMES = 20
 
 
+class Failed(str):
+    """Why there is no error bar though the run has been repeated."""
+
+    __slots__ = ()
+
+
 class CoordinateError(NamedTuple):
     """The estimated error of one coordinate, in its unit and as a part of its range."""
 

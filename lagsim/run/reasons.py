@@ -11,12 +11,13 @@ from lagsim.run.fallback import WHY
 from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
     from lagsim.run.decisions import Ending
 
 
-def reason_of(arc: Arc, ending: Ending) -> str:
-    """Say why a run ended so, in its last arc."""
+def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
+    """Say why a run ended so, in its last arc: at the state reached, or at `row`."""
     outcome = ending.outcome
     if outcome is Outcome.DONE:
         return f"the end was reached at t = {arc.t!r}"
@@ -26,28 +27,30 @@ def reason_of(arc: Arc, ending: Ending) -> str:
         return f"`{until.text}` at t = {arc.t!r}"
     if outcome is Outcome.INTERRUPTED:
         return f"interrupted at t = {arc.t!r}; the rows up to there were kept"
-    return f"{_what_failed(arc, ending)}: {outcome.advice}{_other_means(arc, outcome)}"
+    what = _what_failed(arc, ending, row)
+    return f"{what}: {outcome.advice}{_other_means(arc, outcome)}"
 
 
-def _what_failed(arc: Arc, ending: Ending) -> str:
+def _what_failed(arc: Arc, ending: Ending, row: Floats | None) -> str:
     outcome = ending.outcome
-    where = f"at t = {arc.t!r} ({_described_state(arc)})"
+    shown = arc.observed() if row is None else row
+    where = f"at t = {float(shown[0])!r} ({_described_state(arc, shown)})"
     if outcome is Outcome.TOO_MANY_STEPS:
         return f"too many steps ({arc.steps}) {where}"
     if outcome is Outcome.NOT_FINITE:
         return f"values that are not finite {where}"
     if outcome is Outcome.CONSTRAINT_JUMPS:
-        return f"the position that constraint `{ending.about}` asks for jumps {where}"
+        return f"the position that constraint `{ending.about}` prescribes jumps {where}"
     if outcome is Outcome.SWITCHES_ACCUMULATE:
         return f"the switches {ending.about} accumulate {where}"
     if outcome is Outcome.PARADOX:
-        return f"no forces hold {ending.about} {where}"
+        return f"no contact forces satisfy the laws of {ending.about} {where}"
     if outcome is Outcome.STATE_JUMPS:
         return f"the state would have jumped {where}"
     if outcome is Outcome.PROJECTION_FAILED:
-        return f"the constraints could not be met {where}"
+        return f"the constraints could not be satisfied {where}"
     if outcome is Outcome.NO_ANSWER:
-        return f"constraint `{ending.about}` is not met {where}"
+        return f"constraint `{ending.about}` is not satisfied {where}"
     if outcome is Outcome.NEWTON_FAILED:
         return f"the equations of an implicit step could not be solved {where}"
     return f"the step size became too small {where}; {_fastest(arc)}"
@@ -59,13 +62,15 @@ def _other_means(arc: Arc, outcome: Outcome) -> str:
         return ""
     if arc.plan.step is not None:
         return f", take a smaller step, or `--method {ANY}`, which chooses its own"
-    return f"; `--method {ANY}` asks less of the expressions, and may go on"
+    return (
+        f"; `--method {ANY}` needs no Taylor series of the expressions, and may get "
+        "farther"
+    )
 
 
-def _described_state(arc: Arc) -> str:
+def _described_state(arc: Arc, row: Floats) -> str:
     names = (*arc.equations.q, *arc.equations.velocities)
-    row = arc.observed()[1:]  # after t
-    shown = [f"{name} = {x:.6g}" for name, x in zip(names, row, strict=False)]
+    shown = [f"{name} = {x:.6g}" for name, x in zip(names, row[1:], strict=False)]
     if len(shown) > 12:
         shown = [*shown[:12], f"... {len(shown) - 12} more"]
     return ", ".join(shown)

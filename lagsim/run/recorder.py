@@ -26,6 +26,8 @@ class Recorder:
     ----------
     rows : int
         Handed on so far.
+    last : float
+        The time of the last of them.
     counts, unkept : dict
         How many events there were of each kind, and how many of them are not kept.
     full : float
@@ -41,6 +43,7 @@ class Recorder:
         self.unkept: dict[str, int] = {}
         self.full = math.inf
         self.rows = 0
+        self.last = math.nan
 
     def keep(self, decision: Decision) -> None:
         """Keep what a decision says."""
@@ -69,6 +72,10 @@ class Recorder:
 
     def hand_on(self, rows: Floats) -> None:
         """Hand rows of columns on."""
-        self.rows += len(rows)
+        count = len(rows)
+        if not count:
+            return
+        self.rows += count
+        self.last = float(rows[-1, 0])
         for observer in self.observers:
             observer.add(rows)

@@ -49,6 +49,10 @@ class Clock:
         self.timings[name] += now - self._last
         self._last = now
 
+    def rounded(self) -> dict[str, float]:
+        """Give them as documents do, to microseconds."""
+        return {name: round(seconds, 6) for name, seconds in self.timings.items()}
+
 
 class StartError(LagsimError):
     """No run begins at this start (exit 1); `examined` says why.
@@ -152,6 +156,11 @@ class Session(NamedTuple):
     longest_step: float = 0.0
     most_steps: int = MOST_STEPS
     arc_steps: float = 0.0
+
+    @property
+    def lists_events(self) -> bool:
+        """Whether constraints hold at times, or forces have switches in the state."""
+        return bool(self.case.equations.laws or self.plan.switches.sides)
 
     def bound(self, case: Case) -> Session | None:
         """Give the session of the same equations with other values, compiled no more.

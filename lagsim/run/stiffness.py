@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.methods import method
+from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Choice
 from lagsim.plan.cost import STAGES
@@ -106,6 +107,8 @@ class Stiffness(Source):
         scene = arc.system.equations
         # Sliding has a method of its own.
         alone = arc.slides or scene.quadratures or scene.laws
+        if scene.laws and _turns_on_disc(arc):
+            return GO_ON
         if alone or method(STIFF).refusal(structure(scene)):
             return GO_ON if arc.plan.method == SERIES else self._warning(arc, (), "")
         plan = replace(arc.plan, method=STIFF)
@@ -120,12 +123,14 @@ class Stiffness(Source):
         if arc.plan.method == SERIES and (asked or fast.excited):
             return GO_ON
         if asked:
-            advice = f"`--method {STIFF}` passes over fast motion that has died out"
+            advice = (
+                f"`--method {STIFF}` takes longer steps where fast motion has died out"
+            )
             return self._warning(arc, fast.where, advice)
         if fast.excited:
             advice = (
-                f"it is excited, and {STIFF} would damp it away; hold it rigid by a "
-                "constraint, or give it the damping it has"
+                f"this motion has energy, which {STIFF} would damp; make it rigid "
+                "by a constraint, or model its damping"
             )
             return self._warning(arc, fast.where, advice)
         gained = _gain(arc, stiff)
@@ -194,6 +199,16 @@ class Stiffness(Source):
         return _taken(
             explicit, f"no longer stiff: {STIFF} takes {times:.1f} times the operations"
         )
+
+
+def _turns_on_disc(arc: Arc) -> bool:
+    """Tell whether something slips in two directions.
+
+    Where that begins its friction turns it fast: steps are short for a while, and
+    nothing can be done about it.
+    """
+    p = arc.system.p
+    return bool(np.any((p.law_mode == kept.DRIVEN) & (p.law_pair >= 0.0)))
 
 
 def _taken(arc: Arc, reason: str) -> Decision:
@@ -271,7 +286,7 @@ def _trial(arc: Arc) -> tuple[at.State, at.State]:
     On a copy; its beginning counts only if that is all.
     """
     state = arc.state.copy()
-    state.row_limit, state.ask_at = -np.inf, 0.0
+    state.row_limit, state.extras, state.ask_at = -np.inf, 0.0, 0.0
     before = state.copy()
     if arc.runner.advance(state, 1, TRIAL) == at.PAUSED:
         before = state.copy()

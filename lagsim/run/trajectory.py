@@ -79,7 +79,8 @@ class Trajectory(NamedTuple):
     `reason` says in words why it ended where it did; `end` is the time reached;
     `event_counts` how many events of each kind there were, listed in `events` or not;
     `choices` are those made on the way; `extents` the least and the greatest value of
-    components of the state over the steps, where they were noted.
+    components of the state over the steps, where they were noted. `largest_energy` is
+    the largest kinetic energy, or change of the potential, at the ends of steps.
     """
 
     outcome: Outcome
@@ -93,3 +94,4 @@ class Trajectory(NamedTuple):
     warnings: Sequence[Caution] = ()
     choices: Sequence[Choice] = ()
     extents: Mapping[str, tuple[float, float]] = {}
+    largest_energy: float = 0.0

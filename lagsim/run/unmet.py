@@ -60,7 +60,8 @@ def unsettled(arc: Arc) -> tuple[Caution, ...]:
     from lagsim.methods.parts.impulses import MOST_SWEEPS
 
     text = (
-        f"in {count} of {arc.steps} steps the impulses were not found to the end in "
-        f"{MOST_SWEEPS} sweeps: contacts gave way a little; shorter steps need fewer"
+        f"in {count} of {arc.steps} steps the impulses did not converge within "
+        f"{MOST_SWEEPS} sweeps: contacts overlap a little; shorter steps need "
+        "fewer sweeps"
     )
     return (Caution("unsettled-impulses", text),)

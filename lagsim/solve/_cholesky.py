@@ -52,14 +52,23 @@ def cholesky(n: int, L: Floats) -> None:
 
 
 def row_weight(n: int, M: Floats, row: Floats) -> float:
-    """Give the weight that brings row^T row to the size of M."""
+    """Give the weight that brings row^T row to the size of M where the row is.
+
+    That of other bodies would drown in it what M has there.
+    """
     largest = 0.0
+    whole = 0.0
     square = 0.0
     for j in range(n):
-        largest = max(largest, abs(M[j * n + j]))
+        inertia = abs(M[j * n + j])
+        whole = max(whole, inertia)
+        if row[j] != 0.0:
+            largest = max(largest, inertia)
         square += row[j] * row[j]
     if square == 0.0:
         return 0.0
+    if largest == 0.0:
+        largest = whole
     if largest == 0.0:
         return 1.0 / square
     return largest / square

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @external
 def slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give dr/dy (n, 2 n), ds/dy (m, 2 n) and, where there is work, dpower/dy (2 n,).
+    """Give dr/dy (n, 2 n), ds/dy (m, 2 n) and, for each work, dpower/dy (2 n,).
 
     y = (q, q'); at the q'' and lambda that p holds. Last dpower/d(q'', lambda). What is
     zero identically is not written: the room for it holds zeros from the start.
@@ -37,7 +37,7 @@ def slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give dq''/d(q, q') (n, 2 n) and, where there is work, that of its rate (2 n,)."""
+    """Give dq''/d(q, q') (n, 2 n) and, for each work, that of its rate (2 n,)."""
     n = p.n
     m = p.m
     f = p.f
@@ -60,11 +60,11 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         solve_again(p, rank, column)
         for j in range(n):
             out[j * width + c] = column[j]
-        if p.size > 2 * n:
-            rate = slope[(n + m) * width + c]
+        for k in range(p.works):
+            rate = slope[(n + m + k) * width + c]
             for i in range(n + m):
-                rate += by_motion[i] * column[i]
-            out[n * width + c] = rate
+                rate += by_motion[k * (n + m) + i] * column[i]
+            out[(n + k) * width + c] = rate
 
 
 def solve_again(p: Parameters, rank: int, out: Floats) -> None:

@@ -41,6 +41,11 @@ if TYPE_CHECKING:
 REFLECTED = 4.0
 # The margin of what has no end of its own.
 ENDLESS = 1.0
+# A slip on a disc has begun where it is so many times as fast as its floor.
+BEGUN = 16.0
+# The cosine up to which its way turns before it is noted anew: what turns by more than
+# a right angle in a step has stopped.
+TURNED = 0.5
 
 
 @external
@@ -110,7 +115,6 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     solve_motion(t, y, p)
     for k in range(first, m):
         if mode[k - first] != HELD:
-            b[k] = 0.0
             for j in range(n):
                 A[k * n + j] = 0.0
     gather(p, reaction)
@@ -217,6 +221,7 @@ def drive(p: Parameters) -> None:
     first = p.m - p.laws
     mode = p.law_mode
     way = p.law_way
+    floor = p.law_floor
     part = p.law_part
     pair = p.law_pair
     speeds = p.law_speeds
@@ -226,16 +231,21 @@ def drive(p: Parameters) -> None:
     f = p.f
     for k in range(p.laws):
         part[k] = 0.0
-        if mode[k] == IMPLIED and way[k] != 0.0:
-            # At its bound, and kept there by the others.
+        if mode[k] == IMPLIED:
+            # Where it has a way: at its bound, and kept there by the others.
             part[k] = way[k] * statics[k]
         if mode[k] == DRIVEN:
             part[k] = way[k] * bounds[k]
             other = int(pair[k])
             if other >= 0:
-                speed = sqrt(speeds[k] * speeds[k] + speeds[other] * speeds[other])
+                x = speeds[k] - floor[k] * way[k]
+                z = speeds[other] - floor[k] * way[other]
+                speed = sqrt(x * x + z * z)
                 if speed > 0.0:
-                    part[k] = -bounds[k] * speeds[k] / speed
+                    part[k] = -bounds[k] * x / speed
+                if x * way[k] + z * way[other] > 0.0:
+                    # Past its stop in a step that is to end there: as before it.
+                    part[k] = -part[k]
         if p.law_kind[k] == LIMITED and part[k] != 0.0:
             row = at(A, (first + k) * n)
             for j in range(n):
@@ -311,7 +321,11 @@ def hold_left(p: Parameters, k: int) -> float:
 
 
 def slide_left(p: Parameters, k: int, speed: float) -> float:
-    """Give how fast something slides; two slips together, of which one tells."""
+    """Give how fast something slides; two slips together, of which one tells.
+
+    Until their way has turned, and has to be noted anew. Of those that begin, how much
+    they are below what they begin with, and forward.
+    """
     speeds = p.law_speeds
     pair = p.law_pair
     way = p.law_way
@@ -323,7 +337,13 @@ def slide_left(p: Parameters, k: int, speed: float) -> float:
         return ENDLESS
     x = speeds[k]
     z = speeds[other]
-    return float(sqrt(x * x + z * z) - still[k])
+    speed = sqrt(x * x + z * z)
+    ahead = -(way[k] * x + way[other] * z)
+    if p.law_floor[k] > 0.0:
+        return float(min(BEGUN * p.law_floor[k] - speed, ahead))
+    if ahead < 0.0:
+        return float(-speed)
+    return float(min(speed - still[k], ahead - TURNED * speed))
 
 
 def grip(p: Parameters, k: int) -> float:

@@ -17,7 +17,7 @@ Entry = tuple[int, int, int]  # row, column, node
 
 
 def linear_form(equations: Equations, elimination: Elimination) -> list[int]:
-    """Give A of z' = A z and P of power = z^T P z, where z = (q, q', 1).
+    """Give A of z' = A z and P of each power = z^T P z, where z = (q, q', 1).
 
     Of each: how many entries are not zero, then i, j and the value of each of them.
     For scenes whose `Structure` is linear and time-invariant.
@@ -31,7 +31,7 @@ def linear_form(equations: Equations, elimination: Elimination) -> list[int]:
         for i, rate in enumerate(rates[:size])
         for j, node in enumerate(_affine(equations, rate, state))
     ]
-    P: list[Entry] = []
+    written = _written(equations, A)
     for power in rates[size:]:
         slopes = gradient(g, power, state)
         at_rest = g.substitute([power, *slopes], dict.fromkeys(state, g.zero))
@@ -42,7 +42,8 @@ def linear_form(equations: Equations, elimination: Elimination) -> list[int]:
             P += [(i, j, g.call("mul", half, node)) for j, node in enumerate(row)]
             linear = g.call("mul", half, at_rest[1 + i])
             P += [(i, size, linear), (size, i, linear)]
-    return [*_written(equations, A), *_written(equations, P)]
+        written += _written(equations, P)
+    return written
 
 
 def _affine(equations: Equations, node: int, state: Sequence[int]) -> list[int]:

@@ -7,7 +7,7 @@ An implicit method has dv = g dq - r and da = g dv - s: what is left is
     (C0 + g C1 + g^2 C2) (dq, dlambda) = C1 r + C2 (g r + s),
 
 with C0 = (R_q, -A^T; S_q, 0), C1 = (R_v; S_v), C2 = (M; A), as sparse as the scene is.
-The rate of work is one more row, with -1 in C1 for the change of work itself.
+The rate of each work is one more row, with -1 in C1 for the change of work itself.
 
 It is factored without exchanging rows, in an order of minimum degree, in which a
 constraint comes after its coordinates: its pivot is then a Schur complement.
@@ -56,7 +56,7 @@ class Entry(NamedTuple):
 class Newton(NamedTuple):
     """The entries of C0, C1 and C2, in this order, and the factors' pattern.
 
-    Rows and columns count coordinates, then constraints, then work.
+    Rows and columns count coordinates, then constraints, then works.
 
     Attributes
     ----------
@@ -106,8 +106,11 @@ class Newton(NamedTuple):
         n = p.n
         p.newton_slots[:] = self.slots
         p.newton_rows[:] = [self.places[entry.row] for entry in self.entries]
-        # Of work, which is the last unknown, too.
-        p.newton_parts[:] = [e.column if e.column < n else 2 * n for e in self.entries]
+        # Of works, which are the last unknowns, too.
+        moved = 2 * n - (n + p.m)
+        p.newton_parts[:] = [
+            e.column + (moved if e.column >= n + p.m else 0) for e in self.entries
+        ]
         p.newton_places[:] = self.places
         p.newton_starts[:] = self.starts
         p.newton_diagonals[:] = self.diagonals
@@ -129,8 +132,8 @@ class Newton(NamedTuple):
             C[power, row, column] = value
         whole = np.hstack([C[2, :, :n], C[0, :, n:]])
         right = np.hstack([C[0, :, :n], C[1, :, :n]])
-        if n < N and C[1, -1, -1]:  # work
-            whole, right = whole[:-1, :-1], right[:-1]
+        N -= int(np.count_nonzero(C[1].diagonal()[n:]))  # works
+        whole, right = whole[:N, :N], right[:N]
         return np.asarray(np.linalg.solve(whole, -right)[:n])
 
 
@@ -171,7 +174,7 @@ def factored(
     Parameters
     ----------
     size
-        Rows that are put into an order. One may follow that nothing depends on.
+        Rows that are put into an order. Some may follow that nothing depends on.
     after
         Row -> those that must come before it.
     most
@@ -188,7 +191,8 @@ def factored(
             neighbours[entry.row].add(entry.column)
             neighbours[entry.column].add(entry.row)
     order = minimum_degree([set(row) for row in neighbours], Meter(most), after=after)
-    places = list(range(size + any(entry.row == size for entry in entries)))
+    rows = max((1 + entry.row for entry in entries), default=0)
+    places = list(range(max(size, rows)))
     for place, k in enumerate(order):
         places[k] = place
     upper = _filled([{places[j] for j in neighbours[k]} for k in order])
@@ -196,12 +200,12 @@ def factored(
     for i, row in enumerate(upper):
         for j in row:
             lower[j].append(i)
-    if len(places) > size:
-        last = {places[entry.column] for entry in entries if entry.row == size}
+    for k in range(size, len(places)):
+        last = {places[entry.column] for entry in entries if entry.row == k}
         for i in range(size):
             if i in last:
                 last.update(upper[i])
-        lower.append(sorted(last - {size}))
+        lower.append(sorted(last - {k}))
         upper.append([])
     operations = sum(1 + len(upper[k]) for row in lower for k in row)
     Meter(most).add(operations)
@@ -253,14 +257,13 @@ def _entries(equations: Equations, most: int) -> Iterator[Entry]:
         columns |= {g.variable(name): (power, j) for j, name in enumerate(names)}
     columns |= {g.variable(x): (0, n + i) for i, x in enumerate(e.multipliers)}
     variables = frozenset(columns)
-    work = [] if e.power is None else [e.power]
     count = 0
-    for row, residual in enumerate((*e.motion_residuals(), *work)):
+    for row, residual in enumerate((*e.motion_residuals(), *e.powers)):
         for variable, node in slopes(g, residual, variables).items():
             if node != g.zero:
                 yield Entry(columns[variable][0], row, columns[variable][1], node)
                 count += 1
         if count > most:
             return
-    if work:
-        yield Entry(1, n + m, n + m, g.constant(-1.0))
+    for row in range(n + m, n + m + len(e.works)):
+        yield Entry(1, row, row, g.constant(-1.0))

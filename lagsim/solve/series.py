@@ -37,7 +37,7 @@ PER_TERM = 0.3
 
 
 def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
-    """Give y' = (q', q'', power where there is one, other quadratures)."""
+    """Give y' = (q', q'', the power of each work, other quadratures)."""
     e, g = equations, equations.graph
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
@@ -99,7 +99,7 @@ def _cost(g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int) 
 
 def _state(equations: Equations) -> tuple[int, ...]:
     names = [*equations.q, *equations.velocities]
-    names += ["work"] * (equations.power is not None)
+    names += [x.name for x in equations.works]
     return tuple(map(equations.graph.variable, names))
 
 

@@ -9,10 +9,9 @@ time on that the verdict names, and says so.
 from __future__ import annotations
 
 import contextlib
-import math
 from dataclasses import replace
 from enum import Enum
-from functools import partial
+from functools import cached_property, partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -20,13 +19,13 @@ from lagsim.run.observers import Relay
 from lagsim.run.observers.checkpoints import Checkpoints
 from lagsim.run.observers.ledger import Ledger
 from lagsim.run.observers.witness import Witness
+from lagsim.run.overflow import Gaps
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.notes import Caution
-    from lagsim.outputs.artist import Draw
     from lagsim.run.error import ErrorBar
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer, Store
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from lagsim.run.session import Clock, Session
     from lagsim.run.trajectory import Trajectory
     from lagsim.studies.alarms import Doubt
+    from lagsim.studies.alarms.groups import Balance, Whole
     from lagsim.studies.error_bar import Allowance
 
     # Takes a run, and by their names its `relay` and `session`.
@@ -70,34 +70,47 @@ class Account:
     """
 
     def __init__(self, session: Session) -> None:
-        names = session.system.columns.names
+        names, shown = session.system.columns.names, session.system.columns.table
         self.session = session
+        self.gaps = Gaps(names[:shown])
         self.ledger = Ledger(names)
         self.witness = Witness(names, len(session.case.equations.q))
 
+    @cached_property
+    def balances(self) -> Sequence[Balance | Whole]:
+        """Of each group of coordinates and of the whole, when all rows are there."""
+        from lagsim.studies.alarms.groups import accounts
+
+        equations, plan = self.session.case.equations, self.session.plan
+        return list(accounts(equations, plan, self.ledger, self.witness))
+
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
+        self.gaps.add(rows)
         self.ledger.add(rows)
         self.witness.add(rows)
+
+    def end(self, trajectory: Trajectory) -> None:
+        """Take what steps have shown between rows."""
+        self.witness.between_rows = trajectory.largest_energy
+        self.witness.extents = trajectory.extents
 
     def doubt(self, trajectory: Trajectory, bar: ErrorBar | str) -> Doubt | None:
         """Give why they are in doubt, if they are."""
         from lagsim.studies.alarms import doubt_about
 
-        return doubt_about(self.session, trajectory, self.ledger, self.witness, bar)
+        known = self.ledger, self.witness, self.balances
+        return doubt_about(self.session, trajectory, *known, bar)
 
     def fault(self, trajectory: Trajectory) -> str:
         """Say why they are no answer; "" where they may be one."""
+        self.end(trajectory)
         doubt = self.doubt(trajectory, "a repeat has none")
         return "" if doubt is None else f"from t = {doubt.time:.6g} on, {doubt.text}"
 
 
 class Attempt(NamedTuple):
-    """The rows of a run, as far as they are known afterwards.
-
-    `thin` are those for pictures, `frames` those for the page; where they were asked
-    for. `fault` is why not all of them could be stored.
-    """
+    """The rows of a run; `fault` is why not all of them could be stored."""
 
     session: Session
     trajectory: Trajectory
@@ -114,7 +127,12 @@ class Attempt(NamedTuple):
         from lagsim.studies.alarms import alarms
 
         own = self.account
-        found = alarms(self.session, self.trajectory, own.ledger, own.witness, self.bar)
+        known = own.ledger, own.witness, own.balances
+        found = alarms(self.session, self.trajectory, *known, self.bar)
+        if own.gaps.found:
+            from lagsim.studies.alarms.gaps import about_gaps
+
+            found.append(about_gaps(own.gaps.found))
         if self.frames is not None:
             from lagsim.outputs.animation import nothing_to_draw
 
@@ -134,70 +152,6 @@ class Attempt(NamedTuple):
             self.session, self.trajectory, self.account.ledger, self.bar, cautions,
             {name: round(t, 6) for name, t in timings.items()}, files,
         )  # fmt: skip
-
-    def files(
-        self,
-        rows: Thinning | None,
-        frames: Frames | None = None,
-        form: str = "png",
-        draw: Draw | None = None,
-    ) -> Iterator[tuple[str, bytes]]:
-        """Give name and content of what stands beside its table.
-
-        That is events; a page, of which `frames` are; and pictures, of which `rows`
-        are, in the format `form`. What is None is not made. `draw` draws them, by
-        default in this process.
-        """
-        equations, trajectory = self.session.case.equations, self.trajectory
-        if equations.laws:
-            from lagsim.outputs import events
-
-            yield events.NAME, events.table(trajectory.events)
-        if frames is not None:
-            yield from self._page(frames)
-        if rows is None:
-            return
-        if self.corners is not None:
-            rows.meet(self.corners.rows())
-        from lagsim.outputs.artist import Order, drawn
-        from lagsim.outputs.events import marked
-        from lagsim.outputs.letters import Letters
-        from lagsim.outputs.units import units
-
-        listed, happened = len(trajectory.events), sum(trajectory.event_counts.values())
-        note = "" if listed == happened else f"marks: the first {listed} of {happened}"
-        if not trajectory.outcome.complete:
-            note = f"incomplete: {trajectory.reason}"
-        model = equations.model
-        names = [c.name for c in model.coordinates]
-        names += [d.name for d in model.definitions]
-        fields = {
-            "title": model.name, "rows": rows, "note": note, "form": form,
-            "units": units(equations, self.session.system.units()),
-            "horizon": self.horizon, "letters": Letters(names),
-            "events": marked(trajectory.events),
-        }  # fmt: skip
-        yield from (draw or drawn)(Order(fields, model, equations.energy_is_sum))
-
-    @property
-    def horizon(self) -> float:
-        """Where a forecast ends."""
-        horizon = None if isinstance(self.bar, str) else self.bar.horizon
-        return math.inf if horizon is None else horizon
-
-    def _page(self, frames: Frames) -> Iterator[tuple[str, bytes]]:
-        from lagsim.outputs.animation import NAME, film, page, record
-        from lagsim.outputs.units import units
-
-        equations, trajectory = self.session.case.equations, self.trajectory
-        complete = trajectory.outcome.complete
-        shown = film(
-            equations, frames, trajectory.events, horizon=self.horizon,
-            units=units(equations, self.session.system.units()),
-            notes=[] if complete else [f"incomplete: {trajectory.reason}"],
-        )  # fmt: skip
-        if shown is not None:
-            yield NAME, page([record(shown)], shown.name)
 
 
 class Attempts:
@@ -245,11 +199,19 @@ class Attempts:
             return first
         others = self._others(first, doubt)
         if others is None:
-            return _judged(first, doubt)
+            return self._judged(first, doubt)
         second = self._made(others)
         if second.trajectory.outcome.complete or self.interrupt.asked:
-            return _judged(second, self._doubt(second))
-        return _judged(self._made(session, first.bar), doubt)
+            return self._judged(second, self._doubt(second))
+        return self._judged(self._made(session, first.bar), doubt)
+
+    def _judged(self, attempt: Attempt, doubt: Doubt | None) -> Attempt:
+        """Give an attempt after the verdict; rows end where constraints part."""
+        if doubt is not None and doubt.parts and doubt.refutes:
+            from lagsim.studies.alarms.verdict import up_to
+
+            attempt = self._made(up_to(attempt.session, doubt.time), attempt.bar)
+        return _judged(attempt, doubt)
 
     def _made(self, session: Session, bar: ErrorBar | str | None = None) -> Attempt:
         """Make one attempt; the store and all that rows go to begin anew.
@@ -289,22 +251,16 @@ class Attempts:
                 joined=joined and partial(joined, relay=relay, session=session),
             )  # fmt: skip
             clock.lap("integrate")
+        account.end(trajectory)
         clock.timings["integrate"] -= relay.seconds
         clock.timings["output"] += relay.seconds
         if bar is None:
             self._charge(session, trajectory)
             bar = self._error_bar(session, trajectory, checkpoints)
         return Attempt(
-            session,
-            trajectory,
-            account,
-            checkpoints,
-            thin,
-            corners,
-            frames,
-            bar,
+            session, trajectory, account, checkpoints, thin, corners, frames, bar,
             relay.fault,
-        )
+        )  # fmt: skip
 
     def _charge(self, session: Session, trajectory: Trajectory) -> None:
         """Let the first attempt set the allowance; take from it what others cost."""
@@ -373,8 +329,8 @@ class Attempts:
         most = max(1, self.allowance.most(price, most))
         rtol = "" if way.plan.rtol is None else f" at rtol {way.plan.rtol:.2g}"
         choice = Choice(
-            f"made anew: {way.plan.method}{rtol}, steps up to {longest:.3g}",
-            f"by {before.method}, from t = {doubt.time:.9g} on, {doubt.text}",
+            f"repeated: {way.plan.method}{rtol}, steps up to {longest:.3g}",
+            f"{before.method} fails from t = {doubt.time:.9g} on: {doubt.text}",
         )
         plan = replace(way.plan, choices=(*before.choices, choice))
         return way._replace(
@@ -389,9 +345,11 @@ def _judged(attempt: Attempt, doubt: Doubt | None) -> Attempt:
     if doubt is None or not doubt.refutes:
         return attempt
     outcome = Outcome.NO_ANSWER
-    reason = f"from t = {doubt.time:.9g} on the rows are no answer: {doubt.text}"
+    reason = f"from t = {doubt.time:.9g} on the rows are not valid: {doubt.text}"
+    if doubt.parts:
+        reason += f"; the last row, at t = {attempt.trajectory.end:.9g}, satisfies it"
     trajectory = attempt.trajectory._replace(
         outcome=outcome, reason=f"{reason}: {outcome.advice}"
     )
     # What a repeat says of a motion that is no answer is no error.
-    return attempt._replace(trajectory=trajectory, bar="the rows are no answer")
+    return attempt._replace(trajectory=trajectory, bar="the rows are not valid")

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 # Columns that are shown where none are named, and parameters that a name tells.
 MOST_COLUMNS, MOST_NAMED = 4, 2
+# Models that a title names.
+MOST_MODELS = 3
 # Rows that are thinned at once.
 ROWS = 1 << 16
 
@@ -41,6 +43,13 @@ class Shown(NamedTuple):
     folder: Path
     record: Mapping[str, Any]
     table: Table
+
+    @property
+    def model(self) -> str:
+        """The name of its model; of a run of others' the folder's name."""
+        named = self.record.get("model")
+        name = named.get("name") if isinstance(named, dict) else None
+        return str(name or self.folder.resolve().name)
 
     @property
     def horizon(self) -> float:
@@ -88,7 +97,7 @@ def _record(folder: Path) -> Mapping[str, Any]:
     except ValueError:
         record = None
     if not isinstance(record, dict) or "columns" not in record:
-        why = f"{folder / MANIFEST} is no run.json of lagsim's"
+        why = f"{folder / MANIFEST} is not a run.json of lagsim"
         raise InputError([Problem("no-results", why)])
     return record
 
@@ -98,13 +107,8 @@ def _labels(folders: Sequence[Path], records: Sequence[Mapping[str, Any]]) -> li
     names = [folder.resolve().name for folder in folders]
     if len(set(names)) < len(names):
         names = [str(folder) for folder in folders]
-    every: list[Mapping[str, float]] = [r.get("parameters") or {} for r in records]
-    common = set.intersection(*(set(each) for each in every))
-    differ = [
-        name
-        for name in every[0]
-        if name in common and len({each[name] for each in every}) > 1
-    ]
+    every = [r.get("parameters") or {} for r in records]
+    differ = _differing(every)
     labels = []
     for name, each in zip(names, every, strict=True):
         told = [f"{p} = {each[p]:.6g}" for p in differ[:MOST_NAMED]]
@@ -114,6 +118,47 @@ def _labels(folders: Sequence[Path], records: Sequence[Mapping[str, Any]]) -> li
         label if labels.index(label) == k else f"{label} #{k + 1}"
         for k, label in enumerate(labels)
     ]
+
+
+def _differing(every: Sequence[Mapping[str, float]]) -> list[str]:
+    """Give the parameters that all have, with more than one value."""
+    common = set.intersection(*(set(each) for each in every))
+    return [
+        name
+        for name in every[0]
+        if name in common and len({each[name] for each in every}) > 1
+    ]
+
+
+def title(runs: Sequence[Shown]) -> str:
+    """Give the model, or the models, and how many runs there are."""
+    models = list(dict.fromkeys(run.model for run in runs))
+    named = ", ".join(models[:MOST_MODELS])
+    return f"{named} and others" if len(models) > MOST_MODELS else named
+
+
+def _order(runs: Sequence[Shown]) -> tuple[str, list[float]]:
+    """Give what tells runs apart and its value in each, for the colours of many.
+
+    That is the one parameter that differs, or a start value of what is drawn, or the
+    place in which a run is given.
+    """
+    every = [run.record.get("parameters") or {} for run in runs]
+    differ = _differing(every)
+    if len(differ) == 1:
+        return differ[0], [float(each[differ[0]]) for each in every]
+    first = runs[0].table.columns
+    common = set.intersection(*(set(run.table.columns) for run in runs))
+    moving = [c for c in first if c in common and f"{c}_dot" in common]
+    starts = {
+        name: [float(run.table[name][0]) for run in runs]
+        for c in moving
+        for name in (c, f"{c}_dot")
+    }
+    told = [name for name, values in starts.items() if len(set(values)) > 1]
+    if not differ and len(told) == 1 and np.isfinite(starts[told[0]]).all():
+        return f"{told[0]} at the start", starts[told[0]]
+    return "run", [float(k + 1) for k in range(len(runs))]
 
 
 def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[str]:
@@ -165,7 +210,7 @@ def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") ->
         known = {run.table.units.get(name, "") for run in runs} - {""}
         units[name] = " or ".join(sorted(known))
     remarks = [remark for run in runs for remark in run.table.remarks]
-    return picture(rows, units, remarks, form)
+    return picture(title(runs), rows, units, remarks, _order(runs), form)
 
 
 def motions(runs: Sequence[Shown]) -> tuple[list[dict[str, Any]], list[str]]:

@@ -7,8 +7,9 @@ are those at the beginning of the table, known by their sha256. Where a run is i
 that is not kept (by another method than its plan's, say), what was kept before stays:
 the same steps are made again, to the same bits.
 
-The file is pickled, which could run code: it is opened only under a seal that a key in
-this user's cache gives.
+The file holds JSON and arrays (`declared.py`), nothing that can run. Memories of
+kernels hold indices into themselves, which native code trusts: the file is opened only
+under a seal that a key in this user's cache gives.
 """
 
 from __future__ import annotations
@@ -16,10 +17,8 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import hmac
-import io
 import json
 import os
-import pickle
 import platform
 import secrets
 import sys
@@ -28,16 +27,13 @@ from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from lagsim import files
 from lagsim.errors import InputError, Problem
-from lagsim.language.graph import Graph
-from lagsim.mechanics.equations import Equations
-from lagsim.model.model import Model
 from lagsim.native.link import cache
-from lagsim.native.link.engine import Engine, target
+from lagsim.native.link.engine import target
 from lagsim.outputs.results import PART, RESTART, RESTART_ROWS, put
-from lagsim.plan.plan import Plan
 from lagsim.run.apart import Apart
 from lagsim.run.system import System
 from lagsim.run.system.runner import Runner
+from lagsim.studies.declared import UndeclaredError, decoded, encoded
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -52,13 +48,54 @@ if TYPE_CHECKING:
 # Shorter runs are made again; and keeping one may take so much of its time.
 EVERY_SECONDS = 3.0
 MOST_OF_THE_TIME = 0.05
-# What pickle raises where something cannot be kept, such as a generator.
-_NOT_KEPT = (pickle.PicklingError, TypeError, AttributeError)
 _KEY = "restart.key"
 _KEY_BYTES = 32
 _BLOCK = 1 << 20
-# What is made anew; one that is not the run's own cannot be kept.
-_MADE_ANEW = (System, Runner, Equations, Graph, Model, Plan, Engine)
+# What a run holds that is not made anew, by module.
+_DECLARED = {
+    "language.sparse": "SparseVector",
+    "mechanics.constraints": "Row",
+    "mechanics.laws": "Kind Law",
+    "mechanics.switches.surfaces": "Side",
+    "methods.dop853": "Dop853",
+    "methods.exponential": "Exponential",
+    "methods.gauss4": "Gauss4",
+    "methods.generalized_alpha": "GeneralizedAlpha",
+    "methods.kahan_li6": "KahanLi6",
+    "methods.kahan_li8": "KahanLi8",
+    "methods.midpoint": "Midpoint",
+    "methods.moreau": "Moreau",
+    "methods.parts.fixed": "Fixed",
+    "methods.parts.power_series": "Taylor",
+    "methods.parts.radau_newton": "Radau",
+    "methods.parts.symplectic": "Symplectic",
+    "methods.rattle": "Rattle",
+    "methods.rk4": "Rk4",
+    "notes": "Caution Choice Event",
+    "run.apart": "Part",
+    "run.arc": "Arc",
+    "run.arcs": "Run",
+    "run.events.contacts": "Contacts",
+    "run.events.features": "Feature Features",
+    "run.events.modes": "Modes",
+    "run.events.ranks": "Dependence RankLosses",
+    "run.events.sequence": "Flights Sequence",
+    "run.events.switching": "Switching",
+    "run.events.times": "TimeBreaks",
+    "run.fallback": "Fallback",
+    "run.observers.ledger": "Growth Ledger",
+    "run.observers.thinning": "_Envelope _Sample Thinning",
+    "run.observers.witness": "Witness",
+    "run.overflow": "Gap Gaps",
+    "run.recorder": "Recorder",
+    "run.stiffness": "Fast Stiffness",
+    "run.unmet": "Unmet",
+}
+CLASSES = frozenset(
+    f"lagsim.{module}:{name}"
+    for module, names in _DECLARED.items()
+    for name in names.split()
+)
 
 
 class Stand(NamedTuple):
@@ -146,7 +183,9 @@ class Restart:
         with files.opened(self.folder / RESTART_ROWS) as file:
             rows = _blocks(file, self.stand.size)
             kept.writer.go_on(rows, self.stand.rows, self.stand.last)
-        states, memories, others = _Reader(self.stand.kept, self._things).load()
+        states, memories, others = decoded(
+            self.stand.kept, CLASSES, lambda name: _given(name, self._things)
+        )
         run.__dict__.update(states)
         for name, memory in memories.items():
             self._things[name].p.flat[:] = memory
@@ -161,7 +200,7 @@ class Restart:
         if began < self._due or self._key is None or self._kept.relay.fault is not None:
             return
         # What is not kept now may be another time; a full disk is told by the table.
-        with contextlib.suppress(*_NOT_KEPT, OSError):
+        with contextlib.suppress(UndeclaredError, OSError):
             self._keep(run, self._key)
         ended = time.monotonic()
         self._due = ended + max(EVERY_SECONDS, (ended - began) / MOST_OF_THE_TIME)
@@ -171,8 +210,9 @@ class Restart:
         states = {k: x for k, x in run.__dict__.items() if k != "tick"}
         memories = {k: x.p.flat for k, x in systems.items()}
         others = [x.__dict__ for x in _observers(run, self._kept.relay)]
-        kept = io.BytesIO()
-        _Writer(kept, self._names).dump((states, memories, others))
+        kept = encoded(
+            [states, memories, others], CLASSES, lambda x: _name(x, self._names)
+        )
         writer = self._kept.writer
         size = writer.synced()
         with files.opened(self.folder / PART.format(self.table)) as file:
@@ -181,7 +221,7 @@ class Restart:
                 self._hash.update(block)
         self._hashed = size
         place = [writer.rows, writer.last, size, self._hash.hexdigest()]
-        rest = json.dumps([self.identity, place]).encode() + b"\n" + kept.getvalue()
+        rest = json.dumps([self.identity, place]).encode() + b"\n" + kept
         put(self.folder / RESTART, _seal(key, rest) + b"\n" + rest)
         with contextlib.suppress(OSError):
             (self.folder / RESTART_ROWS).unlink()
@@ -196,7 +236,7 @@ class Kept(NamedTuple):
 
 
 def _refused(path: Path, why: str) -> InputError:
-    hint = "leave --resume out to begin anew, or choose another folder with -o"
+    hint = "leave --resume out to start again, or choose another folder with -o"
     return InputError([Problem("another-run", f"{path} {why}", hint=hint)])
 
 
@@ -214,18 +254,35 @@ def _machine() -> dict[str, str]:
 
 def _key() -> bytes | None:
     """Give this user's key, made the first time; None where there is no cache."""
-    where = cache.folder()
+    where = cache.folder("keys")
     if where is None:
         return None
-    path = where.parent / _KEY
+    path = where / _KEY
     with contextlib.suppress(OSError):
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(handle, "wb") as file:
-            file.write(secrets.token_bytes(_KEY_BYTES))
+        found = _own_key(path)
+        if found is None:
+            path.unlink(missing_ok=True)
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+            with os.fdopen(os.open(path, flags, 0o600), "wb") as file:
+                file.write(secrets.token_bytes(_KEY_BYTES))
+            found = _own_key(path)
+        return found
+    return None
+
+
+def _own_key(path: Path) -> bytes | None:
+    """Read a key; None where it is not a file that only this user reads and writes."""
     try:
-        found = files.content(path)
+        handle = files.held(path, os.O_RDONLY)
     except OSError:
         return None
+    with os.fdopen(handle, "rb") as file:
+        told = os.fstat(handle)
+        if sys.platform != "win32" and (
+            told.st_uid != os.getuid() or told.st_mode & 0o077 or told.st_nlink != 1
+        ):
+            return None
+        found = file.read(_KEY_BYTES + 1)
     return found if len(found) == _KEY_BYTES else None
 
 
@@ -272,36 +329,20 @@ def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
 # What a run is made of
 
 
-class _Writer(pickle.Pickler):
-    """Pickles a run, by names what is made anew."""
-
-    def __init__(self, file: io.BytesIO, names: Mapping[int, str]) -> None:
-        super().__init__(file, protocol=5)
-        self._of = names
-
-    def persistent_id(self, x: Any) -> Any:
-        """Give the name of what is made anew."""
-        name = self._of.get(id(x))
-        if name is None and isinstance(x, Runner) and id(x.system) in self._of:
-            return self._of[id(x.system)], x.method.__name__.rpartition(".")[-1]
-        if name is None and isinstance(x, _MADE_ANEW):
-            raise pickle.PicklingError(f"{type(x)} of another way")
-        return name
+def _name(x: Any, names: Mapping[int, str]) -> Any:
+    """Give the name of what is made anew; None of what is not."""
+    name = names.get(id(x))
+    if name is None and isinstance(x, Runner) and id(x.system) in names:
+        return [names[id(x.system)], x.method.__name__.rpartition(".")[-1]]
+    return name
 
 
-class _Reader(pickle.Unpickler):
-    """Reads a run under its seal."""
-
-    def __init__(self, content: bytes, things: Mapping[str, Any]) -> None:
-        super().__init__(io.BytesIO(content))
-        self._things = things
-
-    def persistent_load(self, name: Any) -> Any:
-        """Give what is made anew, by its name."""
-        if isinstance(name, str):
-            return self._things[name]
-        system, method = name
-        return self._things[system].link(method)
+def _given(name: Any, things: Mapping[str, Any]) -> Any:
+    """Give what is made anew, by its name."""
+    if isinstance(name, str):
+        return things[name]
+    system, method = name
+    return things[system].link(method)
 
 
 def _observers(run: Run | Apart, relay: Relay) -> list[Any]:

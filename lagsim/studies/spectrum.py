@@ -63,6 +63,31 @@ class Spectrum(NamedTuple):
     amplitude: Floats
     peaks: tuple[Peak, ...]
 
+    def __repr__(self) -> str:
+        from lagsim.outputs.notebook import block
+
+        return block(f"Spectrum of {self.column}", self._summary())
+
+    def _summary(self) -> list[tuple[str, str]]:
+        from lagsim.outputs.notebook import listed
+
+        unit = f" {self.unit}" if self.unit else ""
+        peaks = [f"{f:.4g} Hz ({a:.3g}{unit})" for f, a in self.peaks]
+        return [
+            ("rows", f"{self.rows}, every {self.step:.4g} s"),
+            ("mean", f"{self.mean:.4g}{unit}"),
+            ("resolution", f"{self.resolution:.3g} Hz"),
+            ("peaks", listed(peaks)),
+        ]
+
+    def _repr_html_(self) -> str:
+        from lagsim.outputs.figure import content
+        from lagsim.outputs.notebook import heading, picture, table
+
+        title = f"Spectrum of {self.column}"
+        drawn = picture(content(self.plot(), "png"), title)
+        return "\n".join([heading(title), table(self._summary()), drawn])
+
     @property
     def window(self) -> str:
         """Its name, as scipy.signal has it."""
@@ -129,7 +154,8 @@ def spectrum(t: Floats, values: Floats, column: str, unit: str = "") -> Spectrum
     waves = np.fft.rfft(weights * (x - mean), size)
     amplitude = np.asarray(2 * np.abs(waves) / weights.sum(), np.float64)
     frequency = np.asarray(np.fft.rfftfreq(size, step), np.float64)
-    peaks = _peaks(frequency, amplitude)
+    apart = BREADTH / (len(x) * step)
+    peaks = _peaks(frequency, amplitude, apart)
     return Spectrum(column, unit, len(x), step, mean, frequency, amplitude, peaks)
 
 
@@ -168,7 +194,8 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     return kept, step
 
 
-def _peaks(frequency: Floats, amplitude: Floats) -> tuple[Peak, ...]:
+def _peaks(frequency: Floats, amplitude: Floats, apart: float) -> tuple[Peak, ...]:
+    """Give the largest peaks; of those nearer than `apart` to a larger one, none."""
     from scipy.signal import find_peaks
 
     least = LEAST_PEAK * float(amplitude.max(initial=0.0))
@@ -176,8 +203,14 @@ def _peaks(frequency: Floats, amplitude: Floats) -> tuple[Peak, ...]:
         return ()
     found, seen = find_peaks(amplitude, height=least, prominence=least)
     found = found[seen["prominences"] >= STANDS_OUT * amplitude[found]]
-    largest = found[np.argsort(-amplitude[found], kind="stable")][:MOST_PEAKS]
-    return tuple(_between(frequency, amplitude, int(k)) for k in largest)
+    peaks: list[Peak] = []
+    for k in found[np.argsort(-amplitude[found], kind="stable")].tolist():
+        peak = _between(frequency, amplitude, k)
+        if all(abs(peak.frequency - other.frequency) >= apart for other in peaks):
+            peaks.append(peak)
+        if len(peaks) == MOST_PEAKS:
+            break
+    return tuple(peaks)
 
 
 def _between(frequency: Floats, amplitude: Floats, k: int) -> Peak:

@@ -81,6 +81,7 @@ def test_many_rods():
         Point(e), start.state.q, start.state.v, 2 * n, [0.0] * 2 * n
     )
     assert np.linalg.norm(left @ Y) == pytest.approx(smallest, rel=1e-5)
+    assert type(smallest) is float  # it is told in run.json
 
 
 def test_one_relation_too_many(monkeypatch):

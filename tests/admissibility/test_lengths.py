@@ -64,7 +64,7 @@ def test_ten_digits_far_away_do_not_make_a_rod():
     start = judged(text)
     assert not start.admissible
     [a] = start.verdicts
-    assert a.position.why == "1e-06 of its own size, wherever it stands"
+    assert a.position.why == "1e-06 of the lengths that it relates"
     assert set(start.repair) == {"x1", "y1", "x2", "y2"}
 
 

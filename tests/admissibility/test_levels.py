@@ -105,7 +105,7 @@ def test_a_vanishing_row_that_asks_for_an_acceleration():
     start = judged(scene("x^2 + y^2 = 0", {"x": 0, "y": 0, "x_dot": 3}))
     [d] = start.contradictions
     assert d.contradictions == {"acceleration": 18.0}
-    assert "`a` cannot be met on the level of acceleration" in d.contradiction()
+    assert "`a` cannot be satisfied on the level of acceleration" in d.contradiction()
 
 
 def test_velocities_that_belong_to_no_branch():

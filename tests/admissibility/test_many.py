@@ -40,6 +40,18 @@ def test_verdicts_are_those_of_each_alone() -> None:
                 examine(bound)
 
 
+@pytest.mark.parametrize("part", ["potential", "kinetic"])
+def test_an_energy_without_a_value_is_not_clear(part: str) -> None:
+    # What is constant in an energy makes no force, and none that is infinite.
+    text = COUPLED.replace("c*x_dot", "0*x_dot")
+    text = text.replace(f"{part}: ", f"{part}: log(c) + ")
+    equations = derive(read(text, "m.yaml"))
+    c = np.array([0.5, 0.0, -1.0, 2.0])
+    values = {"t": 0.0, "c": c, "x": 1.0, "y": 0.0, "x_dot": 0.0, "y_dot": 0.0}
+    found = clear_starts(equations, values, len(c))
+    assert found.tolist() == [True, False, False, True]
+
+
 def test_what_is_solved_for_is_left_to_each() -> None:
     held = COUPLED + "constraints: {held: x - y = 1}\n"
     assert needs_no_solve(derive(read(COUPLED, "m.yaml")))

@@ -7,6 +7,7 @@ import time
 import pytest
 
 from tests.admissibility.scenes import judged, scene
+from tests.patience import PATIENCE
 from tests.support import MODELS
 
 WHEELS = {
@@ -134,9 +135,9 @@ def test_ten_coordinates_and_four_relations_take_less_than_a_second(relations):
     text = scene(
         {f"c{k}": r for k, r in enumerate(relations)}, zeros(TEN, q4=0.3, q5=0.2)
     )
-    start = time.perf_counter()
+    start = time.process_time()
     found = judged(text, classify=True).reach
-    assert time.perf_counter() - start < 1.0
+    assert time.process_time() - start < 1.0 * PATIENCE
     assert found.dimension is not None
 
 
@@ -154,3 +155,39 @@ def test_shipped_models(name, dimension, integrable):
     start = judged(text, classify=True)
     assert start.reach.dimension == dimension
     assert {v.integrable for v in start.verdicts} == {integrable}
+
+
+@pytest.mark.parametrize(
+    "factor",
+    [
+        "max(0, x - 1)", "min(x, 0)", "abs(x)", "heaviside(x - 1)*x", "floor(x)",
+        "if(t < 1, 0, x)", "if(x < 5, 0, 1)*x", "if(y < 3, 1, x)",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("x", [0, 2])
+def test_a_velocity_relation_with_a_switch_is_left_open(factor, x):
+    # By the branch of x = 0 alone most are z_dot = 0, which is integrable; by that of
+    # x = 2 the form dz - x dy, which is not.
+    found, alone = reach({"a": f"z_dot = {factor}*y_dot"}, zeros("x y z", x=x))
+    assert found.dimension is found.hidden is None
+    (integrable, why) = alone["a"]
+    assert integrable is None
+    assert "`a`" in why
+    assert "switch" in why
+
+
+def test_a_switch_in_a_position_leaves_the_velocity_relation_beside_it_decided():
+    found, alone = reach(
+        {"h": "w = max(0, x)", "a": "z_dot = w*y_dot", "b": "u_dot = 0"},
+        zeros("x y z w u", x=2, w=2),
+    )
+    assert found.dimension is None
+    # In all of (y, z, w) the form dz - w dy is that of a contact structure.
+    assert (alone["a"], alone["b"]) == ((False, ""), (True, ""))
+
+
+@pytest.mark.parametrize("factor", ["max(0, 2)*x", "abs(-3)*x", "if(1 < 2, x, 0)"])
+def test_a_switch_of_numbers_leaves_nothing_open(factor):
+    found, alone = reach({"a": f"z_dot = {factor}*y_dot"}, zeros("x y z", x=2))
+    assert (found.dimension, found.hidden) == (3, 0)
+    assert alone == {"a": (False, "")}

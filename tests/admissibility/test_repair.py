@@ -185,6 +185,19 @@ def test_start_values_of_definitions_are_met_through_guesses(sign):
     )
 
 
+@pytest.mark.parametrize("shift", [0, 1])
+def test_an_assembly_is_named_once(shift):
+    """Of a crank and a rod that hold each other there are two: angles count by turns.
+
+    Where a relation counts turns, as that of a rack does, they are others.
+    """
+    text = ARM.replace("guess: 1}", f"guess: 1 + {2 * shift}*pi}}")
+    said = warning(judged(text), "other-roots")
+    assert said.count("a = ") == 1
+    rack = scene("x = sin(y) + y/10", {"x": 0.3, "y": "{guess: 1}"})
+    assert warning(judged(rack), "other-roots").count("y = ") == 2
+
+
 def test_a_tip_out_of_reach():
     start = judged(ARM.replace("0.7", "1.7"))
     assert not start.admissible

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
 
 import pytest
 
 from lagsim.codes import errors
+from tests.cli._results import table
 from tests.cli._scenes import ON_THE_CURVE, PENDULUM
+from tests.patience import PATIENCE
 
 KEYS = [
     "file", "line", "column", "length", "source", "code", "number", "text", "expected",
@@ -95,8 +98,16 @@ colour: red
 
 
 SETS = {
-    "unknown": (["gg=1"], "there is no parameter `gg`", "did you mean `g`?"),
-    "faulty expression": (["g=1+"], "a value is expected", ""),
+    "unknown": (
+        ["gg=1"],
+        "there is no parameter or start value `gg`",
+        "did you mean `g`?",
+    ),
+    "faulty expression": (
+        ["g=1+"],
+        "a value is expected",
+        "leave `+` out, or write what follows it",
+    ),
     "not finite": (["g=1/0"], "not a finite number", ""),
     "unknown name": (
         ["g=2*zz"],
@@ -108,7 +119,9 @@ SETS = {
     "no name": (["=1"], "a name and an expression", "such as --set g=1.62"),
     "twice": (["g=1", "g=2"], "--set g is given twice", ""),
     "dotted": (["a.b=1"], "names with a dot are reserved", ""),
-    "a coordinate": (["theta=1"], "--set takes parameters", ""),
+    "an acceleration": (["theta_ddot=1"], "--set takes parameters and start", ""),
+    "a start value's name": (["thta=1"], "start value `thta`", "did you mean `theta`?"),
+    "not finite at the start": (["theta=1/0"], "of `theta` is inf", ""),
 }
 
 
@@ -160,7 +173,7 @@ simulation: {duration: 1}
     infinite = PENDULUM.replace("-g*l*cos(theta)", "1/(theta - 1)")
     for command in ("run", "check"):
         err, errors = refused(lagsim, command, write(infinite))
-        assert "potential is inf" in err
+        assert "in `potential` is inf at the start, where theta - 1 is 0" in err
         assert {error["code"] for error in errors} == {"not-finite"}
         assert {error["file"] for error in errors} == {"model.yaml"}
 
@@ -186,14 +199,25 @@ HUGE = {
 
 @pytest.mark.parametrize(("text", "codes"), HUGE.values(), ids=HUGE)
 def test_deep_and_huge_input(lagsim, write, text, codes):
-    began = time.monotonic()
+    began = time.process_time()
     called = lagsim("check", write(text))
     assert called.code in codes
     assert "Traceback" not in called.err
     assert len(called.err) < 5e6
-    assert time.monotonic() - began < 20
+    assert time.process_time() - began < 20 * PATIENCE
 
 
 def test_a_fault_within_a_long_line_is_shown_in_a_window(lagsim, write):
     err, _ = refused(lagsim, "check", write(ON_THE_CURVE + "y: " + "y" * 10**6))
     assert max(map(len, err.splitlines())) < 300
+
+
+def test_start_values_are_set_as_parameters_are(lagsim, write):
+    """The rows begin with them, and the energy is theirs; `check` takes them too."""
+    model, sets = write(PENDULUM), ("--set", "theta=pi/3", "--set", "theta_dot=0.5")
+    assert lagsim("check", model, *sets).code == 0
+    assert lagsim("run", model, *sets, "--no-plots", "-o", "out").code == 0
+    header, rows = table("out")
+    row = dict(zip(header, rows[0], strict=True))
+    assert row["theta"] == pytest.approx(math.pi / 3, rel=1e-15)
+    assert row["theta_dot"] == 0.5

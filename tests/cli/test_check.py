@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -256,7 +256,7 @@ def test_inadmissible_guesses_get_a_repair_of_all_values(lagsim, write):
     )
     called = lagsim("check", model)
     assert called.code == 1
-    assert "the guesses alone do not suffice: `a` cannot be satisfied" in called.out
+    assert "changing the guesses is not enough: `a` cannot be satisfied" in called.out
     assert "the nearest admissible state" in called.out
 
 
@@ -323,12 +323,12 @@ def test_no_heavy_library_is_imported():
 
 
 def quickest(*command):
-    """Give the time of the quickest of a few runs, for other work disturbs them."""
+    """Give the processor time of the quickest of a few runs."""
     times = []
     for _ in range(3):
-        start = time.perf_counter()
+        start = sum(os.times()[2:4])
         subprocess.run([sys.executable, *command], check=True, capture_output=True)
-        times.append(time.perf_counter() - start)
+        times.append(sum(os.times()[2:4]) - start)
     return min(times)
 
 

@@ -188,7 +188,7 @@ def test_what_is_no_file_is_not_replaced(lagsim):
         ([PENDULUM, "--format", "maple"], "maple"),
         ([PENDULUM, "--format", "python", "--gauss"], "--gauss means nothing"),
         ([PENDULUM, "--format", "latex", "--ascii"], "--ascii means nothing"),
-        ([PENDULUM, "--set", "q=1"], "q"),
+        ([PENDULUM, "--set", "q_ddot=1"], "q_ddot"),
         ([PENDULUM, "-o", "no/such/folder/file"], "cannot be written"),
         ([PENDULUM, "-o", "."], "cannot be written"),
         ([PENDULUM, "-o", PENDULUM], "it is the model"),

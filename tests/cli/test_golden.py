@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
 from tests.cli._scenes import CAPTION, FALL, ON_THE_CURVE, PENDULUM, TIMELESS
+from tests.outputs.drawn import noted
 
 
 @pytest.fixture
@@ -54,6 +56,55 @@ def test_a_changed_result_differs(lagsim, stored, write):
     assert called.out.startswith("differs: pendulum")
     assert "the model file has changed" in called.out
     assert "the first to pass its bound: " in called.out
+
+
+def test_what_changed_is_named_and_annotated_at_its_line(
+    lagsim, stored, write, monkeypatch
+):
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    lines = PENDULUM.splitlines()
+    for old, new, named, line in (
+        ("9.8", "9.9", "parameter `g` is 9.9, in the golden 9.8", "parameters"),
+        ("theta: 1", "theta: 1.1", "start value `theta` is 1.1, in the golden 1.0",
+         "initial"),
+        ("-g*l*cos", "-1.01*g*l*cos", "not in a parameter or a start value", "energy"),
+    ):  # fmt: skip
+        assert old in PENDULUM
+        write(PENDULUM.replace(old, new, 1), "pendulum.yaml")
+        called = lagsim("golden", stored)
+        assert called.code == 1
+        [note] = [x for x in called.out.splitlines() if "note: the model" in x]
+        assert note.endswith(f": {named}"), note
+        [told] = [x for x in called.err.splitlines() if x.startswith("::error")]
+        at = int(told.partition(",line=")[2].partition(",")[0])
+        assert lines[at - 1].startswith(line), told
+        assert "not in" in named or told.endswith(named)
+
+
+@pytest.mark.slow
+def test_the_picture_says_what_differs_in_units(lagsim, stored, write):
+    write(PENDULUM.replace("9.8", "9.9"), "pendulum.yaml")
+    with noted() as drawing:
+        assert lagsim("golden", stored, "--plots", "plots").code == 1
+    said = drawing.written()
+    assert said[0] == "pendulum differs from its golden"
+    assert re.fullmatch(r"\d of \d columns differ, first .+ at t = 0 s", said[1])
+    assert "parameter `g` is 9.9, in the golden 9.8" in said
+    assert not any("…" in text for text in said)
+    sides = [panel.labels[1] for panel in drawing.panels]
+    rates = [x for x in sides if x.startswith(("θ\N{COMBINING DOT ABOVE}", "θ"))]
+    assert rates
+    assert all(re.search(r"\(rad(/s²?)?\)$", x) for x in rates), rates
+    assert "|new − golden| (rad/s²)" in sides
+
+
+def test_a_golden_of_an_earlier_version_names_no_change(lagsim, stored, write):
+    path = Path("golden/pendulum.json")
+    about = json.loads(path.read_bytes())
+    del about["parameters"], about["initial"]
+    path.write_text(json.dumps(about))
+    write(PENDULUM.replace("9.8", "9.9"), "pendulum.yaml")
+    assert "golden was stored\n" in lagsim("golden", stored).out
 
 
 def test_a_model_written_otherwise_passes_with_a_note(lagsim, stored, write):
@@ -158,3 +209,15 @@ def test_a_folder_that_cannot_be_written(lagsim, write):
     called = lagsim("golden", write(PENDULUM), "--update")
     assert called.code == 3
     assert "golden cannot be written" in called.err
+
+
+def test_a_run_that_ends_otherwise_differs_though_all_rows_are_the_same(lagsim, stored):
+    path = Path("golden/pendulum.json")
+    about = json.loads(path.read_bytes())
+    assert about["outcome"] == "done"
+    path.write_text(json.dumps(about | {"outcome": "until"}), encoding="utf-8")
+    called = lagsim("golden", stored)
+    assert called.code == 1
+    assert "ends by `done`, the golden by `until`" in called.out + called.err
+    document = lagsim("golden", stored, "--json").json
+    assert document["pass"] is False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import lagsim as house
 from lagsim.outputs.animation import recorded
 from tests.cli._scenes import ON_THE_CURVE, PENDULUM
 from tests.outputs.browser import needs_browser, shown
+from tests.outputs.drawn import noted
 
 # Its angle: x = cos t, y = sin t; it has no scene, and its rates are no columns.
 ROUND = """\
@@ -106,7 +108,7 @@ def test_a_run_with_nothing_to_draw_is_named(overlay, tmp_path):
 FAULTS = {
     "no folder": (["round", "two"], "two is not there"),
     "no results": (["round", "empty"], "there is no run.json in it"),
-    "no run.json of ours": (["foreign"], "is no run.json of lagsim's"),
+    "no run.json of ours": (["foreign"], "is not a run.json of lagsim"),
     "no such column": (["round", "--columns", "x,yy"], "round has no column `yy`"),
     "only the time": (["round", "--columns", "t"], "are drawn against"),
     "no columns": (["round", "--columns", ","], "names of columns are expected"),
@@ -151,3 +153,30 @@ def test_side_by_side_in_a_browser(overlay, tmp_path):
     # It is over at 1.9, 0.9 s after the floor was struck at 4.9 m/s.
     expected = [1.9, 4.9 * 0.9 - 4.9 * 0.9**2]
     assert np.allclose(points["ball/point"], expected, atol=1e-6)
+
+
+def test_the_title_is_the_model(overlay, tmp_path):
+    # Models that are read from a text have no other name.
+    with noted() as drawing:
+        assert overlay("soft", "hard", "-o", "o.png", "--columns", "x").code == 0
+    assert drawing.written()[:2] == ["<model>", "x of 2 runs"]
+    assert overlay("soft", "hard", "-o", "o.html").code == 0
+    assert "<title>&lt;model&gt;: 2 runs</title>" in (tmp_path / "o.html").read_text(
+        "utf-8"
+    )
+
+
+@pytest.mark.slow
+def test_many_runs_are_told_by_what_was_swept(lagsim, write):
+    file = write(PENDULUM, "pendulum.yaml")
+    for name, wanted in (("g", "colour: g"), ("theta", "colour: θ at the start")):
+        folder = f"sweep-{name}"
+        swept = lagsim("sweep", file, f"{name}=1:2:13", "--keep", "-o", folder, "-q",
+                       "--no-plots", "--error-bar", "never")  # fmt: skip
+        assert swept.code == 0
+        runs = sorted(str(path) for path in Path(folder).glob("run-*"))
+        with noted() as drawing:
+            assert lagsim("overlay", *runs, "-o", "o.png").code == 0
+        assert wanted in drawing.written()
+        assert drawing.written()[0] == "pendulum"
+        assert not any("…" in text for text in drawing.written())

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import hmac
 import json
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 
 from lagsim.cli import _writing
+from lagsim.native.link import cache
+from lagsim.run import pace
 from lagsim.studies import restart
 from tests.support import MODELS
 
@@ -108,7 +110,7 @@ def test_an_interrupted_run_says_that_it_can_go_on(lagsim, begun):
     found, whole = gone_on(lagsim, begun, "stick-slip", 4, signal.SIGINT, *more)
     assert found == whole
     done = ended(line("stick-slip", "again", *more), 2, signal.SIGTERM)
-    assert "--resume goes on with it" in done.stderr
+    assert "--resume continues the run" in done.stderr
 
 
 @pytest.mark.slow
@@ -184,22 +186,101 @@ def test_of_another_run_nothing_is_taken_and_nothing_is_lost(
     assert len(begun) == 1
 
 
-class Harmful:
-    def __reduce__(self):
-        return os.mkdir, ("a-stranger-was-here",)
-
-
 def test_what_a_stranger_has_put_there_is_not_opened(lagsim):
     Path("out").mkdir()
-    head = json.dumps([{}, [0, None, 0, ""]]).encode()
-    planted = b"0" * 64 + b"\n" + head + b"\n" + pickle.dumps(Harmful())
-    Path("out", restart.RESTART).write_bytes(planted)
+    Path("out", restart.RESTART).write_bytes(sealed(b"0" * 32))
     asked = line("kepler", "out", "--no-plots", "--duration", "1")
     done = lagsim(*asked, "--resume")
     assert (done.code, "not written by you on this machine" in done.err) == (2, True)
-    assert not Path("a-stranger-was-here").exists()
     assert lagsim(*asked).code == 0
     assert not Path("out", restart.RESTART).exists()
+
+
+def sealed(key):
+    """Give a restart that whoever knows the key could write."""
+    rest = json.dumps([{}, [0, None, 0, ""]]).encode() + b"\n[[0],[[]]]\n"
+    return hmac.new(key, rest, "sha256").hexdigest().encode() + b"\n" + rest
+
+
+@pytest.mark.usefixtures("lagsim")
+@pytest.mark.parametrize("kind", ["open", "a link", "another name"])
+def test_a_key_that_a_stranger_may_know_is_replaced(monkeypatch, kind):
+    """One that others read, or that lies elsewhere: a link, or a second name."""
+    monkeypatch.setenv("LAGSIM_CACHE", str(Path("cache").absolute()))
+    keys = cache.folder("keys")
+    path, known = keys / "restart.key", b"k" * 32
+    if kind == "open":
+        path.write_bytes(known)
+        path.chmod(0o644)
+    else:
+        Path("elsewhere").write_bytes(known)
+        Path("elsewhere").chmod(0o600)
+        target = Path("elsewhere").absolute()
+        path.symlink_to(target) if kind == "a link" else path.hardlink_to(target)
+    found = restart._key()
+    assert found is not None
+    assert found != known
+    assert path.read_bytes() == found == restart._key()
+    assert (path.lstat().st_mode & 0o777, path.lstat().st_nlink) == (0o600, 1)
+
+
+@pytest.mark.usefixtures("lagsim")
+def test_where_others_may_write_there_is_no_key(monkeypatch):
+    Path("shared").mkdir()
+    Path("shared").chmod(0o777)
+    for where in ("shared", "shared/more/cache"):
+        monkeypatch.setenv("LAGSIM_CACHE", str(Path(where).absolute()))
+        assert cache.folder("keys") is None
+        assert restart._key() is None
+    Path("shared").chmod(0o1777)  # as /tmp is: what is another's stays there
+    assert restart._key() is not None
+    made = [p for p in Path("shared").rglob("*") if p.is_dir()]
+    assert {p.stat().st_mode & 0o777 for p in made} == {0o700}
+
+
+METHODS = "rk4 euler verlet kahan-li6 kahan-li8 midpoint gauss4 generalized-alpha"
+METHODS = f"{METHODS} rattle moreau radau dop853 taylor"
+KEPT = "ball-on-a-vibrating-table bouncing-ball car-axis dry-friction newtons-cradle"
+KEPT = f"{KEPT} rocking-block slack-string sliding-ladder stick-slip"
+KEPT = f"{KEPT} failing/pulse failing/square-wave failing/graze"
+
+
+@pytest.mark.parametrize("name", KEPT.split())
+def test_runs_with_every_kind_of_event_can_be_kept(lagsim, monkeypatch, name):
+    can_be_kept(lagsim, monkeypatch, name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS.split())
+def test_runs_by_every_method_can_be_kept(lagsim, monkeypatch, method):
+    step = () if method in ("radau", "dop853", "taylor") else ("--step", "0.005")
+    more = ("--method", method, "--duration", "3", *step)
+    can_be_kept(lagsim, monkeypatch, "kepler", *more)
+
+
+def can_be_kept(lagsim, monkeypatch, name, *more):
+    """Of a class that is not declared a run would begin anew; this one would fail."""
+    kept = []
+
+    class Never(Exception):  # noqa: N818 (stands for one that is suppressed)
+        pass
+
+    def encoded(*given):
+        kept.append(original(*given))
+        if len(kept) == 10:
+            monkeypatch.setattr(restart, "EVERY_SECONDS", 1e9)
+        return kept[-1]
+
+    original = restart.encoded
+    monkeypatch.setattr(restart, "encoded", encoded)
+    monkeypatch.setattr(restart, "UndeclaredError", Never)
+    monkeypatch.setattr(restart, "EVERY_SECONDS", 0.0)
+    monkeypatch.setattr(restart, "MOST_OF_THE_TIME", 1e9)
+    monkeypatch.setattr(_writing, "KEPT_AFTER_SECONDS", -1.0)
+    monkeypatch.setattr(pace, "MOST", 16)
+    more = (*more, "--error-bar", "never", "--no-plots")
+    assert lagsim(*line(name, "out", *more)).code == 0
+    assert kept
 
 
 @pytest.mark.slow
@@ -211,7 +292,7 @@ def test_rows_that_were_changed_are_made_anew(lagsim, begun):
     part.write_bytes(part.read_bytes().replace(b"1", b"2", 1))
     asked = ("run", str(MODELS / "bouncing-ball.yaml"), "-o", "cut", "--resume", *more)
     done = lagsim(*asked)
-    assert (done.code, "nothing is left in cut to go on with" in done.err) == (0, True)
+    assert (done.code, "cut holds no interrupted run" in done.err) == (0, True)
     assert begun == []
     assert content("cut") == content("whole")
 

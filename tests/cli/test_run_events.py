@@ -12,7 +12,9 @@ from lagsim.run import recorder
 from tests.cli._results import manifest, names
 from tests.cli._scenes import CONTACT, ON_THE_CURVE
 
-COLUMNS = ["time", "kind", "constraint", "rate_before", "rate_after", "energy"]
+COLUMNS = [
+    "time", "kind", "constraint", "rate_before", "rate_after", "energy", "switch",
+]  # fmt: skip
 
 # Two balls fall 1 m onto their floors and rebound with half of their speeds.
 FIRST = math.sqrt(2 / 9.8)
@@ -50,8 +52,8 @@ def test_events_are_listed_like_rows(lagsim, write):
     document = manifest("out")
     assert document["files"] == ["trajectory.csv", "events.csv", "run.json"]
     assert Path("out/events.csv").read_bytes().endswith(b"\r\n")
-    time, kind, constraint, *numbers = listed()[0]
-    assert (kind, constraint) == ("impact", "floor")
+    time, kind, constraint, *numbers, switch = listed()[0]
+    assert (kind, constraint, switch) == ("impact", "floor", "")
     assert float(time) == pytest.approx(FIRST, rel=1e-12)
     assert numbers == [repr(float(text)) for text in numbers]
     before, after, energy = map(float, numbers)
@@ -135,3 +137,44 @@ def test_the_table_is_the_same_without_pictures(lagsim, write):
         kept = [document[key] for key in ("rows", "end", "events", "energy_drift")]
         found.append((Path("out/trajectory.csv").read_bytes(), kept))
     assert found[0] == found[1]
+
+
+# A block of 1 kg on a spring of 100 N/m that dry friction of 1.962 N brakes, let go at
+# 0.2 m: after half swings of pi/10 s it turns at -0.16076, 0.12152, -0.08228, 0.04304
+# and -0.0038 m, where the spring is weaker than the friction (Den Hartog, 8.4).
+BRAKED = """\
+parameters: {{mu: 0.2, g: 9.81}}
+coordinates: {{x: }}
+definitions: {{friction: -mu*g*sign(x_dot)}}
+energy: {{kinetic: x_dot^2/2, potential: 50*x^2}}
+forces: {{x: {force}}}
+initial: {{x: 0.2}}
+simulation: {{duration: 2, output_step: 0.1}}
+{more}"""
+FRICTIONS = [
+    ("friction", "sign(x_dot)"),
+    ('"if(x_dot > 0, -1.962, 1.962)"', "if(x_dot > 0, ...)"),
+    ("-1.962*(2*heaviside(x_dot) - 1)", "heaviside(x_dot)"),
+]
+
+
+@pytest.mark.parametrize(("force", "switch"), FRICTIONS)
+def test_friction_written_as_a_force_is_listed(lagsim, write, force, switch):
+    text = BRAKED.format(force=force, more="")
+    called = lagsim("run", write(text), "--no-plots", "-o", "out")
+    assert names("out") == ["events.csv", "run.json", "trajectory.csv"]
+    kinds = ["switch"] * 4 + ["stick"]
+    for k, (line, kind) in enumerate(zip(listed(), kinds, strict=True), 1):
+        assert float(line[0]) == pytest.approx(k * math.pi / 10, rel=1e-9)
+        assert (line[1], line[-1]) == (kind, switch)
+        assert line[2:-1] == ["", "", "", ""]
+    assert f"  events        1 stick, 4 switches at `{switch}`\n" in called.out
+
+
+def test_friction_as_a_force_where_nothing_happens(lagsim, write):
+    text = BRAKED.format(force="friction", more="").replace(
+        "duration: 2", "duration: 0.3"
+    )
+    called = lagsim("run", write(text), "--no-plots", "-o", "out")
+    assert "  events        none\n" in called.out
+    assert listed() == []

@@ -14,6 +14,7 @@ import pytest
 from lagsim.run.observers.ledger import Ledger
 from tests.cli._results import manifest, names, table
 from tests.cli._scenes import CAPTION, CONTACT, ENDLESS, FALL, PENDULUM
+from tests.patience import PATIENCE, finished
 from tests.support import ROOT
 
 
@@ -153,13 +154,13 @@ def test_a_signal_ends_all_processes_with_whole_files(write, tmp_path, kind):
         env=os.environ | {"PYTHONPATH": str(ROOT)},
     )  # fmt: skip
     tables = [tmp_path / "results" / x / ".lagsim-trajectory.csv.part" for x in "ab"]
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + 60.0 * PATIENCE
     while time.monotonic() < end:
         if all(x.exists() and x.stat().st_size > 1000 for x in tables):
             break
         time.sleep(0.02)
     run.send_signal(kind)
-    _, err = run.communicate(timeout=60.0)
+    _, err = finished(run)
     assert run.returncode == 128 + kind
     assert err.count("interrupted") == 2
     for name in "ab":

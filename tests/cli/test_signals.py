@@ -16,6 +16,7 @@ from lagsim.run.interrupt import AGAIN_SECONDS, Interrupt, Terminated, noting
 from lagsim.run.observers.ledger import Ledger
 from tests.cli._results import manifest, names
 from tests.cli._scenes import ENDLESS, PENDULUM
+from tests.patience import finished
 
 pytestmark = [
     pytest.mark.usefixtures("heeded_signals"),
@@ -153,7 +154,7 @@ def test_a_command_that_loses_its_signal_ends(kind):
     assert run.stdout is not None
     assert run.stdout.readline() == b"begun\n"
     run.send_signal(kind)
-    run.communicate(timeout=60)
+    finished(run)
     assert run.returncode == 128 + kind
 
 
@@ -177,7 +178,7 @@ def test_a_signal_at_any_moment(write, command, options):
         run = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         time.sleep(random_.uniform(0.1, 1.5))
         run.send_signal(kind)
-        _, err = run.communicate(timeout=60)
+        _, err = finished(run)
         # Before the command has begun Python ends as a shell sees alike.
         assert run.returncode in (0, 128 + kind, -kind), err
         if run.returncode != -kind:

@@ -56,6 +56,7 @@ def test_json_is_one_document(lagsim, result):
     ("words", "told"),
     [
         (("x_dit",), "did you mean `x_dot`?"),
+        (("speed",), "hint: its columns are t, x, x_dot, "),
         (("x", "-o", "x.txt"), "x.txt: no such format"),
     ],
 )

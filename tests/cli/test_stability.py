@@ -52,6 +52,11 @@ def test_the_files_and_the_table(lagsim, write):
     assert called.out.startswith("done: model, 2 methods, 96 runs\n")
     assert re.search(r"verlet +1 +0\.318 +1\b", called.out)
     assert "equilibrium  x = 0" in called.out
+    # One pair of eigenvalues is no range, and steps, modes, eigenvalues have units.
+    assert "start: ±2i 1/s, damping ratio 0\n" in called.out
+    assert "motion: ±2i 1/s, damping ratio 0\n" in called.out
+    for head in ("holds below (s)", "predicted (s)", "frequency (Hz)", "period (s)"):
+        assert head in called.out
 
 
 @pytest.mark.slow
@@ -93,7 +98,7 @@ def test_a_parameter_varies(lagsim, write):
         expected = 2.0 / math.sqrt(border["k"])
         assert border["found"] == pytest.approx(expected, rel=0.01)
         assert border["predicted"] == pytest.approx(expected, rel=1e-6)
-    assert "holds below, k = 16" in called.out
+    assert "holds below (s), k = 16" in called.out
 
 
 @pytest.mark.slow
@@ -139,7 +144,7 @@ def test_unusable_models(lagsim, write):
     assert "`stability` needs to know how long" in called.err
     called = lagsim("stability", write(CONTACT))
     assert called.code == 2
-    assert "constraints that hold at times" in called.err
+    assert "constraints that come and go" in called.err
     called = lagsim("stability", write(CAPTION))
     assert called.code == 1
     assert "constraint `path` has the residual 1" in called.err

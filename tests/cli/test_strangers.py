@@ -15,6 +15,7 @@ from lagsim.native.link import cache
 from lagsim.outputs.results import is_own
 from tests.cli._results import manifest, names
 from tests.cli._scenes import CONTACT, PENDULUM
+from tests.patience import PATIENCE
 from tests.support import ROOT
 
 pytestmark = pytest.mark.skipif(
@@ -131,8 +132,8 @@ def prepared(folder):
 
 def run_there(*command, **environment):
     return subprocess.run(
-        [sys.executable, *command], capture_output=True, text=True, timeout=120,
-        env=os.environ | environment,
+        [sys.executable, *command], capture_output=True, text=True,
+        timeout=120 * PATIENCE, env=os.environ | environment,
     )  # fmt: skip
 
 

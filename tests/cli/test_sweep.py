@@ -23,6 +23,7 @@ from lagsim.run.system import System
 from lagsim.studies.sweep.journal import NAME
 from tests.cli._results import manifest, names, table
 from tests.cli._scenes import CONTACT, CURVE, FALL, ON_THE_CURVE, PENDULUM
+from tests.patience import PATIENCE, finished
 from tests.support import ROOT
 
 SPRING = """\
@@ -291,7 +292,7 @@ def test_a_sweep_that_is_whole_is_left_as_it_is(lagsim, write):
     before = (Path("out") / "sweep.json").read_bytes()
     called = lagsim(*sweep, "--resume")
     assert (called.code, called.out) == (
-        0, "nothing is left to do: out holds this sweep\n",
+        0, "nothing to do: out holds this sweep, complete\n",
     )  # fmt: skip
     assert (Path("out") / "sweep.json").read_bytes() == before
 
@@ -314,7 +315,7 @@ def interrupted(lagsim, monkeypatch):
             patched.setattr(Ledger, "__init__", begin)
             called = lagsim(*sweep)
         assert called.code == 130
-        assert "--resume goes on from there" in called.err
+        assert "--resume continues from there" in called.err
         return called
 
     return interrupt
@@ -334,7 +335,7 @@ def test_rows_of_another_sweep_are_not_gone_on_with(lagsim, write, interrupted):
     for what, arguments in others.items():
         called = lagsim("sweep", model, *arguments, *more, "--resume")
         assert called.code == 2
-        assert f"cannot be gone on with: it has another {what}" in called.err
+        assert f"cannot be resumed: it has another {what}" in called.err
         assert "leave --resume out" in called.err
     write(SPRING + "description: changed\n")
     called = lagsim("sweep", model, "K=20,30", *more, "--resume")
@@ -345,6 +346,20 @@ def test_rows_of_another_sweep_are_not_gone_on_with(lagsim, write, interrupted):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("more", [(), ("--resume",)])
+@pytest.mark.parametrize("kind", ["hard link", "link"])
+def test_a_file_that_lies_elsewhere_too_is_not_written_through(
+    lagsim, write, tmp_path, kind, more
+):
+    victim = tmp_path / "victim"
+    victim.write_text("of somebody else")
+    Path("out").mkdir()
+    path = Path("out", NAME)
+    path.hardlink_to(victim) if kind == "hard link" else path.symlink_to(victim)
+    lagsim("sweep", write(SPRING), "K=20,30", "-o", "out", "-q", *QUICK, *more)
+    assert victim.read_text() == "of somebody else"
+
+
 def test_a_torn_line_is_made_again(lagsim, write):
     sweep = ("sweep", write(SPRING), "K=20:30:4", *QUICK, "-o", "out", "-j", 1)
     lagsim(*sweep)
@@ -393,13 +408,13 @@ def test_processes_end_in_order_and_what_they_had_is_kept(write, tmp_path):
         stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)},
     )  # fmt: skip
     journal = tmp_path / "out" / NAME
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + 60.0 * PATIENCE
     while time.monotonic() < end:
         if journal.exists() and len(journal.read_bytes().splitlines()) > 5:
             break
         time.sleep(0.02)
     run.send_signal(signal.SIGTERM)
-    _, err = run.communicate(timeout=60.0)
+    _, err = finished(run)
     assert run.returncode == 128 + signal.SIGTERM
     assert "--resume" in err
     assert names(tmp_path / "out") == [NAME]

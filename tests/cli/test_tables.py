@@ -104,7 +104,7 @@ def test_a_packed_table_that_does_not_fit(lagsim, write):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert told.code == 3
-    assert "the table could not be packed" in told.err
+    assert "the table could not be written" in told.err
     assert names("out") == ["run.json"]
     document = manifest("out")
     assert (document["complete"], document["files"]) == (False, ["run.json"])

@@ -61,8 +61,24 @@ def test_no_summary_is_cut(lagsim, monkeypatch, columns):
 
 def test_no_command_shows_the_help(lagsim):
     called = lagsim()
-    assert called.code == 2
-    assert "run" in called.out + called.err
+    assert (called.code, called.out) == (2, "")
+    assert called.err == lagsim("--help").out
+
+
+# By the letters that differ: one is wrong, missing, doubled; the end is missing.
+NEAREST = {
+    "--metod": "--method", "--methods": "--method", "--sett": "--set",
+    "--outputstep": "--output-step",
+    "--rtoll": "--rtol", "--dur": "--duration", "--hlp": "--help",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("given", "nearest"), NEAREST.items())
+def test_of_an_unknown_option_the_nearest_is_suggested(lagsim, given, nearest):
+    text = lagsim("run", "a.yaml", given, "1", "--json").json["errors"][0]["text"]
+    first = text.partition("Did you mean ")[2].strip("?").split(" or ")[0]
+    assert first == nearest
+    assert text in lagsim("run", "a.yaml", given, "1").err
 
 
 def test_version(lagsim):

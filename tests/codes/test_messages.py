@@ -31,10 +31,12 @@ WITHOUT = {
     "missing-package": "another installation",
     "bug": "a bug",
     "failed": "a process that is killed",
+    "not-drawn": "a bug",
     "starved": "a machine without memory",
     "unsettled-impulses": "hundreds of contacts",
     "short-times": "thousands of turns",
     "events-unlisted": "10^4 events",
+    "error-unknown": "a repeat that fails where the run does not",
     "too-large": "a thousand coordinates",
 }
 
@@ -61,8 +63,10 @@ def test_no_number_is_ever_given_anew():
     assert {r.number: r.code for r in ALL}.items() <= published.items()
 
 
-def test_each_says_what_is_expected_and_what_to_try():
+def test_each_says_what_is_found_and_expected_and_what_to_try():
     for row in ALL:
+        assert re.fullmatch(r"[^ ].*\.", row.happened)
+        assert bool(row.found) == (row.number[0] == "E")
         assert re.fullmatch(r"[^ ].*\.", row.expected)
         assert re.fullmatch(r"[^ ].*[^. ]", row.hint) or "model" in row.hint
     assert {row.code for row in ALL if not row.commands} == set(WITHOUT)
@@ -217,7 +221,8 @@ def test_the_page_is_in_step():
 def test_explain(lagsim):  # noqa: F811
     called = lagsim("explain", "e116")
     row = errors()["duplicate-key"]
-    assert called.out.startswith("E116 duplicate-key\n\n" + row.expected)
+    begins = "E116 duplicate-key\n\nA key appears twice in one section.\nExpected: "
+    assert called.out.startswith(begins + row.expected)
     assert f"  hint: {row.hint}\n" in called.out
     assert f"    {row.change}" in called.out
     both = lagsim("explain", "nothing-to-draw", "--json").json

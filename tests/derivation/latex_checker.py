@@ -47,6 +47,7 @@ class _Reader:
         self.at = 0
         self.stack: list[str] = []
         self.displays: list[str] = []
+        self.large = 0  # parentheses that stay open past the end of a line
 
     def fail(self, why: str) -> LatexError:
         place = self.tokens[min(self.at, len(self.tokens) - 1)].start()
@@ -57,6 +58,8 @@ class _Reader:
             raise self.fail("no document class")
         while self.at < len(self.tokens):
             self.text()
+        if self.large:
+            raise self.fail("\\bigl and \\bigr do not match")
         if self.stack:
             raise self.fail(f"not closed: {self.stack}")
         if self.document.count("\\begin{document}") != 1:
@@ -175,6 +178,10 @@ class _Reader:
             raise self.fail("no delimiter")
 
     def command(self, name: str, depth: int) -> None:
+        if name in ("bigl", "bigr"):
+            self.large += 1 if name == "bigl" else -1
+            self.delimiter()
+            return
         if name == "right":
             raise self.fail("\\right without \\left")
         if name not in MATH:

@@ -23,7 +23,7 @@ FUNCTIONS = {
 }  # fmt: skip
 _RAISED = {c: str(k) for k, c in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")}
 _NUMBER = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
-_LATEX = re.compile(r"\\(?:left|right|,)|\{\}")
+_LATEX = re.compile(r"\\(?:left|right|bigl|bigr|,)|\{\}")
 
 
 def value(formula: str, values: Mapping[str, float]) -> float:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from typing import Any
 
 import pytest
 
 from lagsim.derivation.as_json import as_json
-from lagsim.derivation.as_latex import as_latex
+from lagsim.derivation.as_latex import LONGEST_LINE, as_latex
+from lagsim.derivation.as_latex import _width as as_latex_width
 from lagsim.derivation.as_python import as_python
 from lagsim.derivation.as_text import as_text
 from lagsim.derivation.lagrange import content
@@ -135,7 +137,7 @@ def test_names_survive() -> None:
                   r"\beta", r"I \, \ddot{\theta}_{1}", r"\mathrm{theta\_1}",
                   r"\mathit{zoo}", r"\ddot{\text{größe}}"):  # fmt: skip
         assert shown in latex
-    for shown in ("λ cos(θ₁)", "λ_lambda", "β", "θ̈₁", "N zoo theta_1", "E g̈röße"):
+    for shown in ("λ cos(θ₁)", "λ_lambda", "β", "θ̈₁", "N zoo theta_1", "E größe_ddot"):
         assert shown in text
     assert "lambda*cos(theta1)" in plain
     assert "lambda_lambda" in plain
@@ -392,3 +394,48 @@ initial: {x: 0, y: 0}
     assert kinds == {"momentum"}  # of y alone
     always = small(text.replace(", LAW", "")).conserved
     assert {k.kind for k in always} == {"momentum", "energy"}
+
+
+LONG = """\
+name: long
+parameters: {m: 1, k: 2}
+coordinates: {th1: {unit: rad}, b: {unit: rad}}
+energy:
+  kinetic: m*th1_dot^2/2 + m*b_dot^2/2
+  potential: >-
+    k*sqrt(NUMBERS)
+initial: {th1: 0, b: 0}
+simulation: {duration: 1}
+"""
+
+
+@pytest.mark.parametrize("ascii_only", [False, True])
+def test_long_equations_break_where_they_are_one_term(ascii_only: bool) -> None:
+    inside = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
+    text = as_text(small(LONG.replace("NUMBERS", f"200 + {inside}")),
+                   ascii_only=ascii_only)  # fmt: skip
+    for line in text.splitlines():
+        shown = [c for c in line if not unicodedata.combining(c)]
+        assert len(shown) <= 100, line
+    # Nothing is lost where lines break.
+    whole = " ".join(text.split())
+    assert all(f"{n}{'*' if ascii_only else ' '}cos(" in whole for n in range(2, 14))
+
+
+@pytest.mark.parametrize("name", ["double-pendulum", "chain-cartesian", "andrews"])
+def test_long_terms_of_latex_break(name: str) -> None:
+    document = as_latex(
+        content(derive(read((MODELS / f"{name}.yaml").read_text(), "m")))
+    )
+    check(document)
+    rows = [x for x in document.splitlines() if "&" in x and "quad" not in x[:9]]
+    assert max(map(as_latex_width, rows)) <= LONGEST_LINE + 4
+    assert "\\bigl" in document
+
+
+def test_a_word_with_a_dot_is_one_symbol() -> None:
+    text = as_text(small(LONG.replace("NUMBERS", "5 + cos(th1 - b)")))
+    assert "th₁_dot²" in text
+    assert "th₁_ddot" in text
+    assert "ḃ²" in text
+    assert "ṫ" not in text

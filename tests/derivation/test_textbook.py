@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 import sympy as sp
 
 from lagsim.derivation.as_text import as_text
@@ -145,6 +146,94 @@ energy: {kinetic: x_dot^2/2 + y_dot^2/2, potential: 1e16*x + k*y^2}
 initial: {x: 0, y: 1}
 """
     assert {k.of for k in small(lopsided).conserved} == {()}
+
+
+# Two bodies whose numbers are literals: masses, and their attraction.
+ATTRACTED = """
+coordinates: {{x1: {{}}, y1: {{}}, x2: {{}}, y2: {{}}, u: {{}}, w: {{}}}}
+energy:
+  kinetic: >
+    {m1}*(x1_dot^2 + y1_dot^2)/2 + {m2}*(x2_dot^2 + y2_dot^2)/2
+    + {beside}*(u_dot^2 + w_dot^2)/2
+  potential: -{k}/hypot(x1 - x2, y1 - y2) {more}
+initial: {{x1: 0, y1: 0, x2: 1, y2: 0, u: 0, w: 1}}
+"""
+SUN_AND_EARTH = {"m1": "1.98847e30", "m2": "5.9722e24", "k": "7.926e44"}
+PROTON_AND_ELECTRON = {"m1": "1.6726e-27", "m2": "9.1094e-31", "k": "2.3071e-28"}
+MOMENTA = {(), ("x1", "x2"), ("y1", "y2"), ("x1", "y1", "x2", "y2")}
+
+
+@pytest.mark.parametrize("bodies", [SUN_AND_EARTH, PROTON_AND_ELECTRON])
+@pytest.mark.parametrize("beside", ["1e-30", "1", "1e40"])
+@pytest.mark.parametrize("scale", ["1e-25", "1", "1e35"])
+def test_symmetries_in_any_units(bodies: Any, beside: str, scale: str) -> None:
+    # Of six coordinates: the bodies' momenta, and those that a spring leaves the two
+    # bystanders. Turns of u and w keep T; a spring between them has no such turn.
+    more = f"+ {scale}*(u - w)^2"
+    kept = small(ATTRACTED.format(beside=beside, more=more, **bodies)).conserved
+    assert {k.of for k in kept} == {*MOMENTA, ("u", "w")}
+    assert sum(k.kind == "angular momentum" for k in kept) == 1
+    assert len(kept) == 5
+
+
+@pytest.mark.parametrize("bodies", [SUN_AND_EARTH, PROTON_AND_ELECTRON])
+@pytest.mark.parametrize("field", ["1e-20", "1", "1e20"])
+def test_a_weak_or_strong_field_breaks_a_symmetry(bodies: Any, field: str) -> None:
+    text = ATTRACTED.format(beside="1", more=f"+ {field}*x1 + u^2 + 3*w^4", **bodies)
+    assert {k.of for k in small(text).conserved} == {(), ("y1", "y2")}
+
+
+FACTORED = """
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: "{kinetic}", potential: "{potential}"}}
+initial: {{x: 1, y: 1}}
+"""
+FREE = "(x_dot^2 + y_dot^2)/2"
+ROUND = [
+    "{f}*(x^2 + y^2)",
+    "-(x^2 + y^2)*{f}/7",
+    "{f}/hypot(x, y)",
+    "{f}*exp(-x^2 - y^2)",
+    "3*(2*{f})*(x^2 + y^2) + x^2 + y^2",
+]
+
+
+def turns(factor: str, potential: str) -> list[set[str]]:
+    """Tell what is kept with a factor in V, or in T."""
+    found = []
+    for kinetic, V in (
+        (FREE, potential.format(f=factor)),
+        (f"{factor}*{FREE}", "x^2 + y^2"),
+    ):
+        text = FACTORED.format(kinetic=kinetic, potential=V)
+        found.append({k.kind for k in small(text).conserved})
+    return found
+
+
+@pytest.mark.parametrize("potential", ROUND)
+@pytest.mark.parametrize(
+    "factor",
+    [
+        "(1 + 1e-14*x)",
+        "(1 - y*1e-11)",
+        "(1e14 + x)",
+        "(1e20*2 - 3*y)/5",
+        "(x/1e13 - 1)",
+    ],
+)
+def test_a_weak_term_in_a_factor_breaks_a_symmetry(potential: str, factor: str) -> None:
+    for kinds in turns(factor, potential):
+        assert "angular momentum" not in kinds
+
+
+@pytest.mark.parametrize("potential", ROUND)
+@pytest.mark.parametrize(
+    "factor",
+    ["(1 + 1e-14*(x^2 + y^2))", "(1e9 + x^2 + y^2)", "((x^2 + y^2)/1e13 - 1)"],
+)
+def test_a_weak_term_that_is_round_breaks_none(potential: str, factor: str) -> None:
+    for kinds in turns(factor, potential):
+        assert "angular momentum" in kinds
 
 
 def test_damping_and_driving_end_the_energy() -> None:

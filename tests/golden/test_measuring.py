@@ -261,7 +261,7 @@ def test_what_helps_where_there_is_no_golden(tmp_path, broken):
     with pytest.raises(InputError) as raised:
         load(tmp_path, "model")
     [problem] = raised.value.problems
-    stores = "it anew" if broken is not None else "one"
+    stores = "it again" if broken is not None else "one"
     assert problem.hint == f"`lagsim golden --update` stores {stores}"
     assert str(tmp_path) in str(raised.value)
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tests.hunt.scene import Scene
 
 # How a method that was asked for is refused for its cost.
-TOO_LONG = "its series takes about"
+TOO_LONG = "its series would take about"
 
 
 @dataclass

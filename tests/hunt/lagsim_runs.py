@@ -15,11 +15,12 @@ from typing import Any, Self
 import numpy as np
 
 from tests.cli._results import manifest, table
+from tests.patience import PATIENCE
 
 ROOT = Path(__file__).parent.parent.parent
 # Processor seconds after which a run counts as hanging, and the clock's.
-PATIENCE = 40.0
-LONGEST = 20 * PATIENCE
+HANGING = 40.0 * PATIENCE
+LONGEST = 20 * HANGING
 _TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -70,10 +71,10 @@ class Lagsim:
         process.stdin.flush()
         begun, spent = time.monotonic(), _processor(process.pid)
         while not select.select([process.stdout], [], [], 1.0)[0]:
-            hanging = _processor(process.pid) - spent > PATIENCE
+            hanging = _processor(process.pid) - spent > HANGING
             if hanging or time.monotonic() - begun > LONGEST:
                 self.close()
-                return {"code": -1, "err": f"no answer after {PATIENCE} s"}
+                return {"code": -1, "err": f"no answer after {HANGING:g} s"}
         line = process.stdout.readline()
         if not line:
             return {"code": -1, "err": f"the process died: {process.wait()}"}

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import math
 import os
 import shutil
 import signal
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from lagsim.cli import main
 from tests.hunt.soup import MODEL, OPTIONS, Case, case, shrunk
+from tests.patience import PATIENCE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 # 0: done, 1: no, 2: unusable, 3: unfinished. A bug is 70.
 CALM = (0, 1, 2, 3)
 # No file of this size takes longer, on a machine that does something else as well.
-SECONDS = 30
+SECONDS = math.ceil(30 * PATIENCE)
 # As many failures of one sort are made small; more of them say nothing new.
 ENOUGH = 3
 

@@ -1,6 +1,7 @@
-"""Contacts against the referee: a few scenes always, more slowly, 200 nightly.
+"""Contacts against the referee: a few scenes slowly, 60 nightly.
 
-HUNT_SEED and HUNT_CONTACTS choose what a night tries, HUNT_FOLDER where failures go.
+HUNT_SEED and HUNT_CONTACTS (60) choose what a night tries, HUNT_FOLDER its failures. A
+scene takes 1.3 s of one core: a night's a minute and a half, and eleven minutes 500.
 """
 
 from __future__ import annotations
@@ -104,10 +105,10 @@ def test_fifteen_contacts_hold(lagsim, tmp_path):
 
 
 @pytest.mark.nightly
-def test_two_hundred_contacts_hold(lagsim, tmp_path):
+def test_a_nights_contacts_hold(lagsim, tmp_path):
     today = dt.datetime.now(dt.UTC).date().isoformat()
     seed = os.environ.get("HUNT_SEED", today)
-    count = int(os.environ.get("HUNT_CONTACTS", "200"))
+    count = int(os.environ.get("HUNT_CONTACTS", "60"))
     kinds, told = hunted(seed, count, lagsim, folder_of(tmp_path))
     assert not told, f"seed {seed}\n{told}"
     assert kinds.count("fine") > len(kinds) / 2

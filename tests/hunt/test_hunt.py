@@ -1,6 +1,7 @@
-"""lagsim against the referee: a few scenes always, forty slowly, a thousand nightly.
+"""lagsim against the referee: a few scenes slowly, a hundred nightly.
 
-HUNT_SEED and HUNT_SCENES choose what a night tries, HUNT_FOLDER where failures go.
+HUNT_SEED and HUNT_SCENES (100) choose what a night tries, HUNT_FOLDER its failures. A
+scene takes 0.6 s of one core: a night's a minute, and ten minutes 1,000.
 """
 
 from __future__ import annotations
@@ -56,10 +57,10 @@ def test_twenty_scenes_hold(lagsim, tmp_path):
 
 
 @pytest.mark.nightly
-def test_a_thousand_scenes_hold(lagsim, tmp_path, capsys):
+def test_a_nights_scenes_hold(lagsim, tmp_path, capsys):
     today = dt.datetime.now(dt.UTC).date().isoformat()
     seed = os.environ.get("HUNT_SEED", today)
-    count = int(os.environ.get("HUNT_SCENES", "1000"))
+    count = int(os.environ.get("HUNT_SCENES", "100"))
     tally, told = hunted(seed, count, lagsim, folder_of(tmp_path))
     ratios = np.array(tally.ratios)
     within = np.mean((ratios < FACTOR) & (ratios > 1 / FACTOR)) if len(ratios) else 1

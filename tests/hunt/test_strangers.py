@@ -70,7 +70,7 @@ def test_no_file_is_a_bug_of_many(said):
 
 @pytest.mark.nightly
 def test_no_file_is_a_bug_of_very_many(said):
-    hunt(said, int(os.environ.get("LAGSIM_HUNT", "100000")))
+    hunt(said, int(os.environ.get("LAGSIM_HUNT_STRANGERS", "5000")))
 
 
 @pytest.mark.slow

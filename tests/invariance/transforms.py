@@ -19,8 +19,8 @@ from tests.sympy_oracle import expression
 _T = re.compile(r"\bt\b")
 _RATE = re.compile(r"\b([^\W\d]\w*_dot)\b")
 _WORD = re.compile(r"[^\W\d]\w*")
-# What a constraint may have besides its relation; a slip is one expression here.
-LAWS = ("restitution", "friction", "slip", "when")
+# What a constraint may have besides its relation.
+LAWS = ("restitution", "friction", "slip", "when", "limit")
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ class Document:
     def everywhere(self, change: Any) -> Document:
         """Give the document with all texts of the motion changed."""
 
-        def each(texts: dict[str, str]) -> dict[str, str]:
-            return {name: change(text) for name, text in texts.items()}
+        def each(texts: dict[str, Any]) -> dict[str, Any]:
+            return {name: _in_all(change, text) for name, text in texts.items()}
 
         return replace(
             self, definitions=each(self.definitions), energy=each(self.energy),
@@ -86,6 +86,11 @@ class Document:
             laws={name: each(law) for name, law in self.laws.items()},
             until=change(self.until),
         )  # fmt: skip
+
+
+def _in_all(change: Any, text: Any) -> Any:
+    """Change a text, or each of a list: the slips on a disc."""
+    return [change(x) for x in text] if isinstance(text, list) else change(text)
 
 
 def document(text: str) -> Document:
@@ -118,10 +123,12 @@ def document(text: str) -> Document:
         if isinstance(entry, dict)
     }
     used = [*energy.values(), *forces, *forces.values(), *constraints.values()]
-    used += [text for law in laws.values() for text in law.values()]
+    for text in (text for law in laws.values() for text in law.values()):
+        used += text if isinstance(text, list) else [text]
     used.append(simulation.get("until", ""))
     duration = number(simulation["duration"])
-    kept = {k: v for k, v in simulation.items() if k in ("method", "rtol")}
+    asked = ("method", "rtol", "formulation")
+    kept = {k: v for k, v in simulation.items() if k in asked}
     return Document(
         parameters, tuple(raw["coordinates"]),
         _needed(_texts(raw.get("definitions"), "value"), used),
@@ -154,10 +161,10 @@ def replaced(
 ) -> Document:
     """Put q = factor*Q - far - speed*(t - start) for each coordinate."""
     definitions, initial = {}, {}
-    parameters = model.parameters | {
-        "new_L": repr(factor), "new_X": repr(far), "new_V": repr(speed),
-        "new_t": repr(model.start),
-    }  # fmt: skip
+    parameters = model.parameters | {"new_L": repr(factor)}
+    parameters |= {"new_X": repr(far)} if far else {}
+    if speed:
+        parameters |= {"new_V": repr(speed), "new_t": repr(model.start)}
     for q in model.coordinates:
         text = f"new_L*{q}_new"
         text += " - new_X" if far else ""
@@ -191,9 +198,15 @@ def seconds(model: Document, factor: float) -> Document:
         name: x * factor if name.endswith("_dot") else x
         for name, x in model.initial.items()
     }
-    # Slips are in metres per new second, as the gaps are in metres.
+    # Slips are in metres per new second, as the gaps are in metres; what a limit is to
+    # hold up against is a force, and its relation a speed.
     laws = {
-        name: {k: f"{factor!r}*({x})" if k == "slip" else x for k, x in law.items()}
+        name: {
+            k: _in_all(lambda text: f"{factor!r}*({text})", x)
+            if k in ("slip", "limit")
+            else x
+            for k, x in law.items()
+        }
         for name, law in changed.laws.items()
     }
     return replace(
@@ -209,9 +222,13 @@ def kilograms(model: Document, factor: float) -> Document:
     def heavier(texts: dict[str, str]) -> dict[str, str]:
         return {name: f"new_M*({text})" for name, text in texts.items()}
 
+    laws = {
+        name: {k: f"new_M*({x})" if k == "limit" else x for k, x in law.items()}
+        for name, law in model.laws.items()
+    }
     return replace(
         model, parameters=model.parameters | {"new_M": repr(factor)},
-        energy=heavier(model.energy), forces=heavier(model.forces),
+        energy=heavier(model.energy), forces=heavier(model.forces), laws=laws,
     )  # fmt: skip
 
 

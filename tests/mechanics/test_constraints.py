@@ -149,7 +149,7 @@ def test_what_is_inferred(
     assert (row.scleronomic, row.pfaffian) == (scleronomic, pfaffian)
     # Only a relation that may exchange energy has a transport term.
     assert (row.transport != e.graph.zero) == moved
-    assert (e.power is not None) == moved
+    assert bool(e.works) == moved
 
 
 def test_absent_coordinates_have_zero_entries() -> None:

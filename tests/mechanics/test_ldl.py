@@ -9,7 +9,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.sparse import Meter, TooLongError
 from lagsim.mechanics.equations import derive
-from lagsim.mechanics.ldl import BUDGET, Elimination, Factorisation
+from lagsim.mechanics.ldl import BUDGET, Elimination, Factorisation, affordable
 from lagsim.model.reader import read
 
 
@@ -153,3 +153,53 @@ def test_motion_of_a_constrained_model() -> None:
     b = np.array([-2 * (vx**2 + vy**2 + vz**2), 0.0])
     assert M @ q_ddot - A.T @ lam == pytest.approx(f, abs=1e-13)
     assert A @ q_ddot == pytest.approx(b, abs=1e-13)
+
+
+def four_bars(loops: int) -> str:
+    """Give so many squares side by side, of rods of length and mass 1, on the ground.
+
+    In the points of their joints: neighbours share the masses of rods, so that the
+    inverse of M has no zeros.
+    """
+    joints, bars = range(loops + 1), range(loops)
+    legs = [f"(x{i}_dot^2 + y{i}_dot^2)/6" for i in joints]
+    above = [
+        f"(x{i}_dot^2 + x{i}_dot*x{i + 1}_dot + x{i + 1}_dot^2 + "
+        f"y{i}_dot^2 + y{i}_dot*y{i + 1}_dot + y{i + 1}_dot^2)/6"
+        for i in bars
+    ]
+    weights = [f"y{i}/2" for i in joints] + [f"(y{i} + y{i + 1})/2" for i in bars]
+    lines = [
+        "parameters: {g: 9.81}",
+        "coordinates:",
+        *(f"  x{i}: {{}}\n  y{i}: {{}}" for i in joints),
+        "energy:",
+        f"  kinetic: {' + '.join(legs + above)}",
+        f"  potential: g*({' + '.join(weights)})",
+        "constraints:",
+        *(f"  leg{i}: (x{i} - {i})^2 + y{i}^2 = 1" for i in joints),
+        *(f"  bar{i}: (x{i + 1} - x{i})^2 + (y{i + 1} - y{i})^2 = 1" for i in bars),
+        "initial:",
+        *(f"  x{i}: {i}\n  y{i}: 1\n  x{i}_dot: 1\n  y{i}_dot: 0" for i in joints),
+    ]
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("loops", [15, 30])
+def test_what_loops_solve_in_less_is_given_up_before_it_is_built(loops: int) -> None:
+    """S of N four-bar linkages has no zeros, and its entries sums of up to N terms."""
+    e = derive(read(four_bars(loops), "four-bars.yaml"))
+    before = len(e.graph.ops)
+    with pytest.raises(TooLongError):
+        Elimination(e, affordable(len(e.q), len(e.rows)))
+    most = 7 * loops**2  # Z has some 2 N^2 entries, S would take N^3 operations
+    assert len(e.graph.ops) - before <= most
+
+
+@pytest.mark.parametrize("text", [MODEL, four_bars(1), four_bars(4)])
+def test_what_is_counted_beforehand_is_never_more_than_it_takes(text: str) -> None:
+    e = derive(read(text, "model.yaml"))
+    exact = Elimination(e).operations
+    assert Elimination(e, exact).operations == exact
+    with pytest.raises(TooLongError):
+        Elimination(e, exact - 1)

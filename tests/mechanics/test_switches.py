@@ -9,11 +9,11 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.mechanics.switches import (
-    expression_text,
     find_switches,
     prevailing,
     surfaces,
 )
+from lagsim.mechanics.switches.text import expression_text
 from lagsim.run.events.breaks import break_times
 
 MOVING = ("x", "x_dot")

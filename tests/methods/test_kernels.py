@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lagsim.language.evaluate import evaluate
+from lagsim.methods import dop853
 from lagsim.methods.parts import driver
 from lagsim.methods.parts import state as at
 from lagsim.native.graph.sincos import LANES
@@ -147,7 +148,7 @@ def test_with_the_model_in_plain_python_too(case):
     velocities = [g.variable(v) for v in equations.velocities]
     made = functions(equations, runner.system.plan, runner.system.columns)
     nodes = {name: made[name] for name in ("measure", "terms", "rounding")}
-    nodes["derivative"] = [*velocities, *accelerations, equations.power]
+    nodes["derivative"] = [*velocities, *accelerations, *equations.powers]
     if statics["UNTIL"]:
         nodes["until"] = [equations.model.until.node]
     fixed = {p.name: p.value for p in equations.model.parameters}
@@ -185,3 +186,44 @@ def test_tabulate_is_the_same():
     tabulate = bind(driver.tabulate, linked(runner))
     tabulate(states.ravel(), 2, size, runner.system.p, out, width, work)
     assert np.array_equal(out.reshape(2, width), runner.tabulate(states))
+
+
+def hairers(error5, error3):
+    """Equation (10.17) of section II.10, all tolerances 1 and h = 1."""
+    both = np.sum(np.square(error5)), np.sum(np.square(error3))
+    return both[0] / np.sqrt(len(error5) * (both[0] + 0.01 * both[1]))
+
+
+def norm_with(motion, works):
+    """The norm of errors of order 5 and 3, whose tolerances are 1."""
+    tolerances = np.ones(len(motion) + len(works))
+    errors = np.array([e[k] for k in (0, 1) for e in (*motion, *works)])
+    n = len(motion) // 2
+    return dop853.error_norm(n, len(tolerances), 1.0, errors, tolerances)
+
+
+MOTION = (30.0, 400.0), (20.0, 500.0)  # of order 5 and of 3
+
+
+def test_a_work_hides_no_error_of_the_motion():
+    """One of which the estimate of order 3 alone is large, whatever its tolerance."""
+    alone = hairers([30.0, 20.0], [400.0, 500.0])
+    assert norm_with(MOTION, []) == pytest.approx(alone)
+    assert norm_with(MOTION, [(0.0, 1e18)]) == pytest.approx(alone)
+    assert norm_with(MOTION, [(1e10, 1e18)]) > alone * np.sqrt(2 / 3) * (1 - 1e-12)
+    # Its square underflows.
+    assert norm_with(MOTION, [(1e-180, 0.0)]) == pytest.approx(alone * np.sqrt(2 / 3))
+
+
+def test_a_work_hides_no_error_of_another():
+    rests = (0.0, 0.0), (0.0, 0.0)
+    alone = hairers([40.0], [900.0])
+    for others in ([(1e-9, 1e18)], [(0.0, 1e18), (1e-9, 1e3)]):
+        found = norm_with(rests, [*others, (40.0, 900.0)])
+        assert found > alone * np.sqrt(1 / 3) * (1 - 1e-12)
+
+
+@pytest.mark.parametrize("work", [(25.0, 100.0), (40.0, 30.0), (1e3, 2e4)])
+def test_a_work_with_an_error_is_a_component_more(work):
+    error5, error3 = np.transpose([*MOTION, work])
+    assert norm_with(MOTION, [work]) == pytest.approx(hairers(error5, error3))

@@ -6,6 +6,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.model.reader import read
+from lagsim.model.reader.faults import MAX_GUESSES
 from tests.model._files import problems
 
 SCENE = """\
@@ -18,6 +19,23 @@ simulation: {{duration: {duration}}}
 """
 SOUND = {"parameter": "1", "definition": "x", "initial": "0", "duration": "1"}
 HINTS = [
+    ("duration", "2 s", "write 2: "),
+    ("duration", "{value: 2, unit: s}", "write 2: "),
+    ("duration", "1,000.5", "write 1000.5"),
+    ("initial", "{value: 1, unit: rad}", "write 1: "),
+    ("initial", "{value: 30, unit: deg}", "write 30*pi/180"),
+    ("initial", "1500 rpm", "write 1500*2*pi/60: rates are in rad/s"),
+    ("parameter", "2.7 g/cm^3", "write 2.7*100^3/1000, in kg/m^3"),
+    ("parameter", "1/2 kg", "write {value: 1/2, unit: kg}"),
+    ("definition", "2*time", "the time is `t`"),
+    ("definition", "arctan(sin(x))", "write atan(sin(x))"),
+    ("definition", "cot x", "write 1/tan(x)"),
+    ("definition", "dx/dt", "the rate is written x_dot"),
+    ("definition", "x mod 2", "write x - 2*floor(x/2)"),
+    ("definition", "pi()", "write pi"),
+    ("definition", "x == 1", "x >= 1 and x <= 1"),
+    ("definition", "(x > 0)*l", "write if(x > 0, 1, 0)"),
+    ("definition", "e^(-x)", "write exp(-x)"),
     ("parameter", "1 m", "{value: 1, unit: m}"),
     ("parameter", "1m", "{value: 1, unit: m}"),
     ("parameter", '"1 [kg]"', "{value: 1, unit: kg}"),
@@ -42,9 +60,9 @@ HINTS = [
     ("initial", "30deg", "30*pi/180"),
     ("initial", "30 º", "30*pi/180"),
     ("initial", "30*deg", "pi/180"),
-    ("initial", "radians(30)", "x*pi/180"),
-    ("initial", "math.radians(30)", "x*pi/180"),
-    ("initial", "pi/6 rad", "leave the unit out"),
+    ("initial", "radians(30)", "30*pi/180"),
+    ("initial", "math.radians(30)", "30*pi/180"),
+    ("initial", "pi/6 rad", "write pi/6: angles are in radians"),
     ("initial", "3π/4", "3*pi"),
     ("initial", "3pi/4", "3*pi"),
     ("parameter", "9.81 m/s^2", "{value: 9.81, unit: m/s^2}"),
@@ -74,7 +92,7 @@ HINTS = [
     ("definition", "cot(x)", "1/tan(x)"),
     ("definition", "sh(x)", "sinh(x)"),
     ("definition", "round(x)", "floor(x + 0.5)"),
-    ("definition", "mod(x, l)", "floor(x/y)"),
+    ("definition", "mod(x, l)", "x - l*floor(x/l)"),
     ("definition", "atan(x, l)", "atan2(x, l)"),
     ("definition", "max(x, l, 1)", "max(x, max(l, 1))"),
     ("definition", "max(x; l)", "`,`"),
@@ -103,7 +121,7 @@ HINTS = [
     ("definition", "ml", "m*l"),
     ("definition", "x2", "x^2"),
     ("definition", "x(t)", "write x, without `(t)`"),
-    ("definition", "x(l + 1)", "x*(...)"),
+    ("definition", "x(l + 1)", "x*(l + 1)"),
     ("definition", "0.5m*x_dot^2", "0.5*m"),
     ("definition", "x_dot2", "x_dot^2"),
     ("definition", "v_x", "x_dot"),
@@ -125,7 +143,7 @@ HINTS = [
     ("definition", "cos**2(x + l)", "cos(x + l)^2"),
     ("definition", "sin^2 x", "sin(x)^2"),
     ("definition", "ln(x)", "log(x)"),
-    ("definition", "arctan2(x, l)", "atan2(y, x)"),
+    ("definition", "arctan2(x, l)", "atan2(x, l)"),
     ("definition", "np.sin(x)", "write `sin`"),
     ("definition", "2*math.pi", "write `pi`"),
     ("definition", "e^x", "exp(x)"),
@@ -190,7 +208,7 @@ def test_decimal_commas_in_braces(old, new):
     text = SCENE.format(**SOUND)
     assert old in text
     found = problems(text.replace(old, new))
-    assert any(problem.hint == "a decimal point is written `.`" for problem in found)
+    assert any(p.hint.endswith("5: a decimal point is written `.`") for p in found)
 
 
 @pytest.mark.parametrize(
@@ -283,7 +301,7 @@ def indented(text):
         ("  l: 1", "  l = 1", "write `l: 1`", 2),
         ("  l: 1", "  l=1", "write `l: 1`", 2),
         ("  l: 1\n  g: 9.8\n", "  l = 1\n", "a colon is missing: `l: 1`", 2),
-        ("  l: 1", "  l: [1, m]", "{value: ..., unit: ...}", 2),
+        ("  l: 1", "  l: [1, m]", "write {value: 1, unit: m}", 2),
         ("  theta: 1", "  theta: 1\n  theta': 0", "`theta_dot`", 11),
         ("kinetic: l", "kinetic: T = l", "right of it", 7),
     ],
@@ -311,3 +329,12 @@ def test_names_may_be_those_of_sections():
     text = FILE.replace("  l: 1", "  l: 1\n  scene: {value: 3, unit: m}\n  output: 2")
     text = text.replace("cos(theta)", "cos(theta) + scene*output")
     assert read(text, "model.yaml").name == "model"
+
+
+def test_so_many_faults_are_looked_at_and_no_more():
+    """Looking costs time: a file full of faults has a hint of its own for the first."""
+    count = MAX_GUESSES + 5
+    text = "parameters:\n" + "".join(f"  p{k}: sin 2\n" for k in range(count))
+    hints = [problem.hint == "write sin(2)" for problem in problems(text)]
+    assert MAX_GUESSES == 200
+    assert hints == [True] * 200 + [False] * 5

@@ -211,7 +211,7 @@ class TestAccidents:
             ("a: `x`\n", "yaml-syntax", 1, 4, "backquote", "quote"),
             ("a: >= 3\n", "yaml-syntax", 1, 4, "`>`", '">= 3"'),
             ("a: |x|\n", "yaml-syntax", 1, 4, "`|`", "write abs(x)"),
-            ("a: |x| + |y|\n", "yaml-syntax", 1, 4, "`|`", '"|x| + |y|"'),
+            ("a: |x| + |y|\n", "yaml-syntax", 1, 4, "`|`", "write abs(x) + abs(y)"),
             ("a: - y\n", "yaml-syntax", 1, 4, "`- `", '"- y"'),
             ("a: ,x\n", "yaml-syntax", 1, 4, "`,`", "quote"),
             ("a:\n\tb: 1\n", "yaml-tab", 2, 1, "tab", "spaces"),

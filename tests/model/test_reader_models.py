@@ -432,6 +432,19 @@ initial: {x: m, y: 0}
         m = model(self.TEXT, overrides={"m": "k + 4"})
         assert (m.parameters[1].value, m.parameters[1].unit) == (5, "kg")
 
+    def test_of_start_values(self):
+        """What is not stated there is added; others that use it follow."""
+        text = """
+parameters: {k: 2}
+definitions: {s: x + y}
+initial: {x: {guess: 1}, y: 2*x, s: 0}
+"""
+        values = {"x": "k/2 + 1/4", "y_dot": "-3", "s": "5", "k": "4"}
+        starts = {s.name: s for s in model(text, overrides=values).initial}
+        stated = {name: s.value for name, s in starts.items()}
+        assert stated == {"x": 2.25, "y": 4.5, "x_dot": 0, "y_dot": -3, "s": 5}
+        assert [name for name, s in starts.items() if s.guess] == ["x"]
+
     def test_what_the_file_says_there_does_not_matter(self):
         assert model("parameters: {a: 1/0}", overrides={"a": "1"}).parameters
 
@@ -440,7 +453,7 @@ initial: {x: m, y: 0}
         [
             ("kk", "1", "unknown-parameter", 7, "did you mean `k`"),
             ("k.m", "1", "unknown-parameter", 7, "reserved"),
-            ("x", "1", "unknown-parameter", 7, "`x` is a coordinate"),
+            ("x_ddot", "1", "unknown-parameter", 7, "`x_ddot` is an acceleration"),
             ("", "1", "unknown-parameter", 7, "no parameter"),
             ("k", "2*", "expression-syntax", 11, "ends"),
             ("k", "2 3", "expression-syntax", 11, "write `*`"),

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from tests.patience import PATIENCE
 from tests.support import ROOT
 
 # Machine code, in which no signal is looked at: `while x < 1: x = x * 0.5`.
@@ -40,10 +41,10 @@ def test_an_endless_kernel_is_ended(tmp_path):
     (tmp_path / "test_one.py").write_text(TEST)
     settings = ROOT / "pyproject.toml"
     command = ["-m", "pytest", "-c", str(settings), "--rootdir", str(tmp_path)]
-    command += ["-n", "0", "--timeout=5", "-p", "no:cacheprovider"]
+    command += ["-n", "0", f"--timeout={5 * PATIENCE:g}", "-p", "no:cacheprovider"]
     done = subprocess.run(
         [sys.executable, *command, "."],
-        cwd=tmp_path, capture_output=True, text=True, timeout=120,
+        cwd=tmp_path, capture_output=True, text=True, timeout=120 * PATIENCE,
     )  # fmt: skip
     assert done.returncode != 0
     told = done.stdout + done.stderr

@@ -283,3 +283,21 @@ def test_a_product_that_others_use_is_rounded_alike_for_all() -> None:
     layout = Layout(y={"x": 0}, p={}, fixed=frozenset(), size=0)
     code = generate(g, {"f": nodes}, layout, ("f",))
     assert "call double @llvm.fmuladd" not in code.ir
+
+
+@pytest.mark.parametrize("many", [3, 2 * keys.PIECE])  # in one piece, and in several
+def test_matrices_of_zeros_cost_what_their_other_entries_do(many: int) -> None:
+    """M and A of many bodies by loops: LLVM takes its time for each store."""
+    sizes, expected = [], []
+    for zeros in (1_000, 4_000):
+        g = Graph()
+        terms = build(g, *(f"x*a + {k}" for k in range(many)))
+        nodes = [*([g.zero] * zeros), *terms, g.zero, terms[0], g.zero]
+        compiled = Compiled(g, {"f": nodes, "g": [g.zero, *terms[:2]]})
+        expected = [VALUES["x"] * VALUES["a"] + k for k in range(many)]
+        wanted = [*([0.0] * zeros), *expected, 0.0, expected[0], 0.0]
+        found = compiled.at(VALUES)  # what it is given is GUARD everywhere
+        assert list(map(bits, found)) == list(map(bits, wanted))
+        assert compiled.at(VALUES, "g") == [0.0, *expected[:2]]
+        sizes.append(compiled.code.ir.count("\n"))
+    assert sizes[1] == sizes[0] < 20 * many + 100

@@ -10,6 +10,8 @@ import subprocess
 
 import pytest
 
+from tests.patience import PATIENCE
+
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 OPTIONS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
@@ -27,7 +29,9 @@ def said(page, folder, fragment="", *options):
     assert FOUND is not None
     command = [FOUND, *OPTIONS, *options, f"--user-data-dir={folder}", "--dump-dom"]
     command.append(f"{page.resolve().as_uri()}{fragment}")
-    done = subprocess.run(command, capture_output=True, timeout=60, check=True)
+    done = subprocess.run(
+        command, capture_output=True, timeout=60 * PATIENCE, check=True
+    )
     [body] = re.findall(r"<body[^>]*>", done.stdout.decode())
     found = re.findall(r'data-(\w+)="([^"]*)"', body)
     return {name: html.unescape(text) for name, text in found}

@@ -21,8 +21,6 @@ from matplotlib.text import Text
 
 from lagsim.model.model import Curve, Plot
 
-EVENTS = ("#888888",)
-
 
 @dataclass
 class Panel:
@@ -83,7 +81,7 @@ def panel_of(axes):
     )
     # Grid and frame are thin.
     lines = [line_of(line) for line in axes.lines]
-    panel.lines = [line for line in lines if line.width > 0.6 or line.colour in EVENTS]
+    panel.lines = [line for line in lines if line.width > 0.6]
     panel.thin = [line for line in lines if line.width <= 0.6]
     for patch in axes.patches:
         corners = patch.get_transform().transform(patch.get_path().vertices)

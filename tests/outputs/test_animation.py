@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import lagsim
 from lagsim.notes import Event
 from lagsim.outputs import animation
 from lagsim.outputs.animation.film import ROOM, Film, Track
+from lagsim.outputs.sheet import PENS
 from tests.support import MODELS
 
 # Numbers of a page have 24 bits.
@@ -275,3 +277,10 @@ scene: {{points: {{{many}}}}}
     # Base64 takes a third more; names and the rest of a point a few bytes.
     assert ROOM / 4 < size < 4 / 3 * ROOM + 100 * points + 2000
     assert any("one of" in note for note in run["notes"])
+
+
+def test_energies_have_the_colours_of_their_picture():
+    style = (Path(animation.__file__).parent / "page.css").read_text("utf-8")
+    light = style.partition("}")[0]
+    for name, pen in zip(("kinetic", "potential"), PENS, strict=False):
+        assert f"--{name}: {pen['color'].lower()};" in light

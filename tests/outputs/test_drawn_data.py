@@ -18,7 +18,7 @@ from lagsim.outputs.record import Record
 from lagsim.run.observers.thinning import DRIFT, Thinning
 from tests.outputs.drawn import against, drawn
 
-EVENT, SHADE = "#888888", "#dddddd"
+EVENT, SHADE = "#444444", "#dddddd"
 PLAIN = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
 LABEL = re.compile(
     r"(?P<name>.*?)(?: (?P<sign>[−+]) (?P<offset>[\d.e+-]+))?"
@@ -86,7 +86,7 @@ def panels(drawing):
         lines, events = {}, []
         for line in panel.lines:
             if line.colour == EVENT:
-                events = list(x_axis(line.x[::3]))
+                events = list(x_axis(line.x))
             elif line.width >= 0.8 and len(line.x) > 1:
                 shown = (x_axis(line.x), y_axis(line.y))
                 lines.setdefault(line.colour, []).append(shown)
@@ -263,7 +263,7 @@ def test_paths_of_the_scene():
     for panel, across, up, names in (
         (front, x, z, "xz"), (side, y, z, "yz"), (top, x, y, "xy"),
     ):  # fmt: skip
-        assert [panel.x.name, panel.y.name] == [f"scene {name}" for name in names]
+        assert [panel.x.name, panel.y.name] == list(names)
         assert panel.x.unit == panel.y.unit == "m"
         [[(found_x, found_y)]] = panel.lines.values()
         same(found_x, across, np.ptp(across))

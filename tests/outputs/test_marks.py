@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+
 import numpy as np
 import pytest
 
-from lagsim.model.model import Scene
+from lagsim import simulate
+from lagsim.model.model import Curve, Scene
+from lagsim.model.reader import read
 from lagsim.notes import Event
-from lagsim.outputs import plots
-from lagsim.outputs.curves import IMPACTS, MARKS, RESTS
+from lagsim.outputs import artist, plots, sheet
+from lagsim.outputs.curves import LOST, MARKS
 from lagsim.outputs.events import marked
 from lagsim.outputs.record import Record
 from lagsim.outputs.sheet import DPI
 from lagsim.run.observers.thinning import Thinning
-from tests.outputs.drawn import drawn
+from tests.outputs.drawn import against, drawn
+
+IMPACTS = MARKS["impact"].top
 
 # A ball on a floor, told by hand: falls for a second, rebounds, and lies.
 T = np.array([0.0, 0.5, 1.0, 1.0, 1.5, 2.0, 2.0, 3.0, 4.0])
@@ -88,26 +94,32 @@ def test_however_many_impacts_leave_the_curves_free(count):
         for panel in drawing.panels:
             [ticks] = of_colour(panel, IMPACTS)
             assert ticks.dots
-            # At most one at each pixel, none far from where there is an impact.
             assert len(ticks.x) <= min(count, panel.box.width)
+            # Each is where an impact is, and near each impact is one.
             shown = places(panel, times)
-            apart = np.abs(shown[:, np.newaxis] - ticks.x).min(axis=1)
-            assert np.max(apart) <= PIXEL
+            apart = np.abs(shown[:, np.newaxis] - ticks.x)
+            assert np.max(apart.min(axis=0)) <= PIXEL
+            assert np.max(apart.min(axis=1)) <= 3.0 / 72 * DPI
             half = IMPACTS["markersize"] / 144 * DPI
             assert np.all(ticks.y + half <= panel.box.y1 + PIXEL)
             assert np.all(ticks.y - half >= panel.box.y1 - 0.1 * DPI)
 
 
-def test_rest_is_a_line_across():
-    for drawing in against_time(record(events={"impact": [1.0], "zeno": [2.0]})):
-        assert drawing.written().count("comes to rest") == 1
-        for panel in drawing.panels:
-            thin = [line for line in panel.thin if line.colour == RESTS["color"]]
-            [line] = thin
-            assert line.x[:2] == pytest.approx(places(panel, [2.0, 2.0]), abs=PIXEL)
-            assert sorted(line.y[:2]) == pytest.approx(
-                [panel.box.y0, panel.box.y1], abs=PIXEL
-            )
+@pytest.mark.parametrize("kind", ["zeno", "slip", "switch", "unheard of"])
+def test_marks_are_short_ticks_that_do_not_touch(kind):
+    plain = drawn(plots.energy, record(), is_sum=True).panels[0]
+    for count in (1, 300):
+        run = record(events={kind: list(np.linspace(1.0, 3.9, count))})
+        panel = drawn(plots.energy, run, is_sum=True).panels[0]
+        # No line across: what is thin is what is thin without events.
+        assert len(panel.thin) == len(plain.thin)
+        [ticks] = panel.lines[: len(panel.lines) - len(plain.lines)]
+        assert ticks.dots
+        assert np.all(ticks.y > panel.box.y1 - 0.1 * DPI)
+        # Points: what is broader than a stroke is more than 3 of them.
+        least = 2.0 if ticks.marker == "|" else 4.0
+        assert np.all(np.diff(ticks.x) > least / 72 * DPI - PIXEL)
+        assert len(ticks.x) >= min(count, 30)
 
 
 def test_two_rows_at_one_time_are_a_jump():
@@ -136,7 +148,7 @@ def test_impulses_are_stems_and_what_is_zero_gives_way():
     drawing = forces(record(events={"impact": [1.0, 2.0]}))
     labels = [side or above for _, side, above in (p.labels for p in drawing.panels)]
     assert labels == ["Qc_y", "λ_floor", "impulse.floor"]
-    assert "constraint forces and impulses, 3 of 5" in drawing.written()
+    assert "constraint forces and impulses; 3 more are 0" in drawing.written()
     panel = drawing.panels[2]
     low, high = panel.limits[1]
     lines = [line for line in panel.lines if line.colour == "#0072b2"]
@@ -148,11 +160,70 @@ def test_impulses_are_stems_and_what_is_zero_gives_way():
     assert all(len(line.x) != len(T) for line in lines)
 
 
-def test_without_impulses_all_forces_are_shown():
+def test_what_is_zero_gives_way_without_impulses_too():
     columns = {k: v for k, v in ball().items() if not k.startswith("impulse.")}
+    # Beside another force of its unit it is rounding.
+    columns["lambda_wall"] = 1e-16 * columns["lambda_floor"]
     drawing = forces(record(columns))
-    assert len(drawing.panels) == 4
-    assert "constraint forces Qc and multipliers λ" in drawing.written()
+    labels = [side or above for _, side, above in (p.labels for p in drawing.panels)]
+    assert labels == ["Qc_y", "λ_floor"]
+    said = "constraint forces Qc and multipliers λ; 2 more are 0"
+    assert said in drawing.written()
+
+
+def test_forces_on_a_body_stand_side_by_side_and_are_named_in_one_place():
+    names = ["x1", "y1", "th1", "x2", "y2", "th2", "x3", "y3"]
+    columns = {"t": T} | {f"Qc_{n}": 1.0 + k + T for k, n in enumerate(names)}
+    columns["lambda_a_long_name"] = 1.0 + T
+    drawing = drawn(plots.constraint_forces, record(columns), names, ["a_long_name"])
+    places = {}
+    for panel in drawing.panels:
+        assert panel.labels[1] == ""
+        places[panel.labels[2]] = (panel.box.x0, panel.box.y0)
+    assert len(places) == len(names) + 1
+    for k in "₁₂₃":
+        (left, one), (right, other) = places[f"Qc_x{k}"], places[f"Qc_y{k}"]
+        assert left < right
+        assert one == other
+
+
+@pytest.mark.parametrize(("bodies", "rods"), [(8, 8), (10, 10), (12, 3)])
+def test_pairs_leave_no_place_free_before_the_last(bodies, rods):
+    names = [f"{axis}{k}" for k in range(bodies) for axis in "xy"]
+    links = [f"rod{k}" for k in range(rods)]
+    columns = {f"Qc_{n}": 1.0 + k + T for k, n in enumerate(names)}
+    columns |= {f"lambda_{n}": 1.0 + k + T for k, n in enumerate(links)}
+    columns = {"t": T} | columns
+    panels = drawn(plots.constraint_forces, record(columns), names, links).panels
+    rows = [len([*row]) for _, row in groupby(panels, lambda panel: panel.box.y0)]
+    assert len(panels) == 2 * bodies + rods
+    assert len({*rows[:-1]}) == 1
+
+
+def test_an_axis_at_the_right_has_the_colour_of_its_curve():
+    columns = {"t": T, "plot.0.x": T, "plot.0.y.1": T, "plot.0.y2.1": 3 - T}
+    plot = against("t", "u")._replace(y2=(Curve(0, "v"),))
+    seen = []
+    plain = sheet._label_colour
+
+    def noted(axes, colour):
+        seen.append(colour)
+        plain(axes, colour)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sheet, "_label_colour", noted)
+        panels = drawn(plots.plot, record(columns), 0, plot, Scene({})).panels
+    curves = [line.colour for panel in panels for line in panel.lines]
+    assert [c.lower() for c in seen] == [curves[0], "#000000", curves[1], "#000000"]
+
+
+def test_equal_scales_count_in_one_power_of_ten():
+    angle = np.linspace(0.0, 6.3, 200)
+    columns = {"t": angle, "a": angle, "point.p.1": 2e5 + 9e4 * np.sin(angle)}
+    columns["point.p.2"] = 6e3 * np.cos(angle)
+    run = record(columns)
+    panel = drawn(plots.trajectory, run, ["a"], Scene({"p": (0, 0)})).panels[-1]
+    assert panel.labels[:2] == ("x (10⁵)", "y (10⁵)")
 
 
 def test_friction_is_among_the_multipliers():
@@ -197,8 +268,6 @@ def test_kinds_of_events_are_told_apart_and_named():
             looks = {}
             for kind, own in times.items():
                 top = MARKS[kind].top
-                if top is None:
-                    continue
                 [found] = [
                     line
                     for line in panel.lines
@@ -222,3 +291,53 @@ def test_fast_swings_are_the_band_that_they_fill():
         [(_, corners)] = panel.areas
         top = corners[corners[:, 1] > panel.box.y0 + 0.5 * panel.box.height]
         assert np.ptp(top[:, 1]) < 0.02 * panel.box.height
+
+
+def with_corners(thinning, times):
+    """Show the states at these times, too, just before and just after each."""
+    rows = np.array([[t, *[np.interp(t, T, ball()["y"])] * 3] for t in times])
+    thinning.meet(np.repeat(rows, 2, axis=0)[:, np.newaxis])
+    return thinning
+
+
+@pytest.mark.parametrize("horizon", [np.inf, 100.0, 4.0])
+def test_nothing_is_pale_before_the_horizon(horizon):
+    """Paths pass through states at events, which are no rows; they are trusted too."""
+    height = ball()["y"]
+    columns = {"t": T, "y": height, "point.b.1": height, "point.b.2": height}
+    thinning = Thinning(tuple(columns))
+    thinning.add(np.stack(list(columns.values()), axis=1))
+    events = [0.7, 1.2, 1.7, 2.5]
+    run = Record("ball", with_corners(thinning, events), horizon=horizon)
+    assert run.trusted() == len(T) + 2 * len(events)
+    drawing = drawn(plots.trajectory, run, ["y"], Scene({"b": (0, 0)}))
+    pale = [x for panel in drawing.panels for x in of_colour(panel, {"color": LOST})]
+    assert pale == []
+
+
+def test_what_lies_past_the_horizon_is_counted_with_states_at_events():
+    columns = {"t": T, "y": ball()["y"], "point.b.1": T, "point.b.2": T}
+    thinning = Thinning(tuple(columns))
+    thinning.add(np.stack(list(columns.values()), axis=1))
+    run = Record("ball", with_corners(thinning, [0.7, 2.5]), horizon=2.2)
+    # Seven rows up to t = 2, and the states before and after the event at 0.7.
+    assert run.trusted() == 9
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_marks_can_be_switched_off(wanted, tmp_path, monkeypatch):
+    text = """\
+coordinates: {x: }
+energy: {kinetic: x_dot^2/2, potential: 2*x^2}
+forces: {x: -sign(x_dot)}
+initial: {x: 2}
+simulation: {duration: 9}
+output: {event_marks: %s}
+"""
+    orders = []
+    monkeypatch.setattr(artist, "drawn", lambda order: orders.append(order) or ())
+    result = simulate(read(text % str(wanted).lower(), "block.yaml"))
+    result.write(tmp_path)
+    [order] = orders
+    assert {e.kind for e in result.events} == {"switch", "stick"}
+    assert set(order.fields["events"]) == ({"switch", "stick"} if wanted else set())

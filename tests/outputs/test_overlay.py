@@ -26,7 +26,9 @@ def test_every_run_is_on_the_same_axes():
         "short": rows(t, x=np.sin(t), y=t),
         "long": rows(later, x=5 + 0 * later, y=later),
     }
-    drawing = drawn(overlay.picture, runs, {"t": "s", "x": "m", "y": ""}, ["a note"])
+    drawing = drawn(
+        overlay.picture, "ball", runs, {"t": "s", "x": "m", "y": ""}, ["a note"]
+    )
     assert len(drawing.panels) == 2
     for panel, columns in zip(drawing.panels, ("x", "y"), strict=True):
         one, other = panel.lines
@@ -38,13 +40,31 @@ def test_every_run_is_on_the_same_axes():
         assert abs(share - 0.5) < 1e-6
         assert columns in panel.labels[1]
     said = " ".join(drawing.written())
-    for word in ("2 runs", "short", "long", "a note"):
+    for word in ("ball", "of 2 runs", "short", "long", "a note"):
         assert word in said
 
 
-def test_many_runs_have_a_legend_with_room():
+def test_a_dozen_runs_have_a_legend_with_room():
     t = np.linspace(0.0, 1.0, 5)
-    runs = {f"run number {k}": rows(t, x=k + t) for k in range(30)}
-    drawing = drawn(overlay.picture, runs, {"t": "", "x": ""})
+    runs = {f"run number {k}": rows(t, x=k + t) for k in range(12)}
+    drawing = drawn(overlay.picture, "ball", runs, {"t": "", "x": ""})
     said = drawing.written()
     assert all(name in said for name in runs)
+
+
+def test_a_hundred_runs_are_told_by_colour():
+    t = np.linspace(0.0, 1.0, 5)
+    runs = {f"run number {k}": rows(t, x=k + t) for k in range(100)}
+    masses = np.linspace(3.0, 1.0, 100)
+    order = ("m1", masses.tolist())
+    drawing = drawn(overlay.picture, "ball", runs, {"t": "", "x": ""}, (), order)
+    said = drawing.written()
+    assert not any("…" in text or text.startswith("run number") for text in said)
+    assert "colour: m₁" in said
+    bar, panel = drawing.panels
+    numbers = [float(text) for _, text in bar.x]
+    assert (min(numbers), max(numbers)) == (1.0, 3.0)
+    # Colours go from one end to the other with the value, as those of the bar do.
+    colours = [line.colour for line in panel.lines]
+    assert len(set(colours)) > 90
+    assert (colours[0], colours[-1]) == ("#fde725", "#440154")

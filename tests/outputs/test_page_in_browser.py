@@ -10,6 +10,7 @@ import pytest
 
 import lagsim
 from lagsim.outputs import animation
+from tests.outputs import node
 from tests.outputs.browser import needs_browser, said, shown
 from tests.support import MODELS
 
@@ -64,6 +65,48 @@ def test_between_rows(tmp_path):
     # Hermite's cubic is off by at most step^4/384 of the fourth derivative.
     assert math.isclose(x, math.cos(2.3), abs_tol=0.5**4 / 384)
     assert math.isclose(y, 2 * math.cos(2.3), abs_tol=2 * 0.5**4 / 384)
+
+
+# How far the last bar reaches below the upper edge of the controls, before anyone
+# scrolls, and how far names and numbers of bars are apart.
+MEASURED = """<script>
+addEventListener("load", () => {
+  const box = (node) => node.getBoundingClientRect();
+  const controls = box(document.querySelector("footer")).top;
+  const last = [...document.querySelectorAll(".bar")].at(-1);
+  document.body.dataset.below = String(box(last).bottom - controls);
+  let least = Infinity;
+  for (const side of document.querySelectorAll(".side")) {
+    const texts = [...side.querySelectorAll("b, span")].map((node) => {
+      const range = document.createRange();
+      range.selectNodeContents(node);
+      return box(range);
+    });
+    for (const one of texts) for (const other of texts) {
+      const across = Math.max(other.left - one.right, one.left - other.right);
+      const down = Math.max(other.top - one.bottom, one.top - other.bottom);
+      if (one !== other && down < 0) least = Math.min(least, across);
+    }
+  }
+  document.body.dataset.apart = String(least);
+});
+</script></body>"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [500, 900])
+@pytest.mark.parametrize("count", [1, 2])
+def test_bars_are_in_the_page_and_their_names_apart(tmp_path, width, count):
+    t = np.linspace(0.0, 8.0, 81)
+    energies = dict.fromkeys(("kinetic", "lagrangian", "energy", "work"), 0 * t - 1e-9)
+    track = ([np.sin(t), 0 * t], [np.cos(t), 0 * t])
+    film = node.film(t, {"bob": track}, energies=energies, units={"energy": "J"})
+    content = animation.page([animation.record(film)] * count, "film").decode()
+    page = tmp_path / "page.html"
+    page.write_text(content.replace("</body>", MEASURED), "utf-8")
+    found = said(page, tmp_path / "home", "#t=1", f"--window-size={width},940")
+    assert float(found["below"]) <= 0
+    assert float(found["apart"]) >= 5
 
 
 @pytest.mark.slow

@@ -13,7 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lagsim.outputs.table import TableWriter
+from lagsim.outputs.table import TableWriter, guarded, table_of, unguarded
+from lagsim.studies.comparison.reading import read_table
 
 AWKWARD = [
     0.0, -0.0, 0.1, 1 / 3, 1e-5, 1e-7, 123456789012345680.0, 1e16, 1e22, 1e300,
@@ -118,7 +119,8 @@ def test_memory_does_not_grow_with_the_rows(tmp_path):
 import sys
 import numpy as np
 from pathlib import Path
-from lagsim.outputs.table import TableWriter
+from lagsim.outputs.table import TableWriter, guarded, table_of, unguarded
+from lagsim.studies.comparison.reading import read_table
 blocks, path = int(sys.argv[1]), Path(sys.argv[2])
 writer = TableWriter(path, [f"c{k}" for k in range(15)])
 block = np.random.default_rng(1).standard_normal((2000, 15))
@@ -139,3 +141,37 @@ print(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
         with path.open("rb") as file:
             assert sum(1 for _ in file) == 2000 * blocks + 1
     assert peaks[1] - peaks[0] < 50e6
+
+
+FORMULAS = [
+    "=1+1", "+x", "-", "-x/2", "@SUM(A1)", "\t=1", " =1", "\uff1dx", "=f('a')",
+    "\n+1+1", "'=x", "''@y",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_a_spreadsheet_takes_texts_for_texts(text):
+    content = table_of(["name", text], [[text, -1.5], [-2, "-1e-3"]])
+    (_, head), (cell, negative), (whole, number) = csv.reader(
+        io.StringIO(content.decode(), newline="")
+    )
+    assert head == cell == "'" + text
+    assert unguarded(cell) == text
+    assert [negative, whole, number] == ["-1.5", "-2", "-1e-3"]  # numbers stay numbers
+
+
+@given(st.text(st.sampled_from([*"=+-@' \t1e.ax"])))
+def test_what_is_guarded_comes_back(text):
+    cell = guarded(text)
+    assert unguarded(cell) == text
+    assert not cell.lstrip().startswith(("=", "+", "-", "@")) or float(cell) is not None
+
+
+def test_units_that_are_formulas_are_read_back(tmp_path):
+    path, units = tmp_path / "t.csv", ["s", *FORMULAS[:5]]
+    columns = ["t", *"abcde"]
+    writer = TableWriter(path, columns, units)
+    writer.add(np.arange(12.0).reshape(2, 6))
+    writer.close()
+    assert b"\r\ns,'=1+1,'+x,'-,'-x/2,'@SUM(A1)\r\n" in path.read_bytes()
+    assert list(read_table(path).units.values()) == units

@@ -198,5 +198,37 @@ def test_many_slopes_run_from_tapes(name, scene, sizes, slopes):
     assert not few.tape
     assert many.tape
     assert many.elimination is not None
-    assert f"{slopes} slopes" in reasons(many)["tapes"]
+    assert f"{slopes} derivatives" in reasons(many)["tapes"]
     assert not plan_of(scene(sizes[1], 1.0), method="dop853").tape
+
+
+@pytest.mark.slow
+def test_what_goes_on_by_loops_is_compiled_only_where_that_is_short(monkeypatch):
+    """Entries of M and A that vanish are not compiled: those that are left count."""
+    plan = plan_of(rod_chain(50, 1.0))
+    assert plan.tape
+    equations = plan.reduction.equations
+    entries = len(equations.mass_entries)
+    entries += sum(len(row.A.entries) for row in equations.rows)
+    assert entries < 1000  # of 150 (150 + 100)
+    assert not by_loops(plan).tape
+    for most in (entries, entries - 1):
+        monkeypatch.setattr("lagsim.plan.solve.MOST_ENTRIES", most)
+        assert by_loops(plan).tape == (most < entries)
+
+
+def test_what_is_ignorable_is_not_solved_for_where_that_takes_long():
+    # 100 coupled coordinates, all but one ignorable: 99^3/6 products and differences,
+    # were they eliminated; the derivatives of the square take 100^2/2.
+    names = [f"q{k}" for k in range(100)]
+    rates = [f"{name}_dot" for name in names]
+    case = case_of(
+        f"coordinates: {{{', '.join(f'{name}: {{}}' for name in names)}}}\n"
+        f"energy: {{kinetic: ({' + '.join(rates)})^2 + "
+        f"{' + '.join(f'{rate}^2' for rate in rates)}, potential: q0}}\n"
+        f"initial: {{{', '.join(f'{name}: 0' for name in names)}}}\n"
+        "simulation: {duration: 1}\n"
+    )
+    plan = case.plan()
+    assert len(case.equations.graph) < 100**2
+    assert not any(choice.choice.startswith("ignorable") for choice in plan.choices)

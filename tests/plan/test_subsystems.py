@@ -8,8 +8,9 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
+from lagsim.mechanics.groups import groups
 from lagsim.model.reader import read, read_file
-from lagsim.plan.subsystems import groups, subsystems
+from lagsim.plan.subsystems import subsystems
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import Outcome

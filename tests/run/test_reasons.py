@@ -118,12 +118,12 @@ TOLD = {
     "INTERRUPTED": "interrupted at t = 2.5; the rows up to there were kept",
     "TOO_MANY_STEPS": "too many steps (77) at t = 2.5 (x = 1, x_dot = -3): the motion ",
     "NOT_FINITE": "values that are not finite at t = 2.5 (x = 1, x_dot = -3): an",
-    "CONSTRAINT_JUMPS": "the position that constraint `rod` asks for jumps at t = 2.5 "
-    "(x = 1, x_dot = -3): a moving constraint may change its speed",
+    "CONSTRAINT_JUMPS": "the position that constraint `rod` prescribes jumps at "
+    "t = 2.5 (x = 1, x_dot = -3): a constraint, or a gap, may change its speed",
     "SWITCHES_ACCUMULATE": "the switches `sign(x)`, `y > 0` accumulate at t = 2.5 "
-    "(x = 1, x_dot = -3): no motion leads on",
-    "PROJECTION_FAILED": "the constraints could not be met at t = 2.5 (x = 1, "
-    "x_dot = -3): the constraints cannot all be met",
+    "(x = 1, x_dot = -3): no motion continues",
+    "PROJECTION_FAILED": "the constraints could not be satisfied at t = 2.5 (x = 1, "
+    "x_dot = -3): the constraints cannot all be satisfied",
     "NEWTON_FAILED": "the equations of an implicit step could not be solved at t = 2.5 "
     "(x = 1, x_dot = -3): the motion runs",
 }
@@ -160,5 +160,5 @@ def test_a_constraint_that_is_never_met_ends_the_run():
         """
     )
     assert found.trajectory.outcome is Outcome.NO_ANSWER
-    assert "constraint `cone` is not met at t = " in found.trajectory.reason
+    assert "constraint `cone` is not satisfied at t = " in found.trajectory.reason
     assert found.trajectory.statistics.steps < 200_000

@@ -54,10 +54,10 @@ def linked(model, **options):
 
 
 def exact(system, runner, t, y):
-    """Give the Jacobian; with work, its rate is the last row."""
+    """Give the Jacobian; the rates of works are the last rows."""
     n = system.n
-    found = runner.function("jacobian", (n + 1) * 2 * n)(t, y)
-    return found[: (n + system.has_work) * 2 * n].reshape(-1, 2 * n)
+    found = runner.function("jacobian", (n + system.works) * 2 * n)(t, y)
+    return found.reshape(-1, 2 * n)
 
 
 def differences(system, runner, t, y):
@@ -69,7 +69,7 @@ def differences(system, runner, t, y):
         h = 2.0**-10 * max(1.0, abs(y[k]))
         at = [derivative(t, y + s * h * np.eye(len(y))[k]) for s in (-2, -1, 1, 2)]
         columns.append((at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * h))
-    return np.array(columns).T[n : 2 * n + system.has_work]
+    return np.array(columns).T[n : 2 * n + system.works]
 
 
 def check(model, **options):
@@ -77,7 +77,7 @@ def check(model, **options):
     random = np.random.default_rng(1)
     n = system.n
     for spread in (0.0, 0.01):
-        y = np.concatenate([start.q, start.v, [0.0] * system.has_work])
+        y = np.concatenate([start.q, start.v, [0.0] * system.works])
         y[: 2 * n] += spread * random.standard_normal(2 * n)
         found = exact(system, runner, 0.3, y)
         expected = differences(system, runner, 0.3, y)

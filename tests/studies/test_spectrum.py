@@ -39,9 +39,22 @@ def test_sines_have_their_frequency_and_amplitude():
 def test_what_it_says_it_tells_apart_it_does():
     t = STEP * np.arange(1800)
     alone = spectrum(t, np.sin(t), "x").resolution
-    for apart, count in ((1.1 * alone, 2), (0.4 * alone, 1)):
+    for apart, count in ((1.1 * alone, 2), (0.9 * alone, 1), (0.4 * alone, 1)):
         x = np.sin(2 * np.pi * 3.0 * t) + np.sin(2 * np.pi * (3.0 + apart) * t)
         assert len(spectrum(t, x, "x").peaks) == count
+
+
+def test_peaks_are_no_nearer_than_they_are_told_apart():
+    t = STEP * np.arange(1500)
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        f, a = rng.uniform(0.2, 3.0, 25), rng.uniform(0.1, 1.0, 25)
+        x = np.sin(2 * np.pi * t[:, None] * f + f) @ a
+        found = spectrum(t, x, "x")
+        places = np.sort([peak.frequency for peak in found.peaks])
+        assert len(places) > 1
+        assert np.diff(places).min() >= found.resolution
+        assert found.peaks[0].amplitude == max(p.amplitude for p in found.peaks)
 
 
 def test_a_column_that_stays_has_no_peaks():
@@ -106,7 +119,15 @@ simulation: {duration: 60, output_step: 0.05}
     [peak] = found.peaks
     assert peak.frequency == pytest.approx(1 / np.pi, abs=1e-4)
     assert peak.amplitude == pytest.approx(2.0, rel=1e-3)
-    [axes] = found.plot().axes
+    figure = found.plot("a swing")
+    figure.draw_without_rendering()
+    [axes] = figure.axes
+    title, subject = figure.texts
+    assert [title.get_text(), subject.get_text()[:12]] == ["a swing", "spectrum of "]
+    # On one line, and above the panel.
+    assert title.get_position()[1] == subject.get_position()[1]
+    assert title.get_va() == subject.get_va() == "baseline"
+    assert axes.bbox.y1 < title.get_window_extent().y0
     assert (axes.get_xlabel(), axes.get_yscale()) == ("frequency (Hz)", "log")
     assert axes.get_ylabel() == "amplitude of x\u0307 (m/s)"
     assert np.array_equal(axes.lines[0].get_ydata(), found.amplitude)

@@ -12,10 +12,11 @@ import pytest
 
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.workers import Died, cores, spread
+from tests.patience import PATIENCE
 from tests.support import ROOT
 
 # Longer than anyone waits.
-LONG = 100.0
+LONG = 100.0 * PATIENCE
 
 
 def squared(x, _interrupt):

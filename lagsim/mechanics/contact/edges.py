@@ -23,8 +23,12 @@ CONVERGED = 1e-10
 def known_to(
     closed: Closed, problem: Problem, solution: Solution, noise: Floats
 ) -> Floats:
-    """Give how well the accelerations of rows are known (r,)."""
-    terms = np.abs(closed.D) @ np.abs(solution.p) + np.abs(problem.c)
+    """Give how well the accelerations of rows are known (r,).
+
+    Against all that could push: what rests without a force has its friction's scale.
+    """
+    pushes = np.maximum(np.abs(solution.p), bounds(problem, solution.p))
+    terms = np.abs(closed.D) @ pushes + np.abs(problem.c)
     shared = np.asarray(problem.pairs) >= 0
     known: Floats = np.where(shared, CONVERGED, ROUNDING) * terms
     return np.maximum(noise, known)
@@ -66,8 +70,9 @@ def is_plain(problem: Problem, found: Solution, noise: Floats) -> bool:
     D: list[list[float]] = problem.D.tolist()
     p, w = found.p.tolist(), found.w.tolist()
     limits = bounds(problem, found.p)
+    pushes = [max(abs(x), y) for x, y in zip(p, limits, strict=True)]
     for k, (role, mode) in enumerate(zip(problem.roles, found.modes, strict=True)):
-        terms = sum(abs(x * y) for x, y in zip(D[k], p, strict=True))
+        terms = sum(abs(x) * y for x, y in zip(D[k], pushes, strict=True))
         quiet = max(noise.item(k), ROUNDING * (terms + abs(problem.c[k])))
         n = problem.normals[k]
         if n >= 0 and found.modes[n] is Mode.OFF:

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 # Directions in which a disc is replaced by a polygon: to start Newton's method.
 CORNERS = 8
 SIDES = np.array([[1.0], [-1.0]])
+ANGLES = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
+POLYGON = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 
 
 class Facets:
@@ -52,9 +54,7 @@ class Facets:
             for k, role in rows
             if role is Role.BOXED and problem.pairs[k] < k
         ]
-        angles = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
-        corners = np.column_stack([np.cos(angles), np.sin(angles)])
-        self.directions = [SIDES if len(g) == 1 else corners for g in self.groups]
+        self.directions = [SIDES if len(g) == 1 else POLYGON for g in self.groups]
 
     def matrix(self) -> tuple[Floats, Floats]:
         """Give M and q of the complementarity problem."""
@@ -119,6 +119,8 @@ def with_corners(problem: Problem) -> Floats | None:
 
 def _reduced(problem: Problem, unknown: list[int]) -> tuple[Floats, Floats]:
     """Give G, h: w = G p + h of the unknown rows, what is given and free put in."""
+    if len(unknown) == len(problem.roles):
+        return problem.D[unknown][:, unknown], np.array(problem.c)[unknown]
     present = [
         Mode.OFF
         if role is Role.ABSENT

@@ -66,6 +66,8 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     Newton's targets of contacts that are locked into each other may contradict; such
     an impact is inelastic.
     """
+    if len(rates) == 1 and _ROLES[closed.kinds[0]] is Role.SIGNED:
+        return _alone(closed, float(rates[0]), float(noise[0]))
     before = np.where(np.abs(rates) <= noise, 0.0, rates)
     terms = zip(
         closed.kinds, closed.restitutions.tolist(), before.tolist(), strict=True
@@ -73,8 +75,6 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     target = np.array(
         [-e * v if kind is Kind.CONTACT and v < 0.0 else 0.0 for kind, e, v in terms]
     )
-    if len(before) == 1 and _ROLES[closed.kinds[0]] is Role.SIGNED:
-        return _alone(closed, before, target)
     solution = solve(_problem(closed, before - target))
     locked = not solution.found and bool(target.any())
     if locked:
@@ -91,16 +91,19 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     )
 
 
-def _alone(closed: Closed, before: Floats, target: Floats) -> Impact:
+def _alone(closed: Closed, rate: float, noise: float) -> Impact:
     """Give the impulse of one contact by itself."""
-    own = closed.D[0, 0]
-    p = np.maximum((target - before) / own, 0.0) if own > 0.0 else np.zeros(1)
+    own, e = float(closed.D[0, 0]), float(closed.restitutions[0])
+    before = 0.0 if abs(rate) <= noise else rate
+    bounces = closed.kinds[0] is Kind.CONTACT and before < 0.0
+    target = -e * before if bounces else 0.0
+    p = max((target - before) / own, 0.0) if own > 0.0 else 0.0
     after = before + own * p
-    asked = float(abs(before - target)[0])
-    missed = max(float((target - after)[0]), 0.0)
+    asked, missed = abs(before - target), max(target - after, 0.0)
     residual = missed / asked if asked > 0.0 else 0.0
-    energy = float(p @ (before + after)) / 2.0
-    return Impact(p, after, residual, False, energy, residual < SOLVED)
+    energy = p * (before + after) / 2.0
+    found = residual < SOLVED
+    return Impact(np.array([p]), np.array([after]), residual, False, energy, found)
 
 
 def _problem(closed: Closed, c: Floats) -> Problem:

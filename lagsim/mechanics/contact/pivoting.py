@@ -49,34 +49,39 @@ class _Tableau:
         factors = T[:, col].copy()
         factors[row] = 0.0
         T[:, col] = 0.0
-        T -= np.outer(factors, pivot_row)
+        T -= factors[:, None] * pivot_row
         T[row] = pivot_row
         self.basic[row], self.labels[col] = entering, leaving
         self.column[leaving] = col
         return leaving
 
-    def order(self, row: int, scale: float) -> tuple[float, ...]:
+    def order(self, row: int, scale: float) -> list[int]:
         """Give what decides between tied rows: that of the inverse of the basis."""
-        column, basic, T = self.column, self.basic[row], self.T[row]
-        entries = (
+        column, basic, T = self.column, self.basic[row], self.T[row].tolist()
+        entries = [
             T[column[j]] if j in column else float(basic == j) for j in range(self.n)
-        )
-        return tuple(round(x / scale / TIED) * TIED for x in entries)
+        ]
+        return [round(x / scale / TIED) for x in entries]
 
     def leaving_row(self, entering: int) -> int:
         """Give the row that blocks first, or -1 if none does."""
-        col = self.T[:, self.column[entering]]
-        rows = np.flatnonzero(col > SMALL)
-        if not len(rows):
+        col: list[float] = self.T[:, self.column[entering]].tolist()
+        rhs: list[float] = self.T[:, -1].tolist()
+        ratios = {
+            i: max(x, 0.0) / a
+            for i, (a, x) in enumerate(zip(col, rhs, strict=True))
+            if a > SMALL
+        }
+        if not ratios:
             return -1
-        ratios = np.maximum(self.T[rows, -1], 0.0) / col[rows]
-        tied = rows[ratios <= ratios.min() * (1.0 + TIED) + TIED]
+        most = min(ratios.values()) * (1.0 + TIED) + TIED
+        tied = [i for i, ratio in ratios.items() if ratio <= most]
         if len(tied) == 1:
-            return int(tied[0])
-        for row in tied:
-            if self.basic[row] == 2 * self.n:
-                return int(row)
-        return int(min(tied, key=lambda i: self.order(i, float(col[i]))))
+            return tied[0]
+        for i in tied:
+            if self.basic[i] == 2 * self.n:
+                return i
+        return min(tied, key=lambda i: self.order(i, col[i]))
 
 
 def lemke(M: Floats, q: Floats) -> Flags | None:
@@ -87,9 +92,16 @@ def lemke(M: Floats, q: Floats) -> Flags | None:
     M : ndarray, shape (n, n)
         With entries near 1: scaled.
     q : ndarray, shape (n,)
+
+    Raises
+    ------
+    FloatingPointError
+        Where q is not finite.
     """
     n = len(q)
     size = float(np.abs(q).max(initial=0.0))
+    if not np.isfinite(size):
+        raise FloatingPointError("forces that are not finite")
     if not n or float(q.min()) >= 0.0:
         return np.zeros(n, dtype=bool)
     tableau = _Tableau(M, q / size)

@@ -50,12 +50,12 @@ def polished(
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
     if not held:
         return p0
-    B = (problem.D[held] @ E)[:, held]
+    D = problem.D[held]
+    B, h = (D @ E)[:, held], np.array(problem.c)[held] + D @ p0
     solve = _by_factor(factor, E, held) if factor is not None else _by_square(B)
-    x = np.zeros(len(modes))
-    for _ in range(2):
-        x[held] -= solve((problem.c + problem.D @ (E @ x + p0))[held])
-    return E @ x + p0
+    x = -solve(h)
+    x -= solve(B @ x + h)
+    return E[:, held] @ x + p0
 
 
 def _by_square(B: Floats) -> Callable[[Floats], Floats]:

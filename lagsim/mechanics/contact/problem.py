@@ -11,6 +11,7 @@ where bound = limit + mu * p of the row's contact. Two slips share a bound: on a
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -80,33 +81,34 @@ class Solution:
 
 def scaled(problem: Problem) -> tuple[Problem, Floats]:
     """Give the problem with a diagonal near 1, by powers of two, and these scales."""
-    diagonal = problem.D.diagonal()
+    diagonal: list[float] = problem.D.diagonal().tolist()
     pairs = problem.pairs
     sizes = [
         max(diagonal[k], diagonal[j]) if j >= 0 else diagonal[k]
         for k, j in enumerate(pairs)
     ]
-    s = np.array([_power(d) for d in sizes])
+    s = [_power(d) for d in sizes]
+    scales = np.array(s)
     coupled = zip(problem.mus, problem.normals, strict=True)
     roles = [
         role if d > 0.0 else Role.ABSENT
         for role, d in zip(problem.roles, sizes, strict=True)
     ]
     return Problem(
-        problem.D * np.outer(s, s),
-        list(s * problem.c),
+        problem.D * scales * scales[:, None],
+        [a * c for a, c in zip(s, problem.c, strict=True)],
         roles,
-        list(problem.limits / s),
+        [x / a for a, x in zip(s, problem.limits, strict=True)],
         [m * (s[n] / s[k]) for k, (m, n) in enumerate(coupled)],
         problem.ways,
         problem.normals,
         pairs,
-    ), s
+    ), scales
 
 
 def _power(d: float) -> float:
     """Give the power of two near 1/sqrt(d)."""
-    return 1.0 if d <= 0.0 else float(2.0 ** -round(np.log2(d) / 2.0))
+    return 1.0 if d <= 0.0 else float(2.0 ** -round(math.log2(d) / 2.0))
 
 
 def bounds(problem: Problem, p: Floats) -> list[float]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.mechanics.contact.closed import Mode
 from lagsim.mechanics.contact.facets import Facets
 from lagsim.mechanics.contact.newton import by_newton
@@ -41,7 +42,56 @@ PROXIMAL = 6
 
 
 def solve(problem: Problem) -> Solution:
-    """Give multipliers that obey the laws, and what each row does."""
+    """Give multipliers that obey the laws, and what each row does.
+
+    Rows that nothing couples are problems of their own: what is rounding in one of them
+    may be a rate that counts in another.
+    """
+    count = len(problem.c)
+    groups = _decoupled(problem) if count > 1 else []
+    if len(groups) <= 1:
+        return _solved(problem)
+    modes, ways = [_STARTS[role] for role in problem.roles], list(problem.ways)
+    p, w = np.zeros(count), np.zeros(count)
+    residuals, found = [], True
+    for rows in groups:
+        own = _solved(_part(problem, rows))
+        p[rows], w[rows] = own.p, own.w
+        for k, mode, way in zip(rows, own.modes, own.ways, strict=True):
+            modes[k], ways[k] = mode, way
+        residuals.append(own.residual)
+        found = found and own.found
+    return Solution(p, w, modes, ways, max(residuals), found)
+
+
+def _decoupled(problem: Problem) -> list[list[int]]:
+    """Give the rows in groups that have no entry of D and no bound in common."""
+    sets = DisjointSets(len(problem.c))
+    for i, j in np.argwhere(problem.D).tolist():
+        sets.merge(i, j)
+    for others in (problem.normals, problem.pairs):
+        for k, j in enumerate(others):
+            if j >= 0:
+                sets.merge(k, j)
+    return sets.sets()
+
+
+def _part(problem: Problem, rows: list[int]) -> Problem:
+    """Give the problem of some rows, of which none is coupled with another."""
+    at = {k: i for i, k in enumerate(rows)}
+    return Problem(
+        problem.D[np.ix_(rows, rows)],
+        [problem.c[k] for k in rows],
+        [problem.roles[k] for k in rows],
+        [problem.limits[k] for k in rows],
+        [problem.mus[k] for k in rows],
+        [problem.ways[k] for k in rows],
+        tuple(at.get(problem.normals[k], -1) for k in rows),
+        tuple(at.get(problem.pairs[k], -1) for k in rows),
+    )
+
+
+def _solved(problem: Problem) -> Solution:
     small = solve_small(problem) if len(problem.c) <= SMALL else None
     if small is not None:
         return small
@@ -75,7 +125,26 @@ def _with_boxes(unit: Problem) -> Solution:
         p = found.p
         if found.residual < best.residual:
             best = found
-    return best
+    return best if best.found else min(best, _sliding(unit), key=_residual)
+
+
+def _residual(solution: Solution) -> float:
+    return solution.residual
+
+
+def _sliding(unit: Problem) -> Solution:
+    """Solve it where each box is at its bound, against the speed that it has.
+
+    What slides fast, far beyond all that its forces change, hides from pivoting what
+    they do.
+    """
+    boxed = Role.BOXED
+    roles = [Role.GIVEN if role is boxed else role for role in unit.roles]
+    ways = [
+        -float(np.sign(c)) if role is boxed else way
+        for role, c, way in zip(unit.roles, unit.c, unit.ways, strict=True)
+    ]
+    return _attempt(replace(unit, roles=roles, ways=ways), unit)
 
 
 def _with_discs(unit: Problem) -> Solution:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -51,16 +52,23 @@ class Reduction(NamedTuple):
         names = [(e.q[pair.coordinate], e.rows[pair.row].name) for pair in found]
         return self._followed_by(equations, recovered)._replace(eliminated=tuple(names))
 
-    def ignore(self, coordinates: Sequence[int], start: Instant) -> Reduction:
+    def ignore(
+        self, coordinates: Sequence[int], start: Instant, limit: float = math.inf
+    ) -> Reduction:
         """Integrate `coordinates`, which are `ignorable`, by quadrature.
 
         Of the full equations only: first of all.
+
+        Raises
+        ------
+        TooLongError
+            Where solving for them takes more than `limit` multiplications.
         """
         from lagsim.mechanics.reduction.ignorable import ignored, momentum_of
 
         e = self.equations
         momenta = {momentum_of(e.q[c]): e.momenta[c] for c in coordinates}
-        equations, recovered = ignored(e, coordinates)
+        equations, recovered = ignored(e, coordinates, limit)
         reduction = self._followed_by(equations, recovered)._replace(
             ignored=tuple(e.q[c] for c in coordinates),
             momenta=momenta,
@@ -98,7 +106,7 @@ class Reduction(NamedTuple):
         y = np.zeros(size)
         y[:n], y[n : 2 * n] = self.kept(start.q), self.kept(start.v)
         if e.quadratures:
-            first = 2 * n if e.power is None else 2 * n + 1
+            first = 2 * n + len(e.works)
             names = (c.name for c in e.model.coordinates)
             values = dict(zip(names, start.q, strict=True))
             for k, x in enumerate(e.quadratures, first):

@@ -18,9 +18,8 @@ if TYPE_CHECKING:
 def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
     """Give the same equations with variables replaced in every expression."""
     g = e.graph
-    power = [] if e.power is None else [e.power]
     nodes = [*e.mass_entries.values(), *e.f, *e.momenta, e.energy, e.kinetic_form]
-    nodes += power
+    nodes += [node for x in e.works for node in (x.rate, x.energy)]
     nodes += [node for x in e.quadratures for node in (x.rate, x.mass)]
     for row in e.rows:
         nodes += [*row.A.entries.values(), row.residual, row.rate, row.b]
@@ -50,7 +49,9 @@ def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
         momenta=tuple(found[x] for x in e.momenta),
         energy=found[e.energy],
         kinetic_form=found[e.kinetic_form],
-        power=found[power[0]] if power else None,
+        works=tuple(
+            x._replace(rate=found[x.rate], energy=found[x.energy]) for x in e.works
+        ),
         quadratures=tuple(
             x._replace(rate=found[x.rate], mass=found[x.mass]) for x in e.quadratures
         ),

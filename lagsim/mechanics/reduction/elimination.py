@@ -181,10 +181,9 @@ def eliminated(e: Equations, found: Sequence[Pair]) -> tuple[Equations, dict[int
         g.variable(f"{e.q[c]}_ddot"): node for c, node in accelerations.items()
     }
     recovered |= _multipliers(full, found, accelerations)
-    power = full.power
-    if power is not None:
-        [power] = g.substitute([power], recovered)
-    reduced = replace(_projected(full, left, J, bends), power=power)
+    powers = g.substitute(full.powers, recovered)
+    works = (x._replace(rate=rate) for x, rate in zip(full.works, powers, strict=True))
+    reduced = replace(_projected(full, left, J, bends), works=tuple(works))
     used = {pair.row for pair in found}
     rows = [
         _row(g, row, left, J, bends) for k, row in enumerate(full.rows) if k not in used

@@ -43,7 +43,7 @@ def conserved(equations: Equations) -> list[int]:
     """Give the coordinates whose momentum is kept, as far as the graph shows it."""
     e, g = equations, equations.graph
     nodes = [*e.mass_nodes, *e.f, e.energy, *e.momenta]
-    nodes += [] if e.power is None else [e.power]
+    nodes += e.powers
     rows = [*e.rows, *(law.row for law in e.laws)]
     for row in rows:
         nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
@@ -76,9 +76,15 @@ def ignorable(equations: Equations) -> list[int]:
 
 
 def ignored(
-    e: Equations, coordinates: Sequence[int]
+    e: Equations, coordinates: Sequence[int], limit: float
 ) -> tuple[Equations, dict[int, int]]:
-    """Give the equations without `coordinates`, and what stands for their rates."""
+    """Give the equations without `coordinates`, and what stands for their rates.
+
+    Raises
+    ------
+    TooLongError
+        Where solving for these takes more than `limit` multiplications.
+    """
     g = e.graph
     left = [j for j in range(len(e.q)) if j not in coordinates]
     speeds = [g.variable(e.velocities[c]) for c in coordinates]
@@ -87,11 +93,11 @@ def ignored(
     )
     momenta = [g.variable(momentum_of(e.q[c])) for c in coordinates]
     right = enumerate(map(partial(g.call, "sub"), momenta, at_rest))
-    solved = _factored(e, coordinates).solve(dict(right))
+    solved = _factored(e, coordinates, limit).solve(dict(right))
     rates = [solved.get(k, g.zero) for k in range(len(coordinates))]
     new = dict(zip(speeds, rates, strict=True))
     full = substituted(e, new)
-    factors = _factored(full, coordinates)
+    factors = _factored(full, coordinates, limit)
     Z = {
         j: factors.forward({k: full.M[c][j] for k, c in enumerate(coordinates)})
         for j in left
@@ -122,14 +128,14 @@ def ignored(
     return replace(reduced, rows=tuple(rows), quadratures=quadratures), recovered
 
 
-def _factored(e: Equations, coordinates: Sequence[int]) -> Factorisation:
+def _factored(e: Equations, coordinates: Sequence[int], limit: float) -> Factorisation:
     entries = {
         (i, j): e.M[c][d]
         for i, c in enumerate(coordinates)
         for j, d in enumerate(coordinates)
         if d in e.M[c].entries
     }
-    return Factorisation(e.graph, len(coordinates), entries, Meter())
+    return Factorisation(e.graph, len(coordinates), entries, Meter(limit))
 
 
 def _less(

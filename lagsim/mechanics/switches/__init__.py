@@ -16,7 +16,6 @@ from lagsim.mechanics.switches.surfaces import (
     joined_conditions,
     surfaces,
 )
-from lagsim.mechanics.switches.text import expression_text
 
 __all__ = [
     "Mode",
@@ -24,7 +23,6 @@ __all__ = [
     "StateSwitch",
     "Surface",
     "Switches",
-    "expression_text",
     "find_switches",
     "joined_conditions",
     "model_switches",

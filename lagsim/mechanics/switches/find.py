@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import JOINING, OPERATIONS, STEPS
+from lagsim.mechanics.switches.branches import with_values
 from lagsim.mechanics.switches.roots import ROOTS, Roots
 from lagsim.mechanics.switches.shown import Shown
 from lagsim.mechanics.switches.surfaces import (
@@ -30,7 +31,6 @@ from lagsim.mechanics.switches.surfaces import (
     stepped,
     surfaces,
 )
-from lagsim.mechanics.switches.text import expression_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -156,6 +156,9 @@ class Switches:
         op = g.ops[n]
         if args == g.args[n] and self._roots.floor(n) is None:
             return n
+        if op == "if" and self._sides_of and args[0] != g.args[n][0]:
+            as_written = replace(self, _sides_of={}).freeze
+            return with_values(g, n, args, lambda: as_written([n])[0])
         if op in ("mul", "div"):
             return self._product(op, *args)
         if op in ROOTS and g.ops[args[0]] == "if":
@@ -270,6 +273,8 @@ def find_switches(
     speeds
         The names of velocities: roots of these are switches, see `roots`.
     """
+    from lagsim.mechanics.switches.text import expression_text
+
     finder = _Finder(g, list(nodes), moving, speeds)
     finder.visit()
     numbers = {d: k for k, d in enumerate(sorted(set(finder.time.values())))}

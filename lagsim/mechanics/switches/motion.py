@@ -18,8 +18,7 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     no difference to the motion. Those of time alone count where others are not located.
     """
     e = equations
-    dynamics = [*e.mass_nodes, *e.f, *([] if e.power is None else [e.power])]
-    dynamics += [x.rate for x in e.quadratures]
+    dynamics = [*e.mass_nodes, *e.f, *e.quadrature_rates]
     for law in e.laws:
         dynamics += [law.bound, law.static]
         dynamics += [] if law.when is None else [law.when]
@@ -32,7 +31,8 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
             row.transport,
         ]
     state = [*e.q, *e.velocities]
-    moving = (*state, "work", *e.accelerations, *e.multipliers)
+    works = (x.name for x in e.works)
+    moving = (*state, *works, *e.accelerations, *e.multipliers)
     sided = tuple(dynamics) if located else ()
     return _found(e.graph, (*dynamics, e.energy), moving, sided, e.velocities)
 

@@ -128,7 +128,8 @@ def make_dense(s: Composition, p: Parameters) -> None:
         r[i] = 0.0
     quintic(s)
     row = s.row_start + s.row * s.row_step
-    if UNTIL or (row < s.row_limit and row < s.t):
+    extra = s.extras > 0.0 and s.extra < s.t
+    if UNTIL or extra or (row < s.row_limit and row < s.t):
         look_within(s, p)
         for i in range(n):
             for m in unrolled(4):
@@ -185,18 +186,19 @@ def look_within(s: Composition, p: Parameters) -> None:
 
 
 def look_at_power(s: Composition, p: Parameters) -> None:
-    """Find what is left over of the power, on the way now known."""
+    """Find what is left over of the powers, on the way now known."""
     size = s.size
     h = s.step_h
-    i = 2 * s.n
+    first = 2 * s.n
     left = s.left
     z = s.z
     for j in unrolled(4):
         x = NODES[j]
         interpolate(s, x, z)
-        rate = at(left, j * size + i)
-        power(s.step_t + x * h, z, p, rate)
-        rate[0] = h * rate[0] - steepness(s, i, x)
+        rates = at(left, j * size)
+        power(s.step_t + x * h, z, p, at(rates, first))
+        for i in range(first, size):
+            rates[i] = h * rates[i] - steepness(s, i, x)
 
 
 def correct(s: Composition, first: int, end: int) -> None:

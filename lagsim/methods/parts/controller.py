@@ -19,6 +19,7 @@ from lagsim.methods.parts.noise import (
     RATE_NOISE,
     TIGHT,
     hardly_moves,
+    look_ahead,
     look_at_rounding,
     look_between,
 )
@@ -154,6 +155,7 @@ def set_tolerances(
     parts = s.parts
     noise = s.noise
     foreseen = s.foreseen
+    law_pushes = p.law_pushes
     # A start from rest with a jump in the force (dry friction) is off by the same part
     # of every step, however short; its first instant is not controlled finer.
     instant = INSTANT * (s.end - s.arc_start) - (s.t - s.arc_start)
@@ -169,6 +171,8 @@ def set_tolerances(
         if instant > 0.0:
             sized = larger(larger(vector(foreseen, i), instant * rate), sized)
         part = vector(parts, i)
+        if p.laws > 0:
+            part = larger(vector(law_pushes, i), part)
         quiet = vector(noise, i)
         if i < n:
             # Positions: what their velocities do in the step.
@@ -185,7 +189,7 @@ def set_tolerances(
     if p.m > 0:
         share_tolerances(s)
     if size > 2 * n:
-        limit_work(s, new)
+        limit_works(s, p, new)
 
 
 def share_tolerances(s: State) -> None:
@@ -224,17 +228,25 @@ def against(error: float, tolerance: float) -> float:
     return part
 
 
-def limit_work(s: State, new: Floats) -> None:
-    """Control work no finer than the energy that it is compared with."""
+def limit_works(s: State, p: Parameters, new: Floats) -> None:
+    """Control works no finer than the energy that each is compared with."""
     n = s.n
     tolerances = s.tolerances
     masses = s.masses
-    if s.works[0] < 0.0:
-        energy = 0.0
+    worked = p.worked
+    energies = s.shared
+    works = p.works
+    for k in range(works):
+        energies[k] = 0.0
+    if works > 0:
         for i in range(n):
+            own = int(worked[i])
             off = tolerances[n + i]
-            energy += abs(masses[i]) * (abs(new[n + i]) + off) * off
-        tolerances[2 * n] = max(tolerances[2 * n], energy)
+            energy = abs(masses[i]) * (abs(new[n + i]) + off) * off
+            if own >= 0:
+                energies[own] += energy
+    for k in range(works):
+        tolerances[2 * n + k] = max(tolerances[2 * n + k], energies[k])
 
 
 @rare
@@ -251,8 +263,10 @@ def look_again(
     n = s.n
     t = s.t
     look_at_rounding(s, p, t, s.y, k, health)
-    if SWITCHES and hardly_moves(s, h, k):
+    if SWITCHES and hardly_moves(s, p, h, k):
         look_between(s, p, h, k)
+    if SWITCHES and health >= 1.0 and (p.laws > 0 or p.sliding > 0.0):
+        look_ahead(s, p, h, k)
     if size > 2 * n:
         # The power of forces has no rounding where everything rests, at the start.
         noise = s.noise
@@ -261,11 +275,14 @@ def look_again(
         for i in range(2 * n, size):
             if abs(z[i - n]) < 1e300:
                 noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
-        # Nor has it where rows balance them, but velocities have.
-        if p.m > 0 and s.works[0] < 0.0:
+        # Nor has it where rows balance them, or surfaces, but velocities have.
+        if (p.m > 0 or p.sliding > 0.0) and p.works > 0:
+            worked = p.worked
             for i in range(n):
+                own = 2 * n + int(worked[i])
                 power = abs(s.masses[i]) * s.parts[i] * noise[n + i] * h
-                noise[2 * n] = max(noise[2 * n], power)
+                if own >= 2 * n:
+                    noise[own] = max(noise[own], power)
     set_tolerances(s, p, t + h, new, k, h)
     s.looked = 1.0
     return True

@@ -1,8 +1,7 @@
 """The loop around any method: rows on a grid, `until`, and an orderly return.
 
 Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, SLEEPERS, ADAPTIVE
-and WIDE;
-what a model does not need is left out.
+and WIDE; what a model does not need is left out.
 """
 
 from __future__ import annotations
@@ -146,12 +145,17 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
     largest = s.inertia_largest
     smallest = s.inertia_smallest
     when = s.inertia_when
-    inertias(s.t, s.y, p, now)
+    y = s.y
+    width = 2 * s.n
+    inertias(s.t, y, p, now)
     for i in range(count):
         largest[i] = max(largest[i], now[i])
         if now[i] < smallest[i]:
             smallest[i] = now[i]
             when[i] = s.t
+            where = at(s.inertia_where, width * i)
+            for j in range(width):
+                where[j] = y[j]
 
 
 def keep_sizes(s: State) -> None:
@@ -291,12 +295,16 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
 
 
 def fill(s: State, out: Floats, rows: int) -> int:
-    """Write the rows as the method interpolates them; give what `emit` gives."""
+    """Write rows as the method interpolates them; full after a state beside them."""
     size = s.size
     y = s.y
     while True:
         t = s.row_start + s.row * s.row_step
-        if t >= s.row_limit or t > s.t:
+        due = t < s.row_limit and t <= s.t
+        beside = has_extra(s) and not (due and t < s.extra)
+        if beside:
+            t = s.extra
+        elif not due:
             return 1
         written = int(s.emitted)
         if written >= rows:
@@ -309,7 +317,16 @@ def fill(s: State, out: Floats, rows: int) -> int:
         else:
             interpolate(s, (t - s.step_t) / s.step_h, at(row, 1))
         s.emitted += 1.0
+        if beside:
+            s.extras -= 1.0
+            return 0
         s.row += 1.0
+
+
+def has_extra(s: State) -> bool:
+    """Tell whether a state beside the rows is due; at an end it is the next arc's."""
+    at_hand = s.extra == s.t and s.cut == 0.0 and s.t < s.end
+    return s.extras > 0.0 and (s.extra < s.t or at_hand)
 
 
 def settle_rows(s: State, p: Parameters, out: Floats, rows: int) -> None:

@@ -62,7 +62,7 @@ class Gauss(Fixed):
     # and what `lagrangian_slopes` does.
     V: Floats = array(lambda s: s.stages * s.n)
     V_before: Floats = array(lambda s: s.stages * s.n)
-    found: Floats = array(lambda s: s.stages * (2 * s.n + 1))
+    found: Floats = array(lambda s: s.stages * s.size)
     slopes: Floats = array(lambda s: s.stages * 4 * s.n * s.n)
     # The Newton matrix, its pivots, the right side.
     K: Floats = array(lambda s: (s.stages * s.n) ** 2)
@@ -196,7 +196,7 @@ def residual(s: Gauss, p: Parameters, h: float) -> None:
     out = s.found
     right = s.right
     z = s.z
-    width = 2 * n + 1
+    width = s.size
     for stage in range(stages):
         place(s, stage, h, z)
         lagrangian(s.t + nodes[stage] * h, z, p, at(out, stage * width))
@@ -222,8 +222,8 @@ def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
             moved += A[stage * s.stages + j] * V[j * n + i]
         z[i] = y[i] + h * moved
         z[n + i] = V[stage * n + i]
-    if s.size > 2 * n:
-        z[2 * n] = y[2 * n]
+    for i in range(2 * n, s.size):
+        z[i] = y[i]
 
 
 def renew(s: Gauss, p: Parameters, h: float) -> int:
@@ -279,16 +279,14 @@ def conclude(s: Gauss, h: float) -> None:
     stages = s.stages
     V = s.V
     out = s.found
-    width = 2 * n + 1
     for i in range(size):
         new[i] = y[i]
     for stage in range(stages):
         weight = h * weights[stage]
-        forces = at(out, stage * width + n)
+        forces = at(out, stage * size + n)
         add(n, new, rest, weight, at(V, stage * n))
         add(n, momenta, at(rest, n), weight, forces)
-        if size > 2 * n:
-            add(1, at(new, 2 * n), at(rest, 2 * n), weight, at(forces, n))
+        add(size - 2 * n, at(new, 2 * n), at(rest, 2 * n), weight, at(forces, n))
     for i in range(n):
         new[n + i] = V[(stages - 1) * n + i]
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @external
 def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give y' (size,) at y = (q, q', work if the model has it, quadratures)."""
+    """Give y' (size,) at y = (q, q', works if the model has them, quadratures)."""
 
 
 @external
@@ -67,10 +67,7 @@ def velocity_steps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 @external
 def measure(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give q'Mq'/2, the rest of the energy (2,), and the diagonal of M (n,).
-
-    Then 0 (1,), and -1 where the model has work.
-    """
+    """Give q'Mq'/2, the rest of the energy (2,), the diagonal of M (n,), and 0."""
 
 
 @external
@@ -93,18 +90,18 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give dq''/d(q, q') (n, 2 n) row by row, exactly; for NEEDS = ("jacobian",).
 
-    Where the model has work, the row of its rate (2 n,) follows.
+    Where the model has works, a row (2 n,) for the rate of each follows.
     """
 
 
 @external
 def power(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the rate of `work` (1,), 0 where the model has none. NEEDS "power"."""
+    """Give the rates of the works (works,). NEEDS "power"."""
 
 
 @external
 def lagrangian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give dL/dq' (n,), dL/dq + Q (n,), the rate of `work` (1,). NEEDS "lagrangian".
+    """Give dL/dq' (n,), dL/dq + Q (n,), the rates of works. NEEDS "lagrangian".
 
     Q are the generalized forces; for scenes without constraints.
     """

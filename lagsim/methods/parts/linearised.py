@@ -2,7 +2,7 @@
 
 With J = da/d(q, v), (g - [0 1; Jq Jv]) (x, w) = (r, s) becomes n equations,
 (g^2 - g Jv - Jq) x = s + (g - Jv) r, and w = g x - r. A complex g = alpha + i beta
-makes it 2 n real ones. Work is a quadrature: its row comes last.
+makes it 2 n real ones. Works are quadratures: their rows come last.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ def decompose_pair(
 
 
 def solve_real(
-    n: int, work: bool, g: float, J: Floats, K: Floats, pivots: Floats, r: Floats
+    n: int, works: int, g: float, J: Floats, K: Floats, pivots: Floats, r: Floats
 ) -> None:
-    """Replace r (2 n, and 1 with work) by the solution. K, pivots are left alone."""
+    """Replace r (2 n + works,) by the solution. K, pivots are left alone."""
     right = at(r, n)
     for i in range(n):
         right[i] += g * r[i]
@@ -61,16 +61,17 @@ def solve_real(
         x = right[i]
         right[i] = g * x - r[i]
         r[i] = x
-    if work:
-        value = r[2 * n]
+    for k in range(works):
+        value = r[2 * n + k]
+        row = at(J, 2 * n * (n + k))
         for j in range(2 * n):
-            value += J[2 * n * n + j] * r[j]
-        r[2 * n] = value / g
+            value += row[j] * r[j]
+        r[2 * n + k] = value / g
 
 
 def solve_pair(
     n: int,
-    work: bool,
+    works: int,
     alpha: float,
     beta: float,
     J: Floats,
@@ -94,12 +95,13 @@ def solve_pair(
         imaginary[n + i] = alpha * x[n + i] + beta * x[i] - imaginary[i]
         real[i] = x[i]
         imaginary[i] = x[n + i]
-    if work:
-        a = real[2 * n]
-        b = imaginary[2 * n]
+    square = alpha * alpha + beta * beta
+    for k in range(2 * n, 2 * n + works):
+        a = real[k]
+        b = imaginary[k]
+        row = at(J, 2 * n * (k - n))
         for j in range(2 * n):
-            a += J[2 * n * n + j] * real[j]
-            b += J[2 * n * n + j] * imaginary[j]
-        square = alpha * alpha + beta * beta
-        real[2 * n] = (a * alpha + b * beta) / square
-        imaginary[2 * n] = (b * alpha - a * beta) / square
+            a += row[j] * real[j]
+            b += row[j] * imaginary[j]
+        real[k] = (a * alpha + b * beta) / square
+        imaginary[k] = (b * alpha - a * beta) / square

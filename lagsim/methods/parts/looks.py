@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import interpolate, signals
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.methods.parts.strays import differs
+from lagsim.methods.parts.strays import differs, is_rounding, varies_by_rounding
 from lagsim.native.kernels.words import abreast, head, keep, rare, vector
 
 if TYPE_CHECKING:
@@ -258,7 +258,8 @@ def overlooked(s: State, p: Parameters) -> float:
         looks += 2
         clear = True
         for k in range(count):
-            clear = clear and known(s, k, (high - low) * h)
+            if clear and not known(s, k, (high - low) * h):
+                clear = varies_by_rounding(s, p, k, high)
         if clear or high - low < FINEST:
             found = visit(s, p, low, high)
             if found > 0.0:
@@ -390,4 +391,4 @@ def apart(s: State, p: Parameters, k: int, x: float) -> float:
 def is_missed(s: State, p: Parameters, x: float) -> bool:
     """Tell whether the last step has missed something there."""
     s.evaluations += 1.0
-    return differs(s, p, x, PASSED)
+    return differs(s, p, x, PASSED) and not is_rounding(s, p, x, PASSED)

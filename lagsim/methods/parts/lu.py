@@ -24,7 +24,8 @@ def too_large(scene: Structure) -> str:
         return ""
     return (
         f"it has {scene.unknowns} coordinates and constraints, and the matrices of "
-        f"this method are dense, for up to {LARGEST} (`dop853` follows large scenes)"
+        f"this method are dense, for up to {LARGEST} (`dop853` handles large "
+        "models)"
     )
 
 

@@ -51,6 +51,8 @@ PROBED = 0.5
 PROBE = 2.0**-36
 # And so does one of some last places. A step that moves by fewer than so many is short.
 ROUNDED = 2.0**-50
+# Of what that does, what rounding leaves in the error estimate.
+SHAKEN = RATE_NOISE * PROBED / ROUNDED
 FEW_PLACES = 2.0**-30
 # Below this tolerance, which no repeat of a usual run has, as much is done against
 # rounding as can be.
@@ -60,12 +62,16 @@ TIGHT = 5e-14
 LARGER = 2.0**26
 
 
-def hardly_moves(s: State, h: float, k: Floats) -> bool:
-    """Tell whether a step moves a position by few of its last places."""
+def hardly_moves(s: State, p: Parameters, h: float, k: Floats) -> bool:
+    """Tell whether a step moves a position by few of its last places.
+
+    What rests counts where there are switches: another body may set it in motion by a
+    force that begins at one.
+    """
     sizes = s.sizes
     for i in range(s.n):
         moved = h * abs(k[i])
-        if moved > 0.0 and moved < FEW_PLACES * sizes[i]:
+        if moved < FEW_PLACES * sizes[i] and (moved > 0.0 or p.surfaces > 0.0):
             return True
     return False
 
@@ -81,23 +87,59 @@ def look_between(s: State, p: Parameters, h: float, k: Floats) -> None:
     n = s.n
     y = s.y
     noise = s.noise
-    z = s.work
-    slopes = s.spare
     middle = s.look
     rates = s.look_rates
+    found = s.far_before
     t = s.t + 0.5 * h
     for i in range(size):
         middle[i] = y[i] + 0.5 * h * k[i] if i < n else y[i]
     derivative(t, middle, p, rates)
     s.evaluations += 3.0
+    shake(s, p, t, middle, rates, found)
+    for i in range(n, size):
+        noise[i] = max(noise[i], SHAKEN * found[i])
+
+
+@rare
+def shake(
+    s: State, p: Parameters, t: float, y: Floats, rates: Floats, out: Floats
+) -> None:
+    """Give what some last places of a state y, to both sides, do to its rates (size,).
+
+    What has no value there counts as nothing.
+    """
+    size = s.size
+    z = s.work
+    slopes = s.spare
+    for i in range(size):
+        out[i] = 0.0
     for way in range(2):
-        change = ROUNDED if way == 0 else -ROUNDED
-        move_aside(size, middle, change, z)
+        move_aside(size, y, ROUNDED if way == 0 else -ROUNDED, z)
         derivative(t, z, p, slopes)
-        for i in range(n, size):
-            found = RATE_NOISE * PROBED / ROUNDED * abs(slopes[i] - rates[i])
-            if found < 1e300:
-                noise[i] = max(noise[i], found)
+        for i in range(size):
+            change = abs(slopes[i] - rates[i])
+            if change < 1e300:
+                out[i] = max(out[i], change)
+
+
+@rare
+def look_ahead(s: State, p: Parameters, h: float, k: Floats) -> None:
+    """Take what is rounded at the end of a step h for noise too.
+
+    What laws hold, or surfaces, rests against forces that may begin at 0. The step
+    itself may lead anywhere. k : (size,), y' at its start.
+    """
+    n = s.n
+    y = s.y
+    noise = s.noise
+    z = s.work
+    ahead = s.look
+    for i in range(s.size):
+        ahead[i] = y[i] + h * k[i] if i < n else y[i]
+    rounding(s.t + h, ahead, p, z)
+    for i in range(n, 2 * n):
+        if abs(z[i - n]) < 1e300:
+            noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
 
 
 @rare

@@ -24,6 +24,7 @@ CHOSEN = -2.0
 KEPT = (
     "side", "slides", "low", "high", "least", "most", "share", "slack", "band",
     "leader", "noise", "floor", "least_root", "law_mode", "law_way", "law_still",
+    "law_floor",
 )  # fmt: skip
 
 # Kinds of laws, see `mechanics.laws`, and their modes: out of force, an equality, a
@@ -76,9 +77,14 @@ def each_watched(p: Parameters) -> int:
     return p.surfaces + p.laws
 
 
+def each_worked(p: Parameters) -> int:
+    """Give the length of what each coordinate has one of where there are works."""
+    return p.n if p.works else 0
+
+
 def columns(p: Parameters) -> int:
     """Give the length of dr/dy, ds/dy and dpower/dy in `slopes`."""
-    return (p.n + p.m + 1) * 2 * p.n
+    return (p.n + p.m + p.works) * 2 * p.n
 
 
 class Parameters(Memory):
@@ -88,6 +94,7 @@ class Parameters(Memory):
     m: int  # constraint rows, those of laws last
     laws: int  # rows that hold at times
     size: int  # components of y
+    works: int  # of these, the works
     values: int  # parameters, modes and lengths
     surfaces: int  # that switches lie on
     elements: int  # of J, their rows, that do not vanish
@@ -121,6 +128,7 @@ class Parameters(Memory):
     law_shares: float  # 1 where contacts hold more often than they must
 
     fixed: Floats = array(lambda p: p.values)
+    worked: Floats = array(each_worked)  # the work that is done on a coordinate; or -1
 
     side: Floats = array(each_surface)  # the mode variables
     slides: Floats = array(each_surface)  # see FOLLOWED
@@ -148,6 +156,10 @@ class Parameters(Memory):
     law_normal: Floats = array(each_law)  # the law of a slip's contact; or -1
     law_pair: Floats = array(each_law)  # the other of two slips; or -1
     law_still: Floats = array(each_law)  # two slips together no faster have stopped
+    # What the laws of an arc could do to each rate of the state.
+    law_pushes: Floats = array(lambda p: p.size if p.laws else 0)
+    # Two slips that begin keep about this speed's direction; 0 once they are faster.
+    law_floor: Floats = array(each_law)
     law_part: Floats = array(each_law)  # of the contact's multiplier, or the force
     impulses: Floats = array(each_law)  # of an impact, while its row is written
 
@@ -244,8 +256,12 @@ class Parameters(Memory):
     mirrored: Floats = array(each_coordinate)
     directions: Floats = array(lambda p: 2 * each_coordinate(p) * min(p.n, p.m))
     # What `slopes` gives; last dpower/d(q'', lambda). A column of the Jacobian.
-    slopes: Floats = array(lambda p: (columns(p) + p.n + p.m) * p.slopes_known)
-    by_motion: Floats = part("slopes", columns, lambda p: (p.n + p.m) * p.slopes_known)
+    slopes: Floats = array(
+        lambda p: (columns(p) + p.works * (p.n + p.m)) * p.slopes_known
+    )
+    by_motion: Floats = part(
+        "slopes", columns, lambda p: p.works * (p.n + p.m) * p.slopes_known
+    )
     column: Floats = array(lambda p: (p.n + p.m) * p.slopes_known)
 
     # What `balance` gives: M in its envelope, the elements of the rows, the forces;

@@ -65,7 +65,7 @@ class Radau(State):
     Z: Floats = array(lambda s: 3 * s.size)  # the increments of the stages
     W: Floats = array(lambda s: 3 * s.size)  # T^-1 Z
     F: Floats = array(lambda s: 3 * s.size)  # the right side
-    J: Floats = array(lambda s: s.entries or (s.n + 1) * 2 * s.n)
+    J: Floats = array(lambda s: s.entries or (s.size - s.n) * 2 * s.n)
     K: Floats = array(lambda s: s.filled or s.n * s.n)  # real factors ...
     pivots: Floats = array(lambda s: s.n)  # ... and their pivots, where they are full
     pair: Floats = array(lambda s: 2 * s.filled or 4 * s.n * s.n)  # complex ones
@@ -115,7 +115,7 @@ def solve_one(s: Radau, p: Parameters, h: float, r: Floats) -> None:
     if SPARSE:
         sparse_real(p, g, s.J, s.K, r, s.x)
     else:
-        solve_real(s.n, s.size > 2 * s.n, g, s.J, s.K, s.pivots, r)
+        solve_real(s.n, s.size - 2 * s.n, g, s.J, s.K, s.pivots, r)
 
 
 def solve_two(
@@ -129,7 +129,7 @@ def solve_two(
         sparse_pair(p, alpha, beta, s.J, s.pair, real, imaginary, s.x)
     else:
         solve_pair(
-            n, s.size > 2 * n, alpha, beta, s.J, s.pair, s.pair_pivots, real,
+            n, s.size - 2 * n, alpha, beta, s.J, s.pair, s.pair_pivots, real,
             imaginary, s.x,
         )  # fmt: skip
 

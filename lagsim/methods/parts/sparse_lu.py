@@ -188,8 +188,8 @@ def sparse_real(
         value = x[int(places[i])]
         r[n + i] = g * value - r[i]
         r[i] = value
-    if p.size > 2 * n:
-        r[2 * n] = x[int(places[p.unknowns - 1])]
+    for i in range(2 * n, p.size):
+        r[i] = x[int(places[p.unknowns - p.size + i])]
 
 
 def sparse_pair(
@@ -241,7 +241,7 @@ def sparse_pair(
         imaginary[i] = found[1]
         real[n + i] = a
         imaginary[n + i] = b
-    if p.size > 2 * n:
-        found = at(x, 2 * int(places[p.unknowns - 1]))
-        real[2 * n] = found[0]
-        imaginary[2 * n] = found[1]
+    for i in range(2 * n, p.size):
+        found = at(x, 2 * int(places[p.unknowns - p.size + i]))
+        real[i] = found[0]
+        imaginary[i] = found[1]

@@ -39,6 +39,8 @@ class State(Memory):
     row_step: float
     row_limit: float  # ... while that is less than this
     row: float  # the next row
+    extras: float  # states asked for beside the rows that are still to be written ...
+    extra: float  # ... and the time of the next
     emitted: float  # rows written by this call
     steps: float
     rejections: float
@@ -106,13 +108,12 @@ class State(Memory):
     left: Floats = array(lambda s: s.size)
     sizes: Floats = array(lambda s: s.size)  # the largest of y so far
     tolerances: Floats = array(lambda s: s.size)
-    # What `measure` gives: energies, the diagonal of M, a 0 in the place of which the
-    # sum of M_ii a_i^2 that forces could make is kept, and -1 where there is work.
-    measured: Floats = array(lambda s: s.n + 4)
+    # What `measure` gives: energies, the diagonal of M, and a 0 in the place of which
+    # the sum of M_ii a_i^2 that forces could make is kept.
+    measured: Floats = array(lambda s: s.n + 3)
     energies: Floats = part("measured", lambda _: 0, lambda _: 2)
     masses: Floats = part("measured", lambda _: 2, lambda s: s.n)
     pushes: Floats = part("measured", lambda s: s.n + 2, lambda _: 1)
-    works: Floats = part("measured", lambda s: s.n + 3, lambda _: 1)
     work: Floats = array(lambda s: 2 * s.size + 4)  # for a state ...
     spare: Floats = part("work", lambda s: s.size, lambda s: s.size + 4)  # ... and more
     ahead: Floats = array(lambda s: s.n + 3)  # what `velocity_step` gives there
@@ -126,8 +127,9 @@ class State(Memory):
     foreseen: Floats = array(lambda s: s.size)
     joined: Floats = array(lambda s: s.n)  # to which mechanism a coordinate belongs
     linked: Floats = array(lambda s: s.n)  # ... where rows alone count, and not M
-    # The largest tolerance of what is linked, at the place of its first coordinate.
-    shared: Floats = array(lambda s: s.n)
+    # The largest tolerance of what is linked, at the place of its first coordinate;
+    # the energy that each work is compared with.
+    shared: Floats = array(lambda s: s.size - s.n)
     # Sizes, least and largest values before the last step; see `driver.keep_sizes`.
     sizes_before: Floats = array(lambda s: s.size)
     low_before: Floats = array(lambda s: s.size)
@@ -161,10 +163,11 @@ class State(Memory):
     margins_middle: Floats = array(lambda s: 2 * s.surfaces + 2)
     margins_last: Floats = array(lambda s: 2 * s.surfaces + 2)
 
-    # Of each inertia: the largest, the smallest and its time.
+    # Of each inertia: the largest, the smallest, its time, and q and q' there.
     inertia_largest: Floats = array(lambda s: s.inertias)
     inertia_smallest: Floats = array(lambda s: s.inertias, inf)
     inertia_when: Floats = array(lambda s: s.inertias)
+    inertia_where: Floats = array(lambda s: 2 * s.n * s.inertias)
 
 
 # The spectral radius of the methods that have it, unless another is asked for.

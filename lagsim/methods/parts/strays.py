@@ -17,8 +17,9 @@ from lagsim.methods.parts.interface import (
     interpolate,
     interpolate_rates,
     rounding,
+    signals,
 )
-from lagsim.methods.parts.noise import RATE_NOISE
+from lagsim.methods.parts.noise import RATE_NOISE, ROUNDED, SHAKEN, move_aside, shake
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import rare
@@ -94,7 +95,48 @@ def place(s: State, k: float) -> float:
 
 def is_off(s: State, p: Parameters, x: float) -> bool:
     """Tell whether y' is not the slope of the dense output, for all that may be."""
-    return differs(s, p, x, LEFT) and is_beyond(s, p, x)
+    if not differs(s, p, x, LEFT) or is_rounding(s, p, x, LEFT):
+        return False
+    return is_beyond(s, p, x)
+
+
+@rare
+def is_rounding(s: State, p: Parameters, x: float, most: float) -> bool:
+    """Tell whether y', as `differs` has left it, is off by the state's rounding alone.
+
+    Beside a root no slope tells what that does. most : as there; rounding itself leaves
+    no more than it does.
+    """
+    slope = s.look_rates
+    right = s.asked
+    found = s.far_before
+    tolerances = s.tolerances
+    shake(s, p, s.step_t + x * s.step_h, s.look, right, found)
+    for i in range(s.n, s.size):
+        allowed = most * tolerances[i] / s.step_h + SHAKEN * found[i]
+        if tolerances[i] > 0.0 and not abs(right[i] - slope[i]) <= allowed:
+            return False
+    return True
+
+
+@rare
+def varies_by_rounding(s: State, p: Parameters, k: int, x: float) -> bool:
+    """Tell whether signal k varies between three looks by rounding alone.
+
+    That is, by no more than rounding the state does, to one side, at the last, at x.
+    """
+    b = s.signals_last[k]
+    change = float(
+        max(abs(s.signals_middle[k] - s.signals_first[k]), abs(b - s.signals_middle[k]))
+    )
+    z = s.look
+    noise = 0.0
+    for way in range(2):
+        interpolate(s, x, z)
+        move_aside(s.size, z, ROUNDED if way == 0 else -ROUNDED, z)
+        signals(s.step_t + x * s.step_h, z, p, s.signals_beside)
+        noise = max(noise, float(abs(s.signals_beside[k] - b)))
+    return change <= noise
 
 
 @rare

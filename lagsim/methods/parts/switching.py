@@ -16,14 +16,13 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import (
     interpolate,
     margins,
-    signals,
     until,
 )
 from lagsim.methods.parts.looks import BETWEEN, look_at_signals, stirs
-from lagsim.methods.parts.noise import ROUNDED, move_aside
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import at, rare
+from lagsim.methods.parts.strays import varies_by_rounding
+from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -172,23 +171,6 @@ def nothing_stirs(s: State, p: Parameters, low: float, x: float) -> bool:
     return still
 
 
-@rare
-def varies_by_rounding(s: State, p: Parameters, k: int, x: float) -> bool:
-    """Tell whether signal k varies between three looks by rounding alone.
-
-    That is, by no more than rounding the state does at the last one, at x.
-    """
-    a = s.signals_first[k]
-    m = s.signals_middle[k]
-    b = s.signals_last[k]
-    z = s.look
-    move_aside(s.size, z, ROUNDED, z)
-    signals(s.step_t + x * s.step_h, z, p, s.signals_beside)
-    noise = float(abs(s.signals_beside[k] - b))
-    change = float(max(abs(m - a), abs(b - m)))
-    return change <= noise
-
-
 def look(s: State, p: Parameters, x: float) -> None:
     """Leave the margins at the fraction x of the last step."""
     z = s.work
@@ -269,13 +251,14 @@ def first_end(
 ) -> float:
     """Give a point in (low, x] where something ends, or 0.
 
+    No later than any least margin that is negative: what has ended is so there still.
     before, after : (2 C,), margins and slopes there.
     """
     count = watched(p)
     high = 0.0
     for k in range(count):
         if over(p, k, after[k]):
-            return x
+            high = x
     for k in range(count):
         fall = before[count + k]
         rise = after[count + k]
@@ -283,7 +266,7 @@ def first_end(
             least = least_margin(s, p, k, low, x)
             if over(p, k, margin_at(s, p, k, least)):
                 high = least if high == 0.0 else min(high, least)
-    if SWITCHES:
+    if SWITCHES and high == 0.0:
         slack = p.slack
         for k in range(p.surfaces + p.laws):
             if after[k] > slack[k]:
@@ -345,6 +328,11 @@ def cut(s: State, p: Parameters, low: float, high: float) -> None:
             if margin_at(s, p, k, low) >= 0.0:
                 least = 0.0
             high = end_of(s, p, k, least, low, high)
+            if SWITCHES and least < 0.0:
+                # A flight that began a rounding below ends where it is over.
+                middle = 0.5 * (low + high)
+                if margin_at(s, p, k, middle) > p.slack[k]:
+                    high = end_of(s, p, k, -float(p.band[k]), middle, high)
     if UNTIL and first == count - 1:
         s.event = 1.0
     else:

@@ -117,7 +117,7 @@ def kick(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     if size > 2 * n:
         add(n, at(new, n), at(rest, n), 0.5 * h, at(slope, n))
         power(t, new, p, at(slope, 2 * n))
-        add(1, at(new, 2 * n), at(rest, 2 * n), h, at(slope, 2 * n))
+        add(size - 2 * n, at(new, 2 * n), at(rest, 2 * n), h, at(slope, 2 * n))
         add(n, at(new, n), at(rest, n), 0.5 * h, at(slope, n))
     else:
         add(n, at(new, n), at(rest, n), h, at(slope, n))

@@ -19,9 +19,9 @@ from lagsim.model.nodes.accidents import (
     Diagnosis,
     bad_character,
     diagnose,
-    joined_pieces,
     unspaced,
 )
+from lagsim.model.nodes.pieces import joined_pieces
 from lagsim.model.nodes.tree import (
     Broken,
     Mapping,

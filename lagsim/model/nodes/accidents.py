@@ -256,6 +256,12 @@ def _indentation(case: _Case) -> Diagnosis | None:
     indent = len(case.line) - len(case.line.lstrip())
     if "mapping values" in case.problem and _first_key(case) and case.at[0] > 0:
         above = case.source.line(_line_before(case)).strip()
+        if ":" not in above:
+            number = _line_before(case)
+            column = case.source.line(number).index(above)
+            return case.fault(f"a colon is missing after `{above[:40]}`",
+                              (number, column), f"write `{above[:40]}:`",
+                              length=len(above))  # fmt: skip
         return case.fault(
             f"this line is indented as if it belonged to `{above[:40]}`, "
             "which has a value already", (case.at[0], indent),
@@ -284,9 +290,25 @@ def _beginning(case: _Case) -> Diagnosis | None:
     if entry is not None and "{" not in entry["value"] and "#" not in entry["value"]:
         quoted = entry["value"].strip().replace('"', "'")
         hint += f': "{quoted}"'
-        if size := re.fullmatch(r"\|+([^|]+)\|+([^|]*)", quoted):
-            hint = f"write abs({size[1]}){size[2]}"
+        if quoted[:1] == "|" and quoted.count("|") % 2 == 0:
+            hint = "write " + re.sub(r"\|+([^|]+)\|+", r"abs(\1)", quoted)
+        elif not _is_expression(quoted):
+            hint += f" if it is a text; an expression begins without `{case.line[at]}`"
     return case.fault(text, (case.at[0], at), hint, set_aside=True)
+
+
+def _is_expression(text: str) -> bool:
+    """Tell whether a text is one, once it is quoted."""
+    from lagsim.language.parser import parse, parse_relation
+    from lagsim.language.tokens import ExpressionError
+
+    for parser in (parse, parse_relation):
+        try:
+            parser(text)
+        except ExpressionError:
+            continue
+        return True
+    return False
 
 
 def _after_quote(case: _Case) -> Diagnosis | None:
@@ -307,10 +329,6 @@ def _in_brackets(case: _Case) -> Diagnosis | None:
     return case.fault(f"expected `,` or `{closer}`", case.at, hint, set_aside=True)
 
 
-# A call has no more arguments than this, so a longer search is in vain (and slow).
-_MOST_PIECES = 20
-
-
 def unspaced(key: Node, value: Node) -> tuple[Node, Node, Problem | None]:
     """Take a key such as `theta:1` apart, where YAML needs a space after the colon."""
     if not isinstance(key, Scalar) or key.quoted:
@@ -329,72 +347,3 @@ def unspaced(key: Node, value: Node) -> tuple[Node, Node, Problem | None]:
     )
     place = key.place_of(0, len(name))
     return Scalar(name, False, place, key.span), Broken(key.place), problem
-
-
-def joined_pieces(
-    source: Source, parts: list[Node], *, mapping: bool
-) -> tuple[list[Node], list[Problem]]:
-    """Find expressions that a comma has split, and put `Broken` in their place.
-
-    In `{relation: atan2(y, x) = 0}` YAML sees the keys `relation` and `x) = 0`.
-
-    Parameters
-    ----------
-    source
-        The text.
-    parts
-        The items of a sequence in brackets, or keys and values in turn.
-    mapping
-        Which of the two.
-    """
-    whole: list[Node] = []
-    problems: list[Problem] = []
-    step = 2 if mapping else 1
-    i = 0
-    while i < len(parts):
-        whole += parts[i : i + step]
-        last = _end_of_split(parts, i + step - 1, step)
-        if last is not None:
-            problem, whole[-1] = _split(source, whole[-1], parts[last])
-            problems.append(problem)
-            i = last
-        i += step
-    return whole, problems
-
-
-def _split(source: Source, first: Node, last: Node) -> tuple[Problem, Broken]:
-    assert isinstance(first, Scalar)
-    assert isinstance(last, Scalar)
-    start, stop = first.span.start, last.span.end
-    place = source.place(start, stop - start)
-    text = " ".join(source.text[start:stop].split())
-    problem = Problem(
-        "split-by-comma",
-        "the comma inside the parentheses ends the value here",
-        place,
-        f'quote the expression: "{text}"',
-    )
-    return problem, Broken(place)
-
-
-def _end_of_split(parts: list[Node], i: int, step: int) -> int | None:
-    """Give the index of the piece that closes the parenthesis left open by part i."""
-    depth = _left_open(parts[i])
-    if depth <= 0:
-        return None
-    for j in range(i + 1, min(len(parts), i + 1 + step * _MOST_PIECES), step):
-        piece, value = parts[j], parts[j + step - 1]
-        if not isinstance(piece, Scalar) or piece.quoted:
-            return None
-        if step == 2 and not (isinstance(value, Scalar) and value.empty):
-            return None
-        depth += _left_open(piece)
-        if depth <= 0:
-            return j
-    return None
-
-
-def _left_open(part: Node) -> int:
-    if not isinstance(part, Scalar) or part.quoted:
-        return 0
-    return part.text.count("(") - part.text.count(")")

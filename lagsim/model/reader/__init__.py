@@ -128,9 +128,10 @@ def read(
     file
         What messages call it; its stem is the model's name if the file gives none.
     overrides
-        Expressions that stand for those of parameters (`--set name=expression`).
+        Expressions instead of those of parameters and of start values
+        (`--set name=expression`).
     options
-        Expressions that stand for those of keys of `simulation`, such as
+        Expressions instead of those of keys of `simulation`, such as
         `{"output_step": "0.1"}` (`--output-step 0.1`). `duration` replaces `end` too.
 
     Raises
@@ -218,7 +219,7 @@ class _File:
             top.value("forces"), constraints, top.found.get("initial"), asked,
             self.root,
         )  # fmt: skip
-        stated = Stated(self.file, sections, x, overrides, options)
+        stated = Stated.of(self.file, sections, x, overrides, options)
         values, known = stated.parameters()
         coordinates = parameters.read_coordinates(given["coordinates"], x)
         definitions = Definitions(given["definitions"], x)

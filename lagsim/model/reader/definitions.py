@@ -40,8 +40,9 @@ class Definitions:
         for key, node in given:
             what = f"the definition `{key.text}`"
             expression, unit, about = value_entry(key, node, what, x)
-            scalar = x.scalar(expression, what)
-            parsed = x.parse(scalar) if scalar else None
+            beside = expression is node
+            scalar = x.scalar(expression, what, beside=beside)
+            parsed = x.parse(scalar, beside=beside) if scalar else None
             self._entries[key.text] = _Entry(scalar, parsed, unit, about)
         self._uses = {name: self._used(entry) for name, entry in self._entries.items()}
         self._order = self._in_order()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from lagsim.model.model import Curve, Level, Output, Plot, Scene
@@ -11,6 +12,7 @@ from lagsim.model.reader.fields import (
     EXPRESSION,
     PLAIN,
     TRUTH,
+    as_list,
     described,
     either,
     entries,
@@ -18,10 +20,11 @@ from lagsim.model.reader.fields import (
     items,
     keyed,
     kind_of,
+    kind_text,
     listed,
     listing,
 )
-from lagsim.model.reader.names import Kind, check_name, naming
+from lagsim.model.reader.names import RESERVED, Kind, check_name, naming
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.fields import Entry
+    from lagsim.model.reader.names import Names
 
 SCENE_KEYS = {
     "points": described(
@@ -69,6 +73,7 @@ OUTPUT_KEYS = {
         "Definitions: adds for each the force that holds it to its expression.",
         listing(PLAIN),
     ),
+    "event_marks": described("Whether pictures mark events; default: true.", TRUTH),
 }
 
 
@@ -88,9 +93,22 @@ def read_scene(entry: Entry | None, x: Expressions) -> Scene:
     whole = not isinstance(found.value("points"), Broken)
     links = [
         _link(node, named, x, whole=whole)
-        for node in (items(section, "`links`", x.faults) if section else ())
+        for node in (_several_links(section, named, x) if section else ())
     ]
     return Scene(points, tuple(link for link in links if link))
+
+
+def _several_links(section: Node, named: list[str], x: Expressions) -> list[Node]:
+    """Give the links; one that stands without its own brackets is a fault."""
+    given = section.items if isinstance(section, Sequence) else ()
+    texts = [part.text for part in given if isinstance(part, Scalar)]
+    if isinstance(section, Scalar):
+        texts = [part.strip() for part in re.split(r",|->?|–", section.text)]
+    if len(texts) == len(("from", "to")) and set(texts) <= set(named):
+        text = f"`links` is a list of links, each a list, found {kind_of(section)}"
+        x.faults.add("not-a-list", text, section.place, f"write [[{', '.join(texts)}]]")
+        return []
+    return items(section, "`links`", x.faults)
 
 
 def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
@@ -99,19 +117,29 @@ def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
         return ()
     if not isinstance(node, Sequence):
         text = f"{what} must be a list of 2 or 3 expressions, found {kind_of(node)}"
-        x.faults.add("not-a-list", text, node.place, "a list is written [a, b]")
+        hint = as_list(node)
+        if isinstance(node, Mapping):
+            hint = f"write [{', '.join(kind_text(v) for _, v in node.entries)}]"
+        x.faults.add("not-a-list", text, node.place, hint)
         return ()
     compiled = [x.compile(part, what, STATE) for part in node.items]
-    broken = any(isinstance(part, Broken) for part in node.items)
+    broken = any(part is None for part in compiled)
     if len(node.items) not in (2, 3) and not broken:
         text = f"{what} must have 2 or 3 components, found {len(node.items)}"
-        x.faults.add("wrong-count", text, node.place)
+        hint = "a point in a plane is [x, y], one in space [x, y, z]"
+        x.faults.add("wrong-count", text, node.place, hint)
     return tuple(c[0] for c in compiled if c is not None)
 
 
 def _link(
     node: Node, named: list[str], x: Expressions, *, whole: bool
 ) -> tuple[str, str] | None:
+    if isinstance(node, Scalar) and not node.empty:
+        found = [part.strip() for part in re.split(r",|->?|–", node.text)]
+        if set(found) <= set(named) and len(found) == len(("from", "to")):
+            text = f"a link must be a list, found {kind_of(node)}"
+            x.faults.add("not-a-list", text, node.place, f"write [{', '.join(found)}]")
+            return None
     ends = items(node, "a link", x.faults)
     if isinstance(node, Sequence) and len(ends) != 2:
         text = f"a link joins 2 points, found {len(ends)}"
@@ -128,6 +156,9 @@ def _link(
             names.append(end.text)
         elif whole:
             hint = x.faults.did_you_mean(end.text, named)
+            hint = hint or f"the points are {listed(named)}"
+            if not named:
+                hint = f"give it a place: points: {{{end.text}: [0, 0]}}"
             text = f"there is no point `{end.text}`"
             x.faults.add("unknown-name", text, end.place, hint)
     return (names[0], names[1]) if len(names) == 2 else None
@@ -161,6 +192,7 @@ def read_output(entry: Entry | None, x: Expressions) -> Output:
         gauss=found.truth("gauss", x.faults),
         action=found.truth("action", x.faults),
         reactions=_reactions(found.value("reactions"), x),
+        event_marks=found.truth("event_marks", x.faults, default=True),
     )
 
 
@@ -213,15 +245,29 @@ def _definitions(
                        item.place)  # fmt: skip
         elif kind is Kind.DEFINITION:
             found[name] = item.place
-        elif kind is not None:
-            text = f"`{name}` is {kind.value}; {what}s are definitions"
-            more = hint if kind is Kind.COORDINATE else ""
+        elif kind is not None or names.meaning(name) or name in RESERVED:
+            text, more = _no_definition(name, what, hint, names)
             faults.add("not-a-definition", text, item.place, more)
         elif name not in names.faulty and names.complete:
             text = f"there is no definition `{name}`"
-            near = faults.did_you_mean(name, names.of(Kind.DEFINITION))
+            defined = names.of(Kind.DEFINITION)
+            near = faults.did_you_mean(name, defined)
+            near = near or f"define it in `definitions`: {name}: ..."
             faults.add("unknown-name", text, item.place, near)
     return found
+
+
+def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, str]:
+    """Say that a name of something else is none of a definition, with a hint."""
+    meaning = names.meaning(name)
+    text = f"`{name}` is {meaning.kind.value if meaning else 'a column of results'}"
+    kinds = {Kind.VELOCITY, Kind.ENERGY, Kind.TIME, Kind.REACTION}
+    defined = f"define it: {name}_given: {name}, and name that"
+    if meaning and meaning.kind is Kind.COORDINATE:
+        defined = hint
+    elif meaning is None or meaning.kind in kinds:
+        defined = "leave it out: it is a column in any case"
+    return f"{text}; {what}s are definitions", defined
 
 
 def _plot(node: Node, x: Expressions) -> Plot | None:
@@ -269,10 +315,10 @@ def _axes(node: Node, second: Node | None, x: Expressions) -> Iterable[str]:
             continue
         if not isinstance(part, Scalar) or part.text not in AXES:
             text = f"`log` names axes, {listed(AXES)}, found {kind_of(part)}"
-            hint = "several are a list: [x, y]"
+            hint = "write y, or [x, y] for several"
             x.faults.add("unknown-axis", text, part.place, hint)
         elif part.text == "y2" and second is None:
             text = "`log` names `y2`, and the plot has none"
-            x.faults.add("unknown-axis", text, part.place)
+            x.faults.add("unknown-axis", text, part.place, "write y, or give `y2`")
         else:
             yield part.text

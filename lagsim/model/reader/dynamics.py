@@ -13,6 +13,7 @@ from lagsim.model.reader.fields import (
     entries,
     fields,
     keyed,
+    listed,
 )
 from lagsim.model.reader.names import Kind, naming
 
@@ -138,6 +139,7 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
         if not x.names.is_faulty(name) and x.names.complete:
             names = x.names.of(Kind.COORDINATE) + x.names.of(Kind.DEFINITION)
             hint = faults.did_you_mean(name, names)
+            hint = hint or f"a force acts along one of {listed(names)}"
             text = f"there is no coordinate or definition `{name}` to work on"
             faults.add("unknown-name", text, place, hint)
         return None
@@ -147,7 +149,8 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
         text = f"a force cannot work on `{name}`, {meaning.kind.value}"
         hint = "it works on a coordinate or on a definition"
         if meaning.kind in (Kind.VELOCITY, Kind.RATE):
-            hint = f"a force on `{meaning.base}` does the work p*{name}"
+            hint = f"write `{meaning.base}`: a force on `{meaning.base}` has the power "
+            hint += f"p*{name}"
         faults.add("not-a-direction", text, place, hint)
         return None
     definition = x.definitions.get(name)

@@ -12,7 +12,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.parser import Parsed, parse, parse_condition, parse_relation
 from lagsim.language.tokens import ExpressionError
 from lagsim.model.model import Level
-from lagsim.model.nodes import Broken, Node, Scalar, Sequence
+from lagsim.model.nodes import Broken, Node, Scalar
 from lagsim.model.reader.fields import kind_of, shortened
 from lagsim.model.reader.names import Kind
 
@@ -37,8 +37,6 @@ STATE = NUMBERS | {
 }
 OUTPUT = frozenset(Kind)
 
-# A number and its unit, in a list.
-PAIR = 2
 _VELOCITIES = (Kind.VELOCITY, Kind.RATE)
 
 
@@ -85,6 +83,7 @@ class Expressions:
         self.definitions: dict[str, Resolved] = {}
         self.energies: dict[str, int | None] = {}
         self._rates: dict[Kind, dict[str, int]] = {}
+        self._told: tuple[Scalar, str] | None = None
 
     def over(self, faults: Faults, values: Mapping[str, float]) -> Expressions:
         """Give the same with other faults and other values of the parameters."""
@@ -94,30 +93,39 @@ class Expressions:
 
     # Reading a text
 
-    def scalar(self, node: Node, what: str) -> Scalar | None:
-        """Give the scalar that an expression is expected to be."""
+    def scalar(self, node: Node, what: str, *, beside: bool = False) -> Scalar | None:
+        """Give the scalar that an expression is expected to be.
+
+        `beside`: a unit may stand beside it.
+        """
         if isinstance(node, Broken):
             return None
         if isinstance(node, Scalar) and (node.quoted or not node.empty):
             return node
-        hint = "quote it if it contains `{`, `[` or begins with a sign of YAML"
-        if isinstance(node, Sequence) and len(node.items) == PAIR:
-            hint = "a unit stands beside its number: {value: ..., unit: ...}"
         if isinstance(node, Scalar):
-            hint = ""
+            hint = "write a number or an expression, such as 0"
+        else:
+            from lagsim.model.reader import quantities
+
+            hint = quantities.of_collection(node, beside=beside)
         text = f"{what} must be an expression, found {kind_of(node)}"
         self.faults.add("not-an-expression", text, node.place, hint)
         return None
 
-    def parse(self, scalar: Scalar, *, condition: bool = False) -> Parsed | None:
-        """Parse an expression, or a condition."""
-        return self._parse(scalar, parse_condition if condition else parse)
+    def parse(
+        self, scalar: Scalar, *, condition: bool = False, beside: bool = False
+    ) -> Parsed | None:
+        """Parse an expression, or a condition; `beside`: a unit may stand beside it."""
+        parser = parse_condition if condition else parse
+        return self._parse(scalar, parser, beside=beside)
 
     def parse_relation(self, scalar: Scalar) -> ParsedRelation | None:
         """Parse a relation."""
         return self._parse(scalar, parse_relation)
 
-    def _parse(self, scalar: Scalar, parser: Callable[[str], _T]) -> _T | None:
+    def _parse(
+        self, scalar: Scalar, parser: Callable[[str], _T], *, beside: bool = False
+    ) -> _T | None:
         if len(scalar.text) > limits.EXPRESSION_LETTERS:
             many, most = len(scalar.text), limits.EXPRESSION_LETTERS
             text = f"the expression has {many:,} letters, more than {most:,}"
@@ -129,7 +137,13 @@ class Expressions:
         except ExpressionError as fault:
             token = scalar.text[fault.offset : fault.offset + fault.length]
             if token not in self.names.faulty:
-                self.faults.add_expression(fault, scalar, self.names.variables)
+                self.faults.add_expression(
+                    fault,
+                    scalar,
+                    self.names.variables,
+                    beside=beside,
+                    relation=parser is parse_relation,
+                )
             return None
 
     # Building nodes
@@ -213,10 +227,7 @@ class Expressions:
         meaning = self.names.meaning(name)
         if meaning is None:
             if not self.names.is_faulty(name) and self.names.complete:
-                text, hint = self.names.unknown(name, self.faults)
-                hint = hint or self.faults.meant(scalar, offset, self.names.variables)
-                hint = hint or f"give `{shortened(name)}` a value in `parameters`"
-                self.faults.add("unknown-name", text, place, hint)
+                self._unknown(name, scalar, offset, numbers=allowed <= NUMBERS)
             return None
         if meaning.kind not in allowed:
             code, text, hint = _misplaced(name, meaning, what, allowed)
@@ -230,6 +241,25 @@ class Expressions:
         if (unvalued and allowed <= NUMBERS) or unbuilt:
             return None
         return level_of_kind(meaning.kind)
+
+    def _unknown(
+        self, name: str, scalar: Scalar, offset: int, *, numbers: bool
+    ) -> None:
+        """Report a name that means nothing; once where a hint is of several names."""
+        from lagsim.model.reader import intent, spellings
+
+        hint = intent.of_unknown(scalar.text, offset)
+        if hint and (scalar, hint) == self._told:
+            return
+        self._told = scalar, hint
+        among = list(self.values) if numbers else None
+        text, other = self.names.unknown(name, self.faults, among)
+        hint = hint or other
+        if not hint and not spellings.is_other(name):
+            hint = self.faults.meant(scalar, offset, self.names.variables)
+        hint = hint or f"give `{shortened(name)}` a value in `parameters`"
+        place = scalar.place_of(offset, len(name))
+        self.faults.add("unknown-name", text, place, hint)
 
     def _level_of_definition(
         self,

@@ -24,6 +24,16 @@ MAX_GUESSED_LENGTH = 80
 MAX_FAULTS = 1000
 
 
+def _argument(text: str) -> str:
+    """Give what stands in the parentheses that a text begins with."""
+    depth = 0
+    for k, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if letter == ")" and depth <= 0:
+            return text[:k].strip().removeprefix("(").strip()
+    return text.strip().removeprefix("(").strip()
+
+
 class Faults:
     """The faults found so far; `sections` tells which keys stand where."""
 
@@ -43,28 +53,62 @@ class Faults:
         self._problems.append(Problem(code, text, place, hint))
 
     def add_expression(
-        self, fault: ExpressionError, scalar: Scalar, known: Collection[str]
+        self,
+        fault: ExpressionError,
+        scalar: Scalar,
+        known: Collection[str],
+        *,
+        beside: bool = False,
+        relation: bool = False,
     ) -> None:
-        """Add a fault of the expression in `scalar`; `known` are the variables."""
+        """Add a fault of the expression in `scalar`.
+
+        Parameters
+        ----------
+        fault
+            The fault.
+        scalar
+            The text.
+        known
+            The variables of the file.
+        beside
+            A unit may stand beside this expression.
+        relation
+            It is a relation.
+        """
         from lagsim.model.reader import intent
 
         place = scalar.place_of(fault.offset, fault.length)
         text, end = scalar.text, fault.offset + fault.length
-        hint = self.meant(scalar, fault.offset, known)
+        token = text[fault.offset : end]
+        hint = ""
+        if relation and token in ("==", "!=", "<>"):
+            hint = intent.IN_RELATIONS[token]
+        hint = hint or self.meant(scalar, fault.offset, known, beside=beside)
         if not hint and fault.code == "unknown-function":
-            argument = text[end:].strip().removeprefix("(").partition(")")[0].strip()
-            hint = intent.of_function(text[fault.offset : end], argument, known)
+            argument = _argument(text[end:])
+            hint = intent.of_function(token, argument, known)
             hint = hint or fault.hint or "a function of your own is a definition"
-        self.add(f"expression-{fault.code}", fault.text, place, hint or fault.hint)
+        if not hint and "comparison stands" in fault.text:
+            hint = intent.of_comparison(text, fault.offset)
+        hint = hint or intent.without_guesses(fault.hint, token, known)
+        self.add(f"expression-{fault.code}", fault.text, place, hint)
 
-    def meant(self, scalar: Scalar, offset: int, known: Collection[str]) -> str:
+    def meant(
+        self,
+        scalar: Scalar,
+        offset: int,
+        known: Collection[str],
+        *,
+        beside: bool = False,
+    ) -> str:
         """Give a hint from what stands around a fault; `known` are the variables."""
         from lagsim.model.reader import intent
 
         self._guesses += 1
         if self._guesses > MAX_GUESSES:
             return ""
-        return intent.of_text(scalar.text, offset, known)
+        return intent.of_text(scalar.text, offset, known, beside=beside)
 
     def belongs(self, key: str, *, otherwise: bool = False) -> str:
         """Give a hint where in the file a key stands, if it does elsewhere.
@@ -103,8 +147,10 @@ class Faults:
 
     def called(self, key: str, known: Collection[str]) -> str:
         """Give the key that is called otherwise elsewhere, or is most like this one."""
-        from lagsim.model.reader.spellings import KEYS
+        from lagsim.model.reader.spellings import COUNTS, KEYS
 
+        if key.casefold() in COUNTS:
+            return ""
         for other in KEYS.get(key.casefold().replace(" ", "_"), ()):
             if other in known:
                 return other

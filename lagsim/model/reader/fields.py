@@ -29,6 +29,9 @@ IGNORED: Form = {"patternProperties": {"^x-": {}}}
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 _EQUALS = re.compile(r"(\w+)\s*=\s*([^=\s].*)")
+_NUMBER = re.compile(r"\d[\d.]*")
+_NO_COLON = re.compile(r"([^\W\d_]\w*)\s+([^\s:=]+)")
+_LISTED = re.compile(r"[^\W\d_]\w*(?:\s*,\s*[^\W\d_]\w*)*")
 _NO_SPACE = re.compile(r"([^\s:]+):([^\s:]\S*)")
 
 # Of a list of names a message shows so many.
@@ -85,13 +88,7 @@ def entries(node: Node, what: str, faults: Faults) -> list[Entry]:
         return [e for e in node.entries if not e[0].text.startswith("x-")]
     if isinstance(node, Broken) or (isinstance(node, Scalar) and node.empty):
         return []
-    hint = ""
-    if isinstance(node, Sequence):
-        hint = "write lines `name: value`, without the `-` or brackets of a list"
-    elif match := _EQUALS.match(node.text):
-        hint = f"a colon is missing: `{match[1]}: {match[2]}`"
-    elif match := _NO_SPACE.match(node.text):
-        hint = f"a space is missing after the colon: `{match[1]}: {match[2]}`"
+    hint = _of_lines(node, what)
     faults.add(
         "not-a-mapping",
         f"{what} must be a mapping (lines `key: value`), found {kind_of(node)}",
@@ -101,15 +98,59 @@ def entries(node: Node, what: str, faults: Faults) -> list[Entry]:
     return []
 
 
+def _of_lines(node: Node, what: str) -> str:
+    """Give a hint where something else stands for a mapping."""
+    if what == "`coordinates`" and (names := _names_of(node)):
+        return f"write {{{', '.join(f'{name}: {{}}' for name in names)}}}"
+    if what == "a plot" and len(names := _names_of(node)) in (1, 2):
+        return f"write {{x: {names[0] if names[1:] else 't'}, y: {names[-1]}}}"
+    if isinstance(node, Sequence):
+        return "write lines `name: value`, without the `-` or brackets of a list"
+    text = node.text if isinstance(node, Scalar) else ""
+    if what == "`constraints`" and "=" in text:
+        return f"write `name: {text}`, with a name of your own"
+    if match := _EQUALS.match(text):
+        return f"a colon is missing: `{match[1]}: {match[2]}`"
+    if match := _NO_SPACE.match(text):
+        return f"a space is missing after the colon: `{match[1]}: {match[2]}`"
+    if match := _NO_COLON.fullmatch(text):
+        return f"a colon is missing: `{match[1]}: {match[2]}`"
+    return ""
+
+
+def _names_of(node: Node) -> list[str]:
+    """Give the names of a list, with brackets or without; none where it is another."""
+    text = node.text if isinstance(node, Scalar) else ""
+    if isinstance(node, Sequence):
+        text = ",".join(i.text if isinstance(i, Scalar) else "?" for i in node.items)
+    found = text.split(",") if _LISTED.fullmatch(text) else []
+    return [name.strip() for name in found]
+
+
+def as_list(node: Node) -> str:
+    """Say how what stands for a list is written as one."""
+    if isinstance(node, Mapping):
+        parts = [f"{key.text}: {kind_text(value)}" for key, value in node.entries]
+        return f"write [{{{', '.join(parts)}}}]"
+    text = node.text.strip() if isinstance(node, Scalar) else ""
+    if text[:1] + text[-1:] == "()":
+        text = text[1:-1]
+    return f"write [{' '.join(text.split())}]" if text else "a list is written [a, b]"
+
+
+def kind_text(node: Node) -> str:
+    """Give the text of a scalar, or dots."""
+    return node.text if isinstance(node, Scalar) else "..."
+
+
 def items(node: Node, what: str, faults: Faults) -> list[Node]:
     """Give the items of a list; nothing counts as an empty one."""
     if isinstance(node, Sequence):
         return list(node.items)
     if isinstance(node, Broken) or (isinstance(node, Scalar) and node.empty):
         return []
-    hint = "a list is written [a, b]"
     text = f"{what} must be a list, found {kind_of(node)}"
-    faults.add("not-a-list", text, node.place, hint)
+    faults.add("not-a-list", text, node.place, as_list(node))
     return []
 
 
@@ -157,16 +198,16 @@ class Fields:
         node = self.value(key)
         return "" if node is None else text_of(node, f"`{key}`", faults)
 
-    def truth(self, key: str, faults: Faults) -> bool:
-        """Give whether the value of `key` is `true`; it is not where there is none."""
+    def truth(self, key: str, faults: Faults, *, default: bool = False) -> bool:
+        """Give whether the value of `key` is `true`; `default` where there is none."""
         node = self.value(key)
         if node is None or isinstance(node, Broken):
-            return False
+            return default
         if isinstance(node, Scalar) and node.text in ("true", "false"):
             return node.text == "true"
         text = f"`{key}` must be `true` or `false`, found {kind_of(node)}"
         faults.add("not-a-truth", text, node.place)
-        return False
+        return default
 
 
 def fields(
@@ -199,7 +240,7 @@ def fields(
         hint = faults.belongs(key.text) or hint
         if not near:
             hint = faults.belongs(key.text, otherwise=True) or hint
-        if key.text.isdecimal():
+        if _NUMBER.fullmatch(key.text):
             hint = _of_number(key, given)
         text = f"unknown key `{shortened(key.text)}` in {what}"
         faults.add("unknown-key", text, key.place, hint)
@@ -225,10 +266,13 @@ def is_odd(root: Node, sections: Collection[str]) -> bool:
 def _of_number(key: Scalar, given: list[Entry]) -> str:
     """Give a hint where a number stands for a key: 1,5 or {1, unit: m}."""
     place = [entry[0] for entry in given].index(key)
-    before = given[place - 1][1] if place else None
-    if isinstance(before, Scalar) and before.text[-1:].isdecimal():
-        return "a decimal point is written `.`"
-    return f"each value has its key: {{value: {key.text}, unit: ...}}"
+    from lagsim.model.reader import quantities
+
+    if hint := quantities.split_by_comma(key):
+        return hint
+    after = given[place + 1][0].text if place + 1 < len(given) else ""
+    unit = after if quantities.is_unit(after) else "..."
+    return f"write {{value: {key.text}, unit: {unit}}}"
 
 
 def listed(names: Iterable[str]) -> str:

@@ -28,13 +28,16 @@ if TYPE_CHECKING:
     from lagsim.model.reader.fields import Entry
     from lagsim.model.reader.names import Meaning
 
-_TARGETS = {
+# What a start value may be given to.
+TARGETS = {
     Kind.COORDINATE: Target.COORDINATE,
     Kind.VELOCITY: Target.VELOCITY,
     Kind.DEFINITION: Target.DEFINITION,
     Kind.RATE: Target.RATE,
 }
 
+# Where values stand that replace those of the file.
+SET = "--set "
 START_KEYS = {
     "guess": described("Solved for from the constraints, near this.", EXPRESSION)
 }
@@ -63,7 +66,7 @@ class Initial:
         self.x = x
         self.known: dict[str, Value] = dict(parameters)
         self._instead = {
-            name: argument(f"initial {name}=", text) for name, text in instead.items()
+            name: argument(f"{SET}{name}=", text) for name, text in instead.items()
         }
         self._given: set[str] = set()  # keys so far, sound or not
         self._all: set[str] = set()
@@ -80,7 +83,7 @@ class Initial:
         given = entries(node, "`initial`", x.faults)
         self._all = {key.text for key, _ in given}
         added = [name for name in self._instead if name not in self._all]
-        given += [(argument("initial ", name), self._instead[name]) for name in added]
+        given += [(argument(SET, name), self._instead[name]) for name in added]
         self._all.update(added)
         found: dict[str, InitialValue] = {}
         for key, value in given:
@@ -94,11 +97,18 @@ class Initial:
         return self._in_order(found, section.place)
 
     def _check_complete(self, section: Scalar) -> None:
+        started = [name for name in self._given if name in self.x.definitions]
         for q in self.x.names.of(Kind.COORDINATE):
             if q not in self._all:
                 text = f"`initial` has no value for the coordinate `{q}`"
                 hint = f"write `{q}: 0`, or `{q}: {{guess: 0}}` to have it solved"
+                if any(self._rests_on(name, q) for name in started):
+                    hint = f"write `{q}: {{guess: 0}}`: it is solved for, near 0"
                 self.x.faults.add("missing-initial", text, section.place, hint)
+
+    def _rests_on(self, definition: str, q: str) -> bool:
+        node = self.x.definitions[definition].node
+        return node is not None and q in self.x.graph.depends([node])
 
     def _in_order(
         self, found: dict[str, InitialValue], place: Place
@@ -134,7 +144,7 @@ class Initial:
         kind, direction = target
         if guess and kind in (Target.DEFINITION, Target.RATE):
             text = f"`{key.text}` cannot be a guess: it is not a coordinate or velocity"
-            hint = "what is solved for are these"
+            hint = f"write `{key.text}: {scalar.text}`, and guess coordinates"
             self.x.faults.add("not-a-guess", text, key.place, hint)
             return None
         text = " ".join(scalar.text.split())
@@ -146,6 +156,9 @@ class Initial:
         if not isinstance(node, Mapping):
             return node, False
         what = f"the start value of `{key.text}`"
+        if "value" in {name.text for name, _ in node.entries}:
+            self.x.scalar(node, what)  # a fault, with what to write
+            return Broken(node.place), True
         below = fields(node, what, START_KEYS, self.x.faults, key.place)
         guess = below.value("guess")
         if guess is None:
@@ -164,7 +177,7 @@ class Initial:
                 self._report_unknown(key)
             return None
         if meaning.kind in (Kind.COORDINATE, Kind.VELOCITY):
-            return _TARGETS[meaning.kind], None
+            return TARGETS[meaning.kind], None
         if meaning.kind in (Kind.DEFINITION, Kind.RATE):
             return self._definition(key, meaning)
         text = f"`{name}` is {meaning.kind.value} and has no start value"
@@ -181,18 +194,24 @@ class Initial:
         moving = names.moving()
         near = re.sub(r"_?0$|\(0\)$", "", key.text)  # x0, x(0)
         near = near if near in moving else intent.rate_of(key.text, moving)
+        coordinates = names.of(Kind.COORDINATE)
+        if not near and key.text in intent.SPEEDS and len(coordinates) == 1:
+            near = f"{coordinates[0]}_dot"
         if not near:
             near = faults.guess(
                 key.text, [*moving, *(f"{name}_dot" for name in moving)]
             )
         hint = "start values are those of coordinates, definitions and their rates"
+        hint += f", such as {moving[0]}_dot" if moving else ""
         if near:  # read as that, or it would be reported as missing too
             hint = f"did you mean `{near}`?"
             self._all.add(near)
             self._given.add(near)
         hint = faults.belongs(key.text) or hint
-        if key.text.isdecimal():
-            hint = "a decimal point is written `.`"
+        if key.text[:1].isdecimal():
+            from lagsim.model.reader import quantities
+
+            hint = quantities.split_by_comma(key) or hint
         text = f"`{key.text}` is no coordinate, velocity or definition"
         faults.add("unknown-name", text, key.place, hint)
 
@@ -217,7 +236,7 @@ class Initial:
         node = definition.node
         if node is not None and meaning.kind is Kind.RATE:
             node = self.x.rate(base)
-        return (_TARGETS[meaning.kind], node) if node is not None else None
+        return (TARGETS[meaning.kind], node) if node is not None else None
 
     def _check(self, parsed: Parsed, scalar: Scalar) -> bool:
         """Report names that a start value must not use."""
@@ -240,7 +259,9 @@ class Initial:
         if meaning is None:
             if names.is_faulty(name) or not names.complete:
                 return None
-            text, hint = names.unknown(name, self.x.faults)
+            known = [n for n in self.known if n in names.variables]
+            text, hint = names.unknown(name, self.x.faults, known)
+            hint = hint or f"give `{name}` a value in `parameters`"
             return "unknown-name", text, hint
         if name in self._given or meaning.kind is Kind.PARAMETER:
             return None  # faulty itself, and told
@@ -249,6 +270,6 @@ class Initial:
             text = f"the start value of `{name}` is not given above this line"
             return "later-initial", text, hint
         text = f"`{name}` is {meaning.kind.value} without a start value above this line"
-        if meaning.kind not in _TARGETS:
+        if meaning.kind not in TARGETS:
             text = f"a start value cannot use `{name}`, {meaning.kind.value}"
         return "not-a-start-value", text, hint

@@ -11,11 +11,13 @@ import unicodedata
 from typing import TYPE_CHECKING
 
 from lagsim.language.functions import FUNCTIONS
-from lagsim.model.reader import spellings
-from lagsim.model.reader.spellings import CALLED, MODULES, NUMBER, RADIANS, RATES
+from lagsim.model.reader import quantities, spellings
+from lagsim.model.reader.quantities import NUMBER
+from lagsim.model.reader.spellings import RADIANS
+from lagsim.model.reader.written import FRACTION, OF_NAMES, OF_NUMBERS, PATTERNS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable, Collection, Iterable
 
 # What is meant shows within so many letters of a fault; patterns that are tried at each
 # of a million would take for ever.
@@ -23,120 +25,16 @@ WINDOW = 100
 # Names that are tried as parts of a longer one.
 MOST_PARTS = 200
 
-_ARGUMENT = rf"(?:{NUMBER}\s*\*\s*)?(?:[^\W\d]\w*|{NUMBER})"
-_POWER = r"(?:\^|\*\*)\s*(\d+)"
-_INVERSE = r"(?:\^|\*\*)\s*(?:-1|\(\s*-1\s*\))"
-_NAME = r"([^\W\d_]\w*)"
-_EXACT = "in `if` numbers are compared by <, <=, > and >="
-
-
-def _from_module(found: re.Match[str]) -> str:
-    name = found[1]
-    if known := spellings.function(name):
-        return f"write `{known}`, without a module"
-    if other := spellings.rewritten(name):
-        return f"write {other}"
-    plain = {"e": "exp(1)", "inf": "", "nan": ""}.get(name, f"`{name}`")
-    return f"write {plain}, without a module" if plain else "every number is finite"
-
-
-def _call(found: re.Match[str]) -> str:
-    return f"write {spellings.call(found[1], found[2])}"
-
-
-def _power_of_call(found: re.Match[str]) -> str:
-    name, power, *argument = found.groups()
-    power = {"²": "2", "³": "3"}.get(power, power)
-    inside = argument[0] if argument and argument[0] else "..."
-    return f"write {spellings.call(name, inside)}^{power}"
-
-
-def _inverse(found: re.Match[str]) -> str:
-    name = f"a{found[1]}"
-    return f"write {name}(...)" if name in FUNCTIONS else f"write 1/{found[1]}(...)"
-
-
-# Each is looked for around the fault: what is matched, and what to write instead.
-_SPELLINGS: list[tuple[str, str | Callable[[re.Match[str]], str]]] = [
-    (rf"({NUMBER})\s*(?:[°º]|deg(?:rees?)?\b)", f"write {{0}}*pi/180: {RADIANS}"),
-    (r"\s(?:rad|radians?)\s*$", f"leave the unit out: {RADIANS}"),
-    (rf"({NUMBER})\s*π", "write {0}*pi"),
-    (rf"({NUMBER})\s*%\s*$", "write {0}/100"),
-    (
-        rf"({NUMBER})\s*[xX×·]\s*10\s*(?:\^|\*\*)\s*([-+]?\d+)",
-        "write {0}e{1}",
-    ),
-    (r"\b\d+\.\d*\.\d", "a number has one decimal point"),
-    (r"\b0[xXbBoO]\w+", "numbers are decimal"),
-    (r"(\d+\.?\d*)[eE](?![\w+-])", "an exponent has digits: {0}e0"),
-    (r"\d:\d\d", "a time is one number, such as 90 for 1:30"),
-    (r"∞|\binf\b", "every number is finite"),
-    (r"\bE\s*(?:\^|\*\*)", "write exp(x) for e^x"),
-    (r"^\s*(?:if\s+)?(.+?)\s+if\s+(.+?)\s+else\s+(.+)$", "write if({1}, {0}, {2})"),
-    (r"^\s*if\s+(.+?)\s+then\s+(.+?)\s+else\s+(.+)$", "write if({0}, {1}, {2})"),
-    (r"^\s*(.+?)\s*\?\s*(.+?)\s*:\s*(.+)$", "write if({0}, {1}, {2})"),
-    (r":=", "write `=`"),
-    (r"(\d)\s*([-+])\s*[eE](\d+)\b", "write {0}e{1}{2}"),
-    (r"\bif\s+[^(\s]", "write if(condition, a, b)"),
-    (r"=<", "write `<=`"),
-    (r"=>", "write `>=`"),
-    (r"\bif\s*\([^()<>]*?(?:==|!=|=)", _EXACT),
-    (rf"\b({CALLED})\s*{_POWER}\s*\(([^()]*)\)", _power_of_call),
-    (rf"\b({CALLED})\s*{_POWER}\s+({_ARGUMENT})", _power_of_call),
-    (rf"\b({CALLED})\s*([²³])\s*\(([^()]*)\)", _power_of_call),
-    (rf"\b({CALLED})\s*([²³])\s*({_ARGUMENT})?", _power_of_call),
-    (rf"\b(sinh?|cosh?|tanh?)\s*{_INVERSE}", _inverse),
-    (rf"\b({CALLED})\s*{_POWER}", _power_of_call),
-    (rf"\b({CALLED})\s*[\[{{]([^\]}}]*)[\]}}]", _call),
-    (rf"\b({CALLED})\s+({_ARGUMENT})", _call),
-    (rf"\b(?:{MODULES})(?:\.|::)(\w+)", _from_module),
-    (
-        rf"\b(?:{'|'.join(RATES)})\(\s*{_NAME}\s*(?:,\s*t\s*)?\)",
-        "the rate is written {0}_dot",
-    ),
-    (rf"\bd(?:\^|\*\*)?2\s*{_NAME}\s*/\s*d\s*t", "the second rate is written {0}_ddot"),
-    (rf"\bd\s*\(?{_NAME}\)?\s*/\s*dt\b", "the rate is written {0}_dot"),
-    (rf"\\ddot\s*\{{?\s*\\?{_NAME}", "the second rate is written {0}_ddot"),
-    (rf"\\dot\s*\{{?\s*\\?{_NAME}", "the rate is written {0}_dot"),
-    (rf"{_NAME}\u0308", "the second rate is written {0}_ddot"),
-    (rf"{_NAME}\u0307", "the rate is written {0}_dot"),
-    (rf"{_NAME}''", "the second rate is written {0}_ddot"),
-    (rf"{_NAME}'", "the rate is written {0}_dot"),
-    (rf"{_NAME}\s*[.\s-]\s*dot\b", "the rate is written {0}_dot"),
-    (r"\|([^|]+)\|", "write abs({0})"),
-    (r"√\s*\(([^()]*)\)", "write sqrt({0})"),
-    (r"√\s*(\w+)", "write sqrt({0})"),
-    (r"∛\s*\(?(\w+)\)?", "write cbrt({0})"),
-    (r"\\d?frac\s*\{([^{}]*)\}\s*\{([^{}]*)\}", "write ({0})/({1})"),
-    (r"\\sqrt\s*\{([^{}]*)\}", "write sqrt({0})"),
-    (r"\\(?:cdot|times)", "write `*`"),
-    (r"\\(?:left|right|,|;|!)", "leave it out: this is no LaTeX"),
-    (r"\\(\w+)", "write {0}, without `\\`"),
-    (r"\$", "write the expression without `$`"),
-    (r"\^\{([^{}]*)\}", "write ^({0})"),
-    (r"[\w)]\s*!(?!=)", "there is no factorial"),
-    (r"([\w.]+)\s*//\s*([\w.]+)", "write floor({0}/{1})"),
-    (r"[⋅∙•∗]", "write `*`"),
-    (r"\w\([^()]*;", "arguments are separated by `,`"),
-    (
-        r"\b(min|max|hypot)\(([^(),]+),\s*([^(),]+),\s*([^(),]+)\)",
-        "write {0}({1}, {0}({2}, {3}))",
-    ),
-    (r"\batan\(([^(),]+),\s*([^(),]+)\)", "write atan2({0}, {1})"),
-    (r"\blog\(([^(),]+),\s*([^(),]+)\)", "write log({0})/log({1})"),
-]
-# The first of them are of numbers.
-_OF_NUMBERS = 8
-_PATTERNS = [(re.compile(pattern), meant) for pattern, meant in _SPELLINGS]
+# A letter of one side of a comparison, or a call.
+_SIDE = r"(?:[^(),<>=]|\([^()]*\))"
 _QUANTITY = re.compile(
-    rf"\s*([-+]?\s*{NUMBER})\s*[\[(]?([^\W\d_][\w*/^·⋅.()\s-]*?|)[\])]?\s*\.?\s*"
+    rf"\s*([-+]?\s*{NUMBER})\s*[\[(]?((?:[^\W\d_]|[°º])[\w*/^·⋅.()\s-]*?|)[\])]?\s*\.?\s*"
 )
-_THOUSANDS = re.compile(r"\b\d{1,3}(?:[ '\u00a0\u202f]\d{3})+\b")
-_FRACTION = "\N{FRACTION SLASH}"
 
 _SECOND_RATES = [
     r"dd_?(.+)", r"d2_?(.+?)(?:_?dt2)?", r"(.+?)_?ddot", r"(.+)_dotdot", r"ddot_?(.+)",
-    r"(.+)_dd", r"(.+)''",
+    r"(.+)_dd", r"(.+)''", r"(.+?)_?dot_?dot", r"(?:acceleration|accel|acc|a)_(.+)",
+    r"(.+)_(?:acceleration|accel|acc)",
 ]  # fmt: skip
 _RATES = [
     r"d_?(.+?)(?:_?dt)?", r"(.+?)_?dot", r"(.+)_(?:dt|d|t|prime)", r"dot_?(.+)",
@@ -153,22 +51,60 @@ _NUMBERS = {
     **dict.fromkeys(("none", "true", "false"), "write a number, such as 0"),
 }
 _COMBINING = {"\u0307": "_dot", "\u0308": "_ddot"}
-_SPEEDS = ("v", "w", "ω", "omega", "vel", "velocity", "speed", "dt")
+SPEEDS = ("v", "w", "ω", "omega", "vel", "velocity", "speed", "dt")
 
 
-def of_text(text: str, offset: int, known: Collection[str]) -> str:
+# What is written in a relation for signs of other languages.
+IN_RELATIONS = {
+    "==": "write `=`, one alone",
+    "!=": "a relation is written with `=`, `>=` or `<=`",
+    "<>": "a relation is written with `=`, `>=` or `<=`",
+}
+
+
+def without_guesses(hint: str, token: str, known: Collection[str]) -> str:
+    """Give a hint of the parser, if what it says of a name holds here."""
+    product = hint.startswith("there is no implicit product")
+    if product and re.match(r"[^\W\d]", token) and not _is_known(token, known):
+        return f"an operator stands before a name, and `{token}` is none here"
+    return hint
+
+
+def of_text(
+    text: str, offset: int, known: Collection[str], *, beside: bool = False
+) -> str:
     """Give a hint for an expression with a fault at `offset`, or an empty text.
 
     Parameters
     ----------
     known
         The variables of the file.
+    beside
+        It is the value of a parameter or a definition: a unit may stand beside it.
     """
     first = max(0, offset - WINDOW)
     whole, text, offset = text, text[first : offset + WINDOW], offset - first
-    if text == whole and (hint := _of_number(text, known)):
+    if text == whole and (hint := _of_number(text, known, beside=beside)):
         return hint
-    for pattern, meant in _PATTERNS:
+    if hint := quantities.separated_around(text, offset):
+        return hint
+    hint = _matching(PATTERNS, text, offset) or _of_unit(
+        text, offset, known, beside=beside and text == whole
+    )
+    return re.sub(r"[^\W\d_]+", lambda word: _in_letters(word[0], known), hint)
+
+
+def _in_letters(word: str, known: Collection[str]) -> str:
+    """Give a Greek word by the variable that is called as it is."""
+    return word if word.isascii() else _called_so(word, known) or word
+
+
+def _matching(
+    patterns: Iterable[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]]],
+    text: str,
+    offset: int,
+) -> str:
+    for pattern, meant in patterns:
         for found in pattern.finditer(text):
             if found.start() <= offset <= found.end():
                 if not isinstance(meant, str):
@@ -177,32 +113,57 @@ def of_text(text: str, offset: int, known: Collection[str]) -> str:
     return ""
 
 
-def _of_number(text: str, known: Collection[str]) -> str:
+def of_unknown(text: str, offset: int) -> str:
+    """Give a hint for a name at `offset` that has a meaning with what is around it."""
+    first = max(0, offset - WINDOW)
+    return _matching(OF_NAMES, text[first : offset + WINDOW], offset - first)
+
+
+def of_comparison(text: str, offset: int) -> str:
+    """Give a hint for a comparison that stands as a number."""
+    for pattern in (r"\(([^(),]+[<>][^(),]*)\)", rf"^({_SIDE}+[<>]=?{_SIDE}+)$"):
+        for found in re.finditer(pattern, text[: offset + WINDOW]):
+            if found.start() <= offset <= found.end():
+                return f"write if({found[1].strip()}, 1, 0)"
+    return ""
+
+
+def _of_number(text: str, known: Collection[str], *, beside: bool) -> str:
     """Give a hint where the whole text is meant to be a number, with a unit or not."""
-    if thousands := _THOUSANDS.fullmatch(text.strip()):
-        return f"write {re.sub(r'[^0-9]', '', thousands[0])}"
-    if _FRACTION in unicodedata.normalize("NFKC", text):
-        plain = unicodedata.normalize("NFKC", text).replace(_FRACTION, "/")
-        return f"write {plain}"
+    plain = unicodedata.normalize("NFKC", text)
+    if re.fullmatch(rf"\s*\d+{FRACTION}\d+\s*", plain):
+        return f"write {plain.strip().replace(FRACTION, '/')}"
     quantity = _QUANTITY.fullmatch(text)
     if quantity is None or not quantity[2] or _is_spelt(text):
         return ""
     number, unit = quantity[1].replace(" ", ""), quantity[2]
-    names = spellings.words(spellings.unit(unit))
+    names = quantities.words(quantities.unit(unit))
     product = all(_is_known(name, known) for name in names)
-    if product and not spellings.is_unit(unit):
+    if product and not quantities.is_unit(unit):
         return ""
-    hint = spellings.quantity(number, unit)
+    hint = quantities.quantity(number, unit, beside=beside)
     if product and unit not in FUNCTIONS:
-        beside = f"{{value: {number}, unit: {spellings.unit(unit)}}}"
-        product_of = f"{number}*{spellings.unit(unit)}"
-        return f"a product is written {product_of}; a unit stands beside: {beside}"
-    return hint if spellings.is_unit(unit) or len(names) == 1 else ""
+        product_of = f"{number}*{quantities.unit(unit)}"
+        return f"{hint}; a product is written {product_of}"
+    return hint if quantities.is_unit(unit) or len(names) == 1 else ""
+
+
+def _of_unit(text: str, offset: int, known: Collection[str], *, beside: bool) -> str:
+    """Give a hint where a unit follows what is no plain number, as in `1/2 kg`."""
+    before, unit = text[:offset].strip(), text[offset:]
+    names = quantities.words(before)
+    if not before or not quantities.is_unit(unit) or re.search(r"\(|[^\W\d]$", before):
+        return ""
+    if not all(_is_known(name, known) for name in names):
+        return ""
+    if all(_is_known(name, known) for name in quantities.words(unit)):
+        return ""
+    return quantities.quantity(before, unit, beside=beside)
 
 
 def _is_spelt(text: str) -> bool:
     """Tell whether it is a number in one of the spellings: degrees, powers of 10."""
-    return any(pattern.search(text) for pattern, _ in _PATTERNS[:_OF_NUMBERS])
+    return any(pattern.search(text) for pattern, _ in PATTERNS[:OF_NUMBERS])
 
 
 def _is_known(name: str, known: Collection[str]) -> bool:
@@ -213,17 +174,17 @@ def _is_known(name: str, known: Collection[str]) -> bool:
 def of_function(name: str, argument: str, known: Collection[str]) -> str:
     """Give a hint for a function that there is not, called with an argument."""
     if found := spellings.function(name):
-        arguments = {1: "x", 3: "condition, a, b"}.get(FUNCTIONS[found].arity, "a, b")
-        return f"write {found}({'y, x' if found == 'atan2' else arguments})"
-    if spellings.rewritten(name):
-        return f"write {spellings.rewritten(name)}"
-    if _is_known(name, known):
-        if argument == "t":
-            return f"write {name}, without `(t)`"
-        return f"a product is written {name}*(...)"
+        return f"write {found}({argument})"
+    if meant := spellings.rewritten(name, argument):
+        return f"write {meant}"
+    if _is_known(name, known) or name.casefold() in _NUMBERS:
+        if argument in ("", "t"):
+            plain = name if name in known else name.casefold()
+            return f"write {plain}, without `({argument})`"
+        return f"a product is written {name}*({argument})"
     base = name.rstrip("0123456789")
     if base != name and base in FUNCTIONS:
-        return f"write {base}(...)^{name.removeprefix(base)}"
+        return f"write {base}({argument})^{name.removeprefix(base)}"
     return ""
 
 
@@ -243,16 +204,31 @@ def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
         return ""
     if rate := rate_of(name, moving):
         return f"the {_ordinal(rate)}rate is written {rate}"
-    if name in _SPEEDS and moving:
-        return f"a rate is written {next(iter(moving))}_dot"
+    if name.casefold() == "time" and moving:
+        return "the time is `t`"
+    if name in SPEEDS and moving:
+        rate = f"a rate is written {next(iter(moving))}_dot"
+        return f"{rate}; what is given has its value in `parameters`"
     for function in FUNCTIONS:
         rest = name.removeprefix(function)
-        if rest != name and _is_known(rest, known):
-            return f"write {function}({rest})"
-    base = name.rstrip("0123456789")
-    if base != name and _is_known(base, known):
+        factor = re.match(r"\d*", rest)
+        assert factor is not None
+        inside = _called_so(rest[factor.end() :], known)
+        if rest != name and inside:
+            times = f"{factor[0]}*" if factor[0] else ""
+            return f"write {function}({times}{inside})"
+    base = name.rstrip("23456789")
+    if len(name) - len(base) == 1 and _is_known(base, known) and base != "t":
         return f"a power is written {base}^{name.removeprefix(base)}"
     return ""
+
+
+def _called_so(name: str, known: Collection[str]) -> str:
+    """Give the variable of this name, Greek letters or theirs; or an empty text."""
+    if _is_known(name, known):
+        return name
+    plain = spelt_out(name)
+    return next((other for other in known if name and spelt_out(other) == plain), "")
 
 
 def of_several(name: str, known: Collection[str]) -> str:

@@ -152,7 +152,7 @@ def read_contact(
         x.faults.add("out-of-range", text, node.place if node else below.place)
     if known and "restitution" not in below:
         text = f"{what} is one-sided and has no `restitution`"
-        hint = "0 stays down, 1 bounces back: {relation: ..., restitution: 0}"
+        hint = "write {relation: ..., restitution: 0}: 0 stays down, 1 bounces back"
         x.faults.add("missing-key", text, below.place, hint)
     dynamic, static = _friction(below, what, x)
     slips = _slips(below, what, x)

@@ -13,6 +13,8 @@ from lagsim.model.nodes import Mapping, Scalar
 from lagsim.model.reader.fields import IGNORED, Form, entries, shortened
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from lagsim.errors import Place
     from lagsim.model.nodes import Node
     from lagsim.model.reader.faults import Faults
@@ -28,6 +30,12 @@ REACTION = "reaction."
 # A letter, then letters, digits and `_`. Patterns know no letters but those of ASCII,
 # so that anything beyond ASCII passes.
 _NAME = r"^(x-.*|[^\x00-@\[-`{-\x7f][^\x00-/:-@\[-^`{-\x7f]*)$"
+
+
+# A name with its unit or with what it is a function of, or with digits before it.
+_DECORATED = re.compile(r"([^\W\d_]\w*)\s*[(\[]\s*(.*?)\s*[)\]]")
+_DIGITS_FIRST = re.compile(r"(\d+)([^\W\d_]\w*)")
+_A_COLUMN = "it stands in the table and in its pictures in any case: leave it out here"
 
 
 def naming(form: Form, *, rates: bool = False) -> Form:
@@ -123,7 +131,7 @@ class Names:
         """Add a parameter, coordinate or definition; give whether its name is good."""
         name = key.text
         if not check_name(key, kind.value, faults):
-            self.faulty.add(name)
+            self.faulty |= {name, *(f[1] for f in _DECORATED.finditer(name))}
             return False
         if name in self.faulty:
             return False
@@ -192,8 +200,13 @@ class Names:
         bases += [name.removeprefix(p) for p in ("lambda_", "Qc_")]
         return any(base in self.faulty for base in bases)
 
-    def unknown(self, name: str, faults: Faults) -> tuple[str, str]:
-        """Say why `name` means nothing, with a hint."""
+    def unknown(
+        self, name: str, faults: Faults, among: Collection[str] | None = None
+    ) -> tuple[str, str]:
+        """Say why `name` means nothing, with a hint.
+
+        `among`: the names that may stand there, where not all may.
+        """
         if name.startswith(REACTION):
             base = name.removeprefix(REACTION)
             near = faults.guess(base, self.of(Kind.DEFINITION)) or base
@@ -211,7 +224,9 @@ class Names:
                 "`energy` is known",
             )
         if name in ("lagrangian", "work") or name.startswith("residual_"):
-            return f"`{name}` is a column of results, not a name for expressions", ""
+            hint = "write kinetic - potential" if name == "lagrangian" else ""
+            hint = hint if hint and not self.has_lagrangian else _A_COLUMN
+            return f"`{name}` is a column of results, not a name for expressions", hint
         if name.startswith("lambda_") and self.constraints:
             base = name.removeprefix("lambda_")
             near = faults.guess(base, self.constraints)
@@ -219,9 +234,11 @@ class Names:
             return f"there is no constraint `{base}`", hint
         from lagsim.model.reader import intent
 
-        hint = intent.of_name(name, self.variables, self.moving())
-        hint = hint or intent.of_several(name, self.variables)
-        hint = hint or faults.did_you_mean(name, self.variables)
+        usable = self.variables if among is None else among
+        moving = self.moving() if among is None else ()
+        hint = intent.of_name(name, usable, moving)
+        hint = hint or intent.of_several(name, usable)
+        hint = hint or faults.did_you_mean(name, usable)
         if not hint and name in FUNCTIONS:
             hint = f"a function is followed by its arguments: {name}(...)"
         return f"unknown name `{shortened(name)}`", hint
@@ -248,7 +265,10 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
     name = key.text
     problem = _spelling(name)
     if problem is not None:
+        from lagsim.model.reader import quantities
+
         text, hint = problem
+        hint = quantities.split_by_comma(key) or hint
         text = f"`{shortened(name)}` cannot be the name of {what}: {text}"
         faults.add("bad-name", text, key.place, hint)
         return False
@@ -280,8 +300,16 @@ def _spelling(name: str) -> tuple[str, str] | None:
     if name[0].isalpha() and rest_fits:
         return None
     fault = "a name is a letter, then letters, digits and `_`"
-    if name.isdecimal():
-        return fault, "a decimal point is written `.`"
+    if found := _DECORATED.fullmatch(name):
+        hint = f"write `{found[1]}`"
+        from lagsim.model.reader import quantities
+
+        if quantities.is_unit(found[2]):
+            beside = f"{{value: ..., unit: {quantities.unit(found[2])}}}"
+            hint += f"; its unit stands beside its value: {beside}"
+        return fault, hint
+    if found := _DIGITS_FIRST.fullmatch(name):
+        return fault, f"write `{found[2]}{found[1]}`"
     fitting = re.sub(r"\W+", "_", name.strip()).strip("_")
     if fitting and fitting[0].isalpha() and fitting != name and len(fitting) < 40:
         return fault, f"write `{fitting}`"

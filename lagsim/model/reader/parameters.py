@@ -127,36 +127,45 @@ class Parameters:
             what = f"the parameter `{key.text}`"
             expression, unit, description = value_entry(key, node, what, self.x)
             expression = self._overrides.get(key.text, expression)
-            value = self._value(key.text, expression, what)
+            beside = expression is node
+            value = self._value(key.text, expression, what, beside=beside)
             self._below.discard(key.text)
             if value is not None:
+                follows = not words(expression).isdisjoint(self.values)
+                of_file = (key.text, value[0], unit, description)
+                found.append(Parameter(*of_file, follows=follows))
                 self.values[key.text] = value
                 self.x.values[key.text] = value[0]
-                found.append(Parameter(key.text, value[0], unit, description))
         return tuple(found)
 
     def _check_overrides(self) -> None:
         names, faults = self.x.names, self.x.faults
         for name, value in self._overrides.items():
-            kind = names.variables.get(name)
-            if kind is Kind.PARAMETER or name in names.faulty:
+            meaning = names.meaning(name)
+            kind = meaning.kind if meaning else None
+            if kind is Kind.PARAMETER or names.is_faulty(name):
                 continue
-            hint = faults.did_you_mean(name, names.of(Kind.PARAMETER))
+            moving = names.moving()
+            rates = (f"{q}_dot" for q in moving)
+            known = [*names.of(Kind.PARAMETER), *moving, *rates]
+            hint = faults.did_you_mean(name, known)
             if "." in name:
                 text, hint = f"`{name}`: names with a dot are reserved", ""
             elif kind is not None:
-                text = f"`{name}` is {kind.value}; --set takes parameters"
+                text = f"`{name}` is {kind.value}"
+                text += "; --set takes parameters and start values"
+                hint = ""
             elif not names.complete:
                 continue
             else:
-                text = f"there is no parameter `{name}`"
+                text = f"there is no parameter or start value `{name}`"
             option = argument("--set ", f"{name}={value.text}")
             faults.add("unknown-parameter", text, option.place_of(0, len(name)), hint)
 
-    def _value(self, name: str, node: Node, what: str) -> Value | None:
+    def _value(self, name: str, node: Node, what: str, *, beside: bool) -> Value | None:
         x = self.x
-        scalar = x.scalar(node, what)
-        parsed = x.parse(scalar) if scalar else None
+        scalar = x.scalar(node, what, beside=beside)
+        parsed = x.parse(scalar, beside=beside) if scalar else None
         if scalar is None or parsed is None:
             return None
         later = {n.text for n in parsed.names} & self._below
@@ -213,7 +222,9 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
                 "not-a-mapping",
                 f"{what} has no value here, found `{node.text}`",
                 node.place,
-                f"write {{unit: {node.text}}}; start values stand in `initial`",
+                "write {}; its start value stands in `initial`"
+                if re.match(r"[-+.\d]", node.text)
+                else f"write {{unit: {node.text}}}; start values stand in `initial`",
             )
             found.append(Coordinate(key.text))
             continue

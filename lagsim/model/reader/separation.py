@@ -74,8 +74,11 @@ def _check_roots(model: Model, found: Model) -> None:
         if not one.relation.multiple and not other.relation.multiple:
             continue
         if g.substitute([other.relation.node], new) != [one.relation.node]:
-            text = f"`{one.name}` vanishes as a power of what it sets to zero; its "
-            text += "multiplier says nothing of the definitions in `output.reactions`"
-            hint = "write the relation as what it sets to zero"
+            text = f"`{one.name}` vanishes as a power, with its gradient; its "
+            text += (
+                "multiplier does not give the definitions in `output.reactions` a "
+                "reaction"
+            )
+            hint = "write the relation with a simple zero"
             place = one.relation.place
             raise InputError([Problem("multiple-root", text, place, hint)])

@@ -39,7 +39,9 @@ KEYS = {
         "Absolute tolerance; default rtol times the component's own scale.", EXPRESSION
     ),
     "step": described("Only for methods of a fixed step.", EXPRESSION),
-    "formulation": described("How constraints are met, and what is left out.", PLAIN),
+    "formulation": described(
+        "How constraints are satisfied, and what is left out.", PLAIN
+    ),
     "gain": described(
         "Only for the formulation baumgarte, per unit of time; default "
         "0.1/output_step.",

@@ -6,8 +6,8 @@ import re
 
 from lagsim.language.functions import FUNCTIONS
 
-NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 RADIANS = "angles are in radians"
+_WHOLE = re.compile(r"[\w.]+")
 
 # Functions that have another name here, in small letters.
 _RENAMED = {
@@ -40,39 +40,34 @@ _RENAMED = {
     "unitstep": "heaviside",
     "ceiling": "ceil",
 }
-# Functions that are written with others.
+# Functions that are written with others: their arguments, and how.
 _REWRITTEN = {
-    "log2": "log(x)/log(2)",
-    "log1p": "log(1 + x)",
-    "expm1": "exp(x) - 1",
-    "exp2": "2^x",
-    "pow": "a^b",
-    "power": "a^b",
-    "square": "x^2",
-    "sqr": "x^2",
-    "root": "x^(1/n)",
-    "sec": "1/cos(x)",
-    "csc": "1/sin(x)",
-    "cot": "1/tan(x)",
-    "ctg": "1/tan(x)",
-    "mod": "x - y*floor(x/y)",
-    "fmod": "x - y*floor(x/y)",
-    "round": "floor(x + 0.5)",
-    "int": "sign(x)*floor(abs(x))",
-    "trunc": "sign(x)*floor(abs(x))",
-    "clip": "max(a, min(x, b))",
-    "clamp": "max(a, min(x, b))",
-    "norm": "hypot(x, y)",
-    "where": "if(condition, a, b)",
-    "ifelse": "if(condition, a, b)",
-    "piecewise": "if(condition, a, b)",
-    "deg2rad": f"x*pi/180: {RADIANS}",
-    "radians": f"x*pi/180: {RADIANS}",
-    "rad": f"x*pi/180: {RADIANS}",
-    "deg": f"x*pi/180: {RADIANS}",
-    "rad2deg": "x*180/pi",
-    "degrees": "x*180/pi",
+    "log2": ("x", "log(x)/log(2)"),
+    "log1p": ("x", "log(1 + x)"),
+    "expm1": ("x", "exp(x) - 1"),
+    "exp2": ("x", "2^x"),
+    "exp10": ("x", "10^x"),
+    **dict.fromkeys(("pow", "power"), ("a b", "a^b")),
+    **dict.fromkeys(("square", "sqr"), ("x", "x^2")),
+    "cube": ("x", "x^3"),
+    "root": ("x n", "x^(1/n)"),
+    "sec": ("x", "1/cos(x)"),
+    "csc": ("x", "1/sin(x)"),
+    **dict.fromkeys(("cot", "ctg", "cotan"), ("x", "1/tan(x)")),
+    **dict.fromkeys(("acot", "arccot"), ("x", "atan2(1, x)")),
+    **dict.fromkeys(("mod", "fmod", "rem"), ("x y", "x - y*floor(x/y)")),
+    "round": ("x", "floor(x + 0.5)"),
+    **dict.fromkeys(("int", "trunc", "fix"), ("x", "sign(x)*floor(abs(x))")),
+    **dict.fromkeys(("clip", "clamp"), ("x a b", "max(a, min(x, b))")),
+    "norm": ("x y", "hypot(x, y)"),
+    **dict.fromkeys(
+        ("where", "ifelse", "iif", "piecewise"),
+        ("condition a b", "if(condition, a, b)"),
+    ),
+    **dict.fromkeys(("deg2rad", "radians", "rad", "deg"), ("x", "x*pi/180")),
+    **dict.fromkeys(("rad2deg", "degrees"), ("x", "x*180/pi")),
 }
+_OF_ANGLES = ("deg2rad", "radians", "rad", "deg")
 # Keys of the file that are called otherwise elsewhere, in small letters.
 KEYS = {
     **dict.fromkeys(("constants", "params", "consts", "given"), ("parameters",)),
@@ -90,11 +85,33 @@ KEYS = {
     **dict.fromkeys(("d", "r", "rayleigh", "friction", "damping"), ("dissipation",)),
     **dict.fromkeys(("time", "tmax", "t_max", "length"), ("duration",)),
     **dict.fromkeys(
-        ("t_end", "tend", "tf", "stop", "tstop", "t_stop", "t_final"), ("end",)
+        (
+            "t_end",
+            "tend",
+            "tf",
+            "t1",
+            "to",
+            "stop",
+            "tstop",
+            "t_stop",
+            "t_final",
+            "tfinal",
+            "final",
+            "final_time",
+            "stop_time",
+            "end_time",
+            "finish",
+            "tspan",
+            "t_span",
+            "till",
+        ),
+        ("end",),
     ),
-    **dict.fromkeys(("t0", "t_start", "begin"), ("start",)),
     **dict.fromkeys(
-        ("dt", "timestep", "time_step", "sampling", "fps", "n"),
+        ("t0", "t_start", "tstart", "start_time", "begin", "from"), ("start",)
+    ),
+    **dict.fromkeys(
+        ("dt", "timestep", "time_step", "sampling", "dt_out"),
         ("output_step", "step"),
     ),
     **dict.fromkeys(("tol", "tolerance", "reltol", "precision"), ("rtol",)),
@@ -108,6 +125,8 @@ KEYS = {
     **dict.fromkeys(("lines", "rods"), ("links",)),
     **dict.fromkeys(("masses", "bodies"), ("points",)),
 }
+# Keys of counts, where a length is asked for here: no key has their values.
+COUNTS = ("n", "steps", "nsteps", "n_steps", "num_steps", "fps", "frames")
 # What gives a rate, of its first argument.
 RATES = ("d", "D", "der", "deriv", "derivative", "Derivative", "diff", "Diff", "dot")
 # Every name that stands for a function somewhere, the longest first.
@@ -115,36 +134,6 @@ CALLED = "|".join(
     sorted((*FUNCTIONS, *_RENAMED, *_REWRITTEN), key=lambda name: -len(name))
 )
 MODULES = "np|numpy|jnp|math|Math|cmath|sp|sympy|torch|std"
-
-# Units that are often names of variables too.
-_UNITS = (
-    "m|g|s|N|J|W|K|A|V|C|T|F|H|h|l|rad|deg|Pa|Hz|bar|Ohm|ohm|mol|L|lb|ft|rpm|"
-    "sec|seconds?|minutes?|hours?|days?|met(?:re|er)s?|grams?|newtons?|joules?|watts?"
-)
-_UNIT = re.compile(rf"(?:da|[yzafpnuµμmcdhkMGT]|kilo)?(?:{_UNITS})|min|hr|kgf|lbf")
-# What a number of them is in the units of the SI: units themselves never scale.
-_SCALED = {
-    "ms": ("/1000", "s"),
-    "us": ("/1e6", "s"),
-    "µs": ("/1e6", "s"),
-    "μs": ("/1e6", "s"),
-    "min": ("*60", "s"),
-    "minute": ("*60", "s"),
-    "minutes": ("*60", "s"),
-    "h": ("*3600", "s"),
-    "hr": ("*3600", "s"),
-    "hour": ("*3600", "s"),
-    "hours": ("*3600", "s"),
-    "mm": ("/1000", "m"),
-    "cm": ("/100", "m"),
-    "km": ("*1000", "m"),
-    "kN": ("*1000", "N"),
-    "kHz": ("*1000", "Hz"),
-    "kPa": ("*1000", "Pa"),
-    "MPa": ("*1e6", "Pa"),
-    "GPa": ("*1e9", "Pa"),
-}
-_WORD = re.compile(r"[^\W\d_]\w*")
 
 
 def function(name: str) -> str:
@@ -154,45 +143,29 @@ def function(name: str) -> str:
     return found if found in FUNCTIONS else ""
 
 
-def rewritten(name: str) -> str:
+def rewritten(name: str, arguments: str = "") -> str:
     """Give what is written for a function that is known elsewhere, or nothing."""
     small = name.casefold()
-    return _REWRITTEN.get(small, "") if small not in FUNCTIONS else ""
+    if small in FUNCTIONS or small not in _REWRITTEN:
+        return ""
+    names, text = _REWRITTEN[small]
+    given = [part.strip() for part in arguments.split(",")] if arguments else []
+    places = names.split()
+    if len(given) == len(places):
+        inside = {
+            place: argument if _WHOLE.fullmatch(argument) else f"({argument})"
+            for place, argument in zip(places, given, strict=True)
+        }
+        text = re.sub(rf"\b(?:{'|'.join(places)})\b", lambda m: inside[m[0]], text)
+    return text + (f": {RADIANS}" if small in _OF_ANGLES else "")
+
+
+def is_other(name: str) -> bool:
+    """Tell whether a function of another name is called so elsewhere."""
+    small = name.casefold()
+    return small not in FUNCTIONS and (small in _RENAMED or small in _REWRITTEN)
 
 
 def call(name: str, arguments: str) -> str:
     """Give a call with the name that the function has here."""
-    return f"{function(name) or name}({arguments})"
-
-
-def words(text: str) -> list[str]:
-    """Give the names in a text."""
-    return _WORD.findall(text)
-
-
-def is_unit(text: str) -> bool:
-    """Tell whether a text looks like a unit: each word of it does."""
-    found = words(unit(text))
-    return bool(found) and all(map(_UNIT.fullmatch, found))
-
-
-def unit(text: str) -> str:
-    """Give a unit as it is written: powers by `^`, products by `*`."""
-    for letter, plain in (("²", "^2"), ("³", "^3"), ("·", "*"), ("⋅", "*")):
-        text = text.replace(letter, plain)
-    return re.sub(r"\s*([*/^])\s*", r"\1", text.strip(" .")).replace(" ", "*")
-
-
-def quantity(number: str, of: str) -> str:
-    """Say how a number with a unit is written."""
-    of = unit(of)
-    if of in _SCALED:
-        factor, plain = _SCALED[of]
-        return (
-            f"write {number}{factor}, in {plain}, or {number} where all is in {of}: "
-            "units never scale numbers"
-        )
-    return (
-        f"write {number}; the unit of a parameter stands beside its number: "
-        f"{{value: {number}, unit: {of}}}"
-    )
+    return rewritten(name, arguments) or f"{function(name) or name}({arguments})"

@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.model.nodes import Mapping, argument
+from lagsim.model.nodes import Mapping, Scalar, argument
 from lagsim.model.reader.faults import Faults
-from lagsim.model.reader.initial import Initial
+from lagsim.model.reader.initial import TARGETS, Initial
 from lagsim.model.reader.parameters import Parameters, Value, words
 from lagsim.model.reader.relations import again
 from lagsim.model.reader.simulation import read_settings
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from lagsim.model.nodes import Node
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.fields import Entry, Fields
+    from lagsim.model.reader.names import Names
     from lagsim.model.settings import Settings
 
 
@@ -39,6 +40,12 @@ class Sections(NamedTuple):
     initial: Entry | None
     simulation: Fields
     root: Place
+
+
+def _starts(name: str, names: Names) -> bool:
+    """Tell whether a name has a start value, not a parameter's."""
+    meaning = names.meaning(name)
+    return meaning is not None and meaning.kind in TARGETS
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +67,20 @@ class Stated:
     instead: MappingType[str, str]
     options: MappingType[str, str]
     starting: MappingType[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        file: str,
+        sections: Sections,
+        x: Expressions,
+        overrides: MappingType[str, str],
+        options: MappingType[str, str],
+    ) -> Stated:
+        """Take the overrides apart: those of start values, and all others."""
+        starting = {k: text for k, text in overrides.items() if _starts(k, x.names)}
+        instead = {k: text for k, text in overrides.items() if k not in starting}
+        return cls(file, sections, x, instead, options, starting)
 
     def parameters(self) -> tuple[tuple[Parameter, ...], dict[str, Value]]:
         """Give the parameters, and what is known of each; faults go to those of `x`."""
@@ -116,6 +137,20 @@ class Stated:
         given |= {key: node for key, (_, node) in s.simulation.found.items()}
         others = (x for name, x in {**given, **instead}.items() if name not in names)
         return not words(*others).isdisjoint(names)
+
+    def numbers(self) -> list[str]:
+        """Give the expressions that parameters and start values are given by."""
+        given = [*self.sections.parameters]
+        start = self.sections.initial
+        if start is not None and isinstance(start[1], Mapping):
+            given += start[1].entries
+        found = [*self.instead.values(), *self.starting.values()]
+        for key, node in given:
+            below = node.entries if isinstance(node, Mapping) else ()
+            nodes = [node, *(v for k, v in below if k.text in ("value", "guess"))]
+            if key.text not in self.instead and key.text not in self.starting:
+                found += [n.text for n in nodes if isinstance(n, Scalar)]
+        return found
 
     def separated(self, model: Model) -> Separation:
         """Give `model` in other coordinates, see `Model.separated`."""

@@ -12,7 +12,7 @@ order 0, and the rows of the orders from 1 on.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lagsim.language.series import ORDERS
 from lagsim.native.graph.lines import number
@@ -81,7 +81,7 @@ def write(
     begin = [(n, ("out", 1 + i)) for i, n in enumerate((*r.state, *r.rates))]
     begin += [(g.zero, ("w", memory.edges + i)) for i in range(len(edges))]
     begin += kept.items()
-    internal = {"more": _MORE, "linkage": "internal ", "manner": manner}
+    internal: dict[str, Any] = {"more": _MORE, "linkage": "internal ", "manner": manner}
     w.function(f"{name}.start", begin, places, **internal)
     rows = [i for j in range(count) for i in (j, memory.second + j)]
     found = {**places, **kept}

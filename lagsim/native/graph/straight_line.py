@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.native.graph.keys import Functions, Layout
 
+# Where more of what a function gives is zero identically, all of it is cleared at once:
+# LLVM takes longer for each number that is written than they take to be written.
+FEW_ZEROS = 100
+
 
 class Code(NamedTuple):
     """LLVM IR of all functions, and the length of p that they need."""
@@ -57,13 +61,13 @@ def generate(
         if isinstance(nodes, keys.Loop):
             order_loop.write(writer, name, nodes, places)
             continue
-        stores = [
-            (node, ("out", k))
-            for k, node in enumerate(nodes)
-            if node != g.zero or name not in sparse
-        ]
+        stores = [(node, ("out", k)) for k, node in enumerate(nodes) if node != g.zero]
+        zeros = len(nodes) - len(stores)
+        at_once = len(nodes) if zeros > FEW_ZEROS and name not in sparse else 0
+        if not at_once and name not in sparse:
+            stores = [(node, ("out", k)) for k, node in enumerate(nodes)]
         manner = f" {UNOPTIMISED}" if name in rare else ""
-        writer.function(name, stores, places, manner=manner)
+        writer.function(name, stores, places, manner=manner, cleared=at_once)
     declared = sorted(set().union(*(writer.declared for writer in writers)))
     lines = [line for writer in writers for line in writer.lines]
     used = max(writer.scratch_used for writer in writers)

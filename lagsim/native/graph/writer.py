@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.native.graph.keys import Layout
 
+CLEAR = "llvm.memset.p0.i64"
 # An array of a function, and an index there.
 Place = tuple[str, int]
 
@@ -115,6 +116,7 @@ class Writer(Lines):
         manner: str = "",
         more: str = "",
         linkage: str = "",
+        cleared: int = 0,
     ) -> None:
         """Write it.
 
@@ -126,6 +128,8 @@ class Writer(Lines):
             What needs no evaluation, and where it is found.
         more
             Arrays besides those of the signature.
+        cleared
+            So many numbers of `out` are set to 0 before any is stored.
         """
         signature = self.signature + more
         order = ordered(self.g, [node for node, _ in stores], places)
@@ -144,12 +148,21 @@ class Writer(Lines):
             kind = linkage if piece_name == name else "internal "
             head = f"define {kind}void @{piece_name}({signature}){manner} {{"
             self.lines.append(head)
+            if len(pieces) == 1:
+                self._clear(cleared)
             self._piece(piece, places, passed, at_end)
             self.lines += ["ret void", "}"]
         if len(pieces) > 1:
             self.lines.append(f"define {linkage}void @{name}({signature}) {{")
+            self._clear(cleared)
             self.lines += [f"call void @{p}({signature})" for p in names]
             self.lines += ["ret void", "}"]
+
+    def _clear(self, numbers: int) -> None:
+        if numbers:
+            self.declared.add(f"declare void @{CLEAR}(ptr, i8, i64, i1)")
+            size = 8 * self.width * numbers
+            self.lines.append(f"call void @{CLEAR}(ptr %out, i8 0, i64 {size}, i1 0)")
 
     def _fused(
         self,

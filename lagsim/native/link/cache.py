@@ -115,18 +115,26 @@ def _translated(
 def folder(name: str = "objects") -> Path | None:
     """Give a folder of the cache, made if need be; None if there is none to trust.
 
-    It is in $LAGSIM_CACHE, or in the platform's folder for caches.
+    It is in $LAGSIM_CACHE, or in the platform's folder for caches. It belongs to this
+    user, and nobody else may write into it, or rename a folder on the way to it.
     """
     try:
         base = _base()
         if base is None:
             return None
         path = base / name
-        path.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = path.lstat()
+        _make(path)
+        trusted = _is_own(path.lstat()) and all(map(_is_kept, path.resolve().parents))
     except (OSError, RuntimeError):  # RuntimeError: there is no home
         return None
-    return path if _is_own(found) else None
+    return path if trusted else None
+
+
+def _make(path: Path) -> None:
+    """Make a folder, and those above it, for this user alone."""
+    if not path.is_dir():
+        _make(path.parent)
+        path.mkdir(mode=0o700, exist_ok=True)
 
 
 def _is_own(found: os.stat_result) -> bool:
@@ -135,6 +143,15 @@ def _is_own(found: os.stat_result) -> bool:
     if sys.platform == "win32":  # access lists, inherited from the user's profile
         return True
     return found.st_uid == os.getuid() and not found.st_mode & 0o022
+
+
+def _is_kept(above: Path) -> bool:
+    """Tell whether what is in a folder stays there, whoever else may write into it.
+
+    A group may be this user's alone; everybody is not.
+    """
+    mode = above.stat().st_mode
+    return sys.platform == "win32" or not mode & 0o002 or bool(mode & stat.S_ISVTX)
 
 
 def _base() -> Path | None:

@@ -85,7 +85,8 @@ class Drawing {
       const x = Math.round(view.at([k * step, 0])[0]) + 0.5;
       this.line([[x, 0], [x, view.height]]);
       pen.stroke();
-      if (x > 44 && x < view.width - 24) pen.fillText(written(k * step, step), x, view.height - 6);
+      const text = written(k * step, step), half = Math.max(24, pen.measureText(text).width / 2 + 2);
+      if (x > 44 && x < view.width - half) pen.fillText(text, x, view.height - 6);
     }
     pen.textAlign = "left";
     pen.textBaseline = "middle";
@@ -98,27 +99,29 @@ class Drawing {
     if (unit) pen.fillText(unit, 7, view.height - 9);
   }
 
-  // The floor of a space, and on it the shadows of what moves.
+  // The floor of a space, seen from above, and on it the shadows of what moves.
   base(places, dots) {
     const {pen, view, run, ink} = this, z = view.floor;
-    const reach = 0.6 * Math.max(...view.spans), step = stepOf(2 * reach, 10);
-    const [a, b] = view.middle.map((m) => Math.round(m / step) * step);
-    const n = Math.ceil(reach / step);
-    const corner = (i, j) => view.at([a + i * step, b + j * step, z]);
+    if (z === null || view.raised <= 0) return;
+    const step = stepOf(1.2 * Math.max(...view.spans), 10);
+    const [[left, right], [front, back]] = [0, 1].map((k) => [
+      step * Math.floor((view.middle[k] - view.spans[k] / 2) / step + 1e-9),
+      step * Math.ceil((view.middle[k] + view.spans[k] / 2) / step - 1e-9),
+    ]);
     pen.lineWidth = 1;
     if (!this.one) {
+      const corners = [[left, front], [right, front], [right, back], [left, back]];
       pen.fillStyle = ink.floor;
-      this.line([corner(-n, -n), corner(n, -n), corner(n, n), corner(-n, n)], true);
-      pen.fill();
+      this.line(corners.map((place) => view.at([...place, z])), true);
+      if (!view.flat) pen.fill();
       pen.strokeStyle = ink.faint;
-      for (let k = -n; k <= n; k++) {
-        this.line([corner(k, -n), corner(k, n)]);
-        pen.stroke();
-        this.line([corner(-n, k), corner(n, k)]);
-        pen.stroke();
-      }
+      const across = (from, to) => { this.line([view.at([...from, z]), view.at([...to, z])]); pen.stroke(); };
+      for (let k = 0; left + k * step <= right + 0.5 * step; k++)
+        across([left + k * step, front], [left + k * step, back]);
+      for (let k = 0; front + k * step <= back + 0.5 * step; k++)
+        across([left, front + k * step], [right, front + k * step]);
     }
-    if (view.raised <= 0) return;
+    if (view.flat) return;
     const shadow = (p) => view.at([p[0], p[1], z]);
     pen.strokeStyle = ink.ground;
     pen.globalAlpha = 0.5;

@@ -23,6 +23,8 @@ class Run {
     this.pushes = data.pushes.map((p) => ({...p, force: unpacked(p.force, Float32Array)}));
     this.energies = Object.fromEntries(Object.entries(data.energies)
       .map(([name, values]) => [name, unpacked(values, Float32Array)]));
+    // Pages of earlier versions do not name it.
+    if (this.floor === undefined) this.floor = data.box[data.box.length - 1][0];
     this.start = this.t[0];
     this.end = this.t[this.t.length - 1];
     this.moving = this.points.flatMap((p, k) => p.fixed ? [] : [k]);

@@ -7,6 +7,7 @@ const root = document.documentElement;
 
 // What can be compared is shown at one scale.
 const box = many ? common(runs) : null;
+const floor = floorOf(runs);
 const ranges = runs.map(reach);
 const range = [Math.min(...ranges.map(([low]) => low)), Math.max(...ranges.map(([, high]) => high))];
 const most = Math.max(...runs.map((run) => run.usual));
@@ -21,14 +22,14 @@ function staged(label, runs, view, ...more) {
 }
 
 const panels = runs.map((run, k) => {
-  const view = new View(box ? {...run, box, usual: most} : run);
+  const view = new View(box ? {...run, box, floor, usual: most} : run);
   const bars = new Bars(run, box ? range : ranges[k]);
   const made = staged(run.name, [run], view, bars.box);
   if (many) made.canvas.before(element("h2", {}, run.name));
   return {...made, run, bars, drawing: new Drawing(made.canvas, run, view)};
 });
 // All runs in one picture, each in a colour of its own.
-const together = box && staged("all runs", runs, new View({...runs[0], box, usual: most}));
+const together = box && staged("all runs", runs, new View({...runs[0], box, floor, usual: most}));
 if (together) {
   together.drawings = runs.map((run, k) => new Drawing(together.canvas, run, together.view, k));
   together.titles = runs.map((run) => element("span", {}, run.name));
@@ -215,7 +216,7 @@ function tell() {
   $("together").hidden = !together;
   $("jumps").hidden = !line.times.length;
   if (together) $("turning").before(Object.assign(element("kbd"), {textContent: "O"}), " one picture; ");
-  $("forces").hidden = !runs.some((run) => run.usual > 0);
+  $("forces").hidden = $("pushing").hidden = !runs.some((run) => run.usual > 0);
   if (runs.some((run) => run.dimension === 3)) $("turning").textContent = "drag to turn";
 }
 

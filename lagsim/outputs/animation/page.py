@@ -32,6 +32,8 @@ _DATA = re.compile(
 RIGID, TAUT = 1e-3, 0.02
 # A view shows all of the motion, unless some hundredths of it go so many times as far.
 MOST, OUTLYING = 98.0, 20.0
+# Of the size of a view: so far below it a floor is still in sight.
+NEAR = 0.1
 # Events beyond these are not told apart on a time line.
 MOST_EVENTS = 4000
 
@@ -64,7 +66,8 @@ def _recorded(film: Film) -> dict[str, Any]:
         "t": _packed(film.t, "<f8"),
         "broken": np.flatnonzero(film.broken).tolist(),
         "dimension": next(iter(film.tracks.values())).place.shape[1],
-        "box": _box(film),
+        "box": (box := _box(film)),
+        "floor": _floor(film, box),
         "points": points,
         "links": [_link(film, names, a, b) for a, b in film.links],
         "pushes": [
@@ -94,6 +97,14 @@ def _usual(force: Floats) -> float:
     sizes = np.linalg.norm(force, axis=1)
     sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
     return float(np.percentile(sizes, MOST)) if len(sizes) else 0.0
+
+
+def _floor(film: Film, box: Sequence[Sequence[float]]) -> float | None:
+    """Give the height of a floor that is below all; None where it is out of sight."""
+    last = np.concatenate([track.place[:, -1] for track in film.tracks.values()])
+    lowest = float(last[np.isfinite(last)].min(initial=box[-1][0]))
+    size = max(high - low for low, high in box)
+    return lowest if lowest >= box[-1][0] - NEAR * size else None
 
 
 def _box(film: Film) -> list[list[float]]:

@@ -41,7 +41,9 @@ class Bars {
     this.box = element("aside", {class: "side", "aria-label": "Energies"});
     [this.low, this.span] = [low, high - low || 1];
     this.bars = Object.keys(run.energies).filter((name) => name in ENERGIES).map((name) => {
-      const [label, colour] = ENERGIES[name];
+      // Without T and V, L is the first curve of energy.png.
+      const first = name === "lagrangian" && !run.energies.kinetic;
+      const [label, own] = ENERGIES[name], colour = first ? "kinetic" : own;
       const value = element("span"), bar = element("i", {style: `background: var(--${colour})`});
       const zero = element("u", {style: `--zero: ${-100 * this.low / this.span}%`});
       const track = element("div", {class: "track", "aria-hidden": "true"}, bar, zero);
@@ -62,6 +64,12 @@ class Bars {
       value.textContent = `${short(now)} ${unit}`.trim();
     }
   }
+}
+
+// Where the middle of a text is, at x or as near as it is whole.
+function within(pen, text, x, width) {
+  const half = pen.measureText(text).width / 2 + 2;
+  return Math.max(half, Math.min(width - half, x));
 }
 
 class TimeLine {
@@ -201,10 +209,11 @@ class TimeLine {
     pen.textAlign = "center";
     pen.textBaseline = "top";
     pen.fillStyle = ink.dim;
-    for (let k = Math.ceil(this.start / step - 1e-9); k * step <= this.end + 1e-9 * span; k++) {
-      const x = this.x(k * step), last = x > this.width - 30;
+    const final = Math.floor(this.end / step + 1e-9);
+    for (let k = Math.ceil(this.start / step - 1e-9); k <= final; k++) {
+      const x = this.x(k * step), text = written(k * step, step) + (k === final ? " s" : "");
       pen.fillRect(Math.round(x), level + 5, 1, 4);
-      pen.fillText(written(k * step, step) + (last ? " s" : ""), last ? x - 4 : x, level + 11);
+      pen.fillText(text, within(pen, text, x, this.width), level + 11);
     }
   }
 
@@ -243,7 +252,7 @@ function follow(canvas, view, redraw) {
     fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
     if (was) {
       const now = spread();
-      view.enlarge(now.apart / (was.apart || 1), now.x, now.y);
+      view.enlarge(now.apart / (was.apart || 1), was.x, was.y);
       view.move(now.x - was.x, now.y - was.y);
     } else {
       const dx = event.offsetX - before[0], dy = event.offsetY - before[1];

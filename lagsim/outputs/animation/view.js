@@ -12,7 +12,9 @@ class View {
     const least = size || 0.5 * far || 1;
     this.spans = spans.map((span) => Math.max(span, size ? 0.02 * size : least));
     this.middle = run.box.map(([low, high]) => (low + high) / 2);
-    this.floor = this.space ? run.box[2][0] : 0;
+    // Where all is at one height, a floor would cut it: only its lines are drawn.
+    this.flat = this.space && spans[2] < 0.02 * size;
+    this.floor = this.space ? run.floor : null;
     this.reset();
   }
 
@@ -97,6 +99,12 @@ function common(runs) {
   return runs.every((run) => size(run.box) >= 0.2 * size(box)) ? box : null;
 }
 
+// A floor that is below all of some runs, or none.
+function floorOf(runs) {
+  const floors = runs.map((run) => run.floor);
+  return floors.includes(null) ? null : Math.min(...floors);
+}
+
 // About so many round steps in a range.
 function stepOf(range, count) {
   const rough = range / count, power = 10 ** Math.floor(Math.log10(rough));
@@ -107,7 +115,7 @@ function written(value, step) {
   if (Math.abs(value) < 1e-9 * step) return "0";
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   const size = Math.abs(value);
-  if (size >= 1e5 || digits > 5) return value.toExponential(1).replace("e+", "e").replace("-", "−");
+  if (size >= 1e5 || digits > 5) return value.toExponential(1).replace("e+", "e").replaceAll("-", "−");
   return value.toFixed(digits).replace("-", "−");
 }
 
@@ -115,6 +123,6 @@ function short(value) {
   if (!Number.isFinite(value)) return "–";
   const size = Math.abs(value);
   const text = size && (size >= 1e5 || size < 1e-3)
-    ? value.toExponential(2).replace("e+", "e") : value.toPrecision(4);
-  return text.replaceAll("-", "−");
+    ? value.toExponential(2) : value.toPrecision(4);
+  return text.replace("e+", "e").replaceAll("-", "−");
 }

@@ -17,10 +17,11 @@ import numpy as np
 from lagsim.errors import InputError, Problem
 from lagsim.mechanics.contact import impact
 from lagsim.mechanics.laws import Kind
+from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.run.decisions import Decision, Ending, Source, Turn
-from lagsim.run.events.sequence import Sequence
+from lagsim.run.events.sequence import Flights, Sequence
 from lagsim.run.events.settling import settle
 from lagsim.run.events.touching import Touching
 from lagsim.run.trajectory import Outcome
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.contact import Impact
     from lagsim.run.arc import Arc
+    from lagsim.run.events.touching import Shape
 
 # What gives an impulse: a force that is bounded gives none in no time.
 STRIKING = (Kind.CONTACT, Kind.FREEWHEEL, Kind.SLIP, Kind.TIMED)
@@ -44,6 +46,10 @@ RAISED = 1e-9
 NO_IMPULSE = 1e-12
 # A constraint that comes into force this far off, against its scale, is torn.
 TORN = 1e-6
+# A contact closes within so many tolerances of how far it has moved; no tolerance is
+# less here than what a series of impacts leaves where it is taken to have ended.
+CLOSING = 10.0
+LEAST_TOLERANCE = 1e-10
 
 
 @dataclass(slots=True)
@@ -60,14 +66,23 @@ class Found:
 class Contacts(Source):
     """The laws of a run."""
 
+    DERIVED = ("shape",)  # a run that is gone on with has it from its state
+
     def __init__(self, arc: Arc) -> None:
         self.laws = arc.system.laws
         self.sequence = Sequence(arc.settings.start, arc.settings.duration)
         self.bounces = [0] * len(self.laws)
+        self.flights = [Flights() for _ in self.laws]
+        laws = enumerate(self.laws)
+        self.contacts = [k for k, law in laws if law.kind is Kind.CONTACT]
+        self.shape: Shape | None = None
         self.told: set[str] = set()
         self.ended = False
+        self.left: set[int] = set()
+        self.left_at = arc.t
         p = arc.system.p
         p.law_mode[:] = p.law_way[:] = p.law_still[:] = p.impulses[:] = 0.0
+        p.law_floor[:] = 0.0
         p.law_forces = p.law_shares = 0.0
 
     def begin(self, arc: Arc) -> Decision:
@@ -88,12 +103,24 @@ class Contacts(Source):
             return None
         arc.meet_row()
         self.sequence.add(arc.t, k)
+        self._leave(arc, k)
         found = self._through(arc, k)
         if self.sequence.is_stuck() and found.ending is None:
             about = self._names(self.sequence.lately())
             found.ending = Ending(Outcome.SWITCHES_ACCUMULATE, about)
         turn = Turn.MODES if arc.system.surfaces else Turn.ARC
         return self._decision(arc, found)._replace(turn=turn)
+
+    def _leave(self, arc: Arc, k: int) -> None:
+        """Note what has reached the edge of what it bears at this time.
+
+        Whoever asks once more at the same time (a switch, a break, another law that
+        ends then) finds it at that edge still, and it does not go on to hold.
+        """
+        if arc.t != self.left_at:
+            self.left, self.left_at = set(), arc.t
+        if arc.system.p.law_mode[k] == kept.HELD:
+            self.left.add(k)
 
     def _last(self, arc: Arc) -> Decision | None:
         """Let strike what does so at the end, but for rounding."""
@@ -118,24 +145,26 @@ class Contacts(Source):
 
     def _through(self, arc: Arc, met: int | None) -> Found:
         """Go through impacts, then choose the modes."""
-        here, found = Touching(arc, arc.y), Found(arc.y.copy())
+        here, found = Touching(arc, arc.y, known=self.shape), Found(arc.y.copy())
         also = {met} if met is not None else set()
-        limit = self._limit(here, met)
-        if limit is not None:
-            also |= set(self.sequence.lately())
-            self.sequence.recent.clear()
         closed = here.is_closed(also)
+        ends = self._ends(here, closed)
+        if ends:
+            also |= set(ends)
+            closed = here.is_closed(also)
         for k, law in enumerate(self.laws):
-            far = law.kind is Kind.TIMED and closed[k] and here.is_off(k, TORN)
-            if far and law.row.holonomic:
+            if closed[k] and law.row.holonomic and self._jumps(here, k):
                 found.ending = Ending(Outcome.CONSTRAINT_JUMPS, law.constraint)
                 return found
         some = [k for k, law in enumerate(self.laws) if closed[k]]
         some = [k for k in some if self.laws[k].kind in STRIKING]
         if any(here.strikes(k) for k in some):
-            self._strike(here, some, limit, also, found)
-            here, met = Touching(arc, found.y), None
-        settled = settle(here, met, also)
+            self._strike(here, some, ends, found)
+            here = Touching(arc, found.y, known=here.shape)
+            self.left.clear()
+        self.shape = here.shape
+        edge = self.left if arc.t == self.left_at else set()
+        settled = settle(here, edge, also)
         rested = {e.constraint for e in found.events if e.kind == "zeno"}
         found.events += [e for e in settled.events if e.constraint not in rested]
         if settled.paradox:
@@ -143,31 +172,55 @@ class Contacts(Source):
         if not settled.unique:
             found.cautions += self._once(
                 "shared-contact",
-                f"at t = {arc.t:.9g} {self._names(some)} hold more often than they "
-                "must: the motion is what it is, and their forces are one way of many",
+                (
+                    f"at t = {arc.t:.9g} the contacts {self._names(some)} are "
+                    "redundant: the motion is unique, their forces are not, and one "
+                    "solution is given"
+                ),
             )
         return found
 
-    def _limit(self, here: Touching, met: int | None) -> float | None:
-        """Give when impacts that come ever faster accumulate, if no motion is left.
+    def _jumps(self, here: Touching, k: int) -> bool:
+        """Tell whether a law that is in force now is off by more than it was located.
 
-        Contacts that strike by turns, as those of a block that rocks, pass their
-        motion on: none of them bounces.
+        Its function jumps there, or it has been closed in flight: no motion goes on,
+        and no energy of other bodies hides that.
         """
-        if met is None:
-            return None
-        limit = self.sequence.limit()
-        several = self.sequence.lately()
-        if limit is None and len(several) > 1 and all(map(here.is_spent, several)):
-            return self.sequence.end()
-        return limit
+        kind = self.laws[k].kind
+        rtol = here.arc.plan.rtol
+        if kind is Kind.CONTACT and rtol is not None:
+            return here.is_off(k, min(TORN, CLOSING * max(rtol, LEAST_TOLERANCE)))
+        return kind in (Kind.TIMED, Kind.CONTACT) and here.is_off(k, TORN)
+
+    def _ends(self, here: Touching, closed: list[bool]) -> dict[int, float]:
+        """Give which series of bounces end with an impact, and when each would.
+
+        Each contact is judged by its own flights; what an impact that is one acts on
+        as well flies on. All that end do so together, as one accumulation.
+        """
+        t = here.arc.t
+        struck = {k for k in self.contacts if closed[k] and here.strikes(k)}
+        if not struck:
+            return {}
+        for k in struck:
+            self.flights[k].add(t, abs(float(here.rates[k])))
+        ends: dict[int, float] = {}
+        for k in self.contacts:
+            least = here.least(k)
+            if here.in_force[k] and abs(here.gaps[k]) <= least:
+                end = self.flights[k].end(t, abs(float(here.rates[k])), least)
+                if end is not None:
+                    ends[k] = end
+        if struck.isdisjoint(ends):
+            return {}
+        loud = struck.difference(ends)
+        return {k: end for k, end in ends.items() if not here.acts_on(k, loud)}
 
     def _strike(
         self,
         here: Touching,
-        some: Some[int],
-        limit: float | None,
-        also: Collection[int],
+        some: list[int],
+        ends: dict[int, float],
         found: Found,
     ) -> None:
         """Let impulses change the velocities.
@@ -176,38 +229,50 @@ class Contacts(Source):
         ----------
         some
             The laws that may give impulses.
-        limit
-            When impacts that come ever faster accumulate.
-        also
-            Those that then come to rest.
+        ends
+            When series end that do so with this impact.
         """
         arc = here.arc
-        n, energy = arc.system.n, arc.system.columns.names.index("energy")
+        n = arc.system.n
+        before = found.y.copy()
         found.rows = arc.runner.tabulate(arc.row())
-        ends = dict(self._ends(here, some, limit, also))
+        stopped = ends
+        ends = {**dict(self._rests(here, some)), **stopped}
         e = [0.0 if k in ends else self.laws[k].restitution for k in some]
         problem, response = here.problem(some, np.array(e))
-        if limit is not None:
+        if stopped:
             problem = replace(problem, kinds=tuple(self._stopped(here, some, ends)))
-        result = impact(problem, here.rates[list(some)], here.still[list(some)])
+        rates = here.rates[some]
+        result = impact(problem, rates, here.still[some])
+        if stopped and not result.found:
+            # What is held back has no bound for its friction: there is none then.
+            kinds = (
+                Kind.LIMITED
+                if kind is Kind.SLIP and self.laws[k].normal in ends
+                else kind
+                for k, kind in zip(some, problem.kinds, strict=True)
+            )
+            problem = replace(problem, kinds=tuple(kinds))
+            result = impact(problem, rates, here.still[some])
         # A flight that begins a rounding below the ground would end one farther below.
         deep = [i for i, k in enumerate(some) if here.is_below(k)]
         if deep:
             gaps = here.gaps[[some[i] for i in deep]]
             found.y[:n] -= response[:, deep] @ _raised(problem.D, deep, gaps)
         found.y[n : 2 * n] += response @ result.impulses
-        change = arc.observed(found.y)[energy] - found.rows[0, energy]
-        found.y[2 * n] += change
-        arc.system.p.impulses[list(some)] = result.impulses
-        after = here.rates[list(some)] + problem.D @ result.impulses
-        largest = np.max(np.abs(result.impulses), initial=0.0)
+        changes = arc.energies(found.y) - arc.energies(before, found.rows[0])
+        found.y[2 * n : 2 * n + arc.system.works] += changes
+        arc.system.p.impulses[some] = result.impulses
+        after = (rates + problem.D @ result.impulses).tolist()
+        sizes = [abs(impulse) for impulse in result.impulses.tolist()]
+        largest = max(sizes)
         for i, k in enumerate(some):
             kind, name = self.laws[k].kind, self.laws[k].constraint
-            if kind is Kind.SLIP or abs(result.impulses[i]) <= NO_IMPULSE * largest:
+            if kind is Kind.SLIP or sizes[i] <= NO_IMPULSE * largest:
                 continue
             struck = Event(
-                arc.t, "impact", name, rate_before=float(here.rates[k]),
-                rate_after=float(after[i]), energy=float(change),
+                arc.t, "impact", name, rate_before=float(rates[i]),
+                rate_after=after[i], energy=float(np.sum(changes)),
             )  # fmt: skip
             found.events.append(struck)
             self.bounces[k] += 1
@@ -215,21 +280,17 @@ class Contacts(Source):
                 if self.bounces[k] > SERIES:
                     found.events.append(Event(ends[k], "zeno", name))
                 self.bounces[k] = 0
+        if not result.found:
+            found.ending = Ending(Outcome.PARADOX, self._names(some))
+        elif not result.impulses.any():
+            found.rows = None  # of rates that are rounding beside others of their body
         found.cautions += self._told_of(here, some, result)
 
-    def _ends(
-        self,
-        here: Touching,
-        some: Some[int],
-        limit: float | None,
-        also: Collection[int],
-    ) -> Iterator[tuple[int, float]]:
-        """Give what comes to rest with this impact, and when its bounces would end."""
+    def _rests(self, here: Touching, some: Some[int]) -> Iterator[tuple[int, float]]:
+        """Give what would fly no more, and when its bounces would end."""
         for k in some:
             e = self.laws[k].restitution
-            if limit is not None and k in also:
-                yield k, limit
-            elif e > 0.0 and here.strikes(k):
+            if e > 0.0 and here.strikes(k):
                 left = here.rest(k, e)
                 if left is not None:
                     yield k, here.arc.t + left
@@ -237,27 +298,32 @@ class Contacts(Source):
     def _stopped(
         self, here: Touching, some: Some[int], ends: Collection[int]
     ) -> Iterator[Kind]:
-        """Give kinds for which those that end are held, with slips that have gone."""
+        """Give kinds for which those that end are held, with slips that have gone.
+
+        What slides on has the friction of what is left of their impacts.
+        """
         for k in some:
             law = self.laws[k]
-            gone = law.normal in ends and here.is_spent(k)
-            yield Kind.TIMED if k in ends or gone else law.kind
+            spent = law.normal in ends and here.is_spent(k)
+            yield Kind.TIMED if k in ends or spent else law.kind
 
     def _told_of(
-        self, here: Touching, some: Some[int], result: Impact
+        self, here: Touching, some: list[int], result: Impact
     ) -> list[Caution]:
         """Warn of what the law of impacts leaves open, or gets wrong."""
         told: list[Caution] = []
-        names, t = self._names(some), here.arc.t
+        t = here.arc.t
         if result.open:
+            names = self._names(some)
             told += self._once(
                 "impact-order",
                 f"at t = {t:.9g} {names} strike at one time, and the outcome depends "
                 "on their order: they were taken as simultaneous",
             )
-        change, rates = result.energy, here.rates[list(some)]
+        change, rates = result.energy, here.rates[some]
         exchanged = np.abs(result.impulses) @ (np.abs(rates) + np.abs(result.after))
         if change > RAISED * exchanged:
+            names = self._names(some)
             told += self._once(
                 "impact-energy",
                 f"at t = {t:.9g} the impact at {names} raises the energy by "
@@ -283,5 +349,7 @@ def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
 
 def _impossible(ending: Ending) -> Problem:
     """Say that no motion begins at the start."""
-    text = f"no motion begins at this start: {ending.about}: {ending.outcome.advice}"
+    text = (
+        f"no motion exists from this start on: {ending.about}: {ending.outcome.advice}"
+    )
     return Problem("no-motion", text)

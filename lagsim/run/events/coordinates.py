@@ -35,15 +35,35 @@ def singularity_caution(arc: Arc) -> list[Caution]:
     parts = [
         smallest / largest if largest > 0.0 else 1.0 for largest, smallest in pairs
     ]
-    part = min(parts)
-    if not part < VANISHING:
+    vanishing = [k for k, part in enumerate(parts) if part < VANISHING]
+    vanishing = [k for k in vanishing if not _is_held(arc, k)]
+    if not vanishing:
         return []
-    k = parts.index(part)
-    name, when = arc.system.inertias[k], float(state.inertia_when[k])
+    k = min(vanishing, key=lambda k: parts[k])
+    part, name, when = parts[k], arc.system.inertias[k], float(state.inertia_when[k])
     text = (
         f"at t = {when:.9g} the inertia of `{name}` falls to {part:.1g} of its "
-        f"largest: there `{name}` is close to losing its meaning (polar coordinates at "
-        "the pole, angles at gimbal lock), and steps are short for no other reason; "
-        "Cartesian coordinates, or angles with their pole elsewhere, pass through"
+        f"largest value: `{name}` is nearly undefined there (polar coordinates at "
+        "the pole, angles at gimbal lock), which alone makes the steps short; "
+        "Cartesian coordinates, or angles with their pole elsewhere, avoid this"
     )
     return [Caution("coordinate-singularity", text)]
+
+
+def _is_held(arc: Arc, k: int) -> bool:
+    """Tell whether the constraints hold the coordinate where its inertia is smallest.
+
+    A component of a quaternion has none along the quaternion itself, whose length is
+    one: a force on the coordinate then meets the inertia of what it can move.
+    """
+    e, name = arc.system.equations, arc.system.inertias[k]
+    if not e.rows or name not in e.q:
+        return False
+    from lagsim.admissibility.inertia import admitted_inertia
+    from lagsim.admissibility.point import Point
+
+    state, n = arc.state, arc.system.n
+    where = state.inertia_where[2 * n * k : 2 * n * (k + 1)]
+    point = Point(e, float(state.inertia_when[k]))
+    found = admitted_inertia(point, where[:n], where[n:], e.q.index(name))
+    return not found < VANISHING * float(state.inertia_largest[k])

@@ -52,6 +52,8 @@ class Crossing:
         The motion has come to rest on the surfaces, by itself.
     left
         In so much time, that is.
+    met
+        The surface that has ended the arc before.
 
     Attributes
     ----------
@@ -71,6 +73,7 @@ class Crossing:
         *,
         settled: bool,
         left: float = 0.0,
+        met: int | None = None,
     ) -> None:
         self.modes, self.levels, self.sizes = modes, levels, sizes
         self.at_rest, self.held, self.settled = at_rest, held, settled
@@ -79,6 +82,7 @@ class Crossing:
         self.undecided: list[int] = []
         self.noise = np.zeros(modes.count)
         self.left = left
+        self.met = met
 
     def decide(self) -> None:
         """Choose the mode."""
@@ -180,12 +184,86 @@ class Crossing:
 
     def _by_forces(self, now: list[int]) -> None:
         """Decide the rest by what the forces do on each side."""
+        several = list(self.open)
         held = {i: self.held[k] for i, k in enumerate(self.open) if k in self.held}
         crossroads = self._crossroads(held)
+        if not (held or self.at_rest):
+            resting = self._let_rest(crossroads)
+            if not self.open:
+                return
+            if resting:
+                now = [
+                    way for k, way in zip(several, now, strict=True) if k in self.open
+                ]
+                crossroads = self._crossroads(held)
         found = crossroads.way(now)
         if found is None or crossroads.is_fork(found):
             self.undecided = self.open
         self._take(found or now)
+
+    def _let_rest(self, crossroads: Crossroads) -> list[int]:
+        """Put the motion on the level of the surfaces that it does not leave.
+
+        With the values that are written there, sign(0) = 0, and whatever the others do.
+        Surfaces that attract are none: it may have to be held on these; nor is one that
+        it has just come to. Give them.
+        """
+        modes = self.modes
+        former = modes.value.copy(), modes.kind.copy()
+        low = (BELOW,) * len(self.open)
+        base = crossroads.rates(low)
+        drawn = [
+            (crossroads.rates((*low[:i], ABOVE, *low[i + 1 :])) - base)[i]
+            for i in range(len(low))
+        ]
+        free = -crossroads.tolerance <= np.array(drawn)
+        free &= np.array(self.open) != self.met
+        near = [k for k in self.loose if k in self.levels and k != self.met]
+        resting = [*(k for k, x in zip(self.open, free, strict=True) if x), *near]
+        for k in (*self.open, *near):
+            modes.put(k, self.levels[k], LEVEL)
+        most = np.zeros(modes.count)
+        most[self.open] = crossroads.tolerance
+        resting = [k for k in resting if self._stays(k, most[k])]
+        modes.restore(*former)
+        for k in resting:
+            modes.put(k, self.levels[k], LEVEL)
+        others = [k for k in self.open if k not in resting]
+        for way in (BELOW, ABOVE) if others else ():
+            for k in others:
+                modes.put(k, self.levels[k], way)
+            if not all(self._stays(k, most[k]) for k in resting):
+                resting = []
+        if not resting or set(resting).isdisjoint(self.open):
+            modes.restore(*former)
+            return []
+        self.open = others
+        self.loose = [k for k in self.loose if k not in resting]
+        modes.watch(resting)
+        return resting
+
+    def _stays(self, k: int, tolerance: float) -> bool:
+        """Tell whether the motion stays on surface k in the mode there is.
+
+        A short step tells, whatever the order in which it would leave.
+        """
+        modes, arc, n = self.modes, self.modes.arc, self.modes.arc.system.n
+        modes.write()
+        rows, a = modes.rows(), modes.field()[:n]
+        if not abs(float(rows.J[k] @ a - rows.b[k])) <= tolerance:
+            return False
+        return (
+            keeps_to(
+                np.ones(1),
+                modes.rates,
+                lambda t, y: modes.values(t, y)[[k]] - self.levels[k],
+                arc.t,
+                arc.y,
+                arc.settings.duration,
+                ON * self.sizes[[k]],
+            )
+            is None
+        )
 
     def _take(self, ways: Sequence[int]) -> None:
         """Take a way, with what steps together with the surfaces that it follows."""

@@ -12,13 +12,14 @@ from __future__ import annotations
 
 import heapq
 import math
+from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.enclosures import Enclosures
-from lagsim.mechanics.switches import expression_text
+from lagsim.mechanics.switches.text import expression_text
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.looks import LARGE, LARGEST, NEAR_ZERO
 from lagsim.notes import Caution
@@ -62,20 +63,25 @@ class Feature(NamedTuple):
 class Features(Source):
     """What is still to come in a run, in order."""
 
+    DERIVED = ("_coming",)
+
     def __init__(self, arc: Arc) -> None:
-        equations = arc.system.equations
-        g = equations.graph
-        nodes = motion_nodes(equations)
+        self._arc = arc
         self._cautions: list[Caution] = []
-        lines = [
-            _Line(arc, sleeper, self._cautions.append)
-            for sleeper in timed_sleepers(equations, nodes)
-            if g.depends([sleeper.node]) <= {"t", *arc.parameters}
-        ]
-        coming = [line.features() for line in lines if not line.shallow]
-        self._coming = heapq.merge(*coming)
-        self._next = next(self._coming, None)
+        self._taken = 0
+        self._coming: Iterator[Feature] | None = None
+        self._next = self._following()
         self._now: Feature | None = None
+
+    def _following(self) -> Feature | None:
+        """Give the next one; None after the last."""
+        if self._coming is None:
+            self._coming = _features(self._arc, self._cautions.append)
+            if self._taken:  # in a run that was resumed; what it told then is told
+                next(islice(self._coming, self._taken - 1, self._taken), None)
+                self._cautions.clear()
+        self._taken += 1
+        return next(self._coming, None)
 
     def set_out(self, arc: Arc) -> Decision:
         """Tell the kernel what comes first after the time reached."""
@@ -93,7 +99,7 @@ class Features(Source):
             if self._next is None:
                 self._now = None
                 break
-            self._now, self._next = self._next, next(self._coming, None)
+            self._now, self._next = self._next, self._following()
         now = self._now
         if now is None:
             return Decision(numbers={"feature_width": 0.0})
@@ -114,6 +120,17 @@ class Features(Source):
         if self._next is not None:
             over = min(over, max(now.time, self._next.time - self._next.reach))
         return over
+
+
+def _features(arc: Arc, tell: Callable[[Caution], None]) -> Iterator[Feature]:
+    equations = arc.system.equations
+    g = equations.graph
+    lines = [
+        _Line(arc, sleeper, tell)
+        for sleeper in timed_sleepers(equations, motion_nodes(equations))
+        if g.depends([sleeper.node]) <= {"t", *arc.parameters}
+    ]
+    return heapq.merge(*(line.features() for line in lines if not line.shallow))
 
 
 def _expected(arc: Arc, now: Feature, part: float) -> Floats:
@@ -189,9 +206,9 @@ class _Line:
 
     def _given_up(self, time: float) -> Caution:
         text = (
-            f"after t = {time:.9g} steps are not ended before what `{self.text}` may "
-            f"do: it turns too often, {PATIENCE} times without a pulse; a short one "
-            "could be stepped over there"
+            f"after t = {time:.9g} steps no longer end where `{self.text}` may "
+            f"have a pulse: it has turned {PATIENCE} times without one; a short "
+            "pulse could be missed there"
         )
         return Caution("short-times", text)
 

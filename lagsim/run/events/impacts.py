@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.language.evaluate import evaluate
 from lagsim.notes import Event
 from lagsim.run.decisions import GO_ON, Decision, Ending
 from lagsim.run.events.modes import ON
@@ -44,10 +45,29 @@ def before_event(arc: Arc) -> Before:
     row[0, 1 : 1 + n] -= moment * arc.y[n : 2 * n]
     columns = arc.runner.tabulate(row)
     columns[0, 0] = arc.t
-    off = np.zeros(n)
-    if not arc.plan.projected:
-        off = arc.runner.function("velocity_step")(arc.t, arc.y)[:n]
-    return Before(columns, off)
+    return Before(columns, _off(arc))
+
+
+def at_start(arc: Arc) -> Before:
+    """Look at the start with switches in time as they are written at that instant.
+
+    In the first arc they are what they are from there on.
+    """
+    discrete = [mode.discrete for mode in arc.system.switches.modes]
+    values = {**arc.parameters, "t": arc.t}
+    arc.system.set_modes(
+        [float(x) for x in evaluate(arc.equations.graph, discrete, values)]
+    )
+    arc.runner.prepare()
+    return Before(arc.runner.tabulate(arc.row()), _off(arc))
+
+
+def _off(arc: Arc) -> Floats:
+    """Give by how much velocities (n,) are off the constraints and may be."""
+    n = arc.system.n
+    if arc.plan.projected:
+        return np.zeros(n)
+    return arc.runner.function("velocity_step")(arc.t, arc.y)[:n]
 
 
 def impact(arc: Arc, before: Before) -> Decision:
@@ -68,11 +88,12 @@ def impact(arc: Arc, before: Before) -> Decision:
     step = arc.runner.function("velocity_step")(arc.t, arc.y)[:n] - before.off
     if not _strikes(arc, step, before.off):
         return GO_ON
+    arc.meet_row()
+    before.row[0, 0] = arc.t
     y = arc.y.copy()
     y[n : 2 * n] += step
-    if arc.system.has_work:
-        energy = names.index("energy")
-        y[2 * n] += arc.observed(y)[energy] - now[energy]
+    works = slice(2 * n, 2 * n + arc.system.works)
+    y[works] += arc.energies(y) - arc.energies(arc.y, now)
     return Decision(events=(Event(arc.t, "impact"),), rows=before.row, y=y)
 
 

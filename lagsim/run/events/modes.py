@@ -70,6 +70,7 @@ class Modes:
         self.kind = np.zeros(self.count)
         self.levels = np.zeros(self.count)
         self.carried: dict[int, tuple[int, float]] = {}  # leader, and the upper value
+        self.watched: list[int] = []
 
     def _ordered(self) -> list[int]:
         """Give the surfaces, those that others depend on first."""
@@ -107,9 +108,12 @@ class Modes:
         self.arc = arc
 
     def tell(self, **numbers: Floats) -> None:
-        """Tell the compiled functions K numbers of some kinds, by their names in p."""
+        """Tell the compiled functions K numbers of some kinds, by their names in p.
+
+        Arrays that go on with numbers of laws and of `until` keep those.
+        """
         for name, each in numbers.items():
-            getattr(self.p, name)[:] = each
+            getattr(self.p, name)[: self.count] = each
 
     def restore(self, value: Floats, kind: Floats) -> None:
         """Take sides as they were."""
@@ -119,6 +123,11 @@ class Modes:
         """Slide along nothing."""
         self.kind[:] = 0.0
         self.carried = {}
+        self.watched = []
+
+    def watch(self, several: list[int]) -> None:
+        """Let modes end where the motion leaves the level of surfaces it rests on."""
+        self.watched = several
 
     def put(self, k: int, level: float, way: int) -> None:
         """Put surface k below or above its level, along it, or at rest on it."""
@@ -166,6 +175,7 @@ class Modes:
         least = np.where(whole, value, least)
         most = np.where(whole, value + 1.0, most)
         least[self.bound], most[self.bound] = -math.inf, math.inf
+        least[self.watched] = most[self.watched] = self.levels[self.watched]
         moving = np.array(self.of_velocities, dtype=bool)
         least[slides] = np.where(moving, 0.0, self.levels)[slides]
         most[slides] = np.where(moving, self.levels, 0.0)[slides]

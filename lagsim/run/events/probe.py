@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # The first step is this part of the run, each next one so much longer, and so many.
 FIRST = 2.0**-44
 LONGER = 4.0
-MOST = 17
+MOST = 22
 # Past this many times its rounding a surface has been left.
 CLEAR = 16.0
 

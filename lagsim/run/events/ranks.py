@@ -33,7 +33,7 @@ class Dependence(Source):
         from lagsim.mechanics.ldl import dense_operations
         from lagsim.plan.making import by_loops
 
-        found = f"at t = {arc.t:.9g} the constraints come close to dependent"
+        found = f"at t = {arc.t:.9g} the constraints become nearly dependent"
         if dense_operations(arc.system.n, arc.system.m) > MOST_DENSE:
             text = (
                 f"{found}, and there are too many for a QR decomposition: from there "
@@ -110,8 +110,8 @@ def weakest(
 def rank_caution(time: float, names: tuple[str, ...], smallest: float) -> Caution:
     """Say what a loss of rank means."""
     text = (
-        f"at t = {time:.9g} the constraints {', '.join(names)} lose their "
-        f"independence (smallest singular value {smallest:.1e}): a singular "
-        "configuration, where motions branch; their multipliers are large around it"
+        f"at t = {time:.9g} the constraints {', '.join(names)} become dependent "
+        f"(smallest singular value {smallest:.1e}): a singular configuration, "
+        "where motions branch; their multipliers are large around it"
     )
     return Caution("rank", text)

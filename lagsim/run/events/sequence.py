@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections import deque
 
@@ -18,6 +19,11 @@ STUCK = 40
 NO_TIME = 2.0**-47
 # So many are remembered.
 MOST = 4000
+# What bounces is judged by so many of its last flights: three of them have a ratio.
+FLIGHTS = 4
+# A ratio this near 1 is none. What has not struck for so many flights does not bounce.
+STEADY = 0.999
+LATE = 10.0
 
 
 class Sequence:
@@ -85,3 +91,53 @@ class Sequence:
             return False
         took = self.recent[-1][0] - self.recent[-STUCK][0]
         return took <= NO_TIME * max(self.span, abs(self.last))
+
+
+class Flights:
+    """The last flights of one contact: when it struck, and how fast."""
+
+    def __init__(self) -> None:
+        self.strikes: deque[tuple[float, float]] = deque(maxlen=FLIGHTS + 1)
+
+    def add(self, time: float, speed: float) -> None:
+        """Take one more strike."""
+        self.strikes.append((time, speed))
+
+    def end(self, time: float, speed: float, least: float) -> float | None:
+        """Give when it will have bounced, if what is left is no motion; else None.
+
+        Either its flights get shorter at a ratio, and all ways that are left, up and
+        down, are together no longer than `least`; or none of the last was (contacts
+        that strike by turns have no one ratio).
+
+        Parameters
+        ----------
+        speed
+            That it has now.
+        least
+            A length.
+        """
+        if len(self.strikes) < FLIGHTS:
+            return None
+        lasted = self.strikes[-1][0] - self.strikes[-2][0]
+        far = speed * lasted
+        if far > least or time - self.strikes[-1][0] > LATE * lasted:
+            return None
+        times = [strike[0] for strike in self.strikes]
+        speeds = [strike[1] for strike in self.strikes]
+        took = [b - a for a, b in itertools.pairwise(times)]
+        if min(took) <= 0.0:
+            return None
+        ratio = max(took[-1] / took[-2], took[-2] / took[-3])
+        # What strikes by turns with a neighbour in ever less time, hardly slower, does
+        # not fly between: that is one impact, whose order is open.
+        slower = speeds[-1] <= REGULAR * ratio * speeds[-2]
+        shrinks = ratio < STEADY and slower
+        ways = [d * v for d, v in zip(took, speeds[1:], strict=True)]
+        short = len(took) == FLIGHTS and max(*ways, far) <= least
+        # A flight leaves as fast as it comes down: up and down it goes `far` / 2.
+        ways_left = far / 2.0 * ratio**2 / (1.0 - ratio**2) if shrinks else math.inf
+        if not short and ways_left > least:
+            return None
+        left = took[-1] * ratio / (1.0 - ratio) if shrinks else 0.0
+        return max(time, times[-1] + left)

@@ -48,7 +48,10 @@ LEFT = 1e-4
 AHEAD = 0.9
 BACK = 0.25
 MOST_APPROACHES = 60
-BENT = "{} gets no farther beside a switch: its steps are shorter than positions tell"
+BENT = (
+    "{} makes no progress near a switch: its steps are shorter than the rounding of "
+    "positions allows"
+)
 
 
 class Switching(Source):
@@ -131,7 +134,7 @@ class Switching(Source):
             settled = bool(at_rest) or any(before[k] for k in levels)
             left = max(0.0, time - arc.t) if at_rest else 0.0
             crossing = Crossing(
-                modes, levels, sizes, at_rest, held, settled=settled, left=left
+                modes, levels, sizes, at_rest, held, settled=settled, left=left, met=met
             )
             crossing.decide()
             noise, cautions = crossing.noise, self._undecided(crossing.undecided)
@@ -192,8 +195,8 @@ class Switching(Source):
             return ()
         self.told.add(names)
         text = (
-            f"at t = {self.modes.arc.t:.9g} nothing decides how the motion goes on "
-            f"from {names}: one way of several was taken"
+            f"at t = {self.modes.arc.t:.9g} the motion past the switch of {names} "
+            "is not unique: one of several was taken"
         )
         return (Caution("unresolved-switch", text),)
 
@@ -221,7 +224,7 @@ class Switching(Source):
         arc, n = self.modes.arc, self.modes.arc.system.n
         step = arc.t - arc.state.step_t if arc.steps else 0.0
         ranges = arc.ranges_to(y)[: 2 * n]
-        ranges[n:] += step * arc.state.parts[:n]
+        ranges[n:] += step * arc.pushes
         ranges[:n] += step * ranges[n:]
         return ranges
 

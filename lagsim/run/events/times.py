@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -18,9 +19,20 @@ if TYPE_CHECKING:
 class TimeBreaks(Source):
     """The breaks in time of a run."""
 
+    DERIVED = ("_times",)
+
     def __init__(self, arc: Arc) -> None:
-        self._times = _breaks(arc)
-        self._next = next(self._times, inf)
+        self._arc = arc
+        self._taken = 0
+        self._times: Iterator[float] | None = None
+        self._next = self._following()
+
+    def _following(self) -> float:
+        """Give the next break; inf after the last."""
+        if self._times is None:
+            self._times = islice(_breaks(self._arc), self._taken, None)
+        self._taken += 1
+        return next(self._times, inf)
 
     def begin(self, arc: Arc) -> Decision:
         """Set the branches up to the next break."""
@@ -39,7 +51,7 @@ class TimeBreaks(Source):
         """Go through a break that has been reached."""
         if code != at.DONE or arc.t < self._next:
             return None
-        self._next = next(self._times, inf)
+        self._next = self._following()
         return Decision(events=(Event(arc.t, "switch"),), turn=Turn.MODES)
 
 

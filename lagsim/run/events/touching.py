@@ -6,11 +6,13 @@ a step was cut.
 
 from __future__ import annotations
 
-from functools import cached_property
+import math
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.language.rounding import BALANCED
 from lagsim.mechanics.contact import Closed, delassus
 from lagsim.mechanics.laws import Kind
 from lagsim.methods.parts import parameters as kept
@@ -20,15 +22,43 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.contact import Delassus
     from lagsim.run.arc import Arc
 
 # How far a state is moved, by parts, to see what its rounding does; and these parts.
 PROBE = 2.0**-26
 APART = 0.618033988749895
-# What rounding leaves of a sum of terms of this size.
-ROUNDED = 2.0**-46
 # A flight this many times higher than rounding is one.
 HIGHER = 16.0
+# Laws whose impulses change each other's rates by no more than this part do not act on
+# each other.
+APART_FROM = 1e-12
+
+
+class Shape:
+    """M and the rows at a place: of equalities, and of laws.
+
+    Attributes
+    ----------
+    numbers : ndarray, shape ((n + m) n,)
+        M, then all rows.
+    M, equalities, rows : ndarray
+    slopes : ndarray, shape (L, n)
+        The sizes of `rows`.
+    """
+
+    def __init__(self, arc: Arc, numbers: Floats) -> None:
+        n, first = arc.system.n, arc.system.m - len(arc.system.laws)
+        self.numbers = numbers
+        self.M = numbers[: n * n].reshape(n, n)
+        rows = numbers[n * n :].reshape(arc.system.m, n)
+        self.equalities, self.rows = rows[:first], rows[first:]
+        self.slopes = np.abs(self.rows)
+
+    @cached_property
+    def reply(self) -> Delassus:
+        """How all laws answer to multipliers, beside the equalities."""
+        return delassus(self.M, self.equalities, self.rows)
 
 
 class Touching:
@@ -41,45 +71,70 @@ class Touching:
         the rate of that as it would be without any law.
     forces : ndarray, shape (L,)
         The size of the terms of `accelerations`.
+    pushes : ndarray, shape (L,)
+        The same with what closed laws could add: the scale of what is held.
+    moves : ndarray, shape (n,)
+        What closed laws could do to each coordinate: an acceleration.
     bounds, statics : ndarray, shape (L,)
     slack : ndarray, shape (L,)
         Gaps, or speeds, that are rounding.
     still : ndarray, shape (L,)
         Rates that are rounding.
+    seen : ndarray, shape (size,)
+        The largest sizes of the state's components so far.
+    in_force : list of bool, of L
     reach : ndarray, shape (L,)
         How far the motion so far has moved each row's residual, and its rate.
+    shape : Shape
+    rows : ndarray, shape (L, n)
+        Those of the shape.
     """
 
-    def __init__(self, arc: Arc, y: Floats, t: float | None = None) -> None:
+    def __init__(
+        self,
+        arc: Arc,
+        y: Floats,
+        t: float | None = None,
+        known: Shape | None = None,
+    ) -> None:
+        """Look at the state y.
+
+        known : the shape at another state, which that of this one may be.
+        """
         system, n = arc.system, arc.system.n
         self.arc, self.y, self.laws = arc, y, system.laws
         self.t = t = arc.t if t is None else t
         self.count, first = len(system.laws), system.m - len(system.laws)
-        m, L = system.m, self.count
-        found = arc.runner.function("geometry", (n + m) * n + 4 * m)(t, y)
-        self.M = found[: n * n].reshape(n, n)
-        rows = found[n * n : (n + m) * n].reshape(m, n)
-        self.equalities, self.rows = rows[:first], rows[first:]
-        residuals, rates, gap_scales, rate_scales = found[(n + m) * n :].reshape(4, m)
-        self.residuals, self.rates = residuals[first:], rates[first:]
+        m = system.m
+        shape = (n + m) * n
+        found = arc.runner.function("geometry", shape + 4 * m)(t, y)
+        self.shape = _shape(arc, found[:shape], known)
+        self.rows = self.shape.rows
+        told = found[shape:].reshape(4, m)[:, first:]
+        self.residuals, self.rates, gap_scales, rate_scales = told
         gapped = system.p.law_kind == kept.CONTACT
         self.gaps = np.where(gapped, self.residuals, self.rates)
-        self.in_force = np.ones(L, dtype=bool)
-        if any(law.when is not None for law in self.laws):
-            self.in_force = arc.runner.function("conditions", L)(t, y) != 0.0
-        slopes, seen, ranges = np.abs(self.rows), arc.seen, arc.ranges
-        moment = MOMENTS * np.spacing(abs(t))
-        sizes = np.maximum(rate_scales[first:], slopes @ seen[n : 2 * n])
-        self.still = ROUNDED * sizes
+        self.in_force = self._in_force()
+        slopes, seen, ranges = self.shape.slopes, arc.seen, arc.ranges
+        self.seen, self.reach = seen, (slopes @ ranges[:n], slopes @ ranges[n : 2 * n])
+        sizes = np.maximum(rate_scales, slopes @ seen[n : 2 * n])
         # Of what has not moved yet: by where it will soon be.
         soon = seen[:n] + arc.settings.output_step * np.abs(y[n : 2 * n])
-        held = np.maximum(gap_scales[first:], slopes @ soon)
-        self.slack = ROUNDED * held + moment * np.abs(self.rates)
-        self.reach = slopes @ ranges[:n], slopes @ ranges[n : 2 * n]
+        held = np.maximum(gap_scales, slopes @ soon)
+        self.slack = BALANCED * held + MOMENTS * math.ulp(t) * np.abs(self.rates)
+        self.near = (self.gaps <= self.slack).tolist()
         self.scales = held, sizes
         self._let_go()
         # What rounds in the forces has moved what they balance, since the last step.
-        self.still = np.maximum(self.still, ROUNDED * self.forces * arc.state.step_h)
+        self.still = BALANCED * np.maximum(sizes, self.pushes * arc.state.step_h)
+
+    def _in_force(self) -> list[bool]:
+        """Tell which laws are in force at this time (L,)."""
+        if all(law.when is None for law in self.laws):
+            return [True] * self.count
+        asked = self.arc.runner.function("conditions", self.count)(self.t, self.y)
+        told: list[bool] = (asked != 0.0).tolist()
+        return told
 
     def _let_go(self) -> None:
         """Find the accelerations that there would be without any law."""
@@ -89,29 +144,60 @@ class Touching:
         # What forces do to each row, or have done in the last step: where they balance,
         # or vanish, rounding is that of their terms.
         pushed = np.maximum(np.abs(a), self.arc.state.parts[:n])
-        self.forces = np.abs(self.rows) @ pushed + np.abs(b)
+        self.forces = self.shape.slopes @ pushed + np.abs(b)
+        self.pushes: Floats = self.forces
+        self.moves: Floats = np.zeros(n)
+        if any(closed := self.is_closed()):
+            most = self._most(closed)
+            self.pushes = self.forces + np.abs(self.shape.reply.D) @ most
+            self.moves = np.abs(self.shape.reply.response) @ most
+
+    def _most(self, closed: list[bool]) -> Floats:
+        """Give about how much each closed law could push with (L,)."""
+        own, statics = self.shape.reply.D.diagonal().tolist(), self.statics.tolist()
+        most: list[float] = []
+        for k, (law, force) in enumerate(
+            zip(self.laws, self.forces.tolist(), strict=True)
+        ):
+            if not closed[k]:
+                most.append(0.0)
+            elif law.kind is Kind.SLIP:
+                most.append(statics[k] * most[law.normal])
+            elif law.kind is Kind.LIMITED:
+                most.append(statics[k])
+            else:
+                most.append(force / own[k] if own[k] > 0.0 else 0.0)
+        return np.array(most)
 
     @cached_property
     def noise(self) -> Floats:
         """What is rounding of `accelerations` (L,): their terms, and the state."""
-        # Each component by another part, or what cancels would stay hidden.
-        aside = 0.5 + np.modf(APART * np.arange(1.0, len(self.y) + 1.0))[0]
-        a, b, *_ = self._free(self.y + PROBE * aside * self._known())
+        a, b, *_ = self._free(self.y + _aside(len(self.y)) * self._known())
         stirred = np.abs(self.rows @ a - b - self.accelerations) / PROBE
-        return np.asarray(ROUNDED * np.maximum(self.forces, stirred))
+        return np.asarray(BALANCED * np.maximum(self.pushes, stirred))
+
+    @cached_property
+    def present(self) -> Floats:
+        """The accelerations (L,) that there are with the laws that hold now."""
+        system = self.arc.system
+        if not np.any(system.p.law_mode):
+            return self.accelerations
+        field = self.arc.runner.function("field", system.size + system.m)
+        a = field(self.t, self.y)[system.n : 2 * system.n]
+        return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
         """Give the sizes (size,) by which a state is rounded: also those of its rows.
 
         Rows that hold do so within the rounding of their own terms.
         """
-        n, sizes = self.arc.system.n, self.arc.seen.copy()
-        slopes = np.abs(self.rows)
-        squares = np.sum(slopes**2, axis=1)
-        per = slopes / np.where(squares > 0.0, squares, 1.0)[:, None]
+        n, sizes = self.arc.system.n, self.seen.copy()
+        slopes = self.shape.slopes
+        squares = (slopes * slopes).sum(axis=1)[:, None]
+        per = slopes / np.where(squares > 0.0, squares, 1.0)
         for first, scales in zip((0, n), self.scales, strict=True):
-            moved = np.max(scales[:, None] * per, axis=0, initial=0.0)
-            sizes[first : first + n] = np.maximum(sizes[first : first + n], moved)
+            part = sizes[first : first + n]
+            np.maximum(part, (scales[:, None] * per).max(axis=0), out=part)
         return sizes
 
     def _free(self, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -131,17 +217,16 @@ class Touching:
 
         also : those that are closed whatever their gaps are.
         """
-        mode = self.arc.system.p.law_mode
+        mode, in_force = self.arc.system.p.law_mode.tolist(), self.in_force
         closed: list[bool] = []
         for k, law in enumerate(self.laws):
             if law.kind is Kind.SLIP:
                 closed.append(closed[law.normal])
-            elif law.kind in (Kind.LIMITED, Kind.TIMED):
-                closed.append(bool(self.in_force[k]))
+            elif law.kind is Kind.LIMITED or law.kind is Kind.TIMED:
+                closed.append(in_force[k])
             else:
                 holds = mode[k] in (kept.HELD, kept.IMPLIED) or k in also
-                near = self.gaps[k] <= self.slack[k]
-                closed.append(bool((holds or near) and self.in_force[k]))
+                closed.append((holds or self.near[k]) and in_force[k])
         return closed
 
     def strikes(self, k: int) -> bool:
@@ -157,8 +242,10 @@ class Touching:
 
     def is_off(self, k: int, part: float) -> bool:
         """Tell whether a residual is off by more than a part of how it has moved."""
-        residual = self.residuals[k]
-        return bool(abs(residual) > part * self.reach[0][k] + self.slack[k])
+        # Within its last step a place is rounded as what forces did in all of it.
+        rounded = BALANCED * self.forces[k] * self.arc.state.step_h**2
+        least = part * self.reach[0][k] + self.slack[k] + rounded
+        return bool(abs(self.residuals[k]) > least)
 
     def rest(self, k: int, restitution: float) -> float | None:
         """Give the time for which a contact goes on to bounce if that is no motion.
@@ -166,49 +253,72 @@ class Touching:
         Its next flight is no higher than the tolerance of how far it has moved, or than
         rounding.
         """
-        speed, fall = -restitution * self.rates[k], -self.accelerations[k]
+        speed, fall = -restitution * self.rates[k], -self.present[k]
         if not fall > 0.0:
             return None
-        height = speed * speed / (2.0 * fall)
-        told = self.arc.plan.tolerance * self.reach[0][k]
-        if height > max(told, HIGHER * self.slack[k]):
+        if speed * speed / (2.0 * fall) > self.least(k):
             return None
         left = 2.0 * speed / fall
         return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
 
-    def is_spent(self, k: int) -> bool:
-        """Tell whether a contact, or a slip, could go no farther than the tolerance.
+    def least(self, k: int) -> float:
+        """Give the height of a flight that is none: of the tolerance, or rounding."""
+        told = self.arc.plan.tolerance * self.reach[0][k]
+        return float(max(told, HIGHER * self.slack[k]))
 
-        With all the speed that it has, against the forces that there are: of a slip
-        against its friction.
+    def is_spent(self, k: int) -> bool:
+        """Tell whether a slip could go no farther than the tolerance.
+
+        With all the speed that it has, against its friction.
         """
-        law, force = self.laws[k], self.forces[k]
-        if law.kind not in (Kind.CONTACT, Kind.SLIP):
-            return False
+        law = self.laws[k]
         least = self.arc.plan.tolerance * self.reach[0][k]
-        if law.kind is Kind.SLIP:
-            force = self.bounds[k] * self.forces[law.normal]
-        elif self.gaps[k] > max(least, self.slack[k]):
-            return False
+        force = self.bounds[k] * self.forces[law.normal]
         speed = abs(self.rates[k])
         return bool(speed <= self.still[k] or speed * speed <= 2.0 * force * least)
+
+    def acts_on(self, k: int, others: Collection[int]) -> bool:
+        """Tell whether impulses of other laws change the rate of law k."""
+        D, some = self.shape.reply.D, sorted(others)
+        sizes = np.sqrt(np.abs(np.diag(D)))
+        return bool(np.any(np.abs(D[k, some]) > APART_FROM * sizes[k] * sizes[some]))
 
     def problem(
         self, some: Sequence[int], restitutions: Floats
     ) -> tuple[Closed, Floats]:
         """Give the rows of some laws as a problem, and what they do (n, r)."""
-        some = list(some)
-        laws = [self.laws[k] for k in some]
+        laws, reply = [self.laws[k] for k in some], self.shape.reply
         places = {k: i for i, k in enumerate(some)}
-        found = delassus(self.M, self.equalities, self.rows[some])
+        # All of them, as is usual, need no copies.
+        at = slice(None) if len(some) == self.count else np.array(some)
         closed = Closed(
-            D=found.D,
-            kinds=tuple(law.kind for law in laws),
-            normals=tuple(places.get(law.normal, -1) for law in laws),
-            pairs=tuple(places.get(law.pair, -1) for law in laws),
-            bounds=self.bounds[some],
-            statics=self.statics[some],
+            D=reply.D[at][:, at],
+            kinds=tuple([law.kind for law in laws]),
+            normals=tuple([places.get(law.normal, -1) for law in laws]),
+            pairs=tuple([places.get(law.pair, -1) for law in laws]),
+            bounds=self.bounds[at],
+            statics=self.statics[at],
             restitutions=restitutions,
-            factor=found.factor,
+            factor=reply.factor[:, at],
         )
-        return closed, found.response
+        return closed, reply.response[:, at]
+
+
+def _shape(arc: Arc, numbers: Floats, known: Shape | None) -> Shape:
+    """Give the shape with these numbers: the one that is known, if it has them.
+
+    An impact changes velocities, on which only nonlinear rows depend; and often
+    nothing else changes M and the rows either.
+    """
+    if known is not None and np.array_equal(numbers, known.numbers):
+        return known
+    return Shape(arc, numbers)
+
+
+@lru_cache(maxsize=16)
+def _aside(size: int) -> Floats:
+    """Give by what parts a state is moved.
+
+    Each component by another, or what cancels would stay hidden.
+    """
+    return PROBE * (0.5 + np.modf(APART * np.arange(1.0, size + 1.0))[0])

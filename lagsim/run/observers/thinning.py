@@ -31,6 +31,10 @@ DRIFT = "energy - work"
 BUCKETS = 4096
 POINTS = 16384
 
+# Past these, squares and differences leave the range of a double, or of an Axes: what
+# is larger is a gap in a picture, and what is smaller is 0 there.
+HUGE, TINY = 1e300, 1e-285
+
 # Multiples of the golden section fill the unit interval evenly and resonate with
 # nothing: rows at a fixed stride would turn a periodic orbit into a few dots.
 _GOLDEN = (5**0.5 - 1) / 2
@@ -284,11 +288,11 @@ class Thinning:
 
     def first(self, name: str) -> float:
         """Return the value of a column in the first row; NaN without rows."""
-        return float(self._first[self._place[name]])
+        return float(_drawable(self._first)[self._place[name]])
 
     def last(self, name: str) -> float:
         """Return the value of a column in the last row; NaN without rows."""
-        return float(self._last[self._place[name]])
+        return float(_drawable(self._last)[self._place[name]])
 
     def series(self, name: str) -> tuple[Array, Array]:
         """Return times and values of a column, or of a difference.
@@ -304,15 +308,13 @@ class Thinning:
             with np.errstate(invalid="ignore", over="ignore"):
                 met = self._series_of(self._corners.reshape(-1, c))[:, column]
             t, values = self._with_corners(t, values, met.reshape(k, ways))
-        if self._envelope.size == 1:
-            return t, values
-        ends = np.stack((self._first, self._last))
-        with np.errstate(invalid="ignore", over="ignore"):
-            first, last = _gaps(self._series_of(ends)[:, column])
-        return (
-            np.concatenate((ends[:1, 0], t, ends[1:, 0])),
-            np.concatenate(([first], values, [last])),
-        )
+        if self._envelope.size > 1:
+            ends = np.stack((self._first, self._last))
+            with np.errstate(invalid="ignore", over="ignore"):
+                first, last = self._series_of(ends)[:, column]
+            t = np.concatenate((ends[:1, 0], t, ends[1:, 0]))
+            values = np.concatenate(([first], values, [last]))
+        return _drawable(t), _drawable(values)
 
     def path(self, x: str, y: str) -> tuple[Array, Array]:
         """Return two columns in the same rows, in order, the first and last included.
@@ -331,12 +333,13 @@ class Thinning:
             _, kept = self._with_corners(t, kept, met)
         if self.stride > 1:
             kept = np.append(kept, self.last(name))
-        return _gaps(kept)
+        return _drawable(kept)
 
 
-def _gaps(values: Array) -> Array:
-    """Return a copy in which everything that is not finite is NaN."""
-    return np.where(np.isfinite(values), values, np.nan)
+def _drawable(values: Array) -> Array:
+    """Return a copy that can be drawn: what is not finite, or huge, is NaN."""
+    sizes = np.abs(values)
+    return np.where(sizes < HUGE, np.where(sizes < TINY, 0.0, values), np.nan)
 
 
 def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
 
@@ -23,6 +24,30 @@ NO_WAY_BACK = 0.8
 WRONG = 0.3
 
 
+def gained(balance: Floats) -> float:
+    """Give how much energy - work (k,) has grown; 0 where that is only part of a swing.
+
+    By the medians of the first and the last tenth, where one of them varies by less;
+    from the first value where nothing comes near it again; to the last one where all of
+    the change is in the second half.
+    """
+    if len(balance) < 2:
+        return 0.0
+    change = np.abs(balance - balance[0])
+    early = np.max(change[: (len(change) + 1) // 2])
+    if early < ABRUPT * np.max(change) < change[-1]:
+        return float(balance[-1] - balance[0])
+    some = max(1, int(TENTH * len(balance)))
+    # The quartiles (numpy's own function would load its masked arrays).
+    ends = np.sort([balance[:some], balance[-some:]], axis=1)
+    low, middle, high = (ends[:, (some - 1) * k // 4] for k in (1, 2, 3))
+    at_once = float(middle[1] - balance[0])
+    if np.min(change[some:], initial=np.inf) > NO_WAY_BACK * abs(at_once):
+        return at_once
+    grown = float(middle[1] - middle[0])
+    return grown if abs(grown) > np.min(high - low) else 0.0
+
+
 class Witness:
     """Follows energy - work, and the states, as rows pass.
 
@@ -32,18 +57,30 @@ class Witness:
         The names of a row's columns.
     count : int
         Of the coordinates.
+
+    Attributes
+    ----------
+    between_rows : float
+        The largest energy at the ends of steps, which rows may pass over.
+    extents : mapping
+        The least and the greatest value there of coordinates and velocities.
     """
+
+    between_rows = 0.0
+    extents: Mapping[str, tuple[float, float]] = {}
 
     def __init__(self, columns: Sequence[str], count: int) -> None:
         self.count = count
         self._energy = columns.index("energy")
         self._work = columns.index("work") if "work" in columns else None
+        own = [k for k, name in enumerate(columns) if name.startswith("work.")]
+        self._works = own or ([] if self._work is None else [self._work])
         shown = ("kinetic", "potential", "lagrangian", "work")
         self._parts = {name: columns.index(name) for name in shown if name in columns}
         self._held = [k for k, name in enumerate(columns) if name.startswith("Qc_")]
         self._low = np.full(len(columns), np.inf)
         self._high = np.full(len(columns), -np.inf)
-        self._kept = np.empty((0, 3 + 3 * count))
+        self._kept = np.empty((0, 3 + 3 * count + len(self._works)))
         self._seen, self._stride = 0, 1
 
     def add(self, rows: Floats) -> None:
@@ -64,13 +101,14 @@ class Witness:
         self._seen = seen
 
     def _parts_of(self, rows: Floats) -> Floats:
-        """Give energy - work, the kinetic energy, t, q, q', q'' of each row."""
+        """Give energy - work, the kinetic energy, t, q, q', q'', works of each row."""
         balance = rows[:, self._energy]
         if self._work is not None:
             with np.errstate(invalid="ignore"):
                 balance = balance - rows[:, self._work]
         moving = rows[:, self._parts.get("kinetic", self._energy)]
-        return np.column_stack([balance, moving, rows[:, : 1 + 3 * self.count]])
+        state, works = rows[:, : 1 + 3 * self.count], rows[:, self._works]
+        return np.column_stack([balance, moving, state, works])
 
     @property
     def _rows(self) -> Floats:
@@ -85,6 +123,16 @@ class Witness:
         return self._rows[:, 2 : 3 + 2 * self.count]
 
     @property
+    def balance(self) -> Floats:
+        """Energy - work (k,) of what is kept."""
+        return self._rows[:, 0]
+
+    @property
+    def worked(self) -> Floats:
+        """The works (k, works) of what is kept."""
+        return self._rows[:, 3 + 3 * self.count :]
+
+    @property
     def end(self) -> float:
         """The time of the last row that is kept."""
         rows = self._rows
@@ -92,39 +140,22 @@ class Witness:
 
     @property
     def energy_gained(self) -> float:
-        """How much energy - work has grown; 0 where that is only part of a swing.
-
-        By the medians of the first and the last tenth, where one of them varies by
-        less; from the first value where nothing comes near it again; to the last one
-        where all of the change is in the second half.
-        """
-        balance = self._rows[:, 0]
-        if len(balance) < 2:
-            return 0.0
-        change = np.abs(balance - balance[0])
-        early = np.max(change[: (len(change) + 1) // 2])
-        if early < ABRUPT * np.max(change) < change[-1]:
-            return float(balance[-1] - balance[0])
-        some = max(1, int(TENTH * len(balance)))
-        # The quartiles (numpy's own function would load its masked arrays).
-        ends = np.sort([balance[:some], balance[-some:]], axis=1)
-        low, middle, high = (ends[:, (some - 1) * k // 4] for k in (1, 2, 3))
-        at_once = float(middle[1] - balance[0])
-        if np.min(change[some:], initial=np.inf) > NO_WAY_BACK * abs(at_once):
-            return at_once
-        gained = float(middle[1] - middle[0])
-        return gained if abs(gained) > np.min(high - low) else 0.0
+        """How much energy - work has grown; 0 where that is only part of a swing."""
+        return gained(self.balance)
 
     @property
     def energy_in_play(self) -> float:
         """The largest kinetic energy, or range of the potential or of the work.
 
-        Of a `lagrangian`, which tells neither, the range or the energy's size.
+        Rows alone may show none of it: of a drive, say, that turns at each of them. Of
+        a `lagrangian`, which tells neither, the range or the energy's size.
         """
         low, high = self._low, self._high
         if not np.isfinite(low[self._energy]):
             return 0.0
         found = [high[k] - low[k] for k in self._parts.values()]
+        if math.isfinite(self.between_rows):
+            found.append(self.between_rows)
         alone = "kinetic" if "kinetic" in self._parts else "energy"
         k = self._parts.get(alone, self._energy)
         found.append(max(abs(high[k]), abs(low[k])))
@@ -171,4 +202,4 @@ class Witness:
         wrong = np.flatnonzero(change > WRONG * in_play)
         rows = rows[: max(1, wrong[0])] if len(wrong) else rows
         for row in rows[:: max(1, -(-len(rows) // most))]:
-            yield float(row[2]), row[3 : 3 + n], row[3 + n :][:n], row[3 + 2 * n :]
+            yield float(row[2]), row[3 : 3 + n], row[3 + n :][:n], row[3 + 2 * n :][:n]

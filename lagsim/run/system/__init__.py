@@ -1,6 +1,6 @@
 """Equations -> compiled functions, linked with a method into something that runs.
 
-The state is y = (q, q', work where the model has it). Compiled functions take
+The state is y = (q, q', works where the model has them). Compiled functions take
 (t, y, p, out); p holds the parameters, the modes of the arc and working memory, so that
 new values of parameters compile nothing.
 """
@@ -111,13 +111,13 @@ class System:
         self.met = _met(equations) if "balance" in needs else None
         if self.met is not None:
             self.m, self.laws = 0, ()
-        self.has_work = equations.power is not None
+        self.works = len(equations.works)
         self.inertias = tuple(varying_inertias(equations, plan))
         self.newton = plan.newton
         self.has_jacobian = "jacobian" in needs and self.newton is None
-        work = ("work",) if self.has_work else ()
         self.state = (
-            *equations.q, *equations.velocities, *work,
+            *equations.q, *equations.velocities,
+            *(x.name for x in equations.works),
             *(x.name for x in equations.quadratures),
             *(equations.multipliers if self.met is not None else ()),
         )  # fmt: skip
@@ -128,8 +128,9 @@ class System:
         nodes_of = functions(
             equations, plan, self.columns, needs, self.met, switching=self.watched > 0
         )
+        self.has_energies = "energies" in nodes_of
         # Rows show the expressions as written; the method sees the arc's branches.
-        shown = ("observe", "columns", "until")
+        shown = ("observe", "columns", "until", "energies")
         nodes_of = {
             name: self.switches.shown(nodes)
             if name in shown
@@ -169,6 +170,7 @@ class System:
         self.p: Parameters = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
+        self.together: dict[bytes, list[int]] = {}  # see `coupling.held_together`
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
         self.objects = [found_code, *kernels(self)]
 
@@ -269,8 +271,9 @@ class System:
         plan = self.plan
         p = Parameters.made(
             n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
-            laws=len(self.laws), surfaces=self.surfaces, elements=len(elements),
-            loops=self.has_loops, slopes_known=self.has_jacobian, **self._met_sizes(),
+            works=self.works, laws=len(self.laws), surfaces=self.surfaces,
+            elements=len(elements), loops=self.has_loops,
+            slopes_known=self.has_jacobian, **self._met_sizes(),
             **({} if self.newton is None else self.newton.sizes),
         )  # fmt: skip
         if self.newton is not None:
@@ -287,6 +290,8 @@ class System:
         p.health = p.least_health = 1.0
         p.gain, p.constant = plan.gain, plan.constant
         p.row_starts[:], p.row_columns[:] = starts, elements
+        if self.works:
+            p.worked[:] = self.equations.worked
         if self.laws:
             from lagsim.run.system.laws import CODES
 
@@ -371,21 +376,6 @@ class System:
         self.p.law_shares = other.p.law_shares
         for name in KEPT:
             getattr(self.p, name)[:] = getattr(other.p, name)
-
-    def units(self) -> dict[str, str]:
-        """Give the unit of each column of the table, where it is known."""
-        model = self.model
-        units = dict.fromkeys(self.columns.names[: self.columns.table], "")
-        for c in model.coordinates:
-            if c.unit:
-                units[c.name] = c.unit
-                units[f"{c.name}_dot"] = f"{c.unit}/s"
-                units[f"{c.name}_ddot"] = f"{c.unit}/s^2"
-                if model.output.gauss:
-                    units[f"gauss.a_{c.name}"] = f"{c.unit}/s^2"
-        units["t"] = "s"
-        known = {d.name: d.unit for d in model.definitions}
-        return {name: known.get(name, unit) for name, unit in units.items()}
 
 
 def _met(equations: Equations) -> Pattern:

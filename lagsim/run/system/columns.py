@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.mechanics.equations import ACTION
 from lagsim.mechanics.laws import Kind
-from lagsim.mechanics.ldl import unconstrained
+from lagsim.mechanics.ldl import without_rows
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -39,8 +39,8 @@ class Columns:
         else:
             nodes["lagrangian"] = model.lagrangian
         nodes["energy"] = equations.energy
-        if equations.power is not None:
-            nodes["work"] = g.variable("work")
+        if equations.works:
+            nodes["work"] = equations.work
         rows = _in_order(equations)
         nodes.update((f"lambda_{name}", g.variable(f"lambda_{name}")) for name in rows)
         forces = equations.constraint_forces() if rows else []
@@ -50,6 +50,7 @@ class Columns:
         nodes |= _optional(equations)
         self.table = len(nodes)
         nodes |= _judged(equations, rows)
+        nodes.update((x.name, g.variable(x.name)) for x in equations.works)
         for name, components in model.scene.points.items():
             for k, node in enumerate(components, 1):
                 nodes[f"point.{name}.{k}"] = node
@@ -69,6 +70,11 @@ class Columns:
         """All names, in order."""
         return tuple(self.nodes)
 
+    @property
+    def of_table(self) -> tuple[str, ...]:
+        """The names of those that the table shows."""
+        return self.names[: self.table]
+
 
 def _in_order(equations: Equations) -> dict[str, Row]:
     """Give the rows of the constraints by name, in the order of the file."""
@@ -81,14 +87,17 @@ def _in_order(equations: Equations) -> dict[str, Row]:
 def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
     """Give the scale of what each constraint must not miss, and that of one side."""
     g = equations.graph
-    free = {x.constraint: x.kind for x in equations.laws}
+    free = {x.constraint: x for x in equations.laws if x.kind is not Kind.SLIP}
     nodes: dict[str, int] = {}
     for name, row in rows.items():
-        kind = free.get(name)
-        if kind in (Kind.LIMITED, Kind.TIMED):
-            continue
-        if kind is not None:
-            nodes[f"missed.{name}"] = g.call("min", row.residual, g.zero)
+        law = free.get(name)
+        if law is not None:
+            if law.kind in (Kind.LIMITED, Kind.TIMED):
+                continue
+            missed = g.call("min", row.residual, g.zero)
+            if law.when is not None:
+                missed = g.call("mul", law.when, missed)
+            nodes[f"missed.{name}"] = missed
         nodes[f"scale.{name}"] = row.residual_scale
     return nodes
 
@@ -104,18 +113,13 @@ def _optional(equations: Equations) -> dict[str, int]:
         elif law.kind is Kind.SLIP:
             nodes[law.multiplier] = g.variable(law.multiplier)
     if e.model.output.gauss:
-        free = unconstrained(e)
+        alone = without_rows(e)
+        free = alone.motion()[0]
         nodes.update((f"gauss.a_{q}", a) for q, a in zip(e.q, free, strict=True))
-        # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least.
-        apart = [
-            g.call("sub", g.variable(name), a)
-            for name, a in zip(e.accelerations, free, strict=True)
-        ]
-        square = g.zero
-        for x, row in zip(apart, e.M, strict=True):
-            for j, m in row.entries.items():
-                term = g.call("mul", g.call("mul", m, x), apart[j])
-                square = g.call("add", square, term)
+        # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least, with
+        # M (q'' - a) = Qc: no difference, and none of what switches hold.
+        held = e.constraint_forces()
+        square = g.product_sum(zip(held, alone.response(held), strict=True))
         nodes["gauss.G"] = g.call("mul", g.constant(0.5), square)
     if e.model.output.action:
         nodes[ACTION] = g.variable(ACTION)

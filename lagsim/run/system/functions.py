@@ -9,9 +9,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.language.derivatives import gradient, tangent
-from lagsim.language.rounding import addends, roundings
+from lagsim.language.rounding import roundings
 from lagsim.mechanics.constraints import Flow
 from lagsim.mechanics.equations import generalized_forces
+from lagsim.mechanics.pushes import pushes
+from lagsim.mechanics.works import may_strike
 from lagsim.plan.formulation import GAIN
 from lagsim.run.system.coupling import coupled
 from lagsim.solve.series import motion_rates
@@ -51,9 +53,8 @@ def functions(
     found = {
         "measure": [
             equations.kinetic_form, rest, *diagonal, g.zero,
-            *([] if equations.power is None else [g.constant(-1.0)]),
         ],
-        "terms": _terms_of_rates(equations),
+        "terms": pushes(equations),
     }  # fmt: skip
     found["inertias"] = list(varying_inertias(equations, plan).values())
     if equations.model.until:
@@ -72,10 +73,18 @@ def functions(
         found["loads"] = _loads(equations)
     else:
         found |= _solved(equations, plan, columns, switching=switching)
+    if _takes_energy(equations):
+        found["energies"] = [x.energy for x in equations.works]
     for need in needs:
         if need in NEEDED:
             found |= NEEDED[need](equations, plan)
     return found
+
+
+def _takes_energy(e: Equations) -> bool:
+    """Tell whether impacts may take energy from some, and others have their own."""
+    apart = any(x.energy != e.energy for x in e.works)
+    return apart and (bool(e.laws) or any(may_strike(e.graph, x) for x in e.rows))
 
 
 def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
@@ -158,17 +167,6 @@ def _dynamics(e: Equations) -> list[int]:
         *(node for row in e.rows for node in row.A),
         *e.f, *(row.b for row in e.rows),
     ]  # fmt: skip
-
-
-def _terms_of_rates(e: Equations) -> list[int]:
-    """Give how large the terms are that each force, and each other rate, sums."""
-    g = e.graph
-    rates = (*e.f, *e.quadrature_rates)
-    unsolved = g.dependent(rates, (*e.multipliers, *e.accelerations))
-    return [
-        g.sum(g.call("abs", n) for n in addends(g, rate) if n not in unsolved)
-        for rate in rates
-    ]
 
 
 def _loads(e: Equations) -> list[int]:
@@ -292,9 +290,8 @@ def _residuals(equations: Equations) -> tuple[list[int], list[int], int, int]:
 
 
 def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
-    """Give the rate of `work` by itself, for scenes without constraints."""
-    power = equations.power
-    return {"power": [equations.graph.zero if power is None else power]}
+    """Give the rates of works by themselves, for scenes without constraints."""
+    return {"power": equations.powers}
 
 
 def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
@@ -305,14 +302,13 @@ def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
     residuals = e.motion_residuals()
     state = [g.variable(name) for name in (*e.q, *e.velocities)]
     motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]
-    work = [] if e.power is None else [e.power]
-    slopes = [s for r in (*residuals, *work) for s in gradient(g, r, state)]
-    slopes += [s for power in work for s in gradient(g, power, motion)]
+    slopes = [s for r in (*residuals, *e.powers) for s in gradient(g, r, state)]
+    slopes += [s for power in e.powers for s in gradient(g, power, motion)]
     return {"dynamics": _dynamics(e), "slopes": slopes}
 
 
 def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
-    """Give momenta, dL/dq + Q and power; their slopes; and the slopes M alone."""
+    """Give momenta, dL/dq + Q and powers; their slopes; and the slopes M alone."""
     e, g, L = equations, equations.graph, equations.model.lagrangian
     positions = [g.variable(name) for name in e.q]
     rates = [g.variable(name) for name in e.velocities]
@@ -327,9 +323,8 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
         for force in forces
         for slope in gradient(g, force, variables)
     ]
-    power = g.zero if e.power is None else e.power
     return {
-        "lagrangian": [*e.momenta, *forces, power],
+        "lagrangian": [*e.momenta, *forces, *e.powers],
         "lagrangian_slopes": [*by_position, *M, *bends],
         "inertia": M,
     }

@@ -158,9 +158,8 @@ class Runner:
             length = max(system.rows_observed, system.size + 2, 2 + system.n)
 
         def evaluate(t: float, y: Floats) -> Floats:
-            out = np.zeros(length)
-            y = np.ascontiguousarray(y, dtype=float)
-            call(t, y.ctypes.data, p, out.ctypes.data)
+            out, y = np.zeros(length), np.array(y, dtype=float, order="C")
+            call(t, address(y), p, address(out))
             return out
 
         return evaluate

@@ -49,8 +49,7 @@ class Sleeper(NamedTuple):
 def motion_nodes(equations: Equations) -> list[int]:
     """Give all that the motion depends on."""
     e = equations
-    nodes = [*e.mass_nodes, *e.f, *(x.rate for x in e.quadratures)]
-    nodes += [] if e.power is None else [e.power]
+    nodes = [*e.mass_nodes, *e.f, *e.quadrature_rates]
     for row in (*e.rows, *(law.row for law in e.laws)):
         nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
     for law in e.laws:
@@ -105,7 +104,8 @@ def timed_sleepers(equations: Equations, nodes: Sequence[int]) -> list[Sleeper]:
     e, g = equations, equations.graph
     if "t" not in g.depends(nodes):
         return []
-    moving = (*e.q, *e.velocities, *e.accelerations, *e.multipliers, "work")
+    works = (x.name for x in e.works)
+    moving = (*e.q, *e.velocities, *e.accelerations, *e.multipliers, *works)
     timed = g.dependent(nodes, ("t",)) - g.dependent(nodes, moving)
     return _Search(equations, nodes).among(timed)
 
@@ -145,7 +145,8 @@ class _Search:
         self.cone = g.cone(nodes)
         self.ops = {g.ops[n] for n in self.cone}
         moves = (*equations.q, *equations.velocities, "t")
-        moves = (*moves, *equations.accelerations, *equations.multipliers, "work")
+        moves = (*moves, *equations.accelerations, *equations.multipliers)
+        moves = (*moves, *(x.name for x in equations.works))
         self.moving = g.dependent(nodes, moves)
         self.values = {p.name: p.value for p in equations.model.parameters}
 

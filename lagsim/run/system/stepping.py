@@ -70,7 +70,6 @@ def stepping_functions(
     rows = [*e.rows, *(law.row for law in e.laws)]
     always = [g.zero] * len(e.rows)
     lam = {g.variable(name): g.zero for name in e.multipliers}
-    power = g.zero if e.power is None else e.power
     at_impacts = {
         g.variable(f"impulse.{law.constraint}"): g.zero
         for law in e.laws
@@ -88,7 +87,7 @@ def stepping_functions(
             *(g.one for _ in e.rows),
             *(g.one if law.when is None else law.when for law in e.laws),
         ],
-        "effort": g.substitute([power], lam),
+        "effort": g.substitute(e.powers, lam),
         "columns": g.substitute(columns.nodes.values(), at_impacts),
     }  # fmt: skip
 

@@ -24,6 +24,8 @@ from lagsim.studies.alarms.rows import about_constraints, about_energy, about_er
 from lagsim.studies.alarms.verdict import Doubt, doubt_about
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Caution
     from lagsim.plan.plan import Plan
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from lagsim.run.observers.ledger import Ledger
     from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
+    from lagsim.studies.alarms.groups import Balance, Whole
 
 # Methods with nothing to look for: they notice on the way, or are exact.
 SEE_FOR_THEMSELVES = ("dop853", "exponential")
@@ -46,6 +49,7 @@ def alarms(
     trajectory: Trajectory,
     ledger: Ledger,
     witness: Witness,
+    balances: Sequence[Balance | Whole],
     bar: ErrorBar | str,
 ) -> list[Caution]:
     """Give all that there is to know about a run, in the order of its stages."""
@@ -56,9 +60,11 @@ def alarms(
         *about_inputs(examined, settings, plan),
         *trajectory.warnings,
         *_about_steps(equations, plan, trajectory, witness),
-        *about_energy(equations, settings, plan, trajectory, ledger, witness),
-        *about_constraints(equations, examined.state, plan, ledger, witness),
-        *about_error(bar, plan),
+        *about_energy(equations, settings, plan, trajectory, balances, witness),
+        *about_constraints(
+            equations, examined.state, plan, ledger, witness, trajectory
+        ),
+        *about_error(bar, equations, plan, balances, witness),
     ]
 
 

@@ -133,8 +133,8 @@ def _penalty(
     if plan.step is not None and exceeds(module.amplification, complex(-h * plan.gain)):
         text = (
             f"the step ({h:.3g}) is past the stability bound of {module.NAME}: the "
-            f"gain {plan.gain:.3g} of baumgarte makes it unstable; a gain below "
-            f"{1.0 / h:.2g} holds, and projection needs none"
+            f"gain {plan.gain:.3g} of baumgarte makes it unstable; take a gain "
+            f"below {1.0 / h:.2g}, or projection, which needs none"
         )
         return [Caution("step-at-stability-bound", text)]
     sizes = [float(np.max(np.abs(there.eigenvalues), initial=0.0)) for there in seen]
@@ -142,10 +142,10 @@ def _penalty(
     if not plan.gain > FASTER * fastest:
         return []
     text = (
-        f"the gain {plan.gain:.3g} of baumgarte makes the scene stiff, in which "
-        f"nothing is faster than {max(fastest, SLOW * plan.gain):.3g} per unit of "
-        "time: steps are as short as the gain asks; projection costs less and holds "
-        "the constraints to rounding"
+        f"the gain {plan.gain:.3g} of baumgarte makes the model stiff, whose "
+        f"fastest motion is at {max(fastest, SLOW * plan.gain):.3g} per unit of "
+        "time: the gain limits the steps; projection costs less and satisfies the "
+        "constraints to rounding"
     )
     return [Caution("step-at-stability-bound", text)]
 
@@ -164,10 +164,11 @@ def _held(
     there = seen[int(np.argmax(reaches))]
     k = int(np.argmax(np.abs(there.eigenvalues)))
     text = (
-        f"the steps (about {h:.3g}) are held at the stability bound of {module.NAME}, "
-        f"not by accuracy: fast motion of {_named(equations, there.shapes[:, k])} at "
-        f"about {abs(there.eigenvalues[k]):.3g} per unit of time; `--method radau` "
-        "passes over fast motion that has died out"
+        f"the steps (about {h:.3g}) are held at the stability bound of "
+        f"{module.NAME}, not by accuracy: fast motion of "
+        f"{_named(equations, there.shapes[:, k])} at about "
+        f"{abs(there.eigenvalues[k]):.3g} per unit of time; `--method radau` takes "
+        "longer steps where fast motion has died out"
     )
     return [Caution("step-at-stability-bound", text)]
 
@@ -199,9 +200,12 @@ def _unstable(
     if past:
         text += " grows from step to step"
     if bound == 0.0:
-        text += "; no step holds an undamped oscillation, another method does"
+        text += (
+            "; the method is unstable for undamped oscillation at every step, take "
+            "another method"
+        )
     else:
-        text += f"; a step below {NEAR * bound:.2g} holds, or `--method auto`"
+        text += f"; take a step below {NEAR * bound:.2g}, or `--method auto`"
     return [Caution("step-at-stability-bound", text)]
 
 
@@ -242,10 +246,11 @@ def _damping(
     which = _named(equations, there.shapes[:, k])
     how = "a tighter rtol, for " if module.ADAPTIVE else ""
     text = (
-        f"{module.NAME} damps the oscillation of {which} at about {size:.3g} per unit "
-        f"of time: with steps of {h:.2g} it takes {100 * lost:.0f} % of that motion's "
-        f"energy within the run, and no force of the scene does; {how}steps below "
-        f"{_gentle(module, h, span, size):.1g}, or `--method auto`, keep it"
+        f"{module.NAME} damps the oscillation of {which} at about {size:.3g} per "
+        f"unit of time: with steps of {h:.2g} it takes {100 * lost:.0f} % of that "
+        "motion's energy within the run, and no force of the model does; "
+        f"{how}steps below {_gentle(module, h, span, size):.1g}, or `--method "
+        "auto`, keep it"
     )
     return [Caution("fast-mode-damped", text)]
 

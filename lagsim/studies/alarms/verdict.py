@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate_with_error
 from lagsim.methods import method
-from lagsim.studies.alarms.rows import HELD, UNEXPLAINED, held_still, not_held
+from lagsim.studies.alarms.groups import account_of, worth
+from lagsim.studies.alarms.rows import FAR, HELD, UNEXPLAINED, not_held, rounding
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
@@ -29,10 +31,8 @@ if TYPE_CHECKING:
     from lagsim.run.observers.witness import Witness
     from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
+    from lagsim.studies.alarms.groups import Balance, Whole
 
-# By far: so many times what the errors of the state explain, to first order and with
-# all of them in the worst direction.
-FAR = 100.0
 # And by more than this part of the energy in play; the default tolerance leaves 1e-9.
 LEAST = 1e-6
 # Whatever explains it: energy off by so many tolerances, and by what raises an alarm,
@@ -51,12 +51,27 @@ LOOSE = ("baumgarte", "drift")
 class Doubt(NamedTuple):
     """Why the rows of a run may be no answer, and from which time on.
 
-    `refutes` where they cannot be one; else another run has to tell.
+    `refutes` where they cannot be one; else another run has to tell. `parts` where a
+    constraint is not met.
     """
 
     text: str
     time: float
     refutes: bool
+    parts: bool = False
+
+
+# A row stands no earlier than this part of a row's spacing before its time.
+SAME_ROW = 1e-6
+
+
+def up_to(session: Session, time: float) -> Session:
+    """Give a session that ends with the last row before a time."""
+    settings = session.case.settings
+    start, step = settings.start, settings.output_step
+    last = math.ceil((time - start) / step - SAME_ROW) - 1
+    end = min(start + max(last, SAME_ROW) * step, settings.end)
+    return session._replace(case=session.case.asking(end=end))
 
 
 def doubt_about(
@@ -64,6 +79,7 @@ def doubt_about(
     trajectory: Trajectory,
     ledger: Ledger,
     witness: Witness,
+    balances: Sequence[Balance | Whole],
     bar: ErrorBar | str,
 ) -> Doubt | None:
     """Give why a run that came to its end is in doubt, if it is."""
@@ -73,7 +89,7 @@ def doubt_about(
         return None
     return (
         _about_constraints(equations, session.case.examined.state, ledger, witness)
-        or _about_energy(equations, plan, ledger, witness, bar)
+        or _about_energy(equations, plan, balances, witness, bar)
         or _about_repeat(plan, bar)
     )
 
@@ -87,31 +103,49 @@ def _about_constraints(
     name, worst = found
     text = f"constraint `{name}` is off by {worst:.2g} of its scale"
     since = ledger.constraint_since(name, HELD)
-    return None if since is None else Doubt(text, since, refutes=True)
+    return None if since is None else Doubt(text, since, refutes=True, parts=True)
 
 
 def _about_energy(
     equations: Equations,
     plan: Plan,
-    ledger: Ledger,
+    each: Sequence[Balance | Whole],
     witness: Witness,
     bar: ErrorBar | str,
 ) -> Doubt | None:
-    """Hold the drift against what the errors of the state are worth in energy."""
-    drift, in_play = ledger.energy_drift, witness.energy_in_play
-    if not LEAST * in_play < drift < math.inf or ledger.worst_row is None:
+    """Hold drifts against what the errors of the state are worth in energy.
+
+    Of the whole, and of each group that touches no other.
+    """
+    for balance in each:
+        found = _off(equations, plan, balance, witness, bar)
+        if found is not None:
+            return found
+    return None
+
+
+def _off(
+    equations: Equations,
+    plan: Plan,
+    balance: Balance | Whole,
+    witness: Witness,
+    bar: ErrorBar | str,
+) -> Doubt | None:
+    """Tell why one account is in doubt, if it is."""
+    drift, in_play, row = balance.drift, balance.in_play, balance.worst_row
+    if not LEAST * in_play < drift < math.inf or row is None:
         return None
     from lagsim.studies.alarms.jumps import jumps
 
-    row = ledger.worst_row
-    text = f"energy - work is off by {drift / in_play:.2g} of the energy in play"
-    explained = _explained(equations, plan, row, witness, bar)
-    rounded = _worth(equations, row, UNIT_ROUNDOFF * np.abs(_state(equations, row)))
+    text = (
+        f"{account_of(balance)} is off by {drift / in_play:.2g} of the energy in play"
+    )
+    explained = _explained(equations, plan, balance, row, bar)
     wrong = max(UNEXPLAINED, ACCURATE * (plan.rtol or EXACT_RTOL)) * in_play
-    _, still = held_still(equations, witness, row)
-    bound = max(min(FAR * explained, wrong), FAR * rounded, LEAST * in_play, still)
-    since = ledger.drift_since(bound)
-    if not drift > bound or since is None or jumps(equations, witness, row):
+    rounded = rounding(equations, balance, witness)
+    bound = max(min(FAR * explained, wrong), rounded, LEAST * in_play)
+    since = balance.since(bound)
+    if not drift > bound or since is None or jumps(equations, balance):
         return None
     if drift > FAR * explained:
         text += f", and the estimated error explains {explained / in_play:.1g}"
@@ -121,8 +155,8 @@ def _about_energy(
 def _explained(
     equations: Equations,
     plan: Plan,
+    balance: Balance | Whole,
     row: Floats,
-    witness: Witness,
     bar: ErrorBar | str,
 ) -> float:
     """Give what the errors of a row make of its energy - work; inf: not known."""
@@ -133,21 +167,7 @@ def _explained(
     errors = np.max(np.hstack([bar.errors[:until], bar.rates[:until]]), axis=0)
     part = float(np.max(bar.parts[:until], initial=0.0))
     part += FAR * (plan.rtol or EXACT_RTOL)
-    return _worth(equations, row, errors) + part * witness.work_range
-
-
-def _state(equations: Equations, row: Floats) -> Floats:
-    return row[1 : 1 + 2 * len(equations.q)]
-
-
-def _worth(equations: Equations, row: Floats, errors: Floats) -> float:
-    """Give what errors of the state (2 n,) are worth in energy at a row."""
-    values = {p.name: (p.value, 0.0) for p in equations.model.parameters}
-    names = (*equations.q, *equations.velocities)
-    state = zip(_state(equations, row).tolist(), errors.tolist(), strict=True)
-    values |= {"t": (float(row[0]), 0.0)} | dict(zip(names, state, strict=True))
-    ((_, error),) = evaluate_with_error(equations.graph, [equations.energy], values)
-    return float(error)
+    return worth(equations, balance.energy, row, errors) + part * balance.work_range
 
 
 def _about_repeat(plan: Plan, bar: ErrorBar | str) -> Doubt | None:
@@ -161,5 +181,5 @@ def _about_repeat(plan: Plan, bar: ErrorBar | str) -> Doubt | None:
     if not np.max(lost) > max(PARTED, TOLERANCES * rtol):
         return None
     off = int(np.argmax(lost > TOLERANCES * rtol))
-    text = f"a repeat by {bar.method} comes to another motion"
+    text = f"a repeat by {bar.method} gives another motion"
     return Doubt(text, float(bar.times[off]), refutes=False)

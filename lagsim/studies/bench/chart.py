@@ -102,16 +102,16 @@ def _notes(document: Mapping[str, Any], found: Shown) -> list[str]:
     keys = {(row["method"], row["formulation"]): None for row in document["rows"]}
     gaps = _gaps(document["rows"], found, list(keys))
     if gaps:
-        lines.append(f"Gaps: {'; '.join(gaps)}.")
+        lines.append(f"No result: {'; '.join(gaps)}.")
     if found.left_out:
         said = ", ".join(
             f"{_name(key, keys)} ({_rounded(times)})"
             for key, times in found.left_out.items()
         )
-        lines.append(f"Left out (times the front's seconds): {said}.")
+        lines.append(f"Not drawn (time relative to the fastest): {said}.")
     others = {r["method"] for r in document["refused"] if r["formulation"] == "auto"}
     if others:
-        lines.append(f"Not for this scene: {', '.join(sorted(others))}.")
+        lines.append(f"Not for this model: {', '.join(sorted(others))}.")
     lines.append(
         "Error: the greatest of any coordinate or velocity in any row. Seconds: the "
         "integration with all its rows and columns (scipy's without), warm, least of "

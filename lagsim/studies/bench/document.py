@@ -65,8 +65,11 @@ def read_document(path: str) -> dict[str, Any]:
         raise InputError([Problem("not-json", f"{path}: {error}")]) from None
     missing = [key for key in NEEDED if not isinstance(found, dict) or key not in found]
     if missing:
-        why = f"{path} is none of `lagsim bench`, or an older one: `{missing[0]}` is "
-        hint = "measure anew: lagsim bench MODEL"
+        why = (
+            f"{path} is not a document of `lagsim bench`, or an older one: "
+            f"`{missing[0]}` is "
+        )
+        hint = "measure again: lagsim bench MODEL"
         raise InputError([Problem("not-a-bench", f"{why}missing", hint=hint)])
     return dict(found)
 

@@ -112,9 +112,9 @@ class Reference:
                 "is not known: errors are those of the rows before"
             )
         elif self.floor > LEVELS[-1]:
-            said += ": nothing confirms it, and errors say little"
+            said += ": the two disagree, and the errors mean little"
         elif self.floor > WHOLE[0]:
-            said += ": smaller errors cannot be told"
+            said += ": smaller errors cannot be resolved"
         return said
 
     def errors(
@@ -168,7 +168,7 @@ def make_reference(
     if first is None:
         text = "nothing to measure errors against: the motion cannot be solved to its "
         text += f"end at any tolerance in {patience.seconds:.3g} s"
-        hint = "; `lagsim run` says where it fails, --budget gives it more time"
+        hint = "; `lagsim run` shows where it fails, --budget allows more time"
         raise NoReferenceError(text + hint)
     now = time.perf_counter()
     patience.until = max(began + seconds, now + LEAST_SECONDS)
@@ -184,7 +184,9 @@ def make_reference(
             break
         patience.until = began + seconds
     if best is None:
-        text = f"nothing to measure errors against: {first.how} is all that can be had"
+        text = (
+            f"nothing to measure errors against: {first.how} is the only solution found"
+        )
         raise NoReferenceError(text)
     return best
 

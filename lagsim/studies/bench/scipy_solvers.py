@@ -36,9 +36,9 @@ def refusal(own: Own) -> str:
     """Say why scipy's solvers cannot handle the scene of `own`; "" if they can."""
     switches = own.system.switches
     if switches.modes or switches.state:
-        return "they would step over the scene's switches"
+        return "they would step over the model's switches"
     if own.case.equations.laws:
-        return "they know nothing of constraints that hold at times"
+        return "they do not handle constraints that come and go"
     if own.case.equations.model.until:
         return "the end of the run is an event"
     return ""
@@ -103,7 +103,7 @@ class Scipy:
         from scipy.integrate import solve_ivp
 
         start = self.own.case.start
-        work = np.zeros(int(self.own.system.has_work))
+        work = np.zeros(self.own.system.works)
         y = np.concatenate([start.q, start.v, work])
         f = Counted(self.own, patience.check)
         patience.begin()

@@ -51,10 +51,10 @@ ARC = 1_000_000
 
 # Why there is no map of a scene with laws.
 UNSTEADY = (
-    "the scene has constraints that hold at times: borders of the step are those of "
-    "one set of equations, and a small change of an impact's time is no small change"
+    "the model has constraints that come and go: a stability limit belongs to one "
+    "set of equations, and these change during the run"
 )
-INSTEAD = "`lagsim bench` shows what each method makes of it, step by step"
+INSTEAD = "`lagsim bench` compares methods on such a model, for each step"
 
 
 @dataclass(frozen=True)
@@ -112,8 +112,10 @@ def methods_for(
             problems.append(Problem("method-refused", text))
             refused.append(Refused(name, reason))
         elif module.ADAPTIVE and wish.name is None:
-            text = f"`{name}` chooses its steps: there is no border of them"
-            hint = "--vary shows how its work changes with a parameter"
+            text = (
+                f"`{name}` chooses its steps: it has no stability limit on a given step"
+            )
+            hint = "use --vary to see how its work changes with a parameter"
             problems.append(Problem("adaptive-method", text, hint=hint))
         else:
             found[bool(module.ADAPTIVE)].append(name)

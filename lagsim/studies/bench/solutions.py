@@ -96,7 +96,7 @@ def index_one(case: Case) -> Own:
 def state_sizes(own: Own, rows: Floats) -> Floats:
     """Give the largest size of each component of y, none of them 0."""
     wanted = [*own.case.equations.q, *own.case.equations.velocities]
-    wanted += ["work"] if own.system.has_work else []
+    wanted += [x.name for x in own.system.equations.works]
     sizes = [float(np.max(np.abs(rows[:, own.names.index(name)]))) for name in wanted]
     whole = max(sizes) or 1.0
     return np.array([size or whole for size in sizes])

@@ -273,7 +273,7 @@ class _Work:
         assert first.step is not None
         assert last.step is not None
         if not first.stable:
-            return None, f"it does not hold at {first.step:.3g} either"
+            return None, f"does not hold at {first.step:.3g} s either"
         extra = [part * step for step in expected if step for part in AROUND]
         more = [
             self._cell(subject, first.method, step, first.value)
@@ -290,7 +290,7 @@ class _Work:
                     else:
                         high = middle
                 return high, ""
-        return None, f"it holds up to {last.step:.3g}"
+        return None, f"holds up to {last.step:.3g} s"
 
     def _cell(
         self, subject: Subject, name: str, step: float | None, value: float | None

@@ -15,6 +15,7 @@ from lagsim.outputs.curves import curve, point
 from lagsim.outputs.manifest import versions
 from lagsim.outputs.scale import Scale
 from lagsim.outputs.sheet import (
+    DIM,
     EDGE,
     INK,
     LINE,
@@ -35,6 +36,7 @@ from lagsim.studies.bench.stability_panels import (
     NUMBERS,
     RIGHT,
     WIDTH,
+    eigenvalues_shown,
     regions,
     regions_height,
     spread,
@@ -63,7 +65,8 @@ TOP, LEFT = 0.82, 1.3
 STRIP, STRIP_GAP = 0.2, 0.06
 MAP_HEIGHT, MAP_GAP, MAP_ACROSS, MAPS = 1.5, 0.62, 0.5, 3
 BELOW = 0.5
-STEPS = "step h      cheaper →"
+STEPS: Named = ("step h", "s")
+CHEAPER = "cheaper →"
 
 # Okabe and Ito's hues from pale to dark, so that they are told apart in grey as well.
 VERDICT_COLOURS = {
@@ -124,16 +127,31 @@ def _legend(sheet: Sheet, found: Stability, *, varied: bool) -> None:
     bar = {"linewidth": 8.0, "solid_capstyle": "butt"}
     bars = [(name, bar | {"color": colour}) for name, colour in verdicts.items()]
     sheet.legend(EDGE, 0.45, bars, WIDTH - 2 * EDGE)
-    if found.methods:
-        start, motion = PREDICTED
-        predicted = [("predicted: start", start), ("predicted: motion", motion)]
-        entries = [
-            ("border found", FOUND),
-            *([("predicted", PREDICTED_LINE)] if varied else predicted),
-            ("h·λ: start", AT_START),
-            ("h·λ: motion", ALONG),
-        ]
-        sheet.legend(EDGE, 0.66, entries, WIDTH - 2 * EDGE)
+    start, motion = PREDICTED
+    seen_start, seen_motion = eigenvalues_shown(found)
+    shown = [
+        ("border found", FOUND, any(b.found is not None for b in found.borders)),
+        ("predicted", PREDICTED_LINE, varied and any(map(prediction, found.borders))),
+    ]
+    if not varied:
+        across, _ = spread(found.steps) if found.methods else (Scale(0.0, 0.0), None)
+        shown += [
+            (f"predicted: {where}", pen, any(_within(getattr(b, of), across)
+                                             for b in found.borders))
+            for where, pen, of in (
+                ("start", start, "at_start"), ("motion", motion, "along"),
+            )
+        ]  # fmt: skip
+    shown += [
+        ("h·λ: start", AT_START, seen_start),
+        ("h·λ: motion", ALONG, seen_motion),
+    ]
+    entries = [(name, pen) for name, pen, there in shown if there]
+    sheet.legend(EDGE, 0.66, entries, WIDTH - 2 * EDGE)
+
+
+def _within(step: float | None, across: Scale) -> bool:
+    return step is not None and across.low < step < across.high
 
 
 def _strips(sheet: Sheet, found: Stability) -> None:
@@ -143,10 +161,10 @@ def _strips(sheet: Sheet, found: Stability) -> None:
     borders = {border.method: border for border in found.borders}
     for k, method in enumerate(found.methods):
         top = TOP + k * (STRIP + STRIP_GAP)
-        below = STEPS if k + 1 == len(found.methods) else ""
+        below = STEPS if k + 1 == len(found.methods) else NOTHING
         place = (LEFT, top, width, STRIP)
         with sheet.panel(
-            place, across, Scale(-0.5, 0.5), below=(below, ""), ticks=(9, 3)
+            place, across, Scale(-0.5, 0.5), below=below, ticks=(9, 3)
         ) as axes:
             axes.yaxis.set_major_formatter(NullFormatter())
             _cells(axes, found, method, steps, np.array((-0.5, 0.5)))
@@ -155,10 +173,12 @@ def _strips(sheet: Sheet, found: Stability) -> None:
                     axes.axvline(border.found, **FOUND, zorder=2.4)
                 pairs = zip((border.at_start, border.along), PREDICTED, strict=True)
                 for predicted, look in pairs:
-                    if predicted and across.low < predicted < across.high:
+                    if predicted is not None and _within(predicted, across):
                         point(axes, predicted, 0.0, look)
         look = {"ha": "right", "va": "center_baseline"}
         sheet.text(LEFT - 0.08, top + STRIP / 2, method, size=SMALL, **look)
+    low = TOP + len(found.methods) * (STRIP + STRIP_GAP) + 0.25
+    sheet.text(WIDTH - RIGHT, low, CHEAPER, size=SMALL, ha="right", color=DIM)
 
 
 def _cells(
@@ -183,14 +203,15 @@ def _maps(sheet: Sheet, found: Stability, varied: Named) -> None:
     across, columns = spread([value for value in found.values if value is not None])
     up, steps = spread(found.steps)
     room = WIDTH - NUMBERS - EDGE
-    width = (room - (MAPS - 1) * MAP_ACROSS) / MAPS
+    maps = min(MAPS, len(found.methods))
+    width = (room - (maps - 1) * MAP_ACROSS) / maps
     for k, method in enumerate(found.methods):
-        row, column = divmod(k, MAPS)
+        row, column = divmod(k, maps)
         left = NUMBERS + column * (width + MAP_ACROSS)
         top = TOP + 0.12 + row * (MAP_HEIGHT + MAP_GAP)
         with sheet.panel(
             (left, top, width, MAP_HEIGHT), across, up, below=varied, spare=0.4,
-            side=("" if column else STEPS, ""), ticks=(4, 6), reach=NUMBERS - 0.2,
+            side=NOTHING if column else STEPS, ticks=(4, 6), reach=NUMBERS - 0.2,
         ) as axes:  # fmt: skip
             _cells(axes, found, method, columns, steps)
             borders = [b for b in found.borders if b.method == method]
@@ -211,19 +232,32 @@ def _notes(found: Stability, varied: str | None) -> list[str]:
         least = min(a for a, _ in found.runs.values())
         most = max(b for _, b in found.runs.values())
         lines.append(
-            f"Each cell is a run of at least {least} steps and, up to {most}, as long "
-            f"as the model runs ({subject.span:.4g}), its velocities changed by "
-            f"{KICK:g} of the energy so that every mode takes part. It grows or decays "
-            "where energy - work ends more than 1 % of the motion's energy away."
+            f"Each cell is one run, as long as the model's ({subject.span:.4g} s), but "
+            f"of at least {least} and at most {most} steps. The start velocities are "
+            f"changed by {KICK:g} of the energy, so that every mode is excited. A run "
+            "grows or decays if energy − work changes by more than 1 % of the energy "
+            "of the motion."
         )
-    missing = [f"{b.method}: {b.note}" for b in found.borders if b.note]
+        if any(eigenvalues_shown(found)):
+            lines.append(
+                "λ: eigenvalues of the linearised equations, at the start and at "
+                "states along the motion. A method is predicted to be stable where "
+                "h·λ lies in its blue region."
+            )
+    missing: dict[str, list[str]] = {}
+    for border in found.borders:
+        if border.note:
+            missing.setdefault(border.note, []).append(border.method)
     if varied is None and missing:
-        lines.append(f"No border: {'; '.join(missing)}.")
+        said = "; ".join(f"{', '.join(x)}: {note}" for note, x in missing.items())
+        lines.append(f"No border found: {said}.")
     never = dict.fromkeys(
         b.method for b in found.borders if 0.0 in (b.at_start, b.along)
     )
     if never:
-        lines.append(f"Predicted to grow at every step: {', '.join(never)}.")
+        lines.append(
+            f"By the eigenvalues the motion grows at every step: {', '.join(never)}."
+        )
     if subject.unknown:
         lines.append(f"No eigenvalues: {subject.unknown}.")
     versions_of = {"lagsim": __version__, "versions": versions()}

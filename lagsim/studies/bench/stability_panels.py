@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
+    from lagsim.outputs.sheet import Place
     from lagsim.studies.bench.stability import Stability
     from lagsim.studies.bench.trial import Cell
 
@@ -34,56 +35,116 @@ ON_AXIS: Pen = {"color": "#0072B2", "linewidth": 2.4}
 REAL, IMAGINARY = (-3.6, 1.2), (0.0, 4.0)
 GRID = (64, 54)
 REGION_HEIGHT, REGION_GAP, REGION_ACROSS, REGIONS = 1.2, 0.55, 0.3, 5
+# Left of the first one, and the greatest height of one, where there are few.
+REGION_LEFT, TALLEST = 0.5, 1.8
 HEADROOM = 0.34
+# Of a panel's height: eigenvalues so near those of the start are covered by them.
+COVERED = 0.01
 # An amplification of 1 that rounding has touched is one.
 TOUCHED = 1e-6
 
 WORK_HEIGHT, WORK_GAP = 0.9, 0.18
 
 
+class _Panel(NamedTuple):
+    """A region's panel: its place beside the others, its scales, and the step."""
+
+    method: str
+    place: Place
+    scales: tuple[Scale, Scale]
+    step: float
+    what: str
+
+
+def _size(count: int) -> tuple[int, float, float]:
+    """Give how many panels stand in a row, and their width and height."""
+    rows = -(-count // REGIONS)
+    columns = max(2, -(-count // rows))
+    room = WIDTH - REGION_LEFT - EDGE
+    width = (room - (columns - 1) * REGION_ACROSS) / columns
+    usual = (room - (REGIONS - 1) * REGION_ACROSS) / REGIONS
+    return columns, width, min(TALLEST, REGION_HEIGHT * width / usual)
+
+
+def _panels(found: Stability, top: float) -> list[_Panel]:
+    columns, width, height = _size(len(found.methods))
+    # As long across as up, whatever room there is.
+    wider = width / height * (IMAGINARY[1] - IMAGINARY[0]) / (REAL[1] - REAL[0])
+    panels = []
+    for k, name in enumerate(found.methods):
+        row, column = divmod(k, columns)
+        x = REGION_LEFT + column * (width + REGION_ACROSS)
+        y = top + HEADROOM + row * (height + REGION_GAP)
+        step, what = _step_shown(found, name)
+        # A bounded region fills its panel; of an unbounded one the eigenvalues decide.
+        reach = step * float(np.max(np.abs(found.subject.at_start), initial=0.0))
+        endless = math.isinf(method_named(name).IMAGINARY_LIMIT)
+        size = max(1.0, 1.2 * reach / IMAGINARY[1]) if endless else 1.0
+        across = Scale(size * wider * REAL[0], size * wider * REAL[1])
+        up = Scale(size * IMAGINARY[0], size * IMAGINARY[1])
+        place = (x, y, width, height)
+        panels.append(_Panel(name, place, (across, up), step, what))
+    return panels
+
+
+def _inside(panel: _Panel, values: np.ndarray) -> np.ndarray:
+    """Give h times the eigenvalues that lie in a panel."""
+    across, up = panel.scales
+    z = panel.step * values[values.imag >= -1e-12 * np.abs(values)]
+    z = z[(z.real >= across.low) & (z.real <= across.high)]
+    return np.asarray(z[z.imag <= up.high])
+
+
+def eigenvalues_shown(found: Stability) -> tuple[bool, bool]:
+    """Tell whether a panel shows any of the start, and any along the motion.
+
+    Those of the motion are hidden where they are those of the start.
+    """
+    start = motion = False
+    for panel in _panels(found, 0.0) if found.methods else []:
+        first = _inside(panel, found.subject.at_start)
+        along = _inside(panel, found.subject.along)
+        start |= len(first) > 0
+        near = COVERED * panel.scales[1].high
+        motion |= any(np.min(abs(first - z), initial=np.inf) > near for z in along)
+    return start, motion
+
+
 def regions_height(found: Stability) -> float:
     """Give the height that `regions` takes."""
-    rows = -(-len(found.methods) // REGIONS)
-    return HEADROOM + rows * (REGION_HEIGHT + REGION_GAP) if rows else 0.0
+    if not found.methods:
+        return 0.0
+    columns, _, height = _size(len(found.methods))
+    rows = -(-len(found.methods) // columns)
+    return HEADROOM + rows * (height + REGION_GAP)
 
 
 def regions(sheet: Sheet, top: float, found: Stability) -> None:
     """Draw each method's region of stability with h times the eigenvalues."""
-    left = 0.5
-    width = (WIDTH - left - EDGE - (REGIONS - 1) * REGION_ACROSS) / REGIONS
-    text = (
-        "where a step does not amplify (blue): z = h · eigenvalue, Re z across, Im z up"
-    )
+    text = "blue: a step does not amplify; z = h · eigenvalue, Re z across, Im z up"
     sheet.text(EDGE, top + 0.06, text, size=SMALL, color=DIM)
-    for k, name in enumerate(found.methods):
-        row, column = divmod(k, REGIONS)
-        x = left + column * (width + REGION_ACROSS)
-        y = top + HEADROOM + row * (REGION_HEIGHT + REGION_GAP)
-        limit = method_named(name).IMAGINARY_LIMIT
-        step, what = _step_shown(found, name)
-        # A bounded region fills its panel; of an unbounded one the eigenvalues decide.
-        reach = step * float(np.max(np.abs(found.subject.at_start), initial=0.0))
-        wide = max(1.0, 1.2 * reach / IMAGINARY[1]) if math.isinf(limit) else 1.0
-        across, up = (Scale(wide * a, wide * b) for a, b in (REAL, IMAGINARY))
+    for panel in _panels(found, top):
+        x, y, width, height = panel.place
+        across, up = panel.scales
+        method, first = method_named(panel.method), x == REGION_LEFT
         with sheet.panel(
-            (x, y, width, REGION_HEIGHT), across, up, below=(" ", ""),
-            side=("" if column else "Im z", ""), ticks=(5, 5), reach=left - 0.17,
+            panel.place, across, up, below=(" ", ""),
+            side=("Im z" if first else "", ""), ticks=(5, 5), reach=REGION_LEFT - 0.17,
         ) as axes:  # fmt: skip
-            _region(axes, method_named(name).amplification, across, up)
+            _region(axes, method.amplification, across, up)
             axes.axvline(0.0, color="#999999", linewidth=0.6)
-            if limit > 0.0:
-                axes.plot([0.0, 0.0], [0.0, min(limit, up.high)], **ON_AXIS)
+            if method.IMAGINARY_LIMIT > 0.0:
+                axes.plot([0.0, 0.0], [0.0, min(method.IMAGINARY_LIMIT, up.high)],
+                          **ON_AXIS)  # fmt: skip
             for values, pen in (
                 (found.subject.along, ALONG),
                 (found.subject.at_start, AT_START),
             ):
-                z = step * values[values.imag >= -1e-12 * np.abs(values)]
-                z = z[(z.real >= across.low) & (z.real <= across.high)]
-                z = z[z.imag <= up.high]
+                z = _inside(panel, values)
                 axes.plot(z.real, z.imag, **pen, zorder=2.6, clip_on=False)
-        sheet.text(x, y - 0.05, name, size=SMALL, bold=True)
-        said, size = f"h = {step:.3g} ({what})", SMALL - 0.5
-        middle, below = x + width / 2, y + REGION_HEIGHT + 0.3
+        sheet.text(x, y - 0.05, panel.method, size=SMALL, bold=True)
+        said, size = f"h = {panel.step:.3g} s ({panel.what})", SMALL - 0.5
+        middle, below = x + width / 2, y + height + 0.3
         sheet.text(middle, below, said, size=size, ha="center", color=DIM)
 
 
@@ -113,11 +174,11 @@ def _step_shown(found: Stability, name: str) -> tuple[float, str]:
         borders.sort(key=lambda b: abs((b.value or 0.0) - usual))
     for border in borders[:1]:
         if border.found is not None:
-            return border.found, "found"
+            return border.found, "border found"
         predicted = prediction(border)
         if predicted:
-            return predicted, "predicted"
-    return found.steps[-1], "largest"
+            return predicted, "border predicted"
+    return found.steps[-1], "largest tried"
 
 
 def spread(places: Sequence[float]) -> tuple[Scale, np.ndarray]:
@@ -146,7 +207,7 @@ def work(sheet: Sheet, top: float, found: Stability, varied: Named) -> None:
     pens = {name: look_of(name).line for name in found.adaptive}
     sheet.legend(NUMBERS, top + 0.16, list(pens.items()), width)
     asked: list[tuple[str, Callable[[Cell], float | None]]] = [
-        ("evaluations / time", lambda cell: _share(cell.evaluations, cell)),
+        ("evaluations / s", lambda cell: _share(cell.evaluations, cell)),
         ("1 + rejections", lambda cell: _plus_one(cell.rejections)),
         ("least step / run", lambda cell: _share(cell.smallest_step, cell)),
     ]

@@ -128,7 +128,7 @@ class Subject:
         self.states = 0
         self.linearisation: Linearisation | None = None
         if len(self.equations.q) > MOST_COORDINATES:
-            self.unknown = f"the scene has more than {MOST_COORDINATES} coordinates"
+            self.unknown = f"the model has more than {MOST_COORDINATES} coordinates"
         else:
             self._linearise()
 

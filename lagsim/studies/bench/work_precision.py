@@ -268,7 +268,7 @@ class _Sweep:
     def _gap(self, value: float, *, chosen: bool) -> Entry:
         outcome, reason = TOO_SLOW, f"given up after {self.patience.seconds:.2g} s"
         if self.patience.over:
-            outcome, reason = OUT_OF_TIME, "its share of the time for all was spent"
+            outcome, reason = OUT_OF_TIME, "its share of the time was used up"
         return Entry(
             *self.curve.key,
             self.solver.setting,

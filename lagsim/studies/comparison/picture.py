@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.outputs.curves import point, series
+from lagsim.outputs.letters import Letters, raised
 from lagsim.outputs.scale import Scale, log_scale, time_scale, value_scale
-from lagsim.outputs.sheet import EDGE, PENS, WIDTH, Pen, Sheet, in_house_style, mark
+from lagsim.outputs.sheet import (
+    EDGE,
+    LINE,
+    PENS,
+    WIDTH,
+    Named,
+    Pen,
+    Sheet,
+    in_house_style,
+    mark,
+    wrapped,
+)
 from lagsim.run.observers.thinning import Thinning
 
 if TYPE_CHECKING:
@@ -33,21 +46,42 @@ PLACE = mark("o", 4.0, PENS[2]["color"], "none")
 
 
 class Curve(NamedTuple):
-    """A column: its worst cell, and its rows as `Thinning` keeps them.
+    """A column: its worst cell, its name and unit, its rows as `Thinning` keeps them.
 
     Those are time, golden, new, apart, bound.
     """
 
     worst: Deviation
+    named: Named
     rows: Thinning
 
 
 def picture(title: str, golden: Table, new: Table, found: Comparison) -> bytes:
     """Draw the worst columns of a comparison; give a PNG."""
+    units = {**golden.units, **new.units}
+    letters = Letters(golden.columns)
     curves = [
-        Curve(d, _series(d.column, golden, new, found)) for d in shown(found.worst)
+        Curve(
+            d,
+            (letters.name(d.column), units.get(d.column, "")),
+            _series(d.column, golden, new, found),
+        )
+        for d in shown(found.worst)
     ]
-    return drawn("same" if found.passed else "differ", title, curves)
+    count, *first = told(found.worst, letters)
+    return drawn(count, title, curves, first)
+
+
+def told(worst: Sequence[Deviation], letters: Letters) -> list[str]:
+    """Say how many columns differ, and which is the first to do so."""
+    failed = [d for d in worst if not d.passed]
+    if not failed:
+        return ["no column differs"]
+    said = [f"{len(failed)} of {len(worst)} columns differ"]
+    first = min(failed, key=lambda d: math.inf if d.first is None else d.first)
+    if first.first is not None:
+        said.append(f"first {letters.name(first.column)} at t = {first.first:.4g} s")
+    return said
 
 
 def shown(worst: Sequence[Deviation]) -> Sequence[Deviation]:
@@ -61,22 +95,27 @@ def thinned() -> Thinning:
 
 
 @in_house_style
-def drawn(verdict: str, title: str, curves: Sequence[Curve]) -> bytes:
-    """Draw columns below each other; give a PNG."""
-    sheet = Sheet(WIDTH, TOP + len(curves) * (HEIGHT + GAP) + BELOW)
-    sheet.heading(verdict, title)
+def drawn(
+    title: str, subject: str, curves: Sequence[Curve], notes: Sequence[str] = ()
+) -> bytes:
+    """Draw columns below each other, and notes; give a PNG."""
+    lines = wrapped(notes, WIDTH - 2 * EDGE)
+    low = TOP + len(curves) * (HEIGHT + GAP) + BELOW
+    sheet = Sheet(WIDTH, low + LINE * len(lines) + (0.16 if lines else 0.0))
+    sheet.heading(title, subject)
+    sheet.notes(low + 0.14, lines)
     width = WIDTH / 2 - LEFT - EDGE
     right = WIDTH / 2 + LEFT
     sheet.legend(LEFT, 0.46, [("golden", GOLDEN), ("new", NEW)], width)
-    entries = [("difference", APART), ("passes", BAND), ("worst", PLACE)]
+    entries = [("difference", APART), ("bound", BAND), ("worst", PLACE)]
     sheet.legend(right - 0.4, 0.46, entries, width + 0.4)
-    for k, (deviation, rows) in enumerate(curves):
+    for k, (deviation, named, rows) in enumerate(curves):
         top = TOP + k * (HEIGHT + GAP)
         (t, g), (_, n) = rows.series("golden"), rows.series("new")
         below = ("t", "s") if k + 1 == len(curves) else (" ", "")
         with sheet.panel(
             (LEFT, top, width, HEIGHT), time_scale(t), value_scale(g, n),
-            below=below, side=(deviation.column, ""), ticks=(5, 5),
+            below=below, side=(named[0], raised(named[1])), ticks=(5, 5),
         ) as axes:  # fmt: skip
             series(axes, t, g, GOLDEN)
             series(axes, rows.series("new")[0], n, NEW)
@@ -86,7 +125,8 @@ def drawn(verdict: str, title: str, curves: Sequence[Curve]) -> bytes:
         scale = Scale(max(whole.low, LEAST * whole.high), whole.high, log=True)
         with sheet.panel(
             (right, top, width, HEIGHT), time_scale(t), scale,
-            below=below, side=("|new − golden|", ""), ticks=(5, 5),
+            below=below, side=("|new − golden|", raised(named[1])), ticks=(5, 5),
+            spare=0.3,
         ) as axes:  # fmt: skip
             shade = {"facecolor": (BAND["color"], 0.45), "edgecolor": BAND["color"]}
             axes.fill_between(times, scale.low, bound, **shade, zorder=0.4)

@@ -24,7 +24,7 @@ from lagsim import files, limits
 from lagsim.errors import InputError, Problem
 from lagsim.outputs import Format
 from lagsim.outputs.results import MANIFEST
-from lagsim.outputs.table import numberless
+from lagsim.outputs.table import numberless, unguarded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -185,7 +185,7 @@ def _units(line: bytes, columns: tuple[str, ...]) -> dict[str, str]:
     cells = [cell.strip() for cell in cells]
     if len(cells) != len(columns) or any(numberless(cell) != cell for cell in cells):
         return {}
-    found = dict(zip(columns, cells, strict=True))
+    found = dict(zip(columns, map(unguarded, cells), strict=True))
     return found if found["t"] == TIME else {}
 
 

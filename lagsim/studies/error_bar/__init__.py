@@ -6,7 +6,9 @@ have the same blind spots: what one step passes over, and what a step at the bou
 stability is off by, is then no difference. So it is made at a hundredth of the
 tolerance, and in steps that are forced to be others: none is longer than a part of the
 output step, nor, where the method is the same, than a part of the run's own; and by
-another method where something might hide from this one's steps.
+another method where something might hide from this one's steps. Where the tolerance is
+as tight as any, the repeat's is looser. The counts of both runs are compared: a repeat
+that has made the run's own steps is no estimate, and another is made.
 
 The repeat costs a few times the run. It is made while that stays within a number of
 operations, never of seconds, so that a rerun gives the same result.
@@ -14,25 +16,32 @@ operations, never of seconds, so that a rerun gives the same result.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from lagsim.language.evaluate import UNIT_ROUNDOFF
-from lagsim.plan.plan import ANY
-from lagsim.run.error import LOST, TIMES, CoordinateError, ErrorBar
+from lagsim.run.error import LOST, TIMES, CoordinateError, ErrorBar, Failed
 from lagsim.run.observers import Observer
 from lagsim.run.observers.checkpoints import MOST_ROWS, Checkpoints
 from lagsim.run.pace import MOST_STEPS
-from lagsim.run.states import SERIES
-from lagsim.run.system.sleepers import timed
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.error_bar.allowance import BUDGET, Allowance, Price, cost, own_cost
+from lagsim.studies.error_bar.means import (
+    BUDGET,
+    GOLDEN,
+    TIGHTER,
+    Allowance,
+    Price,
+    Repeat,
+    by_other_means,
+    cost,
+    has_same_steps,
+    tightened,
+)
 from lagsim.studies.error_bar.scales import (
     STILL,
     beside,
-    falls,
+    hardly_moving,
     is_at_rest,
     linked,
     ranges,
@@ -40,13 +49,12 @@ from lagsim.studies.error_bar.scales import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from lagsim.language.arrays import Floats
     from lagsim.plan.plan import Plan
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case, Session
-    from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 
 __all__ = [
@@ -67,25 +75,6 @@ __all__ = [
     "repeat",
 ]
 
-# How much tighter the repeat's tolerance is, how much where that does not come to its
-# end, the least that means anything, and the loosest that a repeat is made at: loose
-# ones may both be far off, and alike.
-TIGHTER = 100.0
-LOOSER = 3.0
-TIGHTEST = 1e-14
-LOOSEST = 1e-6
-# That of the repeat of a method without error control.
-FREE_RTOL = 1e-13
-# A method whose steps are exact, whatever their length.
-EXACT = "exponential"
-# The longest step of a repeat, as a part of the output step (not a ratio of small whole
-# numbers: looks fall elsewhere in each row), and of the steps of the same method.
-WITHIN = 0.75**0.5
-GOLDEN = (5.0**0.5 - 1.0) / 2.0
-# Operations that a repeat may always take to keep its steps short.
-SHORT = 2e7
-# Evaluations in a step with rows in it, of what repeats most runs.
-PER_STEP = 15.0
 # Rows of the repeat, at least: ranges are taken from them, too.
 LEAST_ROWS = 64
 # Two repeats agree by far where they are apart by this part of what the run is off.
@@ -97,18 +86,6 @@ class Account(Observer, Protocol):
 
     def fault(self, trajectory: Trajectory) -> str:
         """Say why they are no answer; "" where they may be one."""
-
-
-class Repeat(NamedTuple):
-    """Other means of making a run, and the evaluations that a step takes."""
-
-    session: Session
-    per_step: float = PER_STEP
-
-    @property
-    def price(self) -> Price:
-        """What it costs."""
-        return Price(self.session.system, self.session.plan.method, self.per_step)
 
 
 def repeat(
@@ -148,7 +125,7 @@ def repeat(
             "(--error-bar always makes it)"
         )
     allowance = allowance or Allowance(system, trajectory)
-    found: ErrorBar | str = "nothing else can repeat it"
+    found = Failed("no other method can repeat the run")
     for other in by_other_means(session, trajectory):
         price, way = other.price, other.session
         most = allowance.steps(price, system, trajectory)
@@ -164,13 +141,19 @@ def repeat(
             return "the repeat was interrupted"
         fault = own.fault(repeated) if own else ""
         if fault:
-            found = f"a repeat by {way.plan.method} is no answer itself: {fault}"
+            text = f"a repeat by {way.plan.method} is not valid itself: {fault}"
+            found = Failed(text)
+            continue
+        if has_same_steps(session.plan, trajectory, way.plan, repeated):
+            found = Failed(
+                f"a repeat by {way.plan.method} took the same steps as the run"
+            )
             continue
         if _is_comparable(trajectory, repeated):
             runs = trajectory, repeated
             return _compared(case, runs, way.plan, checkpoints, again)
         where = f"{way.plan.method} ended at t = {repeated.end:.6g}"
-        found = f"a repeat did not finish: {where}"
+        found = Failed(f"a repeat did not finish: {where}")
     return found
 
 
@@ -194,9 +177,7 @@ def is_outlier(
         return False
     system, price = session.system, other.price
     way, third = _spaced(other.session, checkpoints)
-    plan = _tighter(way.plan, TIGHTER)
-    if plan.rtol == way.plan.rtol:  # equal ones may take the same steps
-        plan = replace(plan, rtol=LOOSER * (plan.rtol or 0.0))
+    plan = tightened(way.plan, TIGHTER)
     allowance = allowance or Allowance(system, trajectory)
     way = way._replace(plan=plan, longest_step=GOLDEN * GOLDEN * way.longest_step,
         most_steps=allowance.steps(price, system, trajectory), arc_steps=price.arc,
@@ -215,80 +196,6 @@ def is_outlier(
     apart = np.max(np.array(alike)[:, 1 : 1 + n], axis=0)
     parts = np.divide(apart, scales, out=np.zeros(n), where=scales > 0.0)
     return bool(np.max(parts) < ALIKE * np.max(bar.lost))
-
-
-def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]:
-    """Give the ways to make a run again, the best first."""
-
-    def way(plan: Plan, longest: float) -> Session:
-        return session._replace(plan=plan, longest_step=longest)
-
-    plan, system, settings = session.plan, session.system, session.case.settings
-    steps = max(trajectory.statistics.steps, 1)
-    mean = (trajectory.end - trajectory.start) / steps
-    within = WITHIN * settings.output_step
-    if plan.rtol is None and plan.method == EXACT:
-        tight = replace(plan, method=ANY, rtol=TIGHTEST, step=None)
-        yield Repeat(way(tight, _affordable(within, system, ANY, trajectory)))
-        assert plan.step is not None
-        others = replace(plan, step=GOLDEN * plan.step)
-        yield Repeat(way(others, within), 1.0)
-        return
-    if plan.rtol is None:
-        free = _free(session.case)
-        within = _affordable(within, free.system, free.plan.method, trajectory)
-        yield Repeat(free._replace(longest_step=within))
-        return
-    same = GOLDEN * min(mean, settings.output_step)
-    for tighter in (_tighter(plan, TIGHTER), _tighter(plan, LOOSER)):
-        alike = plan.method == SERIES and (
-            _sees_all(system) or not _has_room(plan, tighter)
-        )
-        if plan.method != ANY and not alike:
-            longest = _affordable(within, system, ANY, trajectory)
-            yield Repeat(way(replace(tighter, method=ANY), longest))
-        if plan.method == ANY or alike or plan.method != SERIES:
-            longest = _affordable(same, system, plan.method, trajectory)
-            yield Repeat(way(tighter, longest))
-
-
-def _sees_all(system: System) -> bool:
-    """Tell whether nothing in a scene can hide from a series, whatever its steps.
-
-    Then other steps are other means enough, and no second method has to be linked.
-    """
-    return not system.sleepers and not timed(system.equations)
-
-
-def _has_room(plan: Plan, tighter: Plan) -> bool:
-    """Tell whether the repeat's tolerance leaves another method room to be better."""
-    if not plan.rtol or not tighter.rtol:
-        return True
-    return tighter.rtol > TIGHTEST
-
-
-def _tighter(plan: Plan, times: float) -> Plan:
-    rtol = plan.rtol or 0.0
-    if rtol:
-        rtol = min(max(rtol / times, TIGHTEST), LOOSEST)
-    factor = rtol / plan.rtol if plan.rtol else 1.0 / times
-    atol = None if plan.atol is None else plan.atol * min(factor, 1.0)
-    return replace(plan, rtol=rtol, atol=atol)
-
-
-def _free(case: Case) -> Session:
-    """Give what repeats a method without error control."""
-    free = case.asking(method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None)
-    return free.ready()._replace(case=case)
-
-
-def _affordable(
-    longest: float, system: System, method: str, trajectory: Trajectory
-) -> float:
-    """Give a longest step with which steps alone cost no more than they may."""
-    span = trajectory.end - trajectory.start
-    most = min(max(2.0 * own_cost(system, trajectory), SHORT), BUDGET / 2.0)
-    return max(longest, span * PER_STEP * cost(system, method) / most)
 
 
 def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
@@ -350,9 +257,14 @@ def _compared(
     moving = beside(equations, start, sizes)
     mechanism = linked(equations, start, sizes)
     largest = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0)
-    step = case.settings.output_step
-    held = falls(equations, start, run.end - run.start, step)
+    held = np.zeros(n)
     scales, still = scales_of(sizes, moving, mechanism, largest, held)
+    which = hardly_moving(sizes, moving, np.max(errors[:, :n], axis=0), scales)
+    if which:
+        from lagsim.run.held import could_push
+
+        held = could_push(equations, mine, which, case.settings.output_step).reach
+        scales, still = scales_of(sizes, moving, mechanism, largest, held)
     return ErrorBar(
         method=plan.method,
         rtol=plan.rtol,

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
+from lagsim.language.rounding import BALANCED
 from lagsim.run.error import LOST
-from lagsim.run.system.coupling import joined
+from lagsim.run.system.coupling import in_groups, joined, largest_beside
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
@@ -25,10 +26,10 @@ SEED = 1e-9
 # motion of what it is linked with, is at rest but for rounding: its error is told as a
 # part of those, and is no horizon.
 RESOLVED = 64.0 * 2.0**-52
+# What moves by a million times its error does not rest.
+RESOLVED_BY = 1e-6
 # For a horizon, what moves less than this part of the others has no motion to lose.
 STILL = 1e-6
-# Forces balance to this part: what constraints hold moves no less than by the rest.
-BALANCED = 2.0**-46
 
 
 def ranges(
@@ -57,21 +58,13 @@ def beside(equations: Equations, start: Instant, found: Floats) -> Floats:
     own range, so that what is light does not hide behind it; of a lighter one less, as
     the roots of the masses. Where units differ, whichever is less.
     """
-    return _largest(_roots(equations, start), found)
+    return largest_beside(_roots(equations, start), found)
 
 
 def linked(equations: Equations, start: Instant, found: Floats) -> Floats:
     """Give `beside` of what the rows of constraints link each coordinate with (n,)."""
     labels = joined(len(found), [row.A.entries for row in equations.rows])
-    return _in_groups(labels, _roots(equations, start), found)
-
-
-def _in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
-    whole = np.array(found)
-    for label in sorted({k for i, k in enumerate(labels) if k != i}):
-        group = np.array(labels) == label
-        whole[group] = _largest(roots[group], found[group])
-    return whole
+    return in_groups(labels, _roots(equations, start), found)
 
 
 def _roots(equations: Equations, start: Instant) -> Floats:
@@ -83,61 +76,38 @@ def _roots(equations: Equations, start: Instant) -> Floats:
     return np.sqrt(np.fmax(diagonal, 0.0))
 
 
-def _largest(roots: Floats, found: Floats) -> Floats:
-    """Give the largest of range_j min(1, root_j/root_i): by size, without n^2."""
-    finite = np.where(np.isfinite(found) & np.isfinite(roots), found, 0.0)
-    lightest = np.argsort(roots)
-    whole = np.zeros(len(found))
-    below = np.maximum.accumulate((finite * roots)[lightest])
-    above = np.maximum.accumulate(finite[lightest][::-1])[::-1]
-    own = roots[lightest]
-    lighter = np.divide(below, own, out=np.zeros_like(below), where=own > 0.0)
-    whole[lightest] = np.fmax(lighter, above)
-    return whole
+def hardly_moving(
+    found: Floats, moving: Floats, errors: Floats, scales: Floats
+) -> list[int]:
+    """Give the numbers of coordinates that may rest but for rounding.
 
-
-def falls(equations: Equations, start: Instant, span: float, step: float) -> Floats:
-    """Give how far forces would carry each coordinate without constraints (n,).
-
-    What constraints hold against them rests, as far as these balance, and has no range
-    of its own. What no force acts on is pushed by the constraints alone: rounding of
-    that is projected away again within a step. Zero without constraints.
+    All else moves by far more than its error, or than the millionth of what moves
+    beside it, and nobody has to ask what could push it.
     """
-    e = equations
-    if not (e.rows or e.laws):
-        return np.zeros(len(e.q))
-    values = {p.name: p.value for p in e.model.parameters} | {"t": start.t}
-    values |= dict(zip(e.q, start.q, strict=True))
-    values |= dict(zip(e.velocities, start.v, strict=True))
-    masses = np.array(evaluate(e.graph, e.inertias, values))
-    forces = np.abs(evaluate(e.graph, list(e.f), values))
-    pulled = np.divide(forces, masses, out=np.zeros(len(e.q)), where=masses > 0.0)
-    pulled = np.where(np.isfinite(pulled), pulled, 0.0)
-    labels = joined(len(e.q), [A.entries for A in e.slopes])
-    pushed = _in_groups(labels, np.sqrt(np.fmax(masses, 0.0)), pulled)
-    return np.asarray(np.fmax(pulled * span * span, pushed * step * step))
+    slow = (found <= STILL * moving) | (errors > RESOLVED_BY * scales)
+    return list(map(int, np.flatnonzero(slow)))
 
 
-def is_at_rest(found: Floats, largest: Floats, falls: Floats) -> bool:
+def is_at_rest(found: Floats, largest: Floats, held: Floats) -> bool:
     """Tell whether nothing moves but by rounding, of values or of forces."""
-    return bool(np.all(found <= np.fmax(RESOLVED * largest, BALANCED * falls)))
+    return bool(np.all(found <= np.fmax(RESOLVED * largest, BALANCED * held)))
 
 
 def scales_of(
-    found: Floats, moving: Floats, linked: Floats, largest: Floats, falls: Floats
+    found: Floats, moving: Floats, linked: Floats, largest: Floats, held: Floats
 ) -> tuple[Floats, Floats]:
     """Give what errors are told as parts of, and below which there is no horizon (n,).
 
     Parameters
     ----------
-    found, moving, linked, largest, falls
+    found, moving, linked, largest, held
         Of each coordinate the range, the motion beside it, that of what it is linked
         with, the largest value, and how far it would move if nothing held it.
     """
     scales = np.fmax(found, SEED * moving)
-    at_rest = scales <= BALANCED * falls
+    at_rest = found <= BALANCED * held
     for size in (largest, linked):
         scales = np.where(found > RESOLVED * size, scales, np.fmax(scales, size))
-    scales = np.where(at_rest, np.fmax(scales, falls), scales)
-    still = np.fmax(STILL * moving, BALANCED * falls / LOST)
+    scales = np.where(at_rest, np.fmax(scales, held), scales)
+    still = np.fmax(STILL * moving, BALANCED * held / LOST)
     return scales, np.fmax(still, RESOLVED * largest / LOST)

@@ -16,10 +16,12 @@ from lagsim.studies.golden.motion import Motion, motion_of, paired
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from typing import Any
 
+    from lagsim.errors import Place
     from lagsim.language.arrays import Floats
+    from lagsim.model.model import Model
     from lagsim.run.session import Case
     from lagsim.studies.golden.measuring import Golden
     from lagsim.studies.golden.storing import Stored
@@ -40,6 +42,10 @@ class Judgement:
         Columns that are no longer there, or are new.
     faults, notes : tuple of str
         What else fails the run, and what is no failure.
+    changed : tuple of str
+        Parameters and start values that are no longer those of the golden.
+    place : Place, optional
+        The line of the file that made the difference, as far as it is known.
     """
 
     worst: tuple[Deviation, ...]
@@ -47,6 +53,8 @@ class Judgement:
     extra: tuple[str, ...]
     faults: tuple[str, ...]
     notes: tuple[str, ...]
+    changed: tuple[str, ...] = ()
+    place: Place | None = None
 
     @property
     def passed(self) -> bool:
@@ -70,14 +78,61 @@ def judge(case: Case, motion: Motion, stored: Stored) -> Judgement:
     found += _invariants(case, motion, golden)
     missing = tuple(c for c in golden.columns if c not in motion.columns)
     known = about.get("columns", golden.columns)
-    notes = _notes(case, motion, about)
+    changed, places = _changed(case.equations.model, about)
+    notes = _notes(case, motion, about, changed)
+    worst = ordered(found)
     return Judgement(
-        worst=ordered(found),
+        worst=worst,
         missing=missing,
         extra=tuple(c for c in motion.columns if c not in known),
         faults=tuple(_faults(motion, about)),
         notes=tuple(notes),
+        changed=tuple(changed or ()),
+        place=next(iter([*places, *_about(case.equations.model, worst)]), None),
     )
+
+
+def _changed(
+    model: Model, about: Mapping[str, Any]
+) -> tuple[list[str] | None, list[Place]]:
+    """Give what is no longer as it was, None where the golden does not tell, and where.
+
+    Start values that follow a parameter are not named beside it.
+    """
+    found: list[str] | None = None
+    places: list[Place] = []
+    known = {"parameter": model.places, "start value": {}}
+    known["start value"] = {x.name: x.place for x in model.initial}
+    now = {
+        "parameters": {p.name: p.value for p in model.parameters},
+        "initial": {x.name: x.value for x in model.initial},
+    }
+    for (key, values), (word, where) in zip(now.items(), known.items(), strict=True):
+        was = about.get(key)
+        if not isinstance(was, dict) or found:
+            continue
+        found = []
+        for name in [n for n in values if values[n] != was.get(n)]:
+            other = f"in the golden {was[name]!r}" if name in was else "and is new"
+            found.append(f"{word} `{name}` is {values[name]!r}, {other}")
+            places += [where[name]] if name in where else []
+        found += [f"{word} `{n}` is no longer there" for n in was if n not in values]
+    return found, places
+
+
+def _about(model: Model, worst: Sequence[Deviation]) -> list[Place]:
+    """Give the places of what the columns that differ are named after."""
+    places = dict(model.places)
+    places |= {c.name: c.relation.place for c in model.constraints}
+    found = []
+    for deviation in worst:
+        if not deviation.passed:
+            base = deviation.column.removesuffix(CONSTANT)
+            for prefix in ("Qc_", "lambda_", "residual_", "reaction."):
+                base = base.removeprefix(prefix)
+            for name in (base, base.removesuffix("_dot"), base.removesuffix("_ddot")):
+                found += [places[name]] if name in places else []
+    return found
 
 
 def aligned(motion: Motion, stored: Stored) -> Floats:
@@ -120,16 +175,22 @@ def _faults(motion: Motion, about: Mapping[str, Any]) -> list[str]:
         return [f"the run does not finish: {motion.trajectory.reason}"]
     if outcome.word != about.get("outcome", outcome.word):
         was = about["outcome"]
-        return [f"the run ends otherwise: `{outcome.word}`, and the golden `{was}`"]
+        return [f"the run ends by `{outcome.word}`, the golden by `{was}`"]
     return []
 
 
-def _notes(case: Case, motion: Motion, about: Mapping[str, Any]) -> list[str]:
+def _notes(
+    case: Case, motion: Motion, about: Mapping[str, Any], changed: list[str] | None
+) -> list[str]:
     """Tell what has changed besides the motion."""
     notes = []
     model = case.equations.model
     if model.sha256 != about.get("model_sha256"):
-        notes.append("the model file has changed since its golden was stored")
+        text = "the model file has changed since its golden was stored"
+        if changed is not None:
+            what = "; ".join(changed) or "not in a parameter or a start value"
+            text = f"{text}: {what}"
+        notes.append(text)
     for what in ("method", "formulation"):
         now, was = getattr(motion.plan, what), about.get(what)
         if now != was:

@@ -55,8 +55,8 @@ SAME_TIME = 1e-6
 # Columns that are kept of long tables.
 MOST_COLUMNS = 60
 LEAVE_OUT = (
-    "no run could be compared with it: leave it out of `output.columns`, or give it a "
-    "value there by `if`"
+    "without a number no run can be compared with it: leave it out of "
+    "`output.columns`, or give it a value there by `if`"
 )
 
 

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.studies.comparison.picture import Curve, drawn, shown, thinned
+from lagsim.outputs.letters import Letters
+from lagsim.outputs.units import of_table
+from lagsim.studies.comparison.picture import Curve, drawn, shown, thinned, told
 from lagsim.studies.golden.invariants import invariants
 from lagsim.studies.golden.judging import CONSTANT, aligned
 
@@ -35,12 +37,20 @@ def picture(case: Case, motion: Motion, stored: Stored, judgement: Judgement) ->
         old, bound = (np.full(len(times), x) for x in (kept.value, kept.bound))
         return times, old, now[name], bound
 
+    model = case.equations.model
+    names = [c.name for c in model.coordinates] + [d.name for d in model.definitions]
+    letters = Letters(names)
+    of = of_table(case.equations, golden.columns)
     curves = []
     for deviation in shown(judgement.worst):
         times, old, new, bound = values(deviation.column)
         kept = thinned()
         with np.errstate(invalid="ignore"):
             kept.add(np.stack((times, old, new, np.abs(new - old), bound), 1))
-        curves.append(Curve(deviation, kept))
-    name = case.equations.model.name
-    return drawn("differs", f"{name} and its golden", curves)
+        name = deviation.column.removesuffix(CONSTANT)
+        constant = CONSTANT if name != deviation.column else ""
+        named = f"{letters.name(name)}{constant}", of.get(name, "")
+        curves.append(Curve(deviation, named, kept))
+    subject = ", ".join(told(judgement.worst, letters))
+    title = f"{model.name} differs from its golden"
+    return drawn(title, subject, curves, judgement.changed)

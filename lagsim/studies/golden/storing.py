@@ -85,6 +85,8 @@ def document(case: Case, golden: Golden, base: Motion) -> bytes:
         "versions": versions(),
         "model": model.name,
         "model_sha256": model.sha256,
+        "parameters": {p.name: p.value for p in model.parameters},
+        "initial": {x.name: x.value for x in model.initial},
         "method": plan.method,
         "formulation": plan.formulation,
         "rtol": plan.rtol,
@@ -149,12 +151,12 @@ def load(folder: Path, model_name: str) -> Stored:
     except OSError as error:
         raise _broken(path, f"cannot be read: {error.strerror}") from None
     except ValueError:
-        raise _broken(path, "is no JSON document") from None
+        raise _broken(path, "is not a JSON document") from None
     rows = read_table(folder / csv_name)
     try:
         golden = _golden(about, rows.columns, rows.data.T)
     except (KeyError, TypeError, ValueError, AttributeError):
-        raise _broken(path, "is no golden, or not one of these rows") from None
+        raise _broken(path, "is not a golden, or not the one of these rows") from None
     return Stored(golden, about)
 
 
@@ -180,5 +182,5 @@ def _golden(about: Any, columns: Sequence[str], rows: Floats) -> Golden:
 
 
 def _broken(path: Path, why: str) -> InputError:
-    hint = "`lagsim golden --update` stores it anew"
+    hint = "`lagsim golden --update` stores it again"
     return InputError([Problem("bad-golden", f"{path} {why}", hint=hint)])

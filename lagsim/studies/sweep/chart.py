@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.outputs.curves import curve, line
+from lagsim.outputs.curves import line
 from lagsim.outputs.letters import Letters, raised
 from lagsim.outputs.scale import Scale, value_scale
 from lagsim.outputs.sheet import (
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
+    from lagsim.studies.sweep.grid import Axis
     from lagsim.studies.sweep.sweeping import Found
 
     Array = NDArray[np.float64]
@@ -44,10 +46,13 @@ MOST = 6
 SPREAD = 20.0
 END, LOW, HIGH = range(3)
 FAILED: Pen = mark("x", 5.0, "#D55E00")
-AT_END: Pen = PENS[0]
+AT_END: Pen = mark("o", 3.0, PENS[0]["color"])
+MANY_AT_END: Pen = mark(".", 3.0, PENS[0]["color"])
 BAND: Pen = {"color": "#BFE3F5", "linewidth": 6.0, "solid_capstyle": "butt"}
 BAND_COLOUR, NO_RESULT = "#BFE3F5", "#999999"
 COLOURS = "viridis"
+# More points than these are small.
+FEW = 60
 
 
 @in_house_style
@@ -58,7 +63,9 @@ def chart(found: Found) -> bytes:
     notes = wrapped(_notes(found, len(shown)), WIDTH - 2 * EDGE)
     shown = shown[:MOST]
     each = (CURVES if len(axes) == 1 else MAP + BELOW + 0.1) + GAP
-    low = TOP + len(shown) * each + (BELOW if len(axes) == 1 else 0.0) - 0.1
+    alone = len(axes) > 1 and found.work.ends
+    rows = -(-len(shown) // 2) if alone else len(shown)
+    low = TOP + rows * each + (BELOW if len(axes) == 1 else 0.0) - 0.1
     sheet = Sheet(WIDTH, low + LINE * len(notes) + 0.1)
     sheet.heading(found.model.name, f"{found.grid.runs} runs")
     missing = not all(row.numbers.size for row in found.rows.values())
@@ -95,28 +102,35 @@ def _curves(sheet: Sheet, found: Found, shown: list[str], *, missing: bool) -> N
     order = np.argsort(axis.values, kind="stable")
     x = np.array(axis.values)[order]
     scale = _scale(x)
-    entries = [("at the end", AT_END), ("from least to greatest", BAND)]
+    ends = AT_END if len(x) <= FEW else MANY_AT_END
+    entries = [("at the end", ends)]
+    entries += [] if found.work.ends else [("from least to greatest", BAND)]
     entries += [("not complete", FAILED)] if missing else []
     sheet.legend(EDGE, 0.5, entries, WIDTH - 2 * EDGE)
     for k, name in enumerate(shown):
         cells = values_of(found, name, order)
         last = k + 1 == len(shown)
         place = (LEFT, TOP + k * (CURVES + GAP), WIDTH - LEFT - RIGHT, CURVES)
-        below = _written(found, axis.name, axis.unit) if last else NOTHING
+        below = _axis(found, axis) if last else NOTHING
         side = _written(found, name, found.units.get(name, ""))
         up = value_scale(cells[np.isfinite(cells)])
         with sheet.panel(place, scale, up, below=below, side=side) as panel:
-            _band(panel, x, cells, up, missing=missing)
+            _band(panel, x, cells, up, ends, missing=missing)
 
 
-def _band(panel: Axes, x: Array, cells: Array, up: Scale, *, missing: bool) -> None:
+def _axis(found: Found, axis: Axis) -> Named:
+    """Give what is swept as pictures write it: a start value is one."""
+    name, unit = _written(found, axis.name, axis.unit)
+    return f"{name} at the start" if axis.starts else name, unit
+
+
+def _band(
+    panel: Axes, x: Array, cells: Array, up: Scale, ends: Pen, *, missing: bool
+) -> None:
     panel.fill_between(
         x, cells[:, LOW], cells[:, HIGH], color=BAND_COLOUR, linewidth=0.0, zorder=1.0
     )
-    curve(panel, x, cells[:, END], AT_END)
-    few = len(x) <= 60
-    if few:
-        line(panel, x, cells[:, END], mark("o", 2.0, AT_END["color"]), zorder=2.2)
+    line(panel, x, cells[:, END], ends, clip_on=False, zorder=2.2)
     none = np.isnan(cells[:, END])
     if missing and none.any():
         level = np.full(int(none.sum()), up.low)
@@ -127,24 +141,26 @@ def _maps(sheet: Sheet, found: Found, shown: list[str], *, missing: bool) -> Non
     first, second = found.grid.axes[:2]
     across, up = np.array(first.values), np.array(second.values)
     rows, columns = np.argsort(up, kind="stable"), np.argsort(across, kind="stable")
-    numbers = _numbers(found)[columns][:, rows].T
-    edges = _edges(across[columns]), _edges(up[rows])
+    numbers = numbers_of(found)[columns][:, rows].T
+    edges = borders(across[columns]), borders(up[rows])
     if missing:
         look: Pen = {"color": NO_RESULT, "linewidth": 8.0, "solid_capstyle": "butt"}
         sheet.legend(EDGE, 0.5, [("not complete", look)], WIDTH - 2 * EDGE)
     width = (WIDTH - LEFT - ACROSS - 0.85) / 2
-    named = tuple(_written(found, a.name, a.unit) for a in (first, second))
-    for k, name in enumerate(shown):
-        cells = values_of(found, name, numbers.ravel())
-        for j, (part, said) in enumerate(((END, "at the end"), (HIGH, "greatest"))):
-            content = cells[:, part].reshape(numbers.shape)
-            left = LEFT + j * (width + ACROSS)
-            top = TOP + k * (MAP + BELOW + 0.1 + GAP)
-            shown_name, unit = _written(found, name, found.units.get(name, ""))
-            _map(
-                sheet, (left, top, width, MAP), named, edges, content,
-                (f"{shown_name}, {said}", unit),
-            )  # fmt: skip
+    named = tuple(_axis(found, a) for a in (first, second))
+    parts = [(END, "at the end")]
+    parts += [] if found.work.ends else [(HIGH, "greatest")]
+    for k, (name, (part, said)) in enumerate(product(shown, parts)):
+        content = values_of(found, name, numbers.ravel())[:, part]
+        content = content.reshape(numbers.shape)
+        row, column = divmod(k, 2)
+        left = LEFT + column * (width + ACROSS)
+        top = TOP + row * (MAP + BELOW + 0.1 + GAP)
+        shown_name, unit = _written(found, name, found.units.get(name, ""))
+        _map(
+            sheet, (left, top, width, MAP), named, edges, content,
+            (f"{shown_name}, {said}", unit),
+        )  # fmt: skip
 
 
 def _map(
@@ -159,7 +175,7 @@ def _map(
     below, side = named
     scale = value_scale(content[np.isfinite(content)], margin=0.0)
     look: Pen = {"cmap": COLOURS, "vmin": scale.low, "vmax": scale.high, "zorder": 1.0}
-    x, y = (Scale(e[0], e[-1], log=_is_log(e)) for e in edges)
+    x, y = (Scale(e[0], e[-1], log=is_log(e)) for e in edges)
     with sheet.panel(
         place, x, y, below=below, side=side, above=title, ticks=(5, 5)
     ) as panel:
@@ -182,7 +198,7 @@ def _written(found: Found, name: str, unit: str) -> Named:
     return Letters(names).name(name), raised(unit)
 
 
-def _numbers(found: Found) -> NDArray[np.int64]:
+def numbers_of(found: Found) -> NDArray[np.int64]:
     """Give the numbers of the runs over the first two axes, others in their middle."""
     counts = [len(axis.texts) for axis in found.grid.axes]
     whole = np.arange(found.grid.runs).reshape(*counts[:2], -1)
@@ -192,7 +208,7 @@ def _numbers(found: Found) -> NDArray[np.int64]:
     return np.asarray(whole[:, :, middle])
 
 
-def _is_log(x: Array) -> bool:
+def is_log(x: Array) -> bool:
     """Tell whether sorted values stand better on an axis of powers of ten."""
     if len(x) < 3 or not x[0] > 0.0 or x[-1] < SPREAD * x[0]:
         return False
@@ -201,17 +217,17 @@ def _is_log(x: Array) -> bool:
 
 
 def _scale(x: Array) -> Scale:
-    if _is_log(x):
+    if is_log(x):
         return Scale(x[0], x[-1], log=True)
     return value_scale(x, margin=0.02)
 
 
-def _edges(x: Array) -> Array:
+def borders(x: Array) -> Array:
     """Give the borders (k + 1,) of cells around sorted values (k,)."""
     if len(x) == 1:
         half = 0.5 * abs(x[0]) or 0.5
         return np.array([x[0] - half, x[0] + half])
-    log = _is_log(x)
+    log = is_log(x)
     x = np.log(x) if log else x
     middles = (x[1:] + x[:-1]) / 2.0
     edges = np.array([2 * x[0] - middles[0], *middles, 2 * x[-1] - middles[-1]])
@@ -223,9 +239,9 @@ def _notes(found: Found, columns: int) -> list[str]:
     others = found.grid.axes[2:]
     if others:
         fixed = ", ".join(
-            f"{a.name} = {a.texts[(len(a.texts) - 1) // 2]}" for a in others
+            f"{_axis(found, a)[0]} = {a.texts[(len(a.texts) - 1) // 2]}" for a in others
         )
-        lines.append(f"The others stand in their middle: {fixed}.")
+        lines.append(f"Of the other names, the middle value is shown: {fixed}.")
     if columns > MOST:
         lines.append(f"The first {MOST} of {columns}; sweep.csv has all columns.")
     return lines

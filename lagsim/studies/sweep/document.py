@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from lagsim.outputs.attempted import attempted
 from lagsim.outputs.manifest import versions
 from lagsim.outputs.table import table_of
 from lagsim.studies.sweep.grid import COMPLETE, ERROR, OUTCOME, REASON
@@ -15,6 +17,7 @@ from lagsim.version import __version__
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from lagsim.outputs.attempted import Made
     from lagsim.studies.sweep.runs import Row
     from lagsim.studies.sweep.sweeping import Found
 
@@ -107,13 +110,13 @@ def document(found: Found, files: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def files(found: Found, *, plots: bool) -> Iterator[tuple[str, bytes]]:
+def files(found: Found, *, plots: bool) -> Iterator[Made]:
     """Give name and content of what stands beside sweep.json."""
     yield TABLE, table(found)
     if plots:
         from lagsim.studies.sweep.chart import chart
 
-        yield CHART, chart(found)
+        yield CHART, attempted(CHART, partial(chart, found))
 
 
 def notes(found: Found) -> list[str]:
@@ -121,8 +124,8 @@ def notes(found: Found) -> list[str]:
     forms = _forms(found)
     if forms < 2:
         return []
-    text = f"what is swept changes the form of what is integrated: {forms} forms were "
-    return [text + "compiled, which takes longer than runs of one form"]
+    text = f"the swept values change the equations: {forms} forms were "
+    return [text + "compiled, which takes longer than one"]
 
 
 def _forms(found: Found) -> int:

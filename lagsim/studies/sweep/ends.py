@@ -73,14 +73,14 @@ class EndsOfRuns:
     def _refusal(self) -> str:
         equations = self.session.case.equations
         if not needs_no_solve(equations):
-            return "start values are solved for"
+            return "start values are solved for by the constraints"
         names = {axis.name for axis in self.grid.axes}
         self._follow = equations.model.rests_on(names) or any(
             axis.says(names) for axis in self.grid.axes
         )
         powers = names_in_exponents(equations, ())
         if powers and (self._follow or not powers.isdisjoint(names)):
-            return "what is swept stands in an exponent"
+            return "a swept value is in an exponent"
         return ""
 
     def made(

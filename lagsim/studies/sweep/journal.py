@@ -16,6 +16,7 @@ import numpy as np
 
 from lagsim import files
 from lagsim.errors import InputError, Problem
+from lagsim.outputs.results import put
 from lagsim.studies.sweep.runs import Row
 
 if TYPE_CHECKING:
@@ -61,15 +62,12 @@ class Journal:
             self.begin()
             return {}
         self._compare(lines[0])
-        self._open(os.O_RDWR)
-        assert self._file is not None
-        os.ftruncate(self._file, content.rfind(b"\n") + 1)
-        os.lseek(self._file, 0, os.SEEK_END)
+        self._replace(b"".join(line + b"\n" for line in lines))
         return dict(map(_row, lines[1:]))
 
     def begin(self) -> None:
         """Begin anew."""
-        self._open(os.O_RDWR | os.O_CREAT | os.O_TRUNC)
+        self._replace(b"")
         self._write([self._what])
 
     def add(self, rows: Iterable[tuple[int, Row]]) -> None:
@@ -90,9 +88,14 @@ class Journal:
         with contextlib.suppress(OSError):
             self.path.unlink()
 
-    def _open(self, flags: int) -> None:
+    def _replace(self, content: bytes) -> None:
+        """Put a file of this content in the place of the one that there is.
+
+        That one is not written to: it may have another name elsewhere.
+        """
         self.close()
-        self._file = files.held(self.path, flags)
+        put(self.path, content)
+        self._file = files.held(self.path, os.O_RDWR | os.O_APPEND)
 
     def _write(self, lines: Iterable[Any]) -> None:
         assert self._file is not None
@@ -112,8 +115,8 @@ class Journal:
             there = {}
         other = [key for key, x in self._what.items() if there.get(key) != x]
         if other:
-            text = f"{self.path} cannot be gone on with: it has another {other[0]}"
-            hint = "leave --resume out to begin anew, or choose another folder with -o"
+            text = f"{self.path} cannot be resumed: it has another {other[0]}"
+            hint = "leave --resume out to start again, or choose another folder with -o"
             raise InputError([Problem("another-sweep", text, hint=hint)])
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from lagsim.run.observers.extremes import Extremes, Followed
 from lagsim.run.session import Clock
 from lagsim.studies.attempts import Attempts, ErrorBars
+from lagsim.studies.beside import beside
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,8 +40,10 @@ def written(
     from lagsim.outputs.manifest import encode
     from lagsim.outputs.results import MANIFEST, open_results
     from lagsim.outputs.table import table_writer
+    from lagsim.outputs.units import of_table
 
-    clock, units = Clock(), session.system.units()
+    clock = Clock()
+    units = of_table(session.case.equations, session.system.columns.of_table)
     with open_results(folder) as results:
         path = results.part(Format.CSV.file)
         with contextlib.closing(
@@ -54,10 +57,9 @@ def written(
             if found.fault is not None:
                 raise found.fault
             writer.finish()
-        for name, content in found.files(found.thin, found.frames):
-            results.write(name, content)
+        undrawn = list(results.fill(beside(found, found.thin, found.frames)))
         clock.lap("output")
         files = [*results.names, MANIFEST]
-        record = found.record(found.cautions(), clock.timings, files)
+        record = found.record([*found.cautions(), *undrawn], clock.timings, files)
         results.commit(encode(record | {"sha256": results.digests()}))
     return found

@@ -20,6 +20,7 @@ import numpy as np
 
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
+from lagsim.outputs.units import of_table
 from lagsim.run.observers.extremes import Extremes
 from lagsim.run.session import Clock, Session, StartError, examined, wanted
 from lagsim.run.system.columns import Columns
@@ -192,13 +193,15 @@ class Runs:
         self.work = work
         self._forms = [_Form(work)]
         columns = Columns(self._forms[0].equations, {})
-        self.columns = tuple(columns.names[: columns.table])
+        self.columns = columns.of_table
         self._done = 0
 
     def units(self) -> dict[str, str]:
         """Give the units of the columns, where something has been compiled."""
         sessions = [form.session for form in self._forms if form.session is not None]
-        return sessions[0].system.units() if sessions else {}
+        if not sessions:
+            return {}
+        return of_table(sessions[0].case.equations, self.columns)
 
     def row(self, number: int, interrupt: Interrupt) -> Row | None:
         """Make a run; None where it was interrupted."""

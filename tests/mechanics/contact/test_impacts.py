@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.mechanics.contact import impact
+from lagsim.mechanics.contact import Closed, impact
 from lagsim.mechanics.laws import Kind
 from tests.mechanics.contact._bodies import CONTACT, SLIP, G, chain, closed, none
 
@@ -137,7 +137,51 @@ def test_targets_that_contradict_give_no_rebound():
     assert found.after == pytest.approx([0.0, 0.0], abs=ROUNDING)
 
 
+@pytest.mark.parametrize("tilt", [0.0, 1e-8, 1e-3])
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+@pytest.mark.parametrize("speed", [1e-2, 1.0, 40.0, 1e4, 1e8])
+def test_a_box_that_slides_fast_is_struck_at_one_of_two_corners(speed, way, tilt):
+    """Friction is mu times each impulse against the slip; the other corner may lift."""
+    a, h, m, mu, e, v = 0.4, 0.5, 2.0, 0.05, 0.3, 0.9
+    rows = []
+    for side in (-a, a):
+        x, y = side * np.cos(tilt) + h * np.sin(tilt), side * np.sin(tilt) - h
+        rows += [[0.0, 1.0, x], [1.0, 0.0, -y]]
+    J, M = np.array(rows), np.diag([m, m, m * (a**2 + h**2) / 3])
+    D = J @ np.linalg.inv(M) @ J.T
+    rates = np.array([-v, way * speed, 0.0, way * speed])
+    kinds = (CONTACT, SLIP, CONTACT, SLIP)
+    problem = Closed(
+        D=D, kinds=kinds, normals=(-1, 0, -1, 2), pairs=(-1,) * 4,
+        bounds=np.array([0, mu, 0, mu]), statics=np.array([0, mu, 0, mu]),
+        restitutions=np.array([e, 0, e, 0]), factor=np.linalg.solve(np.sqrt(M), J.T),
+    )  # fmt: skip
+    found = impact(problem, rates, np.full(4, 1e-14))
+    assert found.found
+    if speed >= 1.0:
+        pushed = D[::2, ::2] - way * mu * D[::2, 1::2]
+        asked = np.array([(1 + e) * v, 0.0])
+        p = np.array([asked[0] / pushed[0, 0], 0.0])
+        if pushed[1, 0] < 0.0:  # no lift: it is pressed down
+            p = np.linalg.solve(pushed, asked)
+        assert found.impulses[::2] == pytest.approx(p, abs=1e-9)
+        assert found.impulses[1::2] == pytest.approx(-way * mu * p, abs=1e-9)
+
+
 def test_a_body_that_is_crushed_has_no_solution():
     # Both walls come nearer.
     body = closed([1.0], [[1.0], [-1.0]], [CONTACT] * 2)
     assert not impact(body, np.array([-1.0, -1.0]), none(2)).found
+
+
+@pytest.mark.parametrize("small", [1e-13, 1e-30, 1e13])
+def test_what_strikes_slowly_strikes_beside_what_is_fast(small):
+    """Of bodies that nothing couples none knows how fast another is, or how heavy."""
+    masses = np.array([2.0, 2.0, 3.0, 3.0, 5.0, 5.0])
+    kinds, normals = [CONTACT, SLIP] * 3, [-1, 0, -1, 2, -1, 4]
+    body = closed(masses, np.eye(6), kinds, normals, mu=0.3)
+    rates = np.array([-small, 0.1 * small, 1.2e-5, 0.7, -1.0, 0.2])
+    found = impact(body, rates, none(6))
+    expected = [2 * small, -0.2 * small, 0.0, 0.0, 5.0, -1.0]
+    assert found.found
+    assert found.impulses == pytest.approx(expected, rel=1e-14, abs=0.0)

@@ -131,8 +131,7 @@ def test_energies_and_power_are_those_of_the_full_state(model, formulation):
     state |= {p.name: p.value for p in left.model.parameters} | {"t": start.t}
     moved = motion(full, state)
     pairs = [(full.energy, left.energy), (full.kinetic_form, left.kinetic_form)]
-    if full.power is not None:
-        pairs.append((full.power, left.power))
+    pairs += zip(full.powers, left.powers, strict=True)
     for whole, reduced in pairs:
         [a, b] = evaluate(g, [whole, reduced], state | moved)
         assert b == pytest.approx(a, rel=1e-12, abs=1e-12)

@@ -16,6 +16,7 @@ from lagsim.language.intervals import interval
 from lagsim.language.parser import parse
 from lagsim.mechanics.switches import find_switches
 from lagsim.run.events.breaks import break_times
+from tests.patience import PATIENCE
 
 
 def search(text, start, end, **values):
@@ -100,10 +101,10 @@ def test_a_joined_condition_breaks_only_where_the_whole_changes():
 
 @pytest.mark.slow
 def test_a_part_that_no_longer_matters_costs_nothing():
-    begin = time.perf_counter()
+    begin = time.process_time()
     found = breaks("if(t < 1 and sin(100*t) > 0, 1, 0)", 0.0, 1e9)
     assert len(found) == 31  # the last zero is at 31 pi / 100
-    assert time.perf_counter() - begin < 2.0
+    assert time.process_time() - begin < 2.0 * PATIENCE
 
 
 def test_smooth_surfaces():
@@ -152,9 +153,9 @@ def test_two_functions_that_switch_together_break_once():
 
 @pytest.mark.slow
 def test_the_first_breaks_of_many_come_at_once():
-    begin = time.perf_counter()
+    begin = time.process_time()
     found = list(itertools.islice(search("sign(sin(1000*t))", 0.0, 1e6), 50))
-    assert time.perf_counter() - begin < 1.0
+    assert time.process_time() - begin < 1.0 * PATIENCE
     expected = [k * math.pi / 1000 for k in range(1, 51)]
     assert found == pytest.approx(expected, rel=4e-16)
 
@@ -236,9 +237,9 @@ def test_a_wave_faster_than_the_doubles_is_given_up():
 
 @pytest.mark.slow
 def test_a_search_without_end_pauses():
-    begin = time.perf_counter()
+    begin = time.process_time()
     assert 0.0 < next(search("sign(sin(1e6*t)^2)", 0.0, 1e6)) < 1.0
-    assert time.perf_counter() - begin < 20.0
+    assert time.process_time() - begin < 20.0 * PATIENCE
 
 
 @pytest.mark.slow

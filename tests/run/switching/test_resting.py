@@ -240,7 +240,13 @@ def test_units_of_time_make_no_difference_to_an_end(scale):
 
 
 @pytest.mark.parametrize(
-    "law", one_quick("sign(x_dot)", "if(x_dot > 0, 1, -1)", "sign(x)", "sign(x^3)")
+    "law",
+    one_quick(
+        "if(x_dot > 0, 1, -1)",
+        "2*heaviside(x_dot) - 1",
+        "if(x >= 0, 1, -1)",
+        "if(x^3 < 0, -1, 1)",
+    ),
 )
 def test_a_side_that_nothing_decides_is_told_and_shown(law):
     text = scene(force="push", duration=2)

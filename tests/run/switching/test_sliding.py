@@ -288,7 +288,7 @@ def test_starts_on_a_surface_go_where_the_motion_goes():
 
 
 def test_a_motion_that_could_go_both_ways_says_so():
-    found = run(scene(force="sign(x_dot)", duration=2))
+    found = run(scene(force="if(x_dot > 0, 1, -1)", duration=2))
     assert [w.code for w in found.trajectory.warnings] == ["unresolved-switch"]
     assert abs(found["x"][-1]) == pytest.approx(2.0, abs=1e-12)
 
@@ -338,12 +338,15 @@ def test_switches_in_no_time_end_the_run():
     text = """
 coordinates: {x: {}, z: {}}
 energy: {kinetic: (x_dot^2 + z_dot^2)/2, potential: 0}
-forces: {x: -sign(z_dot), z: sign(x_dot)}
+forces: {x: "if(z_dot >= 0, -1, 1)", z: "if(x_dot >= 0, 1, -1)"}
 initial: {x: 0, z: 0}
 simulation: {duration: 10, output_step: 0.1}
 """
     found = run(text)
     assert found.trajectory.outcome.name == "SWITCHES_ACCUMULATE"
-    assert "`sign(z_dot)`, `sign(x_dot)` accumulate" in found.trajectory.reason
+    assert (
+        "`if(z_dot >= 0, ...)`, `if(x_dot >= 0, ...)` accumulate"
+        in found.trajectory.reason
+    )
     assert [w.code for w in found.trajectory.warnings] == ["unresolved-switch"]
     assert found.trajectory.statistics.steps < 1000

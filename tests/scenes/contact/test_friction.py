@@ -263,11 +263,14 @@ def test_a_paradox_on_the_way_stops_the_run():
     close(found["x_dot"][slides], -3 + 2 * G * found.t[slides])
 
 
-@pytest.mark.parametrize("far", [0.0, 1e12])
-def test_an_impact_that_raises_the_energy_is_told(far):
-    """Newton's law with friction that ends a small slip (Kane, Levinson)."""
-    th, a, mu, v, slide = 0.8, 0.5, 1.0, 2.0, 0.1
-    law = contact("y - a*sin(th) >= 0", 1, friction=mu, slip="x_dot + a*sin(th)*th_dot")
+def kane(slide, far=0.0):
+    """Give the rod of Kane and Levinson with this slip, and what it gains.
+
+    Newton's law with friction that ends a small slip raises the energy: how much, and
+    against what impulses exchange.
+    """
+    th, a, v = 0.8, 0.5, 2.0
+    law = contact("y - a*sin(th) >= 0", 1, friction=1, slip="x_dot + a*sin(th)*th_dot")
     text = scene(
         "x y th", "(x_dot^2 + y_dot^2)/2 + a^2/6*th_dot^2", "0", {"tip": law},
         {"x": far, "th": th, "y": "a*sin(th) + 0.47", "x_dot": slide, "y_dot": -v},
@@ -275,11 +278,17 @@ def test_an_impact_that_raises_the_energy_is_told(far):
     )  # fmt: skip
     rows = np.array([[0, 1, -a * math.cos(th)], [1, 0, a * math.sin(th)]])
     inverse = np.diag([1, 1, 3 / a**2])
-    before = rows @ [slide, -v, 0]
     # It sticks: the rates after it are (v, 0).
-    impulse = np.linalg.solve(rows @ inverse @ rows.T, [v, 0.0] - before)
-    assert abs(impulse[1]) < mu * impulse[0]
-    gain = impulse @ (before + np.array([v, 0.0])) / 2
+    before, after = rows @ [slide, -v, 0], np.array([v, 0.0])
+    impulse = np.linalg.solve(rows @ inverse @ rows.T, after - before)
+    assert abs(impulse[1]) < impulse[0]
+    gain = impulse @ (before + after) / 2
+    return text, gain, gain / (np.abs(impulse) @ (np.abs(before) + np.abs(after)))
+
+
+@pytest.mark.parametrize("far", [0.0, 1e12])
+def test_an_impact_that_raises_the_energy_is_told(far):
+    text, gain, _ = kane(0.1, far)
     assert gain > 0.0
     found = play(text)
     energy = found.pair("energy", 0.235)
@@ -304,3 +313,30 @@ def test_what_bounces_to_rest_goes_on_sliding(mu):
     lies = found.t > found.times("zeno")[0] + 1e-3
     rate = (G * found.t[lies] - 0.94) * mu
     close(found["x_dot"][lies], np.maximum(1.89 - rate, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("part", "told"), [(1e-5, True), (1e-7, True), (1e-11, False), (-1e-5, False)]
+)
+def test_a_gain_by_impacts_is_told_from_a_billionth_on(part, told):
+    # With no slip before it nothing is gained; the more slip the more.
+    slide = brentq(lambda slide: kane(slide)[2] - part, -0.05, 0.1, xtol=1e-16)
+    found = play(kane(slide)[0])
+    codes = [w.code for w in found.result.warnings]
+    assert ("impact-energy" in codes) == told
+
+
+def test_many_impacts_without_loss_gain_nothing():
+    # Between slanting walls, with numbers that round.
+    walls = {
+        f"w{k}": contact(f"cos({k}*2*pi/3 + 0.1)*x + sin({k}*2*pi/3 + 0.1)*y <= 1", 1)
+        for k in range(3)
+    }
+    text = scene(
+        "x y", "0.3*(x_dot^2 + y_dot^2)", "0", walls,
+        {"x": 0.1, "y": 0.2, "x_dot": 1.7, "y_dot": 0.9}, duration=40, output_step=1,
+    )  # fmt: skip
+    found = play(text)
+    assert len(found.times("impact")) > 20
+    assert "impact-energy" not in [w.code for w in found.result.warnings]
+    close(found["energy"], np.full(len(found.t), found["energy"][0]))

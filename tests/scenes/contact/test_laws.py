@@ -143,7 +143,11 @@ def test_a_coupling_that_comes_in_shares_momentum():
     close(balance, np.full(len(balance), 32))
 
 
-@pytest.mark.parametrize(("place", "fits"), [("pi/2", True), ("1.5", False)])
+@pytest.mark.parametrize(
+    ("place", "fits"),
+    # Off by 1e-5 of its way, and by 1e-7, where a part of 1e-6 is torn.
+    [("pi/2", True), ("1.5", False), ("pi/2 - 1e-5", False), ("pi/2 - 1e-7", True)],
+)
 def test_a_place_must_be_met_when_it_begins_to_hold(place, fits):
     text = scene(
         "x", "x_dot^2/2", "x^2/2",
@@ -155,11 +159,14 @@ def test_a_place_must_be_met_when_it_begins_to_hold(place, fits):
     if not fits:
         assert found.result.outcome == "failed"
         assert "pin" in found.result.reason
-        assert found.t[-1] == pytest.approx(1.5, abs=GLOBAL)
+        meant = 1.5 if place == "1.5" else math.pi / 2 - 1e-5
+        assert found.t[-1] == pytest.approx(meant, abs=GLOBAL)
         return
-    assert found.pair("x_dot", math.pi / 2) == pytest.approx((-1, 0), abs=GLOBAL)
+    found_at = found.times("impact")[0]
+    assert found_at == pytest.approx(math.pi / 2, abs=1e-7 + GLOBAL)
+    assert found.pair("x_dot", found_at) == pytest.approx((-1, 0), abs=GLOBAL)
     pinned = found.t > math.pi / 2
-    assert np.max(np.abs(found["x"][pinned])) < 1e-9
+    assert np.max(np.abs(found["x"][pinned])) < 1e-9 + 1e-7 * ("-" in place)
     assert np.max(np.abs(found["lambda_pin"][pinned])) < 1e-9
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from lagsim.run.observers.ledger import Ledger
-from lagsim.studies.alarms import Witness, alarms
+from lagsim.studies.alarms import alarms
+from lagsim.studies.attempts import Account
 
 
 def cautions(found, bar="not estimated"):
     """Give the cautions of a finished run."""
-    names = found.system.columns.names
-    ledger, witness = Ledger(names), Witness(names, len(found.equations.q))
-    ledger.add(found.rows)
-    witness.add(found.rows)
-    return alarms(found.session, found.trajectory, ledger, witness, bar)
+    own = Account(found.session)
+    own.add(found.rows)
+    known = own.ledger, own.witness, own.balances
+    return alarms(found.session, found.trajectory, *known, bar)
 
 
 def codes(found, bar="not estimated"):

@@ -9,8 +9,8 @@ import pytest
 
 from lagsim.outputs.table import TableWriter
 from lagsim.run.error import ErrorBar
-from lagsim.run.observers.ledger import Growth, Ledger
-from lagsim.studies.alarms import Witness, doubt_about
+from lagsim.run.observers.ledger import Growth
+from lagsim.studies.attempts import Account
 from tests.studies.alarms.alarmed import codes
 from tests.support import run
 
@@ -30,12 +30,10 @@ simulation: {duration: 10, output_step: 0.01}
 
 
 def doubt(found, bar="not estimated"):
-    names = found.system.columns.names
-    ledger, witness = Ledger(names), Witness(names, len(found.equations.q))
+    own = Account(found.session)
     for block in np.array_split(found.rows, 7):
-        ledger.add(block)
-        witness.add(block)
-    return doubt_about(found.session, found.trajectory, ledger, witness, bar)
+        own.add(block)
+    return own.doubt(found.trajectory, bar)
 
 
 def spoilt(found, column, change):
@@ -73,6 +71,15 @@ def test_energy_that_comes_back(size):
     assert told.refutes
     assert told.time == pytest.approx(4.75, abs=0.02)
     assert codes(found) == ["energy-gained" if size > 0 else "energy-lost"]
+
+
+@pytest.mark.parametrize("size", [1e-5, -1e-4])
+def test_a_drift_that_no_estimate_explains_is_a_warning(size):
+    """The energy in play is 1 - cos 1 = 0.46."""
+    found = spoilt(run(SWING), "energy", bump(size))
+    assert codes(found) == ["error-unknown"]
+    assert not codes(spoilt(run(SWING, rtol=1e-6), "energy", bump(size)))
+    assert not codes(spoilt(found, "energy", bump(-size)))
 
 
 def test_what_the_estimated_error_explains_is_no_doubt():

@@ -67,8 +67,8 @@ def test_the_reference_is_that_of_the_closed_form(charted):
 
 def test_what_knows_nothing_of_laws_is_left_out_with_the_reason(charted):
     reasons = {r.method: r.reason for r in charted.refused}
-    assert "constraints that hold at times" in reasons["taylor"]
-    assert "constraints that hold at times" in reasons["scipy:BDF"]
+    assert "constraints that come and go" in reasons["taylor"]
+    assert "constraints that come and go" in reasons["scipy:BDF"]
 
 
 @pytest.mark.slow
@@ -103,5 +103,5 @@ def test_an_impact_that_moves_is_an_error_of_the_place_alone():
 
 
 def test_there_is_no_map_of_stability_and_a_reason():
-    with pytest.raises(InputError, match="hold at times"):
+    with pytest.raises(InputError, match="come and go"):
         methods_for(case(STOP), Scope())

@@ -82,7 +82,7 @@ def test_every_text_of_maps_does_and_axes_have_their_units(maps):
     drawing = drawn(chart, "spring", maps, "k")
     assert_legible(drawing)
     labels = {label for panel in drawing.panels for label in panel.labels[:2]}
-    assert {"k (N/m)", "step h      cheaper →", "evaluations / time"} <= labels
+    assert {"k (N/m)", "step h (s)", "evaluations / s"} <= labels
     assert not any("…" in label for label in labels)
 
 
@@ -105,3 +105,44 @@ def test_verdicts_are_told_apart_in_grey():
     ]
     # A dozen greys from black to white can be told apart side by side.
     assert all(abs(a - b) > 1 / 12 for a, b in itertools.combinations(greys, 2))
+
+
+def named_in_legend(drawing):
+    names = ("border found", "predicted: start", "predicted: motion", "predicted",
+             "h·λ: start", "h·λ: motion")  # fmt: skip
+    return {text for text in drawing.written() if text in names}
+
+
+def test_the_legend_names_what_is_drawn(strips):
+    # A spring's eigenvalues are those of the start all along: two marks in one place.
+    drawing = drawn(chart, "spring", strips, None)
+    whole = {"border found", "predicted: start", "predicted: motion", "h·λ: start"}
+    assert named_in_legend(drawing) == whole
+    nowhere = [
+        replace(b, found=None, at_start=None, along=None) for b in strips.borders
+    ]
+    drawing = drawn(chart, "spring", replace(strips, borders=nowhere), None)
+    # h is then the largest step, and h·λ beyond the panels.
+    assert named_in_legend(drawing) == set()
+    # A prediction beyond the steps that were tried is not on the strip.
+    beyond = [replace(b, at_start=1e9, along=1e-9) for b in nowhere]
+    drawing = drawn(chart, "spring", replace(strips, borders=beyond), None)
+    assert not any("predicted" in name for name in named_in_legend(drawing))
+
+
+def test_steps_have_units_and_few_panels_fill_the_sheet(strips):
+    drawing = drawn(chart, "spring", strips, None)
+    assert "step h (s)" in [panel.labels[0] for panel in drawing.panels]
+    steps = [text for text in drawing.written() if text.startswith("h = ")]
+    assert len(steps) == len(strips.methods)
+    assert all(" s (" in text for text in steps)
+    width = drawing.sheet[16:20]
+    right = max(panel.box.x1 for panel in drawing.panels)
+    assert right > 0.95 * int.from_bytes(width, "big")
+    regions = drawing.panels[len(strips.methods) :]
+    assert max(panel.box.x1 for panel in regions) == pytest.approx(right, rel=0.02)
+    # As long across as up.
+    for panel in regions:
+        (left, far), (low, high) = panel.limits
+        across = panel.box.width / (far - left)
+        assert across == pytest.approx(panel.box.height / (high - low))

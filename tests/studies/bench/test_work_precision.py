@@ -117,7 +117,7 @@ def test_what_does_not_apply_is_left_out_with_its_reason():
     forced = oscillator(ROWS, force="sign(sin(t))")
     found = measure(scene(forced), Wish(("scipy:RK45", "rk4"), steps=(0.1, 0.1)))
     assert [e.method for e in found.entries] == ["rk4"]
-    why = "they would step over the scene's switches"
+    why = "they would step over the model's switches"
     assert ("scipy:RK45", "auto", why) in found.refused
 
 
@@ -193,7 +193,7 @@ def test_where_all_agree_to_less_all_is_known_to_less(size):
     _, found = parting(size)
     assert found.horizon is None
     assert found.floor == pytest.approx(size * math.exp(20) / 2, rel=1e-3)
-    assert "smaller errors cannot be told" in found.trust
+    assert "smaller errors cannot be resolved" in found.trust
 
 
 def test_where_motion_parts_early_errors_are_those_before():
@@ -211,7 +211,7 @@ def test_what_parts_at_once_still_gives_a_chart():
     _, found = parting(0.02)
     assert found.horizon is None
     assert found.floor == pytest.approx(0.01 * math.exp(20), rel=1e-3)
-    assert "nothing confirms it" in found.trust
+    assert "the two disagree" in found.trust
 
 
 def test_ranges_are_those_of_the_motion_between_rows():

@@ -12,11 +12,12 @@ from lagsim.studies.sweep.grid import parsed
 from lagsim.studies.sweep.runs import Work
 from lagsim.studies.sweep.sweeping import Found, packed, sweep
 from tests.cli._scenes import FALL, ON_THE_CURVE, PENDULUM
+from tests.outputs.drawn import noted
 
 
-def found(text, *arguments):
+def found(text, *arguments, ends=False):
     model = read(text, "<model>")
-    work = Work(packed(model), (), parsed(model, arguments), ErrorBars.NEVER)
+    work = Work(packed(model), (), parsed(model, arguments), ErrorBars.NEVER, ends=ends)
     result = Found(model, work)
     sweep(result, 1, wanted=False)
     return result
@@ -34,7 +35,7 @@ def test_values_are_those_of_complete_runs():
 
 def test_maps_have_the_first_names_across_and_up_and_others_in_their_middle():
     result = found(PENDULUM, "g=1,2", "theta=0.1,0.2,0.3", "l=1,2,3,4", "theta_dot=0")
-    numbers = drawing._numbers(result)
+    numbers = drawing.numbers_of(result)
     assert numbers.shape == (2, 3)
     for (i, j), number in np.ndenumerate(numbers):
         assert result.grid.at(number) == [i, j, 1, 0]
@@ -49,7 +50,7 @@ def test_maps_have_the_first_names_across_and_up_and_others_in_their_middle():
     ],
 )
 def test_cells_end_half_way(values, edges):
-    assert drawing._edges(np.array(values)) == pytest.approx(edges)
+    assert drawing.borders(np.array(values)) == pytest.approx(edges)
 
 
 @pytest.mark.parametrize(
@@ -64,3 +65,27 @@ def test_cells_end_half_way(values, edges):
 )
 def test_every_sweep_has_a_picture(text, arguments):
     assert drawing.chart(found(text, *arguments)).startswith(b"\x89PNG")
+
+
+def test_a_start_value_is_called_so_and_ends_are_points():
+    result = found(PENDULUM, "theta=0.1,0.3,0.2,0.4")
+    with noted() as seen:
+        drawing.chart(result)
+    assert "θ at the start (rad)" in [panel.labels[0] for panel in seen.panels]
+    [ends] = seen.panels[0].lines
+    assert ends.dots
+    assert len(ends.x) == 4
+    assert {"at the end", "from least to greatest"} <= set(seen.written())
+    # What is a parameter is no start value.
+    with noted() as seen:
+        drawing.chart(found(PENDULUM, "g=1,2"))
+    assert not any("start" in text for text in seen.written())
+
+
+def test_ends_alone_have_no_greatest():
+    for arguments in (("theta=0.1,0.2",), ("theta=0.1,0.2", "g=1,2")):
+        result = found(PENDULUM, *arguments, ends=True)
+        with noted() as seen:
+            drawing.chart(result)
+        assert not any("greatest" in text for text in seen.written())
+        assert any("at the end" in text for text in seen.written())

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+# Letters in a line of a text.
+LINE = 76
 _CELL = "text-align: left; vertical-align: top"
 
 
@@ -20,9 +22,39 @@ def counted(number: int, word: str) -> str:
     return f"{number} {word}{ending}"
 
 
+def listed(items: Sequence[str], most: int = LINE - 13) -> str:
+    """Give `a, b, c`, or as many as fit: `a, b and 12 more`; of nothing `none`."""
+    whole = ", ".join(items) or "none"
+    if len(whole) <= most:
+        return whole
+    shown = len(items) - 1
+    while shown > 1 and len(", ".join(items[:shown])) > most - len(" and 100 more"):
+        shown -= 1
+    return f"{', '.join(items[:shown])} and {len(items) - shown} more"
+
+
+def short(text: str, most: int = LINE) -> str:
+    """Give a text on one line of so many letters at most."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else f"{line[: most - 3].rstrip()}..."
+
+
+def block(head: str, rows: Iterable[tuple[str, str]]) -> str:
+    """Give a text for `repr`: a head, and below it a line for each name and text."""
+    rows = list(rows)
+    width = max((len(name) for name, _ in rows), default=0)
+    lines = [f"  {name:<{width}}  {short(text, LINE - width)}" for name, text in rows]
+    return "\n".join([f"<{short(head)}", *lines]) + ">"
+
+
 def heading(text: str) -> str:
     """Give a heading."""
     return f"<strong>{escape(text)}</strong>"
+
+
+def paragraph(text: str) -> str:
+    """Give a paragraph; nothing where there is no text."""
+    return f"<p>{escape(text)}</p>" if text else ""
 
 
 def table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:

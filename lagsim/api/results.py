@@ -1,0 +1,332 @@
+"""What a run gives: its motion as arrays, and what people read of it."""
+
+from __future__ import annotations
+
+import contextlib
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.figure import Figure
+
+    from lagsim.api.estimates import Error
+    from lagsim.api.films import Animation
+    from lagsim.language.arrays import Floats
+    from lagsim.notes import Caution, Event
+    from lagsim.run.observers.frames import Frames
+    from lagsim.run.observers.thinning import Thinning
+    from lagsim.studies.attempts import Attempt
+    from lagsim.studies.spectrum import Spectrum
+
+
+class Result:
+    """A motion: `result["theta"]` is a column, an array (rows,).
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Those of trajectory.csv.
+    table : ndarray, shape (rows, columns)
+    events : sequence of Event
+    error : Error or None
+        The estimated error, from a repeat of the run; None where there is no estimate.
+    warnings : sequence of Caution
+    outcome, reason : str
+        How the run ended, and where it did not come to its end, why.
+    complete : bool
+        Whether all that was asked for has been computed.
+    record : dict
+        What run.json holds.
+    """
+
+    def __init__(
+        self, made: Attempt, rows: Floats, timings: Mapping[str, float]
+    ) -> None:
+        columns, trajectory = made.session.system.columns, made.trajectory
+        self._made, self._rows = made, rows
+        self.columns: tuple[str, ...] = columns.of_table
+        self.table: Floats = rows[:, : columns.table]
+        self.events: Sequence[Event] = trajectory.events
+        self.warnings: Sequence[Caution] = made.cautions()
+        self.outcome: str = trajectory.outcome.word
+        self.reason: str = trajectory.reason
+        self.complete: bool = trajectory.outcome.complete
+        self.record: dict[str, Any] = made.record(self.warnings, timings, [])
+
+    @property
+    def t(self) -> Floats:
+        """The times of the rows (rows,)."""
+        return self["t"]
+
+    @cached_property
+    def error(self) -> Error | None:
+        """The estimated error; None where there is no estimate."""
+        from lagsim.api.estimates import Error
+
+        bar = self._made.bar
+        return None if isinstance(bar, str) else Error.of(bar, self._name, self.units)
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """The unit of each column, where it is known or follows."""
+        units: dict[str, str] = self.record["columns"]
+        return units
+
+    def __getitem__(self, name: str) -> Floats:
+        if name not in self.columns:
+            raise KeyError(f"there is no column `{name}`: {', '.join(self.columns)}")
+        return self.table[:, self.columns.index(name)]
+
+    @overload
+    def at(self, t: float) -> dict[str, float]: ...
+
+    @overload
+    def at(self, t: Sequence[float] | Floats) -> dict[str, Floats]: ...
+
+    def at(
+        self, t: float | Sequence[float] | Floats
+    ) -> dict[str, float] | dict[str, Floats]:
+        """Give all columns at any time of the run, as exactly as in its rows.
+
+        The run is repeated with the same steps, up to the last time that is asked for,
+        and the method interpolates within its own steps as it does for rows. One call
+        with all times is therefore faster than many calls.
+
+        Parameters
+        ----------
+        t
+            One time, or an array of times in any order. At the time of an impact or a
+            switch the state is the one after it.
+
+        Returns
+        -------
+        dict
+            Of each column a number, or an array of the shape of `t`.
+
+        Raises
+        ------
+        ValueError
+            Where a time lies outside the run.
+        """
+        import numpy as np
+
+        from lagsim.api.moments import rows_at
+
+        times = np.asarray(t, dtype=float)
+        rows = rows_at(self._made, times.ravel())
+        columns = zip(self.columns, rows.T, strict=False)
+        if not times.ndim:
+            return {name: float(values[0]) for name, values in columns}
+        return {name: values.reshape(times.shape) for name, values in columns}
+
+    def to_dataframe(self) -> Any:
+        """Give the table as a pandas DataFrame; units are in its `attrs`.
+
+        Raises
+        ------
+        ImportError
+            Where pandas is not installed, which is no part of lagsim.
+        """
+        try:
+            import pandas as pd
+        except ImportError:
+            text = "a DataFrame needs pandas: pip install pandas"
+            raise ImportError(text) from None
+        frame = pd.DataFrame(self.table, columns=list(self.columns))
+        frame.attrs["units"] = self.units
+        return frame
+
+    def plot(self, *columns: str, against: str = "t") -> Figure:
+        """Draw columns against time, or against another; nothing is shown.
+
+        Parameters
+        ----------
+        columns
+            Those of one unit share a panel. By default all coordinates.
+        against
+            What runs to the right; at equal scales where the units are the same.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such column.
+        """
+        from lagsim.outputs.figure import Column, figure
+        from lagsim.outputs.letters import Letters, raised
+
+        model = self._made.session.case.equations.model
+        coordinates = [c.name for c in model.coordinates]
+        letters = Letters([*coordinates, *(d.name for d in model.definitions)])
+        values = {name: self[name] for name in (against, *(columns or coordinates))}
+        drawn = {
+            name: Column(letters.name(name), raised(self.units[name]), column)
+            for name, column in values.items()
+        }
+        others = [drawn[name] for name in columns or coordinates]
+        return figure(model.name, drawn[against], others)
+
+    def animate(self, *, height: int = 640) -> Animation:
+        """Give the page that plays the motion, as `lagsim run --animate` writes it.
+
+        A notebook shows it at the end of a cell.
+
+        Parameters
+        ----------
+        height
+            Of the page in a notebook, in pixels.
+
+        Raises
+        ------
+        ValueError
+            Where the model has nothing to draw.
+        """
+        from lagsim.api.films import Animation
+        from lagsim.outputs.animation import NAME, nothing_to_draw
+
+        for caution in nothing_to_draw(self._made.session.case.equations.model):
+            raise ValueError(caution.text)
+        from lagsim.studies.beside import beside
+
+        page = dict(beside(self._made, None, self._frames()))[NAME]
+        if not isinstance(page, bytes):
+            raise RuntimeError(page.text)  # noqa: TRY004  it says why
+        return Animation(page.decode(), self._name, height)
+
+    def _frames(self) -> Frames:
+        """Give the rows for the page."""
+        from lagsim.outputs.animation import frames_of
+
+        session = self._made.session
+        frames = frames_of(session.case.equations, session.system.columns.names)
+        frames.add(self._rows)
+        return frames
+
+    def spectrum(self, column: str) -> Spectrum:
+        """Give how large a sine of each frequency is in a column.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such column.
+        InputError
+            Where the rows are too few, or not equally spaced.
+        """
+        from lagsim.studies.spectrum import spectrum
+
+        return spectrum(self.t, self[column], column, self.units[column])
+
+    def __repr__(self) -> str:
+        outcome, span, *_ = (text for _, text in self._summary())
+        return f"<Result of {self._name}: {outcome}, {span}>"
+
+    @property
+    def _name(self) -> str:
+        name: str = self.record["model"]["name"]
+        return name
+
+    def _summary(self) -> list[tuple[str, str]]:
+        """Say in a few lines what came of it."""
+        from lagsim.outputs.notebook import counted
+
+        record, bar, unit = self.record, self.error, self.units["energy"]
+        span = f"t = {record['start']:g} to {record['end']:.9g}"
+        ledger = "energy - work" if "work" in self.columns else "energy"
+        error = "not estimated"
+        if bar is not None:
+            error = f"about {bar.relative:.1g} of a coordinate's range"
+            if bar.horizon is not None:
+                error += f"; no forecast past t = {bar.horizon:.4g}"
+        method = record["method"]
+        if record["formulation"] != "none":
+            method += f", {record['formulation']}"
+        drift = f"{record['energy_drift']:.2g} {unit}".rstrip()
+        return [
+            ("outcome", self.outcome),
+            ("rows", f"{span}, {counted(record['rows'], 'row')}"),
+            *([] if self.outcome == "done" else [("reason", self.reason)]),
+            ("method", method),
+            ("error", error),
+            ("drift", f"{drift} in {ledger}"),
+            *(("warning", caution.text) for caution in self.warnings),
+        ]
+
+    def _repr_html_(self) -> str:
+        from lagsim.outputs.notebook import heading, picture, table
+        from lagsim.studies.beside import beside
+
+        drawn = dict(beside(self._made, self._thinned()))["trajectory.png"]
+        parts = [heading(self._name), table(self._summary())]
+        if isinstance(drawn, bytes):
+            parts.append(picture(drawn, f"the motion of {self._name}"))
+        return "\n".join(parts)
+
+    def _thinned(self) -> Thinning:
+        """Give the rows for pictures."""
+        from lagsim.run.observers.thinning import picture_thinning
+
+        session = self._made.session
+        model = session.case.equations.model
+        thin = picture_thinning(model, session.system.columns.names)
+        thin.add(self._rows)
+        return thin
+
+    def write(
+        self,
+        folder: str | Path,
+        *,
+        plots: bool = True,
+        table: Literal["csv", "npz", "parquet"] = "csv",
+        units: bool = False,
+        animate: bool = False,
+    ) -> None:
+        """Write what `lagsim run` writes: table, events, pictures, page, run.json.
+
+        Parameters
+        ----------
+        plots
+            The pictures, too.
+        table
+            How the table is kept.
+        units
+            A line of units below the header of CSV.
+        animate
+            The page that shows the motion.
+
+        Raises
+        ------
+        InputError
+            Where the folder cannot be used.
+        OSError
+            Where there is no room; then the folder is as it was.
+        """
+        from lagsim.api.words import one_of
+        from lagsim.outputs import Format
+        from lagsim.outputs.manifest import encode
+        from lagsim.outputs.results import MANIFEST, open_results
+        from lagsim.outputs.table import table_writer
+        from lagsim.studies.beside import beside
+
+        known = [x.value for x in Format]
+        made, form = self._made, Format(one_of("table", table, known))
+        if form is not Format.CSV:
+            from lagsim.outputs.packed import check_format
+
+            check_format(form, show_units=units)
+        with open_results(Path(folder)) as results:
+            path = results.part(form.file)
+            writer = table_writer(form, path, self.units, show_units=units)
+            with contextlib.closing(writer):
+                writer.add(self.table)
+                writer.finish()
+            thin = self._thinned() if plots else None
+            frames = self._frames() if animate else None
+            undrawn = [c.record for c in results.fill(beside(made, thin, frames))]
+            listed = {
+                "warnings": [*self.record["warnings"], *undrawn],
+                "files": [*results.names, MANIFEST],
+                "sha256": results.digests(),
+            }
+            results.commit(encode(self.record | listed))

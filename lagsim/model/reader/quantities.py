@@ -1,0 +1,197 @@
+"""Numbers as they are written elsewhere: with units, separators, a decimal comma."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from typing import TYPE_CHECKING, NamedTuple
+
+from lagsim.model.nodes import Mapping, Scalar, Sequence
+
+if TYPE_CHECKING:
+    from lagsim.model.nodes import Node
+
+NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+
+# Units that are often names of variables too.
+_UNITS = (
+    "m|g|s|N|J|W|K|A|V|C|T|F|H|h|l|rad|deg|Pa|Hz|bar|Ohm|ohm|mol|L|lb|ft|rpm|in|inch|"
+    "sec|seconds?|minutes?|hours?|days?|met(?:re|er)s?|grams?|newtons?|joules?|watts?|"
+    "radians?|degrees?|revs?|revolutions?|turns?|grad|gon"
+)
+_UNIT = re.compile(rf"(?:da|[yzafpnuµμmcdhkMGT]|kilo)?(?:{_UNITS})|min|hr|kgf|lbf")
+
+
+class _Scale(NamedTuple):
+    """A unit in units of the SI: factors above and below the line, and the unit."""
+
+    plain: str
+    above: tuple[str, ...] = ()
+    below: tuple[str, ...] = ()
+
+
+_SCALES = {
+    **dict.fromkeys(("deg", "degree", "degrees"), _Scale("rad", ("pi",), ("180",))),
+    **dict.fromkeys(("grad", "gon"), _Scale("rad", ("pi",), ("200",))),
+    **dict.fromkeys(
+        ("rev", "revs", "revolution", "revolutions", "turn", "turns"),
+        _Scale("rad", ("2", "pi")),
+    ),
+    "rpm": _Scale("rad/s", ("2", "pi"), ("60",)),
+    **dict.fromkeys(("min", "minute", "minutes"), _Scale("s", ("60",))),
+    **dict.fromkeys(("h", "hr", "hour", "hours"), _Scale("s", ("3600",))),
+    **dict.fromkeys(("day", "days"), _Scale("s", ("86400",))),
+    **dict.fromkeys(("s", "sec", "second", "seconds"), _Scale("s")),
+    **dict.fromkeys(("us", "µs", "μs"), _Scale("s", (), ("1e6",))),
+    **dict.fromkeys(("g", "gram", "grams"), _Scale("kg", (), ("1000",))),
+    "mg": _Scale("kg", (), ("1e6",)),
+    **dict.fromkeys(("in", "inch"), _Scale("m", ("0.0254",))),
+    "ft": _Scale("m", ("0.3048",)),
+    "lb": _Scale("kg", ("0.45359237",)),
+    "bar": _Scale("Pa", ("1e5",)),
+    "cm": _Scale("m", (), ("100",)),
+    "dm": _Scale("m", (), ("10",)),
+    **{f"m{of}": _Scale(of, (), ("1000",)) for of in ("m", "s", "N", "J", "rad")},
+    **{f"k{of}": _Scale(of, ("1000",)) for of in ("m", "N", "J", "W", "Hz", "Pa")},
+    **{f"M{of}": _Scale(of, ("1e6",)) for of in ("N", "J", "W", "Pa")},
+    **{f"G{of}": _Scale(of, ("1e9",)) for of in ("N", "J", "W", "Pa")},
+}
+_WORD = re.compile(r"[^\W\d_]\w*")
+_FACTOR = re.compile(r"([*/]?)([^\W\d_]+)(?:\^(-?\d+))?")
+_LIKE = {
+    "rad": ": angles are in radians",
+    "radians": ": angles are in radians",
+    "rad/s": ": rates are in rad/s",
+}
+
+
+def words(text: str) -> list[str]:
+    """Give the names in a text."""
+    return _WORD.findall(text)
+
+
+def is_unit(text: str) -> bool:
+    """Tell whether a text looks like a unit: each word of it does."""
+    found = words(unit(text))
+    return bool(found) and all(map(_UNIT.fullmatch, found))
+
+
+def unit(text: str) -> str:
+    """Give a unit as it is written: powers by `^`, products by `*`."""
+    for letter, plain in (
+        ("**", "^"), ("²", "^2"), ("³", "^3"), ("·", "*"), ("⋅", "*"),
+        ("°", "deg"), ("º", "deg"),
+    ):  # fmt: skip
+        text = text.replace(letter, plain)
+    return re.sub(r"\s*([*/^])\s*", r"\1", text.strip(" .")).replace(" ", "*")
+
+
+def _scaled(number: str, of: str) -> tuple[str, str]:
+    """Give a number in units of the SI, and the unit; as it is where that is plain."""
+    found = _FACTOR.findall(of)
+    if "".join(a + b + (c and f"^{c}") for a, b, c in found) != of:
+        return number, of
+    above: Counter[str] = Counter()
+    below: Counter[str] = Counter()
+    plain = ""
+    for sign, word, power in found:
+        scale = _SCALES.get(word, _Scale(word))
+        times = int(power or 1) * (-1 if sign == "/" else 1)
+        for factors, one in ((scale.above, above), (scale.below, below)):
+            other = below if one is above else above
+            for factor in factors:
+                (one if times > 0 else other)[factor] += abs(times)
+        plain += sign + scale.plain + (power and f"^{power}")
+    ends = "".join(
+        f"{sign}{factor}" + (f"^{times}" if times > 1 else "")
+        for sign, factors in (("*", above), ("/", below))
+        for factor, times in factors.items()
+    )
+    if ends and not re.fullmatch(rf"[-+]?{NUMBER}", number):
+        number = f"({number})"
+    return number + ends, plain
+
+
+def quantity(number: str, of: str, *, beside: bool) -> str:
+    """Say how a number with a unit is written.
+
+    `beside`: it is the value of a parameter or a definition, with its unit beside it.
+    """
+    of = unit(of)
+    if of in ("Hz", "1/s") and not beside:
+        return f"write {number}*2*pi: rates are in rad/s"
+    scaled, plain = _scaled(number, of)
+    if scaled == number:
+        if beside:
+            return f"write {{value: {number}, unit: {of}}}: a unit stands beside"
+        reason = _LIKE.get(of, ": a number stands here without its unit")
+        return f"write {number}{reason}"
+    if plain in _LIKE:
+        return f"write {scaled}{_LIKE[plain]}"
+    return (
+        f"write {scaled}, in {plain}, or {number} where all is in {of}: "
+        "units never scale numbers"
+    )
+
+
+_MARKS = r"[ ',.\u00a0\u202f]"
+_SEPARATED = re.compile(rf"(?<![\w.])\d+(?:{_MARKS}\d+)+")
+# So many digits are between two marks of thousands.
+_GROUP = 3
+
+
+def separated(text: str) -> str:
+    """Say how a number with a decimal comma or marks of thousands is written."""
+    if not _SEPARATED.fullmatch(text):
+        return ""
+    parts, marks = re.split(_MARKS, text), re.findall(_MARKS, text)
+    groups = all(len(part) == _GROUP for part in parts[1:-1])
+    last, others = marks[-1], set(marks[:-1])
+    if last in ",." and last not in others and len(others) < 2 and groups:
+        if last == "." and not others:
+            return ""
+        number = f"{''.join(parts[:-1])}.{parts[-1]}"
+        if not others and len(parts[-1]) == _GROUP and parts[0].lstrip("0"):
+            return f"write {''.join(parts)}, or {number} if the comma is a decimal one"
+        return f"write {number}: a decimal point is written `.`"
+    if groups and len(parts[-1]) == _GROUP and len({*others, last}) == 1:
+        return f"write {''.join(parts)}, without separators"
+    return ""
+
+
+def separated_around(text: str, offset: int) -> str:
+    """Say the same of the number in a text that stands around an offset."""
+    for found in _SEPARATED.finditer(text):
+        if found.start() <= offset <= found.end():
+            return separated(found[0])
+    return ""
+
+
+def split_by_comma(key: Scalar) -> str:
+    """Say how a number is written that a comma has cut in two, as in {l: 1,5}."""
+    if not re.fullmatch(r"\d[\d.]*", key.text):
+        return ""
+    text, start, end = key.span.source.text, key.span.start, key.span.end
+    before = re.search(r"\d[\d.',\s]*,\s*$", text[max(0, start - 40) : start])
+    after = re.match(r"(?:\s*,\s*\d[\d.]*(?=\s*[,}\]]))*", text[end : end + 40])
+    if before is None or after is None:
+        return ""
+    return separated(re.sub(r"\s", "", before[0] + key.text + after[0]))
+
+
+def of_collection(node: Node, *, beside: bool) -> str:
+    """Say what is written for a mapping or a list in the place of one expression."""
+    if isinstance(node, Mapping):
+        given = {k.text: v.text for k, v in node.entries if isinstance(v, Scalar)}
+        if given.get("value"):
+            return quantity(given["value"], given.get("unit", ""), beside=False)
+        if len(node.entries) == 1 and list(given.values()) == [""]:
+            return f"write {node.entries[0][0].text}, without braces"
+    if isinstance(node, Sequence):
+        texts = [item.text for item in node.items if isinstance(item, Scalar)]
+        if len(texts) == len(node.items) == 1:
+            return f"write {texts[0]}, without brackets"
+        both = len(texts) == len(node.items) == len(("number", "unit"))
+        if both and re.fullmatch(rf"[-+]?{NUMBER}", texts[0]) and is_unit(texts[1]):
+            return quantity(*texts, beside=beside)
+    return "write one expression, without brackets or braces"

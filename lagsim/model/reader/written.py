@@ -1,0 +1,181 @@
+"""How expressions are written elsewhere, and how they are written here: a table.
+
+Spellings of other languages, of textbooks and of pocket calculators.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from typing import TYPE_CHECKING
+
+from lagsim.model.reader import spellings
+from lagsim.model.reader.quantities import NUMBER
+from lagsim.model.reader.spellings import CALLED, MODULES, RADIANS, RATES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+FRACTION = "\N{FRACTION SLASH}"
+_ARGUMENT = rf"(?:{NUMBER}\s*\*\s*)?(?:[^\W\d]\w*|{NUMBER})"
+_POWER = r"(?:\^|\*\*)\s*(\d+)"
+# What stands in parentheses, with others in it.
+_INSIDE = r"((?:[^()]|\([^()]*\))*)"
+_INVERSE = r"(?:\^|\*\*)\s*(?:-1|\(\s*-1\s*\))"
+_NAME = r"([^\W\d_]\w*)"
+_EXACT = "numbers are compared by <, <=, > and >="
+_TERM = r"[\w.]+(?:\s*[-+*/^]\s*[\w.]+)*"
+# What may be raised to a power, or be one.
+_ATOM = r"(?:[\w.]+\([^()]*\)|\([^()]*\)|[\w.]+)"
+
+
+_SECOND_QUOTIENT = rf"\bd(?:\^|\*\*)?2\s*{_NAME}\s*/\s*d\s*t(?:(?:\^|\*\*)?2)?"
+_QUOTIENT = rf"\bd\s*\(?{_NAME}\)?\s*/\s*dt\b"
+
+
+def _from_module(found: re.Match[str]) -> str:
+    name = found[1]
+    if known := spellings.function(name):
+        return f"write `{known}`, without a module"
+    if other := spellings.rewritten(name, found[2] or ""):
+        return f"write {other}"
+    plain = {"e": "exp(1)", "inf": "", "nan": ""}.get(name, f"`{name}`")
+    return f"write {plain}, without a module" if plain else "every number is finite"
+
+
+def _call(found: re.Match[str]) -> str:
+    return f"write {spellings.call(found[1], found[2])}"
+
+
+def _power_of_call(found: re.Match[str]) -> str:
+    name, power, *argument = found.groups()
+    power = {"²": "2", "³": "3"}.get(power, power)
+    inside = argument[0] if argument and argument[0] else "..."
+    call = spellings.call(name, inside)
+    return f"write {call if call[-1] == ')' else f'({call})'}^{power}"
+
+
+def _inverse(found: re.Match[str]) -> str:
+    inside = found[2] or found[3] or "..."
+    return f"write a{found[1]}({inside})"
+
+
+def _exponential(found: re.Match[str]) -> str:
+    return f"write exp({found[1].removeprefix('(').removesuffix(')')})"
+
+
+def _compared(found: re.Match[str]) -> str:
+    left, sign, right = (part.strip() for part in found.groups())
+    if sign in ("!=", "<>", "≠"):
+        return f"write ({left} < {right} or {left} > {right}): {_EXACT}"
+    return f"write ({left} >= {right} and {left} <= {right}): {_EXACT}"
+
+
+def _fractions(found: re.Match[str]) -> str:
+    text = unicodedata.normalize("NFKC", found[0]).replace(FRACTION, "/")
+    return f"write ({text})"
+
+
+# Each is looked for around the fault: what is matched, and what to write instead.
+_SPELLINGS: list[tuple[str, str | Callable[[re.Match[str]], str]]] = [
+    (rf"({NUMBER})\s*π", "write {0}*pi"),
+    (rf"({NUMBER})\s*%\s*$", "write {0}/100"),
+    (r"\b(\d+\.\d*)[fF]\b", "write {0}"),
+    (r"\b\d+\.?\d*[ij]\b", "every number is real"),
+    (r"(\d+\.?\d*)[eE]([-+]?\d*\.\d+)", "write {0}*10^{1}"),
+    (
+        rf"({NUMBER})\s*[xX×·]\s*10\s*(?:\^|\*\*)\s*([-+]?\d+)",
+        "write {0}e{1}",
+    ),
+    (r"\b\d+\.\d*\.\d", "a number has one decimal point"),
+    (r"\b0[xXbBoO]\w+", "numbers are decimal"),
+    (r"(\d+\.?\d*)[eE](?![\w+-])", "write {0}e0: an exponent has digits"),
+    (r"\d:\d\d", "a time is one number, such as 90 for 1:30"),
+    (r"∞|\binf\b", "every number is finite"),
+    (rf"({NUMBER})\s*(?:[°º]|deg(?:rees?)?\b)", f"write {{0}}*pi/180: {RADIANS}"),
+    (r",\s*$", "leave `,` out"),
+    (r"\w\[\d*\]", "there are no indices: each has a name of its own"),
+    (rf"\b[eE]\s*(?:\^|\*\*)\s*(-?\s*{_ATOM})", _exponential),
+    (rf"\bexp\s*(?:\^|\*\*)\s*(-?\s*{_ATOM})", _exponential),
+    (r"[¼-¾⅐-⅞]", _fractions),
+    (r"^\s*(?:if\s+)?(.+?)\s+if\s+(.+?)\s+else\s+(.+)$", "write if({1}, {0}, {2})"),
+    (r"^\s*if\s+(.+?)\s+then\s+(.+?)\s+else\s+(.+)$", "write if({0}, {1}, {2})"),
+    (r"^\s*(.+?)\s*\?\s*(.+?)\s*:\s*(.+)$", "write if({0}, {1}, {2})"),
+    (r":=", "write `=`"),
+    (r"(\d)\s*([-+])\s*[eE](\d+)\b", "write {0}e{1}{2}"),
+    (r"\bif\s+[^(\s]", "write if(condition, a, b)"),
+    (r"=<", "write `<=` for `=<`"),
+    (r"=>", "write `>=` for `=>`"),
+    (rf"({_TERM})\s*(==|!=|<>|≠)\s*({_TERM})", _compared),
+    (rf"(?<=\bif\()\s*({_TERM})\s*(=)\s*({_TERM})", _compared),
+    (r"^\s*(.+?)\s+(?:when|where)\s+(.+)$", "write if({1}, {0}, 0)"),
+    (r"([\w.]+)\s+(?:mod|rem)\s+([\w.]+)", "write {0} - {1}*floor({0}/{1})"),
+    (r"([\w.]+)\s*%\s*([\w.]+)", "write {0} - {1}*floor({0}/{1})"),
+    (r"([\w.]+)\s+div\s+([\w.]+)", "write floor({0}/{1})"),
+    (rf"\b({CALLED})\s*{_POWER}\s*\({_INSIDE}\)", _power_of_call),
+    (rf"\b({CALLED})\s*{_POWER}\s+({_ARGUMENT})", _power_of_call),
+    (rf"\b({CALLED})\s*([²³])\s*\({_INSIDE}\)", _power_of_call),
+    (rf"\b({CALLED})\s*([²³])\s*({_ARGUMENT})?", _power_of_call),
+    (
+        rf"\b(sinh?|cosh?|tanh?)\s*{_INVERSE}\s*(?:\({_INSIDE}\)|({_ARGUMENT}))?",
+        _inverse,
+    ),
+    (rf"\b({CALLED})\s*[\[{{]([^\]}}]*)[\]}}]", _call),
+    (rf"\b({CALLED})\s+({_ARGUMENT})", _call),
+    (rf"\b(?:{MODULES})(?:\.|::)(\w+)(?:\(([^()]*)\))?", _from_module),
+    (
+        rf"\b(?:{'|'.join(RATES)})\(\s*{_NAME}\s*(?:,\s*t\s*)?\)",
+        "the rate is written {0}_dot",
+    ),
+    (_SECOND_QUOTIENT, "the second rate is written {0}_ddot"),
+    (_QUOTIENT, "the rate is written {0}_dot"),
+    (rf"\bd\s*/\s*dt\s*\(?\s*{_NAME}\s*\)?", "the rate is written {0}_dot"),
+    (rf"\\ddot\s*\{{?\s*\\?{_NAME}", "the second rate is written {0}_ddot"),
+    (rf"\\dot\s*\{{?\s*\\?{_NAME}", "the rate is written {0}_dot"),
+    (rf"{_NAME}\u0308", "the second rate is written {0}_ddot"),
+    (rf"{_NAME}\u0307", "the rate is written {0}_dot"),
+    (rf"{_NAME}(?:''|″|′′|’’)", "the second rate is written {0}_ddot"),
+    (rf"{_NAME}['′’]", "the rate is written {0}_dot"),
+    (rf"{_NAME}\s*[.\s-]\s*ddot\b", "the second rate is written {0}_ddot"),
+    (rf"{_NAME}\[t\]", "write {0}, without `[t]`"),
+    (rf"{_NAME}\s*[.\s-]\s*dot\b", "the rate is written {0}_dot"),
+    (r"\|([^|]+)\|", "write abs({0})"),
+    (rf"√\s*\({_INSIDE}\)", "write sqrt({0})"),
+    (r"√\s*(\w+)", "write sqrt({0})"),
+    (r"∛\s*\(?(\w+)\)?", "write cbrt({0})"),
+    (r"\\d?frac\s*\{([^{}]*)\}\s*\{([^{}]*)\}", "write ({0})/({1})"),
+    (r"\\sqrt\s*\{([^{}]*)\}", "write sqrt({0})"),
+    (r"\\(?:cdot|times)", "write `*`"),
+    (r"\\(?:left|right|,|;|!)", "leave it out: this is no LaTeX"),
+    (r"\\(\w+)", "write {0}, without `\\`"),
+    (r"\$", "write the expression without `$`"),
+    (r"\^\{([^{}]*)\}", "write ^({0})"),
+    (r"[\w)]\s*!(?!=)", "there is no factorial"),
+    (
+        r"([\w.]+)\s*//\s*([\w.]+)",
+        "write floor({0}/{1}), or ` #` where a comment begins",
+    ),
+    (r"[≠]", f"write < or >: {_EXACT}"),
+    (r"[“”„‘’‚]", "an expression contains no quotes"),
+    (r"[\u200b-\u200f\u2060\ufeff]", "delete it: nobody sees it"),
+    (r"(?<!&)&(?!&)", "write `and`"),
+    (r";\s*$", "leave `;` out"),
+    (r"[⋅∙•∗]", "write `*`"),
+    (r"\w\([^()]*;", "write `,` between arguments"),
+    (
+        r"\b(min|max|hypot)\(([^(),]+),\s*([^(),]+),\s*([^(),]+)\)",
+        "write {0}({1}, {0}({2}, {3}))",
+    ),
+    (r"\batan\(([^(),]+),\s*([^(),]+)\)", "write atan2({0}, {1})"),
+    (r"\batan2\(([^(),/]+)/([^(),/]+)\)", "write atan2({0}, {1})"),
+    (r"\blog\(([^(),]+),\s*([^(),]+)\)", "write log({0})/log({1})"),
+]
+# The first of them are of numbers.
+OF_NUMBERS = 9
+PATTERNS = [(re.compile(pattern), meant) for pattern, meant in _SPELLINGS]
+# What parses as an expression and is meant otherwise.
+OF_NAMES = [
+    (re.compile(pattern), meant)
+    for pattern, meant in _SPELLINGS
+    if meant is _exponential or pattern in (_SECOND_QUOTIENT, _QUOTIENT)
+]

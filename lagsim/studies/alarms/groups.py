@@ -1,0 +1,232 @@
+"""The energy of each group of coordinates that touch no other: no other hides its own.
+
+Where the energy is a sum over groups, each has a balance: its energy less the work that
+is done on it, see `mechanics.works`. Values come from the rows that the witness has
+kept.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
+from lagsim.mechanics.groups import groups, shares
+from lagsim.run.observers.witness import gained
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.equations import Equations
+    from lagsim.plan.plan import Plan
+    from lagsim.run.observers.ledger import Ledger
+    from lagsim.run.observers.witness import Witness
+
+# Rows that are looked at, and operations for them, at most.
+MOST_ROWS = 512
+MOST_OPERATIONS = 2e5
+# Rows that show a speed to this part of it show the motion.
+SHOWN = 0.5
+# Shares whose sum is the whole energy to this part of them are all of it.
+WHOLE = 1e-10
+
+
+class Balance(NamedTuple):
+    """What a group's energy - work shows.
+
+    Attributes
+    ----------
+    coordinates : list of int
+    names : tuple of str
+        Of its coordinates.
+    energy : int
+        Its share: a node.
+    in_play : float
+        Its largest kinetic energy, between rows too, or range of what else it has, or
+        of the work.
+    work_range : float
+        Of the work that is done on it.
+    drifts : ndarray, shape (k,)
+        Of energy - work, from its first value.
+    rows : ndarray, shape (k, 1 + 2 n)
+        Time, coordinates and velocities of the whole.
+    """
+
+    coordinates: list[int]
+    names: tuple[str, ...]
+    energy: int
+    in_play: float
+    work_range: float
+    drifts: Floats
+    rows: Floats
+
+    @property
+    def kept(self) -> Floats:
+        """Energy - work (k,) of these rows, from its first value."""
+        return self.drifts
+
+    @property
+    def drift(self) -> float:
+        """The largest."""
+        return float(np.max(np.abs(self.drifts)))
+
+    @property
+    def worst_row(self) -> Floats:
+        """Where it is."""
+        return np.asarray(self.rows[np.argmax(np.abs(self.drifts))])
+
+    def since(self, bound: float) -> float | None:
+        """Give the first time at which energy - work is off by more than `bound`."""
+        off = np.flatnonzero(np.abs(self.drifts) > bound)
+        return float(self.rows[off[0], 0]) if len(off) else None
+
+    def gained(self, *, farthest: bool) -> float:
+        """Give what has been gained in the end, or the deviation that is `farthest`."""
+        if farthest:
+            return float(self.drifts[np.argmax(np.abs(self.drifts))])
+        return gained(self.drifts)
+
+
+class Whole(NamedTuple):
+    """What energy - work of all coordinates shows, over all rows."""
+
+    coordinates: list[int]
+    energy: int
+    ledger: Ledger
+    witness: Witness
+    names: tuple[str, ...] = ()
+
+    @property
+    def drift(self) -> float:
+        """The largest."""
+        return self.ledger.energy_drift
+
+    @property
+    def in_play(self) -> float:
+        """The energy in play."""
+        return self.witness.energy_in_play
+
+    @property
+    def work_range(self) -> float:
+        """Of the work."""
+        return self.witness.work_range
+
+    @property
+    def rows(self) -> Floats:
+        """Time, coordinates and velocities (k, 1 + 2 n) of what is kept."""
+        return self.witness.passed
+
+    @property
+    def kept(self) -> Floats:
+        """Energy - work (k,) of these rows."""
+        return self.witness.balance
+
+    @property
+    def worst_row(self) -> Floats | None:
+        """Where the drift is largest."""
+        return self.ledger.worst_row
+
+    def since(self, bound: float) -> float | None:
+        """Give the first time at which energy - work is off by more than `bound`."""
+        return self.ledger.drift_since(bound)
+
+    def gained(self, *, farthest: bool) -> float:
+        """Give what has been gained in the end, or the deviation that is `farthest`."""
+        if farthest and math.isfinite(self.ledger.energy_gained):
+            return self.ledger.energy_gained
+        return self.witness.energy_gained
+
+
+def accounts(
+    equations: Equations, plan: Plan, ledger: Ledger, witness: Witness
+) -> Iterator[Balance | Whole]:
+    """Give the account of each group, then of the whole.
+
+    A tolerance that a person gave in absolute numbers is no measure of small groups.
+    """
+    if plan.atol is None:
+        yield from balances(equations, witness)
+    everything = list(range(len(equations.q)))
+    yield Whole(everything, equations.energy, ledger, witness)
+
+
+def account_of(balance: Balance | Whole) -> str:
+    """Name an account."""
+    of = f" of {', '.join(balance.names)}" if balance.names else ""
+    return f"energy - work{of}"
+
+
+def balances(equations: Equations, witness: Witness) -> list[Balance]:
+    """Give what each group shows; nothing where there is one, or no sum over them."""
+    e, g, n = equations, equations.graph, len(equations.q)
+    if n < 2 or len(witness.passed) < 2:
+        return []
+    found = groups(e)
+    if len(found) < 2 or (len(e.works) == 1 and e.works[0].energy == e.energy):
+        return []
+    energies, forms = (shares(e, found, x) for x in (e.energy, e.kinetic_form))
+    nodes = [*energies, *forms]
+    names = [tuple(e.q[j] for j in group) for group in found]
+    for group, *own in zip(found, energies, forms, strict=True):
+        within = {x[j] for x in (e.q, e.velocities) for j in group}
+        if g.depends(own) & {*e.q, *e.velocities} - within:
+            return []
+    most = min(MOST_ROWS, int(MOST_OPERATIONS / len(g.cone(nodes))))
+    stride = -(-len(witness.passed) // max(most, 2))
+    rows, worked = witness.passed[::stride], witness.worked[::stride]
+    moving = dict(zip(("t", *e.q, *e.velocities), rows.T, strict=True))
+    fixed = {p.name: p.value for p in e.model.parameters}
+    values = evaluate_rows(g, nodes, fixed | moving, len(rows))
+    each, kinetic = values[: len(found)], values[len(found) :]
+    fastest = [np.max(np.abs(x)) for x in kinetic]
+    for speeds in _between(e.velocities, moving, witness.extents):
+        more = evaluate_rows(g, forms, fixed | moving | speeds, len(rows))
+        fastest = [np.fmax(a, np.max(b)) for a, b in zip(fastest, more, strict=True)]
+    rest = np.sum(each, axis=0) - np.sum(worked, axis=1) - witness.balance[::stride]
+    # What stands in no group depends on time alone, and is in `work` as it is.
+    timed = [k for k, work in enumerate(e.works) if not work.coordinates]
+    rest += np.sum(worked[:, timed], axis=1)
+    if not np.ptp(rest) <= WHOLE * np.max(np.abs(each)):
+        return []
+    made = []
+    for i, group in enumerate(found):
+        own = [k for k, x in enumerate(e.works) if names[i][0] in x.coordinates]
+        done = np.sum(worked[:, own], axis=1)
+        parts = each[i] - kinetic[i], done
+        in_play = max(fastest[i], *(np.ptp(x) for x in parts))
+        drifts = each[i] - done - (each[i, 0] - done[0])
+        work_range = float(np.ptp(done))
+        made.append(
+            Balance(
+                group, names[i], energies[i], float(in_play), work_range, drifts, rows
+            )
+        )
+    return made
+
+
+def _between(
+    velocities: Sequence[str],
+    rows: Mapping[str, Floats],
+    extents: Mapping[str, tuple[float, float]],
+) -> list[dict[str, float]]:
+    """Give the velocities that rows do not show: all least ones, all greatest ones."""
+    missed = {
+        v: extents[v]
+        for v in velocities
+        if v in extents
+        and np.max(np.abs(rows[v])) < SHOWN * np.max(np.abs(extents[v])) < np.inf
+    }
+    return [{v: x[k] for v, x in missed.items()} for k in (0, 1)] if missed else []
+
+
+def worth(equations: Equations, node: int, row: Floats, errors: Floats) -> float:
+    """Give what errors of the state (2 n,) are worth in an energy at a row."""
+    values = {p.name: (p.value, 0.0) for p in equations.model.parameters}
+    names = (*equations.q, *equations.velocities)
+    state = zip(row[1 : 1 + len(names)].tolist(), errors.tolist(), strict=True)
+    values |= {"t": (float(row[0]), 0.0)} | dict(zip(names, state, strict=True))
+    ((_, error),) = evaluate_with_error(equations.graph, [node], values)
+    return float(error)

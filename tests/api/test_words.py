@@ -1,0 +1,135 @@
+"""Arguments: what stands for a model, and faults in Python's words."""
+
+from __future__ import annotations
+
+import inspect
+import re
+
+import pytest
+
+import lagsim
+
+SPRING = """
+parameters: {k: 4}
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: k*x^2/2}
+initial: {x: 1}
+simulation: {duration: 1}
+"""
+NUMBERS = [
+    "duration", "output_step", "rtol", "atol", "step", "gain", "spectral_radius",
+]  # fmt: skip
+
+
+def sweep(model, **options):
+    return lagsim.sweep(model, {"k": [1]}, **options)
+
+
+@pytest.fixture
+def spring():
+    return lagsim.load(SPRING)
+
+
+@pytest.mark.parametrize("call", [lagsim.simulate, sweep])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *((n, -1) for n in NUMBERS), *((n, "2*") for n in NUMBERS),
+        ("method", "rk5"), ("formulation", "x"),
+    ],
+)  # fmt: skip
+def test_a_fault_names_the_argument(spring, call, name, value):
+    if call is sweep and name == "formulation":
+        pytest.skip("known when the runs begin")
+    with pytest.raises(lagsim.InputError) as raised:
+        call(spring, **{name: value})
+    text = str(raised.value)
+    assert text.startswith(f"{name}=")
+    assert "--" not in text
+    [problem] = raised.value.problems
+    first, source, caret, *_ = text.split("\n")
+    assert first.startswith(f"{problem.file}:1:{problem.column}: ")
+    # The caret stands below what is given.
+    shown = source[2 + len(name) + 1 :]
+    assert float(shown) == value if isinstance(value, int) else shown == value
+    assert len(name) + 3 <= caret.index("^") <= len(source)
+
+
+@pytest.mark.parametrize(("values", "text"), [
+    ({"k": "2*"}, "k=2*:1:5"), ({"x": "k k"}, "x=k k:1:5"), ({"kk": 1}, "kk=1.0:1:1"),
+    ({"x_dott": 1}, "x_dott=1.0:1:1"),
+])  # fmt: skip
+def test_a_fault_of_a_value_names_it(spring, values, text):
+    for call in (
+        lambda: spring.bind(**values),
+        lambda: lagsim.load(SPRING, **values),
+        lambda: spring.bind(values if "k" in str(values) else None, None, **values),
+    ):
+        with pytest.raises(lagsim.InputError) as raised:
+            call()
+        assert str(raised.value).startswith(text)
+        assert "--" not in str(raised.value)
+
+
+@pytest.mark.parametrize("value", [[1], None, object()])
+def test_what_is_neither_number_nor_text_is_refused(spring, value):
+    with pytest.raises(TypeError, match=r"^k="):
+        spring.bind(k=value)
+    if value is not None:
+        with pytest.raises(TypeError, match=r"^step="):
+            lagsim.simulate(spring, step=value)
+    with pytest.raises(TypeError, match=r"^k=|^k: "):
+        lagsim.sweep(spring, {"k": [value]})
+
+
+def test_words_and_lists_are_checked(spring):
+    with pytest.raises(ValueError, match=r"error_bar='no': one of 'auto', 'always'"):
+        lagsim.simulate(spring, error_bar="no")
+    with pytest.raises(ValueError, match="error_bar"):
+        sweep(spring, error_bar="no")
+    with pytest.raises(ValueError, match=r"jobs=0: 1 or more"):
+        sweep(spring, jobs=0)
+    with pytest.raises(TypeError, match=r"method=3"):
+        lagsim.simulate(spring, method=3)
+    for values in ("1,2", 3, None):
+        with pytest.raises(TypeError, match=r"^k: .* a list of values"):
+            lagsim.sweep(spring, {"k": values})
+    with pytest.raises(TypeError, match="ouput_step"):
+        sweep(spring, ouput_step=1)
+    with pytest.raises(ValueError, match=r"table='xls': one of 'csv'"):
+        lagsim.simulate(spring, error_bar="never").write("nowhere", table="xls")
+
+
+CALLS = {
+    "simulate": lambda x: lagsim.simulate(x, error_bar="never").table.tolist(),
+    "check": lambda x: lagsim.check(x).record["constraints"],
+    "derive": lambda x: lagsim.derive(x).json["accelerations"],
+    "sweep": lambda x: lagsim.sweep(x, {"k": [1, 2]}, ends=True)["x.end"].tolist(),
+    "load": lambda x: lagsim.load(x).parameters,
+}
+
+
+@pytest.mark.parametrize("name", sorted(CALLS))
+def test_a_path_or_a_text_stands_for_a_model(spring, tmp_path, name):
+    call, path = CALLS[name], tmp_path / "spring.yaml"
+    path.write_text(SPRING)
+    assert call(path) == call(str(path)) == call(SPRING) == call(spring)
+    for wrong in (3, None, ["a"]):
+        with pytest.raises(TypeError, match=r"a path, or the text of a file"):
+            call(wrong)
+    with pytest.raises(lagsim.InputError, match="cannot be read"):
+        call(tmp_path / "other.yaml")
+
+
+@pytest.mark.parametrize("name", ["simulate", "sweep", "check", "derive", "load"])
+def test_help_explains_each_argument(name):
+    function = getattr(lagsim, name)
+    said = inspect.getdoc(function)
+    parameters = said.partition("Parameters\n----------\n")[2].partition("Raises")[0]
+    heads = re.findall(r"(?m)^(\S.*)$", parameters)
+    named = ", ".join(heads).replace("*", "")
+    if name == "sweep":
+        named = named.replace(
+            "...", ", ".join(inspect.signature(lagsim.simulate).parameters)
+        )
+    assert set(inspect.signature(function).parameters) <= set(named.split(", "))

@@ -1,0 +1,131 @@
+"""A picture that cannot be drawn costs that picture, and nothing else of a run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from lagsim.notes import Caution
+from lagsim.outputs import plots, results
+from lagsim.outputs.attempted import attempted
+from tests.cli._results import manifest, names, table
+from tests.cli._scenes import ON_THE_CURVE, PENDULUM
+
+DRAWN = ["constraint_forces.png", "energy.png", "trajectory.png"]
+
+
+def broken(*_arguments, **_keywords):
+    raise ZeroDivisionError("float division by zero")
+
+
+def test_whatever_is_raised_is_a_warning_that_names_the_picture():
+    assert attempted("energy.png", lambda: b"1") == b"1"
+    found = attempted("energy.png", broken)
+    assert isinstance(found, Caution)
+    assert (found.code, found.number) == ("not-drawn", "W403")
+    assert "`energy.png`" in found.text
+    assert "ZeroDivisionError: float division by zero" in found.text
+    assert "test_undrawn.py, line" in found.text
+
+
+@pytest.mark.parametrize("name", ["energy", "trajectory", "constraint_forces"])
+def test_one_that_fails_leaves_rows_record_and_the_others(
+    lagsim,
+    write,
+    monkeypatch,
+    name,
+):
+    monkeypatch.setattr(plots, name, broken)
+    called = lagsim("run", write(ON_THE_CURVE), "-o", "out")
+    assert called.code == 0
+    document = manifest("out")
+    told = [w for w in document["warnings"] if w["code"] == "not-drawn"]
+    assert [w["number"] for w in told] == ["W403"]
+    assert f"`{name}.png`" in told[0]["text"]
+    assert f"`{name}.png`" in called.err
+    assert "[W403]" in called.err
+    assert document["complete"]
+    _, rows = table("out")
+    assert len(rows) == document["rows"]
+    drawn = [file for file in DRAWN if file != f"{name}.png"]
+    assert names("out") == sorted([*drawn, "run.json", "trajectory.csv"])
+    assert sorted(document["files"]) == names("out")
+    assert set(document["sha256"]) == set(document["files"]) - {"run.json"}
+
+
+def test_a_page_that_fails_is_one_too(lagsim, write, monkeypatch):
+    monkeypatch.setattr("lagsim.outputs.animation.page", broken)
+    scene = "scene: {points: {bob: [sin(theta), -cos(theta)]}}\n"
+    called = lagsim(
+        "run", write(PENDULUM + scene), "-o", "out", "--animate", "--strict"
+    )
+    assert called.code == 1
+    assert "`animation.html` could not be drawn" in called.err
+    assert names("out") == ["energy.png", "run.json", "trajectory.csv", DRAWN[2]]
+
+
+class Killed(BaseException):
+    """What takes the process while it draws."""
+
+
+@pytest.mark.parametrize("before", [False, True])
+def test_rows_are_in_their_place_before_anything_is_drawn(
+    lagsim,
+    write,
+    monkeypatch,
+    before,
+):
+    """With pictures of an earlier run there, they go: they show other rows."""
+    write(PENDULUM)
+    if before:
+        assert lagsim("run", "model.yaml", "-o", "out", "--set", "l=2").code == 0
+
+    def killed(*_arguments, **_keywords):
+        there = [name for name in names("out") if not name.startswith(".")]
+        assert there == ["run.json", "trajectory.csv"]
+        raise Killed
+
+    monkeypatch.setattr(plots, "pictures", killed)
+    with pytest.raises(Killed):
+        lagsim("run", "model.yaml", "-o", "out")
+    document = manifest("out")
+    assert document["files"] == ["trajectory.csv", "run.json"]
+    assert len(table("out")[1]) == document["rows"] == 21
+    assert document["parameters"]["l"] == 1.0
+
+
+def test_what_comes_later_is_added_to_what_stands(tmp_path):
+    with results.open_results(tmp_path) as folder:
+        folder.write("trajectory.csv", b"rows")
+        folder.stand(json.dumps({"files": ["trajectory.csv", "run.json"]}).encode())
+        first = folder.digests()
+        folder.write("energy.png", b"picture")
+        assert folder.digests().items() > first.items()
+        folder.commit(b"{}")
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {
+        "trajectory.csv": b"rows", "energy.png": b"picture", "run.json": b"{}",
+    }  # fmt: skip
+
+
+def test_a_sweep_keeps_its_rows(lagsim, write, monkeypatch):
+    monkeypatch.setattr("lagsim.studies.sweep.chart.chart", broken)
+    call = ("sweep", write(PENDULUM), "l=1,2", "-o", "out", "--jobs", "1")
+    called = lagsim(*call)
+    assert called.code == 0
+    assert "`sweep.png` could not be drawn" in called.err
+    assert names("out") == ["sweep.csv", "sweep.json"]
+    document = json.loads(Path("out/sweep.json").read_bytes())
+    assert [w["code"] for w in document["warnings"]] == ["not-drawn"]
+    assert sorted(document["files"]) == names("out")
+
+
+def test_a_comparison_keeps_its_verdict(lagsim, write, monkeypatch):
+    monkeypatch.setattr("lagsim.studies.comparison.picture.picture", broken)
+    write(PENDULUM)
+    for way in ("one", "two"):
+        assert lagsim("run", "model.yaml", "-o", way, "--no-plots").code == 0
+    called = lagsim("compare", "one", "two", "--plot", "apart.png")
+    assert called.code == 0
+    assert "`apart.png` could not be drawn" in called.err

@@ -1,0 +1,117 @@
+"""Pictures of rows that no curve can be drawn of: huge, tiny, missing, in one place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagsim.model.model import Curve, Plot, Scene
+from lagsim.outputs import plots
+from lagsim.outputs.record import Record
+from lagsim.outputs.scene_panel import BETWEEN, LEAST, ScenePanel
+from lagsim.outputs.sheet import WIDTH
+from lagsim.run.observers.thinning import DRIFT, Thinning
+
+LINE = np.linspace(0.0, 1.0, 9)
+# What a column may be: by name, at nine times.
+COLUMNS = {
+    "zero": 0.0 * LINE,
+    "constant": np.full(9, 3.0),
+    "largest": np.full(9, 1.7e308),
+    "smallest": np.full(9, 5e-324),
+    "grows to the largest": LINE * 1.7e308,
+    "grows to nothing": LINE * 1e-310,
+    "jumps across all": np.where(LINE > 0.5, 1.7e308, -1.7e308),
+    "explodes": np.exp(700.0 * LINE),
+    "dies": np.exp(-740.0 * LINE),
+    "nan": np.full(9, np.nan),
+    "inf": np.full(9, np.inf),
+    "ends in inf": np.where(LINE > 0.5, np.inf, LINE),
+    "one value": np.where(LINE == 0.5, 1e300, np.nan),
+    "one spike": np.where(LINE == 0.5, 5e-324, 0.0),
+    "rounding": 1.0 + 1e-16 * LINE,
+}
+TIMES = {
+    "ten seconds": 10.0 * LINE,
+    "no time": 0.0 * LINE,
+    "in pairs": np.repeat(LINE[:5], 2)[:9],
+    "eons": 1e300 * LINE,
+    "no time to speak of": 1e-320 * LINE,
+    "far away": 1e15 + LINE,
+}
+NAMES = (
+    "t", "a", "kinetic", "potential", "energy", DRIFT, "Qc_a", "lambda_r", "impulse.r",
+    "point.p.1", "point.p.2", "point.q.1", "point.q.2",
+    "plot.0.x", "plot.0.y.1", "plot.0.y2.1",
+)  # fmt: skip
+PLANE = Scene({"p": (0, 0), "q": (0, 0)}, (("p", "q"),))
+LOGS = (frozenset(), frozenset({"x", "y", "y2"}))
+
+
+def record(rows, names=NAMES, **more):
+    thinning = Thinning(names)
+    thinning.add(np.asarray(rows, float))
+    return Record(title="x", rows=thinning, **more)
+
+
+def draw_all(known):
+    """Draw every picture; a curve against time and one against another, and powers."""
+    sheets = [
+        plots.energy(known, is_sum=True),
+        plots.trajectory(known, ["a"], PLANE),
+        plots.constraint_forces(known, ["a"], ["r"]),
+    ]
+    for x, log in (("t", LOGS[0]), ("a", LOGS[0]), ("a", LOGS[1])):
+        curves = (Curve(0, "a"),)
+        wanted = Plot(Curve(0, x), curves, curves, log, "title")
+        sheets.append(plots.plot(known, 0, wanted, PLANE))
+    for sheet in sheets:
+        assert plots._file(sheet).startswith(b"\x89PNG")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COLUMNS)
+def test_columns(name):
+    rows = np.stack([10.0 * LINE, *[COLUMNS[name]] * (len(NAMES) - 1)], 1)
+    draw_all(record(rows, horizon=5.0, events={"impact": [0.0, 5.0, 1e300]}))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TIMES)
+def test_times(name):
+    t = TIMES[name]
+    rows = np.stack([t, *[LINE] * (len(NAMES) - 1)], 1)
+    draw_all(record(rows, horizon=float(t[4]), events={"switch": list(t)}))
+
+
+@pytest.mark.parametrize("value", [0.0, -1e300, np.nan])
+def test_one_row(value):
+    draw_all(record(np.full((1, len(NAMES)), value)))
+
+
+@pytest.mark.parametrize("moving", range(3))
+@pytest.mark.parametrize("size", [1.0, 1e290])
+def test_views_in_space_stay_on_the_sheet_whatever_moves(moving, size):
+    """A motion along one axis leaves the other views their least length."""
+    names = ("t", "a", "point.p.1", "point.p.2", "point.p.3")
+    rows = np.zeros((9, 5))
+    rows[:, 0], rows[:, 2 + moving] = LINE, size * LINE
+    scene = Scene({"p": (0, 0, 0)}, ())
+    panel = ScenePanel(record(rows, names), scene, narrow=False)
+    x, y, z = panel._lengths
+    assert min(x, y, z) >= LEAST
+    assert x + BETWEEN + y <= WIDTH - 0.95
+    known = record(rows, names)
+    content = plots._file(plots.trajectory(known, ["a"], scene))
+    assert content.startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("place", [0.0, -1e290])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_all_points_at_rest_in_one_place(place, dimension):
+    names = ("t", "a", *(f"point.{p}.{k + 1}" for p in "pq" for k in range(dimension)))
+    rows = np.full((9, len(names)), place)
+    rows[:, 0] = LINE
+    scene = Scene({"p": (0,) * dimension, "q": (0,) * dimension}, (("p", "q"),))
+    sheet = plots.trajectory(record(rows, names), ["a"], scene)
+    assert plots._file(sheet).startswith(b"\x89PNG")

@@ -1,0 +1,73 @@
+"""Switches in forces beside constraints that come and go: both act as if alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagsim.model.reader import read
+from tests.run.switching.scenes import one_quick
+from tests.support import run
+
+# A body of 1 kg that a wind pushes with 1 N beyond x = 0.5 and 1 N more beyond x = 1.
+PUSHES = ["if(x > 0.5, 1, 0)", "if(x > 0.5, 1, 0) + if(x > 1, 1, 0)"]
+# Beside it: a law that holds at times, and where z is after t (g = 10, falls from 0.8).
+BESIDE = {
+    "contact": "{relation: z >= 0, restitution: 0.5}",
+    "friction": "{relation: z >= 0, restitution: 0, friction: 0.2, slip: w_dot}",
+    "limit": "{relation: z_dot = 0, limit: 4}",
+    "freewheel": "{relation: z_dot >= 0}",
+}
+
+
+def scene(push, law):
+    return f"""
+name: both
+coordinates: {{x: {{}}, z: {{}}, w: {{}}}}
+energy:
+  kinetic: (x_dot^2 + z_dot^2 + w_dot^2)/2
+  potential: 10*z
+forces:
+  x: "{push}"
+constraints:
+  law: {law}
+initial: {{x: 0, x_dot: 1, z: 0.8, w: 0, w_dot: 3}}
+simulation: {{duration: 1.5, output_step: 0.125}}
+"""
+
+
+def pushed(t, pushes):
+    """Give x: uniform to 0.5, then by one push, then by two."""
+    first = 0.5
+    second = first + np.sqrt(2.0) - 1.0  # 0.5 = s + s^2/2
+    s, r = t - first, t - second
+    x = np.where(s > 0, 0.5 + s + s**2 / 2, t)
+    if pushes == 2:
+        x = np.where(r > 0, 1.0 + np.sqrt(2.0) * r + r**2, x)
+    return x
+
+
+def fallen(t, law):
+    """Give z, where each law is alone with gravity."""
+    fall = 0.8 - 5 * t**2
+    s = t - 0.4  # at the ground with 4 m/s
+    if law == "contact":
+        return np.where(s > 0, np.where(s < 0.4, 2 * s - 5 * s**2, np.nan), fall)
+    if law == "friction":
+        return np.where(s > 0, 0.0, fall)
+    if law == "limit":
+        return 0.8 - 3 * t**2
+    return np.full(len(t), 0.8)
+
+
+@pytest.mark.parametrize("push", one_quick(PUSHES[1], PUSHES[0]))
+@pytest.mark.parametrize("law", BESIDE)
+def test_laws_and_switches_act_as_if_alone(law, push):
+    found = run(read(scene(push, BESIDE[law]), "both.yaml"))
+    t, x, z = found["t"], found["x"], found["z"]
+    # Rows at events are as good as those of the output steps.
+    assert x == pytest.approx(pushed(t, push.count("if")), abs=1e-9)
+    expected = fallen(t, law)
+    known = np.isfinite(expected)
+    assert np.count_nonzero(known) > 6
+    assert z[known] == pytest.approx(expected[known], abs=1e-9)

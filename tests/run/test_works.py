@@ -1,0 +1,93 @@
+"""The work done on each group of coordinates is that of the group alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lagsim.methods import names
+from tests.support import run
+
+PARTS = {
+    "x": ("x_dot^2/2", "x^2/2 + x^4/50", "x: {x}"),
+    "z": ("1e5*z_dot^2/2", "1e5*(2*z^2)", "z: {z}"),
+    "w": ("3*w_dot^2/2", "3*(1 - cos(w))", ""),
+}
+FORCES = {
+    "of time": {"x": "0.3*sin(2*t)", "z": "1e4*cos(t)"},
+    "of velocity": {"x": "-0.1*x_dot", "z": "-1e4*z_dot"},
+}
+# What refuses forces of velocities, or whatever is not linear.
+FIXED_BY_TIME = ("verlet", "kahan-li6", "kahan-li8", "rattle")
+
+
+def scene(coordinates, forces, linear):
+    chosen = [PARTS[q] for q in coordinates]
+    potential = " + ".join(V for _, V, _ in chosen)
+    if linear:
+        potential = potential.replace(" + x^4/50", "").replace("(1 - cos(w))", "w^2/2")
+    pushes = ", ".join(Q.format(**FORCES[forces]) for *_, Q in chosen if Q)
+    return f"""
+coordinates: {{{", ".join(f"{q}: {{}}" for q in coordinates)}}}
+energy: {{kinetic: {" + ".join(T for T, *_ in chosen)}, potential: "{potential}"}}
+forces: {{{pushes}}}
+initial: {{{", ".join(f"{q}: 1" for q in coordinates)}}}
+simulation: {{duration: 6, output_step: 0.5}}
+"""
+
+
+def options_of(method):
+    return {"method": method, "step": 0.01}
+
+
+@pytest.mark.parametrize("method", sorted(names()))
+def test_by_each_method(method):
+    forces = "of time" if method in FIXED_BY_TIME else "of velocity"
+    linear = method == "exponential"
+    options = options_of(method)
+    found = run(scene("xzw", forces, linear), **options)
+    assert np.allclose(found["work"], found["work.x"] + found["work.z"], rtol=1e-14)
+    for q in "xz":
+        alone = run(scene(q, forces, linear), **options)
+        size = np.max(np.abs(alone["work"]))
+        assert np.max(np.abs(found[f"work.{q}"] - alone["work"])) < 1e-8 * size
+
+
+def test_by_a_sparse_matrix():
+    """Twelve damped oscillators, of which each keeps its own account."""
+    count = 12
+    q = [f"q{k}" for k in range(count)]
+    found = run(f"""
+coordinates: {{{", ".join(f"{x}: {{}}" for x in q)}}}
+energy:
+  kinetic: "{" + ".join(f"{10**k}*{x}_dot^2/2" for k, x in enumerate(q))}"
+  potential: "{" + ".join(f"{10**k}*{x}^2/2" for k, x in enumerate(q))}"
+  dissipation: "{" + ".join(f"0.1*{10**k}*{x}_dot^2" for k, x in enumerate(q))}"
+initial: {{{", ".join(f"{x}: 1" for x in q)}}}
+simulation: {{duration: 3, output_step: 0.5}}
+""", method="radau")  # fmt: skip
+    assert found.system.newton is not None
+    # q'' = -q - 0.2 q': what is left is the energy of the closed form.
+    t, fast = found["t"], np.sqrt(1 - 0.01)
+    place = np.exp(-0.1 * t) * (np.cos(fast * t) + 0.1 / fast * np.sin(fast * t))
+    speed = -np.exp(-0.1 * t) * np.sin(fast * t) / fast
+    for k, x in enumerate(q):
+        work = (place**2 + speed**2 - 1) / 2
+        assert np.max(np.abs(found[f"work.{x}"] / 10**k - work)) < 1e-9
+
+
+def test_impacts_of_moving_constraints():
+    """What strikes at t = 1 takes 2 v^2 m of a body of 1 kg, beside one of 1e15 J."""
+    found = run("""
+coordinates: {p: {}, s: {}, z: {}}
+energy:
+  kinetic: (p_dot^2 + s_dot^2)/2 + 1e15*z_dot^2/2
+  potential: (p - s)^2/2 + 1e15*z^2/2
+constraints: {moved: p = 0.3*abs(t - 1)}
+initial: {p: 0.3, s: 0.3, z: 1, p_dot: -0.3}
+simulation: {duration: 2, output_step: 0.01}
+""")  # fmt: skip
+    assert found.trajectory.event_counts["impact"] == 1
+    balance = (found["p_dot"] ** 2 + found["s_dot"] ** 2) / 2
+    balance = balance + (found["p"] - found["s"]) ** 2 / 2 - found["work"]
+    assert np.ptp(balance) < 1e-9

@@ -1,0 +1,60 @@
+"""Two bodies that strike the ground and each other by turns, in ever less time.
+
+The lower one bounces, the upper one does not: after it has struck they go down
+together, a weak spring parts them by the square of the time that this takes, and so
+the next strikes follow in the square of that time, at speeds that fall by one ratio
+only. That is one impact, whose order is open.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from tests.scenes.contact.motions import G, contact, play, scene
+
+LOW, HIGH, E, SPRING = 0.4, 1.3, 0.8, 2.0
+
+
+def pair(unit: float, shift: float) -> str:
+    """Bodies a little apart, in metres over `unit`, from a ground at `shift`."""
+    masses = LOW * unit**2, HIGH * unit**2
+    return scene(
+        "x z",
+        f"{masses[0]}*x_dot^2/2 + {masses[1]}*z_dot^2/2",
+        f"{masses[0]}*g*(x - {shift}) + {masses[1]}*g*(z - {shift})"
+        f" + {SPRING * unit**2}*(z - x - {1 / unit})^2/2",
+        {
+            "ground": contact(f"x - {shift} >= 0", E),
+            "between": contact(f"z - x - {0.5 / unit} >= 0", 0),
+        },
+        {
+            "x": shift + 0.1 / unit, "z": shift + 0.62 / unit,
+        },
+        parameters={"g": G / unit}, duration=0.4, output_step=0.05,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e4, 1e7])
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_strikes_in_no_time_are_one_impact_in_all_words(unit, shift):
+    found = play(pair(unit, shift / unit))
+    assert "impact-order" in [w.code for w in found.result.warnings]
+    strikes = [e for e in found.result.events if e.kind == "impact"]
+    one = next(a.time for a, b in pairwise(strikes) if a.time == b.time)
+    rates = {
+        e.constraint: (e.rate_before, e.rate_after) for e in strikes if e.time == one
+    }
+    # By turns, each time at the rate that is left to both together.
+    former = [
+        e.rate_before for e in strikes if e.constraint == "ground" and e.time < one
+    ]
+    ratio = (HIGH - E * LOW) / (LOW + HIGH)
+    assert rates["ground"][0] == pytest.approx(ratio * former[-1], rel=1e-2)
+    # In the end as one: the lower one bounces, with the upper one on it.
+    assert rates["ground"][1] == pytest.approx(-E * rates["ground"][0])
+    assert rates["between"][1] == pytest.approx(0.0, abs=1e-9 / unit)
+    assert not [
+        e for e in found.result.events if e.kind == "zeno" and e.time < one + 1e-3
+    ]

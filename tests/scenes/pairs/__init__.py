@@ -1,0 +1,1 @@
+"""Features in pairs: docs/pairs.md is the table."""

@@ -1,0 +1,236 @@
+"""Methods and commands beside each physical feature: what is refused, and why."""
+
+from __future__ import annotations
+
+from math import pi, sin
+
+from tests.scenes.pairs.physical import BY_NAME, CHAIN
+from tests.scenes.pairs.table import HOLDS_AT_TIMES
+
+ALONE = "constraints that come and go need a method that evaluates y' only"
+NOT_LINEAR = "its equations of motion are not linear"
+IN_TIME = "time stands in its equations of motion"
+CONSTRAINTS = "it has constraints"
+BETWEEN_VELOCITIES = "it has constraints between velocities"
+OF_VELOCITIES = "its forces depend on the velocities"
+STEADY = "the model has constraints that come and go: a stability limit belongs to one"
+GAUSS = (
+    r"`output.gauss` asks for the accelerations without constraints, M\^-1 f, and the "
+    "mass matrix of this model is singular"
+)
+BY_LOOPS = "its equations are solved by loops"
+_HELD = {
+    "holonomic": CONSTRAINTS,
+    "rheonomic": CONSTRAINTS,
+    "redundant": CONSTRAINTS,
+    "Pfaffian": BETWEEN_VELOCITIES,
+    "nonlinear velocity constraint": BETWEEN_VELOCITIES,
+}
+_LAWS = dict.fromkeys(HOLDS_AT_TIMES, ALONE)
+_EXPLICIT = {**_LAWS, **_HELD, "sliding": OF_VELOCITIES}
+# Method -> feature -> the words of the refusal, which names both.
+METHODS: dict[str, dict[str, str]] = {
+    "dop853": {},
+    "euler": {},
+    "exponential": {
+        **_LAWS,
+        "switch in t": IN_TIME,
+        "rheonomic": IN_TIME,
+        "redundant": BY_LOOPS,
+        **dict.fromkeys(
+            (
+                "switch in the state",
+                "two switches",
+                "sliding",
+                "holonomic",
+                "Pfaffian",
+                "nonlinear velocity constraint",
+            ),
+            NOT_LINEAR,
+        ),
+    },
+    "gauss4": {**_LAWS, **_HELD},
+    "generalized-alpha": _LAWS,
+    "kahan-li6": _EXPLICIT,
+    "kahan-li8": _EXPLICIT,
+    "midpoint": {**_LAWS, **_HELD},
+    "moreau": {},
+    "radau": _LAWS,
+    "rattle": {
+        "sliding": OF_VELOCITIES,
+        "Pfaffian": BETWEEN_VELOCITIES,
+        "nonlinear velocity constraint": BETWEEN_VELOCITIES,
+    },
+    "rk4": {},
+    "taylor": {**_LAWS, "redundant": BY_LOOPS},
+    "verlet": _EXPLICIT,
+}
+# Degrees of freedom: coordinates less the rank of what holds both ways and does not
+# slip at the start.
+FREEDOM = {
+    "friction on one slip": 2,
+    "friction on the disc": 3,
+    "limit": 0,
+    "when": 0,
+    "rheonomic": 0,
+    "Pfaffian": 2,
+    "many coordinates": 20,
+}
+
+NO_CONSTRAINTS = dict.fromkeys(
+    (
+        "smooth",
+        "ignorable",
+        "switch in t",
+        "switch in the state",
+        "two switches",
+        "sliding",
+        "until",
+        "many coordinates",
+    ),
+    "the model has no constraints",
+)
+AT_TIMES = "the model has constraints that come and go"
+_AT_TIMES = dict.fromkeys(HOLDS_AT_TIMES, AT_TIMES)
+_POSITIONS = ("holonomic", "rheonomic", "redundant", "singular M")
+_VELOCITIES = ("Pfaffian", "nonlinear velocity constraint")
+NO_FACTOR = "no coordinate has in .* a factor that is constant and not 0"
+QUADRATURES = "work and action depend on all of them"
+# Formulation -> feature -> the words of the refusal.
+FORMULATIONS: dict[str, dict[str, str]] = {
+    "full": {},
+    "none": {
+        **_AT_TIMES,
+        **dict.fromkeys(
+            (*_POSITIONS, *_VELOCITIES),
+            "the model has constraints; `drift` integrates without enforcing them",
+        ),
+    },
+    "projection": NO_CONSTRAINTS,
+    "velocity projection": {
+        **NO_CONSTRAINTS,
+        **_AT_TIMES,
+        **dict.fromkeys(_POSITIONS, "[12] of [12] constraints are of positions"),
+    },
+    "elimination": {
+        **NO_CONSTRAINTS,
+        **_AT_TIMES,
+        **dict.fromkeys(("holonomic", *_VELOCITIES), NO_FACTOR),
+        "redundant": "constraints are redundant",
+    },
+    "ignorable": {
+        **dict.fromkeys(
+            (name for name in BY_NAME if name != "ignorable"),
+            "no coordinate is ignorable with a conserved momentum",
+        ),
+        **_AT_TIMES,
+    },
+    "apart": {
+        **dict.fromkeys(
+            HOLDS_AT_TIMES, "a contact or a limit can stop the step of any of them"
+        ),
+        **dict.fromkeys(
+            (
+                "switch in t",
+                "switch in the state",
+                "two switches",
+                "sliding",
+                "rheonomic",
+                "nonlinear velocity constraint",
+            ),
+            QUADRATURES,
+        ),
+        "until": "`until` depends on all of them",
+    },
+    "baumgarte": {**NO_CONSTRAINTS, **_AT_TIMES},
+    "drift": {**NO_CONSTRAINTS, **_AT_TIMES},
+}
+# Command, or key of `output` -> feature -> the words of the refusal.
+COMMANDS: dict[str, dict[str, str]] = {
+    "check": {},
+    "sweep": {},
+    "golden": {},
+    "run --resume": {},
+    "run --animate": {},
+    "bench": {},
+    "stability": dict.fromkeys(HOLDS_AT_TIMES, STEADY),
+    "derive": {},
+    "action": {},
+    "gauss": {"singular M": GAUSS},
+    "reactions": {},
+}
+# A change by some millionths that goldens are to see: the text, and what it becomes.
+CHANGED = {
+    "smooth": ("2*x1^2", "2.00001*x1^2"),
+    "ignorable": ("0.7", "0.700005"),
+    "switch in t": ("t < 0.37", "t < 0.370003"),
+    "switch in the state": ("-16*x1", "-16.0001*x1"),
+    "two switches": ("x1 - 0.4", "x1 - 0.400005"),
+    "sliding": ("0.5*sign", "0.500005*sign"),
+    "until": ("x1 <= 0", "x1 <= 0.000005"),
+    "contact": ("restitution: 0.5", "restitution: 0.500005"),
+    "friction on one slip": ("friction: 0.3", "friction: 0.300003"),
+    "friction on the disc": ("friction: 0.2", "friction: 0.200002"),
+    "limit": ("limit: 1.5", "limit: 1.500005"),
+    "freewheel": ("3*cos(3*t)", "3.00003*cos(3*t)"),
+    "when": ("t < 0.6", "t < 0.600005"),
+    "holonomic": ("1.3", "1.300005"),
+    "rheonomic": ("0.1*sin", "0.100001*sin"),
+    "Pfaffian": ("1.5", "1.500005"),
+    "nonlinear velocity constraint": ("potential: z1", "potential: 1.00001*z1"),
+    "redundant": ("2*(x1^2", "2.00001*(x1^2"),
+    "singular M": ("2*z1^2", "2.00001*z1^2"),
+    "elimination": ("10*x1^2", "10.0001*x1^2"),
+    "many coordinates": ("50*(", "50.0005*("),
+}
+# Where another tolerance is the same means, as of linear motion: another method.
+OTHER = dict.fromkeys(
+    (
+        "smooth",
+        "ignorable",
+        "until",
+        "contact",
+        "friction on one slip",
+        "limit",
+        "freewheel",
+        "when",
+        "singular M",
+        "many coordinates",
+    ),
+    "method: rk4, step: 0.0005",
+)
+_BEAT = (2j, -2j)
+# Of the linearised motion at the start.
+EIGENVALUES = {
+    **dict.fromkeys(
+        ("ignorable", "switch in t", "two switches", "sliding", "until", "holonomic"),
+        (0.0, 0.0),
+    ),
+    **dict.fromkeys(
+        ("smooth", "switch in the state", "redundant", "singular M", "elimination"),
+        _BEAT,
+    ),
+    "rheonomic": (),
+    # Two directions and a place across; two speeds.
+    "Pfaffian": 5 * (0.0,),
+    # Two places, and the direction of the velocity: cos(d)/1.2 changes by -sin(d).
+    "nonlinear velocity constraint": 3 * (0.0,),
+    "many coordinates": tuple(
+        sign * 20j * sin(k * pi / (2 * (CHAIN + 1)))
+        for k in range(1, CHAIN + 1)
+        for sign in (1, -1)
+    ),
+}
+# What laws and switches do beside the derived equations, at times: their force on
+# coordinates, and whether their row holds.
+OUTSIDE: dict[tuple[str, float], tuple[dict[str, float], bool]] = {
+    ("contact", 0.3): ({}, False),
+    ("friction on one slip", 0.3): ({"x1": -0.3 * 9.81}, True),
+    ("friction on the disc", 0.3): (
+        {"x1": -0.8 * 0.2 * 9.81, "z1": -0.6 * 0.2 * 9.81},
+        True,
+    ),
+    ("limit", 1.2): ({"x1": -1.5}, False),
+    ("freewheel", 0.3): ({}, False),
+    ("when", 1.2): ({}, False),
+}

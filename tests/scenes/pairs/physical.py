@@ -1,0 +1,301 @@
+"""Physical features, each as a fragment of a model with the closed form of its motion.
+
+A `$` in a fragment is replaced by the number of the fragment in its scene, so that two
+of them (or twice the same) stand in one file. Masses are 1, times 0 to `DURATION`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+DURATION = 2.0
+CHAIN = 20
+
+
+class Fragment(NamedTuple):
+    """One feature: what it adds to a model, and its motion.
+
+    `start` : (x, x_dot) expressions of the first coordinate `x$`, which alone is
+    transformed where two fragments are coupled.
+    `more` : name -> (start, rate) of the other coordinates.
+    `motion` : t (rows,) -> name -> positions (rows,), by closed form.
+    """
+
+    name: str
+    start: tuple[str, str]
+    motion: Callable[[Any], dict[str, Any]]
+    potential: str = "0"
+    kinetic: str = "x$_dot^2/2"
+    more: dict[str, tuple[str, str]] = {}  # noqa: RUF012  (never changed)
+    forces: dict[str, str] = {}  # noqa: RUF012
+    constraints: dict[str, str] = {}  # noqa: RUF012
+    until: str = ""
+    formulation: str = ""
+    end: float = DURATION
+
+
+def _parabola(t, at, x, v, a):
+    return x + v * (t - at) + a * (t - at) ** 2 / 2
+
+
+def _steps(t: Any, x: float, v: float, force: Callable[[float, float], float]) -> Any:
+    """Give the motion under a force that is constant between its levels of x.
+
+    Each piece is a parabola; it ends where x meets one of `force.levels`.
+    """
+    found = np.full(len(t), np.nan)
+    at = 0.0
+    while at <= DURATION:
+        a = force(x, v)
+        ends = [
+            float(r.real)
+            for level in force.levels
+            for r in np.roots([a / 2, v, x - level])
+            if abs(r.imag) < 1e-12 and r.real > 1e-9
+        ]
+        last = at + min(ends, default=DURATION + 1)
+        piece = (t >= at) & (t <= last)
+        found[piece] = _parabola(t[piece], at, x, v, a)
+        x, v, at = _parabola(last, at, x, v, a), v + a * (last - at), last
+    return found
+
+
+def _two_switches(x, v):
+    """Give the force of `two switches` beside (x, v): the side it moves to."""
+    x += 1e-6 * np.sign(v)
+    return -np.sign(x) - 0.5 * np.sign(x - 0.4)
+
+
+_two_switches.levels = (0.0, 0.4)
+
+
+def _bent(t):
+    first, second = np.pi / 4, np.pi / 2
+    return np.where(
+        t < first,
+        np.cos(2 * t),
+        np.where(t < second, -np.sin(4 * (t - first)) / 2, np.sin(2 * (t - second))),
+    )
+
+
+def _ball(t, h=0.5, g=9.81, e=0.5):
+    x = np.where(t * t * g / 2 < h, h - g * t * t / 2, 0.0)
+    at = np.sqrt(2 * h / g)
+    v = e * g * at
+    while v > 1e-12:
+        last = at + 2 * v / g
+        x = np.where((t >= at) & (t < last), _parabola(t, at, 0.0, v, -g), x)
+        at, v = last, e * v
+    return x
+
+
+def _brake(t, v, a):
+    s = np.minimum(t, v / a)
+    return v * s - a * s * s / 2
+
+
+def _freewheel(t):
+    free, again = np.pi / 3, np.pi / 2
+    s = np.minimum(t, free)
+    return (1 - np.cos(3 * s)) / 3 + np.where(
+        t > again, t - again - np.cos(3 * t) / 3, 0.0
+    )
+
+
+def _chain(t):
+    k = np.pi / (CHAIN + 1)
+    beat = np.cos(2 * np.sin(k / 2) * 10 * t)
+    return {
+        ("x$" if i == 0 else f"c{i}$"): np.sin((i + 1) * k) * beat for i in range(CHAIN)
+    }
+
+
+def _names(i: int) -> str:
+    return "x$" if i == 0 else f"c{i}$"
+
+
+_STRETCHES = " + ".join(
+    ["x$^2", f"{_names(CHAIN - 1)}^2"]
+    + [f"({_names(i + 1)} - {_names(i)})^2" for i in range(CHAIN - 1)]
+)
+
+FRAGMENTS = (
+    Fragment("smooth", ("1", "0"), lambda t: {"x$": np.cos(2 * t)}, "2*x$^2"),
+    Fragment("ignorable", ("0.3", "0.7"), lambda t: {"x$": 0.3 + 0.7 * t}),
+    Fragment(
+        "switch in t",
+        ("0.3", "-0.2"),
+        lambda t: {
+            "x$": np.where(
+                t < 0.37,
+                _parabola(t, 0, 0.3, -0.2, 2.0),
+                _parabola(t, 0.37, 0.3 - 0.2 * 0.37 + 0.37**2, -0.2 + 2 * 0.37, -1.0),
+            )
+        },
+        forces={"x$": "if(t < 0.37, 2, -1)"},
+    ),
+    Fragment(
+        "switch in the state",
+        ("1", "0"),
+        lambda t: {"x$": _bent(t)},
+        forces={"x$": "if(x$ > 0, -4*x$, -16*x$)"},
+    ),
+    Fragment(
+        "two switches",
+        ("1", "0"),
+        lambda t: {"x$": _steps(t, 1.0, 0.0, _two_switches)},
+        forces={"x$": "-sign(x$) - 0.5*sign(x$ - 0.4)"},
+    ),
+    Fragment(
+        "sliding",
+        ("0.2", "0.45"),
+        lambda t: {"x$": 0.2 + _brake(t, 0.45, 0.3)},
+        forces={"x$": "0.2 - 0.5*sign(x$_dot)"},
+    ),
+    Fragment(
+        "until",
+        ("0.8", "0"),
+        lambda t: {"x$": 0.8 - t**2 / 2},
+        "x$",
+        until="x$ <= 0",
+        end=float(np.sqrt(1.6)),
+    ),
+    Fragment(
+        "contact",
+        ("0.5", "0"),
+        lambda t: {"x$": _ball(t)},
+        "9.81*x$",
+        constraints={"floor$": "{relation: x$ >= 0, restitution: 0.5}"},
+    ),
+    Fragment(
+        "friction on one slip",
+        ("0.1", "2"),
+        lambda t: {"x$": 0.1 + _brake(t, 2.0, 0.3 * 9.81), "y$": 0 * t},
+        "9.81*y$",
+        "(x$_dot^2 + y$_dot^2)/2",
+        more={"y$": ("0", "0")},
+        constraints={
+            "floor$": "{relation: y$ >= 0, restitution: 0, friction: 0.3, slip: x$_dot}"
+        },
+    ),
+    Fragment(
+        "friction on the disc",
+        ("0.1", "1.2"),
+        lambda t: {
+            "x$": 0.1 + 0.8 * _brake(t, 1.5, 0.2 * 9.81),
+            "z$": 0.2 + 0.6 * _brake(t, 1.5, 0.2 * 9.81),
+            "y$": 0 * t,
+        },
+        "9.81*y$",
+        "(x$_dot^2 + y$_dot^2 + z$_dot^2)/2",
+        more={"y$": ("0", "0"), "z$": ("0.2", "0.9")},
+        constraints={
+            "floor$": "{relation: y$ >= 0, restitution: 0, friction: 0.2, "
+            "slip: [x$_dot, z$_dot]}"
+        },
+    ),
+    Fragment(
+        "limit",
+        ("0.4", "0"),
+        lambda t: {"x$": 0.4 + np.maximum(0, t - 0.75) ** 3 / 3},
+        forces={"x$": "2*t"},
+        constraints={"brake$": "{relation: x$_dot = 0, limit: 1.5}"},
+    ),
+    Fragment(
+        "freewheel",
+        ("0", "0"),
+        lambda t: {"x$": _freewheel(t)},
+        forces={"x$": "3*cos(3*t)"},
+        constraints={"wheel$": "x$_dot >= 0"},
+    ),
+    Fragment(
+        "when",
+        ("0.5", "0"),
+        lambda t: {"x$": 0.5 + np.maximum(0, t - 0.6) ** 2 / 2},
+        "-x$",
+        constraints={"latch$": "{relation: x$ = 0.5, when: t < 0.6}"},
+    ),
+    Fragment(
+        "holonomic",
+        ("1", "0"),
+        lambda t: {"x$": np.cos(1.3 * t), "z$": np.sin(1.3 * t)},
+        "0",
+        "(x$_dot^2 + z$_dot^2)/2",
+        more={"z$": ("0", "1.3")},
+        constraints={"rod$": "x$^2 + z$^2 = 1"},
+    ),
+    Fragment(
+        "rheonomic",
+        ("0", "0.2*pi"),
+        lambda t: {"x$": 0.1 * np.sin(2 * np.pi * t)},
+        constraints={"drive$": "x$ = 0.1*sin(2*pi*t)"},
+    ),
+    Fragment(
+        "Pfaffian",
+        ("0", "0.8"),
+        lambda t: {
+            "x$": 0.8 / 1.5 * np.sin(1.5 * t),
+            "z$": 0.8 / 1.5 * (1 - np.cos(1.5 * t)),
+            "a$": 1.5 * t,
+        },
+        "0",
+        "(x$_dot^2 + z$_dot^2 + a$_dot^2)/2",
+        more={"z$": ("0", "0"), "a$": ("0", "1.5")},
+        constraints={"edge$": "sin(a$)*x$_dot = cos(a$)*z$_dot"},
+    ),
+    Fragment(
+        "nonlinear velocity constraint",
+        ("0", "1.2"),
+        lambda t: {
+            "x$": 1.44 * np.arctan(np.tanh(t / 1.2 / 2)) * 2,
+            "z$": -1.44 * np.log(np.cosh(t / 1.2)),
+        },
+        "z$",
+        "(x$_dot^2 + z$_dot^2)/2",
+        more={"z$": ("0", "0")},
+        constraints={"speed$": "x$_dot^2 + z$_dot^2 = 1.44"},
+    ),
+    Fragment(
+        "redundant",
+        ("1", "0"),
+        lambda t: {"x$": np.cos(2 * t), "z$": np.cos(2 * t)},
+        "2*(x$^2 + z$^2)",
+        "(x$_dot^2 + z$_dot^2)/2",
+        more={"z$": ("1", "0")},
+        constraints={"bar$": "x$ = z$", "twin$": "2*x$ = 2*z$"},
+    ),
+    Fragment(
+        "singular M",
+        ("1", "0"),
+        lambda t: {"x$": np.cos(2 * t), "z$": np.cos(2 * t)},
+        "2*z$^2",
+        more={"z$": ("1", "0")},
+        constraints={"bar$": "z$ = x$"},
+    ),
+    Fragment(
+        "elimination",
+        ("1", "0"),
+        lambda t: {"x$": np.cos(2 * t), "z$": 2 * np.cos(2 * t)},
+        "10*x$^2",
+        "(x$_dot^2 + z$_dot^2)/2",
+        more={"z$": ("2", "0")},
+        constraints={"gear$": "z$ = 2*x$"},
+        formulation="elimination",
+    ),
+    Fragment(
+        "many coordinates",
+        (f"sin(pi/{CHAIN + 1})", "0"),
+        _chain,
+        f"50*({_STRETCHES})",
+        "(" + " + ".join(f"{_names(i)}_dot^2" for i in range(CHAIN)) + ")/2",
+        more={
+            _names(i): (f"sin({i + 1}*pi/{CHAIN + 1})", "0") for i in range(1, CHAIN)
+        },
+    ),
+)
+BY_NAME = {f.name: f for f in FRAGMENTS}

@@ -1,0 +1,81 @@
+"""Scenes of one or two fragments, side by side or coupled, and their closed forms."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tests.scenes.pairs.physical import Fragment
+
+STEP = 0.05
+
+
+def _quoted(items: dict[str, str]) -> str:
+    return "\n".join(f"  {name}: {text}" for name, text in items.items()) or "  {}"
+
+
+def scene(*fragments: Fragment, coupled: bool = False, extra: str = "") -> str:
+    """Give the model file of fragments.
+
+    Coupled, the first coordinates x1 and x2 of two fragments are definitions,
+    (u + w)/sqrt(2) and (u - w)/sqrt(2) of coordinates u and w: the motion of x1 and x2
+    stays as it is, but no expression is one fragment's alone.
+    """
+    coordinates, initial = {}, {}
+    forces: dict[str, str] = {}
+    constraints: dict[str, str] = {}
+    sums: tuple[list[str], list[str]] = ([], [])
+    untils = [f.until.replace("$", str(k)) for k, f in enumerate(fragments, 1)]
+    for k, f in enumerate(fragments, 1):
+
+        def own(text: str, k: int = k) -> str:
+            return text.replace("$", str(k))
+
+        starts = dict(f.more) if coupled else {"x$": f.start, **f.more}
+        for name, (value, rate) in starts.items():
+            coordinates[own(name)] = "{}"
+            initial[own(name)] = value
+            initial[f"{own(name)}_dot"] = rate
+        forces |= {own(n): json.dumps(own(text)) for n, text in f.forces.items()}
+        constraints |= {own(n): own(text) for n, text in f.constraints.items()}
+        sums[0].append(own(f.kinetic))
+        sums[1].append(own(f.potential))
+    definitions = {}
+    if coupled:
+        (a, a_dot), (b, b_dot) = (f.start for f in fragments)
+        coordinates = {"u": "{}", "w": "{}", **coordinates}
+        definitions = {"x1": "(u + w)/sqrt(2)", "x2": "(u - w)/sqrt(2)"}
+        for name, sign in (("u", "+"), ("w", "-")):
+            initial[name] = f"({a} {sign} ({b}))/sqrt(2)"
+            initial[f"{name}_dot"] = f"({a_dot} {sign} ({b_dot}))/sqrt(2)"
+    until = "".join(f', until: "{u}"' for u in untils if u)
+    formulation = "".join(
+        {f", formulation: {f.formulation}": 0 for f in fragments if f.formulation}
+    )
+    duration = 2
+    return f"""
+coordinates:
+{_quoted(coordinates)}
+definitions:
+{_quoted(definitions)}
+energy:
+  kinetic: {" + ".join(sums[0])}
+  potential: {" + ".join(sums[1])}
+forces:
+{_quoted(forces)}
+constraints:
+{_quoted(constraints)}
+initial:
+{_quoted(initial)}
+simulation: {{duration: {duration}, output_step: {STEP}{until}{formulation}}}
+{extra}"""
+
+
+def motion(*fragments: Fragment, t: Any) -> dict[str, Any]:
+    """Give the closed forms of all coordinates at times t (rows,)."""
+    return {
+        name.replace("$", str(k)): x
+        for k, f in enumerate(fragments, 1)
+        for name, x in f.motion(t).items()
+    }

@@ -1,0 +1,74 @@
+"""Pairs of features in other words: far away, moving, in other units, later, beside."""
+
+from __future__ import annotations
+
+import zlib
+
+import pytest
+
+import lagsim
+from lagsim.errors import InputError
+from tests.invariance.same import CHANGES, Sizes
+from tests.invariance.transforms import document
+from tests.scenes.pairs.scene import motion, scene
+from tests.scenes.pairs.table import BY_NAME, PAIRS, REFUSED, WAYS, part_of
+from tests.scenes.pairs.test_physical import BOUND, TOLD
+
+SIZES = Sizes(length=1.0, speed=2.0, time=2.0)
+
+
+WORDS = tuple(CHANGES)
+OFF = ("Pfaffian coupled singular M", "megametres")
+POSED = [(*pair, way) for pair in PAIRS for way in WAYS if pair not in REFUSED]
+
+
+def _cases():
+    """Give each pair in the words that its name chooses, a few of them not slow."""
+    for first, second, way in POSED:
+        name = f"{first} {way} {second}"
+        change = WORDS[zlib.crc32(name.encode()) % len(WORDS)]
+        marks = [] if part_of(name, 44) else [pytest.mark.slow]
+        if (name, change) == OFF:
+            why = "it is off by a third more than the bound"
+            marks.append(pytest.mark.xfail(strict=True, reason=why))
+        yield pytest.param(
+            first, second, way, change, id=f"{name} {change}", marks=marks
+        )
+
+
+def _quantised(change):
+    """Give what positions are rounded to, and times by the speeds there are."""
+    return 100.0 * 2.0**-52 * CHANGES[change].rounding
+
+
+def moves(first, second, way, change):
+    """Hold a pair in other words against the closed form."""
+    pair = BY_NAME[first], BY_NAME[second]
+    plain = document(scene(*pair, coupled=way == "coupled"))
+    changed = CHANGES[change].put(plain, SIZES)
+    if change == "boosted" and "freewheel" in (first, second):
+        # Nothing turns one way only on a moving floor; `b_dot >= a_dot` does.
+        with pytest.raises(InputError, match="one-sided, and not homogeneous"):
+            lagsim.load(changed.text())
+        return
+    result = lagsim.simulate(lagsim.load(changed.text()), error_bar="never")
+    assert result.complete, result.reason
+    told = TOLD if "redundant" in (first, second) else set()
+    assert {w.code for w in result.warnings} == told
+    t = (result.t - changed.shift) * changed.scale
+    bound = BOUND + _quantised(change)
+    assert t[-1] == pytest.approx(min(f.end for f in pair), abs=bound)
+    for name, x in motion(*pair, t=t).items():
+        assert result[name] == pytest.approx(x, abs=bound), name
+
+
+@pytest.mark.parametrize(("first", "second", "way", "change"), list(_cases()))
+def test_features_in_pairs_in_other_words(first, second, way, change):
+    moves(first, second, way, change)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("first", "second", "way"), POSED)
+def test_features_in_pairs_in_all_words(first, second, way):
+    for change in CHANGES:
+        moves(first, second, way, change)

@@ -1,0 +1,371 @@
+"""Rows that hold at times, on random systems: what they do, against numpy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from lagsim.methods.parts import parameters as kept
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.native.kernels import code
+from lagsim.native.kernels.words import at
+from lagsim.solve import _pushes, dense, laws
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+
+N = 7
+# A relation that always holds, one that depends on it, another; of the laws: a contact
+# with two slips, a contact with one, a limit, a freewheel, a coupling.
+ALWAYS = 3
+KINDS = (
+    kept.CONTACT, kept.SLIP, kept.SLIP, kept.CONTACT, kept.SLIP, kept.LIMITED,
+    kept.FREEWHEEL, kept.TIMED,
+)  # fmt: skip
+NORMALS = (-1, 0, 0, -1, 3, -1, -1, -1)
+PAIRS = (-1, 2, 1, -1, -1, -1, -1, -1)
+LAWS = len(KINDS)
+ROWS = ALWAYS + LAWS
+OFF, HELD, DRIVEN, IMPLIED = kept.OFF, kept.HELD, kept.DRIVEN, kept.IMPLIED
+
+
+@dataclass(frozen=True)
+class System:
+    """Numbers of one state, and which modes the laws have."""
+
+    seed: int
+    mode: tuple[float, ...]
+    way: tuple[float, ...] = (0.0,) * LAWS
+    floor: float = 0.0
+    massless: bool = False
+    still: float = 0.0
+
+    def __getattr__(self, name: str) -> Any:
+        """Give a random array; the same at each call."""
+        sizes = {
+            "root": (N, N), "rows": (ROWS, N), "f": (N,), "b": (ROWS,),
+            "speeds": (LAWS,), "bounds": (LAWS,), "statics": (LAWS,),
+            "residuals": (2, ROWS),
+            "scales": (2, ROWS), "gaps": (LAWS,), "loads": (N,),
+        }  # fmt: skip
+        if name not in sizes:
+            raise AttributeError(name)
+        random = np.random.default_rng([self.seed, list(sizes).index(name)])
+        found = random.normal(size=sizes[name])
+        return (
+            np.abs(found) if name in ("bounds", "statics", "scales", "loads") else found
+        )
+
+    @property
+    def A(self) -> Any:  # noqa: N802
+        found = self.rows.copy()
+        found[1] = -2.0 * found[0]
+        return found
+
+    @property
+    def asked(self) -> Any:
+        found = self.b.copy()
+        found[1] = -2.0 * found[0]
+        return found
+
+    @property
+    def M(self) -> Any:  # noqa: N802
+        found = self.root @ self.root.T + np.eye(N)
+        if self.massless:  # a direction that only the relation holds
+            found[0] = found[:, 0] = 0.0
+        return found
+
+    @property
+    def p(self) -> Parameters:
+        p = Parameters.made(n=N, m=ROWS, laws=LAWS, size=2 * N, loops=1)
+        p.aside[1] = 1.0
+        p.law_kind[:], p.law_normal[:], p.law_pair[:] = KINDS, NORMALS, PAIRS
+        p.law_mode[:], p.law_way[:] = self.mode, self.way
+        p.law_floor[:] = self.floor
+        p.augmented = float(self.massless)
+        p.law_still[:] = self.still
+        p.law_forces = 1.0
+        return p
+
+    def call(self, name: str, p: Parameters, place: Any = None) -> Any:
+        """Call a kernel; its model's functions give this system."""
+        x = self
+
+        def dynamics(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
+            parts = (x.M, x.A, x.f, x.asked, x.speeds, x.bounds, x.statics)
+            put(out, parts)
+
+        def geometry(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
+            put(out, (x.M, x.A, x.residuals, x.scales))
+
+        def bends(_t: float, z: Floats, _p: Parameters, out: Floats) -> None:
+            put(out, (left_by(numbers(z, 2 * N)),))
+
+        def loads(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
+            put(out, (x.loads,))
+
+        def gaps(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
+            put(out, (x.gaps,))
+
+        model = {f.__name__: f for f in (dynamics, geometry, bends, loads, gaps)}
+        out = np.full(4 * N + ROWS + 3, np.nan)
+        y = np.linspace(0.5, 1.5, 2 * N) if place is None else place
+        code.bind(getattr(laws, name), model)(0.0, y, p, out)
+        return out
+
+    @property
+    def parts(self) -> Any:
+        """The force (limits), or the part of its contact's push, of what slides."""
+        found = np.zeros(LAWS)
+        for k in range(LAWS):
+            if self.mode[k] == IMPLIED and self.way[k]:
+                found[k] = self.way[k] * self.statics[k]
+            if self.mode[k] == DRIVEN:
+                found[k] = self.way[k] * self.bounds[k]
+                pair = [k, PAIRS[k]]
+                if PAIRS[k] >= 0:
+                    ways = np.array(self.way)[pair]
+                    beside = self.speeds[pair] - self.floor * ways
+                    found[k] = -self.bounds[k] * beside[0] / np.linalg.norm(beside)
+                    # Past a right angle it is the force before the stop.
+                    found[k] *= -1.0 if beside @ ways > 0.0 else 1.0
+        return found
+
+    @property
+    def held(self) -> list[int]:
+        return [0, 2, *(ALWAYS + k for k in range(LAWS) if self.mode[k] == HELD)]
+
+    def motion(self) -> tuple[Any, Any]:
+        """Give q'' and lambda, as the equations are written."""
+        rows, held = self.A, self.held
+        push, f = rows[held].copy(), self.f.copy()
+        for k, part in enumerate(self.parts):
+            if KINDS[k] == kept.LIMITED:
+                f = f + part * rows[ALWAYS + k]
+            elif part and ALWAYS + NORMALS[k] in held:
+                push[held.index(ALWAYS + NORMALS[k])] += part * rows[ALWAYS + k]
+        whole = np.block([[self.M, -push.T], [rows[held], np.zeros((len(held),) * 2)]])
+        found = np.linalg.solve(whole, np.concatenate([f, self.asked[held]]))
+        lam = np.zeros(ROWS)
+        lam[held] = found[N:]
+        for k, part in enumerate(self.parts):
+            if part:
+                normal = 1.0 if KINDS[k] == kept.LIMITED else lam[ALWAYS + NORMALS[k]]
+                lam[ALWAYS + k] = part * normal
+        return found[:N], lam
+
+
+def put(out: Floats, parts: Any) -> None:
+    for k, value in enumerate(np.concatenate([np.ravel(part) for part in parts])):
+        out[k] = value
+
+
+def numbers(z: Floats, count: int) -> Any:
+    return np.array([z[k] for k in range(count)])
+
+
+def left_by(z: Any) -> Any:
+    """Give what a Newton step leaves, of all rows twice: each by its own measure.
+
+    Most of the row that is set aside.
+    """
+    size = 1e-3 * np.sum(np.abs(z[:N])) + np.sum(np.abs(z[N:] - 0.1)) / 500
+    found = size * (1.0 + np.cos(3.0 * np.arange(2 * ROWS)))
+    found[[1, ROWS + 1]] = 3.0 * size
+    return found
+
+
+S = 0.7  # of a way that is not along a slip
+MODES = {
+    "nothing": ((OFF,) * LAWS, (0,) * LAWS),
+    "all stick": ((HELD, HELD, HELD, OFF, OFF, HELD, OFF, OFF), (0,) * LAWS),
+    "two slide": ((HELD, DRIVEN, DRIVEN, OFF, OFF, OFF, OFF, HELD),
+                  (0, -S, -S, 0, 0, 0, 0, 0)),
+    "one slides": ((OFF, OFF, OFF, HELD, DRIVEN, DRIVEN, HELD, OFF),
+                   (0, 0, 0, 0, 1, -1, 0, 0)),
+    "at its bound": ((HELD, HELD, HELD, OFF, OFF, IMPLIED, OFF, OFF),
+                     (0, 0, 0, 0, 0, -1, 0, 0)),
+    "all slide": ((HELD, DRIVEN, DRIVEN, HELD, DRIVEN, DRIVEN, OFF, OFF),
+                  (0, S, -S, 0, -1, 1, 0, 0)),
+}  # fmt: skip
+modes = pytest.mark.parametrize("name", MODES)
+
+
+def close(found: Any, expected: Any) -> None:
+    scale = np.max(np.abs(expected), initial=0.0)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-10 * scale)
+
+
+@modes
+@pytest.mark.parametrize("massless", [False, True])
+@pytest.mark.parametrize("floor", [0.0, 0.3])
+def test_motion_is_that_of_the_equations(name, massless, floor):
+    x = System(1, *MODES[name], floor, massless=massless)
+    motion, multipliers = x.motion()
+    found = x.call("field", x.p)
+    close(found[:N], np.linspace(0.5, 1.5, 2 * N)[N:])
+    close(found[N : 2 * N], motion)
+    close(found[2 * N : 2 * N + ROWS], multipliers)
+
+
+def test_what_is_constant_is_factored_once():
+    x, other = System(1, *MODES["all stick"]), System(2, *MODES["all stick"])
+    p = x.p
+    x.call("field", p)
+    close(other.call("field", p)[N : 2 * N], other.motion()[0])
+    for constant in (1.0, 2.0):
+        p.constant = constant
+        x.call("field", p)
+        assert p.factored == 1.0
+        p.L[:] = 2.0 * p.L  # as if M were four times as large
+        assert not np.allclose(x.call("field", p)[N : 2 * N], x.motion()[0])
+        p.factored = 0.0
+
+
+@modes
+@pytest.mark.parametrize(
+    ("kernel", "level"), [("position_step", 0), ("velocity_step", 1)]
+)
+def test_steps_to_what_holds(name, kernel, level):
+    x = System(3, *MODES[name])
+    p, held = x.p, x.held
+    x.call("field", p)  # friction has no part in what follows
+    found = x.call(kernel, p)
+    A, missed = x.A[held], x.residuals[level][held]
+    back = np.linalg.solve(x.M, A.T)
+    step = -back @ np.linalg.solve(A @ back, missed)
+    close(found[:N], step)
+    # Against the scale of its own level; of rows that do not hold nothing is asked.
+    assert found[N] == pytest.approx(np.max(np.abs(missed) / x.scales[level][held]))
+    assert found[N + 1] == level
+    z = np.concatenate([np.linspace(0.5, 1.5, 2 * N)[:N], step])
+    left = left_by(z).reshape(2, ROWS)
+    assert found[N + 2] == pytest.approx(np.max(left[level][held]))
+    assert found[N + 2] < np.max(left)
+
+
+def test_a_row_without_a_scale_is_no_measure():
+    x = System(3, *MODES["all stick"])
+
+    class Unscaled(System):
+        scales = x.scales * (np.arange(ROWS) != x.held[2])
+
+    held = [k for k in x.held if k != x.held[2]]
+    found = Unscaled(3, *MODES["all stick"]).call("velocity_step", x.p)
+    most = np.max(np.abs(x.residuals[1][held]) / x.scales[1][held])
+    assert found[N] == pytest.approx(most)
+
+
+# Of each mode of each law: how far it is from its end.
+def test_margins():
+    x = System(5, *MODES["all stick"])
+    _, lam = x.motion()
+    lam = lam[ALWAYS:]
+    found = x.call("law_margins", x.p)[:LAWS]
+    held = x.statics[1] * lam[0]
+    assert found[0] == pytest.approx(lam[0])
+    assert found[1] == pytest.approx(held - np.hypot(lam[1], lam[2]))
+    assert found[2] > 0.0  # the first of both tells
+    assert found[5] == pytest.approx(x.statics[5] - abs(lam[5]))
+    # Out of force: the gap, or the speed of a freewheel; other laws never begin so.
+    assert [found[3], found[6]] == [x.gaps[3], x.gaps[6]]
+    assert found[4] > 0.0
+    assert found[7] > 0.0
+
+
+def test_margins_of_one_slip_and_of_one_that_others_hold():
+    x = System(5, (IMPLIED, IMPLIED, HELD, HELD, HELD, OFF, HELD, HELD))
+    found = x.call("law_margins", x.p)[:LAWS]
+    lam = x.motion()[1][ALWAYS:]
+    assert min(found[0], found[1], found[5], found[7]) > 0.0
+    # Nobody tells for it.
+    assert found[2] == pytest.approx(x.statics[2] * lam[0] - abs(lam[2]))
+    assert found[3] == pytest.approx(lam[3])
+    assert found[4] == pytest.approx(x.statics[4] * lam[3] - abs(lam[4]))
+    assert found[6] == pytest.approx(lam[6])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_margins_of_what_slides(sign):
+    way = (0, -S * sign, -S, 0, sign, -1, 0, 0)
+    x = System(6, MODES["all slide"][0], way, still=0.25)
+    found = x.call("law_margins", x.p)[:LAWS]
+    assert found[4] == pytest.approx(-sign * x.gaps[4])
+    assert found[5] == pytest.approx(x.gaps[5])
+    assert found[2] > 0.0
+    # Just begun: below so many times its floor, and forward.
+    forward = S * (sign * x.speeds[1] + x.speeds[2])
+    for floor in (1e-3, 1e3):
+        slow = replace(x, floor=floor)
+        found = slow.call("law_margins", slow.p)
+        below = laws.BEGUN * floor - np.hypot(*x.speeds[1:3])
+        assert found[1] == pytest.approx(min(below, forward))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, 1.0, 1.1, 2.0, np.pi, -0.5, -1.1, -2.0])
+@pytest.mark.parametrize("speed", [0.1, 0.25, 0.3, 7.0])
+def test_the_margin_of_a_disc_is_its_speed_until_its_way_has_turned(angle, speed):
+    # On its way, at an angle from it; past a right angle it has stopped before.
+    slip = speed * np.array([np.cos(0.3 + angle), np.sin(0.3 + angle)])
+    way = (0, -np.cos(0.3), -np.sin(0.3), 0, 0, 0, 0, 0)
+    x = System(6, MODES["two slide"][0], way, still=0.25)
+    vars(x)["speeds"] = np.array([0.0, *slip, 0.0, 0.0, 0.0, 0.0, 0.0])
+    found = x.call("law_margins", x.p)[1]
+    if np.cos(angle) < 0.0:
+        assert found == pytest.approx(-speed)
+    else:
+        turned = speed * (np.cos(angle) - 0.5)
+        assert found == pytest.approx(min(speed - 0.25, turned), abs=1e-12)
+
+
+def test_multipliers_are_found_only_where_they_are_asked_for():
+    x = System(5, *MODES["all stick"])
+    p = x.p
+    p.law_forces = 0.0
+    p.multipliers[:] = 7.0
+    assert x.call("law_margins", p)[0] == 7.0
+
+
+@pytest.mark.parametrize("seed", [7, 8])
+def test_what_holds_rounds_as_relations_do(seed):
+    """Modes are of no matter: `dense` has the same rows as relations."""
+
+    class Alone(System):
+        A = System(seed, ()).A * (np.arange(ROWS) != 1)[:, None]
+
+    x = Alone(seed, (HELD, OFF, HELD, OFF, OFF, HELD, OFF, OFF))
+    found = x.call("rounding", x.p)[:N]
+    rows = x.held
+
+    def dynamics(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
+        put(out, (x.M, x.A[rows], x.f, x.asked[rows]))
+
+    def loads(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
+        put(at(out, 0), (x.loads,))
+
+    p = Parameters.made(n=N, m=len(rows), size=2 * N, loops=1)
+    p.expected, p.least_health = len(rows), 1.0
+    out = np.zeros(4 * N + ROWS + 3)
+    kernel = code.bind(dense.rounding, {"dynamics": dynamics, "loads": loads})
+    kernel(0.0, np.zeros(2 * N), p, out)
+    close(found, out[:N])
+    back = np.linalg.solve(x.M, x.A[rows].T)
+    free = np.linalg.solve(x.M, x.loads)
+    free -= back @ np.linalg.solve(x.A[rows] @ back, x.A[rows] @ free)
+    assert np.all(found > np.abs(free))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_elimination_with_pivots(seed):
+    """No element of the diagonal may be divided by as it stands."""
+    random = np.random.default_rng(seed)
+    whole = random.normal(size=(5, 5))
+    whole[np.diag_indices(5)] = 0.0
+    whole[1, :2] = whole[2, :3] = 0.0
+    right = random.normal(size=5)
+    found, rows = right.copy(), whole.ravel().copy()
+    _pushes.solve(5, rows, found)
+    close(found, np.linalg.solve(whole, right))

@@ -1,0 +1,135 @@
+"""Which tests are run: by name and commit, in turn, and none that is not there."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.choosing import chosen, slices
+from tests.patience import PATIENCE, finished
+from tests.support import ROOT
+
+NAMES = [f"tests/test_x.py::test_y[{k}]" for k in range(2000)]
+# What is asserted of a clock fails where others use the machine.
+CLOCK = r"time\.(?:time|monotonic|perf_counter)(?:_ns)?\("
+NAMED = re.compile(rf"(\w+)(?:, \w+)* = .*{CLOCK}")
+# A bound of time that no `PATIENCE` moves.
+IMPATIENT = re.compile(
+    r"(?:timeout[= ]*|process_time\(\) - \w+ < |alarm\()[1-9.](?!.*PATIENCE)"
+)
+
+
+def test_a_slice_is_the_same_at_every_place_and_about_its_part():
+    kept = {name for name in NAMES if chosen(name, "abc", 5)}
+    assert 320 < len(kept) < 480  # 400 expected, 18 the spread
+    assert {name for name in NAMES[::-1] if chosen(name, "abc", 5)} == kept
+    assert all(chosen(name, "abc", 1) for name in NAMES)
+
+
+def test_in_time_all_have_their_turn():
+    left = set(NAMES)
+    for commit in range(60):  # 2000 * (4/5)^60 = 0.003
+        left -= {name for name in NAMES if chosen(name, str(commit), 5)}
+    assert not left
+
+
+def test_slices_are_read():
+    assert slices("") == {}
+    assert slices("slow=4,nightly=100") == {"slow": 4, "nightly": 100}
+
+
+def test_no_test_asserts_how_late_it_is():
+    found = []
+    for path, text in sources():
+        names = {one[1] for one in NAMED.finditer(text)}
+        asked = re.compile(rf"assert .*(?:{'|'.join([CLOCK, *map(since, names)])})")
+        found += [f"{path}: {line}" for line in text.splitlines() if asked.search(line)]
+    assert not found, found
+
+
+def test_every_bound_of_time_has_patience():
+    found = [
+        f"{path}: {line.strip()}"
+        for path, text in sources()
+        for line in text.splitlines()
+        if IMPATIENT.search(line)
+    ]
+    assert not found, found
+
+
+def sources():
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        if path != Path(__file__):
+            yield path.relative_to(ROOT), path.read_text("utf-8")
+
+
+def since(name):
+    return rf"- {name}\b"
+
+
+def pytest_of(folder, text, *options, **environment):
+    """Run a test file with this project's settings and conftest."""
+    (folder / "test_one.py").write_text(text)
+    command = ["-m", "pytest", "-c", str(ROOT / "pyproject.toml"), "--rootdir", folder]
+    command += ["-n", "0", "-p", "no:cacheprovider", "-p", "tests.conftest", *options]
+    return subprocess.run(
+        [sys.executable, *map(str, command), str(folder)],
+        cwd=folder, capture_output=True, text=True, timeout=120 * PATIENCE,
+        env={"PATH": "", "PYTHONPATH": str(ROOT), **environment},
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_every_marker_collects():
+    # All of them, also where this run is a slice itself.
+    whole = {k: v for k, v in os.environ.items() if not k.startswith("LAGSIM_TEST_")}
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-n", "0", "-q", "--collect-only",
+         "-p", "no:cacheprovider", "-m", "slow or nightly", "tests"],
+        cwd=ROOT, capture_output=True, text=True, timeout=250 * PATIENCE, env=whole,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr
+    for one in ("test_very_many_cases", "test_long_fuzzing", "test_kills"):
+        assert one in done.stdout
+
+
+SKIPS = "import pytest\n@pytest.mark.skip(reason='none')\ndef test_a(): pass\n"
+
+
+@pytest.mark.parametrize(("most", "code"), [("0", 1), ("1", 0), ("", 0)])
+def test_more_skips_than_expected_fail(tmp_path, most, code):
+    done = pytest_of(tmp_path, SKIPS, LAGSIM_TEST_SKIPS=most)
+    assert done.returncode == code, done.stdout + done.stderr
+    assert ("1 tests are skipped, 0 may be" in done.stdout) == bool(code)
+
+
+def test_patience_moves_every_timeout(tmp_path):
+    text = "import time\ndef test_a(): time.sleep(1.0)\n"
+    late = pytest_of(tmp_path, text, LAGSIM_TEST_PATIENCE="0.001")
+    assert late.returncode != 0
+    assert "in test_a" in late.stdout + late.stderr
+    assert pytest_of(tmp_path, text, LAGSIM_TEST_PATIENCE="1").returncode == 0
+
+
+def test_a_process_that_hangs_shows_where():
+    code = "import time\ndef hangs(): time.sleep(1000)\n"
+    code += "print('begun', flush=True)\nhangs()"
+    run = subprocess.Popen(
+        [sys.executable, "-X", "faulthandler", "-c", code],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    with pytest.raises(AssertionError, match=r"(?s)begun.*in hangs"):
+        finished(run, 2.0)
+
+
+def test_each_variable_of_the_tests_is_told():
+    asked = re.compile(r"environ\.get\(\s*\"(LAGSIM_\w+)\"")
+    names = {one[1] for _, text in sources() for one in asked.finditer(text)}
+    told = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    assert {"LAGSIM_TEST_PATIENCE", "LAGSIM_TEST_SLICE"} <= names
+    assert [name for name in sorted(names) if f"`{name}`" not in told] == []
