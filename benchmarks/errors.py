@@ -1,6 +1,6 @@
 """Write the table of docs/errors.md: python benchmarks/errors.py [NUMBER...]
 
-What the page says stands in `lagsim/codes`; what messages look like is taken from the
+The texts of the page are those of `lagsim/codes`; the messages are the output of the
 examples, which are run: all of them, or those that are named.
 """
 
@@ -31,8 +31,9 @@ _LONGEST = 160
 HEAD = f"""
 ## All messages
 
-Each has a number and a word, which never change: `E104` and `several-documents`.
-`lagsim explain E104` says what stands here. The examples change lines of this model,
+Each message has a number and a code, which never change: `E104` and
+`several-documents`. `lagsim explain E104` shows its entry. Examples change lines of
+this model,
 `{MODEL}`:
 
 ```text
@@ -97,7 +98,9 @@ def _cut(line: str) -> str:
 
 def entry(row: Row, message: str) -> str:
     """Give what the page says of one message."""
-    lines = [f"#### {row.number} {row.code}", "", row.expected]
+    lines = [f"#### {row.number} {row.code}", "", row.happened]
+    if row.found:
+        lines += ["", f"Expected: {row.expected}"]
     if f"  hint: {row.hint}" not in message:
         lines += ["", f"Try: {row.hint}."]
     if row.commands:

@@ -1,6 +1,6 @@
 """Draw the pictures of docs/failing.md: python benchmarks/failing.py [NAME ...]
 
-Each function makes one, docs/failing/NAME.png, by running the scenes of models/failing
+Each function makes one, docs/failing/NAME.png, by running the models of models/failing
 with the methods that fail and with what `auto` takes. It takes about a minute.
 """
 
@@ -415,7 +415,7 @@ def speed():
     found = run("constant-speed")
     path = View("The path", "x (m)", "y (m)", square=True)
     path.add("", found["x"], found["y"], HOLDS)
-    energy = View("The ledger: energy E, work W", "t", "energy (J)")
+    energy = View("Energy E and work W", "t", "energy (J)")
     energy.add("E", found["t"], found["energy"], FAILS)
     energy.add("W", found["t"], found["work"], OTHER)
     balance = found["energy"] - found["work"]

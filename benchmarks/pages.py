@@ -20,19 +20,19 @@ PICTURES = DOCS / "gallery"
 METHODS = """\
 # Methods
 
-`auto` chooses, and a run says what and why; `--method NAME` insists. `lagsim methods
-NAME` prints these pages, which are the documentation of the methods' own modules. What
-each costs for its error is measured by `lagsim bench` ([Charts](charts.md)); where each
-fails is shown in [Failing scenes](failing.md).
+`auto` chooses a method, and a run reports the choice and the reason; `--method NAME`
+overrules it. `lagsim methods NAME` prints the sections of this page. `lagsim bench`
+measures the time of each method for its error ([Charts](charts.md)). [Failing
+models](failing.md) shows where each of them fails.
 
 """
 
 GALLERY = """\
 # Gallery
 
-The models in `models/`. Each can be run as it stands, and its header says where it
-comes from and what to expect; take the nearest one as the beginning of your own. A
-picture shows the ways of the points of the scene, and how it ends, or coordinates
+The models in `models/`. Each runs as it is; its header has the source and the expected
+values. Copy the most similar one to begin a model of your own. A picture shows the
+paths of the points in the section `scene`, and their last positions, or coordinates
 against time.
 
 """
