@@ -211,10 +211,12 @@ def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
         return f"{rate}; what is given has its value in `parameters`"
     for function in FUNCTIONS:
         rest = name.removeprefix(function)
+        if rest == name:
+            continue
         factor = re.match(r"\d*", rest)
         assert factor is not None
         inside = _called_so(rest[factor.end() :], known)
-        if rest != name and inside:
+        if inside:
             times = f"{factor[0]}*" if factor[0] else ""
             return f"write {function}({times}{inside})"
     base = name.rstrip("23456789")
@@ -264,7 +266,8 @@ def rate_of(name: str, moving: Collection[str]) -> str:
 
 def spelt_out(name: str) -> str:
     """Give a name in small letters, with Greek ones by their names: theta for θ."""
-    return "".join(_spelt_out(c) for c in name).casefold()
+    letters = name if name.isascii() else "".join(_spelt_out(c) for c in name)
+    return letters.casefold()
 
 
 def _spelt_out(letter: str) -> str:
