@@ -3,6 +3,11 @@
 The rate of each contact after the impact is at least -e times the one before, and is
 that where there is an impulse. All contacts that touch share one impact, at one time:
 where they act on each other, another order of impacts would end in other rates.
+
+Where a series of impacts is taken as one, a contact may have to pull in it: the series
+ends with it at rest, and what held it down meanwhile (its weight) is part of no impact.
+Its friction is in proportion, of either sign, so that what slides one way all the time
+loses what it does by the impulses of the series and of the weight.
 """
 
 from __future__ import annotations
@@ -13,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.mechanics.contact.problem import Problem, Role
+from lagsim.mechanics.contact.problem import Problem, Role, Solution
 from lagsim.mechanics.contact.solving import SOLVED, solve
 from lagsim.mechanics.laws import Kind
 
@@ -64,7 +69,7 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     """Give the impulses at rates (r,); what is smaller than noise (r,) counts as 0.
 
     Newton's targets of contacts that are locked into each other may contradict; such
-    an impact is inelastic.
+    an impact is inelastic. A contact that is `TIMED` is stopped, whatever it takes.
     """
     if len(rates) == 1 and _ROLES[closed.kinds[0]] is Role.SIGNED:
         return _alone(closed, float(rates[0]), float(noise[0]))
@@ -75,11 +80,11 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     target = np.array(
         [-e * v if kind is Kind.CONTACT and v < 0.0 else 0.0 for kind, e, v in terms]
     )
-    solution = solve(_problem(closed, before - target))
+    solution = _solved(closed, before - target)
     locked = not solution.found and bool(target.any())
     if locked:
         target = np.zeros(len(before))
-        solution = solve(_problem(closed, before))
+        solution = _solved(closed, before)
     p, after = solution.p, solution.w + target
     return Impact(
         p,
@@ -106,13 +111,36 @@ def _alone(closed: Closed, rate: float, noise: float) -> Impact:
     return Impact(np.array([p]), np.array([after]), residual, False, energy, found)
 
 
-def _problem(closed: Closed, c: Floats) -> Problem:
-    roles = [_ROLES[kind] for kind in closed.kinds]
-    nothing = [0.0] * len(roles)
-    return Problem(
-        closed.D, c.tolist(), roles, nothing, closed.bounds.tolist(), nothing,
-        closed.normals, closed.pairs,
-    )  # fmt: skip
+def _solved(closed: Closed, c: Floats) -> Solution:
+    """Give the impulses for rates c (r,) that are to become 0.
+
+    The slips of stopped contacts slide on, or are held where that would turn them back.
+    """
+    roles, ways = [_ROLES[kind] for kind in closed.kinds], np.zeros(len(c))
+    sliding: list[list[int]] = []
+    for k, (n, pair) in enumerate(zip(closed.normals, closed.pairs, strict=True)):
+        if n < 0 or closed.kinds[n] is not Kind.TIMED or roles[k] is not Role.BOXED:
+            continue
+        if pair < k:
+            sliding.append([pair, k] if pair >= 0 else [k])
+    for rows in sliding:
+        speed = float(np.linalg.norm(c[rows]))
+        for k in rows:
+            roles[k] = Role.GIVEN if speed > 0.0 else Role.FREE
+            ways[k] = -c[k] / speed if speed > 0.0 else 0.0
+    nothing = [0.0] * len(c)
+    while True:
+        solution = solve(
+            Problem(
+                closed.D, c.tolist(), roles, nothing, closed.bounds.tolist(),
+                ways.tolist(), closed.normals, closed.pairs,
+            )
+        )  # fmt: skip
+        turned = [rows for rows in sliding if solution.w[rows] @ ways[rows] > 0.0]
+        if not turned:
+            return solution
+        for k in (k for rows in turned for k in rows):
+            roles[k], ways[k] = Role.FREE, 0.0
 
 
 def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:

@@ -244,16 +244,6 @@ class Contacts(Source):
             problem = replace(problem, kinds=tuple(self._stopped(here, some, ends)))
         rates = here.rates[some]
         result = impact(problem, rates, here.still[some])
-        if stopped and not result.found:
-            # What is held back has no bound for its friction: there is none then.
-            kinds = (
-                Kind.LIMITED
-                if kind is Kind.SLIP and self.laws[k].normal in ends
-                else kind
-                for k, kind in zip(some, problem.kinds, strict=True)
-            )
-            problem = replace(problem, kinds=tuple(kinds))
-            result = impact(problem, rates, here.still[some])
         # A flight that begins a rounding below the ground would end one farther below.
         deep = [i for i, k in enumerate(some) if here.is_below(k)]
         if deep:

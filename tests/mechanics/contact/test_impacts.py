@@ -168,6 +168,40 @@ def test_a_box_that_slides_fast_is_struck_at_one_of_two_corners(speed, way, tilt
         assert found.impulses[1::2] == pytest.approx(-way * mu * p, abs=1e-9)
 
 
+@pytest.mark.parametrize("speed", [40.0, 1.0, -1e-3])
+@pytest.mark.parametrize("turn", [None, 0.0, 0.6])
+def test_friction_of_contacts_that_are_stopped_is_in_proportion(speed, turn):
+    """One corner of a box strikes; the other, which rests, is kept from leaving.
+
+    What slides loses mu times the sum of all impulses; what would turn back is stopped.
+    On a plane the slip is at an angle to the edge.
+    """
+    a, h, m, mu, v = 0.4, 0.5, 2.0, 0.3, 0.9
+    slips = [[1.0, 0.0, h, 0.0], [0.0, 0.0, 0.0, 1.0]][: 1 if turn is None else 2]
+    k = 1 + len(slips)
+    rows = np.array([[0.0, 1.0, -a, 0.0], *slips, [0.0, 1.0, a, 0.0], *slips])
+    kinds = [Kind.TIMED, *[SLIP] * len(slips)] * 2
+    normals = [-1, *[0] * len(slips), -1, *[k] * len(slips)]
+    pairs = [-1] * 4 if k == 2 else [-1, 2, 1, -1, 5, 4]
+    masses = [m, m, m * (a**2 + h**2) / 3, m]
+    way = np.array([np.cos(turn or 0.0), np.sin(turn or 0.0)])
+    slip = speed * way
+    before = np.array([slip[0] + h * v / 2 / a, -v / 2, -v / 2 / a, slip[1]])
+    body = closed(masses, rows, kinds, normals, pairs, mu)
+    found = impact(body, rows @ before, none(2 * k))
+    assert found.found
+    then = rows @ after(masses, rows, before, found)
+    assert then[::k] == pytest.approx([0.0, 0.0], abs=1e-12)
+    pushes = found.impulses[::k]
+    if speed < 0.0:
+        assert then == pytest.approx([0.0] * 2 * k, abs=1e-12)
+        return
+    assert pushes[0] < 0.0 < pushes[1]
+    for first, push in zip((1, k + 1), pushes, strict=True):
+        friction = found.impulses[first : first + k - 1]
+        assert friction == pytest.approx(-mu * push * way[: k - 1], abs=1e-12)
+
+
 def test_a_body_that_is_crushed_has_no_solution():
     # Both walls come nearer.
     body = closed([1.0], [[1.0], [-1.0]], [CONTACT] * 2)
