@@ -1,7 +1,8 @@
-"""A hint that is followed to the letter gives a file that is read, and means the same.
+"""A hint that is followed to the letter gives a file that `check` accepts.
 
 Each case is a text with one mistake. What its hint says to write is put in its place by
-a rule, not by hand; then the file must have no fault, and the value that was meant.
+a rule, not by hand; then the file must have no fault, an admissible start, and the
+value that was meant.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ import re
 
 import pytest
 
+from lagsim.admissibility.examination import examine
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.equations import derive
 from lagsim.model.reader import intent, read, written
 from tests.model._files import problems
 
@@ -48,6 +51,7 @@ X, L, T, PI = AT["x"], AT["l"], AT["theta"], math.pi
 
 # What a hint says to write, in the order in which these are looked for.
 SAYS = [
+    r"write (`[^`]+` and `[^`]+`)",
     r"quote (?:the value|the expression): (\".*\")",
     r"write (\{[^}]*\}\}|\{\}|\{[^{}]*(?:\{\}[^{}]*)*\})",
     r"(?:write|with) `\*`, (\S+)$",
@@ -68,6 +72,7 @@ def said(hint):
     for pattern in SAYS:
         if found := re.search(pattern, hint):
             text = next((g for g in found.groups() if g is not None), "")
+            text = "\n  ".join(re.findall("`([^`]+)`", text)) or text
             return f"if({text})" if r"write if\(" in pattern else text
     raise AssertionError(f"this says nothing to write: {hint}")
 
@@ -75,6 +80,21 @@ def said(hint):
 # Where, the text, the part of it that is replaced ("" for all of it), the value meant.
 CASES = [
     # numbers and units
+    ("rate", "3000 1/min", "", 100 * PI),
+    ("rate", "3000/min", "", 100 * PI),
+    ("rate", "3000 min^-1", "", 100 * PI),
+    ("rate", "3000 U/min", "", 100 * PI),
+    ("rate", "-20 rpm", "", -20 * 2 * PI / 60),
+    ("initial", "1,2e-3", "", 1.2e-3),
+    ("initial", "−0.5", "−", -0.5),
+    ("initial", "np.deg2rad(60)", "", PI / 3),
+    ("parameter", "5 Ns/m", "", 5.0),
+    ("parameter", "5 inches", "", 0.127),
+    ("parameter", "6.67e-11 m^3/(kg s^2)", "", 6.67e-11),
+    ("parameter", "2.5 kg·m²", "", 2.5),
+    ("parameter", "[5 kg]", "", 5.0),
+    ("parameter", "{val: 5}", "val", 5.0),
+    ("parameter", "9.81 m s^-2", "", 9.81),
     ("rate", "1500 rpm", "", 1500 * 2 * PI / 60),
     ("rate", "1500rpm", "", 1500 * 2 * PI / 60),
     ("rate", "{value: 1500, unit: rpm}", "", 1500 * 2 * PI / 60),
@@ -132,6 +152,12 @@ CASES = [
     ("parameter", "2e0.5", "", 2 * 10**0.5),
     ("parameter", "mm", "", 2.0),
     # functions
+    ("definition", "cosd(30)", "", math.cos(PI / 6)),
+    ("definition", "atand(x)", "", math.degrees(math.atan(X))),
+    ("definition", "ite(x > 0, x, l)", "", X),
+    ("definition", "np.where(x > 0, x, l)", "", X),
+    ("definition", "sin⁻¹(x)", "", math.asin(X)),
+    ("definition", "sin(theta°)", "theta°", math.sin(math.radians(T))),
     ("definition", "sin theta", "", math.sin(T)),
     ("definition", "sin 2*theta", "", math.sin(2 * T)),
     ("definition", "sintheta", "", math.sin(T)),
@@ -199,8 +225,15 @@ CASES = [
     ("definition", "x\u200b*l", "\u200b", X * L),
     ("definition", "\\frac{x}{l}", "", X / L),
     ("definition", "\\sqrt{x}", "", X**0.5),
-    ("definition", "x \\cdot l", "\\cdot", X * L),
+    ("definition", "x \\cdot l", "", X * L),
     ("definition", "\\theta", "", T),
+    ("definition", "\\cos\\theta", "", math.cos(T)),
+    ("definition", "\\frac{1}{2} m x^2", "", X**2),
+    ("definition", "\\frac{m}{2}\\dot{x}^2 + \\sin^2\\theta", "", None),
+    ("definition", "\\left(x + l\\right)^{2}", "", (X + L) ** 2),
+    ("definition", "x⁻¹", "⁻¹", 1 / X),
+    ("definition", "0.5mx^2", "", X**2),
+    ("definition", "m*params.l", "params.l", 2 * L),
     ("definition", "sin^2(cos(x))", "", math.sin(math.cos(X)) ** 2),
     ("definition", "√(x + (x))", "", (2 * X) ** 0.5),
     ("definition", "sin(30°)", "30°", 0.5),
@@ -222,6 +255,7 @@ CASES = [
     ("definition", "x if x > 0 else l", "", X),
     ("definition", "if x > 0 then x else l", "", X),
     ("definition", "l when t > 1", "", L),
+    ("definition", "l if t > 1", "", L),
     ("definition", "t > 1", "", 1.0),
     ("definition", "(t > 1)*l", "(t > 1)", L),
     ("definition", "cos(x) > 2", "", 0.0),
@@ -233,6 +267,12 @@ CASES = [
     ("definition", "x′", "", 1.1),
     ("definition", "θ'", "", -0.4),
     ("definition", "x.dot", "", 1.1),
+    ("definition", "x.diff(t)", "", 1.1),
+    ("definition", "x.dt", "", 1.1),
+    ("definition", "dot x", "", 1.1),
+    ("definition", "dot(theta)", "", -0.4),
+    ("definition", "\\dot{\\theta}^2", "", 0.16),
+    ("definition", "l*x'**2", "x'", L * 1.21),
     ("definition", "xDot", "", 1.1),
     ("definition", "2*dx/dt", "dx/dt", 2.2),
     ("definition", "d(theta)/dt", "", -0.4),
@@ -258,6 +298,8 @@ CASES = [
     ("definition", "- x", "", -X),
     ("relation", "x_dot == 0", "==", None),
     ("relation", "x_dot := 0", ":=", None),
+    ("relation", "x_dot ≈ 0", "≈", None),
+    ("relation", "x_dot =", "", None),
 ]
 
 
@@ -287,6 +329,11 @@ def value(where, model):
     return next(v.value for v in model.initial if v.name == named)
 
 
+def admitted(model):
+    """Fail where `check` would not accept the start."""
+    assert examine(derive(model), model.settings({}).start).admissible
+
+
 @pytest.mark.parametrize(
     ("where", "text", "part", "meant"), CASES, ids=map(name, CASES)
 )
@@ -297,6 +344,7 @@ def test_a_hint_that_is_followed_gives_what_was_meant(where, text, part, meant):
         model = read(text_with(where, followed), "model.yaml")
     except InputError as error:
         pytest.fail(f"{hint!r} gave {followed!r}: {error}")
+    admitted(model)
     if meant is not None:
         assert value(where, model) == pytest.approx(meant, rel=1e-12)
 
@@ -348,6 +396,34 @@ FILES = [
     ("  end", "  t_end", "t_end"),
     ("  end", "  stop_time", "stop_time"),
     ("  end", "  End", "End"),
+    ("  end: 2", "  tspan: [0, 2]", "tspan: [0, 2]"),
+    ("  end: 2", "  t_span: (0, 2)", "t_span: (0, 2)"),
+    ("  end: 2", "  end: [0, 2]", "end: [0, 2]"),
+    ("  end: 2", "  end: linspace(0, 2, 101)", "end: linspace(0, 2, 101)"),
+    ("  end: 2", "  end: 2\n  steps: 1000", "steps: 1000"),
+    ("  end: 2", "  start: 0\n  end: 2\n  points: 1000", "points: 1000"),
+    ("  end: 2", "  end: 2\n  fps: 500", "fps: 500"),
+    ("simulation:", "sim:", "sim"),
+    ("initial:", "x0:", "x0"),
+    ("coordinates:", "states:", "states"),
+    ("forces:", "generalized_forces:", "generalized_forces"),
+    ("definitions:", "define:", "define"),
+    ("scene:", "visualization:", "visualization"),
+    ("  columns: [s]", "  variables: [s]", "variables"),
+    ("  links:", "  edges:", "edges"),
+    ("[[pivot, bob]]", "{pivot: bob}", "{pivot: bob}"),
+    ("[[pivot, bob]]", "pivot -> bob", "pivot -> bob"),
+    ("columns: [s]", "columns: {s}", "{s}"),
+    ("bob: [s, c]", 'bob: "[s, c]"', '"[s, c]"'),
+    ("bob: [s, c]", "bob: {pos: [s, c]}", "{pos: [s, c]}"),
+    ("- {x: t, y: theta}", "- theta vs t", "theta vs t"),
+    ("  theta: {unit: rad}", "  theta: [rad]", "[rad]"),
+    ("  theta: 1\n", "  theta: [1, 0]\n", "theta: [1, 0]"),
+    ("  theta: 1\n", "  theta: {value: 1, rate: 0}\n", "theta: {value: 1, rate: 0}"),
+    ("  theta: 1\n", "  theta: 1\n  d/dt theta: 0\n", "d/dt theta"),
+    ("  theta: 1\n", "  theta: 1\n  \\dot{theta}: 0\n", "\\dot{theta}"),
+    ("  l: 1\n", "  l: {default: 1}\n", "default"),
+    ("rod: x_dot = 0", "rod: {eq: x_dot = 0}", "eq"),
     ("  end: 2", "  end=2", "end=2"),
     ("  end: 2", "  end:2", "end:2"),
     ("  end: 2", "  end 2", "end 2"),
@@ -403,7 +479,7 @@ def meaning(model):
         [c.name for c in model.constraints],
         [*model.scene.points], model.scene.links,
         model.output.columns, [p.y[0].text for p in model.output.plots],
-        (settings.start, settings.end),
+        (settings.start, settings.end, settings.output_step),
     )  # fmt: skip
 
 
@@ -423,6 +499,7 @@ def test_a_hint_for_a_file_that_is_followed(old, new, part):
     except InputError as error:
         pytest.fail(f"{hint!r} gave {followed!r}: {error}")
     assert meaning(model) == meaning(read(FILE, "model.yaml"))
+    admitted(model)
 
 
 @pytest.mark.parametrize("number", ["12,345,678", "12,345,678.5", "1,000.5"])
@@ -445,9 +522,9 @@ ADVICE = {
     "there is no factorial",
     "there are no indices: each has a name of its own",
     "an expression contains no quotes",
-    "leave it out: this is no LaTeX",
     "write the expression without `$`",
     "write if(condition, a, b)",
+    "write r_dot, with `r: {0}` in `definitions`",
     "write < or >: numbers are compared by <, <=, > and >=",
 }
 

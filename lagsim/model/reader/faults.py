@@ -82,8 +82,10 @@ class Faults:
         text, end = scalar.text, fault.offset + fault.length
         token = text[fault.offset : end]
         hint = ""
-        if relation and token in ("==", "!=", "<>"):
-            hint = intent.IN_RELATIONS[token]
+        if relation:
+            hint = intent.IN_RELATIONS.get(token, "")
+            if text.rstrip().endswith("="):
+                hint = f"write {text.strip()} 0"
         hint = hint or self.meant(scalar, fault.offset, known, beside=beside)
         if not hint and fault.code == "unknown-function":
             argument = _argument(text[end:])
@@ -147,9 +149,9 @@ class Faults:
 
     def called(self, key: str, known: Collection[str]) -> str:
         """Give the key that is called otherwise elsewhere, or is most like this one."""
-        from lagsim.model.reader.spellings import COUNTS, KEYS
+        from lagsim.model.reader.spellings import COUNTS, KEYS, SPANS
 
-        if key.casefold() in COUNTS:
+        if key.casefold() in (*COUNTS, *SPANS):
             return ""
         for other in KEYS.get(key.casefold().replace(" ", "_"), ()):
             if other in known:

@@ -32,6 +32,7 @@ _EQUALS = re.compile(r"(\w+)\s*=\s*([^=\s].*)")
 _NUMBER = re.compile(r"\d[\d.]*")
 _NO_COLON = re.compile(r"([^\W\d_]\w*)\s+([^\s:=]+)")
 _LISTED = re.compile(r"[^\W\d_]\w*(?:\s*,\s*[^\W\d_]\w*)*")
+_VERSUS = re.compile(r"(\w+) (?:vs\.?|versus|over|against) (\w+)")
 _NO_SPACE = re.compile(r"([^\s:]+):([^\s:]\S*)")
 
 # Of a list of names a message shows so many.
@@ -104,6 +105,10 @@ def _of_lines(node: Node, what: str) -> str:
         return f"write {{{', '.join(f'{name}: {{}}' for name in names)}}}"
     if what == "a plot" and len(names := _names_of(node)) in (1, 2):
         return f"write {{x: {names[0] if names[1:] else 't'}, y: {names[-1]}}}"
+    if what == "a plot" and (shown := _VERSUS.fullmatch(kind_text(node))):
+        return f"write {{x: {shown[2]}, y: {shown[1]}}}"
+    if what.startswith("the coordinate") and len(unit := _names_of(node)) == 1:
+        return f"write {{unit: {unit[0]}}}"
     if isinstance(node, Sequence):
         return "write lines `name: value`, without the `-` or brackets of a list"
     text = node.text if isinstance(node, Scalar) else ""
@@ -127,19 +132,28 @@ def _names_of(node: Node) -> list[str]:
     return [name.strip() for name in found]
 
 
-def as_list(node: Node) -> str:
+def as_list(node: Node, what: str = "") -> str:
     """Say how what stands for a list is written as one."""
     if isinstance(node, Mapping):
-        parts = [f"{key.text}: {kind_text(value)}" for key, value in node.entries]
-        return f"write [{{{', '.join(parts)}}}]"
+        pairs = [(key.text, kind_text(value)) for key, value in node.entries]
+        if not any(text for _, text in pairs):
+            return f"write [{', '.join(key for key, _ in pairs)}]"
+        if "link" in what:
+            links = ", ".join(f"[{a}, {b}]" for a, b in pairs)
+            return f"write [{links}]" if what == "`links`" else f"write {links}"
+        return f"write [{{{', '.join(f'{a}: {b}' for a, b in pairs)}}}]"
     text = node.text.strip() if isinstance(node, Scalar) else ""
-    if text[:1] + text[-1:] == "()":
+    if text == "all":
+        return "delete it: all are there without it"
+    if text[:1] + text[-1:] in ("()", "[]"):
         text = text[1:-1]
     return f"write [{' '.join(text.split())}]" if text else "a list is written [a, b]"
 
 
 def kind_text(node: Node) -> str:
-    """Give the text of a scalar, or dots."""
+    """Give the text of a scalar, of a list of them, or dots."""
+    if isinstance(node, Sequence):
+        return ", ".join(map(kind_text, node.items))
     return node.text if isinstance(node, Scalar) else "..."
 
 
@@ -150,7 +164,7 @@ def items(node: Node, what: str, faults: Faults) -> list[Node]:
     if isinstance(node, Broken) or (isinstance(node, Scalar) and node.empty):
         return []
     text = f"{what} must be a list, found {kind_of(node)}"
-    faults.add("not-a-list", text, node.place, as_list(node))
+    faults.add("not-a-list", text, node.place, as_list(node, what))
     return []
 
 
@@ -242,12 +256,30 @@ def fields(
             hint = faults.belongs(key.text, otherwise=True) or hint
         if _NUMBER.fullmatch(key.text):
             hint = _of_number(key, given)
+        if "output_step" in known:
+            hint = _of_times(key.text, value, given) or hint
         text = f"unknown key `{shortened(key.text)}` in {what}"
         faults.add("unknown-key", text, key.place, hint)
         if near:
             found.setdefault(near, (key, value))
     sound = isinstance(node, Mapping) or (isinstance(node, Scalar) and node.empty)
     return Fields(found, place, sound)
+
+
+def _of_times(key: str, value: Node, given: list[Entry]) -> str:
+    """Give a hint where a count, or a pair of times, stands for a key of times."""
+    from lagsim.model.reader import quantities, spellings
+
+    if key.casefold() in spellings.SPANS:
+        return quantities.span(value) or "write `start: ...` and `end: ...`"
+    if key.casefold() not in spellings.COUNTS:
+        return ""
+    texts = {k.text: v.text for k, v in given if isinstance(v, Scalar)}
+    length = texts.get("duration", texts.get("end", "duration"))
+    if "start" in texts and "duration" not in texts:
+        length = f"({length} - {texts['start']})"
+    length = "1" if key.casefold() == "fps" else length
+    return f"write `output_step: {length}/{kind_text(value)}`: the spacing of the rows"
 
 
 def is_odd(root: Node, sections: Collection[str]) -> bool:

@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from lagsim.model.model import InitialValue, Level, Target
-from lagsim.model.nodes import Broken, Mapping, Node, Scalar, argument
+from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence, argument
 from lagsim.model.reader.fields import (
     EXPRESSION,
     described,
@@ -15,9 +15,11 @@ from lagsim.model.reader.fields import (
     entries,
     fields,
     keyed,
+    kind_of,
 )
 from lagsim.model.reader.names import Kind, naming
 from lagsim.model.reader.parameters import Value, value_with_error
+from lagsim.model.reader.quantities import is_unit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping as MappingType
@@ -153,9 +155,14 @@ class Initial:
         )
 
     def _guess(self, key: Scalar, node: Node) -> tuple[Node, bool]:
+        what = f"the start value of `{key.text}`"
+        if both := self._with_rate(key.text, node):
+            text = f"{what} must be one expression, found {kind_of(node)}"
+            hint = f"write `{key.text}: {both[0]}` and `{key.text}_dot: {both[1]}`"
+            self.x.faults.add("not-an-expression", text, node.place, hint)
+            return Broken(node.place), True
         if not isinstance(node, Mapping):
             return node, False
-        what = f"the start value of `{key.text}`"
         if "value" in {name.text for name, _ in node.entries}:
             self.x.scalar(node, what)  # a fault, with what to write
             return Broken(node.place), True
@@ -167,6 +174,17 @@ class Initial:
                 self.x.faults.add("not-an-expression", text, node.place)
             return Broken(node.place), True
         return guess, True
+
+    def _with_rate(self, name: str, node: Node) -> list[str]:
+        """Give position and velocity where a start value holds both."""
+        given = node.items if isinstance(node, Sequence) else ()
+        if isinstance(node, Mapping):
+            own = ("guess", "unit", "description")
+            given = tuple(value for k, value in node.entries if k.text not in own)
+        texts = [part.text for part in given if isinstance(part, Scalar)]
+        both = len(texts) == len(given) == len(("position", "velocity"))
+        moving = name in self.x.names.of(Kind.COORDINATE)
+        return texts if both and moving and not is_unit(texts[1]) else []
 
     def _target(self, key: Scalar) -> tuple[Target, int | None] | None:
         """Give what a key of `initial` names, and the node of a definition."""
@@ -194,6 +212,7 @@ class Initial:
         moving = names.moving()
         near = re.sub(r"_?0$|\(0\)$", "", key.text)  # x0, x(0)
         near = near if near in moving else intent.rate_of(key.text, moving)
+        near = near or intent.rate_within(key.text, moving)
         coordinates = names.of(Kind.COORDINATE)
         if not near and key.text in intent.SPEEDS and len(coordinates) == 1:
             near = f"{coordinates[0]}_dot"
@@ -248,7 +267,10 @@ class Initial:
             sound = False
             problem = self._unusable(name)
             if problem is not None:
+                from lagsim.model.reader import intent
+
                 code, text, hint = problem
+                hint = intent.of_unknown(scalar.text, used.offset) or hint
                 place = scalar.place_of(used.offset, len(name))
                 self.x.faults.add(code, text, place, hint)
         return sound

@@ -14,7 +14,7 @@ from lagsim.language.functions import FUNCTIONS
 from lagsim.model.reader import quantities, spellings
 from lagsim.model.reader.quantities import NUMBER
 from lagsim.model.reader.spellings import RADIANS
-from lagsim.model.reader.written import FRACTION, OF_NAMES, OF_NUMBERS, PATTERNS
+from lagsim.model.reader.written import FRACTION, OF_NAMES, OF_NUMBERS, PATTERNS, latex
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable
@@ -27,6 +27,7 @@ MOST_PARTS = 200
 
 # A letter of one side of a comparison, or a call.
 _SIDE = r"(?:[^(),<>=]|\([^()]*\))"
+_WORD = re.compile(r"[^\W\d]\w*")
 _QUANTITY = re.compile(
     rf"\s*([-+]?\s*{NUMBER})\s*[\[(]?((?:[^\W\d_]|[°º])[\w*/^·⋅.()\s-]*?|)[\])]?\s*\.?\s*"
 )
@@ -47,7 +48,9 @@ _NUMBERS = {
     "e": "write exp(x) for e^x, exp(1) for e",
     **dict.fromkeys(("deg", "degree", "degrees"), f"write pi/180: {RADIANS}"),
     **dict.fromkeys(("inf", "infinity", "nan"), "every number is finite"),
-    **dict.fromkeys(("free", "guess"), "a value to be solved is written {guess: 0}"),
+    **dict.fromkeys(
+        ("free", "guess", "auto"), "a value to be solved is written {guess: 0}"
+    ),
     **dict.fromkeys(("none", "true", "false"), "write a number, such as 0"),
 }
 _COMBINING = {"\u0307": "_dot", "\u0308": "_ddot"}
@@ -57,6 +60,7 @@ SPEEDS = ("v", "w", "ω", "omega", "vel", "velocity", "speed", "dt")
 # What is written in a relation for signs of other languages.
 IN_RELATIONS = {
     "==": "write `=`, one alone",
+    **dict.fromkeys("≈≡→≃", "write `=`"),
     "!=": "a relation is written with `=`, `>=` or `<=`",
     "<>": "a relation is written with `=`, `>=` or `<=`",
 }
@@ -67,7 +71,7 @@ def without_guesses(hint: str, token: str, known: Collection[str]) -> str:
     product = hint.startswith("there is no implicit product")
     if product and re.match(r"[^\W\d]", token) and not _is_known(token, known):
         return f"an operator stands before a name, and `{token}` is none here"
-    return hint
+    return "" if token == "," else hint
 
 
 def of_text(
@@ -88,6 +92,8 @@ def of_text(
         return hint
     if hint := quantities.separated_around(text, offset):
         return hint
+    if "\\" in text and text == whole:
+        return f"write {latex(text)}"
     hint = _matching(PATTERNS, text, offset) or _of_unit(
         text, offset, known, beside=beside and text == whole
     )
@@ -137,8 +143,12 @@ def _of_number(text: str, known: Collection[str], *, beside: bool) -> str:
     if quantity is None or not quantity[2] or _is_spelt(text):
         return ""
     number, unit = quantity[1].replace(" ", ""), quantity[2]
+    unit += ")" * (unit.count("(") > unit.count(")"))
     names = quantities.words(quantities.unit(unit))
     product = all(_is_known(name, known) for name in names)
+    parted = _WORD.sub(lambda w: "*".join(_parts(w[0], known)) or w[0], unit)
+    if parted != unit and not product and not quantities.is_unit(unit):
+        return f"write {number}*{parted}"
     if product and not quantities.is_unit(unit):
         return ""
     hint = quantities.quantity(number, unit, beside=beside)
@@ -235,13 +245,19 @@ def _called_so(name: str, known: Collection[str]) -> str:
 
 def of_several(name: str, known: Collection[str]) -> str:
     """Give a hint for a name that is two or more variables, side by side."""
+    parts = _parts(name, known)
+    return f"a product is written {'*'.join(parts)}" if parts else ""
+
+
+def _parts(name: str, known: Collection[str]) -> list[str]:
+    """Give the variables, two or more, of whose names a name is made; or none."""
     if 1 < len(known) <= MOST_PARTS and len(name) <= WINDOW:
         several = sorted(map(re.escape, known), key=len, reverse=True)
         one = f"(?:{'|'.join(several)})(?:_dot)?"
         parts = re.findall(one, name)
         if re.fullmatch(f"(?:{one}){{2,4}}", name) and len(set(parts)) == len(parts):
-            return f"a product is written {'*'.join(parts)}"
-    return ""
+            return parts
+    return []
 
 
 def _ordinal(rate: str) -> str:
@@ -262,6 +278,15 @@ def rate_of(name: str, moving: Collection[str]) -> str:
             if match and match[1] in moving:
                 return match[1] + ending
     return ""
+
+
+def rate_within(text: str, moving: Collection[str]) -> str:
+    """Give the rate that a text is, spelt as elsewhere: `d/dt x`; or an empty text."""
+    text = text[:WINDOW]
+    plain = latex(text) if "\\" in text else ""
+    hint = f"the rate is written {plain}" if plain else _matching(PATTERNS, text, 0)
+    found = re.fullmatch(r"the (?:second )?rate is written ((.+)_dd?ot)", hint)
+    return found[1] if found and found[2] in moving else ""
 
 
 def spelt_out(name: str) -> str:

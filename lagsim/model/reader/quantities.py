@@ -17,7 +17,7 @@ NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _UNITS = (
     "m|g|s|N|J|W|K|A|V|C|T|F|H|h|l|rad|deg|Pa|Hz|bar|Ohm|ohm|mol|L|lb|ft|rpm|in|inch|"
     "sec|seconds?|minutes?|hours?|days?|met(?:re|er)s?|grams?|newtons?|joules?|watts?|"
-    "radians?|degrees?|revs?|revolutions?|turns?|grad|gon"
+    "radians?|degrees?|revs?|revolutions?|turns?|grad|gon|inches|Nms?|Ns|Ws|Js"
 )
 _UNIT = re.compile(rf"(?:da|[yzafpnuµμmcdhkMGT]|kilo)?(?:{_UNITS})|min|hr|kgf|lbf")
 
@@ -45,7 +45,7 @@ _SCALES = {
     **dict.fromkeys(("us", "µs", "μs"), _Scale("s", (), ("1e6",))),
     **dict.fromkeys(("g", "gram", "grams"), _Scale("kg", (), ("1000",))),
     "mg": _Scale("kg", (), ("1e6",)),
-    **dict.fromkeys(("in", "inch"), _Scale("m", ("0.0254",))),
+    **dict.fromkeys(("in", "inch", "inches"), _Scale("m", ("0.0254",))),
     "ft": _Scale("m", ("0.3048",)),
     "lb": _Scale("kg", ("0.45359237",)),
     "bar": _Scale("Pa", ("1e5",)),
@@ -56,6 +56,7 @@ _SCALES = {
     **{f"M{of}": _Scale(of, ("1e6",)) for of in ("N", "J", "W", "Pa")},
     **{f"G{of}": _Scale(of, ("1e9",)) for of in ("N", "J", "W", "Pa")},
 }
+_PER_MINUTE = re.compile(r"(?:1|U|revs?)/min|min\^-1")
 _WORD = re.compile(r"[^\W\d_]\w*")
 _FACTOR = re.compile(r"([*/]?)([^\W\d_]+)(?:\^(-?\d+))?")
 _LIKE = {
@@ -83,7 +84,8 @@ def unit(text: str) -> str:
         ("°", "deg"), ("º", "deg"),
     ):  # fmt: skip
         text = text.replace(letter, plain)
-    return re.sub(r"\s*([*/^])\s*", r"\1", text.strip(" .")).replace(" ", "*")
+    plain = re.sub(r"\s*([*/^])\s*", r"\1", text.strip(" .")).replace(" ", "*")
+    return "rpm" if _PER_MINUTE.fullmatch(plain) else plain
 
 
 def _scaled(number: str, of: str) -> tuple[str, str]:
@@ -135,7 +137,7 @@ def quantity(number: str, of: str, *, beside: bool) -> str:
 
 
 _MARKS = r"[ ',.\u00a0\u202f]"
-_SEPARATED = re.compile(rf"(?<![\w.])\d+(?:{_MARKS}\d+)+")
+_SEPARATED = re.compile(rf"(?<![\w.])\d+(?:{_MARKS}\d+)+(?:[eE][+-]?\d+)?")
 # So many digits are between two marks of thousands.
 _GROUP = 3
 
@@ -144,6 +146,7 @@ def separated(text: str) -> str:
     """Say how a number with a decimal comma or marks of thousands is written."""
     if not _SEPARATED.fullmatch(text):
         return ""
+    text, *power = re.split(r"(?=[eE])", text)
     parts, marks = re.split(_MARKS, text), re.findall(_MARKS, text)
     groups = all(len(part) == _GROUP for part in parts[1:-1])
     last, others = marks[-1], set(marks[:-1])
@@ -153,10 +156,25 @@ def separated(text: str) -> str:
         number = f"{''.join(parts[:-1])}.{parts[-1]}"
         if not others and len(parts[-1]) == _GROUP and parts[0].lstrip("0"):
             return f"write {''.join(parts)}, or {number} if the comma is a decimal one"
-        return f"write {number}: a decimal point is written `.`"
+        return f"write {''.join([number, *power])}: a decimal point is written `.`"
     if groups and len(parts[-1]) == _GROUP and len({*others, last}) == 1:
         return f"write {''.join(parts)}, without separators"
     return ""
+
+
+_SPAN = re.compile(
+    rf"(?:[\w.]*(?:range|linspace)\s*)?[\[(]?\s*({NUMBER})\s*(?:,|\.\.)"
+    rf"\s*({NUMBER})\s*(?:,.*)?[\])]?"
+)
+
+
+def span(node: Node) -> str:
+    """Say how a run from one time to another is written, or give an empty text."""
+    items = node.items if isinstance(node, Sequence) else (node,)
+    text = ", ".join(item.text for item in items if isinstance(item, Scalar))
+    if separated(text) or not (ends := _SPAN.fullmatch(text)):
+        return ""
+    return f"write `start: {ends[1]}` and `end: {ends[2]}`"
 
 
 def separated_around(text: str, offset: int) -> str:
@@ -190,6 +208,9 @@ def of_collection(node: Node, *, beside: bool) -> str:
     if isinstance(node, Sequence):
         texts = [item.text for item in node.items if isinstance(item, Scalar)]
         if len(texts) == len(node.items) == 1:
+            alone = re.fullmatch(rf"([-+]?{NUMBER})\s*(.+)", texts[0])
+            if alone and is_unit(alone[2]):
+                return quantity(alone[1], alone[2], beside=beside)
             return f"write {texts[0]}, without brackets"
         both = len(texts) == len(node.items) == len(("number", "unit"))
         if both and re.fullmatch(rf"[-+]?{NUMBER}", texts[0]) and is_unit(texts[1]):

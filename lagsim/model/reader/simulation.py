@@ -13,7 +13,9 @@ from lagsim.model.reader.fields import (
     described,
     fields,
     keyed,
+    kind_of,
 )
+from lagsim.model.reader.quantities import span
 from lagsim.model.reader.relations import read_relation
 from lagsim.model.settings import DEFAULT_ROWS, Settings
 
@@ -133,7 +135,13 @@ class _Reader(NamedTuple):
 
     def _number(self, key: str) -> float | None:
         node = self.given.value(key)
-        return None if node is None else self.x.number(node, f"`{key}`")
+        if node is None:
+            return None
+        if key in ("duration", "end") and (hint := span(node)):
+            text = f"`{key}` must be one time, found {kind_of(node)}"
+            self._fault("not-an-expression", text, key, hint)
+            return None
+        return self.x.number(node, f"`{key}`")
 
     def _positive(self, key: str) -> float | None:
         value = self._number(key)

@@ -53,6 +53,8 @@ _REWRITTEN = {
     "root": ("x n", "x^(1/n)"),
     "sec": ("x", "1/cos(x)"),
     "csc": ("x", "1/sin(x)"),
+    **{f"{of}d": ("x", f"{of}(x*pi/180)") for of in ("sin", "cos", "tan")},
+    **{f"a{of}d": ("x", f"a{of}(x)*180/pi") for of in ("sin", "cos", "tan")},
     **dict.fromkeys(("cot", "ctg", "cotan"), ("x", "1/tan(x)")),
     **dict.fromkeys(("acot", "arccot"), ("x", "atan2(1, x)")),
     **dict.fromkeys(("mod", "fmod", "rem"), ("x y", "x - y*floor(x/y)")),
@@ -61,7 +63,7 @@ _REWRITTEN = {
     **dict.fromkeys(("clip", "clamp"), ("x a b", "max(a, min(x, b))")),
     "norm": ("x y", "hypot(x, y)"),
     **dict.fromkeys(
-        ("where", "ifelse", "iif", "piecewise"),
+        ("where", "ifelse", "iif", "ite", "cond", "piecewise"),
         ("condition a b", "if(condition, a, b)"),
     ),
     **dict.fromkeys(("deg2rad", "radians", "rad", "deg"), ("x", "x*pi/180")),
@@ -72,11 +74,27 @@ _OF_ANGLES = ("deg2rad", "radians", "rad", "deg")
 KEYS = {
     **dict.fromkeys(("constants", "params", "consts", "given"), ("parameters",)),
     **dict.fromkeys(
-        ("variables", "vars", "dof", "dofs", "generalized_coordinates", "q"),
-        ("coordinates",),
+        ("variables", "vars", "dof", "dofs", "generalized_coordinates", "q", "states"),
+        ("coordinates", "columns"),
     ),
+    **dict.fromkeys(("define", "functions", "expressions"), ("definitions",)),
+    **dict.fromkeys(("loads", "generalized_forces", "applied_forces"), ("forces",)),
+    **dict.fromkeys(("sim", "solve", "integration", "solver_options"), ("simulation",)),
     **dict.fromkeys(
-        ("initial_conditions", "initial_state", "initial_values", "ic", "ics"),
+        ("graphics", "drawing", "draw", "visualization", "animation", "geometry"),
+        ("scene",),
+    ),
+    **dict.fromkeys(("plot", "figures", "charts"), ("plots",)),
+    **dict.fromkeys(
+        (
+            "initial_conditions",
+            "initial_state",
+            "initial_values",
+            "ic",
+            "ics",
+            "init",
+            "x0",
+        ),
         ("initial",),
     ),
     **dict.fromkeys(("t", "ke", "ekin", "kinetic_energy"), ("kinetic", "duration")),
@@ -101,8 +119,6 @@ KEYS = {
             "stop_time",
             "end_time",
             "finish",
-            "tspan",
-            "t_span",
             "till",
         ),
         ("end",),
@@ -114,19 +130,31 @@ KEYS = {
         ("dt", "timestep", "time_step", "sampling", "dt_out"),
         ("output_step", "step"),
     ),
+    **dict.fromkeys(("h", "max_step"), ("step",)),
+    **dict.fromkeys(
+        ("stop_when", "stop_condition", "event", "events", "terminate"), ("until",)
+    ),
     **dict.fromkeys(("tol", "tolerance", "reltol", "precision"), ("rtol",)),
     **dict.fromkeys(("abstol",), ("atol",)),
     **dict.fromkeys(("solver", "integrator", "scheme"), ("method",)),
     **dict.fromkeys(("units", "dimension"), ("unit",)),
-    **dict.fromkeys(("help", "comment", "text", "label"), ("description",)),
+    **dict.fromkeys(("help", "comment", "text", "label", "desc"), ("description",)),
+    **dict.fromkeys(("default", "val"), ("value",)),
     **dict.fromkeys(("eq", "equation", "expression", "expr"), ("relation", "value")),
     **dict.fromkeys(("mu",), ("friction",)),
-    **dict.fromkeys(("e", "bounce"), ("restitution",)),
-    **dict.fromkeys(("lines", "rods"), ("links",)),
+    **dict.fromkeys(
+        ("e", "bounce", "cor", "restitution_coefficient"), ("restitution",)
+    ),
+    **dict.fromkeys(("lines", "rods", "edges", "bars"), ("links",)),
     **dict.fromkeys(("masses", "bodies"), ("points",)),
 }
 # Keys of counts, where a length is asked for here: no key has their values.
-COUNTS = ("n", "steps", "nsteps", "n_steps", "num_steps", "fps", "frames")
+COUNTS = (
+    "n", "steps", "nsteps", "n_steps", "num_steps", "number_of_steps", "output_steps",
+    "samples", "points", "rows", "fps", "frames",
+)  # fmt: skip
+# Keys of two times.
+SPANS = ("tspan", "t_span", "time_span", "t_range", "interval")
 # What gives a rate, of its first argument.
 RATES = ("d", "D", "der", "deriv", "derivative", "Derivative", "diff", "Diff", "dot")
 # Every name that stands for a function somewhere, the longest first.
