@@ -43,14 +43,12 @@ def heeded_signals():
 # fifth case is quick, the others wait for the slow suite.
 MANY_LIKE_CASES = {
     "test_a_dead_zone_crossed_by_a_motion_that_diverges",
-    "test_a_kept_session_runs_as_the_one_that_was_made",
     "test_a_method_behaves_or_refuses",
     "test_a_run_in_plain_python_is_the_native_run",
     "test_accelerations_and_multipliers_at_reference_times",
     "test_accelerations_make_it_least_among_admissible_ones",
     "test_against_the_multipliers_of_explicit_constraints",
     "test_all_columns_agree",
-    "test_another_question_has_another_answer",
     "test_ascii_is_ascii_and_lines_break",
     "test_constant_parts_give_the_same_motion",
     "test_constraint_forces_are_those_of_the_reduced_system",

@@ -47,9 +47,9 @@ from lagsim.studies.attempts import ErrorBars
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from lagsim.model.model import Model
     from lagsim.outputs.artist import Draw
     from lagsim.outputs.results import Results
-    from lagsim.run.kept import Asked
     from lagsim.run.session import Session
     from lagsim.studies.attempts import Attempt
     from lagsim.studies.restart import Restart
@@ -242,8 +242,6 @@ class Job:
         options: Mapping[str, str],
     ) -> int:
         """Do it; give the exit code."""
-        from lagsim.run.kept import Asked
-
         if self.resume and self.table is not Format.CSV:
             text = "--resume needs --table csv, which is written row by row"
             raise InputError([Problem("usage", text)])
@@ -256,17 +254,16 @@ class Job:
         if self.plots is Picture.PNG and is_watched():
             from lagsim.outputs.artist import artist as aside
         with aside() as self._draw:
-            return self._do(Asked(text, file, overrides, options))
+            from lagsim.model.reader import read
 
-    def _do(self, asked: Asked) -> int:
+            with self.interrupt.raised():
+                session = self._ready(read(text, file, overrides, options))
+            return self._do(session, {**options, "set": {**overrides}})
+
+    def _do(self, session: Session, wishes: Mapping[str, Any]) -> int:
         from lagsim.outputs.results import open_results
-        from lagsim.run.kept import kept_session
 
-        with self.interrupt.raised():
-            session = kept_session(asked, lambda: self._made(asked))
-            self.clock.lap("read")
         model = session.case.equations.model
-        wishes = {**asked.options, "set": {**asked.overrides}}
         folder = self.folder or RESULTS / model.name
         ask_for_room(session, folder, self.table, quiet=self.quiet)
         restart = partial(self._restart, folder, model.sha256, wishes)
@@ -278,12 +275,10 @@ class Job:
             made = restart if known is None else lambda: known
             return self._integrate(session, results, made)
 
-    def _made(self, asked: Asked) -> Session:
-        """Make what nobody has asked for before."""
-        from lagsim.model.reader import read
+    def _ready(self, model: Model) -> Session:
+        """Derive, examine, plan and compile."""
         from lagsim.native.link.ahead import helped
 
-        model = read(*asked)
         settings = wanted(model, "run", hint="add it, or give --duration")
         self.clock.lap("read")
         with helped() if is_watched() else contextlib.nullcontext():

@@ -18,14 +18,14 @@ from collections import Counter
 from dataclasses import replace
 from functools import cached_property
 from heapq import heapify, heappop, heappush
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from lagsim.language.collected import Collected
 from lagsim.language.sparse import Meter, fill, minimum_degree, squares
 
 if TYPE_CHECKING:
     from collections.abc import Container, Mapping, Sequence
 
-    from lagsim.language.collected import Collected
     from lagsim.language.graph import Graph
     from lagsim.mechanics.articulated import Articulated
     from lagsim.mechanics.combined import Combined
@@ -156,8 +156,6 @@ def without_rows(equations: Equations) -> Elimination:
 
 def collected_along(e: Equations) -> Collected:
     """Give what makes sums on the graph, of what changes along a motion."""
-    from lagsim.language.collected import Collected  # a kept session makes none
-
     return Collected(e.graph, (*e.moving, *e.accelerations, *e.multipliers))
 
 
@@ -217,10 +215,6 @@ class Elimination:
             shorter = self._along_links(equations)
             self.along_links = shorter != self._motion[0]
             self._motion = shorter, []
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Give what is kept of it elsewhere: what was found out is found again."""
-        return {k: v for k, v in self.__dict__.items() if k != "collected"}
 
     @cached_property
     def collected(self) -> Collected:

@@ -193,10 +193,6 @@ class Memory:
         """Give another memory with the same content."""
         return type(self)(self.flat.copy())
 
-    def __reduce__(self) -> tuple[type[Self], tuple[Floats]]:
-        """Give what it is made anew of: elsewhere it has another address."""
-        return type(self), (self.flat,)
-
     def take(self, other: Memory) -> None:
         """Take the numbers, and the arrays of the same length, that both have."""
         for name in self.fields.keys() & other.fields.keys():

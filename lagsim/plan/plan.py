@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.model.settings import DEFAULT_RTOL
+from lagsim.plan.newton import newton_of
 
 if TYPE_CHECKING:
     from lagsim.mechanics.ldl import Elimination
@@ -106,8 +107,6 @@ class Plan:
         """Newton's matrix of an implicit method, where it is sparse."""
         if self.elimination is None:
             return None
-        from lagsim.plan.newton import newton_of  # kept sessions know
-
         return newton_of(self.method, self.reduction.equations)
 
     @property

@@ -32,8 +32,6 @@ def lagsim(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.delenv("GITHUB_ACTIONS", raising=False)  # where these tests run
-    # What tests replace in lagsim is to be called, and not to be kept.
-    monkeypatch.setattr("lagsim.run.kept.kept_session", lambda _, make: make())
 
     def call(*arguments):
         monkeypatch.setattr(sys, "argv", ["lagsim", *map(str, arguments)])

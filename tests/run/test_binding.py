@@ -51,7 +51,7 @@ def test_rows_are_those_of_the_text_read_again(case, monkeypatch):
         compiled.append(made_from)
         return object_code(made_from, generate)
 
-    monkeypatch.setattr("lagsim.native.link.cache.object_code", noted)
+    monkeypatch.setattr("lagsim.run.system.object_code", noted)
     text, changes = CASES[case]
     if case == "by tapes":
         monkeypatch.setattr("lagsim.plan.making.from_tape", lambda *_: True)

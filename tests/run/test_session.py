@@ -77,7 +77,7 @@ def test_a_session_runs_again_at_other_tolerances(monkeypatch):
     def compiled(*_):
         pytest.fail("nothing is compiled again")
 
-    monkeypatch.setattr("lagsim.native.link.cache.object_code", compiled)
+    monkeypatch.setattr("lagsim.run.system.object_code", compiled)
     loose = rows(session.by(replace(session.plan, rtol=1e-4)))
     assert off(tight, 1.0, 2.0) < 1e-9 < off(loose, 1.0, 2.0) < 1e-2
     few = session.asking(output_step=1.0)

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.reduction.elimination import eliminated
+from lagsim.mechanics.reduction.ignorable import ignored, momentum_of
 from lagsim.model.model import Parameter
 
 if TYPE_CHECKING:
@@ -45,8 +48,6 @@ class Reduction(NamedTuple):
 
     def eliminate(self, found: Sequence[Pair]) -> Reduction:
         """Express coordinates by the others; of `elimination.pairs`."""
-        from lagsim.mechanics.reduction.elimination import eliminated
-
         e = self.equations
         equations, recovered = eliminated(e, found)
         names = [(e.q[pair.coordinate], e.rows[pair.row].name) for pair in found]
@@ -64,8 +65,6 @@ class Reduction(NamedTuple):
         TooLongError
             Where solving for them takes more than `limit` multiplications.
         """
-        from lagsim.mechanics.reduction.ignorable import ignored, momentum_of
-
         e = self.equations
         momenta = {momentum_of(e.q[c]): e.momenta[c] for c in coordinates}
         equations, recovered = ignored(e, coordinates, limit)
@@ -90,8 +89,6 @@ class Reduction(NamedTuple):
         """Give the values of the momenta at a full start."""
         if not self.momenta:
             return {}
-        from lagsim.language.evaluate import evaluate
-
         model = self.equations.model
         values = {p.name: p.value for p in model.parameters} | {"t": start.t}
         for k, c in enumerate(model.coordinates):

@@ -187,21 +187,6 @@ class Engine:
     """
 
     def __init__(self, objects: Sequence[bytes]) -> None:
-        self._link(objects)
-        if missing := _open_symbols(objects):
-            names = ", ".join(f"`{name}`" for name in missing)
-            raise NativeError(f"native code needs {names}, which nothing defines")
-
-    def __getstate__(self) -> Sequence[bytes]:
-        """Give the objects: where they are kept, they have been looked through."""
-        return self._objects
-
-    def __setstate__(self, objects: Sequence[bytes]) -> None:
-        """Link them again, in another process."""
-        self._link(objects)
-
-    def _link(self, objects: Sequence[bytes]) -> None:
-        self._objects = tuple(objects)
         llvm = _binding()
         builder = llvm.JITLibraryBuilder().add_current_process()
         for code in objects:
@@ -223,6 +208,9 @@ class Engine:
         # The code goes before what holds it, also when both are found in a cycle. Not
         # at exit: a callable may still be used there, and the process frees all.
         weakref.finalize(self, _close, self._trackers, self._jit).atexit = False
+        if missing := _open_symbols(objects):
+            names = ", ".join(f"`{name}`" for name in missing)
+            raise NativeError(f"native code needs {names}, which nothing defines")
 
     def address(self, name: str) -> int:
         """Give the address of a symbol; it is valid while this engine lives.

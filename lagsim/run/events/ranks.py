@@ -6,8 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import weakest_rows
+from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
+from lagsim.plan.lengths import usual_lengths
+from lagsim.plan.making import by_loops
 from lagsim.run.decisions import Decision, Source
 from lagsim.run.system import System
 
@@ -30,9 +35,6 @@ class Dependence(Source):
         """Go on with it, unless that is too much."""
         if code != at.DEGENERATE:
             return None
-        from lagsim.mechanics.ldl import dense_operations
-        from lagsim.plan.making import by_loops
-
         found = f"at t = {arc.t:.9g} the constraints become nearly dependent"
         if dense_operations(arc.system.n, arc.system.m) > MOST_DENSE:
             text = (
@@ -60,8 +62,6 @@ class RankLosses(Source):
         """Tell of a loss of rank on the way, with the constraints in it."""
         if code != at.RANK_LOST:
             return None
-        from lagsim.plan.lengths import usual_lengths
-
         time = arc.state.lost_at
         at_loss = arc.state.work[: arc.system.size]
         full = len(arc.equations.q)
@@ -97,9 +97,6 @@ def weakest(
     usual : (m,)
         Their lengths, in general.
     """
-    from lagsim.admissibility.point import Point
-    from lagsim.admissibility.rank import weakest_rows
-
     point = Point(equations, t)
     left, smallest = weakest_rows(point, q, v, rank, usual)
     heavy = np.abs(left) > 1e-3

@@ -14,8 +14,15 @@ import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts.parameters import KEPT, Parameters
+from lagsim.native.graph import keys
+from lagsim.native.graph.keys import Layout, Loop
+from lagsim.native.link.cache import begin_kernel_object, object_code
+from lagsim.plan.cost import evaluation_cost
+from lagsim.plan.formulation import GAIN
 from lagsim.run.system.columns import Columns
-from lagsim.run.system.runner import Runner, linked, of_method
+from lagsim.run.system.functions import AFTER_FREEZING, functions, varying_inertias
+from lagsim.run.system.kernels import kernels
+from lagsim.run.system.runner import Runner, of_method
 from lagsim.run.system.sleepers import (
     all_sleepers,
     motion_nodes,
@@ -23,6 +30,8 @@ from lagsim.run.system.sleepers import (
     slope,
     timed,
 )
+from lagsim.run.system.switching import surface_functions
+from lagsim.solve.series import motion_series
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,7 +40,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
     from lagsim.model.model import Model
-    from lagsim.native.graph.keys import Functions, Layout, Loop
+    from lagsim.native.graph.keys import Functions
     from lagsim.native.graph.straight_line import Code
     from lagsim.plan.plan import Plan
     from lagsim.run.system.sleepers import Sleeper
@@ -88,17 +97,6 @@ class System:
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
-        # What only making one needs: runs begin with one that is kept.
-        from lagsim.native.graph import keys
-        from lagsim.native.link.cache import begin_kernel_object, object_code
-        from lagsim.run.system.functions import (
-            AFTER_FREEZING,
-            functions,
-            varying_inertias,
-        )
-        from lagsim.run.system.kernels import kernels
-        from lagsim.run.system.switching import surface_functions
-
         self.plan = plan
         self.model = equations.model
         self.columns = Columns(equations, plan.reduction.recovered)
@@ -152,8 +150,6 @@ class System:
             nodes_of["velocity_steps"] = nodes_of["velocity_step"]
         code: dict[str, list[int] | Loop] = {**nodes_of}
         if AFTER_FREEZING in needs:
-            from lagsim.solve.series import motion_series
-
             rates = nodes_of["field" if self.watched else "derivative"][: self.size]
             made = motion_series(equations, rates, plan.rtol or 0.0, loop=not plan.tape)
             code["series"] = made
@@ -178,7 +174,7 @@ class System:
         """Write the code of all functions; only first runs do."""
         g = self.equations.graph
         if self.plan.tape:
-            from lagsim.native.graph import keys, tapes
+            from lagsim.native.graph import tapes
 
             made = keys.nodes_of(functions)
             return tapes.generate(g, made, layout, MANNER["sparse"])
@@ -222,17 +218,6 @@ class System:
         new.take_values(model, plan)
         return new
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Give what makes the same system in another process."""
-        engines = {name: runner.engine for name, runner in self._runners.items()}
-        return self.__dict__ | {"_runners": engines}
-
-    def __setstate__(self, kept: dict[str, Any]) -> None:
-        """Be the system of another process."""
-        self.__dict__.update(kept)
-        for name, engine in kept["_runners"].items():
-            self._runners[name] = Runner(self, name, engine)
-
     def take_values(self, model: Model, plan: Plan) -> None:
         """Begin anew with other values, in a memory of its own."""
         self.plan, self.model = plan, model
@@ -247,10 +232,7 @@ class System:
         ]
 
     def _operations(self, code: Functions) -> int:
-        from lagsim.native.graph import keys
-        from lagsim.plan.cost import evaluation_cost
-
-        if isinstance(series := code.get("series"), keys.Loop):
+        if isinstance(series := code.get("series"), Loop):
             return series.operations
         nodes_of = keys.nodes_of(code)
         if self.met is not None:
@@ -323,9 +305,6 @@ class System:
         }
 
     def _layout(self, memory: Parameters) -> Layout:
-        from lagsim.native.graph.keys import Layout
-        from lagsim.plan.formulation import GAIN
-
         e = self.equations
         fixed = self._fixed()
         first = memory.place("fixed")
@@ -356,7 +335,7 @@ class System:
     def link(self, name: str) -> Runner:
         """Link with the method `name`, once."""
         if name not in self._runners:
-            self._runners[name] = Runner(self, name, linked(self, name))
+            self._runners[name] = Runner(self, name)
         return self._runners[name]
 
     def begin(self, start: Instant) -> Floats:

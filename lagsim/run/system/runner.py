@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from lagsim.methods import method
+from lagsim.methods.parts import driver
 from lagsim.native.graph.sincos import LANES
 from lagsim.native.layout import address
+from lagsim.native.link.cache import kernel_object
 from lagsim.native.link.engine import Engine
 from lagsim.run.pace import Pace
 from lagsim.run.system.coupling import coupled, joined
@@ -83,8 +85,8 @@ class Runner:
 
     Parameters
     ----------
-    engine : Engine
-        What `linked` gives for them, in this process or in one before.
+    name : str
+        That of the method.
 
     Attributes
     ----------
@@ -95,8 +97,8 @@ class Runner:
         Times and states of the rows that the last call of `advance` has written.
     """
 
-    def __init__(self, system: Compiled, name: str, engine: Engine) -> None:
-        self.system, self.engine = system, engine
+    def __init__(self, system: Compiled, name: str) -> None:
+        self.system, self.engine = system, Engine(objects_of(system, name))
         self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
@@ -221,16 +223,8 @@ class Runner:
         return out
 
 
-def linked(system: Compiled, name: str) -> Engine:
-    """Link the functions of a system with the kernels of a method."""
-    return Engine(objects_of(system, name))
-
-
 def objects_of(system: Compiled, name: str) -> list[bytes]:
-    """Give what is linked."""
-    from lagsim.methods.parts import driver
-    from lagsim.native.link.cache import kernel_object
-
+    """Give the object code of a system's functions and of a method's kernels."""
     statics = _statics(system, name)
     return [
         *system.objects,
