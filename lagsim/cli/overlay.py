@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,7 @@ import typer
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import counted
 from lagsim.cli._streams import complain, say
-from lagsim.cli._writing import put_file
+from lagsim.cli._writing import put_picture
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -57,9 +58,10 @@ def command(
 
         runs = read(folders)
         names = None if columns is None else _names(columns)
-        made = [(path, _content(path, runs, names, output is None)) for path in wanted]
-        written = [_write(path, content) for path, content in made if content]
-        if not quiet:
+        written = [
+            str(path) for path in wanted if _wrote(path, runs, names, output is None)
+        ]
+        if written and not quiet:
             say(f"{counted(len(runs), 'run')}: {', '.join(written)}")
         code.append(0)
     return code[-1]
@@ -80,28 +82,25 @@ def _names(text: str) -> list[str]:
     return names
 
 
-def _content(
+def _wrote(
     path: Path, runs: Sequence[Shown], names: Sequence[str] | None, also: bool
-) -> bytes | None:
-    """Give a file; None where there is nothing to draw and it was not asked for."""
+) -> bool:
+    """Write a file, if it can be drawn; `also`: it was not asked for by name."""
     from lagsim.studies import overlay
 
     if path.suffix.lower() in PICTURES:
         form = path.suffix.lower()[1:]
-        return overlay.picture(runs, overlay.chosen(runs, names), form).content()
+        columns = overlay.chosen(runs, names)
+        draw = partial(overlay.picture, runs, columns, form)
+        return put_picture(path, lambda: draw().content(), folders=True)
     found, told = overlay.motions(runs)
     if not found and not also:
         raise InputError([Problem("nothing-to-draw", text) for text in told])
     for text in told:
         complain(f"warning: {text}")
     if not found:
-        return None
-    from lagsim.outputs.animation import page
+        return False
+    from lagsim.outputs import animation
 
-    title = overlay.title(runs)
-    return page(found, f"{title}: {counted(len(found), 'run')}")
-
-
-def _write(path: Path, content: bytes) -> str:
-    put_file(path, content, folders=True)
-    return str(path)
+    title = f"{overlay.title(runs)}: {counted(len(found), 'run')}"
+    return put_picture(path, lambda: animation.page(found, title), folders=True)

@@ -10,7 +10,7 @@ import typer
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import AsJson, aligned, counted, show_json
 from lagsim.cli._streams import complain, say
-from lagsim.cli._writing import put_file
+from lagsim.cli._writing import put_file, put_picture
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
@@ -121,12 +121,11 @@ def _write(file: Path, found: Spectrum, title: str) -> None:
         from lagsim.outputs.table import table_of
 
         rows = zip(found.frequency.tolist(), found.amplitude.tolist(), strict=True)
-        written = table_of(("frequency", "amplitude"), rows)
+        put_file(file, table_of(("frequency", "amplitude"), rows))
     else:
         from lagsim.outputs.figure import content
 
-        written = content(found.plot(title), file.suffix[1:])
-    put_file(file, written)
+        put_picture(file, lambda: content(found.plot(title), file.suffix[1:]))
 
 
 def report(found: Spectrum) -> str:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
+    from lagsim.model.nodes import Scalar
     from lagsim.model.settings import Settings
 
 
@@ -226,6 +227,9 @@ class Stated(Protocol):
 
     def rests_on(self, names: Collection[str]) -> bool:
         """Tell whether other numbers rest on these; see `Model.rests_on`."""
+
+    def texts(self) -> dict[str, Scalar]:
+        """Give the expressions of energies, forces and constraints, as `forces.x`."""
 
     def numbers(self) -> list[str]:
         """Give the expressions that parameters and start values are given by."""

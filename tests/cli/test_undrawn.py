@@ -129,3 +129,17 @@ def test_a_comparison_keeps_its_verdict(lagsim, write, monkeypatch):
     called = lagsim("compare", "one", "two", "--plot", "apart.png")
     assert called.code == 0
     assert "`apart.png` could not be drawn" in called.err
+
+
+@pytest.mark.parametrize(
+    "call", [("overlay", "out", "out"), ("spectrum", "out", "theta")]
+)
+def test_what_is_drawn_of_stored_rows_may_fail_too(lagsim, write, monkeypatch, call):
+    assert lagsim("run", write(PENDULUM), "-o", "out", "--no-plots").code == 0
+    monkeypatch.setattr("lagsim.studies.overlay.picture", broken)
+    monkeypatch.setattr("lagsim.studies.spectrum.Spectrum.plot", broken)
+    called = lagsim(*call, "-o", "seen.png")
+    assert called.code == 0
+    assert "`seen.png` could not be drawn" in called.err
+    assert "[W403]" in called.err
+    assert not Path("seen.png").exists()

@@ -31,3 +31,15 @@ def test_what_was_said_instead_counts():
     assert not model.rests_on({"K"})
     assert model.bind({"K": 1.0, "w": 1.0}).rests_on({"g"}) is False
     assert read(TEXT, "m.yaml").bind(e="l").rests_on({"l"})
+
+
+def test_expressions_are_found_by_the_keys_that_lead_to_them():
+    laws = "constraints: {floor: {relation: y >= 0, restitution: 0.5, friction: 0.3, "
+    laws += "slip: [x_dot]}}\nforces: {x: -3*x_dot}\n"
+    texts = read(laws + TEXT, "m.yaml").stated.texts()
+    assert {name: x.text for name, x in texts.items() if "energy" not in name} == {
+        "forces.x": "-3*x_dot",
+        "constraints.floor.relation": "y >= 0", "constraints.floor.restitution": "0.5",
+        "constraints.floor.friction": "0.3", "constraints.floor.slip.1": "x_dot",
+    }  # fmt: skip
+    assert texts["forces.x"].place.line == 2

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.model.nodes import Mapping, Scalar, argument
+from lagsim.model.nodes import Mapping, Scalar, Sequence, argument
 from lagsim.model.reader.faults import Faults
 from lagsim.model.reader.initial import TARGETS, Initial
 from lagsim.model.reader.parameters import Parameters, Value, words
@@ -17,7 +17,7 @@ from lagsim.model.reader.relations import again
 from lagsim.model.reader.simulation import read_settings
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
     from collections.abc import Mapping as MappingType
 
     from lagsim.errors import Place
@@ -46,6 +46,18 @@ def _starts(name: str, names: Names) -> bool:
     """Tell whether a name has a start value, not a parameter's."""
     meaning = names.meaning(name)
     return meaning is not None and meaning.kind in TARGETS
+
+
+def _leaves(name: str, node: Node) -> Iterator[tuple[str, Scalar]]:
+    """Give the scalars at a key and below it, each by the keys that lead to it."""
+    if isinstance(node, Scalar):
+        yield name, node
+    elif isinstance(node, Mapping):
+        for key, value in node.entries:
+            yield from _leaves(f"{name}.{key.text}", value)
+    elif isinstance(node, Sequence):
+        for k, item in enumerate(node.items, 1):
+            yield from _leaves(f"{name}.{k}", item)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +149,22 @@ class Stated:
         given |= {key: node for key, (_, node) in s.simulation.found.items()}
         others = (x for name, x in {**given, **instead}.items() if name not in names)
         return not words(*others).isdisjoint(names)
+
+    def texts(self) -> dict[str, Scalar]:
+        """Give the expressions of energies, forces and constraints, as `forces.x`."""
+        s = self.sections
+        below = {
+            "definitions": s.definitions,
+            "energy": list(s.energy.found.values()),
+            "forces": s.forces.entries if isinstance(s.forces, Mapping) else (),
+            "constraints": s.constraints,
+        }
+        given = ((k, entry) for k, found in below.items() for entry in found)
+        return {
+            name: text
+            for section, (key, node) in given
+            for name, text in _leaves(f"{section}.{key.text}", node)
+        }
 
     def numbers(self) -> list[str]:
         """Give the expressions that parameters and start values are given by."""

@@ -103,15 +103,18 @@ def _changed(
     places: list[Place] = []
     known = {"parameter": model.places, "start value": {}}
     known["start value"] = {x.name: x.place for x in model.initial}
-    now = {
+    texts = model.stated.texts()
+    known["expression"] = {name: x.place for name, x in texts.items()}
+    now: dict[str, dict[str, Any]] = {
         "parameters": {p.name: p.value for p in model.parameters},
         "initial": {x.name: x.value for x in model.initial},
+        "expressions": {name: x.text for name, x in texts.items()},
     }
     for (key, values), (word, where) in zip(now.items(), known.items(), strict=True):
         was = about.get(key)
-        if not isinstance(was, dict) or found:
+        if not isinstance(was, dict) or (found and key == "initial"):
             continue
-        found = []
+        found = found or []
         for name in [n for n in values if values[n] != was.get(n)]:
             other = f"in the golden {was[name]!r}" if name in was else "and is new"
             found.append(f"{word} `{name}` is {values[name]!r}, {other}")
@@ -188,7 +191,7 @@ def _notes(
     if model.sha256 != about.get("model_sha256"):
         text = "the model file has changed since its golden was stored"
         if changed is not None:
-            what = "; ".join(changed) or "not in a parameter or a start value"
+            what = "; ".join(changed) or "not in what the golden holds of it"
             text = f"{text}: {what}"
         notes.append(text)
     for what in ("method", "formulation"):

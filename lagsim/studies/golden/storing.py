@@ -87,6 +87,7 @@ def document(case: Case, golden: Golden, base: Motion) -> bytes:
         "model_sha256": model.sha256,
         "parameters": {p.name: p.value for p in model.parameters},
         "initial": {x.name: x.value for x in model.initial},
+        "expressions": {k: x.text for k, x in model.stated.texts().items()},
         "method": plan.method,
         "formulation": plan.formulation,
         "rtol": plan.rtol,
