@@ -32,7 +32,6 @@ from lagsim.native.kernels.words import (
     head,
     keep,
     larger,
-    rare,
     smaller,
     vector,
 )
@@ -249,7 +248,6 @@ def limit_works(s: State, p: Parameters, new: Floats) -> None:
         tolerances[2 * n + k] = max(tolerances[2 * n + k], energies[k])
 
 
-@rare
 def look_again(
     s: State, p: Parameters, h: float, new: Floats, k: Floats, health: float
 ) -> bool:
@@ -288,7 +286,6 @@ def look_again(
     return True
 
 
-@rare
 def foresee(s: State, p: Parameters, k: Floats) -> None:
     """Find what becomes of the components at rest in the first instant of an arc.
 
@@ -329,7 +326,6 @@ def foresee(s: State, p: Parameters, k: Floats) -> None:
             return
 
 
-@rare
 def first_step(s: State, p: Parameters, order: int, k: Floats) -> float:
     """Give a first step: one explicit Euler step tells how fast the rates change.
 
@@ -360,7 +356,6 @@ def first_step(s: State, p: Parameters, order: int, k: Floats) -> float:
     return float(min(guess, span))
 
 
-@rare
 def time_of_change(s: State, h: float, k: Floats, slopes: Floats) -> float:
     """Give the time in which a rate changes by its own size: from k to `slopes` in h.
 

@@ -38,7 +38,7 @@ from lagsim.methods.parts.state import (
 from lagsim.methods.parts.strays import strayed, take_back
 from lagsim.methods.parts.switching import find_end
 from lagsim.native.graph.sincos import LANES
-from lagsim.native.kernels.words import abreast, at, keep, rare, unrolled, vector
+from lagsim.native.kernels.words import abreast, at, keep, unrolled, vector
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -191,7 +191,6 @@ def inspect(s: State, p: Parameters) -> None:
         note_inertias(s, p, s.work)
 
 
-@rare
 def take_cut(s: State, p: Parameters) -> None:
     """Take the state at the moment that the last step was cut at."""
     size = s.size

@@ -21,7 +21,7 @@ from lagsim.methods.parts.interface import interpolate, signals
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.methods.parts.strays import differs, is_rounding, varies_by_rounding
-from lagsim.native.kernels.words import abreast, head, keep, rare, vector
+from lagsim.native.kernels.words import abreast, head, keep, vector
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -234,7 +234,6 @@ def closest(s: State, k: int, left: Floats, right: Floats, width: float) -> floa
     return least
 
 
-@rare
 def overlooked(s: State, p: Parameters) -> float:
     """Give a place in the last step, as a fraction, where y' is not what it should be.
 
@@ -275,7 +274,6 @@ def overlooked(s: State, p: Parameters) -> float:
     return 0.0
 
 
-@rare
 def look_at_signals(s: State, p: Parameters, x: float, out: Floats) -> None:
     """Give the signals and their rates (2 K,) at the fraction x of the last step."""
     z = s.look
@@ -284,7 +282,6 @@ def look_at_signals(s: State, p: Parameters, x: float, out: Floats) -> None:
     signals(s.step_t + x * s.step_h, z, p, out)
 
 
-@rare
 def slopes(s: State, x: float) -> None:
     """Leave the slope of the dense output as that of the look."""
     size = s.size
@@ -302,7 +299,6 @@ def slopes(s: State, x: float) -> None:
         rates[i] = unit * (8.0 * (z[i] - c[i]) - (b[i] - a[i]))
 
 
-@rare
 def visit(s: State, p: Parameters, low: float, high: float) -> float:
     """Look where a signal comes close between two looks; give what `overlooked` does.
 
@@ -327,7 +323,6 @@ def visit(s: State, p: Parameters, low: float, high: float) -> float:
     return found
 
 
-@rare
 def visited(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     """Look at the closest approach of signal k in [low, high], and around it."""
     x = approach(s, p, k, low, high)
@@ -356,7 +351,6 @@ def visited(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     return 0.0
 
 
-@rare
 def approach(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     """Give where signal k is closest to waking in [low, high], by golden section."""
     left = high - GOLDEN * (high - low)
@@ -379,7 +373,6 @@ def approach(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-@rare
 def apart(s: State, p: Parameters, k: int, x: float) -> float:
     """Give the distance of one signal at the fraction x of the last step."""
     interpolate(s, x, s.look)
@@ -387,7 +380,6 @@ def apart(s: State, p: Parameters, k: int, x: float) -> float:
     return away(s, k, s.signals_middle)
 
 
-@rare
 def is_missed(s: State, p: Parameters, x: float) -> bool:
     """Tell whether the last step has missed something there."""
     s.evaluations += 1.0

@@ -33,7 +33,6 @@ from lagsim.native.kernels.words import (
     fused,
     head,
     keep,
-    rare,
     vector,
 )
 
@@ -76,7 +75,6 @@ def hardly_moves(s: State, p: Parameters, h: float, k: Floats) -> bool:
     return False
 
 
-@rare
 def look_between(s: State, p: Parameters, h: float, k: Floats) -> None:
     """Take what rounding does to the rates in the middle of a step h for noise too.
 
@@ -100,7 +98,6 @@ def look_between(s: State, p: Parameters, h: float, k: Floats) -> None:
         noise[i] = max(noise[i], SHAKEN * found[i])
 
 
-@rare
 def shake(
     s: State, p: Parameters, t: float, y: Floats, rates: Floats, out: Floats
 ) -> None:
@@ -122,7 +119,6 @@ def shake(
                 out[i] = max(out[i], change)
 
 
-@rare
 def look_ahead(s: State, p: Parameters, h: float, k: Floats) -> None:
     """Take what is rounded at the end of a step h for noise too.
 
@@ -142,7 +138,6 @@ def look_ahead(s: State, p: Parameters, h: float, k: Floats) -> None:
             noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
 
 
-@rare
 def look_at_rounding(
     s: State, p: Parameters, t: float, y: Floats, k: Floats, health: float
 ) -> None:
@@ -168,7 +163,6 @@ def look_at_rounding(
         noise[i] = RATE_NOISE * (PROBED * abs(k[i]) + noise[i])
 
 
-@rare
 def add_probe(s: State, p: Parameters, t: float, y: Floats, k: Floats) -> None:
     """Add what the rounding of the state does to its rates k."""
     size = s.size
@@ -183,7 +177,6 @@ def add_probe(s: State, p: Parameters, t: float, y: Floats, k: Floats) -> None:
         noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
 
 
-@rare
 def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
     """Give y with a relative change.
 

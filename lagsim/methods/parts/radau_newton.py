@@ -32,7 +32,7 @@ from lagsim.methods.parts.sparse_lu import (
     sparse_real,
 )
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import at, rare, total, unrolled
+from lagsim.native.kernels.words import at, total, unrolled
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
@@ -175,7 +175,6 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
     return 0
 
 
-@rare
 def is_rounding(s: Radau, p: Parameters, h: float, change: float) -> bool:
     """Tell whether a change of W is no larger than what rounding leaves of the rates.
 

@@ -18,7 +18,7 @@ from lagsim.methods.parts.interface import (
 )
 from lagsim.methods.parts.parameters import NOTE, Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import at, rare
+from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -87,7 +87,6 @@ def record_between(s: State, p: Parameters, health: float, h: float) -> None:
     s.watched = max(s.watched, watched)
 
 
-@rare
 def clear_of_loss(s: State, p: Parameters, h: float, rest: float) -> float:
     """Give a step that keeps its distance from a loss of rank: about h, or less.
 
@@ -132,7 +131,6 @@ def needs_loops(s: State) -> bool:
     return float(s.passes) > 0.0 and float(s.degenerate_below) > 0.0
 
 
-@rare
 def time_to_loss(s: State, p: Parameters, ahead: float) -> float:
     """Give the time until rank is lost, or nearly so; 0 where it seems that it is not.
 
@@ -171,7 +169,6 @@ def time_to_loss(s: State, p: Parameters, ahead: float) -> float:
     return ahead
 
 
-@rare
 def leave_loss(s: State, p: Parameters, h: float) -> float:
     """Give a first step that leaves the neighbourhood of a loss of rank: h, or more.
 
@@ -199,7 +196,6 @@ def leave_loss(s: State, p: Parameters, h: float) -> float:
     return h
 
 
-@rare
 def expect_loss(s: State, p: Parameters, h: float) -> None:
     """Note how fast the independence falls at the start of an arc."""
     n = s.n
@@ -295,14 +291,12 @@ def hides_error(s: State, p: Parameters) -> bool:
     return p.loops > 0 and (passes or close)
 
 
-@rare
 def note_directions(s: State, p: Parameters, t: float, new: Floats) -> None:
     """Leave the directions in which projection will move the state after a step."""
     p.least_health = NOTE
     velocity_step(t, new, p, s.work)
 
 
-@rare
 def forget_removed(s: State, p: Parameters, h: float, error: Floats) -> float:
     """Take out of the errors of q and q' (2 n,) what projection will remove.
 

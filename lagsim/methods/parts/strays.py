@@ -22,7 +22,6 @@ from lagsim.methods.parts.interface import (
 from lagsim.methods.parts.noise import RATE_NOISE, ROUNDED, SHAKEN, move_aside, shake
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import rare
 
 # In output steps. To ask costs about as much as a row.
 APART = 10.0
@@ -64,7 +63,6 @@ def asks(s: State, t: float) -> bool:
     return s.doubted >= s.row or time_of(s, s.row + APART - 1.0) < reach
 
 
-@rare
 def expect(s: State) -> None:
     """Let what a row shows count as a size of the motion, before it is there.
 
@@ -100,7 +98,6 @@ def is_off(s: State, p: Parameters, x: float) -> bool:
     return is_beyond(s, p, x)
 
 
-@rare
 def is_rounding(s: State, p: Parameters, x: float, most: float) -> bool:
     """Tell whether y', as `differs` has left it, is off by the state's rounding alone.
 
@@ -119,7 +116,6 @@ def is_rounding(s: State, p: Parameters, x: float, most: float) -> bool:
     return True
 
 
-@rare
 def varies_by_rounding(s: State, p: Parameters, k: int, x: float) -> bool:
     """Tell whether signal k varies between three looks by rounding alone.
 
@@ -139,7 +135,6 @@ def varies_by_rounding(s: State, p: Parameters, k: int, x: float) -> bool:
     return change <= noise
 
 
-@rare
 def is_beyond(s: State, p: Parameters, x: float) -> bool:
     """Tell whether y', as `differs` has left it, is off by more than may be.
 
@@ -190,7 +185,6 @@ def differs(s: State, p: Parameters, x: float, most: float) -> bool:
     return False
 
 
-@rare
 def take_back(s: State, x: float) -> None:
     """Take the last step back; the next is half as long as to its fraction x."""
     size = s.size

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.graph import VARIABLE
 from lagsim.native.graph import keys, order_loop
 from lagsim.native.graph.writer import Writer, hoisted
-from lagsim.native.kernels.lines import UNOPTIMISED
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -38,15 +37,13 @@ def generate(
     contracted: Collection[str] = (),
     sparse: Collection[str] = (),
     wide: Collection[str] = (),
-    rare: Collection[str] = (),
 ) -> Code:
     """Give the code of `functions`.
 
     In those named in `contracted` a product may be added without being rounded first,
     where the processor can: last digits then depend on it. Those named in `sparse` do
     not write what is zero identically: they find zeros. Those named in `wide` are of
-    LANES states at once: t and then y (1 + size, LANES), out (k, LANES). Those named in
-    `rare` are called a few times: LLVM takes less time for them, with the same bits.
+    LANES states at once: t and then y (1 + size, LANES), out (k, LANES).
     """
     fixed = fixed_nodes(g, keys.nodes_of(functions), layout)
     places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
@@ -66,8 +63,7 @@ def generate(
         at_once = len(nodes) if zeros > FEW_ZEROS and name not in sparse else 0
         if not at_once and name not in sparse:
             stores = [(node, ("out", k)) for k, node in enumerate(nodes)]
-        manner = f" {UNOPTIMISED}" if name in rare else ""
-        writer.function(name, stores, places, manner=manner, cleared=at_once)
+        writer.function(name, stores, places, cleared=at_once)
     declared = sorted(set().union(*(writer.declared for writer in writers)))
     lines = [line for writer in writers for line in writer.lines]
     used = max(writer.scratch_used for writer in writers)

@@ -36,8 +36,6 @@ LLVM: Final = {
 }
 PASSED: Final = LLVM | {"bool": "i1 zeroext"}
 RETURNED: Final = LLVM | {"bool": "zeroext i1"}
-# Of functions that are called a few times: LLVM's passes take longer than they save.
-UNOPTIMISED: Final = "noinline optnone"
 
 # Python rounds quotients down and gives the remainder the divisor's sign. A divisor of
 # zero, where Python raises, must not stop the process: it is taken as one.

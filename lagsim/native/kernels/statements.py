@@ -11,12 +11,10 @@ from lagsim.native.kernels.lines import (
     LLVM,
     PASSED,
     RETURNED,
-    UNOPTIMISED,
     Value,
     stack_place,
 )
 from lagsim.native.kernels.source import Source, unsupported
-from lagsim.native.kernels.words import is_rare
 from lagsim.native.layout import FOUR
 
 if TYPE_CHECKING:
@@ -78,10 +76,9 @@ class Statements(Calls):
             raise source.error(source.node, "may end without `return`")
         if self.live:
             self.lines.append("  ret void")
-        manner = f"nounwind {UNOPTIMISED}" if is_rare(source.function) else "nounwind"
         head = (
             f"define {linkage}{RETURNED[source.result]} @{symbol}"
-            f"({', '.join(parameters)}) {manner} {{"
+            f"({', '.join(parameters)}) nounwind {{"
         )
         return "\n".join([head, "entry:", *self.allocated, *self.lines, "}\n"])
 

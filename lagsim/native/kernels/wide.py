@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import ast
 
-from lagsim.native.kernels.lines import LLVM, UNOPTIMISED, Value, stack_place
+from lagsim.native.kernels.lines import LLVM, Value, stack_place
 from lagsim.native.kernels.wide_values import (
     ALL,
     FLAGS,
@@ -24,7 +24,6 @@ from lagsim.native.kernels.wide_values import (
     WIDEST,
     WideValues,
 )
-from lagsim.native.kernels.words import is_rare
 
 
 class Wide(WideValues):
@@ -51,10 +50,9 @@ class Wide(WideValues):
         self.block(source.node.body)
         if self._open:
             self._give_back()
-        manner = f" {UNOPTIMISED}" if is_rare(source.function) else ""
         head = (
             f"define {linkage}{TYPES[source.result]} @{name}"
-            f"({', '.join(parameters)}) nounwind{manner} {WIDEST} {{"
+            f"({', '.join(parameters)}) nounwind {WIDEST} {{"
         )
         return "\n".join([head, "entry:", *self.allocated, *self.lines, "}\n"])
 

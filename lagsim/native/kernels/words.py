@@ -26,7 +26,6 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _EXTERNAL = "lagsim_external"
-_RARE = "lagsim_rare"
 
 
 def at(a: Floats, k: int) -> Floats:
@@ -199,20 +198,6 @@ def external(function: Callable[P, R]) -> Callable[P, R]:
 
     setattr(missing, _EXTERNAL, True)
     return missing
-
-
-def rare(function: Callable[P, R]) -> Callable[P, R]:
-    """Mark a kernel that a run calls a few times, if at all: it is not optimised.
-
-    The bits are the same. To compile it takes a third of the time.
-    """
-    setattr(function, _RARE, True)
-    return function
-
-
-def is_rare(function: object) -> bool:
-    """Tell whether `function` was marked by `rare`."""
-    return getattr(function, _RARE, False) is True
 
 
 def is_external(function: object) -> bool:

@@ -51,7 +51,6 @@ MANNER: dict[str, tuple[str, ...]] = {
     "contracted": ("series",),
     "sparse": ("slopes",),
     "wide": ("observe", "position_steps", "velocity_steps"),
-    "rare": ("rounding", "loads"),
 }
 
 
