@@ -31,6 +31,23 @@ def rank_metric(M: Floats, A: Floats) -> Floats:
     return np.diag(sizes_of(np.sqrt(np.abs(np.diag(M))), A) ** 2)
 
 
+def solving_metric(M: Floats, A: Floats) -> Floats:
+    """Give the metric of least change in which the motion is solved for.
+
+    M; where that is singular M + A^T W A, W diagonal and to the size of M (see
+    `solve.dense`); where that is, too, Euclid's.
+    """
+    if _positive(M):
+        return M
+    inertias = np.abs(np.diag(M))
+    met = np.max(np.where(A != 0.0, inertias, 0.0), axis=1, initial=0.0)
+    sizes = np.where(met > 0.0, met, np.max(inertias, initial=0.0) or 1.0)
+    squares = np.sum(A * A, axis=1)
+    weights = sizes / np.where(squares > 0.0, squares, 1.0)
+    whole = np.asarray(M + (A.T * weights) @ A)
+    return whole if _positive(whole) else np.eye(len(M))
+
+
 def sizes_of(roots: Floats, A: Floats) -> Floats:
     """Give for each coordinate sqrt(M_jj), or what the rows A (m, n) put in its place.
 

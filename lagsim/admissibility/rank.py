@@ -14,13 +14,18 @@ import numpy as np
 from lagsim.admissibility.dependence import LEVELS, Demands, Dependence
 from lagsim.admissibility.large import SURELY, SparseRows, is_large
 from lagsim.admissibility.lengths import of_rows
-from lagsim.admissibility.metric import RANK, least_squares, metric_of, rank_metric
+from lagsim.admissibility.metric import (
+    RANK,
+    least_squares,
+    rank_metric,
+    solving_metric,
+)
 from lagsim.admissibility.newton import Trouble, reach
 from lagsim.admissibility.point import Asked
 from lagsim.admissibility.report import RankReport
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.admissibility.point import Point
     from lagsim.language.arrays import Floats
@@ -117,18 +122,16 @@ def scaled_rows(
     point: Point,
     q: Floats,
     v: Floats,
-    metric: Floats | None = None,
+    metric: Callable[[Floats, Floats], Floats] = rank_metric,
     errors: Mapping[str, float] | None = None,
 ) -> tuple[Floats, Floats]:
-    """Give the rows (m, n) in a metric, scaled to length 1, and their lengths.
+    """Give the rows (m, n) in a metric made of M and A, to length 1, and their lengths.
 
-    Without one, in that of M. With `errors`, those of the state, entries that are only
+    With `errors`, those of the state, entries that are only
     rounding are zero.
     """
     A = np.nan_to_num(point.jacobian(point.e.rows, q, v, errors))
-    if metric is None:
-        metric = rank_metric(point.mass(q, v), A)
-    Y = np.linalg.solve(np.linalg.cholesky(metric), A.T).T
+    Y = np.linalg.solve(np.linalg.cholesky(metric(point.mass(q, v), A)), A.T).T
     lengths = np.linalg.norm(Y, axis=1)
     return Y / np.where(lengths > 0, lengths, 1.0)[:, None], lengths
 
@@ -145,7 +148,7 @@ def weakest_rows(
         rows = SparseRows(point, q, v, usual=usual)
         if rows.smallest > 0.0:
             return rows.weakest, rows.smallest
-    Y, lengths = scaled_rows(point, q, v, metric_of(point.mass(q, v), range(point.n)))
+    Y, lengths = scaled_rows(point, q, v, solving_metric)
     scale = np.maximum(lengths, usual)
     Y = Y * (lengths / np.where(scale > 0, scale, 1.0))[:, None]
     left, sizes, _ = np.linalg.svd(Y)

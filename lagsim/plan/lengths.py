@@ -1,8 +1,9 @@
 """How long the constraint rows usually are, so that one that vanishes is seen to.
 
-A row's length, in the metric of M, is that at the start. Only a row that is zero there
-is looked at nearby, at a distance that its own relation tells, or the motion: no size
-of a coordinate is one, since where the origin lies says nothing.
+A row's length, in the metric in which the motion is solved for, is that at the start.
+Only a row that is zero there is looked at nearby, at a distance that its own relation
+tells, or the motion: no size of a coordinate is one, since where the origin lies says
+nothing.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.admissibility.large import is_large, row_lengths
-from lagsim.admissibility.metric import metric_of
+from lagsim.admissibility.metric import solving_metric
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.language.derivatives import tangent
@@ -61,13 +62,12 @@ def _lengths(point: Point, q: Floats, v: Floats) -> Floats:
         found = row_lengths(point, q, v)
         if np.all(np.isfinite(found)):
             return found
-    M = point.mass(q, v)
-    if not np.all(np.isfinite(M)):
+    if not np.all(np.isfinite(point.mass(q, v))):
         return np.full(len(point.e.rows), np.nan)
     names = (*point.e.q, *point.e.velocities)
     values = np.concatenate([q, v])
     errors = dict(zip(names, ROUNDED * np.abs(values), strict=True))
-    return scaled_rows(point, q, v, metric_of(M, range(len(q))), errors)[1]
+    return scaled_rows(point, q, v, solving_metric, errors)[1]
 
 
 def _nearby(

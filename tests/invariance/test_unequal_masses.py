@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from lagsim.model.reader import read
 from tests.support import run
 
 METHODS = ["auto", "dop853"]
@@ -122,3 +123,21 @@ simulation: {{duration: 10, output_step: 0.5, formulation: projection}}
         assert np.max(np.abs(result[x] - np.sin(swing))) < 1e-10
         assert np.max(np.abs(result[y] + np.cos(swing))) < 1e-10
         assert np.max(np.abs(np.hypot(result[x], result[y]) - 1.0)) < 1e-15
+
+
+@pytest.mark.parametrize("mass", [1e-12, 1e12])
+def test_no_unit_of_mass_counts_where_a_coordinate_is_massless(mass):
+    """A skate that a massless slider ties to a spring."""
+    model = """
+coordinates: {{x: {{}}, y: {{}}, a: {{}}, u: {{}}, z: {{}}}}
+energy:
+  kinetic: {m}*(x_dot^2 + y_dot^2 + a_dot^2 + u_dot^2)/2
+  potential: 2*{m}*z^2
+constraints: {{edge: sin(a)*x_dot = cos(a)*y_dot, bar: z = (u - x)/sqrt(2)}}
+initial: {{x: 0, y: 0, a: 0, u: 1.4, z: 0.7*sqrt(2), x_dot: 1, u_dot: 1, a_dot: 1.5}}
+simulation: {{duration: 2, output_step: 0.05, formulation: projection}}
+"""
+    one, other = (run(read(model.format(m=m), "skate.yaml")) for m in (1.0, mass))
+    taken = [x.trajectory.statistics.steps for x in (one, other)]
+    assert abs(taken[0] - taken[1]) <= 1
+    assert other["x"] == pytest.approx(one["x"], abs=1e-11)
