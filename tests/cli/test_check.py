@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import statistics
 import subprocess
 import sys
 
@@ -322,22 +323,34 @@ def test_no_heavy_library_is_imported():
     assert [m["admissible"] for m in json.loads(done.stdout)] == [True] * len(models)
 
 
-def quickest(*command):
-    """Give the processor time of the quickest of a few runs."""
-    times = []
-    for _ in range(3):
+@pytest.fixture(scope="module")
+def cost(tmp_path_factory):
+    """Give a function for the processor time of a Python command.
+
+    With byte code as an installation has it: where none may be written each process
+    would compile all of its sources again.
+    """
+    around = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    around["PYTHONPYCACHEPREFIX"] = str(tmp_path_factory.mktemp("byte-code"))
+
+    def cost(*line):
         start = sum(os.times()[2:4])
-        subprocess.run([sys.executable, *command], check=True, capture_output=True)
-        times.append(sum(os.times()[2:4]) - start)
-    return min(times)
+        command = [sys.executable, *line]
+        subprocess.run(command, env=around, check=True, capture_output=True)
+        return sum(os.times()[2:4]) - start
+
+    return cost
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", sorted(path.stem for path in MODELS.glob("*.yaml")))
-def test_a_check_takes_no_longer_than_three_times_its_imports(name):
-    bare = quickest("-c", "import numpy, yaml, typer")
-    checked = quickest("-m", "lagsim", "check", str(MODELS / f"{name}.yaml"))
-    assert checked < 3 * bare
+def test_a_check_costs_at_most_two_and_a_half_times_its_imports(name, cost):
+    bare = ("-c", "import numpy, yaml, typer")
+    check = ("-m", "lagsim", "check", str(MODELS / f"{name}.yaml"))
+    cost(*bare)
+    cost(*check)
+    # One after the other, so that what else the machine does is the same for both.
+    assert statistics.median(cost(*check) / cost(*bare) for _ in range(3)) < 2.5
 
 
 def test_quiet_says_only_what_is_wrong(lagsim, write):

@@ -98,13 +98,7 @@ def test_a_few_contacts_hold(lagsim, tmp_path):
 
 
 @pytest.mark.nightly
-def test_fifteen_contacts_hold(lagsim, tmp_path):
-    kinds, told = hunted("fifteen", 15, lagsim, folder_of(tmp_path))
-    assert not told, told
-    assert kinds.count("fine") > len(kinds) / 2
-
-
-@pytest.mark.nightly
+@pytest.mark.timeout(7200)
 def test_a_nights_contacts_hold(lagsim, tmp_path):
     today = dt.datetime.now(dt.UTC).date().isoformat()
     seed = os.environ.get("HUNT_SEED", today)

@@ -49,14 +49,7 @@ def test_a_few_scenes_hold(lagsim, tmp_path):
 
 
 @pytest.mark.nightly
-def test_twenty_scenes_hold(lagsim, tmp_path):
-    tally, told = hunted("twenty", 20, lagsim, folder_of(tmp_path))
-    assert not tally.faults, told
-    # A grammar whose scenes have no truth would test nothing.
-    assert tally.uncounted < tally.counted / 4, told
-
-
-@pytest.mark.nightly
+@pytest.mark.timeout(7200)
 def test_a_nights_scenes_hold(lagsim, tmp_path, capsys):
     today = dt.datetime.now(dt.UTC).date().isoformat()
     seed = os.environ.get("HUNT_SEED", today)
