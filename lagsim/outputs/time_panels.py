@@ -127,9 +127,8 @@ class Panels:
             size for most, *size in GRIDS if len(groups) <= most
         )
         self._wide = self._columns == 1
-        if paired:
-            self._groups, self._columns = in_pairs(groups, int(self._columns))
-            groups = self._groups
+        self._groups, self._columns = in_pairs(groups, int(self._columns))
+        groups = self._groups
         self._headed = [self._is_headed(group) for group in groups]
         if paired:  # all names in one place
             self._headed = [any(self._headed)] * len(groups)
