@@ -83,11 +83,13 @@ def _note(note: str) -> str:
 _COMMAND = re.compile(
     r"\\(?:frac|left|right|mathrm|mathit|text|operatorname|dot|ddot|,)"
 )
+_STACK = re.compile(r"\\begin\{gathered\}(.*?)\\end\{gathered\}")
 _LETTER = re.compile(r"\\[A-Za-z]+")
 
 
 def _width(text: str) -> int:
     """Estimate how many letters mathematics takes."""
+    text = _STACK.sub(lambda m: max(m[1].split(r"\\"), key=_width), text)
     text = _LETTER.sub("x", _COMMAND.sub("", text))
     return sum(c not in "{}_^ " for c in text)
 
@@ -229,17 +231,23 @@ class _Latex(Outline):
 
 def _lines(left: str, terms: list[tuple[str, str]]) -> list[str]:
     """Give the lines of one row: left &= terms."""
-    lines = []
     # Where an equation is all to the right of the mark, its = is among the terms.
     line = f"{left} &= " if left else "& "
     room = LONGEST_LINE - _width(left)
-    used = 0
     parts = [part for term in terms for part in _parts(*term, room)]
+    return _filled(line, parts, room, r"&\quad ")
+
+
+def _filled(
+    line: str, parts: list[tuple[str, str]], room: int, begin: str
+) -> list[str]:
+    """Give lines with room for so much, filled with parts; `begin` starts the next."""
+    lines, used = [], 0
     for k, (sign, text) in enumerate(parts):
-        shown = "" if k == 0 and sign == "+" else f"{sign} "
+        shown = "" if not sign or (k == 0 and sign == "+") else f"{sign} "
         if k and used + _width(text) > room:
             lines.append(line.rstrip())
-            line, used = r"&\quad ", 0
+            line, used = begin, 0
             shown = "{} " + shown  # a sign between two terms, not before one
         line += shown + text + " "
         used += _width(text) + 3
@@ -263,6 +271,13 @@ def _places(text: str) -> list[int]:
     return found
 
 
+def _signed(text: str) -> list[tuple[str, str]]:
+    """Give the terms of a sum with their signs; none where it is no sum."""
+    places = _places(text)
+    first, *others = (text[a:b] for a, b in pairwise([0, *places, len(text)]))
+    return [("+", first), *((x[1], x[3:]) for x in others)] if places else []
+
+
 def _parts(sign: str, text: str, room: int) -> list[tuple[str, str]]:
     """Break a term that is longer than a line, before signs within parentheses."""
     if _width(text) <= room:
@@ -270,6 +285,9 @@ def _parts(sign: str, text: str, room: int) -> list[tuple[str, str]]:
     before, within, after = "", text, ""
     over = _closed(text, len(_FRACTION) - 1) if text.startswith(_FRACTION) else 0
     if over and _closed(text, over) == len(text):
+        text, stacked = _stacked(text, over, room)
+        if stacked and _width(text[len(_FRACTION) : over - 1]) <= room:
+            return [(sign, text)]
         before = rf"\frac{{1}}{text[over:]} \, "
         within = text[len(_FRACTION) : over - 1]
     if not (before and _places(within)):
@@ -280,12 +298,23 @@ def _parts(sign: str, text: str, room: int) -> list[tuple[str, str]]:
         before += within[: first - len(r"\left(")]
         after = within[last + len(r"\right)") :]
         within = within[first:last]
-    places = _places(within)
-    pieces = [within[a:b] for a, b in pairwise([0, *places, len(within)])]
-    found = [(sign, rf"{before}\bigl({pieces[0]}")]
-    found += [(piece[1], piece[3:]) for piece in pieces[1:]]
+    (_, first_text), *others = _signed(within)
+    found = [(sign, rf"{before}\bigl({first_text}")]
+    if _width(before) > room // 2:  # a long denominator has a line of its own
+        found = [(sign, before), ("", rf"\bigl({first_text}")]
+    found += others
     found[-1] = found[-1][0], rf"{found[-1][1]}\bigr){after}"
     return found
+
+
+def _stacked(text: str, over: int, room: int) -> tuple[str, bool]:
+    """Give a fraction with a denominator longer than a line in several, and whether."""
+    under = text[over + 1 : -1]
+    if _width(under) <= room:
+        return text, False
+    lines = _filled("", _signed(under) or _parts("+", under, room), room, "")
+    stack = r" \\ ".join(lines)
+    return rf"{text[:over]}{{\begin{{gathered}} {stack} \end{{gathered}}}}", True
 
 
 def _closed(text: str, start: int) -> int:

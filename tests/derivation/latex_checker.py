@@ -26,7 +26,13 @@ TEXT = ("section", "subsection", "textasciicircum", "textbackslash", "textless",
         "textgreater", "textasciitilde", "texttt", "allowdisplaybreaks",
         "documentclass", "usepackage", "setcounter")  # fmt: skip
 _TOKEN = re.compile(r"\\([A-Za-z]+)\*?|\\(.)|([{}$&_^])|(\s+)|(.)", re.DOTALL)
-_ENVIRONMENTS = {"align*": True, "bmatrix": None, "cases": None, "document": False}
+_ENVIRONMENTS = {
+    "align*": True,
+    "bmatrix": None,
+    "cases": None,
+    "gathered": None,
+    "document": False,
+}
 
 
 class LatexError(Exception):
@@ -161,7 +167,7 @@ class _Reader:
                     raise self.fail("too many marks in a line of align*")
             elif text == r"\\":
                 columns = 0
-                if self.stack[-1] not in ("align*", "bmatrix", "cases"):
+                if self.stack[-1] not in ("align*", "bmatrix", "cases", "gathered"):
                     raise self.fail("a new line in a formula")
             elif text in ("}", "$") or not text.isascii():
                 raise self.fail(f"`{text}` in mathematics")

@@ -433,6 +433,19 @@ def test_long_terms_of_latex_break(name: str) -> None:
     assert "\\bigl" in document
 
 
+def test_a_denominator_of_latex_longer_than_a_line_is_stacked() -> None:
+    inside = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
+    sought = LONG.replace("sqrt(NUMBERS)", f"th1/(200 + {inside})")
+    document = as_latex(small(sought))
+    check(document)
+    lines = [part for row in document.splitlines() for part in row.split(r"\\")]
+    assert max(map(as_latex_width, lines)) <= LONGEST_LINE + 4
+    whole = " ".join(document.replace(r"\\ {}", "").split())
+    for n in range(2, 14):  # in V, in L, in both slopes, and in both equations
+        found = rf"{n} \, \cos\left({n + 1} \, b - {n} \, \mathit{{th}}_{{1}}"
+        assert whole.count(found) >= 6
+
+
 def test_a_word_with_a_dot_is_one_symbol() -> None:
     text = as_text(small(LONG.replace("NUMBERS", "5 + cos(th1 - b)")))
     assert "th₁_dot²" in text
