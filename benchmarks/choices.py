@@ -216,17 +216,17 @@ def tables(_turns, models=(), charts=None, budget=BUDGET):
         seconds = time.perf_counter() - began
         print(f"{model}: {seconds:.0f} s", file=sys.stderr, flush=True)
     head = ["model", "error", "auto takes", "cheapest, ms", "auto, ms", "factor"]
-    head += ["cheapest when first met, ms", "factor"]
+    head += ["cheapest with compilation, ms", "factor"]
     behind = sum("**" in row[5] for row in rows)
     new = sum("**" in row[7] for row in rows)
     missed = f"{behind} of {len(rows)} miss the goal of a factor {GOAL:g} (bold)"
-    missed += f"; {new} when first met."
+    missed += f"; {new} with compilation."
     how = "Errors of state and velocities against their ranges, over all rows that the "
     how += "reference knows; costs read off the curves in logarithms."
-    met = "When first met: with what compiling the model's functions takes; the "
-    met += "methods' own kernels, once for a machine, are there."
+    cold = "With compilation: of the model's functions; the methods' own kernels are "
+    cold += "compiled once per machine, and not counted."
     return [
-        Table("What `auto` takes, and the cheapest", head, rows, [missed, how, met])
+        Table("What `auto` takes, and the cheapest", head, rows, [missed, how, cold])
     ]
 
 

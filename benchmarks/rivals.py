@@ -6,7 +6,7 @@
 
 writes results-rivals.md and results-rivals.json here and docs/speed.png; with --scenes
 only those are measured, and take their place among what is kept; with --draw all is
-made anew from that. Rivals get the textbook's equations (textbook.py), or lagsim's
+written again from that. Rivals get the textbook's equations (textbook.py), or lagsim's
 where those are shorter, in the same compiled form.
 """
 

@@ -21,7 +21,7 @@ HOW = """\
   projected onto the constraints. Rivals: the states of the same rows alone.
 - heyoka: batch size 1, compact mode off (on, it compiles faster and runs slower), no
   SLP vectoriser (slower on the pendula and Kepler, not tried on the others);
-  constrained scenes as index 1, unprojected.
+  constrained models as index 1, unprojected.
 - CVODE: Adams' methods with functional iteration, in C from the first row to the last.
 - IDA: residual and Jacobian compiled from lagsim's graph, called through Python.
 - scipy: the right-hand side through ctypes, steps in Python (DOP853) or compiled (LSODA
@@ -37,7 +37,7 @@ BOUNCES = """\
   closed form. MuJoCo's contacts are springs and dampers, made for many bodies of any
   shape in real time; a bounce lasts as long as the stiffness says. Of four of these the
   one is shown that comes closest, with the damper that leaves 0.8 of the speed. lagsim
-  meets each impact; each contact is a relation that somebody has written"""
+  locates each impact; each contact is a relation in the model file"""
 LEAST = "Where lagsim or heyoka does not reach an error: the least that both reach."
 
 
@@ -55,7 +55,7 @@ def page(found):
 
 def by_tolerance(results):
     """Give the table of times and errors at the tolerances reported."""
-    head = ["scene", "solver"]
+    head = ["model", "solver"]
     for tolerance in REPORTED:
         head += [f"ms at {tolerance:.0e}", "error"]
     rows = []
@@ -75,7 +75,7 @@ def by_tolerance(results):
 
 def by_error(results):
     """Give the table of times at equal errors, and the ratios."""
-    head = ["scene", "error", "lagsim, ms", "best rival, ms", "lagsim / rival"]
+    head = ["model", "error", "lagsim, ms", "best rival, ms", "lagsim / rival"]
     head += ["times faster", "without columns"]
     compared = [
         Compared(result, error)
@@ -137,7 +137,7 @@ class Compared:
 
 def counts(results, tolerance=1e-12):
     """Give what the steps of lagsim and heyoka are made of."""
-    head = ["scene", "operations: textbook", "lagsim", "method", "steps", "ns a step"]
+    head = ["model", "operations: textbook", "lagsim", "method", "steps", "ns a step"]
     head += ["heyoka's order", "expressions", "steps", "ns a step"]
     rows = []
     for result in results:

@@ -29,8 +29,8 @@ THE_SECTION = (
 SCENE = re.compile(r"\bscenes?\b", re.IGNORECASE)
 PICTURED = "models/*.yaml", "models/failing/*.yaml", "lagsim/cli/templates/*.yaml"
 HEADERS = [str(p.relative_to(ROOT)) for g in PICTURED for p in sorted(ROOT.glob(g))]
-# `results*.md` and `choices.md` are written by runs of the benchmarks.
-TEXTS = [*PAGES, "SECURITY.md", "benchmarks/README.md"]
+MEASURED = sorted(p.relative_to(ROOT) for p in (ROOT / "benchmarks").glob("*.md"))
+TEXTS = [*PAGES, "SECURITY.md", *map(str, MEASURED)]
 
 
 def avoided(text):

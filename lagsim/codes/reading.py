@@ -80,14 +80,14 @@ ROWS = (
     ),
     Row(
         "E111", "anchor",
-        "Each value is written where it stands, without anchors.",
+        "Each value is written where it is used, without anchors.",
         "define a parameter, and use its name",
         "parameters: {m: &one 1, g: 9.81, l: 1}\n",
         found="The file has an anchor of YAML, such as `&one`.",
     ),
     Row(
         "E112", "alias",
-        "Each value is written where it stands; a value that begins with `*` is an "
+        "Each value is written where it is used; a value that begins with `*` is an "
         "alias of YAML.",
         "quote the value if it is an expression",
         "parameters: {m: 1, g: 9.81, l: *m}\n",
@@ -116,21 +116,21 @@ ROWS = (
     ),
     Row(
         "E116", "duplicate-key",
-        "A key stands once in its section.",
+        "A key is given once in its section.",
         "delete one of the two",
         "initial: {theta: 1, theta: 2}\n",
         found="A key appears twice in one section.",
     ),
     Row(
         "E117", "unknown-key",
-        "Every key of a section is one that lagsim knows.",
+        "Every key of a section is one of its known keys.",
         "`lagsim schema` lists all keys, and lets an editor complete them",
         "simulation: {duratoin: 1}\n",
-        found="A section has a key that lagsim does not know.",
+        found="A section has an unknown key.",
     ),
     Row(
         "E118", "misplaced-key",
-        "Each key stands in its section.",
+        "Each key is in its section.",
         "move it there",
         "energy: {kinetic: m*theta_dot^2/2, potential: 0, output: {}}\n",
         found="A key is in the wrong section.",
@@ -203,7 +203,7 @@ ROWS = (
     Row(
         "E128", "bad-model-name",
         "A model's name can be the name of a folder.",
-        "leave out separators and letters that nobody sees",
+        "leave out separators and invisible letters",
         "name: one/two\n",
         found="The name of the model cannot be used for a folder.",
     ),

@@ -105,7 +105,7 @@ ROWS = (
     ),
     Row(
         "E612", "nothing-to-draw",
-        "What is drawn has a scene, or columns `x` and `y`.",
+        "What is drawn has a section `scene`, or columns `x` and `y`.",
         "give the model a `scene`, or definitions `x` and `y`",
         "definitions: {}\n"
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: -m*g*l*cos(theta)}\n",

@@ -311,8 +311,8 @@ simulation: {duration: 40, output_step: 0.5}
     ),
     Row(
         "W401", "nothing-to-draw",
-        "`--animate` found neither a scene nor definitions `x` and `y`: there is no "
-        "page.",
+        "`--animate` found neither a section `scene` nor definitions `x` and `y`: "
+        "there is no page.",
         "give the model a `scene`",
         "definitions: {}\n"
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: -m*g*l*cos(theta)}\n",

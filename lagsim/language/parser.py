@@ -246,7 +246,8 @@ class _Parser:
     def _comma(self, token: Token) -> bool:
         if not self.pending or not self.pending[-1].call:
             raise ExpressionError(
-                token.offset, 1, "a comma stands only between a function's arguments",
+                token.offset, 1,
+                "a comma is allowed only between a function's arguments",
                 "a decimal point is written `.`",
             )  # fmt: skip
         self.pending[-1].arity += 1
@@ -293,16 +294,16 @@ def _wrong_kind(expected: str, at: Token, wants: bool) -> ExpressionError:
     if wants:
         text = f"{expected}, found a number"
         return ExpressionError(at.offset, len(at.text), text, "such as x > 0")
-    text = "a comparison stands only in `if`"
+    text = "a comparison is allowed only in `if`"
     return ExpressionError(at.offset, len(at.text), text, "write if(condition, a, b)")
 
 
 def _relation_inside(token: Token, text: str) -> ExpressionError:
-    hint = "relations stand only in constraints and `until`, one each"
+    hint = "relations are allowed only in constraints and `until`, one each"
     if not text[: token.offset].strip():
         hint = "leave `=` out"
     elif text[: token.offset].strip().isidentifier():
-        hint = f"write only what stands right of it, or elsewhere: {hint}"
+        hint = f"write only what is right of it, or elsewhere: {hint}"
     return ExpressionError(token.offset, 1, "`=` has no meaning here", hint)
 
 

@@ -209,7 +209,7 @@ def find_equilibrium(
     NoEquilibriumError
     """
     if not structure(equations).autonomous:
-        raise NoEquilibriumError("time stands in the equations")
+        raise NoEquilibriumError("the equations depend on time")
     found = _Search(equations, linearisation, t, size).whole(np.array(q, dtype=float))
     linear = linearisation.at(t, found, np.zeros_like(found), resting=True)
     if np.any(np.abs(linear.rates) > SETTLED * max(1.0, size)):

@@ -75,7 +75,7 @@ def refusal(scene: Structure) -> str:
             "`taylor` smooth ones"
         )
     if not scene.autonomous:
-        return "time stands in its equations of motion; `dop853` handles that"
+        return "its equations of motion depend on time; `dop853` handles that"
     return ""
 
 

@@ -145,7 +145,7 @@ GARBLED = {
     "t,x\n0,1\n1,a\n": "new.csv: line 3: x is `a`, and not a number",
     "t,x\n0,1\n1,\n": "new.csv: line 3: x is empty, and not a number",
     "t,x\n0,1\n\n1,2\n": "new.csv: line 3 is blank",
-    "t,x,x\n0,1,1\n": "new.csv: line 1: the column `x` stands twice",
+    "t,x,x\n0,1,1\n": "new.csv: line 1: the column `x` is given twice",
     "t,x\n0,1_0\n": "new.csv: line 2: x is `1_0`, and not a number",
     "t,x\n0,1.2.3\n": "new.csv: line 2: x is `1.2.3`, and not a number",
 }

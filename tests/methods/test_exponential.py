@@ -281,7 +281,7 @@ def test_plain_python_is_the_native_run():
     ("model", "words"),
     [
         ("elastic-pendulum", "not linear"),
-        ("forced-oscillator", "time stands"),
+        ("forced-oscillator", "depend on time"),
         ("kepler", "not linear"),
     ],
 )

@@ -65,7 +65,7 @@ ADVISED = [
         "write `theta: {guess: 0}`",
         "  theta: {guess: 0}\n  s: 1\n",
     ),
-    ("  end: 2", "end: 2", "stands below `simulation:`, indented", "  end: 2"),
+    ("  end: 2", "end: 2", "belongs below `simulation:`, indented", "  end: 2"),
     (
         "[[pivot, bob]]",
         "[[pivot, ball]]",
@@ -98,7 +98,7 @@ ADVISED = [
         "c: if(0 < x and x < 1, 1, 2)",
     ),
     ("c: l*cos(theta)", "c: l*（theta)", "write its plain form, '('", "c: l*(theta)"),
-    ("  x: 0\n", "  g: 1\n  x: 0\n", "its value stands in `parameters`", "  x: 0\n"),
+    ("  x: 0\n", "  g: 1\n  x: 0\n", "its value belongs in `parameters`", "  x: 0\n"),
 ]
 
 

@@ -61,15 +61,15 @@ def test_a_rate_in_initial(key):
 @pytest.mark.parametrize(
     ("text", "hint"),
     [
-        ("lagrangian: x", "`lagrangian` stands below `energy:`, indented"),
-        ("kinetic: x", "`kinetic` stands below `energy:`, indented"),
-        ("output_step: 1", "`output_step` stands below `simulation:`, indented"),
-        ("points: {a: [x, y]}", "`points` stands below `scene:`, indented"),
-        ("plots: []", "`plots` stands below `output:`, indented"),
-        ("simulation: {initial: {x: 0}}", "`initial` stands at the top of the file"),
-        ("parameters: {forces: {x: 1}}", "`forces` stands at the top of the file"),
-        ("initial: {x: 0, y: 0, scene: 1}", "`scene` stands at the top of the file"),
-        ("scene: {columns: [x]}", "`columns` stands below `output:`, indented"),
+        ("lagrangian: x", "`lagrangian` belongs below `energy:`, indented"),
+        ("kinetic: x", "`kinetic` belongs below `energy:`, indented"),
+        ("output_step: 1", "`output_step` belongs below `simulation:`, indented"),
+        ("points: {a: [x, y]}", "`points` belongs below `scene:`, indented"),
+        ("plots: []", "`plots` belongs below `output:`, indented"),
+        ("simulation: {initial: {x: 0}}", "`initial` belongs at the top of the file"),
+        ("parameters: {forces: {x: 1}}", "`forces` belongs at the top of the file"),
+        ("initial: {x: 0, y: 0, scene: 1}", "`scene` belongs at the top of the file"),
+        ("scene: {columns: [x]}", "`columns` belongs below `output:`, indented"),
     ],
 )
 def test_a_key_in_a_wrong_place(text, hint):
@@ -146,19 +146,19 @@ def indented(text):
         (  # a section in another
             "parameters:\n  l: 1\n  g: 9.8\ncoordinates:\n",
             "coordinates:\n  parameters:\n    l: 1\n    g: 9.8\n",
-            "`parameters` stands at the top of the file, without indentation", 2,
+            "`parameters` belongs at the top of the file, without indentation", 2,
         ),
-        (ENERGY, indented(ENERGY), "`energy` stands at the top of the file", 6),
+        (ENERGY, indented(ENERGY), "`energy` belongs at the top of the file", 6),
         (
             "initial:\n  theta: 1\n", "  initial:\n    theta: 1\n",
-            "`initial` stands at the top of the file", 9,
+            "`initial` belongs at the top of the file", 9,
         ),
         (
             "simulation:\n  duration: 2", "  simulation: {duration: 2}",
-            "`simulation` stands at the top of the file", 11,
+            "`simulation` belongs at the top of the file", 11,
         ),
         # a key of a section beside it
-        ("simulation:\n  dur", "simulation:\ndur", "`duration` stands below", 12),
+        ("simulation:\n  dur", "simulation:\ndur", "`duration` belongs below", 12),
         ("simulation:\n  duration", "duration", "below `simulation:`, indented", 11),
         (ENERGY, "lagrangian: theta_dot^2\n", "below `energy:`, indented", 6),
         # what belongs to an empty section

@@ -458,7 +458,7 @@ initial: {x: {guess: 1}, y: 2*x, s: 0}
             ("k", "2*", "expression-syntax", 11, "ends"),
             ("k", "2 3", "expression-syntax", 11, "write `*`"),
             ("k", "", "expression-syntax", 9, "expected"),
-            ("k", "m", "later-parameter", 9, "stands below it"),
+            ("k", "m", "later-parameter", 9, "is below it"),
             ("m", "2*kk", "unknown-name", 11, "did you mean `k`"),
             ("k", "1/0", "not-finite", 9, "inf"),
             ("k", "\udcff", "expression-syntax", 9, "'?'"),

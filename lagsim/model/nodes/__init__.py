@@ -264,7 +264,7 @@ class _Builder:
             first = found[key.text][0].place
             return Problem(
                 "duplicate-key",
-                f"the key `{key.text}` stands twice",
+                f"the key `{key.text}` is given twice",
                 key.place,
                 f"the first is in line {first.line}",
             )

@@ -164,7 +164,7 @@ def _tab(case: _Case) -> Diagnosis | None:
     if "\t" not in blank and case.character != "\t":
         return None
     column = blank.index("\t") if "\t" in blank else case.at[1]
-    return case.fault("a tab stands where YAML expects spaces", (case.at[0], column),
+    return case.fault("a tab is used where YAML expects spaces", (case.at[0], column),
                       "indent with spaces", code="yaml-tab")  # fmt: skip
 
 

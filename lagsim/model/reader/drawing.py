@@ -241,7 +241,7 @@ def _definitions(
         name = item.text
         kind = names.variables.get(name)
         if name in found:
-            faults.add(f"duplicate-{what}", f"the {what} `{name}` stands twice",
+            faults.add(f"duplicate-{what}", f"the {what} `{name}` is given twice",
                        item.place)  # fmt: skip
         elif kind is Kind.DEFINITION:
             found[name] = item.place

@@ -83,7 +83,7 @@ def _check_complete(found: Fields, faults: Faults) -> None:
         if given:
             beside = " and ".join(f"`{k}`" for k in given)
             text = f"both {beside} and `lagrangian` are given"
-            hint = "`lagrangian` stands instead of `kinetic` and `potential`"
+            hint = "`lagrangian` replaces `kinetic` and `potential`"
             faults.add("both-given", text, found.place_of("lagrangian"), hint)
     elif not given:
         text = "`energy` has neither `kinetic` and `potential` nor `lagrangian`"

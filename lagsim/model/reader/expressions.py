@@ -344,7 +344,7 @@ class Expressions:
         return motion
 
 
-_FOR_OUTPUT = "such names stand only in definitions for output, and in plots"
+_FOR_OUTPUT = "such names are allowed only in definitions for output, and in plots"
 
 
 def _misplaced(

@@ -91,7 +91,7 @@ class Faults:
             argument = _argument(text[end:])
             hint = intent.of_function(token, argument, known)
             hint = hint or fault.hint or "a function of your own is a definition"
-        if not hint and "comparison stands" in fault.text:
+        if not hint and "a comparison is" in fault.text:
             hint = intent.of_comparison(text, fault.offset)
         hint = hint or intent.without_guesses(fault.hint, token, known)
         self.add(f"expression-{fault.code}", fault.text, place, hint)
@@ -123,10 +123,10 @@ class Faults:
             found = (self.belongs(other) for other in KEYS.get(key.casefold(), ()))
             return next(filter(None, found), "")
         if key in self._sections:
-            return f"`{key}` stands at the top of the file, without indentation"
+            return f"`{key}` belongs at the top of the file, without indentation"
         for name, form in self._sections.items():
             if key in form.get("properties", ()):
-                return f"`{key}` stands below `{name}:`, indented"
+                return f"`{key}` belongs below `{name}:`, indented"
         return ""
 
     def guess(self, word: str, candidates: Iterable[str]) -> str:

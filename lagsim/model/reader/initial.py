@@ -199,7 +199,7 @@ class Initial:
         if meaning.kind in (Kind.DEFINITION, Kind.RATE):
             return self._definition(key, meaning)
         text = f"`{name}` is {meaning.kind.value} and has no start value"
-        hint = "its value stands in `parameters`"
+        hint = "its value belongs in `parameters`"
         if meaning.kind is not Kind.PARAMETER:
             hint = "start values are those of positions and velocities"
         faults.add("not-a-start-value", text, key.place, hint)

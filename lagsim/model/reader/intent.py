@@ -70,7 +70,7 @@ def without_guesses(hint: str, token: str, known: Collection[str]) -> str:
     """Give a hint of the parser, if what it says of a name holds here."""
     product = hint.startswith("there is no implicit product")
     if product and re.match(r"[^\W\d]", token) and not _is_known(token, known):
-        return f"an operator stands before a name, and `{token}` is none here"
+        return f"an operator is expected before a name, and `{token}` is none here"
     return "" if token == "," else hint
 
 

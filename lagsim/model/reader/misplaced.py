@@ -63,7 +63,7 @@ def _taken_out(entries: list[Entry], forms: Forms, faults: Faults) -> list[Entry
             if not nested or name in present:
                 kept.append((key, inside))
                 continue
-            text = f"the section `{name}` stands inside `{section.text}`"
+            text = f"the section `{name}` is inside `{section.text}`"
             faults.add("misplaced-key", text, key.place, faults.belongs(name))
             present.add(name)
             found.append((key, inside))

@@ -35,7 +35,7 @@ _NAME = r"^(x-.*|[^\x00-@\[-`{-\x7f][^\x00-/:-@\[-^`{-\x7f]*)$"
 # A name with its unit or with what it is a function of, or with digits before it.
 _DECORATED = re.compile(r"([^\W\d_]\w*)\s*[(\[]\s*(.*?)\s*[)\]]")
 _DIGITS_FIRST = re.compile(r"(\d+)([^\W\d_]\w*)")
-_A_COLUMN = "it stands in the table and in its pictures in any case: leave it out here"
+_A_COLUMN = "it is in the table and in its pictures in any case: leave it out here"
 
 
 def naming(form: Form, *, rates: bool = False) -> Form:
@@ -306,7 +306,7 @@ def _spelling(name: str) -> tuple[str, str] | None:
 
         if quantities.is_unit(found[2]):
             beside = f"{{value: ..., unit: {quantities.unit(found[2])}}}"
-            hint += f"; its unit stands beside its value: {beside}"
+            hint += f"; its unit goes beside its value: {beside}"
         return fault, hint
     if found := _DIGITS_FIRST.fullmatch(name):
         return fault, f"write `{found[2]}{found[1]}`"

@@ -176,7 +176,7 @@ class Parameters:
                     "later-parameter",
                     f"`{name}` uses itself"
                     if own
-                    else f"`{name}` uses `{used.text}`, which stands below it",
+                    else f"`{name}` uses `{used.text}`, which is below it",
                     scalar.place_of(used.offset, len(used.text)),
                     "a parameter may use those above it",
                 )
@@ -222,9 +222,9 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
                 "not-a-mapping",
                 f"{what} has no value here, found `{node.text}`",
                 node.place,
-                "write {}; its start value stands in `initial`"
+                "write {}; its start value belongs in `initial`"
                 if re.match(r"[-+.\d]", node.text)
-                else f"write {{unit: {node.text}}}; start values stand in `initial`",
+                else f"write {{unit: {node.text}}}; start values belong in `initial`",
             )
             found.append(Coordinate(key.text))
             continue

@@ -125,8 +125,8 @@ def quantity(number: str, of: str, *, beside: bool) -> str:
     scaled, plain = _scaled(number, of)
     if scaled == number:
         if beside:
-            return f"write {{value: {number}, unit: {of}}}: a unit stands beside"
-        reason = _LIKE.get(of, ": a number stands here without its unit")
+            return f"write {{value: {number}, unit: {of}}}: a unit goes beside"
+        reason = _LIKE.get(of, ": a number is written here without its unit")
         return f"write {number}{reason}"
     if plain in _LIKE:
         return f"write {scaled}{_LIKE[plain]}"

@@ -254,7 +254,7 @@ def _header(head: bytes, name: str) -> tuple[str, ...]:
         raise unusable(name, "line 1: a column has no name")
     twice = [column for column, number in Counter(columns).items() if number > 1]
     if twice:
-        raise unusable(name, f"line 1: the column `{twice[0]}` stands twice")
+        raise unusable(name, f"line 1: the column `{twice[0]}` is given twice")
     return tuple(columns)
 
 

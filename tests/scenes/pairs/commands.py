@@ -9,7 +9,7 @@ from tests.scenes.pairs.table import HOLDS_AT_TIMES
 
 ALONE = "constraints that come and go need a method that evaluates y' only"
 NOT_LINEAR = "its equations of motion are not linear"
-IN_TIME = "time stands in its equations of motion"
+IN_TIME = "its equations of motion depend on time"
 CONSTRAINTS = "it has constraints"
 BETWEEN_VELOCITIES = "it has constraints between velocities"
 OF_VELOCITIES = "its forces depend on the velocities"

@@ -24,7 +24,7 @@ PAIRS = tuple(
 WAYS = ("beside", "coupled")
 # The words of the refusal, which names both features.
 REFUSED = {
-    ("until", "until"): r"the key `until` stands twice",
+    ("until", "until"): r"the key `until` is given twice",
     ("redundant", "elimination"): r"`elimination` cannot be used: constraints are "
     r"redundant",
     **{

@@ -266,7 +266,7 @@ def test_modes_of_a_constrained_equilibrium():
 
 
 @pytest.mark.parametrize(
-    ("potential", "reason"), [("x", "did not come to rest"), ("t*x^2", "time stands")]
+    ("potential", "reason"), [("x", "did not come to rest"), ("t*x^2", "on time")]
 )
 def test_no_equilibrium(potential, reason):
     text = oscillator("duration: 20").replace(
