@@ -34,11 +34,9 @@ if TYPE_CHECKING:
 SOLVED = 1e-7
 # So many rows have so few edges that all are tried.
 SMALL = 2
-# A residual that is nothing but rounding.
-ROUNDING = 1e-13
 # How much diagonal is added where pivoting fails, and how often.
 FIRM = 1e-6
-PROXIMAL = 6
+PROXIMAL = 2
 
 
 def solve(problem: Problem) -> Solution:
@@ -107,15 +105,15 @@ def _solved(problem: Problem) -> Solution:
 def _with_boxes(unit: Problem) -> Solution:
     """Solve it by pivoting.
 
-    Pivots among dependent rows can go wrong by rounding. Then a little more diagonal
-    makes the rows independent, and its force on the solution is taken back (proximal
-    points), until the edges are those of the problem itself.
+    Pivots among dependent rows can end without a solution by rounding. Then a little
+    more diagonal makes the rows independent, and its force on the solution is taken
+    back (proximal points), until the edges are those of the problem itself.
     """
-    best = _attempt(unit, unit)
+    found = _attempt(unit, unit)
     p = np.zeros(len(unit.c))
     for _ in range(PROXIMAL):
-        if best.residual <= ROUNDING:
-            break
+        if found.found:
+            return found
         firm = replace(
             unit,
             D=unit.D + FIRM * np.diag(unit.D.diagonal()),
@@ -123,13 +121,7 @@ def _with_boxes(unit: Problem) -> Solution:
         )
         found = _attempt(firm, unit)
         p = found.p
-        if found.residual < best.residual:
-            best = found
-    return best if best.found else min(best, _sliding(unit), key=_residual)
-
-
-def _residual(solution: Solution) -> float:
-    return solution.residual
+    return found if found.found else _sliding(unit)
 
 
 def _sliding(unit: Problem) -> Solution:
@@ -165,9 +157,7 @@ def _with_discs(unit: Problem) -> Solution:
             modes[k] = Mode.HELD if size <= limits[k] else Mode.DRIVEN
             ways[k] = 0.0 if size <= limits[k] else float(z[0]) / size
     # Of dependent rows, equations would choose shares that the discs do not allow.
-    found = _judged(unit, p, modes, ways)
-    again = _on_these_edges(unit, modes, ways)
-    return again if again.residual < found.residual else found
+    return _judged(unit, p, modes, ways)
 
 
 def _attempt(problem: Problem, exact: Problem) -> Solution:
@@ -177,16 +167,11 @@ def _attempt(problem: Problem, exact: Problem) -> Solution:
     if not _by_pivots(problem, modes, ways):
         p = np.zeros(len(modes))
         return Solution(p, exact.D @ p + exact.c, modes, ways, np.inf, False)
-    return _on_these_edges(exact, modes, ways)
-
-
-def _on_these_edges(problem: Problem, modes: list[Mode], ways: list[float]) -> Solution:
-    """Solve the equations that hold there."""
-    p = polished(problem, modes, ways)
-    for k, role in enumerate(problem.roles):
+    p = polished(exact, modes, ways)
+    for k, role in enumerate(exact.roles):
         if role is Role.SIGNED and p[k] < 0.0:
             p[k] = 0.0
-    return _judged(problem, p, modes, ways)
+    return _judged(exact, p, modes, ways)
 
 
 def _judged(

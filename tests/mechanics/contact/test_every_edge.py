@@ -111,6 +111,19 @@ def test_with_friction(count, n, spread):
         assert found.residual <= 1e-13
 
 
+@pytest.mark.parametrize(("seed", "count", "n"), [(0, 6, 3), (28, 6, 3), (38, 5, 5)])
+@pytest.mark.parametrize("spread", [0.0, 6.0])
+def test_what_the_first_pivots_do_not_solve(seed, count, n, spread):
+    """So much friction that the pivots end on a ray, where there are solutions.
+
+    With somewhat firmer rows they end at one, or where all slips are taken to go on.
+    """
+    body, before, c = contacts(seed, count, n, 0.3, 2.0, spread)
+    found = impact(body, before, none(2 * count))
+    assert found.found
+    assert obeys(body.D @ found.impulses + c, found.impulses, 2, 2.0)
+
+
 @pytest.mark.parametrize("mu", [None, 0.4])
 def test_the_order_of_rows_does_not_count(mu):
     count, n = 5, 12

@@ -58,7 +58,9 @@ def test_laws_hold_on_every_edge(friction):
         rows, body, free, rates = scene(seed, friction)
         found = modes(body, free, rates, none(len(rows)), none(len(rows)))
         if found.paradox:
+            # One of them has a solution, which pivots find at the third attempt.
             assert rates.any()
+            assert seed != 73
             continue
         p = found.multipliers
         w = body.D @ p + free
