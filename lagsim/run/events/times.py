@@ -8,12 +8,18 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts import state as at
 from lagsim.notes import Event
-from lagsim.run.decisions import GO_ON, Decision, Source, Turn
+from lagsim.run.decisions import GO_ON, Decision, Ending, Source, Turn
+from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from lagsim.run.arc import Arc
+
+
+# Breaks accumulate if, after FEWEST, windows of so many get shorter so fast that all
+# that follow would take less than this part of the time since the first.
+WINDOW, FEWEST, SHORT = 250, 1000, 1e-3
 
 
 class TimeBreaks(Source):
@@ -24,6 +30,7 @@ class TimeBreaks(Source):
     def __init__(self, arc: Arc) -> None:
         self._arc = arc
         self._taken = 0
+        self._marks: list[float] = []  # the first break, and the last of each window
         self._times: Iterator[float] | None = None
         self._next = self._following()
 
@@ -51,8 +58,23 @@ class TimeBreaks(Source):
         """Go through a break that has been reached."""
         if code != at.DONE or arc.t < self._next:
             return None
+        if self._taken == 1 or self._taken % WINDOW == 0:
+            self._marks.append(arc.t)
+        ending = None
+        if self._accumulate():
+            ending = Ending(Outcome.SWITCHES_ACCUMULATE, "in time")
         self._next = self._following()
-        return Decision(events=(Event(arc.t, "switch"),), turn=Turn.MODES)
+        switch = (Event(arc.t, "switch"),)
+        return Decision(events=switch, turn=Turn.MODES, ending=ending)
+
+    def _accumulate(self) -> bool:
+        """Tell whether breaks come ever faster towards a time that is near."""
+        if self._taken < FEWEST or self._taken % WINDOW:
+            return False
+        *_, a, b, c = self._marks
+        former, last = b - a, c - b
+        since = c - self._marks[0]
+        return last * last < SHORT * since * (former - last)
 
 
 def _breaks(arc: Arc) -> Iterator[float]:

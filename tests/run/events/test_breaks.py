@@ -3,6 +3,7 @@ import math
 import random
 import time
 import tracemalloc
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,10 @@ from lagsim.language.interval_rules import RULES
 from lagsim.language.intervals import interval
 from lagsim.language.parser import parse
 from lagsim.mechanics.switches import find_switches
+from lagsim.methods.parts import state as at
+from lagsim.run.events import times
 from lagsim.run.events.breaks import break_times
+from lagsim.run.trajectory import Outcome
 from tests.patience import PATIENCE
 
 
@@ -381,3 +385,31 @@ def test_the_part_that_is_not_taken_spoils_nothing():
     assert found.hi[0] == pytest.approx(0.9)
     assert not found.jumps[0]
     assert not found.partial[0]
+
+
+def last_of(monkeypatch, breaks):
+    """Go through breaks in time; give the last that a run gets to, and its ending."""
+    monkeypatch.setattr(times, "_breaks", lambda _arc: iter(breaks))
+    found = times.TimeBreaks(None)
+    for t in breaks:
+        decision = found.decide(SimpleNamespace(t=t), at.DONE)
+        if decision.ending is not None:
+            return t, decision.ending.outcome
+    return t, None
+
+
+K = np.arange(1.0, 4001.0)
+
+
+@pytest.mark.parametrize("of", [lambda k: 0.7 - 1 / (k + 1), lambda k: 9 - k**-1.5])
+def test_breaks_toward_a_pole_end_a_run(monkeypatch, of):
+    t, outcome = last_of(monkeypatch, of(K).tolist())
+    assert outcome is Outcome.SWITCHES_ACCUMULATE
+    assert t < of(K[-1])
+
+
+@pytest.mark.parametrize(
+    "of", [lambda k: k, np.sqrt, np.log, lambda k: k**0.05, lambda k: 5 + 1e-6 * k]
+)
+def test_breaks_that_come_faster_and_have_no_end_do_not(monkeypatch, of):
+    assert last_of(monkeypatch, of(K).tolist()) == (of(K[-1]), None)
