@@ -16,7 +16,7 @@ import signal
 
 import pytest
 
-from tests.choosing import chosen, slices
+from tests.choosing import COMMIT, chosen, slices
 from tests.patience import PATIENCE
 
 
@@ -98,25 +98,24 @@ os.environ.setdefault("PYTHONFAULTHANDLER", "1")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    commit = os.environ.get("LAGSIM_TEST_COMMIT", "")
     for item in items:
         many = getattr(item, "originalname", "") in MANY_LIKE_CASES
-        if many and not chosen(item.nodeid, commit, QUICK_ONE_IN):
+        if many and not chosen(item.nodeid, COMMIT, QUICK_ONE_IN):
             item.add_marker(pytest.mark.slow)
         _have_patience(item, float(config.getini("timeout")))
-    kept = [item for item in items if _in_the_slice(item, commit)]
-    gone = [item for item in items if not _in_the_slice(item, commit)]
+    kept = [item for item in items if _in_the_slice(item)]
+    gone = [item for item in items if not _in_the_slice(item)]
     if gone:
         config.hook.pytest_deselected(items=gone)
         items[:] = kept
 
 
-def _in_the_slice(item, commit):
+def _in_the_slice(item):
     """Tell whether a slow or nightly test has its turn: the rarer mark decides."""
     one_in = slices(os.environ.get("LAGSIM_TEST_SLICE", ""))
     for mark in ("nightly", "slow"):
         if item.get_closest_marker(mark):
-            return chosen(item.nodeid, f"slice {commit}", one_in.get(mark, 1))
+            return chosen(item.nodeid, f"slice {COMMIT}", one_in.get(mark, 1))
     return True
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.choosing import chosen, slices
+from tests.choosing import chosen, slices, turn
 from tests.patience import PATIENCE, finished
 from tests.support import ROOT
 
@@ -36,6 +36,8 @@ def test_in_time_all_have_their_turn():
     for commit in range(60):  # 2000 * (4/5)^60 = 0.003
         left -= {name for name in NAMES if chosen(name, str(commit), 5)}
     assert not left
+    words = "abcdefghijklm"  # 13*(12/13)^100 = 0.004
+    assert {turn(NAMES[0], str(commit), words) for commit in range(100)} == {*words}
 
 
 def test_slices_are_read():

@@ -8,6 +8,7 @@ import pytest
 
 import lagsim
 from lagsim.errors import InputError
+from tests.choosing import COMMIT, turn
 from tests.invariance.same import CHANGES, Sizes
 from tests.invariance.transforms import document
 from tests.scenes.pairs.scene import motion, scene
@@ -65,6 +66,6 @@ def test_features_in_pairs_in_other_words(first, second, way, change):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(("first", "second", "way"), POSED)
-def test_features_in_pairs_in_all_words(first, second, way):
-    for change in CHANGES:
-        moves(first, second, way, change)
+def test_features_in_pairs_in_the_words_of_a_commit(first, second, way):
+    words = turn(f"{first} {way} {second}", COMMIT, WORDS)
+    moves(first, second, way, words)
