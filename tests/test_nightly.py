@@ -22,7 +22,7 @@ pytestmark = pytest.mark.timeout(7200)
 # Within half a minute of each: a try takes 0.3 to 2.7 ms.
 TRIES = int(os.environ.get("LAGSIM_TRIES", "10000"))
 # Seconds of a chart: shares of it cut what takes longest, fixed steps at tight errors.
-BUDGET = 10.0
+BUDGET = 20.0
 FUZZED = {
     "model.test_reader_fuzz": (
         "test_changes_of_a_valid_file", "test_random_pieces", "test_random_expressions",
