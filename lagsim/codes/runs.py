@@ -36,8 +36,8 @@ ROWS = (
         "E503", "values-not-finite",
         "Energies, forces and constraints are finite throughout the run.",
         "an energy, a force or a constraint has no finite value there (a root or a "
-        "logarithm of something negative, a division by zero): check the expressions "
-        "near this state",
+        "logarithm of something negative, a division by zero, a number that is "
+        "far too small or too large): check the expressions near this state",
         _POINT + "initial: {x: 1, y: 0, x_dot: 1}\n"
         "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y^2/2}\n"
         "forces: {y: sqrt(3 - x)}\nsimulation: {duration: 5}\n",

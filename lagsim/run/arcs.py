@@ -172,6 +172,9 @@ class Run:
             return Ending(Outcome.DONE)
         if code == at.EVENT_FOUND:
             return Ending(Outcome.UNTIL)
+        if code == at.STEP_TOO_SMALL:
+            rates = arc.runner.function("derivative")(arc.t, arc.y)
+            code = code if np.all(np.isfinite(rates)) else at.NOT_FINITE
         return Ending(FAILED[code]) if code in FAILED else None
 
     def _before(self, code: int) -> Before | None:

@@ -47,6 +47,15 @@ def test_a_start_that_doubles_do_not_hold(lagsim, write, inertia, rows):
     assert "Traceback" not in called.err
 
 
+# NumPy's warnings are silent in the process of the command, which says it in words.
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_contact_whose_multiplier_doubles_do_not_hold(lagsim, write):
+    text = FREE + "constraints: {c: {relation: 1e-160*x >= 0, restitution: 0}}\n"
+    called = lagsim("run", write(text.replace("n: 1", "n: 3")), "--no-plots")
+    assert called.code == 3
+    assert "values that are not finite at t = 2.0" in called.err
+
+
 def test_a_point_of_the_scene_that_is_nowhere(lagsim, write):
     text = FREE + "definitions: {p: sqrt(-1 - x^2)}\nscene: {points: {a: [p, x]}}\n"
     called = lagsim("run", write(text), "-o", "out")
