@@ -3,10 +3,15 @@
 Read is what is a regular file, and nothing else: a pipe or a device would keep a
 program waiting for ever. What is made anew is made where nothing is, so that no link
 leads elsewhere.
+
+Files on their way to their places are known before they are made, so that whatever ends
+this process, between any two instructions, can remove them.
 """
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import errno
 import os
 import stat
@@ -15,6 +20,7 @@ from typing import TYPE_CHECKING
 from lagsim import limits
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
     from typing import BinaryIO
 
@@ -26,6 +32,9 @@ _NO_WAITING = getattr(os, "O_NONBLOCK", 0)
 _BLOCK = 1 << 18
 
 IRREGULAR = "it is a pipe or a device, and no regular file"
+
+# What removes each file that is not to outlive this process.
+_passing: dict[object, Callable[[], object]] = {}
 
 
 def opened(path: Path | str) -> BinaryIO:
@@ -89,13 +98,15 @@ def digest(path: Path | str) -> str:
     return found.hexdigest()
 
 
-def held(path: Path | str, flags: int) -> int:
+def held(path: Path | str, flags: int, rights: int = 0o666) -> int:
     """Open a regular file through no link; give its handle.
 
     Parameters
     ----------
     flags
-        As for `os.open`; a file that is made gets the rights of any new one.
+        As for `os.open`.
+    rights
+        Of a file that is made; by default those of any new one.
 
     Raises
     ------
@@ -103,7 +114,7 @@ def held(path: Path | str, flags: int) -> int:
         If it is something else, or as `os.open` does.
     """
     try:
-        handle = os.open(path, flags | _BINARY | _NO_LINK | _NO_WAITING, 0o666)
+        handle = os.open(path, flags | _BINARY | _NO_LINK | _NO_WAITING, rights)
     except OSError as error:
         if error.errno in (errno.ELOOP, errno.ENXIO):  # a link; a pipe nobody reads
             text = f"{os.fspath(path)} is a link or a pipe, and no regular file"
@@ -115,6 +126,63 @@ def held(path: Path | str, flags: int) -> int:
         os.close(handle)
         raise
     return handle
+
+
+def begin(path: Path, rights: int = 0o666) -> int:
+    """Make a file that goes with this process until it is placed; give its handle.
+
+    Raises
+    ------
+    OSError
+        As `held` does, or where there is one.
+    """
+    passes(path, lambda: path.unlink(missing_ok=True))
+    try:
+        return held(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, rights)
+    except OSError:
+        stays(path)  # it is another's
+        raise
+
+
+def place(part: Path, path: Path) -> None:
+    """Put a file that was begun in the place of what is there.
+
+    Raises
+    ------
+    OSError
+    """
+    part.replace(path)
+    stays(part)
+
+
+def drop(path: Path) -> None:
+    """Remove a file that was begun, here or by a process that was killed.
+
+    Raises
+    ------
+    OSError
+    """
+    path.unlink(missing_ok=True)
+    stays(path)
+
+
+def passes(key: object, remove: Callable[[], object]) -> None:
+    """Have something removed when this process ends, should it be there yet."""
+    _passing[key] = remove
+
+
+def stays(key: object) -> None:
+    """Leave it to others from now on."""
+    _passing.pop(key, None)
+
+
+@atexit.register
+def remove_passing() -> None:
+    """Remove what does not outlive this process; `os._exit` does not ask for it."""
+    while _passing:
+        _, remove = _passing.popitem()
+        with contextlib.suppress(OSError):
+            remove()
 
 
 def write(handle: int, content: bytes) -> None:

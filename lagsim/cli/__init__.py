@@ -14,6 +14,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
+from lagsim import files
+
 if TYPE_CHECKING:
     from collections.abc import Callable
     from typing import Any
@@ -72,6 +74,7 @@ def entry() -> int:
 
 def _leave(number: int, _frame: object) -> NoReturn:
     """End where nothing is begun yet, or all is done."""
+    files.remove_passing()
     os._exit(128 + number)
 
 
@@ -108,6 +111,9 @@ def _guarded(application: Callable[[], typer.Typer]) -> int:
 
     try:
         words = [word for word in sys.argv[1:] if word != "--traceback"]
+        for word in words:
+            if "\n" in word or "\r" in word:
+                raise typer.BadParameter(f"{word!r} has a line break")  # noqa: TRY301
         code = application()(words, prog_name="lagsim", standalone_mode=False)
         _streams.put(lambda: None)
     except typer.Exit as wish:

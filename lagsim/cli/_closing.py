@@ -143,8 +143,13 @@ def _duration(seconds: float) -> str:
 
 
 @contextlib.contextmanager
-def progress_bar(*, quiet: bool) -> Iterator[Callable[[float], None] | None]:
-    """Give what is to be called with the fraction done; None where nobody watches."""
+def progress_bar(
+    label: str, *, quiet: bool
+) -> Iterator[Callable[[float], None] | None]:
+    """Give what is to be called with the fraction done; None where nobody watches.
+
+    It ends where it stands: at 100 % if that was called with 1.
+    """
     if quiet or not sys.stderr.isatty():
         yield None
         return
@@ -153,7 +158,7 @@ def progress_bar(*, quiet: bool) -> Iterator[Callable[[float], None] | None]:
 
     def update(fraction: float) -> None:
         if not shown and time.perf_counter() - began > PATIENCE_SECONDS:
-            shown.append(typer.progressbar(length=1000, file=sys.stderr))
+            shown.append(typer.progressbar(length=1000, label=label, file=sys.stderr))
             shown[0].__enter__()
         if shown:
             shown[0].update(int(1000 * fraction) - shown[0].pos)

@@ -122,7 +122,7 @@ class Batch:
                 show_json(document)
             return code[-1]
         interrupt = Interrupt()
-        with interrupt.noted(), progress_bar(quiet=self.quiet) as progress:
+        with interrupt.noted(), progress_bar("models", quiet=self.quiet) as progress:
             numbers = list(pieces)
             for k, found in spread(done, pieces.values(), jobs or cores(), interrupt):
                 number = numbers[k]

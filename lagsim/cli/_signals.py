@@ -15,11 +15,13 @@ import threading
 import time
 from typing import TYPE_CHECKING, NoReturn
 
+from lagsim import files
 from lagsim.run.interrupt import (
     AGAIN_SECONDS,
     ENDING,
     Terminated,
     exception_of,
+    heard,
     ignored,
     noting,
 )
@@ -33,13 +35,11 @@ GRACE_SECONDS = 0.7
 SECOND_GRACE_SECONDS = 0.3
 _GLANCE_SECONDS = 0.05
 
-_heard: list[int] = []
-
 
 def again() -> None:
     """Raise what a signal has raised, where it came out as something else."""
-    if _heard:
-        raise exception_of(_heard[0])
+    if heard:
+        raise exception_of(heard[0])
 
 
 def watch() -> None:
@@ -62,10 +62,10 @@ def raised() -> Iterator[None]:
     """Turn signals into exceptions (in the main thread, where they are not ignored)."""
 
     def stop(number: int, _frame: object) -> NoReturn:
-        _heard.append(number)
+        heard.append(number)
         raise exception_of(number)
 
-    _heard.clear()
+    heard.clear()
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -95,6 +95,7 @@ def _watch(reads: int) -> None:
         if noting() and not again:
             until = now + GRACE_SECONDS
         elif now > until:
+            files.remove_passing()
             os._exit(128 + number)
         if select.select([reads], [], [], _GLANCE_SECONDS)[0]:
             number = os.read(reads, 1)[0]

@@ -7,7 +7,6 @@ import time
 from typing import TYPE_CHECKING, Any, cast
 
 from lagsim.cli._streams import UnwritableError, complain
-from lagsim.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -75,9 +74,6 @@ def writing(path: Path) -> Iterator[None]:
     """
     try:
         yield
-    except InputError as error:  # of a folder that cannot be
-        text = f"lagsim: {path} cannot be written: {error.problems[0].text}"
-        raise UnwritableError(text) from None
     except OSError as error:
         where = path if path.parent.is_dir() else path.parent
         text = f"lagsim: {where} cannot be written: {error.strerror}"

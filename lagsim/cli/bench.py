@@ -154,7 +154,7 @@ class _Job:
 
         interrupt = Interrupt()
         with interrupt.noted():
-            with progress_bar(quiet=self.quiet) as progress:
+            with progress_bar("bench", quiet=self.quiet) as progress:
                 try:
                     found = measure(case, wish, interrupt=interrupt, progress=progress)
                 except GivenUpError:

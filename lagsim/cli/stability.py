@@ -156,7 +156,7 @@ class _Job:
         picture = f"stability.{self.form}"
         files = [written.TABLE, picture, written.MANIFEST]
         with interrupt.noted():
-            with progress_bar(quiet=self.quiet) as progress:
+            with progress_bar("stability", quiet=self.quiet) as progress:
                 found = measure(case, self.wish, interrupt=interrupt, progress=progress)
             content = commit_with_chart(
                 results, written.document(found, self.wish, files),

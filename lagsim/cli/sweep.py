@@ -211,10 +211,13 @@ class _Job:
         rows = journal.Journal(results.folder / journal.NAME, identity(found))
         try:
             with interrupt.noted(), contextlib.closing(rows):
-                if self.resume:
-                    found.rows |= rows.resumed()
-                else:
-                    rows.begin()
+                try:
+                    if self.resume:
+                        found.rows |= rows.resumed()
+                    else:
+                        rows.begin()
+                except IsADirectoryError as error:
+                    raise results.unusable(error) from None
                 self._make(found, rows, interrupt)
         except OSError as error:
             text = f"lagsim: {results.folder} cannot be written: {error.strerror}"
@@ -260,7 +263,7 @@ class _Job:
 
                 hired, there = stack.enter_context(machines(self.dask))
                 most = self.jobs or there
-            progress = stack.enter_context(progress_bar(quiet=self.quiet))
+            progress = stack.enter_context(progress_bar("sweep", quiet=self.quiet))
             sweep(
                 found, most, wanted=self.jobs is not None, hired=hired, journal=rows,
                 interrupt=interrupt, progress=progress,

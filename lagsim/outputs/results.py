@@ -77,7 +77,7 @@ class Results:
             self._begun.add(name)
             if name != self.manifest:
                 self.names.append(name)
-            os.close(files.held(part, os.O_RDWR | os.O_CREAT | os.O_EXCL))
+            os.close(files.begin(part))
         return part
 
     def write(self, name: str, content: bytes) -> None:
@@ -94,7 +94,7 @@ class Results:
         self._digests.pop(name, None)
         if name in self.names:
             self.names.remove(name)
-        self._part(name).unlink(missing_ok=True)
+        files.drop(self._part(name))
 
     def fill(self, made: Iterable[Made]) -> Iterator[Caution]:
         """Write files; give the warnings of those that could not be drawn."""
@@ -128,7 +128,7 @@ class Results:
             If something cannot be written.
         """
         first = self.folder / PART.format("first")
-        os.close(files.held(first, os.O_RDWR | os.O_CREAT | os.O_EXCL))
+        os.close(files.begin(first))
         _write(first, manifest)
         self._place(first)
 
@@ -153,12 +153,12 @@ class Results:
         obsolete = self._listed() - set(self.names)
         (self.folder / self.manifest).unlink(missing_ok=True)
         for name in new:
-            self._part(name).replace(self.folder / name)
+            files.place(self._part(name), self.folder / name)
             self._placed.add(name)
         for name in sorted(obsolete):
             with contextlib.suppress(OSError):  # a folder has taken the name
                 (self.folder / name).unlink()
-        manifest.replace(self.folder / self.manifest)
+        files.place(manifest, self.folder / self.manifest)
         with contextlib.suppress(OSError):  # not every system syncs folders
             _sync(self.folder, os.O_RDONLY)
 
@@ -166,7 +166,7 @@ class Results:
         """Remove what was begun, by this run or by one that was killed."""
         for path in self.folder.glob(PART.format("*")):
             with contextlib.suppress(OSError):
-                path.unlink()
+                files.drop(path)
 
     def forget(self) -> None:
         """Remove what a run on its way has kept of itself."""
@@ -230,69 +230,82 @@ def open_results(
         If the folder cannot be made or written, or another run is writing into it.
     """
     results = Results(folder, manifest)
+    lock = _Lock(folder)
     try:
-        if folder.exists() and not folder.is_dir():
-            raise _unusable(folder, "is not a folder")
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = _held(folder, time.monotonic() + patience)
-    except OSError as error:
-        raise results.unusable(error) from None
-    try:
-        (first or results.forget)()
-    except BaseException:
-        _leave(folder, lock)
-        raise
-    try:
-        results.discard()
         try:
-            results.reserve()
+            if folder.exists() and not folder.is_dir():
+                raise _unusable(folder, "is not a folder")
+            folder.mkdir(parents=True, exist_ok=True)
+            lock.hold(time.monotonic() + patience)
         except OSError as error:
             raise results.unusable(error) from None
-        yield results
-    finally:
-        results.discard()
-        _leave(folder, lock)
-
-
-def _leave(folder: Path, lock: int) -> None:
-    # While it is still held: who has opened it since will see that it is gone.
-    with contextlib.suppress(OSError):
-        (folder / _LOCK).unlink()
-    os.close(lock)
-
-
-def _held(folder: Path, until: float) -> int:
-    """Give the handle of the folder's lock, held."""
-    path = folder / _LOCK
-    while True:
-        lock = files.held(path, os.O_RDWR | os.O_CREAT)
+        (first or results.forget)()
         try:
-            _hold(lock, folder, until)
-            if _is_still(lock, path):
-                return lock
-        except BaseException:
-            os.close(lock)
-            raise
-        os.close(lock)  # the run that held it has ended and removed it
+            results.discard()
+            try:
+                results.reserve()
+            except OSError as error:
+                raise results.unusable(error) from None
+            yield results
+        finally:
+            results.discard()
+    finally:
+        lock.leave()
 
 
-def _hold(lock: int, folder: Path, until: float) -> None:
+class _Lock:
+    """A file that one process at a time holds; it is removed by the one that did."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.path = folder, folder / _LOCK
+        self._handle: int | None = None
+
+    def hold(self, until: float) -> None:
+        """Hold it, as soon as nobody else does.
+
+        Raises
+        ------
+        InputError
+            Where somebody does for too long.
+        OSError
+        """
+        files.passes(self, self.leave)
+        while True:
+            self._handle = files.held(self.path, os.O_RDWR | os.O_CREAT)
+            while not _locked(self._handle):
+                if time.monotonic() > until:
+                    why = "is in use: another run is writing into it"
+                    raise _unusable(self.folder, why)
+                time.sleep(_GLANCE_SECONDS)
+            if _is_still(self._handle, self.path):
+                return
+            os.close(self._handle)  # the run that held it has ended and removed it
+
+    def leave(self) -> None:
+        """Remove it, unless somebody else holds it."""
+        with contextlib.suppress(OSError):
+            if self._handle is None:  # a signal came before it was known
+                self._handle = files.held(self.path, os.O_RDWR)
+            # While it is held: who has opened it since will see that it is gone.
+            if _locked(self._handle) and _is_still(self._handle, self.path):
+                self.path.unlink()
+            os.close(self._handle)
+        files.stays(self)
+
+
+def _locked(handle: int) -> bool:
+    """Hold a file, or tell that somebody else does."""
     try:
         import fcntl
     except ImportError:  # Windows: renaming over an open file fails by itself
-        return
-    while True:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            if time.monotonic() < until:
-                time.sleep(_GLANCE_SECONDS)
-                continue
-            why = "is in use: another run is writing into it"
-            raise _unusable(folder, why) from None
-        except OSError:  # a file system without locks
-            return
-        return
+        return True
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True
 
 
 def _is_still(lock: int, path: Path) -> bool:
@@ -341,14 +354,14 @@ def put(path: Path, content: bytes) -> None:
         files.pour(path, content)
         return
     part = path.with_name(f".lagsim-{secrets.token_hex(8)}.new")
-    handle = files.held(part, os.O_RDWR | os.O_CREAT | os.O_EXCL)
     try:
+        handle = files.begin(part)
         try:
             files.write(handle, content)
         finally:
             os.close(handle)
-        part.replace(path)
+        files.place(part, path)
     except BaseException:
         with contextlib.suppress(OSError):
-            part.unlink()
+            files.drop(part)
         raise

@@ -17,6 +17,9 @@ ENDING = (signal.SIGINT, signal.SIGTERM)
 AGAIN_SECONDS = 0.2
 """A signal that comes so soon after another is the same wish: `timeout` sends two."""
 
+heard: list[int] = []
+"""The signals that were raised since a command began; one that raises may be lost."""
+
 _noting: list[Interrupt] = []
 
 
@@ -66,6 +69,8 @@ class Interrupt:
         kinds = [kind for kind in ENDING if not ignored(kind)]
         before = [signal.signal(kind, self._note) for kind in kinds]
         _noting.append(self)
+        if heard:  # what it raised has come to nobody, or this were not reached
+            self.signal, self._since = heard[0], time.monotonic()
         try:
             yield self
         finally:

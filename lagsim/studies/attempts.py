@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     # Takes a run, and by their names its `relay` and `session`.
     Joined: TypeAlias = Callable[..., None]
     Progress: TypeAlias = Callable[
-        [], contextlib.AbstractContextManager[Callable[[float], None] | None]
+        [str], contextlib.AbstractContextManager[Callable[[float], None] | None]
     ]
 
 # The steps of a second attempt are shorter than those of the repeat that failed to
@@ -166,7 +166,7 @@ class Attempts:
     cornered
         Those at events are kept, for pictures that are made of other rows.
     progress
-        Gives what is to be called with the fraction done.
+        Gives, for what is done, what is to be called with the fraction done.
     joined
         Gets the run of the first attempt before it begins.
     """
@@ -181,7 +181,7 @@ class Attempts:
         thinned: bool = False,
         cornered: bool = False,
         animated: bool = False,
-        progress: Progress = contextlib.nullcontext,
+        progress: Progress = lambda _label: contextlib.nullcontext(),
         joined: Joined | None = None,
     ) -> None:
         self.store, self.interrupt, self.clock = store, interrupt, clock
@@ -245,11 +245,13 @@ class Attempts:
         import_module("lagsim.run.arcs")  # not while the clock runs for it
         clock.lap("import")
         joined, self.joined = self.joined, None
-        with self.progress() as progress:
+        with self.progress("run") as progress:
             trajectory = session.run(
                 [relay], interrupt=self.interrupt, progress=progress, corners=corners,
                 joined=joined and partial(joined, relay=relay, session=session),
             )  # fmt: skip
+            if progress is not None and trajectory.outcome.complete:
+                progress(1.0)
             clock.lap("integrate")
         account.end(trajectory)
         clock.timings["integrate"] -= relay.seconds
@@ -284,11 +286,13 @@ class Attempts:
         if self.interrupt.asked:
             return "the run was cut short"
         always = self.error_bars is ErrorBars.ALWAYS
-        with self.progress() as progress:
+        with self.progress("error bar") as progress:
             bar = repeat(
                 session, trajectory, checkpoints, always=always, account=Account,
                 allowance=self.allowance, interrupt=self.interrupt, progress=progress,
             )  # fmt: skip
+            if progress is not None and not isinstance(bar, str):
+                progress(1.0)
         self.clock.lap("error_bar")
         return bar
 

@@ -28,6 +28,7 @@ from multiprocessing import connection
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
+from lagsim import files
 from lagsim.run.interrupt import Interrupt, noting
 
 if TYPE_CHECKING:
@@ -122,6 +123,7 @@ def _watch(stop: connection.Connection) -> None:
         if _PROMPT is not None:
             signal.pthread_kill(threading.main_thread().ident or 0, _PROMPT)
         _wait_for_what_is_kept(parent.sentinel)
+    files.remove_passing()
     os._exit(1)
 
 

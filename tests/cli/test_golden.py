@@ -210,8 +210,8 @@ def test_models_that_cannot_run(lagsim, write):
 def test_a_folder_that_cannot_be_written(lagsim, write):
     Path("golden").write_text("a file")
     called = lagsim("golden", write(PENDULUM), "--update")
-    assert called.code == 3
-    assert "golden cannot be written" in called.err
+    assert called.code == 2
+    assert "the output folder golden is not a folder [E701]" in called.err
 
 
 def test_a_run_that_ends_otherwise_differs_though_all_rows_are_the_same(lagsim, stored):

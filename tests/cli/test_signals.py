@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import random
 import signal
@@ -12,6 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from lagsim import files
+from lagsim.outputs import results as results_module
+from lagsim.outputs.results import open_results, put
+from lagsim.plan import making
 from lagsim.run.interrupt import AGAIN_SECONDS, Interrupt, Terminated, noting
 from lagsim.run.observers.ledger import Ledger
 from tests.cli._results import manifest, names
@@ -158,6 +163,43 @@ def test_a_command_that_loses_its_signal_ends(kind):
     assert run.returncode == 128 + kind
 
 
+def test_an_end_between_any_two_instructions_leaves_nothing(tmp_path, monkeypatch):
+    """A signal raises anywhere, as in a `finally` or before a handle is known."""
+    theirs = {files.__file__, results_module.__file__, contextlib.__file__}
+    left = 0
+    monkeypatch.setattr("os.fsync", lambda _handle: None)  # thousands take a minute
+
+    def step(frame, event, _argument):
+        nonlocal left
+        if frame.f_code.co_filename not in theirs:
+            return None
+        frame.f_trace_opcodes = True
+        left -= event == "opcode"
+        if left == 0:
+            raise Terminated
+        return step
+
+    ends = 0
+    while True:
+        left = ends = ends + 1
+        before = sys.gettrace()
+        sys.settrace(step)
+        try:
+            with open_results(tmp_path) as results:
+                results.write("energy.png", b"1")
+                results.commit(b"{}")
+                put(tmp_path / "events.csv", b"2")
+        except Terminated:
+            pass
+        finally:
+            sys.settrace(before)
+        files.remove_passing()  # as every process does at its end
+        assert [x.name for x in tmp_path.glob(".*")] == [], ends
+        if left > 0:
+            break
+    assert ends > 1000
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "options"),
@@ -187,3 +229,20 @@ def test_a_signal_at_any_moment(write, command, options):
             found = json.loads(path.read_bytes())
             listed = found.get("files", [f"{path.stem}.csv", path.name])
             assert set(listed) <= {file.name for file in Path("out").iterdir()}
+        assert list(Path("out").glob(".lagsim*")) == []
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_signal_that_was_lost_before_is_noted(lagsim, write, monkeypatch, kind):
+    """What it raises in a finalizer, or in a callback from C, comes to nobody."""
+
+    def lost(*arguments, **options):
+        with contextlib.suppress(RAISED):
+            signal.raise_signal(kind)
+        return plan(*arguments, **options)
+
+    plan = making.make_plan
+    monkeypatch.setattr(making, "make_plan", lost)
+    called = lagsim("run", write(ENDLESS), "--no-plots", "-o", "out")
+    assert called.code == 128 + kind
+    assert manifest("out")["outcome"] == "interrupted"

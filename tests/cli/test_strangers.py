@@ -98,7 +98,7 @@ def test_a_golden_is_replaced_whole_or_not_at_all(lagsim, write, monkeypatch, ca
     with monkeypatch.context() as patch:
         patch.setattr(os, call, full)
         called = lagsim("golden", model, "--update")
-    assert (called.code, "No space left" in called.err) == (3, True)
+    assert (called.code, "No space left" in called.err) == (2, True)
     found = {name: Path("golden", name).read_bytes() for name in names("golden")}
     assert found == before
 

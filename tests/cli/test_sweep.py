@@ -418,3 +418,13 @@ def test_processes_end_in_order_and_what_they_had_is_kept(write, tmp_path):
     assert run.returncode == 128 + signal.SIGTERM
     assert "--resume" in err
     assert names(tmp_path / "out") == [NAME]
+
+
+@pytest.mark.parametrize("folder", ["file", "file/below", "taken"])
+def test_a_folder_that_cannot_be_written(lagsim, write, folder):
+    Path("file").write_text("mine")
+    Path("taken/sweep.rows.jsonl").mkdir(parents=True)
+    called = lagsim("sweep", write(PENDULUM), "l=1,2", "--jobs", "1", "-o", folder)
+    assert called.code == 2
+    assert f"the output folder {folder} " in called.err
+    assert "[E701]" in called.err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import sys
 import pytest
 
 from lagsim.cli import COMMANDS
+from tests.cli._results import names
 from tests.cli._scenes import CAPTION, ON_THE_CURVE, PENDULUM
 from tests.support import ROOT
 
@@ -156,6 +158,18 @@ def test_colours(lagsim, write, monkeypatch, variable, value, coloured):
     assert "\x1b" not in lagsim("check", "model.yaml").out
 
 
+@pytest.mark.parametrize(
+    "words", ["check A\nb.yaml", "run A -o o\no", "golden A --dir g\r", "new n\nn"]
+)
+def test_a_line_break_in_an_argument_is_refused(lagsim, write, words):
+    write(PENDULUM, "A\nb.yaml")
+    write(PENDULUM, "A")
+    called = lagsim(*words.split(" "))
+    assert called.code == 2
+    assert "has a line break [E801]" in " ".join(called.err.split())
+    assert names(".") == ["A", "A\nb.yaml"]
+
+
 def test_a_progress_bar_on_a_terminal_only(lagsim, write, monkeypatch):
     monkeypatch.setattr("lagsim.cli._closing.PATIENCE_SECONDS", 0.0)
     long = PENDULUM.replace("duration: 2,", "duration: 2000,")
@@ -166,8 +180,43 @@ def test_a_progress_bar_on_a_terminal_only(lagsim, write, monkeypatch):
         lagsim("run", model, "--no-plots", "-q")
         assert terminal.shown == ""
         called = lagsim("run", model, "--no-plots", "--json")
-    assert "%" in terminal.shown
+    assert percentages(terminal.shown, "run")[-1] == 100
     assert called.json["outcome"] == "done"
+
+
+def percentages(shown, label):
+    return [int(x) for x in re.findall(rf"{label}  \[[#-]*\] +(\d+)%", shown)]
+
+
+GROWS = "forces: {theta: 0.01*theta_dot}\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "model", "last"),
+    [
+        ("run --no-plots", (GROWS, ", until: theta >= 2"), 100),
+        ("run --no-plots", ("forces: {theta: 0.01*sqrt(150 - t)}\n", ""), 0),
+        ("sweep l=1,2,3 --jobs 1", ("", ""), 100),
+        ("bench --methods dop853", ("", ""), 100),
+        ("stability --methods rk4", ("", ""), 100),
+    ],
+)
+@pytest.mark.slow
+def test_progress_bars_end_at_the_end(lagsim, write, monkeypatch, line, model, last):
+    monkeypatch.setattr("lagsim.cli._closing.PATIENCE_SECONDS", 0.0)
+    command, *options = line.split()
+    force, until = model
+    duration = "duration: 400" if command == "run" else "duration: 2"
+    text = force + PENDULUM.replace("duration: 2", duration + until)
+    terminal = Terminal()
+    with contextlib.redirect_stderr(terminal):
+        lagsim(command, write(text), *options)
+    found = percentages(terminal.shown, command)
+    assert found == sorted(found)
+    if last:
+        assert found[-1] == last
+    else:
+        assert 0 < found[-1] < 100
 
 
 @pytest.mark.parametrize("command", ["check --json m.yaml", "run --no-plots m.yaml"])

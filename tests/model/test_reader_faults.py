@@ -27,7 +27,7 @@ CASES = {
     "name with backslash": ("bad-model-name", "path separators", "name: ⟪a\\b⟫"),
     "name of the folder above": ("bad-model-name", "`..`", "name: ⟪..⟫"),
     "name empty": ("bad-model-name", "cannot be a name", "name: ⟪''⟫"),
-    "name of two lines": ("bad-model-name", "cannot be a name", 'name: ⟪"a\\nb"⟫'),
+    "name of two lines": ("bad-model-name", "a line break", 'name: ⟪"a\\nb"⟫'),
     "name is no text": ("not-a-text", "`name` must be a text", "name: ⟪[a]⟫"),
     "text with control character": ("not-a-text", "U+0000",
                                     'description: "a⟪\\0⟫"'),
@@ -56,6 +56,7 @@ CASES = {
     "parameter not a number": ("not-finite", "nan",
                                "parameters: {b: 2, a: ⟪sqrt(1 - b)⟫}"),
     # names
+    "name with line break": ("bad-name", "a line break", 'parameters: {⟪"a\\n"⟫: 1}'),
     "name begins with digit": ("bad-name", "`2k`", "parameters: {⟪2k⟫: 1}"),
     "name with minus": ("bad-name", "`k_1`", "parameters: {⟪k-1⟫: 1}"),
     "name with underscore first": ("bad-name", "a letter", "parameters: {⟪_k⟫: 1}"),

@@ -165,8 +165,11 @@ def _unfit(name: str, node: Scalar) -> str:
     """Say why a name cannot be that of files; nothing of what is told already."""
     if letter := unseen(name):
         return f"it has the letter U+{ord(letter):04X}, which is not seen"
-    if re.search(r"[/\\\n\t]", name):
+    if re.search(r"[/\\]", name):
         return "it has a path separator"
+    for letter, what in (("\n", "line break"), ("\t", "tab")):
+        if letter in name:
+            return f"it has a {what}"
     if name in _NO_FILE_NAMES and (node.empty or node.text.strip() == name):
         return "it is no name of a file"
     return ""
@@ -288,8 +291,10 @@ class _File:
             if self.file in (STDIN, PLAIN):
                 return self.file.strip("<>")
             stem = PurePath(self.file).stem
-            if letter := unseen(stem):
-                text = f"the name of the file has the letter U+{ord(letter):04X}"
+            found = unseen(stem)
+            if found or "\n" in stem:
+                what = f"the letter U+{ord(found):04X}" if found else "a line break"
+                text = f"the name of the file has {what}"
                 hint = "give a `name`: results are called by it"
                 self.faults.add("bad-model-name", text, self.root, hint)
             return stem if stem not in _NO_FILE_NAMES else "model"

@@ -300,6 +300,8 @@ def _spelling(name: str) -> tuple[str, str] | None:
     if name[0].isalpha() and rest_fits:
         return None
     fault = "a name is a letter, then letters, digits and `_`"
+    if "\n" in name:
+        fault = "it has a line break"
     if found := _DECORATED.fullmatch(name):
         hint = f"write `{found[1]}`"
         from lagsim.model.reader import quantities

@@ -13,9 +13,11 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import signal
 import stat
 import struct
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,7 +27,7 @@ from lagsim.native.kernels import keys
 from lagsim.native.link import ahead, engine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from lagsim.native.graph.straight_line import Code
 
@@ -234,22 +236,31 @@ def _read(path: Path, key: str) -> bytes | None:
 
 def _write(path: Path, key: str, code: bytes) -> None:
     """Keep an object: written beside and renamed, so that readers find all or none."""
-    import tempfile  # slow to load, and only first runs come here
-
+    beside = path.with_suffix(f".{os.getpid()}.{threading.get_ident()}")
     try:
-        handle, beside = tempfile.mkstemp(dir=path.parent, prefix=path.stem[:16])
-    except OSError:
-        return
-    try:
-        with os.fdopen(handle, "wb") as file:
+        with _unbroken(), os.fdopen(files.begin(beside, 0o600), "wb") as file:
             file.write(_seal(key, code) + code)
-        Path(beside).replace(path)
+            files.place(beside, path)
     except OSError:  # no room, or on Windows another process is reading the file
         with contextlib.suppress(OSError):
-            Path(beside).unlink()
+            files.drop(beside)
     # Keys are evenly spread: one new object in sixteen has the folder looked through.
     if path.name.startswith("0"):
         prune(path.parent)
+
+
+@contextlib.contextmanager
+def _unbroken() -> Iterator[None]:
+    """Keep signals back: those that make something ahead end by them at once."""
+    if sys.platform == "win32":
+        yield
+        return
+    kinds = signal.SIGINT, signal.SIGTERM
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, kinds)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def prune(where: Path, limit: int = LIMIT_BYTES) -> None:

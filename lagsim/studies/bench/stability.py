@@ -256,8 +256,9 @@ class _Work:
             predicted(amplification, eigenvalues, span)
             for eigenvalues in (subject.at_start, subject.along)
         )
+        counted = self.done
         border, note = self._border(subject, cells, {at_start, along})
-        self._count(SEARCH)
+        self._count(counted + SEARCH - self.done)
         if not self.pressed:
             self.borders.append(Border(name, value, border, at_start, along, note))
 
@@ -285,6 +286,7 @@ class _Work:
                 low, high = _step_of(before), _step_of(after)
                 while high / low > 1.0 + DIGITS and not self.pressed:
                     middle = math.sqrt(low * high)
+                    self._count(1)
                     if self._cell(subject, first.method, middle, first.value).stable:
                         low = middle
                     else:

@@ -159,6 +159,7 @@ def measure(
             lambda x: told(OF_REFERENCE * x),
         )  # fmt: skip
         auto = Auto(case, decades(wish.tolerances))
+        told(OF_REFERENCE)
         curves = list(curves_of(case, wish, reference, auto, refused))
         longest = min(_patience(auto), ONE * wish.budget)
     # What `auto` takes comes first, with more time: it must be known.
@@ -178,10 +179,12 @@ def measure(
         def swept(sweep: _Sweep = sweep, own: list[Entry] = entries[k]) -> None:
             for part, entry in sweep.entries():
                 own.append(entry)
-                so_far = (done + part) / len(order)  # noqa: B023  (called at once)
-                told(OF_REFERENCE + (1.0 - OF_REFERENCE) * so_far)
+                so_far = sum(shares[:done]) + part * shares[done]  # noqa: B023  (called at once)
+                told(OF_REFERENCE + (1.0 - OF_REFERENCE) * so_far / sum(shares))
 
         interrupt.cut(swept)
+    if not patience.pressed:
+        told(1.0)
     return WorkPrecision(
         reference=reference,
         entries=[entry for k in sorted(entries) for entry in entries[k]],
