@@ -46,6 +46,19 @@ def method(name: str) -> ModuleType:
     return import_module(f"{__name__}.{name.replace('-', '_')}")
 
 
+# Methods of other programs, in small letters, and what does the same here.
+_ELSEWHERE = {
+    **dict.fromkeys(
+        ("rk45", "ode45", "ode113", "dopri", "dopri5", "lsoda", "adams"), "dop853"
+    ),
+    **dict.fromkeys(("bdf", "ode15s", "ode23s", "dassl", "ida", "implicit"), "radau"),
+    **dict.fromkeys(("leapfrog", "stormer", "velocityverlet"), "verlet"),
+    **dict.fromkeys(("newmark", "hht"), "generalized-alpha"),
+    **dict.fromkeys(("rungekutta", "rungekutta4"), "rk4"),
+    "symplectic": "kahan-li8",
+}
+
+
 def method_problems(
     asked: str, place: Place | None = None, *, auto: bool = True
 ) -> list[Problem]:
@@ -53,5 +66,13 @@ def method_problems(
     known = [*(["auto"] if auto else []), *names()]
     if asked in known:
         return []
+    import re
+    from difflib import get_close_matches
+
+    plain = re.sub(r"[\W_]", "", asked.casefold())
+    alike = _ELSEWHERE.get(plain, plain)
+    near = get_close_matches(alike, known, 1) if auto else []
     hint = f"one of {', '.join(known)}; `lagsim methods` describes them"
+    if near:
+        hint = f"did you mean `{near[0]}`? `lagsim methods` lists all"
     return [Problem("unknown-method", f"there is no method `{asked}`", place, hint)]

@@ -186,10 +186,20 @@ def test_a_file_without_a_duration_can_be_checked(lagsim, write):
     assert lagsim("check", write(PENDULUM.replace("duration: 2, ", ""))).code == 0
 
 
-def test_an_unknown_method_is_a_fault_of_the_file(lagsim, write):
-    called = lagsim("check", write(PENDULUM.replace("tion: {", "tion: {method: rk5, ")))
+@pytest.mark.parametrize(
+    ("asked", "hint"),
+    [
+        ("rk5", "did you mean `rk4`?"), ("RK45", "did you mean `dop853`?"),
+        ("ode15s", "did you mean `radau`?"), ("foo", "one of auto, dop853, "),
+        ("Generalized_Alpha", "did you mean `generalized-alpha`?"),
+    ],
+)  # fmt: skip
+def test_an_unknown_method_is_a_fault_of_the_file(lagsim, write, asked, hint):
+    text = PENDULUM.replace("tion: {", f"tion: {{method: {asked}, ")
+    called = lagsim("check", write(text))
     assert called.code == 2
-    assert "model.yaml:5:22: there is no method `rk5`" in called.err
+    assert f"model.yaml:5:22: there is no method `{asked}`" in called.err
+    assert hint in called.err
 
 
 def test_several_models_give_the_worst_exit_code(lagsim, write):

@@ -296,7 +296,7 @@ def test_an_unknown_method_and_one_without_contact_are_refused(lagsim, write):
     called = lagsim("run", model)
     assert (called.code, called.out) == (2, "")
     assert "model.yaml:5:35: there is no method `rk44`" in called.err
-    assert "one of auto, dop853, " in called.err
+    assert "did you mean `rk4`?" in called.err
     assert names(".") == ["model.yaml"]
     errors = lagsim("run", model, "--json", "--method", "nope").json["errors"]
     assert [(e["code"], e["file"]) for e in errors] == [

@@ -14,7 +14,14 @@ from lagsim.language.functions import FUNCTIONS
 from lagsim.model.reader import quantities, spellings
 from lagsim.model.reader.quantities import NUMBER
 from lagsim.model.reader.spellings import RADIANS
-from lagsim.model.reader.written import FRACTION, OF_NAMES, OF_NUMBERS, PATTERNS, latex
+from lagsim.model.reader.written import (
+    FRACTION,
+    OF_NAMES,
+    OF_NUMBERS,
+    PATTERNS,
+    call,
+    latex,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable
@@ -94,7 +101,7 @@ def of_text(
         return hint
     if "\\" in text and text == whole:
         return f"write {latex(text)}"
-    hint = _matching(PATTERNS, text, offset) or _of_unit(
+    hint = _matching(PATTERNS, text, offset, known) or _of_unit(
         text, offset, known, beside=beside and text == whole
     )
     return re.sub(r"[^\W\d_]+", lambda word: _in_letters(word[0], known), hint)
@@ -109,9 +116,12 @@ def _matching(
     patterns: Iterable[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]]],
     text: str,
     offset: int,
+    variables: Collection[str] = (),
 ) -> str:
     for pattern, meant in patterns:
         for found in pattern.finditer(text):
+            if meant is call and found[1] in variables:
+                continue
             if found.start() <= offset <= found.end():
                 if not isinstance(meant, str):
                     return meant(found)
@@ -162,9 +172,12 @@ def _of_unit(text: str, offset: int, known: Collection[str], *, beside: bool) ->
     """Give a hint where a unit follows what is no plain number, as in `1/2 kg`."""
     before, unit = text[:offset].strip(), text[offset:]
     names = quantities.words(before)
-    if not before or not quantities.is_unit(unit) or re.search(r"\(|[^\W\d]$", before):
+    inside = before.count("(") > before.count(")")
+    if not before or inside or not quantities.is_unit(unit):
         return ""
     if not all(_is_known(name, known) for name in names):
+        return ""
+    if names and names[-1] in FUNCTIONS and before.endswith(names[-1]):
         return ""
     if all(_is_known(name, known) for name in quantities.words(unit)):
         return ""
@@ -192,6 +205,10 @@ def of_function(name: str, argument: str, known: Collection[str]) -> str:
             plain = name if name in known else name.casefold()
             return f"write {plain}, without `({argument})`"
         return f"a product is written {name}*({argument})"
+    for function in FUNCTIONS:
+        factor = name.removesuffix(function)
+        if factor != name and _is_known(factor, known):
+            return f"write {factor}*{function}({argument})"
     base = name.rstrip("0123456789")
     if base != name and base in FUNCTIONS:
         return f"write {base}({argument})^{name.removeprefix(base)}"

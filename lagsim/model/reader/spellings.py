@@ -50,6 +50,7 @@ _REWRITTEN = {
     **dict.fromkeys(("pow", "power"), ("a b", "a^b")),
     **dict.fromkeys(("square", "sqr"), ("x", "x^2")),
     "cube": ("x", "x^3"),
+    "rational": ("a b", "(a/b)"),
     "root": ("x n", "x^(1/n)"),
     "sec": ("x", "1/cos(x)"),
     "csc": ("x", "1/sin(x)"),

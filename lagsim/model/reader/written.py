@@ -32,9 +32,11 @@ _TERM = r"[\w.]+(?:\s*[-+*/^]\s*[\w.]+)*"
 _ATOM = r"(?:[\w.]+\([^()]*\)|\([^()]*\)|[\w.]+)"
 
 
-_SECOND_QUOTIENT = rf"\bd(?:\^|\*\*)?2\s*{_NAME}\s*/\s*d\s*t(?:(?:\^|\*\*)?2)?"
+_SECOND_QUOTIENT = (
+    rf"(?:\bd|∂)(?:(?:\^|\*\*)?2|²)\s*{_NAME}\s*/\s*[d∂]\s*t(?:(?:\^|\*\*)?2|²)?"
+)
 _PER_MINUTE = rf"({NUMBER})(?:\s+1)?\s*/\s*min\b(?!\s*\()"
-_QUOTIENT = rf"\bd\s*\(?{_NAME}\)?\s*/\s*dt\b"
+_QUOTIENT = rf"(?:\bd|∂)\s*\(?{_NAME}\)?\s*/\s*[d∂]t\b"
 
 
 def _from_module(found: re.Match[str]) -> str:
@@ -49,7 +51,8 @@ def _from_module(found: re.Match[str]) -> str:
     return f"write {plain}, without a module" if plain else ""
 
 
-def _call(found: re.Match[str]) -> str:
+def call(found: re.Match[str]) -> str:
+    """Say how a function is called: its name, and its argument."""
     return f"write {spellings.call(found[1], found[2])}"
 
 
@@ -103,6 +106,7 @@ _SPELLINGS: list[tuple[str, str | Callable[[re.Match[str]], str]]] = [
     ),
     (r"\b\d+\.\d*\.\d", "a number has one decimal point"),
     (r"\b0[xXbBoO]\w+", "numbers are decimal"),
+    (r"(\d+\.?\d*)[dD]([-+]?\d+)\b", "write {0}e{1}"),
     (r"(\d+\.?\d*)[eE](?![\w+-])", "write {0}e0: an exponent has digits"),
     (r"\d:\d\d", "a time is one number, such as 90 for 1:30"),
     (r"∞|\binf\b", "every number is finite"),
@@ -136,8 +140,8 @@ _SPELLINGS: list[tuple[str, str | Callable[[re.Match[str]], str]]] = [
         rf"\b(sinh?|cosh?|tanh?)\s*{_INVERSE}\s*(?:\({_INSIDE}\)|({_ARGUMENT}))?",
         _inverse,
     ),
-    (rf"\b({CALLED})\s*[\[{{]([^\]}}]*)[\]}}]", _call),
-    (rf"\b({CALLED})\s+({_ARGUMENT})", _call),
+    (rf"\b((?i:{CALLED}))\s*[\[{{]([^\]}}]*)[\]}}]", call),
+    (rf"\b((?i:{CALLED}))\s+({_ARGUMENT})", call),
     (rf"\b(?:{MODULES})(?:\.|::)(\w+)(?:\(([^()]*)\))?", _from_module),
     (
         rf"\b(?:{'|'.join(RATES)})\(\s*{_NAME}\s*(?:,\s*t\s*)?\)",
@@ -210,7 +214,7 @@ _LATEX = [
     (r"([-+=<>]+)", r" \1 "),
 ]
 # The first of them are of numbers.
-OF_NUMBERS = 9
+OF_NUMBERS = 10
 PATTERNS = [(re.compile(pattern), meant) for pattern, meant in _SPELLINGS]
 # What parses as an expression and is meant otherwise.
 OF_NAMES = [
