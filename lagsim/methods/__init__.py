@@ -46,16 +46,14 @@ def method(name: str) -> ModuleType:
     return import_module(f"{__name__}.{name.replace('-', '_')}")
 
 
-# Methods of other programs, in small letters, and what does the same here.
+# Methods, and those of other programs, in small letters, that do the same.
 _ELSEWHERE = {
-    **dict.fromkeys(
-        ("rk45", "ode45", "ode113", "dopri", "dopri5", "lsoda", "adams"), "dop853"
-    ),
-    **dict.fromkeys(("bdf", "ode15s", "ode23s", "dassl", "ida", "implicit"), "radau"),
-    **dict.fromkeys(("leapfrog", "stormer", "velocityverlet"), "verlet"),
-    **dict.fromkeys(("newmark", "hht"), "generalized-alpha"),
-    **dict.fromkeys(("rungekutta", "rungekutta4"), "rk4"),
-    "symplectic": "kahan-li8",
+    "dop853": "rk45 ode45 ode113 dopri dopri5 lsoda adams",
+    "radau": "bdf ode15s ode23s dassl ida implicit",
+    "verlet": "leapfrog stormer velocityverlet",
+    "generalized-alpha": "newmark hht",
+    "rk4": "rungekutta rungekutta4",
+    "kahan-li8": "symplectic",
 }
 
 
@@ -70,7 +68,7 @@ def method_problems(
     from difflib import get_close_matches
 
     plain = re.sub(r"[\W_]", "", asked.casefold())
-    alike = _ELSEWHERE.get(plain, plain)
+    alike = next((own for own, x in _ELSEWHERE.items() if plain in x.split()), plain)
     near = get_close_matches(alike, known, 1) if auto else []
     hint = f"one of {', '.join(known)}; `lagsim methods` describes them"
     if near:

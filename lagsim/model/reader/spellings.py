@@ -9,37 +9,29 @@ from lagsim.language.functions import FUNCTIONS
 RADIANS = "angles are in radians"
 _WHOLE = re.compile(r"[\w.]+")
 
-# Functions that have another name here, in small letters.
-_RENAMED = {
-    "ln": "log",
-    "lg": "log10",
-    "arcsin": "asin",
-    "arccos": "acos",
-    "arctan": "atan",
-    "arctan2": "atan2",
-    "arctg": "atan",
-    "arcsinh": "asinh",
-    "arccosh": "acosh",
-    "arctanh": "atanh",
-    "arsinh": "asinh",
-    "arcosh": "acosh",
-    "artanh": "atanh",
-    "tg": "tan",
-    "sh": "sinh",
-    "ch": "cosh",
-    "th": "tanh",
-    "sgn": "sign",
-    "signum": "sign",
-    "fabs": "abs",
-    "maximum": "max",
-    "minimum": "min",
-    "fmax": "max",
-    "fmin": "min",
-    "h": "heaviside",
-    "step": "heaviside",
-    "unitstep": "heaviside",
-    "ceiling": "ceil",
+# Functions, and their names elsewhere, in small letters.
+_NAMES = {
+    "log": "ln",
+    "log10": "lg",
+    "asin": "arcsin",
+    "acos": "arccos",
+    "atan": "arctan arctg",
+    "atan2": "arctan2",
+    "asinh": "arcsinh arsinh",
+    "acosh": "arccosh arcosh",
+    "atanh": "arctanh artanh",
+    "tan": "tg",
+    "sinh": "sh",
+    "cosh": "ch",
+    "tanh": "th",
+    "sign": "sgn signum",
+    "abs": "fabs",
+    "max": "maximum fmax",
+    "min": "minimum fmin",
+    "heaviside": "h step unitstep",
+    "ceil": "ceiling",
 }
+_RENAMED = {name: own for own, names in _NAMES.items() for name in names.split()}
 # Functions that are written with others: their arguments, and how.
 _REWRITTEN = {
     "log2": ("x", "log(x)/log(2)"),
@@ -71,84 +63,43 @@ _REWRITTEN = {
     **dict.fromkeys(("rad2deg", "degrees"), ("x", "x*180/pi")),
 }
 _OF_ANGLES = ("deg2rad", "radians", "rad", "deg")
-# Keys of the file that are called otherwise elsewhere, in small letters.
-KEYS = {
-    **dict.fromkeys(("constants", "params", "consts", "given"), ("parameters",)),
-    **dict.fromkeys(
-        ("variables", "vars", "dof", "dofs", "generalized_coordinates", "q", "states"),
-        ("coordinates", "columns"),
+# Keys of the file, the likelier first, and how they are called elsewhere, in small
+# letters.
+_KEYS = {
+    "parameters": "constants params consts given",
+    "coordinates columns": "variables vars dof dofs generalized_coordinates q states",
+    "definitions": "define functions expressions",
+    "forces": "loads generalized_forces applied_forces",
+    "simulation": "sim solve integration solver_options",
+    "scene": "graphics drawing draw visualization animation geometry",
+    "plots": "plot figures charts",
+    "initial": "initial_conditions initial_state initial_values ic ics init x0",
+    "kinetic duration": "t ke ekin kinetic_energy",
+    "potential": "v u pe epot potential_energy",
+    "lagrangian": "l lagrange lagrange_function",
+    "dissipation": "d r rayleigh friction damping",
+    "duration": "time tmax t_max length",
+    "end": (
+        "t_end tend tf t1 to stop tstop t_stop t_final tfinal final final_time "
+        "stop_time end_time finish till"
     ),
-    **dict.fromkeys(("define", "functions", "expressions"), ("definitions",)),
-    **dict.fromkeys(("loads", "generalized_forces", "applied_forces"), ("forces",)),
-    **dict.fromkeys(("sim", "solve", "integration", "solver_options"), ("simulation",)),
-    **dict.fromkeys(
-        ("graphics", "drawing", "draw", "visualization", "animation", "geometry"),
-        ("scene",),
-    ),
-    **dict.fromkeys(("plot", "figures", "charts"), ("plots",)),
-    **dict.fromkeys(
-        (
-            "initial_conditions",
-            "initial_state",
-            "initial_values",
-            "ic",
-            "ics",
-            "init",
-            "x0",
-        ),
-        ("initial",),
-    ),
-    **dict.fromkeys(("t", "ke", "ekin", "kinetic_energy"), ("kinetic", "duration")),
-    **dict.fromkeys(("v", "u", "pe", "epot", "potential_energy"), ("potential",)),
-    **dict.fromkeys(("l", "lagrange", "lagrange_function"), ("lagrangian",)),
-    **dict.fromkeys(("d", "r", "rayleigh", "friction", "damping"), ("dissipation",)),
-    **dict.fromkeys(("time", "tmax", "t_max", "length"), ("duration",)),
-    **dict.fromkeys(
-        (
-            "t_end",
-            "tend",
-            "tf",
-            "t1",
-            "to",
-            "stop",
-            "tstop",
-            "t_stop",
-            "t_final",
-            "tfinal",
-            "final",
-            "final_time",
-            "stop_time",
-            "end_time",
-            "finish",
-            "till",
-        ),
-        ("end",),
-    ),
-    **dict.fromkeys(
-        ("t0", "t_start", "tstart", "start_time", "begin", "from"), ("start",)
-    ),
-    **dict.fromkeys(
-        ("dt", "timestep", "time_step", "sampling", "dt_out"),
-        ("output_step", "step"),
-    ),
-    **dict.fromkeys(("h", "max_step"), ("step",)),
-    **dict.fromkeys(
-        ("stop_when", "stop_condition", "event", "events", "terminate"), ("until",)
-    ),
-    **dict.fromkeys(("tol", "tolerance", "reltol", "precision"), ("rtol",)),
-    **dict.fromkeys(("abstol",), ("atol",)),
-    **dict.fromkeys(("solver", "integrator", "scheme"), ("method",)),
-    **dict.fromkeys(("units", "dimension"), ("unit",)),
-    **dict.fromkeys(("help", "comment", "text", "label", "desc"), ("description",)),
-    **dict.fromkeys(("default", "val"), ("value",)),
-    **dict.fromkeys(("eq", "equation", "expression", "expr"), ("relation", "value")),
-    **dict.fromkeys(("mu",), ("friction",)),
-    **dict.fromkeys(
-        ("e", "bounce", "cor", "restitution_coefficient"), ("restitution",)
-    ),
-    **dict.fromkeys(("lines", "rods", "edges", "bars"), ("links",)),
-    **dict.fromkeys(("masses", "bodies"), ("points",)),
+    "start": "t0 t_start tstart start_time begin from",
+    "output_step step": "dt timestep time_step sampling dt_out",
+    "step": "h max_step",
+    "until": "stop_when stop_condition event events terminate",
+    "rtol": "tol tolerance reltol precision",
+    "atol": "abstol",
+    "method": "solver integrator scheme",
+    "unit": "units dimension",
+    "description": "help comment text label desc",
+    "value": "default val",
+    "relation value": "eq equation expression expr",
+    "friction": "mu",
+    "restitution": "e bounce cor restitution_coefficient",
+    "links": "lines rods edges bars",
+    "points": "masses bodies",
 }
+KEYS = {name: keys.split() for keys, names in _KEYS.items() for name in names.split()}
 # Keys of counts, where a length is asked for here: no key has their values.
 COUNTS = (
     "n", "steps", "nsteps", "n_steps", "num_steps", "number_of_steps", "output_steps",
