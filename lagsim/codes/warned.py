@@ -276,7 +276,9 @@ simulation: {duration: 0.1, output_step: 0.1}
     Row(
         "W317", "events-unlisted",
         "More events happened than are listed: `event_counts` counts all.",
-        "end the run earlier, or count what is of interest in the table",
+        "end the run earlier, or count what is of interest in the table; what is so "
+        "light that it hops or chatters at each step can be given more mass, or left "
+        "out",
         commands=(),
     ),
     Row(

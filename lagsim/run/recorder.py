@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from lagsim.notes import Caution
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 # A switch or a dead point may be passed for ever: of such events so many are kept.
 MOST_EVENTS = 10_000
+# So many of the last of them show where they come from, and how fast.
+LATELY = 1000
 
 
 class Recorder:
@@ -64,9 +67,12 @@ class Recorder:
         if not self.unkept:
             return []
         kinds = ", ".join(f"{count} of kind {k}" for k, count in self.unkept.items())
+        late = [e for e in self.events if e.constraint or e.switch][-LATELY:]
+        where, often = Counter(e.constraint or e.switch for e in late).most_common(1)[0]
         text = (
             f"only the first {MOST_EVENTS} events are listed: from t = {self.full:.9g} "
-            f"on there were {kinds} more"
+            f"on there were {kinds} more; {often} of the last {len(late)} listed are "
+            f"at `{where}`, within {self.full - late[0].time:.3g} of time"
         )
         return [Caution("events-unlisted", text)]
 

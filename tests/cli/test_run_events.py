@@ -123,6 +123,11 @@ def test_what_is_not_listed_is_told(lagsim, write, monkeypatch, most):
     assert f"the first {most} events" in warning["text"]
     assert f"t = {impacts[most]:.9g} " in warning["text"]
     assert f"{lost} of kind impact" in warning["text"]
+    took = impacts[most] - impacts[0]
+    assert (
+        f"{most} of the last {most} listed are at `floor`, within {took:.3g} of time"
+        in warning["text"]
+    )
     assert warning["text"] in called.err
     assert f"{len(impacts)} impacts at `floor`" in called.out
 
