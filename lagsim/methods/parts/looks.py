@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import interpolate, signals
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.methods.parts.strays import differs, is_rounding, varies_by_rounding
+from lagsim.methods.parts.strays import differs, hardly_varies, is_rounding
 from lagsim.native.kernels.words import abreast, head, keep, vector
 
 if TYPE_CHECKING:
@@ -258,7 +258,7 @@ def overlooked(s: State, p: Parameters) -> float:
         clear = True
         for k in range(count):
             if clear and not known(s, k, (high - low) * h):
-                clear = varies_by_rounding(s, p, k, high)
+                clear = hardly_varies(s, p, k, high)
         if clear or high - low < FINEST:
             found = visit(s, p, low, high)
             if found > 0.0:

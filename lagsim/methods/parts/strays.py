@@ -12,6 +12,8 @@ one.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from lagsim.methods.parts.interface import (
     derivative,
     interpolate,
@@ -22,6 +24,9 @@ from lagsim.methods.parts.interface import (
 from lagsim.methods.parts.noise import RATE_NOISE, ROUNDED, SHAKEN, move_aside, shake
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
 
 # In output steps. To ask costs about as much as a row.
 APART = 10.0
@@ -116,10 +121,12 @@ def is_rounding(s: State, p: Parameters, x: float, most: float) -> bool:
     return True
 
 
-def varies_by_rounding(s: State, p: Parameters, k: int, x: float) -> bool:
-    """Tell whether signal k varies between three looks by rounding alone.
+def hardly_varies(s: State, p: Parameters, k: int, x: float) -> bool:
+    """Tell whether signal k varies between three looks by no more than may be.
 
-    That is, by no more than rounding the state does, to one side, at the last, at x.
+    That is, than rounding the state does, or moving it by its tolerances, to one side,
+    at the last, at x. What a push hands on along a chain at rest goes with ever higher
+    powers of the time: at first no step, however short, has its shape.
     """
     b = s.signals_last[k]
     change = float(
@@ -130,6 +137,7 @@ def varies_by_rounding(s: State, p: Parameters, k: int, x: float) -> bool:
     for way in range(2):
         interpolate(s, x, z)
         move_aside(s.size, z, ROUNDED if way == 0 else -ROUNDED, z)
+        move_within(s, 1.0 if way == 0 else -1.0, z)
         signals(s.step_t + x * s.step_h, z, p, s.signals_beside)
         noise = max(noise, float(abs(s.signals_beside[k] - b)))
     return change <= noise
@@ -141,7 +149,6 @@ def is_beyond(s: State, p: Parameters, x: float) -> bool:
     The state is not known better than to as many tolerances. What a change by that does
     to y' is no sign, where it is stiff or close to a loss of rank; nor is its rounding.
     """
-    size = s.size
     n = s.n
     t = s.step_t + x * s.step_h
     z = s.look
@@ -151,18 +158,25 @@ def is_beyond(s: State, p: Parameters, x: float) -> bool:
     beside = s.spare
     tolerances = s.tolerances
     rounding(t, z, p, noise)
-    for i in range(size):
-        # By parts and signs of its own: what is alike in two components may cancel.
-        part = GOLDEN * (i + 1)
-        part = (0.5 + part - int(part)) * (1.0 - 2.0 * (i % 2))
-        z[i] += part * LEFT * tolerances[i]
+    move_within(s, LEFT, z)
     derivative(t, z, p, beside)
-    for i in range(n, size):
+    for i in range(n, s.size):
         allowed = LEFT * tolerances[i] / s.step_h + RATE_NOISE * abs(noise[i - n])
         allowed += abs(beside[i] - right[i])
         if tolerances[i] > 0.0 and not abs(right[i] - slope[i]) <= allowed:
             return True
     return False
+
+
+def move_within(s: State, tolerances: float, z: Floats) -> None:
+    """Move a state by about so many of its tolerances.
+
+    By parts and signs of each component's own: what is alike in two may cancel.
+    """
+    for i in range(s.size):
+        part = GOLDEN * (i + 1)
+        part = (0.5 + part - int(part)) * (1.0 - 2.0 * (i % 2))
+        z[i] += part * tolerances * s.tolerances[i]
 
 
 def differs(s: State, p: Parameters, x: float, most: float) -> bool:

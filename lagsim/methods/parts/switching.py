@@ -21,7 +21,7 @@ from lagsim.methods.parts.interface import (
 from lagsim.methods.parts.looks import BETWEEN, look_at_signals, stirs
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.methods.parts.strays import varies_by_rounding
+from lagsim.methods.parts.strays import hardly_varies
 from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def nothing_stirs(s: State, p: Parameters, low: float, x: float) -> bool:
     still = True
     for k in range(count):
         if still and stirs(s, k, (x - low) * s.step_h):
-            still = varies_by_rounding(s, p, k, x)
+            still = hardly_varies(s, p, k, x)
     return still
 
 
