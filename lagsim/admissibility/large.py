@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.admissibility.newton import MOST_STEPS, SOLVED, Found
+from lagsim.admissibility.running import runs_away
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -148,14 +149,17 @@ def nearest(relations: AtState, x0: Floats, M: Any) -> Found | None:
     """
     from scipy.sparse import bmat
 
+    def at(x: Floats) -> tuple[Floats, Any]:
+        r, entries = relations.sparse(x)
+        return r, matrix(entries, len(r), len(x))
+
     if relations.exact(x0):
         return Found(x0.copy(), met=True)
     x, last = x0.copy(), np.inf
     for _ in range(MOST_STEPS):
-        r, entries = relations.sparse(x)
-        if not (np.all(np.isfinite(r)) and np.all(np.isfinite(entries.values))):
+        r, J = at(x)
+        if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J.data))):
             return None
-        J = matrix(entries, len(r), len(x))
         factors = _factored(bmat([[M, J.T], [J, None]], format="csc"))
         if factors is None:
             return None
@@ -168,8 +172,10 @@ def nearest(relations: AtState, x0: Floats, M: Any) -> Found | None:
         length = float(np.sqrt(step @ (M @ step)))
         if np.all(np.abs(step) <= LAST * np.abs(x)) or length > SHORTER * last:
             way = np.sqrt((x - x0) @ (M @ (x - x0)) / M.diagonal())
-            met = relations.met(x, SOLVED * (np.abs(x) + way))
-            return Found(x, met=True) if met else None
+            errors = SOLVED * (np.abs(x) + way)
+            if not relations.met(x, errors) or runs_away(relations, at, x0, x, errors):
+                return None
+            return Found(x, met=True)
         last = length
     return None
 

@@ -208,7 +208,7 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
         largest = np.maximum(largest, np.abs(x))
         way = max(way, float(np.linalg.norm(L.T @ (x - x0))))
     met = not np.any(r) or relations.met(x, SOLVED * largest + way * ulp)
-    if met and runs_away(relations, guess, x, SOLVED * largest + way * ulp):
+    if met and runs_away(relations, relations, guess, x, SOLVED * largest + way * ulp):
         return Found(x, met=False, trouble=Trouble.RUNS_AWAY)
     # Far from a simple root steps can shrink so, too; then the last ones do not.
     jumped |= not polished and k - jump <= ARRIVED

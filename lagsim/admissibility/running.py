@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from lagsim.language.arrays import Floats
 
 # Not a root: that part of the way before it, the relation is met as well.
@@ -23,27 +25,33 @@ ROUNDING = 2.0**-50
 
 
 class Missed(Protocol):
-    """Residuals and their slopes; which of them are not met."""
-
-    def __call__(self, x: Floats) -> tuple[Floats, Floats]:
-        """Give r (m,) and dr/dx (m, k)."""
+    """Residuals, of which some are not met."""
 
     def missed(self, x: Floats, errors: Floats) -> Any:
         """Tell of each of r whether it is not met (m,)."""
 
 
-def runs_away(relations: Missed, x0: Floats, x: Floats, errors: Floats) -> bool:
-    """Tell whether a relation that x0 misses is met at x by rounding alone."""
+def runs_away(
+    relations: Missed,
+    at: Callable[[Floats], tuple[Floats, Any]],
+    x0: Floats,
+    x: Floats,
+    errors: Floats,
+) -> bool:
+    """Tell whether a relation that x0 misses is met at x by rounding alone.
+
+    at : x -> r (m,) and dr/dx (m, k), dense or sparse.
+    """
     way = x - x0
     if not np.any(way):
         return False
     back = x - BACK * way
-    r, J = relations(x)
-    first, slopes = relations(x0)
-    if not np.all(np.isfinite(J)):
-        return False
+    r, J = at(x)
+    first, slopes = at(x0)
     told = np.abs(J @ way)
-    noise = np.maximum(np.abs(r), ROUNDING * np.abs(slopes) @ np.abs(way))
+    if not np.all(np.isfinite(told)):
+        return False
+    noise = np.maximum(np.abs(r), ROUNDING * (abs(slopes) @ np.abs(way)))
     gone = ~(told > FLAT * np.maximum(noise, ROUNDING * np.abs(first)))
     if not np.any(gone):
         return False

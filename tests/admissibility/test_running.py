@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from lagsim.admissibility import large
 from tests.admissibility.scenes import codes, judged, scene
 
 
@@ -54,4 +55,13 @@ def test_a_root_however_far_is_one(relation, guess, root):
 def test_why_a_guess_is_none():
     start = judged(scene("x = sqrt(1 + x^2)", {"x": "{guess: 1}"}))
     assert "other-roots" not in codes(start)
+    assert "diverges" in start.unsolved
+
+
+@pytest.mark.parametrize("guess", ["3e4", "1e5", "3e5"])
+@pytest.mark.parametrize("least", [large.LARGE, 1])
+def test_a_guess_that_runs_away_from_afar(guess, least, monkeypatch):
+    """Where few steps lead to what rounding meets; in sparse matrices, too."""
+    monkeypatch.setattr(large, "LARGE", least)
+    start = judged(scene("x = sqrt(1 + x^2)", {"x": f"{{guess: {guess}}}"}))
     assert "diverges" in start.unsolved
