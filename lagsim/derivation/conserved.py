@@ -13,18 +13,18 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import sympy as sp
 
 from lagsim.derivation.content import Conserved
 from lagsim.language.derivatives import gradient
-from lagsim.language.evaluate import evaluate
+from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate, evaluate_with_error
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.derivation.content import Condition, Line
     from lagsim.derivation.translation import Translation
@@ -36,8 +36,10 @@ if TYPE_CHECKING:
 MOST_GENERATORS = 250
 # A product is multiplied out to so many terms at most.
 MOST_TERMS = 64
-# What vanishes at all samples leaves this much against rounding in sums of terms.
+# What vanishes at all samples leaves this much against rounding in sums of terms; what
+# it is seen to do in them is no more than so many bounds of their rounding.
 ROUNDING = 1e-9
+LARGER = 4.0
 # A term of L by so many times another is tested by itself: beside it, what the other
 # changes by is rounding.
 BESIDE = 1e4
@@ -143,22 +145,32 @@ def _multiplied_out(g: Graph, node: int) -> list[int]:
     return [g.call(op, a, b) for a in first for b in second]
 
 
+class Moves(NamedTuple):
+    """Generators: coordinates that are shifted, and pairs that are turned."""
+
+    shifts: Sequence[int]
+    turns: Sequence[tuple[int, int]]
+
+
 class _Samples:
     """Random states and parameters, and what the graph gives there.
 
     Attributes
     ----------
     slopes : list of int
-        Of each part of L, its slopes in the coordinates and in the velocities (2 n,).
+        Of each part of L, its slopes in the coordinates and in the velocities (2 n,);
+        of each constraint its row, and zeros.
     """
 
     def __init__(self, e: Equations) -> None:
         self.e = e
         g = e.graph
         self._random = np.random.default_rng(7)
-        self.parts = self._parts_of_one_size()
+        parts = self._parts_of_one_size()
         state = [g.variable(name) for name in (*e.q, *e.velocities)]
-        self.slopes = [x for part in self.parts for x in gradient(g, part, state)]
+        self.slopes = [x for part in parts for x in gradient(g, part, state)]
+        for row in e.rows:
+            self.slopes += [*row.A, *[g.zero] * len(e.q)]
 
     def _parts_of_one_size(self) -> list[int]:
         """Give sums of terms of L: T and V apart, and what is small beside others.
@@ -239,16 +251,16 @@ def _symmetries(
     many = len(shifts) + len(turns)
     if n < 2 or many > MOST_GENERATORS or x.equations.laws:
         return []
-    sampled = _sampled(x.equations, samples, shifts, turns)
-    if sampled is None:
+    moves = Moves(shifts, turns)
+    rows = _sampled(x.equations, samples, moves)
+    if rows is None:
         return []
-    rows, terms = sampled
     found = []
     for vector in _simple_null_vectors(rows):
-        value = _noether(x, lines, shifts, turns, vector)
-        kept = _vanishes(terms, vector)
-        if not kept or not _holds(x, lines, constraints, shifts, turns, vector):
+        kept = _vanishes(samples, moves, vector)
+        if not kept or not _holds(x, lines, constraints, moves, vector):
             continue
+        value = _noether(x, lines, moves, vector)
         moved = {shifts[k] for k in range(len(shifts)) if vector[k]}
         turned = {
             j for k, pair in enumerate(turns) if vector[len(shifts) + k] for j in pair
@@ -259,67 +271,65 @@ def _symmetries(
     return found
 
 
-def _sampled(
-    e: Equations,
-    samples: _Samples,
-    shifts: Sequence[int],
-    turns: Sequence[tuple[int, int]],
-) -> tuple[Floats, Floats] | None:
+def _sampled(e: Equations, samples: _Samples, moves: Moves) -> Floats | None:
     """Give the change of L and of each constraint under each generator, at samples.
 
-    Returns
-    -------
-    rows : (k, generators)
-        The changes, each row scaled by its largest.
-    terms : (samples of parts of L, generators, 4)
-        What their changes are made of.
+    (k, generators), each row scaled by its largest; None where there are no values.
     """
-    n, m = len(e.q), len(e.rows)
-    wanted = len(shifts) + len(turns) + SPARE
-    parts = len(samples.parts)
-    nodes = [*samples.slopes, *(a for row in e.rows for a in row.A)]
+    wanted = len(moves.shifts) + len(moves.turns) + SPARE
     rows: list[Floats] = []
-    terms: list[Floats] = []
     for _ in range(TRIES * wanted):
-        if len(rows) >= wanted * (parts + m):
-            break
         at = samples.values()
-        flat = np.array(evaluate(e.graph, nodes, at))
-        if not np.all(np.isfinite(flat)):
-            continue
-        q = np.array([at[name] for name in e.q])
-        v = np.array([at[name] for name in e.velocities])
-        for slopes in flat[: 2 * n * parts].reshape(parts, 2 * n):
-            moved = _terms(slopes[n:], v, shifts, turns)
-            moved[: len(shifts)] = 0.0  # a shift leaves the velocities as they are
-            terms.append(np.hstack([_terms(slopes[:n], q, shifts, turns), moved]))
-            rows.append(np.sum(terms[-1], axis=1))
-        A = flat[2 * n * parts :].reshape(m, n)
-        rows += [np.sum(_terms(a, q, shifts, turns), axis=1) for a in A]
-    if len(rows) < wanted * (parts + m):
+        flat = np.array(evaluate(e.graph, samples.slopes, at))
+        if np.all(np.isfinite(flat)):
+            of_each = flat.reshape(-1, 2 * len(e.q))
+            rows += [np.sum(_changes(e, x, at, moves), axis=1) for x in of_each]
+        if 2 * len(e.q) * len(rows) >= wanted * len(samples.slopes):
+            break
+    else:
         return None
     found = np.array(rows)
     sizes = np.max(np.abs(found), axis=1, initial=0.0)
-    return found[sizes > 0] / sizes[sizes > 0][:, None], np.array(terms)
+    return np.asarray(found[sizes > 0] / sizes[sizes > 0][:, None])
 
 
-def _terms(
-    slope: Floats, q: Floats, shifts: Sequence[int], turns: Sequence[tuple[int, int]]
+def _changes(
+    e: Equations, slopes: Floats, at: Mapping[str, float], moves: Moves
 ) -> Floats:
-    """Give the terms of slope . dq for each generator: (generators, 2)."""
-    moved = [(slope[j], 0.0) for j in shifts]
-    turned = [(slope[k] * q[i], -slope[i] * q[k]) for i, k in turns]
-    return np.array([*moved, *turned])
+    """Give what slopes (2 n,) make of each generator, in terms: (generators, 4)."""
+    n, terms = len(e.q), []
+    for level, names in enumerate((e.q, e.velocities)):
+        slope, x = slopes[level * n :], [at[name] for name in names]
+        # A shift leaves the velocities as they are.
+        moved = [(0.0 if level else slope[j], 0.0) for j in moves.shifts]
+        turned = [(slope[k] * x[i], -slope[i] * x[k]) for i, k in moves.turns]
+        terms.append(np.array([*moved, *turned]))
+    return np.hstack(terms)
 
 
-def _vanishes(terms: Floats, vector: Sequence[int]) -> bool:
-    """Tell whether the change of each part of L is rounding, against its own terms.
+def _vanishes(samples: _Samples, moves: Moves, vector: Sequence[int]) -> bool:
+    """Tell whether the change of each part of L is within the bound of its rounding.
 
-    What is small beside another coordinate's large force is no symmetry.
+    However weak what breaks the symmetry is, beside a large force or in the argument of
+    a function.
     """
-    parts = terms * np.asarray(vector)[:, None]
-    sizes = np.sum(np.abs(parts), axis=(1, 2))
-    return bool(np.all(np.abs(np.sum(parts, axis=(1, 2))) <= ROUNDING * sizes))
+    e, weights, seen = samples.e, np.array(vector)[:, None], 0
+    for _ in range(TRIES * SPARE):
+        at = samples.values()
+        exact = {name: (value, 0.0) for name, value in at.items()}
+        found = np.array(evaluate_with_error(e.graph, samples.slopes, exact))
+        if not np.all(np.isfinite(found)):
+            continue
+        seen += 1
+        for slopes, errors in found.T.reshape(2, -1, 2 * len(e.q)).swapaxes(0, 1):
+            terms = weights * _changes(e, slopes, at, moves)
+            noise = weights * _changes(e, errors, at, moves)
+            bound = np.sum(np.abs(noise)) + UNIT_ROUNDOFF * np.sum(np.abs(terms))
+            if abs(np.sum(terms)) > LARGER * bound:
+                return False
+        if seen == TRIES:
+            return True
+    return False
 
 
 def _simple_null_vectors(rows: Floats) -> list[list[int]]:
@@ -349,30 +359,21 @@ def _simple_null_vectors(rows: Floats) -> list[list[int]]:
     ]
 
 
-def _generator(
-    x: Translation,
-    shifts: Sequence[int],
-    turns: Sequence[tuple[int, int]],
-    vector: Sequence[int],
-) -> list[Any]:
+def _generator(x: Translation, moves: Moves, vector: Sequence[int]) -> list[Any]:
     """Give dq (n,)."""
     change = [sp.S.Zero] * len(x.q)
-    for j, c in zip(shifts, vector, strict=False):
+    for j, c in zip(moves.shifts, vector, strict=False):
         change[j] += c
-    for (i, k), c in zip(turns, vector[len(shifts) :], strict=True):
+    for (i, k), c in zip(moves.turns, vector[len(moves.shifts) :], strict=True):
         change[k] += c * x.q[i]
         change[i] -= c * x.q[k]
     return change
 
 
 def _noether(
-    x: Translation,
-    lines: Sequence[Line],
-    shifts: Sequence[int],
-    turns: Sequence[tuple[int, int]],
-    vector: Sequence[int],
+    x: Translation, lines: Sequence[Line], moves: Moves, vector: Sequence[int]
 ) -> Any:
-    change = _generator(x, shifts, turns, vector)
+    change = _generator(x, moves, vector)
     return x.tidy(
         sp.Add(*(line.momentum * c for line, c in zip(lines, change, strict=True)))
     )
@@ -382,12 +383,11 @@ def _holds(
     x: Translation,
     lines: Sequence[Line],
     constraints: Sequence[Condition],
-    shifts: Sequence[int],
-    turns: Sequence[tuple[int, int]],
+    moves: Moves,
     vector: Sequence[int],
 ) -> bool:
     """Tell whether forces and constraints are seen to respect the symmetry."""
-    change = _generator(x, shifts, turns, vector)
+    change = _generator(x, moves, vector)
     along = [[line.terms["Q"] for line in lines], *(c.A for c in constraints)]
     return all(
         x.tidy.is_zero(sp.Add(*(a * c for a, c in zip(row, change, strict=True))))

@@ -226,6 +226,24 @@ def test_a_weak_term_in_a_factor_breaks_a_symmetry(potential: str, factor: str) 
         assert "angular momentum" not in kinds
 
 
+@pytest.mark.parametrize("weak", ["0", "1e-7", "1e-10", "1e-13"])
+@pytest.mark.parametrize(
+    ("kind", "potential"),
+    [
+        ("angular momentum", "cos(x^2 + y^2 + {weak}*x)"),
+        ("angular momentum", "-1/sqrt(x^2 + y^2 + {weak}*x*y)"),
+        ("total momentum", "sin(x - y + {weak}*y)"),
+        ("total momentum", "1e9*(x - y)^4 - exp(-(x - y + {weak}*y)^2)"),
+    ],
+)
+def test_a_weak_term_in_a_function_breaks_a_symmetry(
+    potential: str, kind: str, weak: str
+) -> None:
+    text = FACTORED.format(kinetic=FREE, potential=potential.format(weak=weak))
+    kept = kind in {k.kind for k in small(text).conserved}
+    assert kept is (weak == "0")
+
+
 @pytest.mark.parametrize("potential", ROUND)
 @pytest.mark.parametrize(
     "factor",
