@@ -142,17 +142,17 @@ def own_one_by_one(case, rtol):
     return run
 
 
-def own_abreast(case, rtol):
-    """Give lagsim's, side by side in the lanes of vectors."""
-    from lagsim.run.ensemble import Abreast, refusal
+def own_ensemble(case, rtol):
+    """Give lagsim's, as a sweep of ends makes them."""
+    from lagsim.run.ensemble import Ensemble, refusal
     from lagsim.studies.bench.solving import Own
 
     session = Own(case, "auto", "auto", rtol).session
     assert not refusal(session), refusal(session)
-    abreast = Abreast(session)
+    ensemble = Ensemble(session)
 
     def run(states):
-        return abreast.ends({}, states).ended[:, 1:5]
+        return ensemble.ends({}, states).ended[:, 1:5]
 
     return run
 
@@ -173,7 +173,7 @@ def measured():
     exact = reference(equations, states[some])
     ranges = np.ptp(exact, axis=0)
     makers = {
-        "lagsim, side by side": lambda rtol: own_abreast(case, rtol),
+        "lagsim, ends alone": lambda rtol: own_ensemble(case, rtol),
         "lagsim, one by one": lambda rtol: own_one_by_one(case, rtol),
         "heyoka, one by one": lambda rtol: one_by_one(equations, rtol),
         "heyoka, ensemble_propagate_until": lambda rtol: ensemble(equations, rtol),

@@ -32,12 +32,6 @@ from lagsim.methods.parts.controller import (
     record_sizes,
     set_tolerances,
 )
-from lagsim.methods.parts.driver import (
-    keep_sizes,
-    note_inertias,
-    pass_rows,
-    record_step,
-)
 from lagsim.methods.parts.interface import series
 from lagsim.methods.parts.looks import suspect
 from lagsim.methods.parts.noise import (
@@ -69,7 +63,6 @@ from lagsim.methods.parts.state import (
     PROJECTION_FAILED,
     STEP_TOO_SMALL,
 )
-from lagsim.methods.parts.strays import asks
 from lagsim.native.kernels.words import abreast, at, keep, vector
 
 if TYPE_CHECKING:
@@ -210,12 +203,6 @@ def conclude(s: Taylor, p: Parameters) -> bool:
         if CONSTRAINED:
             record_between(s, p, health, h)
         return True
-    shorten(s, h, error)
-    return False
-
-
-def shorten(s: Taylor, h: float, error: float) -> None:
-    """Choose a shorter step than h, of this error in units of the tolerance."""
     s.h = SHORTEST * h
     s.trouble = NOT_FINITE
     if error < 1e300:
@@ -224,6 +211,7 @@ def shorten(s: Taylor, h: float, error: float) -> None:
         s.trouble = STEP_TOO_SMALL
     s.rejected = 1.0
     s.rejections += 1.0
+    return False
 
 
 def begin_trials(s: Taylor) -> None:
@@ -280,21 +268,11 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
     if CONSTRAINED:
         s.met = met_part(s, following[0] + 1.0)
     s.which = 1.0 - s.which
-    move_on(s, p, h, next_)
-
-
-def move_on(s: Taylor, p: Parameters, h: float, next_: float) -> None:
-    """Let the state after a step be the present one, whose series has become that.
-
-    next_ : the step that its series tells.
-    """
-    y = s.y
-    new = s.new
     rest = s.rest
     carried = s.carried
-    for i in abreast(s.size):
-        keep(vector(new, i), y, i, s.size - i)
-        keep(vector(rest, i), carried, i, s.size - i)
+    for i in abreast(size):
+        keep(vector(new, i), y, i, size - i)
+        keep(vector(rest, i), carried, i, size - i)
     keep_rest(s)
     s.step_t = s.t
     s.step_h = h
@@ -304,73 +282,11 @@ def move_on(s: Taylor, p: Parameters, h: float, next_: float) -> None:
     s.h = next_
     if next_ < SUDDEN * h:
         # Perhaps it is rounding that the last coefficients consist of.
-        c = at(s.series, buffer(s.size, s.which))
-        rates = at(c, 1 + s.size)
         look_at_rounding(s, p, s.t, y, rates, 1.0)
         set_tolerances(s, p, s.t, y, rates, h)
-        s.h = chosen_step(s, c, s.t)
+        s.h = chosen_step(s, following, s.t)
     s.at_bound = max(s.at_bound + (1.0 if s.rejected > 0.0 else -1.0), 0.0)
     begin_trials(s)
-
-
-def try_plain(s: Taylor, p: Parameters) -> None:
-    """Try a step; `plain` tells whether it is one of those that are made in lanes.
-
-    See `parts.lanes`. For another all that `step` begins with stays as it is.
-    """
-    size = s.size
-    new = s.new
-    c = at(s.series, buffer(size, s.which))
-    following = at(s.series, buffer(size, 1.0 - s.which))
-    slope = at(c, 1 + size)
-    counted = s.evaluations
-    h = usable_step(s, p)
-    t = s.t + h
-    if s.rtol < TIGHT and s.rejected == 0.0:
-        find_drift(s, p, slope, s.drift)
-    reach(s, c, s.rest, h, new)
-    sum_rates(size, 0, c, h, s.rates)
-    series(t, new, p, following)
-    s.evaluations += 1.0
-    set_tolerances(s, p, t, new, slope, h)
-    error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
-    plain = h > 0.0 and error < 1e300 and is_finite(size, new) and not asks(s, t)
-    if SLEEPERS:
-        suspect(s, p, h, s.y, slope, new, at(following, 1 + size))
-        plain = plain and s.suspect == 0.0
-    if plain and error > PASSED and look_again(s, p, h, new, slope, 1.0):
-        error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
-    s.trial = h
-    s.error = error
-    s.next = chosen_step(s, following, t)
-    s.plain = 1.0
-    if not plain:
-        s.plain = 0.0
-        s.evaluations = counted
-
-
-def take_plain(s: Taylor, p: Parameters) -> None:
-    """Accept the step that was tried, or try a shorter one.
-
-    In all lanes the present series is where the one just made lies.
-    """
-    s.which = 1.0 - s.which
-    if s.plain == 0.0:
-        return
-    if s.error > PASSED:
-        present = at(s.series, buffer(s.size, 1.0 - s.which))
-        c = at(s.series, buffer(s.size, s.which))
-        for k in range(1 + (int(present[0]) + 1) * s.size):
-            c[k] = present[k]
-        shorten(s, s.trial, s.error)
-        return
-    keep_sizes(s)
-    move_on(s, p, s.trial, s.next)
-    s.most_step = 0.0
-    record_step(s)
-    if s.inertias > 0:
-        note_inertias(s, p, s.work)
-    pass_rows(s)
 
 
 def interpolate(s: Taylor, x: float, out: Floats) -> None:

@@ -1,7 +1,7 @@
-"""The ends of many runs of one model, side by side in the lanes of vectors.
+"""The ends of many runs of one session, with other parameters and other starts.
 
-Runs of one plan, with other values of parameters and other starts: no rows are made but
-that of the start and of the end. Each has the bits that it has alone.
+A loop over calls of the kernel in the memory of one run: no observers, no rows but
+those of the start and of the end. Each run has the bits that it has alone.
 """
 
 from __future__ import annotations
@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.methods import method
+from lagsim.methods.parts.state import BLOCK_FULL
 from lagsim.run.arcs import Run
 from lagsim.run.states import LONG
-from lagsim.run.system.lanes import Together
 from lagsim.run.system.sleepers import timed
 
 if TYPE_CHECKING:
@@ -23,14 +22,9 @@ if TYPE_CHECKING:
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Session
 
-# Runs whose memory is there at a time: it stays in the cache.
-AT_ONCE = 256
-# Steps of all lanes between two looks whether somebody wants an end: milliseconds.
-STEPS = 10_000
-
 
 class Ends(NamedTuple):
-    """What runs have come to.
+    """Results of several runs.
 
     Attributes
     ----------
@@ -47,10 +41,8 @@ class Ends(NamedTuple):
 
 
 def refusal(session: Session) -> str:
-    """Say why runs cannot be made side by side, or give ""."""
+    """Say why a run takes more than calls of the kernel, or give ""."""
     plan, system = session.plan, session.system
-    if not hasattr(method(plan.method), "try_plain"):
-        return f"the method {plan.method} integrates runs one by one"
     if plan.parts:
         return "subsystems are integrated apart"
     if system.m or system.watched:
@@ -61,24 +53,22 @@ def refusal(session: Session) -> str:
         return "`until` is located in each run separately"
     if plan.switches.modes or timed(system.equations):
         return "events at given times are located in each run separately"
-    if plan.tape:
-        return "the equations are too many to be compiled"
     return ""
 
 
-class Abreast:
-    """Makes runs of a session side by side; `refusal` is to be asked first."""
+class Ensemble:
+    """Makes runs of a session in one memory; `refusal` is to be asked first."""
 
     def __init__(self, session: Session) -> None:
-        case = session.case
-        system = self.system = session.system
+        case, plan = session.case, session.plan
+        self._system = session.system.bound(session.system.model, plan)
         run = Run(
-            case.equations, case.start, session.plan, system, case.settings, [],
+            case.equations, case.start, plan, self._system, case.settings, [],
             longest_step=session.longest_step,
         )  # fmt: skip
         run.begin()
-        self.state = run.arc.state
-        self._together = Together(system, session.plan.method)
+        self._arc = run.arc
+        self._start = run.arc.state.copy()
 
     def ends(
         self,
@@ -95,34 +85,22 @@ class Abreast:
         starts : (runs, 2 n)
             Positions, then velocities.
         """
-        found = []
-        for first in range(0, len(starts), AT_ONCE):
-            some = slice(first, first + AT_ONCE)
-            part = {name: values[some] for name, values in parameters.items()}
-            ends = self._some(part, starts[some], interrupt)
-            if ends is None:
-                return None
-            found.append(ends)
-        return Ends(*(np.concatenate(x) for x in zip(*found, strict=True)))
-
-    def _some(
-        self,
-        parameters: Mapping[str, Floats],
-        starts: Floats,
-        interrupt: Interrupt | None,
-    ) -> Ends | None:
-        runs, given = starts.shape
-        e = self._together.ensemble(self.state, runs)
-        y = self.state.place("y")
-        e.states.reshape(runs, -1)[:, y : y + given] = starts
-        own = e.parameters.reshape(runs, -1)
-        for name, values in parameters.items():
-            own[:, self._together.places[name]] = values
-        e.most = LONG
-        while self._together.advance(e, STEPS):
+        arc, p = self._arc, self._system.p
+        places = [self._system.place(name) for name in parameters]
+        values = np.array(list(parameters.values())).T
+        codes = np.empty(len(starts))
+        rows = np.empty((len(starts), 2, self._system.rows_observed))
+        for k, start in enumerate(starts):
+            arc.state.flat[:] = self._start.flat
+            arc.y[: len(start)] = start
+            if places:
+                p.flat[places] = values[k]
+            arc.runner.prepare()
+            first = arc.row()
+            codes[k] = code = arc.runner.advance(arc.state, LONG, LONG)
+            while code == BLOCK_FULL:
+                codes[k] = code = arc.runner.advance(arc.state, LONG, LONG)
+            rows[k] = arc.runner.tabulate(np.concatenate([first, arc.row()]))
             if interrupt is not None and interrupt.asked:
                 return None
-        shape = (runs, -1)
-        return Ends(
-            e.codes.copy(), e.begun.reshape(shape).copy(), e.ended.reshape(shape).copy()
-        )
+        return Ends(codes, rows[:, 0], rows[:, 1])

@@ -1,8 +1,7 @@
-"""Series by a loop over the order against the same written out, and in lanes."""
+"""Series by a loop over the order against the same written out."""
 
 from __future__ import annotations
 
-import ctypes
 from functools import partial
 
 import numpy as np
@@ -13,13 +12,9 @@ from lagsim.language.graph import Graph
 from lagsim.language.series import recurrence, taylor_series
 from lagsim.native.graph import keys, order_loop
 from lagsim.native.graph.keys import Layout, Loop
-from lagsim.native.graph.sincos import LANES
 from lagsim.native.graph.straight_line import generate
 from tests.native.test_graph_code import LAYOUT, STATE, VALUES, Compiled, build
-from tests.native.test_tape_code import bits
-from tests.native.test_wide_code import shifted
 
-KINDS = (ctypes.c_double, *[ctypes.c_void_p] * 3)
 ORDER = 8
 # Products and what has a recurrence; what has slopes alone; branches and time; what
 # needs no sums at all. Each state's rate uses the others: none may come too early.
@@ -83,31 +78,6 @@ def test_more_sums_than_one_loop_takes() -> None:
     found = looped(g, Loop(made, 5), len(nodes))
     # Sums of positive terms: nothing cancels.
     assert found == pytest.approx(expected, rel=1e-13)
-
-
-@pytest.mark.parametrize("form", ["straight", "loop", "loop without edges"])
-@pytest.mark.parametrize("texts", MOTIONS[:3])
-def test_lanes_are_rounded_as_one_is(
-    texts: tuple[str, ...], form: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if form == "loop without edges":
-        monkeypatch.setattr(order_loop, "MOST_EDGES", 0)
-    g, nodes, loop = both(texts, 6)
-    functions = {"f": nodes if form == "straight" else loop}
-    one = Compiled(g, functions, partial(generate, contracted=("f",)))
-    several = Compiled(g, functions, partial(generate, contracted=("f",), wide=("f",)))
-    states = shifted()
-    still = {name: x for name, x in states[0].items() if name not in (*STATE, "t")}
-    states = [{**state, **still} for state in states]
-    several.prepare(states[0])
-    one.prepare(states[0])
-    y = np.array([[state[name] for state in states] for name in ("t", *STATE)])
-    out = np.zeros((len(nodes), LANES))
-    call = several.engine.function("f", None, KINDS)
-    call(0.0, y.ctypes.data, several.p.ctypes.data, out.ctypes.data)
-    for lane, state in enumerate(states):
-        alone = one.call("f", state, len(nodes))
-        assert bits(out[:, lane].tolist()) == bits(alone)
 
 
 def test_a_loop_has_a_key_of_its_own() -> None:

@@ -1,4 +1,4 @@
-"""Vectors in kernels: native, of one state and of several, against plain Python."""
+"""Vectors in kernels: native against plain Python."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from lagsim.native.kernels.code import KernelError, translate
-from lagsim.native.kernels.lines import LANES
 from lagsim.native.kernels.words import (
     above,
     abreast,
+    exponent,
     fused,
     head,
     keep,
@@ -22,6 +22,7 @@ from lagsim.native.kernels.words import (
     largest,
     mantissa,
     smaller,
+    two_to,
     vector,
 )
 from lagsim.native.layout import Memory, array
@@ -66,8 +67,8 @@ def work(s: Walk) -> None:
 
 
 @functools.cache
-def made(*, wide: bool) -> object:
-    engine = Engine([compile_object(translate([work], wide=wide))])
+def made() -> object:
+    engine = Engine([compile_object(translate([work]))])
     return engine.function("work", None, (ctypes.c_void_p,))
 
 
@@ -82,21 +83,17 @@ def same(a: Floats, b: Floats) -> bool:
 @pytest.mark.parametrize("size", range(1, 10))
 def test_they_have_the_bits_of_their_numbers_alone(size: int) -> None:
     rng = np.random.default_rng(size)
-    states = [Walk.made(size=size, n=(size + 1) // 2) for _ in range(LANES)]
+    states = [Walk.made(size=size, n=(size + 1) // 2) for _ in range(8)]
     for k, state in enumerate(states):
         state.y[:] = rng.normal(scale=3.0, size=size)
         state.y[rng.integers(size)] = ODD[(k + size) % len(ODD)]
         state.t = rng.normal()
-    lanes = np.array([state.flat for state in states]).T.copy()
-    plain = [state.copy() for state in states]
-    made(wide=True)(lanes.ctypes.data)
-    alone = made(wide=False)
-    for k, state in enumerate(states):
-        alone(state.address)
+    for state in states:
+        plain = state.copy()
+        made()(state.address)
         with np.errstate(all="ignore"):
-            work(plain[k])
-        assert same(state.flat, plain[k].flat)
-        assert same(lanes[:, k], state.flat)
+            work(plain)
+        assert same(state.flat, plain.flat)
         assert state.guard.tolist() == [7.0] * 4
 
 
@@ -126,6 +123,13 @@ def has_a_step(s: Walk) -> None:
 def test_what_they_are_not_for_is_refused(kernel: object, words: str) -> None:
     with pytest.raises(KernelError, match=words):
         translate([kernel])
+
+
+def test_bits_of_numbers() -> None:
+    for k in (-1022, -3, 0, 7, 1023):
+        assert two_to(float(k)) == 2.0**k
+        assert exponent(-1.5 * 2.0**k) == k
+    assert [exponent(x) for x in (0.0, 5e-324, inf, nan)] == [-1023, -1023, 1024, 1024]
 
 
 def test_mantissas() -> None:

@@ -173,14 +173,6 @@ def keep_sizes(s: State) -> None:
         keep(vector(high, i), high_before, i, size - i)
 
 
-def pass_rows(s: State) -> None:
-    """Go on to the next row after the time reached, without writing those before."""
-    t = s.row_start + s.row * s.row_step
-    while t < s.row_limit and t <= s.t:
-        s.row += 1.0
-        t = s.row_start + s.row * s.row_step
-
-
 def inspect(s: State, p: Parameters) -> None:
     """Look for what ends the arc, or the run, within the last step."""
     if SWITCHES or UNTIL:

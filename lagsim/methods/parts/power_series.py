@@ -42,8 +42,8 @@ SAFETY = 0.9
 # At tight tolerances truncation is kept below rounding, which it outgrows; and shorter
 # steps average more of what forces are rounded by.
 TIGHT_SAFETY = 0.6
-# Logarithms and powers of two by interpolants at Chebyshev's nodes: lanes of vectors
-# have them at once. A step is not known better than to their nine digits.
+# Logarithms and powers of two by interpolants at Chebyshev's nodes. A step is not known
+# better than to their nine digits.
 # log2(1 + f)/f for 0 <= f <= 1; f times it is within 2e-10.
 LOGARITHM = (
     1.442695040695281, -0.721347464488058, 0.48089563727879786, -0.36062166708448046,
@@ -70,10 +70,6 @@ class Taylor(State):
     trial: float  # the step that is tried
     trouble: float  # the code of what was wrong with the last one
     rejected: float  # 1 once one was not accepted
-    # 1 where a step is made in lanes; its error in units of the tolerance; the next.
-    plain: float
-    error: float
-    next: float
     series: Floats = array(lambda s: buffer(s.size, 2.0))
     new: Floats = array(lambda s: s.size)
     rates: Floats = array(lambda s: s.size)  # the series' own at the new state

@@ -62,12 +62,6 @@ def strayed(s: State, p: Parameters) -> float:
     return 0.0
 
 
-def asks(s: State, t: float) -> bool:
-    """Tell whether a step to t has rows that are asked for."""
-    reach = min(t, s.row_limit)
-    return s.doubted >= s.row or time_of(s, s.row + APART - 1.0) < reach
-
-
 def expect(s: State) -> None:
     """Let what a row shows count as a size of the motion, before it is there.
 

@@ -48,24 +48,19 @@ _FUSED = f"declare {VECTOR} @{_FUSED_NAME}({VECTOR}, {VECTOR}, {VECTOR})"
 
 
 class _Memory:
-    """Where things are, counted in numbers (of which LANES states have LANES each)."""
+    """Where things are, counted in numbers."""
 
-    def __init__(self, loop: Loop, width: int, first_order: int) -> None:
+    def __init__(self, loop: Loop, first_order: int) -> None:
         self.count = len(loop.recurrence.sums)
-        self.padded = -(-self.count * width // TOGETHER) * TOGETHER
-        self.second = self.padded // width
-        self.edges = self.second if self.count <= MOST_EDGES else 0
-        self.kept = self.second + (self.count if self.edges else 0)
-        end = (self.kept + first_order) * width
-        # From here on, without regard to the lanes:
-        self.rows = -(-end // TOGETHER) * TOGETHER
+        self.padded = -(-self.count // TOGETHER) * TOGETHER
+        self.edges = self.padded if self.count <= MOST_EDGES else 0
+        self.kept = self.padded + (self.count if self.edges else 0)
+        self.rows = -(-(self.kept + first_order) // TOGETHER) * TOGETHER
         self.row = 2 * self.padded
         self.size = self.rows + self.row * loop.order + LINE_BYTES // 8
 
 
-def write(
-    w: Writer, name: str, loop: Loop, places: Mapping[int, Place], manner: str = ""
-) -> None:
+def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None:
     """Write the function `name`."""
     g, r = w.g, loop.recurrence
     size, count = len(r.state), len(r.sums)
@@ -76,14 +71,14 @@ def write(
     made, firsts = _with_edges(g, r, edges)
     once = hoisted(g, made, {*orders, *r.carried, *r.sums, *edges, *firsts})
     once = [n for n in once if n not in places]
-    memory = _Memory(loop, w.width, len(once))
+    memory = _Memory(loop, len(once))
     kept = {n: ("w", memory.kept + i) for i, n in enumerate(once)}
     begin = [(n, ("out", 1 + i)) for i, n in enumerate((*r.state, *r.rates))]
     begin += [(g.zero, ("w", memory.edges + i)) for i in range(len(edges))]
     begin += kept.items()
-    internal: dict[str, Any] = {"more": _MORE, "linkage": "internal ", "manner": manner}
+    internal: dict[str, Any] = {"more": _MORE, "linkage": "internal "}
     w.function(f"{name}.start", begin, places, **internal)
-    rows = [i for j in range(count) for i in (j, memory.second + j)]
+    rows = [i for j in range(count) for i in (j, memory.padded + j)]
     found = {**places, **kept}
     found |= {n: ("w", i) for i, n in enumerate(r.sums)}
     found |= {n: ("w", memory.edges + i) for i, n in enumerate(edges)}
@@ -94,11 +89,10 @@ def write(
     to += [("w", memory.edges + i) for i in range(len(edges))]
     w.function(f"{name}.order", list(zip(made, to, strict=True)), found, **internal)
     base = w.scratch + w.scratch_used
-    each = w.width // w.in_p  # numbers of one place in p
-    w.scratch_used += -(-memory.size // each)
+    w.scratch_used += memory.size
     w.lines += _tables(name, loop, memory)
-    w.lines.append(f"define void @{name}({w.signature}){manner} {{")
-    w.lines += _whole(w, name, loop, memory, base * each)
+    w.lines.append(f"define void @{name}({w.signature}) {{")
+    w.lines += _whole(w, name, loop, memory, base)
     w.declared.add(_FUSED)
 
 
@@ -139,8 +133,7 @@ def _tables(name: str, loop: Loop, memory: _Memory) -> list[str]:
 
 def _whole(w: Writer, name: str, loop: Loop, memory: _Memory, base: int) -> list[str]:
     """Write what calls the others, order by order."""
-    size, each = len(loop.recurrence.state) * w.width, len(ORDERS)
-    order = f"double {number(loop.order)}"
+    size, each = len(loop.recurrence.state), len(ORDERS)
     lines = [
         "entry:",
         f"%raw = getelementptr double, ptr %p, i64 {base}",
@@ -151,14 +144,10 @@ def _whole(w: Writer, name: str, loop: Loop, memory: _Memory, base: int) -> list
         f"%first = getelementptr double, ptr %w, i64 {memory.rows - memory.row}",
         f"%orders.0 = getelementptr double, ptr @{name}.orders, i64 {-each}",
     ]
-    for lane in range(w.width):
-        lines += [
-            f"%out.{lane} = getelementptr double, ptr %out, i64 {lane}",
-            f"store {order}, ptr %out.{lane}",
-        ]
     null = "ptr null, ptr null, ptr null"
     called = (w.signature + _MORE).replace("%out", "%row.out")
     lines += [
+        f"store double {number(loop.order)}, ptr %out",
         f"call void @{name}.start({w.signature}, ptr %w, {null})",
         "br label %order",
         "order:",
@@ -177,7 +166,7 @@ def _whole(w: Writer, name: str, loop: Loop, memory: _Memory, base: int) -> list
         f"%ones = select i1 %is.1, ptr @{name}.zeros, ptr %row.1",
         "%next = add i64 %k, 1",
         f"%ahead = mul i64 %next, {size}",
-        f"%there = getelementptr double, ptr %out, i64 {w.width}",
+        "%there = getelementptr double, ptr %out, i64 1",
         "%row.out = getelementptr double, ptr %there, i64 %ahead",
         f"call void @{name}.order({called})",
         f"%more = icmp slt i64 %next, {loop.order}",

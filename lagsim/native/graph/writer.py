@@ -65,11 +65,9 @@ class Writer(Lines):
     """Writes one function, or those that it consists of.
 
     signature : of the function, as it is defined and called
-    shared : those of its arrays that hold the same for all lanes
     """
 
     signature = "double %t, ptr %y, ptr %p, ptr %out"
-    shared = frozenset(("p", "orders"))
 
     def __init__(
         self,
@@ -93,27 +91,12 @@ class Writer(Lines):
         """The numbers of a value."""
         return sincos.LANES if self.wide else 1
 
-    @property
-    def in_p(self) -> int:
-        """The places in p that a value takes."""
-        return self.width if "p" in self.shared else 1
-
-    @property
-    def time_first(self) -> bool:
-        """Whether y begins with t."""
-        return self.wide
-
-    def time(self) -> str:
-        """Give t."""
-        return self._load_own(("y", 0)) if self.wide else "%t"
-
     def function(
         self,
         name: str,
         stores: Sequence[tuple[int, Place]],
         places: Mapping[int, Place],
         *,
-        manner: str = "",
         more: str = "",
         linkage: str = "",
         cleared: int = 0,
@@ -146,7 +129,7 @@ class Writer(Lines):
         ]  # fmt: skip
         for piece_name, piece in zip(names, pieces, strict=True):
             kind = linkage if piece_name == name else "internal "
-            head = f"define {kind}void @{piece_name}({signature}){manner} {{"
+            head = f"define {kind}void @{piece_name}({signature}) {{"
             self.lines.append(head)
             if len(pieces) == 1:
                 self._clear(cleared)
@@ -200,8 +183,8 @@ class Writer(Lines):
                 for a in self.g.args[n] if n not in places else ():
                     earlier = home.get(a, i) < i and a not in places
                     if earlier and self.g.args[a] and a not in passed:
-                        passed[a] = self.scratch + self.in_p * len(passed)
-        self.scratch_used = max(self.scratch_used, self.in_p * len(passed))
+                        passed[a] = self.scratch + self.width * len(passed)
+        self.scratch_used = max(self.scratch_used, self.width * len(passed))
         return passed
 
     def _piece(
@@ -291,9 +274,10 @@ class Writer(Lines):
 
     def _variable(self, name: str) -> str:
         if name == "t":
-            return self.time()
+            return self._load_own(("y", 0)) if self.wide else "%t"
         if name in self.layout.y:
-            return self._load(("y", self.layout.y[name] + self.time_first))
+            # That of several states begins with their t.
+            return self._load(("y", self.layout.y[name] + self.wide))
         return self._load(("p", self.layout.p[name]))
 
     def _number(self, n: int, value: str) -> str:
@@ -303,7 +287,7 @@ class Writer(Lines):
         return value
 
     def _load(self, place: Place) -> str:
-        if place[0] not in self.shared:
+        if place[0] != "p":
             return self._load_own(place)
         value = self.line(f"load double, ptr {self._address(place)}")
         return self.joined([value] * self.width) if self.wide else value
@@ -318,6 +302,6 @@ class Writer(Lines):
 
     def _address(self, place: Place) -> str:
         array, k = place
-        if array not in self.shared:
+        if array != "p":
             k *= self.width
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")

@@ -33,15 +33,7 @@ _ZEROS: Final = Value("zeroinitializer", "vector")
 
 
 class Calls(Expressions):
-    """The expressions of one function, calls too.
-
-    Attributes
-    ----------
-    vector : str
-        The kind of a vector.
-    """
-
-    vector = "vector"
+    """The expressions of one function, calls too."""
 
     def __init__(self, source: Source, program: Program) -> None:
         super().__init__(source, program)
@@ -187,20 +179,18 @@ class Calls(Expressions):
 
     def _vectors(self, nodes: list[ast.expr]) -> list[Value]:
         """Emit expressions as vectors, one number as four alike."""
-        return [self.converted(node, self.vector, "a vector") for node in nodes]
+        return [self.converted(node, "vector", "a vector") for node in nodes]
 
     def _call_vector(self, node: ast.Call) -> Value:
         place = self._call_at(node).text
-        return self.op(self.vector, f"load {LLVM[self.vector]}, ptr {place}, align 8")
+        return self.op("vector", f"load {LLVM['vector']}, ptr {place}, align 8")
 
     def _call_keep(self, node: ast.Call) -> Value:
         first, array, index, last = self._arguments(node, 4)
         [value] = self._vectors([first])
         view = ast.copy_location(ast.Subscript(array, index, ast.Load()), node)
         place = Value(self.element(view), "Floats")
-        return self._kept(value, place, self.converted(last, "int", "a count"))
-
-    def _kept(self, value: Value, place: Value, count: Value) -> Value:
+        count = self.converted(last, "int", "a count")
         return self.helper("None", "vector.keep", value, place, count)
 
     def _call_above(self, node: ast.Call) -> Value:
@@ -219,16 +209,10 @@ class Calls(Expressions):
     def _call_head(self, node: ast.Call) -> Value:
         last, *two = self._arguments(node, 3)
         count = self.converted(last, "int", "a count")
-        return self._head(count, *self._vectors(two))
-
-    def _head(self, count: Value, v: Value, w: Value) -> Value:
-        return self.helper("vector", "vector.head", count, v, w)
+        return self.helper("vector", "vector.head", count, *self._vectors(two))
 
     def _call_largest(self, node: ast.Call) -> Value:
         [value] = self._vectors(self._arguments(node, 1))
-        return self._largest(value)
-
-    def _largest(self, value: Value) -> Value:
         best = self._above(value, _ZEROS, value, _ZEROS)
         llvm = LLVM["vector"]
         for order in ("2, i32 3, i32 0, i32 1", "1, i32 0, i32 3, i32 2"):

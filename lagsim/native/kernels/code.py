@@ -37,9 +37,6 @@ from lagsim.native.kernels.keys import KernelError, as_kernel, is_own, names_in
 from lagsim.native.kernels.lines import PASSED, RETURNED
 from lagsim.native.kernels.source import Source
 from lagsim.native.kernels.statements import Statements
-from lagsim.native.kernels.wide import Wide
-from lagsim.native.kernels.wide_values import declaration
-from lagsim.native.kernels.wide_values import symbol as wide_symbol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -50,8 +47,6 @@ __all__ = ["KernelError", "bind", "translate"]
 def translate(
     functions: Sequence[Callable[..., Any]],
     statics: Mapping[str, object] | None = None,
-    *,
-    wide: bool = False,
 ) -> str:
     """Translate kernels, and those they call, to LLVM IR.
 
@@ -62,8 +57,6 @@ def translate(
         An external of the name of one of them is that one.
     statics : mapping, optional
         Values that stand before the globals of the same name, in every module.
-    wide : bool
-        Each takes several states at once, see `wide`.
 
     Returns
     -------
@@ -75,7 +68,7 @@ def translate(
     KernelError
         If a kernel leaves the subset.
     """
-    return _Translation(functions, statics or {}, wide=wide).text()
+    return _Translation(functions, statics or {}).text()
 
 
 def bind(
@@ -130,11 +123,8 @@ class _Translation:
         self,
         functions: Sequence[Callable[..., Any]],
         statics: Mapping[str, object],
-        *,
-        wide: bool,
     ) -> None:
         self.statics = statics
-        self.wide = wide
         self.known: dict[FunctionType, tuple[str, Source]] = {}
         self.symbols: set[str] = set()
         self.waiting: list[tuple[str, Source]] = []
@@ -152,7 +142,7 @@ class _Translation:
         while self.waiting:
             symbol, source = self.waiting.pop(0)
             linkage = "" if symbol in self.exported else "internal "
-            made = (Wide if self.wide else Statements)(source, self)
+            made = Statements(source, self)
             defined.append(made.definition(symbol, linkage))
             used |= source.function.__globals__.keys()
         if unknown := self.statics.keys() - used:
@@ -208,12 +198,8 @@ class _Translation:
                 )
             symbol = f"{symbol}.{len(self.symbols)}"
         self.symbols.add(symbol)
-        if source.external and self.wide:
-            symbol = wide_symbol(symbol)
         self.known[function] = symbol, source
-        if source.external and self.wide:
-            self.declare(declaration(source))
-        elif source.external:
+        if source.external:
             kinds = ", ".join(PASSED[kind] for _, kind in source.parameters)
             result = RETURNED[source.result]
             self.declare(f"declare {result} @{symbol}({kinds}) nounwind")

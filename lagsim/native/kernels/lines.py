@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from lagsim.native.kernels.keys import Static
 
-# States that wide kernels take at once, see `wide`: a register of AVX-512, two of AVX2.
-LANES: Final = 8
 LLVM: Final = {
     "int": "i64",
     "float": "double",
@@ -32,7 +30,6 @@ LLVM: Final = {
     "Floats": "ptr",
     "vector": f"<{FOUR} x double>",
     "None": "void",
-    "flags": f"<{LANES} x i1>",
 }
 PASSED: Final = LLVM | {"bool": "i1 zeroext"}
 RETURNED: Final = LLVM | {"bool": "zeroext i1"}

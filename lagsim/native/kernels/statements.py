@@ -33,15 +33,7 @@ class _Loop(NamedTuple):
 
 
 class Statements(Calls):
-    """One function: its statements.
-
-    Attributes
-    ----------
-    abreast : int
-        How many numbers a vector has.
-    """
-
-    abreast = FOUR
+    """One function: its statements."""
 
     def __init__(self, source: Source, program: Program) -> None:
         super().__init__(source, program)
@@ -137,10 +129,6 @@ class Statements(Calls):
             for single, value in zip(target.elts, values, strict=True):
                 self._store(single, value)
 
-    def _keep(self, value: Value, place: str) -> None:
-        """Store a number that the memory had another of."""
-        self.store(value, place)
-
     def _augmented(self, node: ast.AugAssign) -> None:
         # The place is found once and read before the right side is evaluated.
         target = node.target
@@ -148,7 +136,7 @@ class Statements(Calls):
             place = self._place(target)
             now = self.op("float", f"load double, ptr {place}")
             value = self.arithmetic(node, now, node.op, self.number(node.value))
-            self._keep(self.cast(value, "float", node, "the value"), place)
+            self.store(self.cast(value, "float", node, "the value"), place)
             return
         if not isinstance(target, ast.Name):
             unsupported(self.source, node)
@@ -298,7 +286,7 @@ class Statements(Calls):
                 "else use while",
             )
         bounds = [self.converted(a, "int", "a bound") for a in call.args[:2]]
-        step = self.abreast if vectors else 1
+        step = FOUR if vectors else 1
         if len(call.args) == 3:
             [step] = self.fold_integers(call.args[2:], "step")
             if step == 0:

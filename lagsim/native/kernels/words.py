@@ -67,10 +67,7 @@ def total(terms: Iterable[float]) -> float:
 
 
 def abreast(*bounds: int) -> range:
-    """Give the first element of each vector in `range(*bounds)`, for a loop over them.
-
-    Kernels of several states have one element in a vector, and so no more to do.
-    """
+    """Give the first element of each vector in `range(*bounds)`, for a loop."""
     whole = range(*bounds)
     return range(whole.start, whole.stop, FOUR)
 

@@ -73,14 +73,12 @@ def object_code(made_from: str, generate: Callable[[], Code]) -> tuple[bytes, in
 def kernel_object(
     functions: Sequence[Callable[..., Any]],
     statics: Mapping[str, object] | None = None,
-    *,
-    wide: bool = False,
 ) -> bytes:
     """Give the object code of kernels; translates only what is not in the cache.
 
     Parameters
     ----------
-    functions, statics, wide : sequence of functions, mapping, bool
+    functions, statics : sequence of functions, mapping
         As for `code.translate`.
 
     Raises
@@ -89,8 +87,7 @@ def kernel_object(
         If a kernel leaves the subset.
     """
     made_from = ["kernel", keys.fingerprint(functions, statics)]
-    made_from += ["wide"] if wide else []
-    return _kept(made_from, lambda: _translated(functions, statics, wide=wide))
+    return _kept(made_from, lambda: _translated(functions, statics))
 
 
 def begin_kernel_object(
@@ -105,12 +102,10 @@ def begin_kernel_object(
 def _translated(
     functions: Sequence[Callable[..., Any]],
     statics: Mapping[str, object] | None,
-    *,
-    wide: bool = False,
 ) -> bytes:
     from lagsim.native.kernels import code  # only first runs translate
 
-    ir = code.translate(functions, statics, wide=wide)
+    ir = code.translate(functions, statics)
     return engine.compile_object(ir, optimise=True)
 
 

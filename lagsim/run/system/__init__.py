@@ -8,7 +8,7 @@ new values of parameters compile nothing.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -91,8 +91,6 @@ class System:
         Object code of the model's functions.
     operations : int
         About how many one evaluation takes, of y' or of its series.
-    made_from : tuple
-        What has been compiled, and the fields of its `Layout`.
     """
 
     def __init__(self, equations: Equations, plan: Plan) -> None:
@@ -160,7 +158,6 @@ class System:
             keys.fingerprint(equations.graph, code, layout, plan.tape, MANNER),
             lambda: self._code(code, layout),
         )
-        self.made_from: tuple[Functions, tuple[Any, ...]] = code, tuple(layout)
         self._layout_of = layout.p
         self.p: Parameters = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
@@ -330,6 +327,10 @@ class System:
             fixed=frozenset(fixed),
             size=len(memory.flat),
         )
+
+    def place(self, name: str) -> int:
+        """Give where in p a parameter is."""
+        return self._layout_of[name]
 
     def link(self, name: str) -> Runner:
         """Link with the method `name`, once."""

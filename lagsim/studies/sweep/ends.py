@@ -1,7 +1,7 @@
 """Rows of a sweep that tell the ends of its runs alone: made many at a time.
 
-Starts and values of a whole piece are looked at together, the runs are made in the
-lanes of vectors. What is not plain in any of this is made as a run by itself, which
+Starts and values of a whole piece are looked at together, the runs are calls of the
+kernel in one memory. What is not plain in any of this is made as a run by itself, which
 gives the same numbers: a start that needs a closer look, a run that comes to anything
 but its end, energy that is not kept, a scene that `run.ensemble` refuses.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from lagsim.admissibility.many import clear_starts, needs_no_solve
 from lagsim.errors import LagsimError
 from lagsim.methods.parts.state import DONE
-from lagsim.run.ensemble import Abreast, refusal
+from lagsim.run.ensemble import Ensemble, refusal
 from lagsim.run.session import wanted
 from lagsim.run.system.sleepers import names_in_exponents
 from lagsim.studies.alarms.rows import UNEXPLAINED
@@ -59,7 +59,7 @@ class EndsOfRuns:
     Attributes
     ----------
     refusal : str
-        Why none is made side by side; "" where they are.
+        Why each is made by itself; "" where none needs it.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class EndsOfRuns:
         self.session, self.grid, self.options = session, grid, options
         self.refusal = refusal(session) or self._refusal()
         if not self.refusal:
-            self._abreast = Abreast(session)
+            self._ensemble = Ensemble(session)
 
     def _refusal(self) -> str:
         equations = self.session.case.equations
@@ -92,7 +92,7 @@ class EndsOfRuns:
         """
         values = self._followed(numbers) if self._follow else self._plain(numbers)
         clear = self._clear(values)
-        ends = self._abreast.ends(values.parameters, values.starts, interrupt)
+        ends = self._ensemble.ends(values.parameters, values.starts, interrupt)
         if ends is None:
             return None
         clear &= (ends.codes == DONE) & self._keeps_energy(ends)

@@ -124,7 +124,7 @@ def made(piece: Piece, interrupt: Interrupt) -> Iterator[list[tuple[int, Row]]]:
 def _made_together(
     runs: Runs, numbers: tuple[int, ...], interrupt: Interrupt
 ) -> Generator[list[tuple[int, Row]], None, tuple[int, ...]]:
-    """Make rows side by side; give the runs that cannot be made so."""
+    """Make rows of ends alone; give the runs that cannot be made so."""
     together = runs.together
     if together is None:
         return numbers
