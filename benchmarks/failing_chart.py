@@ -102,16 +102,16 @@ def _scales(view, width, height):
 
 def _panel(sheet, view, place):
     left, top, width, height = place
-    with sheet.panel(
+    axes = sheet.panel(
         place, *_scales(view, width, height), below=named(view.x), side=named(view.y),
         ticks=(6, 5), reach=0.48, spare=0.5,
-    ) as axes:  # fmt: skip
-        for _, x, y, pen in view.curves:
-            curve(axes, x, y, pen)
-            if view.marks:
-                for a, b in zip(x, y, strict=True):
-                    if np.isfinite(b):
-                        point(axes, a, b, mark("o", 3.0, pen["color"]))
+    )  # fmt: skip
+    for _, x, y, pen in view.curves:
+        curve(axes, x, y, pen)
+        if view.marks:
+            for a, b in zip(x, y, strict=True):
+                if np.isfinite(b):
+                    point(axes, a, b, mark("o", 3.0, pen["color"]))
     sheet.text(left, top - 0.27, view.title, size=SMALL, bold=True)
     entries = [(name, pen) for name, _, _, pen in view.curves if name]
     sheet.legend(left, top - 0.09, entries, width)

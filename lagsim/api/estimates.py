@@ -69,8 +69,8 @@ class Error(ErrorBar):
         return block(f"Error of {self.model}", self._summary())
 
     def _repr_html_(self) -> str:
-        from lagsim.outputs.figure import content
         from lagsim.outputs.notebook import heading, picture, table
+        from lagsim.outputs.sheet import content
 
         title = f"Error of {self.model}"
         drawn = picture(content(self.plot(), "png"), title)

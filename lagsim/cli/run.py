@@ -48,9 +48,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from lagsim.model.model import Model
-    from lagsim.outputs.artist import Draw
     from lagsim.outputs.results import Results
     from lagsim.run.session import Session
+    from lagsim.studies.artist import Draw
     from lagsim.studies.attempts import Attempt
     from lagsim.studies.restart import Restart
 
@@ -250,19 +250,23 @@ class Job:
 
             check_format(self.table, show_units=self.show_units)
         self.clock.lap("import")
-        aside: Any = contextlib.nullcontext
-        if self.plots is Picture.PNG and is_watched():
-            from lagsim.outputs.artist import artist as aside
-        with aside() as self._draw:
-            from lagsim.model.reader import read
+        from lagsim.model.reader import read
 
-            with self.interrupt.raised():
-                session = self._ready(read(text, file, overrides, options))
-            return self._do(session, {**options, "set": {**overrides}})
+        with self.interrupt.raised():
+            model = read(text, file, overrides, options)
+        aside: Any = contextlib.nullcontext()
+        if self.plots and is_watched():
+            from lagsim.studies.artist import artist
 
-    def _do(self, session: Session, wishes: Mapping[str, Any]) -> int:
+            aside = artist(model)
+        with aside as self._draw:
+            return self._do(model, {**options, "set": {**overrides}})
+
+    def _do(self, model: Model, wishes: Mapping[str, Any]) -> int:
         from lagsim.outputs.results import open_results
 
+        with self.interrupt.raised():
+            session = self._ready(model)
         model = session.case.equations.model
         folder = self.folder or RESULTS / model.name
         ask_for_room(session, folder, self.table, quiet=self.quiet)
@@ -277,10 +281,10 @@ class Job:
 
     def _ready(self, model: Model) -> Session:
         """Derive, examine, plan and compile."""
-        from lagsim.native.link.ahead import helped
-
         settings = wanted(model, "run", hint="add it, or give --duration")
         self.clock.lap("read")
+        from lagsim.native.link.ahead import helped
+
         with helped() if is_watched() else contextlib.nullcontext():
             return open_case(model, settings, clock=self.clock).ready(clock=self.clock)
 

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from matplotlib.lines import Line2D
 
-from lagsim.outputs.paper import DPI
 from lagsim.outputs.scale import extent
-from lagsim.outputs.sheet import Pen, mark
+from lagsim.outputs.sheet import DPI, Pen, mark
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -96,6 +95,7 @@ def series(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
     pixel = np.floor(inches(axes, t[seen], values[seen])[0] * DPI)
     _, at, crowd = np.unique(pixel, return_inverse=True, return_counts=True)
     jump = (np.diff(t[seen], prepend=-np.inf) == 0.0) & (crowd[at] <= CROWD)
+    jump &= np.diff(values[seen], prepend=-np.inf) != 0.0
     parts = pixel + (piece + np.cumsum(jump)) * 1e6
     columns = np.flatnonzero(np.diff(parts, prepend=-1.0))
     low = np.minimum.reduceat(values[seen], columns)

@@ -8,14 +8,12 @@ from __future__ import annotations
 import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
-import io
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-from lagsim.outputs.paper import DPI
 from lagsim.outputs.sheet import (
     DIM,
     EDGE,
@@ -25,6 +23,7 @@ from lagsim.outputs.sheet import (
     PENS,
     SMALL,
     WIDTH,
+    content,
     in_house_style,
     mark,
 )
@@ -149,14 +148,6 @@ def map_figure(
     panels[-1].set_xlabel(across.label, size=NORMAL)
     _headed(found, title)
     return found
-
-
-def content(figure: Figure, form: str) -> bytes:
-    """Give a file of a figure, in a format of matplotlib's, without a date."""
-    dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    file = io.BytesIO()
-    figure.savefig(file, format=form, dpi=DPI, metadata=dated.get(form))
-    return file.getvalue()
 
 
 def _headed(found: Figure, title: str, subject: str = "") -> None:

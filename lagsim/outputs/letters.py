@@ -10,6 +10,8 @@ from lagsim.derivation.names import Name, UnicodeNames
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from lagsim.model.model import Model
+
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 RATES = {"_dot": 1, "_ddot": 2}
 # Columns that go with a name: constraint forces, multipliers and what they miss.
@@ -48,6 +50,12 @@ class Letters:
     def text(self, text: str) -> str:
         """Give an expression with its names written so."""
         return _NAME.sub(lambda found: self.name(found[0]), text)
+
+
+def letters_of(model: Model) -> Letters:
+    """Give how a model's names are written."""
+    names = [c.name for c in model.coordinates]
+    return Letters([*names, *(d.name for d in model.definitions)])
 
 
 def raised(unit: str) -> str:

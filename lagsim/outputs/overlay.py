@@ -64,10 +64,8 @@ def _bar(sheet: Sheet, letters: Letters, name: str, bar: Scale) -> None:
     sheet.text(LEFT, 0.42, f"colour: {letters.text(name)}", size=SMALL, room=BAR_AT)
     levels = np.linspace(bar.low, bar.high, 65)
     place = (LEFT + BAR_AT, 0.34, BAR_LONG, BAR_HIGH)
-    with sheet.panel(
-        place, bar, Scale(0.0, 1.0), below=(" ", ""), ticks=(5, 0)
-    ) as axes:
-        axes.pcolormesh(levels, [0.0, 1.0], levels[None, :-1], cmap=COLOURS, zorder=1.0)
+    axes = sheet.panel(place, bar, Scale(0.0, 1.0), below=(" ", ""), ticks=(5, 0))
+    axes.pcolormesh(levels, [0.0, 1.0], levels[None, :-1], cmap=COLOURS, zorder=1.0)
 
 
 @in_house_style
@@ -127,14 +125,14 @@ def picture(
     times = time_scale(np.concatenate([t for (t, _), _ in drawn[columns[0]]]))
     for k, name in enumerate(columns):
         last = name == columns[-1]
-        with sheet.panel(
+        axes = sheet.panel(
             (LEFT, top + k * (height + BETWEEN), width, height),
             times,
             value_scale(*(values for (_, values), _ in drawn[name])),
             below=("t", units.get("t", "")) if last else ("", ""),
             side=(letters.name(name), units[name]),
             reach=REACH,
-        ) as axes:
-            for (t, values), pen in drawn[name]:
-                series(axes, t, values, pen)
+        )
+        for (t, values), pen in drawn[name]:
+            series(axes, t, values, pen)
     return sheet

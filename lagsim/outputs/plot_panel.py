@@ -9,7 +9,7 @@ import numpy as np
 from lagsim.outputs.curves import dotted, inches, path, series
 from lagsim.outputs.record import LEFT, REACH, RIGHT
 from lagsim.outputs.scale import Scale, extent, log_scale, value_scale, with_one_power
-from lagsim.outputs.sheet import PENS, WIDTH, mark
+from lagsim.outputs.sheet import INK, PENS, WIDTH, mark
 from lagsim.outputs.spread import spread_scale
 from lagsim.outputs.time_panels import tell
 
@@ -143,23 +143,23 @@ class PlotPanel:
         place = (LEFT, top, *self._size)
         unit = record.unit("t" if self.timed else self._x)
         below = (record.letters.text(wanted.x.text), unit)
-        with sheet.panel(
+        axes = sheet.panel(
             place, self._scales["x"], self._scales["y"], below=below,
             side=self._named("y"), reach=REACH, colour=self._colour("y"),
-        ) as axes:  # fmt: skip
-            if self.timed:
-                record.mark(axes)
-            self._draw_curves(axes, self._sides["y"])
+        )  # fmt: skip
+        if self.timed:
+            record.mark(axes)
+        self._draw_curves(axes, self._sides["y"])
         if self.timed:
             drawn_left = [self._drawn[name] for name in self._sides["y"]]
             tell(sheet, place, self._scales["y"], drawn_left)
         if self._sides["y2"]:
-            with sheet.panel(
+            aside = sheet.panel(
                 place, self._scales["x"], self._scales["y2"],
-                side=self._named("y2"), reach=REACH, over=True,
+                side=self._named("y2"), reach=REACH, over=axes,
                 colour=self._colour("y2"),
-            ) as axes:  # fmt: skip
-                self._draw_curves(axes, self._sides["y2"])
+            )  # fmt: skip
+            self._draw_curves(aside, self._sides["y2"])
 
     def _named(self, axis: str) -> Named:
         """Name the curves of an axis, and the unit that all of them have."""
@@ -173,7 +173,7 @@ class PlotPanel:
         """Give the colour of an axis with one curve, where there are two axes."""
         names, pens = self._sides[axis], self.pens()
         single = len(names) == 1 and self._sides["y2"]
-        return str(pens[names[0]]["color"]) if single else ""
+        return str(pens[names[0]]["color"]) if single else INK
 
     def _draw_curves(self, axes: Axes, names: Sequence[str]) -> None:
         pens = self.pens()

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import TYPE_CHECKING
 
 from lagsim.native.link import ahead
-from lagsim.notes import Caution
 from lagsim.outputs.attempted import attempted
 from lagsim.outputs.curves import series
-from lagsim.outputs.paper import Pixels
 from lagsim.outputs.plot_panel import PlotPanel
 from lagsim.outputs.record import LEFT, REACH, RIGHT, Record, header, header_height
 from lagsim.outputs.scale import NOISE, noise_scale, power_of_ten
@@ -73,10 +70,10 @@ def energy(record: Record, *, is_sum: bool) -> Sheet:
     values = spread_scale(*drawn.values())
     side = ("energy", record.unit("energy"))
     place = (LEFT, top, width, 2.2)
-    with sheet.panel(place, record.time(), values, side=side, reach=REACH) as axes:
-        record.mark(axes)
-        for name in names:
-            series(axes, *drawn[name], pens[name])
+    axes = sheet.panel(place, record.time(), values, side=side, reach=REACH)
+    record.mark(axes)
+    for name in names:
+        series(axes, *drawn[name], pens[name])
     tell(sheet, place, values, list(drawn.values()))
     entries = [(named[name], pens[name]) for name in names]
     sheet.legend(LEFT, top - 0.06, entries, width)
@@ -90,12 +87,12 @@ def _drift(sheet: Sheet, record: Record, place: Place) -> None:
     drift = values - (values[0] if len(values) else 0.0)
     size = max(height_of(record.rows.series("energy")[1]), height_of(values))
     unit = record.unit("energy")
-    with sheet.panel(
+    axes = sheet.panel(
         place, record.time(), noise_scale(drift, size), below=record.named("t"),
         side=("drift", unit), reach=REACH,
-    ) as axes:  # fmt: skip
-        record.mark(axes)
-        series(axes, t, drift, BLACK)
+    )  # fmt: skip
+    record.mark(axes)
+    series(axes, t, drift, BLACK)
     what = "energy − work" if ledger == DRIFT else "energy"
     worst = height_of(drift)
     most = f"at most {_written(worst)} {unit}" if worst else "0 in every row"
@@ -201,39 +198,27 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Sheet:
     return sheet
 
 
-def pictures(record: Record, model: Model, *, energy_is_sum: bool) -> Iterator[Made]:
+def pictures(record: Record, model: Model, is_sum: bool) -> Iterator[Made]:
     """Give file name and content of every picture of a run, one after the other."""
-    drawings = dict(_drawings(record, model, is_sum=energy_is_sum))
-    # The one that takes as long as all others.
-    aside = ahead.bring(lambda: _file(drawings[LONG]())) if ahead.may_send() else None
-    with ThreadPoolExecutor(1) as packer:
-        before: tuple[str, Callable[[], bytes | Caution]] | None = None
-        for key, draw in drawings.items():
-            name = f"{key}.{record.form}"
-            packed = aside if aside and key == LONG else _packed(name, draw, packer)
-            if before:
-                yield before[0], before[1]()
-            before = name, partial(attempted, name, packed)
-        if before:
-            yield before[0], before[1]()
+    files = dict(_files(record, model, is_sum=is_sum))
+    if ahead.may_send():
+        # The one that takes as long as all others.
+        files[LONG] = ahead.bring(files[LONG])
+    for key, file in files.items():
+        name = f"{key}.{record.form}"
+        yield name, attempted(name, file)
 
 
-def _file(sheet: Sheet) -> bytes:
-    return in_house_style(sheet.content)()
+def _files(
+    record: Record, model: Model, *, is_sum: bool
+) -> Iterator[tuple[str, Callable[[], bytes]]]:
+    """Give what makes the file of each picture, by its name."""
+    for name, draw in _drawings(record, model, is_sum=is_sum):
+        yield name, partial(_file, draw)
 
 
-def _packed(
-    name: str, draw: Callable[[], Sheet], packer: ThreadPoolExecutor
-) -> Callable[[], bytes | Caution]:
-    """Draw a sheet and have it made a file; return what gives it."""
-    sheet = attempted(name, draw)
-    if isinstance(sheet, Caution):
-        return lambda: sheet
-    if isinstance(sheet.paper, Pixels):
-        # While the next is drawn: zlib needs no interpreter.
-        return packer.submit(sheet.content).result
-    content = attempted(name, partial(_file, sheet))
-    return lambda: content
+def _file(draw: Callable[[], Sheet]) -> bytes:
+    return draw().content()
 
 
 def _drawings(

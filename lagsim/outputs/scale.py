@@ -102,8 +102,6 @@ class Scale(NamedTuple):
             if bare or room >= CROWDED or self._fits(formatter, places, room):
                 break
         axis.set_major_locator(FixedLocator(list(places)))
-        for tick in axis.get_major_ticks(len(places)):
-            tick.label1.set_in_layout(False)
         return places
 
     def _ways(self, most: int) -> Iterator[tuple[Scale, int]]:

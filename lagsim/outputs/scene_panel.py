@@ -227,12 +227,12 @@ class ScenePanel:
             x, y = left + view.column * steps[0], top + view.row * steps[1]
             width, height = self._lengths[view.across], self._lengths[view.up]
             right = max(right, x + width)
-            with sheet.panel(
+            axes = sheet.panel(
                 (x, y, width, height), self._ranges[view.across], self._ranges[view.up],
                 below=("xyz"[view.across], self._unit),
                 side=("xyz"[view.up], self._unit), spare=0.4,
-            ) as axes:  # fmt: skip
-                self._draw_view(axes, view.seen)
+            )  # fmt: skip
+            self._draw_view(axes, view.seen)
         if len(self._views) > 1:
             self._draw_oblique(sheet, left + steps[0], right, top, steps[1])
         if not self._lines:
@@ -253,8 +253,8 @@ class ScenePanel:
         ends = [extent(c) or (0.0, 0.0) for c in every]
         scale = self._scale_for(ends, (width, height))
         ranges = _around(ends, (width, height), scale)
-        with sheet.panel(place, ranges[0], ranges[1], ticks=(0, 0)) as axes:
-            self._draw_view(axes, _aside)
+        axes = sheet.panel(place, ranges[0], ranges[1], ticks=(0, 0))
+        self._draw_view(axes, _aside)
         x, y = place[0] + 0.2, place[1] + height - 0.28
         for name, (across, up) in zip("xyz", 0.22 * OBLIQUE.T, strict=True):
             sheet.line([x, x + across], [y, y - up], {"color": DIM, "linewidth": 0.7})

@@ -192,17 +192,17 @@ class Panels:
             above = self._headed[k] and len(group) == 1
             under = k + int(self._columns)
             is_last = under >= count or not self._groups[under]
-            with sheet.panel(
+            axes = sheet.panel(
                 (x, y, width, self._height), record.time(), scale,
                 below=record.named("t") if is_last else NOTHING,
                 side=NOTHING if above else named,
                 above=named if above else NOTHING,
                 reach=REACH,
-            ) as axes:  # fmt: skip
-                record.mark(axes)
-                shown = stems if group[0].startswith(IMPULSE) else series
-                for (t, values), pen in zip(drawn, PENS, strict=False):
-                    shown(axes, t, values, pen)
+            )  # fmt: skip
+            record.mark(axes)
+            shown = stems if group[0].startswith(IMPULSE) else series
+            for (t, values), pen in zip(drawn, PENS, strict=False):
+                shown(axes, t, values, pen)
             tell(sheet, (x, y, width, self._height), scale, drawn, above=above)
             if len(group) > 1:
                 names = list(zip(written, PENS, strict=False))

@@ -12,10 +12,10 @@ from lagsim.outputs.attempted import attempted
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from lagsim.outputs.artist import Draw, Order
     from lagsim.outputs.attempted import Made
     from lagsim.run.observers.frames import Frames
     from lagsim.run.observers.thinning import Thinning
+    from lagsim.studies.artist import Draw, Order
     from lagsim.studies.attempts import Attempt
 
 
@@ -47,7 +47,7 @@ def drawings(
             yield NAME, shown
     if rows is None:
         return
-    from lagsim.outputs.artist import drawn
+    from lagsim.studies.artist import drawn
 
     order = attempted("pictures", partial(_order, made, rows, form))
     if isinstance(order, Caution):
@@ -66,10 +66,10 @@ def beside(
 
 def _order(made: Attempt, rows: Thinning, form: str) -> Order:
     """Give what is to be drawn."""
-    from lagsim.outputs.artist import Order
     from lagsim.outputs.events import marked, unmarked
-    from lagsim.outputs.letters import Letters
+    from lagsim.outputs.letters import letters_of
     from lagsim.outputs.units import units
+    from lagsim.studies.artist import Order
 
     equations, trajectory = made.session.case.equations, made.trajectory
     if made.corners is not None:
@@ -79,13 +79,10 @@ def _order(made: Attempt, rows: Thinning, form: str) -> Order:
     note = unmarked(trajectory) if happened else ""
     if not trajectory.outcome.complete:
         note = f"incomplete: {trajectory.reason}"
-    names = [c.name for c in model.coordinates]
-    names += [d.name for d in model.definitions]
     fields = {
         "title": model.name, "rows": rows, "note": note, "form": form,
         "units": units(equations, made.session.system.columns.of_table),
-        "horizon": _horizon(made), "letters": Letters(names),
-        "events": happened,
+        "horizon": _horizon(made), "letters": letters_of(model), "events": happened,
     }  # fmt: skip
     return Order(fields, model, equations.energy_is_sum)
 

@@ -81,8 +81,8 @@ class Spectrum(NamedTuple):
         ]
 
     def _repr_html_(self) -> str:
-        from lagsim.outputs.figure import content
         from lagsim.outputs.notebook import heading, picture, table
+        from lagsim.outputs.sheet import content
 
         title = f"Spectrum of {self.column}"
         drawn = picture(content(self.plot(), "png"), title)

@@ -1,7 +1,7 @@
 """What matplotlib is asked to draw while a picture is made, read off its artists.
 
-One Axes is lent to panel after panel, so everything is noted at the moment it is drawn:
-places in pixels from the lower left corner, as on the picture.
+Everything is noted at the moment it is drawn: places in pixels from the lower left
+corner, as on the picture.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 from lagsim.model.model import Curve, Plot
+from lagsim.outputs.sheet import Sheet
 
 
 @dataclass
@@ -79,7 +80,6 @@ def panel_of(axes):
         (axes.get_xlabel(), axes.get_ylabel(), axes.get_title(loc="left")),
         (axes.get_xlim(), axes.get_ylim()),
     )
-    # Grid and frame are thin.
     lines = [line_of(line) for line in axes.lines]
     panel.lines = [line for line in lines if line.width > 0.6]
     panel.thin = [line for line in lines if line.width <= 0.6]
@@ -133,6 +133,8 @@ def drawn(draw, *args, **kwargs):
     """Draw a sheet and give what was drawn on it."""
     with noted() as drawing:
         drawing.sheet = draw(*args, **kwargs)
+        if isinstance(drawing.sheet, Sheet):
+            drawing.sheet.content()
     return drawing
 
 

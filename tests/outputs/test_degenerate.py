@@ -66,7 +66,7 @@ def draw_all(known):
         wanted = Plot(Curve(0, x), curves, curves, log, "title")
         sheets.append(plots.plot(known, 0, wanted, PLANE))
     for sheet in sheets:
-        assert plots._file(sheet).startswith(b"\x89PNG")
+        assert sheet.content().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
@@ -102,7 +102,7 @@ def test_views_in_space_stay_on_the_sheet_whatever_moves(moving, size):
     assert min(x, y, z) >= LEAST
     assert x + BETWEEN + y <= WIDTH - 0.95
     known = record(rows, names)
-    content = plots._file(plots.trajectory(known, ["a"], scene))
+    content = plots.trajectory(known, ["a"], scene).content()
     assert content.startswith(b"\x89PNG")
 
 
@@ -114,4 +114,4 @@ def test_all_points_at_rest_in_one_place(place, dimension):
     rows[:, 0] = LINE
     scene = Scene({"p": (0,) * dimension, "q": (0,) * dimension}, (("p", "q"),))
     sheet = plots.trajectory(record(rows, names), ["a"], scene)
-    assert plots._file(sheet).startswith(b"\x89PNG")
+    assert sheet.content().startswith(b"\x89PNG")

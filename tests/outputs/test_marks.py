@@ -11,7 +11,7 @@ from lagsim import simulate
 from lagsim.model.model import Curve, Scene
 from lagsim.model.reader import read
 from lagsim.notes import Event
-from lagsim.outputs import artist, plots, sheet
+from lagsim.outputs import plots
 from lagsim.outputs.curves import LOST, MARKS
 from lagsim.outputs.events import marked
 from lagsim.outputs.record import Record
@@ -203,18 +203,13 @@ def test_pairs_leave_no_place_free_before_the_last(bodies, rods):
 def test_an_axis_at_the_right_has_the_colour_of_its_curve():
     columns = {"t": T, "plot.0.x": T, "plot.0.y.1": T, "plot.0.y2.1": 3 - T}
     plot = against("t", "u")._replace(y2=(Curve(0, "v"),))
-    seen = []
-    plain = sheet._label_colour
-
-    def noted(axes, colour):
-        seen.append(colour)
-        plain(axes, colour)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sheet, "_label_colour", noted)
-        panels = drawn(plots.plot, record(columns), 0, plot, Scene({})).panels
-    curves = [line.colour for panel in panels for line in panel.lines]
-    assert [c.lower() for c in seen] == [curves[0], "#000000", curves[1], "#000000"]
+    drawing = drawn(plots.plot, record(columns), 0, plot, Scene({}))
+    for axes, label in zip(drawing.sheet.figure.axes, "uv", strict=True):
+        [curve] = [x.get_color() for x in axes.lines if len(x.get_xdata()) == len(T)]
+        assert axes.yaxis.label.get_text() == label
+        assert axes.yaxis.label.get_color() == curve
+        written = [*axes.yaxis.get_ticklabels(which="major")]
+        assert {text.get_color() for text in written} == {curve}
 
 
 def test_equal_scales_count_in_one_power_of_ten():
@@ -334,10 +329,10 @@ initial: {x: 2}
 simulation: {duration: 9}
 output: {event_marks: %s}
 """
-    orders = []
-    monkeypatch.setattr(artist, "drawn", lambda order: orders.append(order) or ())
+    records = []
+    monkeypatch.setattr(plots, "pictures", lambda run, *_: records.append(run) or ())
     result = simulate(read(text % str(wanted).lower(), "block.yaml"))
     result.write(tmp_path)
-    [order] = orders
+    [run] = records
     assert {e.kind for e in result.events} == {"switch", "stick"}
-    assert set(order.fields["events"]) == ({"switch", "stick"} if wanted else set())
+    assert set(run.events) == ({"switch", "stick"} if wanted else set())

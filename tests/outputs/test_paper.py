@@ -12,17 +12,16 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from lagsim.outputs.paper import PAPERS
-from lagsim.outputs.sheet import Sheet, in_house_style
+from lagsim.outputs.sheet import NOBODY, Sheet, in_house_style
 from tests.outputs import test_plots
 
 SVG = "{http://www.w3.org/2000/svg}"
-VECTORS = [form for form in PAPERS if form != "png"]
+VECTORS = [form for form in NOBODY if form != "png"]
 
 
 def made(form):
     run = test_plots.record(test_plots.swing(), form=form, horizon=9.0)
-    return [in_house_style(s.content)() for s in test_plots.all_sheets(run)]
+    return [s.content() for s in test_plots.all_sheets(run)]
 
 
 SCRIPT = """
@@ -62,7 +61,7 @@ def test_the_same_bytes_again_and_after_a_picture_in_pixels(form):
 
 def test_an_svg_has_the_size_of_the_sheet_and_is_white():
     sheet = in_house_style(lambda: Sheet(3.0, 2.0, "svg"))()
-    root = ET.fromstring(in_house_style(sheet.content)())
+    root = ET.fromstring(sheet.content())
     assert (root.get("width"), root.get("height")) == ("216pt", "144pt")
     first = next(root.iter(f"{SVG}path"))
     assert "#ffffff" in first.get("style")
@@ -95,10 +94,9 @@ def test_a_line_stands_where_it_stands_in_pixels():
     from tests.outputs.drawn import drawn
 
     places = {}
-    for form in ("png", "svg"):
+    for form, dpi in (("png", 200), ("svg", 72)):
         run = test_plots.record(test_plots.swing(), form=form)
         drawing = drawn(test_plots.energies, run)
-        dpi = drawing.sheet.paper.dpi
         box = drawing.panels[0].box
         places[form] = [box.x0 / dpi, box.y0 / dpi, box.x1 / dpi, box.y1 / dpi]
     assert places["svg"] == pytest.approx(places["png"], abs=1e-6)

@@ -8,7 +8,7 @@ import pytest
 from lagsim.model.model import Curve, Plot, Scene
 from lagsim.outputs import plots
 from lagsim.outputs.record import RIGHT
-from lagsim.outputs.sheet import PENS
+from lagsim.outputs.sheet import DPI, PENS
 from tests.outputs.drawn import against, drawn, finite
 from tests.outputs.test_plots import record
 
@@ -46,7 +46,7 @@ def test_so_are_ellipses_and_they_fill_the_sheet(a, b):
     drawing, panel, line = path_of(ellipse(a, b), METRES)
     width, height = sides(line)
     assert width / height == pytest.approx(a / b, rel=1e-9)
-    right = drawing.sheet.width - panel.box.x1 / drawing.sheet.paper.dpi
+    right = drawing.sheet.width - panel.box.x1 / DPI
     assert right == pytest.approx(RIGHT)
 
 

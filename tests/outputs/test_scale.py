@@ -41,8 +41,7 @@ def test_rounding_noise_of_a_constant_is_flat():
 def panel_with(scale, ticks=5, unit=""):
     sheet = Sheet(3.0, 3.0)
     place = (1.0, 0.5, 1.5, 1.5)
-    with sheet.panel(place, FLAT, scale, side=("x", unit), ticks=(3, ticks)):
-        pass
+    sheet.panel(place, FLAT, scale, side=("x", unit), ticks=(3, ticks))
     return sheet
 
 

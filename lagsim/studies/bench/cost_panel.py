@@ -110,23 +110,23 @@ def cost_panel(
     costs = [c.costs for c in curves if len(c.costs)]
     up = log_scale(*costs, margin=0.05, least=0.08)
     name = "← more accurate      error against range"
-    with sheet.panel(
+    axes = sheet.panel(
         place, across, up, below=(name if below else " ", ""),
         side=(f"← faster      {of}", ""), ticks=(9, 7), reach=BESIDE - 0.2,
-    ) as axes:  # fmt: skip
-        if floor > across.low:
-            axes.axvspan(across.low, floor, facecolor=LOST, alpha=0.45, zorder=0.2)
-            axes.axvline(floor, **FLOOR)
-        if front is not None:
-            curve(axes, *front, FRONT)
-        for c in curves:
-            curve(axes, c.errors, c.costs, c.look.line)
-            for x, y in zip(c.errors, c.costs, strict=True):
-                if across.low <= x <= across.high:
-                    point(axes, x, y, c.look.mark)
-            for x, y, ringed in zip(c.errors, c.costs, c.ringed, strict=False):
-                if ringed:
-                    point(axes, x, y, CHOSEN)
+    )  # fmt: skip
+    if floor > across.low:
+        axes.axvspan(across.low, floor, facecolor=LOST, alpha=0.45, zorder=0.2)
+        axes.axvline(floor, **FLOOR)
+    if front is not None:
+        curve(axes, *front, FRONT)
+    for c in curves:
+        curve(axes, c.errors, c.costs, c.look.line)
+        for x, y in zip(c.errors, c.costs, strict=True):
+            if across.low <= x <= across.high:
+                point(axes, x, y, c.look.mark)
+        for x, y, ringed in zip(c.errors, c.costs, c.ringed, strict=False):
+            if ringed:
+                point(axes, x, y, CHOSEN)
     left, top, _, height = place
     # Numbers keep away from the corner where both axes begin.
     corner: dict[str, Any] = {"ha": "right", "bold": True, "color": DIM}

@@ -163,18 +163,16 @@ def _strips(sheet: Sheet, found: Stability) -> None:
         top = TOP + k * (STRIP + STRIP_GAP)
         below = STEPS if k + 1 == len(found.methods) else NOTHING
         place = (LEFT, top, width, STRIP)
-        with sheet.panel(
-            place, across, Scale(-0.5, 0.5), below=below, ticks=(9, 3)
-        ) as axes:
-            axes.yaxis.set_major_formatter(NullFormatter())
-            _cells(axes, found, method, steps, np.array((-0.5, 0.5)))
-            if border := borders.get(method):
-                if border.found is not None:
-                    axes.axvline(border.found, **FOUND, zorder=2.4)
-                pairs = zip((border.at_start, border.along), PREDICTED, strict=True)
-                for predicted, look in pairs:
-                    if predicted is not None and _within(predicted, across):
-                        point(axes, predicted, 0.0, look)
+        axes = sheet.panel(place, across, Scale(-0.5, 0.5), below=below, ticks=(9, 3))
+        axes.yaxis.set_major_formatter(NullFormatter())
+        _cells(axes, found, method, steps, np.array((-0.5, 0.5)))
+        if border := borders.get(method):
+            if border.found is not None:
+                axes.axvline(border.found, **FOUND, zorder=2.4)
+            pairs = zip((border.at_start, border.along), PREDICTED, strict=True)
+            for predicted, look in pairs:
+                if predicted is not None and _within(predicted, across):
+                    point(axes, predicted, 0.0, look)
         look = {"ha": "right", "va": "center_baseline"}
         sheet.text(LEFT - 0.08, top + STRIP / 2, method, size=SMALL, **look)
     low = TOP + len(found.methods) * (STRIP + STRIP_GAP) + 0.25
@@ -209,19 +207,19 @@ def _maps(sheet: Sheet, found: Stability, varied: Named) -> None:
         row, column = divmod(k, maps)
         left = NUMBERS + column * (width + MAP_ACROSS)
         top = TOP + 0.12 + row * (MAP_HEIGHT + MAP_GAP)
-        with sheet.panel(
+        axes = sheet.panel(
             (left, top, width, MAP_HEIGHT), across, up, below=varied, spare=0.4,
             side=NOTHING if column else STEPS, ticks=(4, 6), reach=NUMBERS - 0.2,
-        ) as axes:  # fmt: skip
-            _cells(axes, found, method, columns, steps)
-            borders = [b for b in found.borders if b.method == method]
-            x = np.array([b.value for b in borders], float)
-            for pen, y in (
-                (FOUND, [b.found for b in borders]),
-                (PREDICTED_LINE, [prediction(b) for b in borders]),
-            ):
-                levels = np.array([step or np.nan for step in y])
-                curve(axes, x, np.where(levels > up.low, levels, np.nan), pen)
+        )  # fmt: skip
+        _cells(axes, found, method, columns, steps)
+        borders = [b for b in found.borders if b.method == method]
+        x = np.array([b.value for b in borders], float)
+        for pen, y in (
+            (FOUND, [b.found for b in borders]),
+            (PREDICTED_LINE, [prediction(b) for b in borders]),
+        ):
+            levels = np.array([step or np.nan for step in y])
+            curve(axes, x, np.where(levels > up.low, levels, np.nan), pen)
         sheet.text(left, top - 0.06, method, size=SMALL, bold=True)
 
 

@@ -127,21 +127,21 @@ def regions(sheet: Sheet, top: float, found: Stability) -> None:
         x, y, width, height = panel.place
         across, up = panel.scales
         method, first = method_named(panel.method), x == REGION_LEFT
-        with sheet.panel(
+        axes = sheet.panel(
             panel.place, across, up, below=(" ", ""),
             side=("Im z" if first else "", ""), ticks=(5, 5), reach=REGION_LEFT - 0.17,
-        ) as axes:  # fmt: skip
-            _region(axes, method.amplification, across, up)
-            axes.axvline(0.0, color="#999999", linewidth=0.6)
-            if method.IMAGINARY_LIMIT > 0.0:
-                axes.plot([0.0, 0.0], [0.0, min(method.IMAGINARY_LIMIT, up.high)],
-                          **ON_AXIS)  # fmt: skip
-            for values, pen in (
-                (found.subject.along, ALONG),
-                (found.subject.at_start, AT_START),
-            ):
-                z = _inside(panel, values)
-                axes.plot(z.real, z.imag, **pen, zorder=2.6, clip_on=False)
+        )  # fmt: skip
+        _region(axes, method.amplification, across, up)
+        axes.axvline(0.0, color="#999999", linewidth=0.6)
+        if method.IMAGINARY_LIMIT > 0.0:
+            axes.plot([0.0, 0.0], [0.0, min(method.IMAGINARY_LIMIT, up.high)],
+                      **ON_AXIS)  # fmt: skip
+        for values, pen in (
+            (found.subject.along, ALONG),
+            (found.subject.at_start, AT_START),
+        ):
+            z = _inside(panel, values)
+            axes.plot(z.real, z.imag, **pen, zorder=2.6, clip_on=False)
         sheet.text(x, y - 0.05, panel.method, size=SMALL, bold=True)
         said, size = f"h = {panel.step:.3g} s ({panel.what})", SMALL - 0.5
         middle, below = x + width / 2, y + height + 0.3
@@ -217,14 +217,14 @@ def work(sheet: Sheet, top: float, found: Stability, varied: Named) -> None:
             name: np.array([of(cell) or math.nan for cell in found.of(name)])
             for name in found.adaptive
         }
-        with sheet.panel(
+        axes = sheet.panel(
             (NUMBERS, y, width, WORK_HEIGHT), across, log_scale(*curves.values()),
             below=varied if row == 2 else NOTHING, side=(label, ""), ticks=(9, 5),
             reach=NUMBERS - 0.2, spare=0.2,
-        ) as axes:  # fmt: skip
-            for name, values in curves.items():
-                x = np.array([cell.value for cell in found.of(name)], float)
-                curve(axes, x, values, pens[name])
+        )  # fmt: skip
+        for name, values in curves.items():
+            x = np.array([cell.value for cell in found.of(name)], float)
+            curve(axes, x, values, pens[name])
 
 
 def _share(count: float | None, cell: Cell) -> float | None:

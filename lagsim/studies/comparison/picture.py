@@ -113,26 +113,26 @@ def drawn(
         top = TOP + k * (HEIGHT + GAP)
         (t, g), (_, n) = rows.series("golden"), rows.series("new")
         below = ("t", "s") if k + 1 == len(curves) else (" ", "")
-        with sheet.panel(
+        axes = sheet.panel(
             (LEFT, top, width, HEIGHT), time_scale(t), value_scale(g, n),
             below=below, side=(named[0], raised(named[1])), ticks=(5, 5),
-        ) as axes:  # fmt: skip
-            series(axes, t, g, GOLDEN)
-            series(axes, rows.series("new")[0], n, NEW)
+        )  # fmt: skip
+        series(axes, t, g, GOLDEN)
+        series(axes, rows.series("new")[0], n, NEW)
         # The size of the difference, and the band that it has to stay in.
         (t, apart), (times, bound) = rows.series("apart"), rows.series("bound")
         whole = log_scale(apart, bound, margin=0.0, least=0.5)
         scale = Scale(max(whole.low, LEAST * whole.high), whole.high, log=True)
-        with sheet.panel(
+        axes = sheet.panel(
             (right, top, width, HEIGHT), time_scale(t), scale,
             below=below, side=("|new − golden|", raised(named[1])), ticks=(5, 5),
             spare=0.3,
-        ) as axes:  # fmt: skip
-            shade = {"facecolor": (BAND["color"], 0.45), "edgecolor": BAND["color"]}
-            axes.fill_between(times, scale.low, bound, **shade, zorder=0.4)
-            series(axes, t, np.where(apart > 0.0, apart, np.nan), APART)
-            if 0.0 < deviation.difference < np.inf:
-                point(axes, deviation.t, deviation.difference, PLACE)
+        )  # fmt: skip
+        shade = {"facecolor": (BAND["color"], 0.45), "edgecolor": BAND["color"]}
+        axes.fill_between(times, scale.low, bound, **shade, zorder=0.4)
+        series(axes, t, np.where(apart > 0.0, apart, np.nan), APART)
+        if 0.0 < deviation.difference < np.inf:
+            point(axes, deviation.t, deviation.difference, PLACE)
     return sheet.content()
 
 

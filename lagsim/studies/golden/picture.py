@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.outputs.letters import Letters
+from lagsim.outputs.letters import letters_of
 from lagsim.outputs.units import of_table
 from lagsim.studies.comparison.picture import Curve, drawn, shown, thinned, told
 from lagsim.studies.golden.invariants import invariants
@@ -38,8 +38,7 @@ def picture(case: Case, motion: Motion, stored: Stored, judgement: Judgement) ->
         return times, old, now[name], bound
 
     model = case.equations.model
-    names = [c.name for c in model.coordinates] + [d.name for d in model.definitions]
-    letters = Letters(names)
+    letters = letters_of(model)
     of = of_table(case.equations, golden.columns)
     curves = []
     for deviation in shown(judgement.worst):

@@ -114,8 +114,8 @@ def _curves(sheet: Sheet, found: Found, shown: list[str], *, missing: bool) -> N
         below = _axis(found, axis) if last else NOTHING
         side = _written(found, name, found.units.get(name, ""))
         up = value_scale(cells[np.isfinite(cells)])
-        with sheet.panel(place, scale, up, below=below, side=side) as panel:
-            _band(panel, x, cells, up, ends, missing=missing)
+        panel = sheet.panel(place, scale, up, below=below, side=side)
+        _band(panel, x, cells, up, ends, missing=missing)
 
 
 def _axis(found: Found, axis: Axis) -> Named:
@@ -176,19 +176,17 @@ def _map(
     scale = value_scale(content[np.isfinite(content)], margin=0.0)
     look: Pen = {"cmap": COLOURS, "vmin": scale.low, "vmax": scale.high, "zorder": 1.0}
     x, y = (Scale(e[0], e[-1], log=is_log(e)) for e in edges)
-    with sheet.panel(
-        place, x, y, below=below, side=side, above=title, ticks=(5, 5)
-    ) as panel:
-        ground = np.isnan(content)
-        if ground.any():
-            grey = np.where(ground, 0.6, np.nan)
-            panel.pcolormesh(*edges, grey, cmap="gray", vmin=0.0, vmax=1.0, zorder=0.9)
-        panel.pcolormesh(*edges, content, **look)
+    panel = sheet.panel(place, x, y, below=below, side=side, above=title, ticks=(5, 5))
+    ground = np.isnan(content)
+    if ground.any():
+        grey = np.where(ground, 0.6, np.nan)
+        panel.pcolormesh(*edges, grey, cmap="gray", vmin=0.0, vmax=1.0, zorder=0.9)
+    panel.pcolormesh(*edges, content, **look)
     left, top, width, height = place
     levels = np.linspace(scale.low, scale.high, 65)
     strip = (left + width + NEAR, top, STRIP, height)
-    with sheet.panel(strip, Scale(0.0, 1.0), scale, ticks=(2, 5)) as panel:
-        panel.pcolormesh([0.0, 1.0], levels, levels[:-1, None], **look)
+    panel = sheet.panel(strip, Scale(0.0, 1.0), scale, ticks=(2, 5))
+    panel.pcolormesh([0.0, 1.0], levels, levels[:-1, None], **look)
 
 
 def _written(found: Found, name: str, unit: str) -> Named:

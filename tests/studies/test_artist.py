@@ -1,0 +1,94 @@
+"""Pictures are the same whoever draws them, and whoever loaded matplotlib."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from lagsim.native.link import ahead
+from lagsim.outputs import plots
+from lagsim.outputs.letters import letters_of
+from lagsim.run.observers.thinning import picture_thinning
+from lagsim.studies.artist import Order, artist, drawn
+from tests.support import MODELS, ready
+
+
+@pytest.fixture(scope="module")
+def ordered():
+    """Give an order, and what this process draws of it."""
+    session = ready("pendulum-cartesian", duration=0.5)
+    model = session.case.equations.model
+    rows = picture_thinning(model, session.system.columns.names)
+    session.run([rows])
+    fields = {"title": model.name, "rows": rows, "letters": letters_of(model)}
+    order = Order(fields, model, is_sum=True)
+    return order, dict(drawn(order))
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2,
+    reason="nobody is sent without a second core, and elsewhere than on Linux",
+)
+def test_another_process_draws_the_same(ordered, monkeypatch):
+    order, own = ordered
+    assert {"energy.png", "trajectory.png", "constraint_forces.png"} <= own.keys()
+    with artist(order.model) as draw:
+        # Whoever is asked here has not done his part.
+        monkeypatch.setattr(plots, "pictures", None)
+        assert dict(draw(order)) == own
+
+
+def test_what_another_does_not_bring_is_drawn_here(ordered, monkeypatch):
+    order, own = ordered
+    monkeypatch.setattr(ahead.Helper, "give", lambda *_: iter(()))
+    with artist(order.model) as draw:
+        assert dict(draw(order)) == own
+
+
+def test_what_another_cannot_draw_is_told_here(ordered, monkeypatch):
+    order, own = ordered
+    monkeypatch.setattr(plots, "trajectory", lambda *_: 1 / 0)
+    with artist(order.model) as draw:
+        found = dict(draw(order))
+    assert found.keys() == own.keys()
+    assert "ZeroDivisionError" in found.pop("trajectory.png").text
+    assert found.items() < own.items()
+
+
+CALL = """
+import sys
+from lagsim.cli import main
+{before}
+code = main()
+from matplotlib.axes import Axes
+print(code, len(Axes.plot.__doc__), len(Axes.set.__doc__ or ""))
+"""
+# As the command line draws, where there is no other process.
+LEAN = (
+    "import lagsim.cli.run as run\nrun.is_watched = lambda: True"
+    "\nfrom lagsim.native.link import ahead\nahead.is_possible = lambda: False"
+)
+
+
+def pictures(folder, before):
+    """Draw a run; give its pictures, and how long two docstrings of matplotlib are."""
+    command = [sys.executable, "-c", CALL.format(before=before), "run"]
+    command += [MODELS / "elastic-pendulum.yaml", "-q", "-o", folder]
+    command += ["--error-bar", "never"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    code, *lengths = map(int, done.stdout.split())
+    assert (code, done.stderr) == (0, "")
+    return {path.name: path.read_bytes() for path in folder.glob("*.png")}, lengths
+
+
+@pytest.mark.slow
+def test_docstrings_are_left_out_and_nothing_drawn_changes(tmp_path):
+    plain, whole = pictures(tmp_path / "plain", "")
+    lean, short = pictures(tmp_path / "lean", LEAN)
+    assert lean == plain
+    assert len(plain) == 3
+    assert short[0] < whole[0]
+    assert short[1] < whole[1]
