@@ -28,6 +28,16 @@ GRAPH_NODES = 3_000_000
 GRAPH_NODES_PER_BYTE = 30
 """... or this many for each byte of the file, where that is more."""
 
+WORK = 2_500_000
+"""Operations made, and sevenths of operations looked through, until a model is checked
+and planned: 4 microseconds each, ..."""
+
+WORK_PER_BYTE = 25
+"""... and so many for each byte of the file beyond USUAL_BYTES."""
+
+USUAL_BYTES = 100_000
+"""Of a model file, which is checked within 10 s or refused."""
+
 INERTIAS = 1_000_000
 """Of a mass matrix, entries that are not 0: those of 1,000 coordinates, all coupled."""
 
@@ -53,6 +63,11 @@ DERIVING_SECONDS = 45.0
 def graph_nodes(size_of_file: int) -> int:
     """Give how many operations a model of so many bytes may come to."""
     return max(GRAPH_NODES, GRAPH_NODES_PER_BYTE * size_of_file)
+
+
+def work(size_of_file: int) -> int:
+    """Give how much work the checking of a model of so many bytes may take."""
+    return WORK + WORK_PER_BYTE * max(0, size_of_file - USUAL_BYTES)
 
 
 def counted(number: float) -> str:

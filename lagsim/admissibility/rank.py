@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.admissibility.point import Point
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
 
 # How far, against the state, and how often generic states are looked for nearby.
 NEARBY = 0.05
@@ -40,6 +40,8 @@ GENERIC_RANK = 1e-9
 TRACE = 1e-4
 # What vanishes at a double root is known to half of the digits.
 HALF = 1e-6
+# So many rows at a time are compared with all.
+BLOCK = 256
 
 
 class _Generic(NamedTuple):
@@ -85,16 +87,16 @@ def analyse(
         lengths = _without_traces(point, q, v, Y, lengths, double)
     flags = redundant_rows(Y, RANK if double is None else HALF)
     rank = flags.count(False)
-    left, sizes, _ = np.linalg.svd(Y)
+    left, sizes, _ = np.linalg.svd(Y, full_matrices=False)
     smallest = float(sizes[rank - 1]) if rank else 1.0
     if rank == len(rows):
         return RankReport(rank, smallest, rank, smallest)
-    independent = [i for i, flag in enumerate(flags) if not flag]
     generic = _generic(point, q, v, rank, double)
     demands = Demands(point, q, v, errors, levels)
+    combinations = _combinations(Y, lengths, flags)
     dependences = []
     for i in [i for i, flag in enumerate(flags) if flag]:
-        coefficients = _coefficients(Y, lengths, i, independent)
+        coefficients = combinations[i]
         everywhere = None
         if generic is not None:
             everywhere = generic.redundant[i] or generic.rank <= rank
@@ -106,7 +108,7 @@ def analyse(
                 demands.contradictions(i, coefficients),
             )
         )
-    loose = np.any(np.abs(left[:, rank:]) > 1e-9, axis=1)
+    loose = _dependent(left[:, :rank])
     names = tuple(
         row.name for row, is_loose in zip(rows, loose, strict=True) if is_loose
     )
@@ -158,32 +160,48 @@ def weakest_rows(
 
 def redundant_rows(Y: Floats, cutoff: float = RANK) -> list[bool]:
     """Tell of each scaled row whether the earlier ones already span it."""
-    basis: list[Floats] = []
-    flags = []
+    basis, rank = np.empty((min(Y.shape), Y.shape[1])), 0
+    flags: list[bool] = []
     for row in Y:
         left = row.copy()
         for _ in range(2):  # twice is enough (Kahan)
-            for b in basis:
-                left -= (b @ left) * b
+            left -= (basis[:rank] @ left) @ basis[:rank]
         length = float(np.linalg.norm(left))
         flags.append(length <= cutoff)
-        if not flags[-1]:
-            basis.append(left / length)
+        if not flags[-1] and rank < len(basis):
+            basis[rank] = left / length
+            rank += 1
     return flags
 
 
-def _coefficients(
-    Y: Floats, lengths: Floats, i: int, independent: Sequence[int]
-) -> dict[int, float]:
-    """Give row i as a combination of the independent rows before it."""
-    before = [j for j in independent if j < i]
-    if not before or lengths[i] == 0:
-        return {}
-    k = least_squares(Y[before].T, Y[i], None)
+def _dependent(range_: Floats) -> Flags:
+    """Tell which rows are part of some dependence, (m,).
+
+    Those whose unit vectors are not in the range of the columns of an orthogonal
+    matrix; by blocks, for m x m numbers take long and much memory.
+    """
+    found = np.zeros(len(range_), bool)
+    for k in range(0, len(range_), BLOCK):
+        part = range_[k : k + BLOCK] @ range_.T
+        part[np.arange(len(part)), k + np.arange(len(part))] -= 1.0
+        found[k : k + BLOCK] = np.any(np.abs(part) > 1e-9, axis=1)
+    return found
+
+
+def _combinations(
+    Y: Floats, lengths: Floats, flags: Sequence[bool]
+) -> dict[int, dict[int, float]]:
+    """Give each redundant row as a combination of the independent rows before it."""
+    independent = [i for i, flag in enumerate(flags) if not flag]
+    redundant = [i for i, flag in enumerate(flags) if flag]
+    K = least_squares(Y[independent].T, Y[redundant].T, None)
     return {
-        j: float(c * lengths[i] / lengths[j])
-        for j, c in zip(before, k, strict=True)
-        if abs(c) > 1e-9
+        i: {
+            j: float(c * lengths[i] / lengths[j])
+            for j, c in zip(independent, k, strict=True)
+            if abs(c) > 1e-9
+        }
+        for i, k in zip(redundant, K.T, strict=True)
     }
 
 

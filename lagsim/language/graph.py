@@ -12,7 +12,7 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from lagsim import limits
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Place, Problem
 from lagsim.language.functions import OPERATIONS
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ VARIABLE = "variable"
 TRUTH = "truth"
 # Degrees up to this are told apart; of chained squares there would be millions.
 MOST_DEGREE = 32
+# To look at so many nodes takes as long as to make one.
+LOOKS = 7
 
 
 class Graph:
@@ -37,6 +39,8 @@ class Graph:
     ----------
     most
         How many nodes there may be.
+    work
+        How much work may be done, see `limits.WORK`, until `unbind` is called.
 
     Attributes
     ----------
@@ -45,12 +49,17 @@ class Graph:
         "truth".
     args : list of tuple of int
         The arguments of each node.
+    place : Place or None
+        Of the longest expression, where there is a file.
     remembered : dict
         What has been found out, see `once`.
     """
 
-    def __init__(self, most: int = limits.GRAPH_NODES) -> None:
+    def __init__(self, most: int = limits.GRAPH_NODES, work: float = math.inf) -> None:
         self._most = most
+        self._left = work
+        self.place: Place | None = None
+        self._work = work
         self.ops: list[str] = []
         self.args: list[tuple[int, ...]] = []
         self._payload: dict[int, float | str | bool] = {}
@@ -87,12 +96,27 @@ class Graph:
         node = len(self.ops)
         if node >= self._most:
             raise _too_many(self._most)
+        if self._left < 0:
+            raise self._too_much()
         self.ops.append(op)
         self.args.append(args)
         if payload is not None:
             self._payload[node] = payload
         alike[key] = node
         return node
+
+    def _too_much(self) -> InputError:
+        text = (
+            f"deriving the equations takes more than {self._work:,.0f} operations, the "
+            "limit for a file of this size; its longest expression stands here"
+        )
+        hint = "fewer factors in one product, power or nested call take fewer; so do "
+        hint += "fewer constraints"
+        return InputError([Problem("too-large", text, self.place, hint)])
+
+    def unbind(self) -> None:
+        """Count no more: the model is checked, and how it is solved is known."""
+        self._left = math.inf
 
     def known(self, op: str, args: tuple[int, ...]) -> int | None:
         """Give the node of `op` on `args` if there is one already."""
@@ -127,6 +151,7 @@ class Graph:
 
         Folding never raises: what has no finite value stays an operation.
         """
+        self._left -= 1
         row = OPERATIONS[op]
         found = row.simpler(self, *args) if row.simpler else None
         if found is None:
@@ -166,6 +191,9 @@ class Graph:
                     seen.add(a)
                     if a not in ends:
                         stack.append(a)
+        self._left -= len(seen) / LOOKS
+        if self._left < 0:
+            raise self._too_much()
         return sorted(seen)
 
     def depends(self, nodes: Iterable[int]) -> frozenset[str]:

@@ -117,7 +117,9 @@ class Case(NamedTuple):
         """
         from lagsim.plan.making import make_plan
 
-        return make_plan(self.equations, self.start, self.settings)
+        found = make_plan(self.equations, self.start, self.settings)
+        self.equations.graph.unbind()
+        return found
 
     def ready(self, plan: Plan | None = None, *, clock: Clock | None = None) -> Session:
         """Plan, unless there is a plan, and compile.
@@ -270,6 +272,7 @@ def examined(equations: Equations, model: Model, settings: Settings) -> Case:
     ------
     InputError, StartError
     """
+    equations.graph.unbind()  # they were examined before
     return _examined(equations.of(model), settings, Clock())
 
 
@@ -290,7 +293,9 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     equations = derive(model)
     examined = examine(equations, settings.start, classify=True)
     case = Case(equations, examined, settings)
-    return case, case.plan().choices if examined.admissible else ()
+    choices = case.plan().choices if examined.admissible else ()
+    equations.graph.unbind()
+    return case, choices
 
 
 def wanted(

@@ -28,6 +28,19 @@ def test_numbers_without_end_are_refused(lagsim, tmp_path, shape):
     assert "--format python" in done.err
 
 
+def test_entangled_expressions_are_refused(lagsim, tmp_path, monkeypatch):
+    monkeypatch.setattr(limits, "WORK", 100_000)
+    path = tmp_path / "model.yaml"
+    path.write_text(SHAPES["a tower"](100))
+    assert lagsim("check", "model.yaml").code == 0
+    path.write_text(SHAPES["a tower"](10_000))
+    for command in ("check", "run"):
+        called = lagsim(command, "model.yaml")
+        assert called.code == 2
+        assert "more than 100,000 operations" in " ".join(called.err.split())
+        assert called.err.startswith("model.yaml:3:43: ")
+
+
 # One shape in three; all of them are nightly, as long as they may be.
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", list(SHAPES)[::3])

@@ -60,6 +60,17 @@ def _coupled(letters: int, whole: str, form: str) -> str:
     return model(f"{whole.replace('@', total)} + {squares}", coordinates=names)
 
 
+def _constraints(letters: int, count: int, form: str, by: str) -> str:
+    """Give constraints that join a form of each of so many coordinates: @ is one."""
+    names = [f"q{k}" for k in range(count)]
+    whole = by.join(form.replace("@", name) for name in names)
+    many = max(2, letters // (len(whole) + 12))
+    lines = [f"  c{j}: {whole.replace('$', str(j))} = 1" for j in range(many)]
+    squares = "+".join(f"{name}_dot^2" for name in names)
+    more = "\n".join(["constraints:", *lines])
+    return model(squares, coordinates=" ".join(names), more=more)
+
+
 def _definitions(letters: int, form: str, first: str = "x") -> str:
     """Give definitions each of the one before: @ is its name."""
     many = letters // (2 * len(form) + 8)
@@ -88,6 +99,13 @@ SHAPES: dict[str, Callable[[int], str]] = {
     "parameters": lambda n: model(parameters="k: 1, " + _entries("p@: @", n, ", ")),
     "one sum of all velocities": lambda n: _coupled(n // 2, "(@)^2", "@_dot"),
     "turning sums": lambda n: _coupled(n // 2, "(@)^2", "sin(@)*@_dot"),
+    "products of all": lambda n: _constraints(n, 100, "(@ + $)", "*"),
+    "sines of all": lambda n: _constraints(n, 100, "sin(@*$)", "+"),
+    "constraints of two": lambda n: _constraints(n, 2, "@", "*"),
+    "a product of sines": lambda n: model(
+        "x_dot^2 + d_dot^2", more=f"definitions:\n  d: '{_sum('sin(x*@)', n, '*')}'"
+    ),
+    "turning velocities": lambda n: _coupled(n // 8, "(@)^2", "@_dot*cos(@)"),
     "equal constraints": lambda n: model(
         "x_dot^2 + y_dot^2", coordinates="x y",
         more="constraints:\n" + _entries("  c@: x = y", n),

@@ -157,7 +157,7 @@ def _read(
             raise unusable("empty-file", "the file is empty", file)
         faults.raise_if_any()
     assert document.root is not None
-    graph = Graph(limits.graph_nodes(len(data)))
+    graph = Graph(limits.graph_nodes(len(data)), limits.work(len(data)))
     return _File(document.root, file, faults, graph).read(overrides, options, data)
 
 

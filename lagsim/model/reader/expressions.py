@@ -77,6 +77,7 @@ class Expressions:
 
     def __init__(self, graph: Graph, names: Names, faults: Faults) -> None:
         self.graph = graph
+        self._longest = 0
         self.names = names
         self.faults = faults
         self.values: dict[str, float] = {}
@@ -132,6 +133,8 @@ class Expressions:
             hint = "parts of it may be definitions"
             self.faults.add("expression-too-long", text, scalar.place, hint)
             return None
+        if len(scalar.text) > self._longest:
+            self._longest, self.graph.place = len(scalar.text), scalar.place
         try:
             return parser(scalar.text)
         except ExpressionError as fault:
