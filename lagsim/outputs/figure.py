@@ -1,6 +1,6 @@
 """Columns as a matplotlib Figure, which its owner may change and save as any other.
 
-It looks like the pictures of a run, which are drawn faster and for good (`sheet`).
+It looks like the pictures of a run (`sheet`), with places that a layout engine finds.
 """
 
 from __future__ import annotations

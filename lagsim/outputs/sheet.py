@@ -85,7 +85,7 @@ def mark(marker: str, size: float, color: str = INK, fill: str = "") -> Pen:
 
 HOUSE: dict[Any, Any] = {
     "font.family": FONT, "font.size": NORMAL, "text.parse_math": False,
-    "axes.axisbelow": True, "axes.grid": True, "grid.color": FAINT,
+    "axes.axisbelow": True, "grid.color": FAINT,
     "grid.linewidth": 0.4, "axes.edgecolor": DIM, "axes.linewidth": 0.6,
     "axes.titlelocation": "left", "axes.titlesize": SMALL, "axes.titley": 1.0,
     "axes.titlepad": 0.06 * 72,
@@ -324,9 +324,9 @@ class Sheet:
             inches = left, self.height - top - height, width, height
             size = self.width, self.height, self.width, self.height
             axes = self.figure.add_axes(tuple(np.divide(inches, size)))
+            axes.grid(visible=True)
         else:
             axes = over.twinx()
-            axes.grid(visible=False)
         fit = ticks or (
             max(3, int(1.5 * width)),
             max(3, min(7, math.ceil(3.4 * height))),

@@ -62,21 +62,12 @@ def send(key: str, make: Callable[[], None]) -> None:
 
 def bring(make: Callable[[], bytes]) -> Callable[[], bytes]:
     """Have something made, where others may be sent; give what waits and gives it."""
-    reads, writes = os.pipe()
-
-    def put() -> None:
-        os.close(reads)
-        content = make()
-        with os.fdopen(writes, "wb") as line:
-            _put(line, content)
-
-    number = _fork(put)
-    os.close(writes)
+    helper = Helper(_nothing, lambda _: iter([make()]))
+    contents = helper.give(b"")
 
     def brought() -> bytes:
-        with os.fdopen(reads, "rb") as line:
-            content = _next(line)
-        _end(number)
+        content = next(contents, None)
+        helper.end()
         return make() if content is None else content
 
     return brought
@@ -128,6 +119,9 @@ class Helper:
         ):
             self._orders = -1
             _put(line, order)
+        return self._contents()
+
+    def _contents(self) -> Iterator[bytes]:
         with os.fdopen(self._brought, "rb") as line:
             self._brought = -1
             while content := _next(line):
@@ -142,6 +136,10 @@ class Helper:
         with contextlib.suppress(ProcessLookupError):
             os.kill(self._number, signal.SIGKILL)
         _end(self._number)
+
+
+def _nothing() -> None:
+    """Be ready at once."""
 
 
 def _put(line: BinaryIO, content: bytes) -> None:
