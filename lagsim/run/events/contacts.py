@@ -189,7 +189,7 @@ class Contacts(Source):
         kind = self.laws[k].kind
         rtol = here.arc.plan.rtol
         if kind is Kind.CONTACT and rtol is not None:
-            return here.is_off(k, min(TORN, CLOSING * max(rtol, LEAST_TOLERANCE)))
+            return here.is_off(k, CLOSING * max(rtol, LEAST_TOLERANCE))
         return kind in (Kind.TIMED, Kind.CONTACT) and here.is_off(k, TORN)
 
     def _ends(self, here: Touching, closed: list[bool]) -> dict[int, float]:

@@ -83,6 +83,13 @@ def test_impacts_that_end_a_series_have_their_friction(mu, M, rtol):
         assert off < 1e-10 + 0.4 * float(rtol), text
 
 
+@pytest.mark.parametrize("k", [3, 11])
+def test_a_loose_tolerance_is_that_of_gaps_too(k):
+    found = run(read(box(k), "box.yaml", options={"rtol": "1e-2"}))
+    assert found.trajectory.outcome.complete
+    assert np.min([found["yl"], found["yr"]]) > -0.1 * np.ptp(found["y"])
+
+
 def test_an_impact_without_an_impulse_is_none(monkeypatch):
     """Of rates that count as rounding; or it would be asked for the next for ever."""
     known = contacts.impact
