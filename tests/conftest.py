@@ -11,6 +11,7 @@ LAGSIM_TEST_SKIPS : nothing; the run fails if more tests than this are skipped.
 
 from __future__ import annotations
 
+import collections
 import os
 import signal
 
@@ -39,57 +40,14 @@ def heeded_signals():
         signal.signal(kind, handler)
 
 
-# Tests of many like cases (each shipped model, say) that take seconds in all: every
-# fifth case is quick, the others wait for the slow suite.
-MANY_LIKE_CASES = {
-    "test_a_dead_zone_crossed_by_a_motion_that_diverges",
-    "test_a_method_behaves_or_refuses",
-    "test_a_run_in_plain_python_is_the_native_run",
-    "test_accelerations_and_multipliers_at_reference_times",
-    "test_accelerations_make_it_least_among_admissible_ones",
-    "test_against_the_multipliers_of_explicit_constraints",
-    "test_all_columns_agree",
-    "test_ascii_is_ascii_and_lines_break",
-    "test_constant_parts_give_the_same_motion",
-    "test_constraint_forces_are_those_of_the_reduced_system",
-    "test_coordinates_are_drawn_where_they_are",
-    "test_deep_and_huge_input",
-    "test_documents_by_value",
-    "test_each_failing_scene_raises_its_alarm",
-    "test_energy_minus_work_is_constant_in_every_model",
-    "test_equations_of_unusual_expressions",
-    "test_every_fixed_step_method_keeps_its_order_through_a_switch",
-    "test_four_bars_pass_their_dead_points",
-    "test_graph_gives_the_numbers_of_an_independent_derivation",
-    "test_graph_with_fifty_digits",
-    "test_json_read_again_gives_the_same_numbers",
-    "test_kinked_potentials_from_all_sides",
-    "test_latex_is_read_by_a_strict_reader",
-    "test_motion_is_that_of_the_matrix",
-    "test_native_motion_satisfies_the_equations",
-    "test_no_change_is_missed_and_none_invented",
-    "test_no_healthy_model_raises_any",
-    "test_no_law_hangs_at_its_switch_wherever_that_is",
-    "test_no_shipped_model_is_stiff",
-    "test_order_of_rows_within_a_step",
-    "test_order_of_whole_runs_with_a_fixed_step",
-    "test_pieces_give_the_same_bits",
-    "test_random_scenes_agree",
-    "test_reference",
-    "test_repair_is_the_nearest_state_in_the_metric_of_inertia",
-    "test_rows_are_those_of_the_text_read_again",
-    "test_shipped_models",
-    "test_size_neither_hangs_nor_exhausts",
-    "test_straight_and_dense_agree",
-    "test_tapes_give_the_bits_of_compiled_code",
-    "test_terms_add_up_to_the_equation",
-    "test_the_default_tolerances_are_tight_enough",
-    "test_the_wall_is_met_from_far",
-    "test_units_do_not_matter",
-    "test_verdicts_depend_on_neither_scale_nor_units",
-    "test_whole_documents",
-}
+# Of a test with this many cases or more every fifth is quick, others with each commit;
+# the rest waits for the slow suite.
+MANY_CASES = 4
 QUICK_ONE_IN = 5
+# Not where a case takes a millisecond, and not the goldens: all of these are quick.
+ALL_CASES = tuple(
+    f"tests/{room}/" for room in ("codes", "golden", "language", "model", "native")
+)
 
 
 # What tests start shows where it is when `finished` ends it.
@@ -98,8 +56,9 @@ os.environ.setdefault("PYTHONFAULTHANDLER", "1")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
+    cases = collections.Counter(map(_family, items))
     for item in items:
-        many = getattr(item, "originalname", "") in MANY_LIKE_CASES
+        many = cases[_family(item)] >= MANY_CASES
         if many and not chosen(item.nodeid, COMMIT, QUICK_ONE_IN):
             item.add_marker(pytest.mark.slow)
         _have_patience(item, float(config.getini("timeout")))
@@ -108,6 +67,12 @@ def pytest_collection_modifyitems(config, items):
     if gone:
         config.hook.pytest_deselected(items=gone)
         items[:] = kept
+
+
+def _family(item):
+    """Give what the cases of one test share; a test of `ALL_CASES` is on its own."""
+    alone = item.nodeid.startswith(ALL_CASES)
+    return item.nodeid if alone else item.nodeid.partition("[")[0]
 
 
 def _in_the_slice(item):

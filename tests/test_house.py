@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from tests.conftest import MANY_LIKE_CASES
 from tests.support import ROOT
 
 HOUSE = ROOT / "lagsim"
@@ -19,8 +18,3 @@ def test_files_are_read_in_one_go():
 
 def test_every_file_is_in_a_room():
     assert {f.stem for f in HOUSE.glob("*.py")} == LOOSE
-
-
-def test_tests_of_many_like_cases_exist():
-    text = "\n".join(p.read_text("utf-8") for p in (ROOT / "tests").rglob("test_*.py"))
-    assert [n for n in sorted(MANY_LIKE_CASES) if f"def {n}(" not in text] == []

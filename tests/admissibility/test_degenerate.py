@@ -279,6 +279,7 @@ def test_a_direction_at_rest_is_refused_with_what_to_write(speed):
     assert all("no direction" in p.hint for p in caught.value.problems)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("v", [0, 1])
 def test_what_is_to_be_written_comes_to_rest_but_for_a_creep(v):
     found = run(PLANE.format(speed="hypot(1e-4, hypot(x_dot, y_dot))", v=v))

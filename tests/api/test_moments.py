@@ -151,6 +151,7 @@ def test_every_shipped_model_gives_its_rows(name):
         assert np.array_equal(np.isnan(found[name][: len(rows)]), np.isnan(column))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("formulation", ["apart", "ignorable"])
 def test_what_is_integrated_otherwise_has_all_columns(formulation):
     # Two oscillators that do not touch; and a coordinate that only its rate moves.

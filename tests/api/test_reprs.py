@@ -54,6 +54,7 @@ def shown():
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["swing", "many"])
 def test_each_is_a_few_short_lines(shown, name):
     for kind, thing in shown[name].items():

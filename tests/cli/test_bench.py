@@ -76,6 +76,7 @@ def test_the_document(lagsim, write):
     assert all(curve["compile_seconds"] >= 0 for curve in document["curves"])
 
 
+@pytest.mark.slow
 def test_a_chart_is_drawn_again_from_its_document(lagsim, write):
     lagsim("bench", write(PENDULUM), *SOME, "-o", "out", "-q")
     before = {path.name: path.read_bytes() for path in Path("out").iterdir()}
@@ -125,6 +126,7 @@ def test_what_is_no_document_is_refused(lagsim, content, options, said):
     assert said in called.err
 
 
+@pytest.mark.slow
 def test_several_models(lagsim, write):
     files = [write(PENDULUM, f"{name}.yaml") for name in "ab"]
     quick = ("--methods", "dop853", "--tolerances", "1e-4:1e-4")

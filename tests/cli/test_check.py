@@ -317,6 +317,7 @@ def test_the_keys_of_shipped_models(lagsim, path):
         assert isinstance(c["integrable"], bool) is decided
 
 
+@pytest.mark.slow
 def test_no_heavy_library_is_imported():
     code = (
         "import sys, json; sys.argv = ['lagsim', 'check', '--json', *sys.argv[1:]]\n"

@@ -180,6 +180,7 @@ def test_tolerances_that_are_none(pair, option, value):
     assert f"{option} {value}: a number of at least 0" in called.err
 
 
+@pytest.mark.slow
 def test_two_folders_and_a_picture(lagsim, write):
     file = write(ON_THE_CURVE)
     for folder, rtol in (("a", "1e-11"), ("b", "1e-6")):

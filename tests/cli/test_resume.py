@@ -94,6 +94,7 @@ def gone_on(lagsim, begun, model, after, kind, *more):
     return content("cut"), content("whole")
 
 
+@pytest.mark.slow
 def test_a_killed_run_goes_on(lagsim, begun):
     found, whole = gone_on(
         lagsim, begun, "bouncing-ball", 2, signal.SIGKILL, "--no-plots"

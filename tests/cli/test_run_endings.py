@@ -104,6 +104,7 @@ def started(folder, model, *before):
     pytest.fail(f"no rows: {run.communicate()}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_from_outside(lagsim, write, kind):
     lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
@@ -144,6 +145,7 @@ def test_an_ignored_signal_stays_ignored(lagsim, write, monkeypatch):
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("lagsim")
 def test_a_run_under_a_parent_that_ignores_an_interrupt(write):
     model = write(ENDLESS)
@@ -162,6 +164,7 @@ def test_a_run_under_a_parent_that_ignores_an_interrupt(write):
     assert b"interrupted" in err
 
 
+@pytest.mark.slow
 def test_a_killed_run_leaves_the_old_results(lagsim, write):
     lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
     before = {name: Path("out", name).read_bytes() for name in names("out")}

@@ -30,6 +30,7 @@ def three(write):
     return "a.yaml", "b.yaml", "c.yaml"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_each_gives_the_bytes_of_a_run_alone(lagsim, three, jobs):
     called = lagsim("run", *three, "--no-plots", "-o", "all", "-j", jobs)

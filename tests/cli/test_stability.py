@@ -29,6 +29,7 @@ def rows(folder):
     return list(csv.DictReader(text.splitlines()))
 
 
+@pytest.mark.slow
 def test_the_files_and_the_table(lagsim, write):
     called = lagsim("stability", write(OSCILLATOR), *SOME)
     assert (called.code, called.err) == (0, "")

@@ -213,6 +213,7 @@ def test_inadmissible_starts_are_rows(lagsim, write):
     }
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_same_bytes(lagsim, write):
     text = FALL.replace("{r: 1}", "{r: R}").replace(
         "initial", "parameters: {R: 1}\ninitial"
@@ -360,6 +361,7 @@ def test_a_file_that_lies_elsewhere_too_is_not_written_through(
     assert victim.read_text() == "of somebody else"
 
 
+@pytest.mark.slow
 def test_a_torn_line_is_made_again(lagsim, write):
     sweep = ("sweep", write(SPRING), "K=20:30:4", *QUICK, "-o", "out", "-j", 1)
     lagsim(*sweep)

@@ -25,6 +25,7 @@ def rows(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_they_are_the_ends_of_whole_runs(model, lagsim, tmp_path):
     ends, whole = tmp_path / "ends", tmp_path / "whole"
     quick = ("--no-plots", "-j", "1", "-q")

@@ -260,6 +260,7 @@ def test_a_reader_that_has_gone_away(tmp_path, write, command, code):
     assert done.stderr == f"{code}\n".encode()
 
 
+@pytest.mark.slow
 def test_names_that_stdout_cannot_spell(tmp_path, write):
     write(PENDULUM.replace("theta", "θ"), "m.yaml")
     done = shell(

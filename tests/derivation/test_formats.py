@@ -63,6 +63,7 @@ def test_latex_is_read_by_a_strict_reader(name: str) -> None:
     assert len(displays) >= 3
 
 
+@pytest.mark.slow
 def test_latex_of_everything() -> None:
     for text in (EVERY_FUNCTION, NAMED):
         check(as_latex(small(text, with_gauss=True, solve=True)))
@@ -422,6 +423,7 @@ def test_long_equations_break_where_they_are_one_term(ascii_only: bool) -> None:
     assert all(f"{n}{'*' if ascii_only else ' '}cos(" in whole for n in range(2, 14))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["double-pendulum", "chain-cartesian", "andrews"])
 def test_long_terms_of_latex_break(name: str) -> None:
     document = as_latex(

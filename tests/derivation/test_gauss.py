@@ -199,6 +199,7 @@ def test_a_path_beside_the_motion_changes_the_action_in_second_order(name: str) 
 SPAN = {"duration": 2, "output_step": 0.002}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
 def test_the_action_stands_beside_the_work(loops: bool) -> None:
     r = run(asking("elastic-pendulum-forced", action=True), loops=loops, **SPAN)

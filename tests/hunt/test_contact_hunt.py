@@ -68,6 +68,7 @@ def ball(e, **law):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_referee_knows_bounces_rest_and_friction():
     rows, known, path = truth(ball(0.5, mu=0.1))
     first = np.sqrt(2 / 9.81)

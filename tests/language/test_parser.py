@@ -262,6 +262,7 @@ def test_faults_of_relations(text: str, offset: int, message: str, hint: str) ->
     assert hint in caught.value.hint
 
 
+@pytest.mark.slow
 def test_a_sum_of_20000_terms() -> None:
     g = Graph()
     text = " + ".join(f"{k}*x" for k in range(1, 20_001))

@@ -115,6 +115,7 @@ LARGE = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", LARGE.values(), ids=LARGE.keys())
 def test_size_neither_hangs_nor_exhausts(text):
     began = time.process_time()

@@ -112,6 +112,7 @@ def test_points_and_their_rates():
     assert np.allclose(rate, expected, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_rod_pulls_its_bob_to_the_pivot():
     film, result = filmed(PENDULUM)
     x, y = result["x"], result["y"]
@@ -121,6 +122,7 @@ def test_a_rod_pulls_its_bob_to_the_pivot():
     assert len(film.pushes) == 1
 
 
+@pytest.mark.slow
 def test_a_reaction_pulls_likewise():
     film, result = filmed(SWINGING)
     x, y = result["x"], result["y"]
@@ -153,6 +155,7 @@ def test_a_contact_pushes_and_rubs():
     assert np.allclose(force_on(film, "box", "floor"), expected, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_torque_is_no_force_on_a_point():
     film, _ = filmed(STOP)
     assert film.pushes == []

@@ -319,6 +319,7 @@ def test_what_lies_past_the_horizon_is_counted_with_states_at_events():
     assert run.trusted() == 9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wanted", [True, False])
 def test_marks_can_be_switched_off(wanted, tmp_path, monkeypatch):
     text = """\

@@ -80,6 +80,7 @@ def test_digits_of_places(far, texts):
     assert [one["text"] for one in found] == wanted
 
 
+@pytest.mark.slow
 def test_several_runs_on_one_line():
     """It has all their times; their events in order; no forecast from the first on."""
     events = [Event(5.0, "impact", "a"), Event(3.0, "slip", "a")]

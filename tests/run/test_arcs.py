@@ -202,6 +202,7 @@ simulation: {{duration: 2, output_step: 0.5}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("at", "loops"), [(1.0, False), (0.8, False), (1.0, True)])
 def test_a_rate_that_jumps_is_an_inelastic_impact(at, loops):
     # x = 0, then v (t - at): the wall begins to push at once.

@@ -43,6 +43,7 @@ def rows(case, by):
     return keep.table, trajectory.statistics
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_rows_are_those_of_the_text_read_again(case, monkeypatch):
     compiled = []

@@ -147,6 +147,7 @@ def test_each_end_in_words(outcome):
     assert reason_of(ended, ending).startswith(TOLD[outcome])
 
 
+@pytest.mark.slow
 def test_a_constraint_that_is_never_met_ends_the_run():
     # At rest on the tip of a cone of velocities, under gravity: the tip is left in no
     # direction more than in another, and rows that vanish project nothing.

@@ -53,6 +53,7 @@ def test_by_each_method(method):
         assert np.max(np.abs(found[f"work.{q}"] - alone["work"])) < 1e-8 * size
 
 
+@pytest.mark.slow
 def test_by_a_sparse_matrix():
     """Twelve damped oscillators, of which each keeps its own account."""
     count = 12

@@ -67,6 +67,7 @@ def deviation(times, places, offset=0.0):
     return np.max(np.abs(places - offset - truth(times)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rtol", "allowed"), [("1e-9", 1e-6), ("1e-11", 1e-7), ("1e-13", 1e-7)]
 )

@@ -138,6 +138,7 @@ def test_until_is_flat_but_for_a_moment(until, expected, method):
     assert run(text).trajectory.end == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_switch_is_flat_but_for_a_moment(method):
     text = line(

@@ -74,6 +74,7 @@ def far_run(law, at, speed, **options):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("speed", [-2.0, -0.451])
 def test_no_law_hangs_at_its_switch_wherever_that_is(law, speed):

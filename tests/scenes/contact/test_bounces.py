@@ -163,6 +163,7 @@ def test_an_oscillator_against_a_stop():
     close(found["x"], found.piecewise(pieces))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "rk4"])
 def test_every_kind_of_method_bounces(method):
     # Steps of rk4 are a thousandth of the period: an error of 1e-11.

@@ -27,6 +27,7 @@ def agree(seed):
     assert found.instants("impact")[: len(early)] == pytest.approx(early, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(QUICK))
 def test_random_lines(seed):
     agree(seed)

@@ -191,6 +191,7 @@ def test_jumps_that_are_not_located_waste_work():
     assert found["x"][inside] == pytest.approx(expected[inside], abs=1e-7)
 
 
+@pytest.mark.slow
 def test_events_on_a_cubic_lose_the_order_of_the_method():
     # The pendulum from pi/2 passes its lowest point after a quarter of its period.
     from scipy.special import ellipk

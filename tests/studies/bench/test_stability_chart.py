@@ -66,6 +66,7 @@ def everything(strips):
     )
 
 
+@pytest.mark.slow
 def test_every_text_of_strips_lies_on_the_sheet_and_over_no_other(strips):
     assert_legible(drawn(chart, "spring", strips, None))
 
@@ -113,6 +114,7 @@ def named_in_legend(drawing):
     return {text for text in drawing.written() if text in names}
 
 
+@pytest.mark.slow
 def test_the_legend_names_what_is_drawn(strips):
     # A spring's eigenvalues are those of the start all along: two marks in one place.
     drawing = drawn(chart, "spring", strips, None)
