@@ -74,6 +74,28 @@ def test_a_contact_whose_compliance_leaves_doubles(scale):
     assert found.trajectory.outcome.complete or "t = " in found.trajectory.reason
 
 
+# Between a wall whose law doubles do not hold, and a floor that drives it there.
+WALLED = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+constraints:
+  wall:
+    {relation: 1e-160*(abs(x) - 1/9) >= 0, restitution: 0.5, friction: 0.4,
+    slip: 1e-160*x_dot}
+  floor: {relation: 1e120*(y - 0.3*sin(x)) >= 0, restitution: 0}
+initial: {x: 0.3, y: 1, x_dot: 0.5}
+simulation: {duration: 2}
+"""
+
+
+@pytest.mark.slow
+def test_a_contact_that_comes_to_rest_without_end_ends_the_run():
+    with np.errstate(all="ignore"):
+        found = run(WALLED).trajectory
+    assert found.outcome is Outcome.SWITCHES_ACCUMULATE
+    assert "`wall` accumulate at t = 1.92888" in found.reason
+
+
 @pytest.mark.parametrize(
     "error",
     [

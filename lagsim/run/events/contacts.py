@@ -105,8 +105,10 @@ class Contacts(Source):
         self.sequence.add(arc.t, k)
         self._leave(arc, k)
         found = self._through(arc, k)
-        if self.sequence.is_stuck() and found.ending is None:
-            about = self._names(self.sequence.lately())
+        span = self.sequence.span
+        restless = [k for k in self.contacts if self.flights[k].is_restless(span)]
+        if (restless or self.sequence.is_stuck()) and found.ending is None:
+            about = self._names(restless or self.sequence.lately())
             found.ending = Ending(Outcome.SWITCHES_ACCUMULATE, about)
         turn = Turn.MODES if arc.system.surfaces else Turn.ARC
         return self._decision(arc, found)._replace(turn=turn)
@@ -214,7 +216,10 @@ class Contacts(Source):
         if struck.isdisjoint(ends):
             return {}
         loud = struck.difference(ends)
-        return {k: end for k, end in ends.items() if not here.acts_on(k, loud)}
+        ends = {k: end for k, end in ends.items() if not here.acts_on(k, loud)}
+        for k in struck.intersection(ends):
+            self.flights[k].rests.append(t)
+        return ends
 
     def _strike(
         self,

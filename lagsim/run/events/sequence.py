@@ -24,6 +24,10 @@ FLIGHTS = 4
 # A ratio this near 1 is none. What has not struck for so many flights does not bounce.
 STEADY = 0.999
 LATE = 10.0
+# What comes to rest so often, in this part of a run, and never stays so: its laws are
+# beyond what doubles hold.
+RESTS = 200
+NO_PART = 1e-4
 
 
 class Sequence:
@@ -98,10 +102,16 @@ class Flights:
 
     def __init__(self) -> None:
         self.strikes: deque[tuple[float, float]] = deque(maxlen=FLIGHTS + 1)
+        self.rests: deque[float] = deque(maxlen=RESTS)  # when it came to rest
 
     def add(self, time: float, speed: float) -> None:
         """Take one more strike."""
         self.strikes.append((time, speed))
+
+    def is_restless(self, span: float) -> bool:
+        """Tell whether it comes to rest again and again, and gets nowhere."""
+        full = len(self.rests) == RESTS
+        return full and self.rests[-1] - self.rests[0] < NO_PART * span
 
     def end(self, time: float, speed: float, least: float) -> float | None:
         """Give when it will have bounced, if what is left is no motion; else None.

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from lagsim.run.events.sequence import SHORT, STUCK, Flights, Sequence
+from lagsim.run.events.sequence import RESTS, SHORT, STUCK, Flights, Sequence
 
 
 def told(times, start=0.0, span=100.0, surfaces=(0,)):
@@ -161,3 +161,12 @@ def test_by_turns_none_of_the_last_four_went_anywhere(loud):
     # The speed of the first strike is that before the flights.
     assert found.end(time, 1e-4, 1e-2) == (time if loud in (0, 5) else None)
     assert found.end(time, 1.0, 1e-2) is None
+
+
+@pytest.mark.parametrize(("apart", "restless"), [(1e-9, True), (1e-2, False)])
+def test_rests_that_do_not_last(apart, restless):
+    flights = Flights()
+    for k in range(RESTS):
+        assert not flights.is_restless(1.0)
+        flights.rests.append(1.0 + k * apart)
+    assert flights.is_restless(1.0) is restless
