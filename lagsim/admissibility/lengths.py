@@ -81,10 +81,21 @@ class Lengths:
             nodes = list(form.A.values())
             wanted.append(nodes)
             along.append(sorted(place[x] for x in g.cone(nodes) if x in place))
-            for k in along[-1]:
+            # Entries that a coordinate does not move are not looked through for it.
+            moved: dict[int, list[int]] = {k: [] for k in along[-1]}
+            for i, node in enumerate(nodes):
+                for x in g.cone([node]):
+                    if x in place:
+                        moved[place[x]].append(i)
+            for k, entries in moved.items():
                 seed = {g.variable(names[k]): g.one}
-                first = tangent(g, nodes, seed)
-                wanted += [first, tangent(g, first, seed)]
+                slopes = tangent(g, [nodes[i] for i in entries], seed)
+                curvatures = tangent(g, slopes, seed)
+                for found in (slopes, curvatures):
+                    row = [g.zero] * len(nodes)
+                    for i, slope in zip(entries, found, strict=True):
+                        row[i] = slope
+                    wanted.append(row)
         flat = [node for nodes in wanted for node in nodes]
         values = iter(evaluate(g, flat, self.point.values(self.q, self.v)))
         for form, ways in zip(self.forms, along, strict=True):
