@@ -16,14 +16,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from lagsim.model.model import Model
 
-Array: TypeAlias = NDArray[np.float64]
+    Array: TypeAlias = NDArray[np.float64]
 
 # The series whose drift the energy picture shows, where there is a column `work`.
 DRIFT = "energy - work"
