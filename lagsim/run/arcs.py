@@ -301,7 +301,7 @@ class Run:
         """Give the row at the time reached, unless it has been given."""
         if self.cut is not None:
             return
-        if self.recorder.rows == 0 or self.arc.row_time(-1) < self.t:
+        if not self.recorder.last >= self.t:  # also where there is none
             self._show()
 
     def trajectory(self, ending: Ending) -> Trajectory:

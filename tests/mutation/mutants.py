@@ -1,7 +1,7 @@
 """Small changes of the source, one at a time, that some test should notice.
 
 A mutant is another operator, number or word at one place of a file. Mutants are taken
-from all rooms in turn, by a commit's hash: each commit has others, and the same ones
+from a few rooms in turn, by a commit's hash: each commit has others, and the same ones
 again. One that no test of its room notices has survived.
 
 mutmut and cosmic-ray change Python alone. The first puts its switches into functions,
@@ -21,6 +21,8 @@ import time
 import tokenize
 from pathlib import Path
 from typing import NamedTuple
+
+from coverage import CoverageData
 
 from tests.patience import PATIENCE
 
@@ -77,13 +79,17 @@ ROOMS = {
     "native": Room("native/**/*.py", ("tests/native", "tests/solve"), 0.35),
     "methods": Room("methods/**/*.py", ("tests/methods",), 0.5),
     "solve": Room("solve/**/*.py", ("tests/solve", "tests/mechanics"), 0.35),
-    "plan": Room("plan/**/*.py", ("tests/plan", "tests/solve"), 0.5),
+    "plan": Room(
+        "plan/**/*.py", ("tests/plan", "tests/cli/test_formulations.py"), 0.5
+    ),
     "run": Room("run/**/*.py", ("tests/run",), 0.35),
     "outputs": Room("outputs/**/*.py", ("tests/outputs",), 0.35),
     "studies": Room("studies/**/*.py", ("tests/studies", "tests/golden"), 0.35),
     "api": Room("api/**/*.py", ("tests/api",), 0.25),
     "cli": Room("cli/**/*.py", ("tests/cli",), 0.25),
 }  # fmt: skip
+# So many rooms a night, beside the page.
+A_NIGHT = 4
 
 
 class Mutant(NamedTuple):
@@ -166,9 +172,16 @@ def compiles(mutant: Mutant, text: str) -> bool:
     return True
 
 
+def rooms_of(commit: str) -> tuple[str, ...]:
+    """Give the rooms whose turn it is: each has to be run once without a mutant."""
+    others = [name for name in ROOMS if name != "page"]
+    first = int(hashlib.sha256(commit.encode()).hexdigest(), 16) % len(others)
+    return ("page", *(2 * others)[first : first + A_NIGHT])
+
+
 def chosen(commit: str, count: int, rooms: tuple[str, ...] = ()) -> list[Mutant]:
-    """Give so many mutants by the hash of a commit, from all rooms in turn."""
-    names = rooms or tuple(ROOMS)
+    """Give so many mutants by the hash of a commit, from some rooms in turn."""
+    names = rooms or rooms_of(commit)
     every: dict[str, list[Mutant]] = {}
     found: list[Mutant] = []
     draw = 0
@@ -194,11 +207,16 @@ def chosen(commit: str, count: int, rooms: tuple[str, ...] = ()) -> list[Mutant]
 
 
 class Copy:
-    """A copy of the tree in which mutants are tried, with native code of its own."""
+    """A copy of the tree in which mutants are tried, with native code of its own.
+
+    Coverage of a room's tests without a mutant tells which of them run a line: a
+    mutant is shown to these alone. What is translated to native code leaves no lines:
+    there it is those that run any line of the file, or else all tests of the room.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.tree, self.cache = folder / "tree", folder / "cache"
-        self.used = folder / "used"
+        self.used, self.lines = folder / "used", folder / "lines"
         listed = subprocess.run(
             ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True
         )
@@ -206,18 +224,16 @@ class Copy:
             (self.tree / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(ROOT / name, self.tree / name)
         self.limits: dict[tuple[str, ...], float] = {}
+        self.covered: dict[tuple[str, ...], dict[str, dict[int, list[str]]]] = {}
 
-    def passes(self, tests: tuple[str, ...], limit: float | None) -> bool | None:
+    def _passes(
+        self, options: list[str], cache: Path, limit: float | None
+    ) -> bool | None:
         """Tell whether tests pass; None where they have not ended in time."""
         line = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
-        line += ["--no-header", *tests]
-        # What a broken mutant leaves in the cache is not for the next one.
-        cache = self.cache
-        if limit is not None:
-            shutil.rmtree(self.used, ignore_errors=True)
-            cache = shutil.copytree(self.cache, self.used)
+        line += ["--no-header", *options]
         known = dict(os.environ, PYTHONPATH=str(self.tree), LAGSIM_CACHE=str(cache))
-        known["PYTHONDONTWRITEBYTECODE"] = "1"
+        known |= {"PYTHONDONTWRITEBYTECODE": "1", "COVERAGE_FILE": str(self.lines)}
         known.pop("PYTEST_XDIST_WORKER", None)
         try:
             done = subprocess.run(
@@ -228,20 +244,48 @@ class Copy:
         assert done.returncode in (0, 1, 2, 3), done.stdout[-2000:].decode()
         return done.returncode == 0
 
+    def _begin(self, tests: tuple[str, ...]) -> None:
+        """Run tests without a mutant: how long they take, and which lines each runs."""
+        self.cache.mkdir(exist_ok=True)
+        began = time.monotonic()
+        cover = ["--cov=lagsim", "--cov-context=test", "--cov-report="]
+        passed = self._passes([*tests, *cover], self.cache, None)
+        assert passed, f"{tests} fail without a mutant"
+        self.limits[tests] = 60.0 * PATIENCE + 3.0 * (time.monotonic() - began)
+        data = CoverageData(str(self.lines))
+        data.read()
+        paths = data.measured_files()
+        self.covered[tests] = {path: data.contexts_by_lineno(path) for path in paths}
+        self.lines.unlink()
+
+    def exercising(self, mutant: Mutant, tests: tuple[str, ...]) -> list[str]:
+        """Give those of some tests that run the line of a mutant."""
+        path = str(self.tree / mutant.path)
+        by_line = self.covered[tests].get(path, {})
+        here = by_line.get(mutant.line, [])
+        everywhere = [context for some in by_line.values() for context in some]
+        for contexts in (here, everywhere):
+            # `file::test[case]|run`; empty where a module is read.
+            found = sorted({context.rpartition("|")[0] for context in contexts} - {""})
+            if found:
+                return found
+        return list(tests)
+
     def survives(self, mutant: Mutant, tests: tuple[str, ...] = ()) -> bool:
         """Tell whether all tests of its room pass with a mutant; `tests` instead."""
         tests = tests or ROOMS[mutant.room].tests
         if tests not in self.limits:
-            self.cache.mkdir(exist_ok=True)
-            began = time.monotonic()
-            assert self.passes(tests, None), f"{tests} fail without a mutant"
-            took = time.monotonic() - began
-            self.limits[tests] = 60.0 * PATIENCE + 3.0 * took
-        path = self.tree / mutant.path
+            self._begin(tests)
+        # What a broken mutant leaves in the cache is not for the next one.
+        shutil.rmtree(self.used, ignore_errors=True)
+        cache = Path(shutil.copytree(self.cache, self.used))
+        path, chosen = self.tree / mutant.path, self.tree / "chosen.txt"
+        chosen.write_text("\n".join(self.exercising(mutant, tests)), "utf-8")
         text = path.read_text("utf-8")
         path.write_text(mutant.applied(text), "utf-8")
         try:
-            return self.passes(tests, self.limits[tests]) is True
+            options = ["-n0", f"@{chosen}"]
+            return self._passes(options, cache, self.limits[tests]) is True
         finally:
             path.write_text(text, "utf-8")
 

@@ -8,6 +8,7 @@ from benchmarks.link_chain import chain
 from benchmarks.rod_chain import rod_chain
 from lagsim.errors import InputError
 from lagsim.model.settings import DEFAULT_RTOL
+from lagsim.plan.cost import step_parts
 from lagsim.plan.making import by_loops
 from tests.scenes.reference import model_text
 from tests.support import case_of
@@ -131,6 +132,31 @@ def test_an_unknown_method_is_refused_by_name():
     assert problem.code == "unknown-method"
     assert "rk5" in problem.text
     assert "rk4" in problem.hint
+
+
+@pytest.mark.parametrize(
+    ("method", "goes"), [("rk4", True), ("dop853", True), ("rattle", False)]
+)
+def test_who_integrates_what_is_ignorable(method, goes):
+    options = {"formulation": "ignorable", "method": method}
+    options |= {} if method == "dop853" else {"step": "0.01"}
+    if goes:
+        assert plan_of("heavy-top", **options).method == method
+        return
+    with pytest.raises(InputError) as caught:
+        plan_of("heavy-top", **options)
+    [problem] = caught.value.problems
+    assert problem.code == "method-refused"
+    assert "ignorable coordinates" in problem.text
+
+
+@pytest.mark.parametrize(("name", "projects"), [("kepler", False), ("andrews", True)])
+def test_what_has_no_constraints_projects_nothing(name, projects):
+    plan = plan_of(name)
+    assert plan.elimination is not None
+    projection, stages = step_parts(plan.reduction.equations, plan.elimination)
+    assert stages > 0.0
+    assert (projection > 0.0) == projects
 
 
 def test_regular_equations_are_solved_straight():

@@ -155,7 +155,7 @@ class Contacts(Source):
             also |= set(ends)
             closed = here.is_closed(also)
         for k, law in enumerate(self.laws):
-            if closed[k] and law.row.holonomic and self._jumps(here, k):
+            if closed[k] and self._jumps(here, k):
                 found.ending = Ending(Outcome.CONSTRAINT_JUMPS, law.constraint)
                 return found
         some = [k for k, law in enumerate(self.laws) if closed[k]]

@@ -118,7 +118,8 @@ def test_an_impact_without_a_solution_ends_the_run(monkeypatch):
 
 @pytest.mark.parametrize("mass", [1.0, 1e6])
 @pytest.mark.parametrize("restitution", [0, 0.5])
-def test_a_gap_that_jumps_ends_the_run(restitution, mass):
+@pytest.mark.parametrize("method", ["auto", "rk4"])
+def test_a_gap_that_jumps_ends_the_run(method, restitution, mass):
     """A ball that runs into the riser of a step at x = 1, at 0.5 s."""
     found = run(read(f"""
 name: riser
@@ -128,7 +129,7 @@ energy: {{kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*9.81*y}}
 constraints:
   floor: {{relation: y >= 0.2*floor(x), restitution: {restitution}}}
 initial: {{x: 0.1, y: 0, x_dot: 1.8}}
-simulation: {{duration: 3, output_step: 0.1}}
+simulation: {{duration: 3, output_step: 0.1, method: {method}}}
 """, "riser.yaml"))  # fmt: skip
     assert found.trajectory.outcome is Outcome.CONSTRAINT_JUMPS
     assert found.trajectory.end == pytest.approx(0.5, abs=1e-6)

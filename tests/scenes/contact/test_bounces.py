@@ -64,6 +64,7 @@ def test_infinitely_many_bounces_end_when_the_geometric_series_does(e):
     # A few at the least tell that the series is geometric.
     assert len(listed) >= 3
     assert listed == pytest.approx(impacts(e, len(listed)), rel=GLOBAL)
+    assert [x.kind for x in found.result.events] == ["impact"] * len(listed) + ["zeno"]
     rests = found.t > end * (1 + GLOBAL)
     assert np.count_nonzero(rests) >= 9
     assert np.max(np.abs(found["y"][rests])) < 1e-12
