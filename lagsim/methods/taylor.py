@@ -63,7 +63,7 @@ from lagsim.methods.parts.state import (
     PROJECTION_FAILED,
     STEP_TOO_SMALL,
 )
-from lagsim.native.kernels.words import abreast, at, keep, vector
+from lagsim.native.kernels.words import apart, at
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -270,9 +270,9 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
     s.which = 1.0 - s.which
     rest = s.rest
     carried = s.carried
-    for i in abreast(size):
-        keep(vector(new, i), y, i, size - i)
-        keep(vector(rest, i), carried, i, size - i)
+    for i in apart(size):
+        y[i] = new[i]
+        carried[i] = rest[i]
     keep_rest(s)
     s.step_t = s.t
     s.step_h = h

@@ -103,10 +103,6 @@ def part(whole: str, first: Callable[[Any], int], length: Callable[[Any], int]) 
 # runs of a sweep ask for.
 SMALL = 4096
 _MADE: dict[object, Floats] = {}
-# Numbers side by side in a vector of kernels; and words behind the last array, which
-# one that is not full may read.
-FOUR = 4
-BEHIND = FOUR - 1
 
 
 class Memory:
@@ -178,8 +174,8 @@ class Memory:
             else:
                 whole, first = field.first
                 memory.flat[field.word] = memory.place(whole) + first(memory)
-        more = end - len(cls.fields) + BEHIND
-        memory = cls(np.concatenate([memory.flat, np.zeros(more)]))
+        more = np.zeros(end - len(cls.fields))
+        memory = cls(np.concatenate([memory.flat, more]))
         for name, field in cls.fields.items():
             if field.kind == ARRAY and field.value != 0.0:
                 getattr(memory, name)[:] = field.value

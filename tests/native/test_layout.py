@@ -14,7 +14,7 @@ from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.code import KernelError, bind, translate
 from lagsim.native.kernels.keys import fingerprint
 from lagsim.native.kernels.words import apart
-from lagsim.native.layout import ARRAY, BEHIND, SIZE, Memory, array, part
+from lagsim.native.layout import ARRAY, SIZE, Memory, array, part
 from lagsim.native.link.engine import Engine, compile_object
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def test_a_name_has_a_word_and_an_array_its_length() -> None:
         3,
     ]
     # Nine words, and 4 + 4 + 12 + 3 elements; what is a part has none of its own.
-    assert len(s.flat) == 9 + 23 + BEHIND
+    assert len(s.flat) == 9 + 23
     assert s.weights.tolist() == [0.5, 0.25, 0.25]
     assert s.low.tolist() == [inf] * 4
 
@@ -186,4 +186,4 @@ def test_no_array_lies_in_another(memory: type[Memory]) -> None:
             whole = s.place(field.first[0]), len(getattr(s, field.first[0]))
             assert whole[0] <= s.place(key)
             assert s.place(key) + len(getattr(s, key)) <= sum(whole), key
-    assert end + BEHIND == len(s.flat)
+    assert end == len(s.flat)

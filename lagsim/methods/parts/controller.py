@@ -25,16 +25,7 @@ from lagsim.methods.parts.noise import (
 )
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import (
-    above,
-    abreast,
-    at,
-    head,
-    keep,
-    larger,
-    smaller,
-    vector,
-)
+from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -107,12 +98,12 @@ def record_extents(s: State) -> None:
     low = s.low
     high = s.high
     noise = s.noise
-    for i in abreast(size):
-        now = vector(y, i)
-        keep(larger(abs(now), vector(sizes, i)), sizes, i, size - i)
-        keep(smaller(now, vector(low, i)), low, i, size - i)
-        keep(larger(now, vector(high, i)), high, i, size - i)
-        keep(0.0, noise, i, size - i)
+    for i in range(size):
+        now = y[i]
+        sizes[i] = max(sizes[i], abs(now))
+        low[i] = min(low[i], now)
+        high[i] = max(high[i], now)
+        noise[i] = 0.0
     s.looked = 0.0
 
 
@@ -162,29 +153,25 @@ def set_tolerances(
     moment = max(h, instant)
     rtol = LOCAL * s.rtol
     floor = FINEST if s.rtol < TIGHT else NOISE
-    for i in abreast(size):
-        after = vector(new, i)
-        rate = abs(vector(rates, i))
-        width = larger(after, vector(high, i)) - smaller(after, vector(low, i))
-        sized = above(width, 0.0, WIDTH * width, h * rate)
+    for i in range(size):
+        after = new[i]
+        rate = abs(rates[i])
+        width = max(high[i], after) - min(low[i], after)
+        sized = WIDTH * width if width > 0.0 else h * rate
         if instant > 0.0:
-            sized = larger(larger(vector(foreseen, i), instant * rate), sized)
-        part = vector(parts, i)
+            sized = max(sized, instant * rate, foreseen[i])
+        part = parts[i]
         if p.laws > 0:
-            part = larger(vector(law_pushes, i), part)
-        quiet = vector(noise, i)
+            part = max(part, law_pushes[i])
         if i < n:
             # Positions: what their velocities do in the step.
-            part = head(n - i, part * moment, part)
-            follows = larger(vector(noise, n + i) * h, floor * rate)
-            quiet = head(n - i, follows, quiet)
-            keep(quiet, noise, i, size - i)
-            follows = instant * instant * abs(vector(rates, n + i))
-            sized = larger(head(n - i, follows, 0.0), sized)
-        sized = larger(FLOOR * moment * part, sized)
-        rough = floor * larger(abs(after), vector(sizes, i))
-        rough = larger(UNDERFLOW, larger(quiet * h, rough))
-        keep(larger(rough, rtol * sized), tolerances, i, size - i)
+            part *= moment
+            noise[i] = max(floor * rate, noise[n + i] * h)
+            sized = max(sized, instant * instant * abs(rates[n + i]))
+        sized = max(sized, FLOOR * moment * part)
+        rough = floor * max(sizes[i], abs(after))
+        rough = max(rough, noise[i] * h, UNDERFLOW)
+        tolerances[i] = max(rtol * sized, rough)
     if p.m > 0:
         share_tolerances(s)
     if size > 2 * n:

@@ -38,7 +38,7 @@ from lagsim.methods.parts.state import (
 from lagsim.methods.parts.strays import strayed, take_back
 from lagsim.methods.parts.switching import find_end
 from lagsim.native.graph.sincos import LANES
-from lagsim.native.kernels.words import abreast, at, keep, unrolled, vector
+from lagsim.native.kernels.words import apart, at, unrolled
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -167,10 +167,10 @@ def keep_sizes(s: State) -> None:
     sizes_before = s.sizes_before
     low_before = s.low_before
     high_before = s.high_before
-    for i in abreast(size):
-        keep(vector(sizes, i), sizes_before, i, size - i)
-        keep(vector(low, i), low_before, i, size - i)
-        keep(vector(high, i), high_before, i, size - i)
+    for i in apart(size):
+        sizes_before[i] = sizes[i]
+        low_before[i] = low[i]
+        high_before[i] = high[i]
 
 
 def inspect(s: State, p: Parameters) -> None:

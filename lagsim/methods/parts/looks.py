@@ -21,7 +21,6 @@ from lagsim.methods.parts.interface import interpolate, signals
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
 from lagsim.methods.parts.strays import differs, hardly_varies, is_rounding
-from lagsim.native.kernels.words import abreast, head, keep, vector
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -86,31 +85,29 @@ def suspect(
     count = s.signals
     z = s.look
     rates = s.look_rates
-    for i in abreast(size):
-        keep(vector(old, i), z, i, size - i)
-        keep(vector(old_rates, i), rates, i, size - i)
+    for i in range(size):
+        z[i] = old[i]
+        rates[i] = old_rates[i]
     signals(s.t, z, p, s.signals_first)
-    for i in abreast(size):
-        keep(vector(new, i), z, i, size - i)
-        keep(vector(new_rates, i), rates, i, size - i)
+    for i in range(size):
+        z[i] = new[i]
+        rates[i] = new_rates[i]
     signals(s.t + h, z, p, s.signals_last)
     x = BETWEEN
-    for i in abreast(size):
-        first = vector(old, i)
-        change = vector(new, i) - first
-        A = h * vector(old_rates, i)
-        B = h * vector(new_rates, i)
+    for i in range(size):
+        first = old[i]
+        change = new[i] - first
+        A = h * old_rates[i]
+        B = h * new_rates[i]
         P = 3.0 * change - 2.0 * A - B
         Q = A + B - 2.0 * change
-        between = first + x * (A + x * (P + x * Q))
+        z[i] = first + x * (A + x * (P + x * Q))
         if i < n:
             # Positions with their second derivatives too: what the cubic lacks.
-            a = 0.5 * h * h * vector(old_rates, n + i) - P
-            b = 0.5 * h * h * vector(new_rates, n + i) - P - 3.0 * Q
-            bend = x * x * (1.0 - x) * (1.0 - x) * ((1.0 - x) * a + x * b)
-            between = between + head(n - i, bend, 0.0)
-        keep(between, z, i, size - i)
-        keep((A + x * (2.0 * P + 3.0 * x * Q)) / h, rates, i, size - i)
+            a = 0.5 * h * h * old_rates[n + i] - P
+            b = 0.5 * h * h * new_rates[n + i] - P - 3.0 * Q
+            z[i] += x * x * (1.0 - x) * (1.0 - x) * ((1.0 - x) * a + x * b)
+        rates[i] = (A + x * (2.0 * P + 3.0 * x * Q)) / h
     signals(s.t + BETWEEN * h, z, p, s.signals_middle)
     s.suspect = 0.0
     for k in range(count):

@@ -26,15 +26,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.interface import derivative, rounding
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import (
-    above,
-    abreast,
-    apart,
-    fused,
-    head,
-    keep,
-    vector,
-)
+from lagsim.native.kernels.words import apart, fused
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -192,16 +184,16 @@ def add_exactly(
     size: int, y: Floats, k: Floats, h: float, new: Floats, left: Floats
 ) -> None:
     """Give y + h k (size,), and add to `left` what both roundings cut off."""
-    for i in abreast(size):
-        before = vector(y, i)
-        rate = vector(k, i)
+    for i in apart(size):
+        before = y[i]
+        rate = k[i]
         moved = h * rate
         cut = fused(h, rate, -moved)
         after = before + moved
         back = after - before
         cut += (before - (after - back)) + (moved - back)
-        keep(after, new, i, size - i)
-        keep(vector(left, i) + cut, left, i, size - i)
+        new[i] = after
+        left[i] += cut
 
 
 def add_change(s: State, p: Parameters, k: Floats, h: float, new: Floats) -> None:
@@ -231,13 +223,13 @@ def find_drift(s: State, p: Parameters, k: Floats, out: Floats) -> None:
         for i in range(size):
             out[i] = 0.0
         return
-    for i in abreast(size):
-        keep(vector(y, i) + LARGER * vector(rest, i), z, i, size - i)
+    for i in apart(size):
+        z[i] = y[i] + LARGER * rest[i]
     derivative(s.t, z, p, out)
     s.evaluations += 1.0
-    for i in abreast(size):
-        drift = (vector(out, i) - vector(k, i)) / LARGER
-        keep(above(1e300, abs(drift), drift, 0.0), out, i, size - i)
+    for i in apart(size):
+        drift = (out[i] - k[i]) / LARGER
+        out[i] = drift if abs(drift) < 1e300 else 0.0
 
 
 def add_drift(s: State, drift: Floats, h: float) -> None:
@@ -245,12 +237,10 @@ def add_drift(s: State, drift: Floats, h: float) -> None:
     size = s.size
     n = s.n
     left = s.left
-    for i in abreast(size):
-        more = vector(left, i) + h * vector(drift, i)
+    for i in range(size):
+        left[i] += h * drift[i]
         if i < n:
-            bend = 0.5 * h * h * vector(drift, n + i)
-            more += head(n - i, bend, 0.0)
-        keep(more, left, i, size - i)
+            left[i] += 0.5 * h * h * drift[n + i]
 
 
 def keep_rest(s: State) -> None:
@@ -260,8 +250,8 @@ def keep_rest(s: State) -> None:
         return
     rest = s.rest
     left = s.left
-    for i in abreast(s.size):
-        keep(vector(left, i), rest, i, s.size - i)
+    for i in apart(s.size):
+        rest[i] = left[i]
 
 
 def forget_rest(s: State) -> None:

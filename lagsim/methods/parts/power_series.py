@@ -11,21 +11,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.controller import HUGE
 from lagsim.methods.parts.noise import TIGHT, add_drift, add_exactly, carry
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import (
-    above,
-    abreast,
-    at,
-    exponent,
-    fused,
-    head,
-    keep,
-    larger,
-    largest,
-    mantissa,
-    smaller,
-    two_to,
-    vector,
-)
+from lagsim.native.kernels.words import apart, at, exponent, fused, mantissa, two_to
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
@@ -99,13 +85,13 @@ def reach(s: Taylor, c: Floats, rest: Floats, h: float, out: Floats) -> None:
             left[i] += rest[i]
         carry(size, out, left, out, left)
         return
-    for i in abreast(size):
-        before = vector(c, 1 + i)
-        change = vector(left, i) + fused(h, vector(c, 1 + size + i), vector(rest, i))
+    for i in apart(size):
+        before = c[1 + i]
+        change = left[i] + fused(h, c[1 + size + i], rest[i])
         after = before + change
         moved = after - before
-        keep(after, out, i, size - i)
-        keep((before - (after - moved)) + (change - moved), left, i, size - i)
+        out[i] = after
+        left[i] = (before - (after - moved)) + (change - moved)
 
 
 def chosen_step(s: State, c: Floats, t: float) -> float:
@@ -124,15 +110,14 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
     second = 0.0
     third = 0.0
     fourth = 0.0
-    for i in abreast(size):
-        tolerance = vector(tolerances, i)
-        part = 1.0 / larger(tolerance, LEAST_NUMBER)
-        part = head(size - i, above(tolerance, 0.0, part, 0.0), 0.0)
-        k = 1 + order * size + i
-        last = max(last, largest(abs(vector(c, k)) * part))
-        second = max(second, largest(abs(vector(c, k - size)) * part))
-        third = max(third, largest(abs(vector(c, k - 2 * size)) * part))
-        fourth = max(fourth, largest(abs(vector(c, k - 3 * size)) * part))
+    for i in range(size):
+        if tolerances[i] > 0.0:
+            part = 1.0 / max(LEAST_NUMBER, tolerances[i])
+            k = 1 + order * size + i
+            last = max(last, abs(c[k]) * part)
+            second = max(second, abs(c[k - size]) * part)
+            third = max(third, abs(c[k - 2 * size]) * part)
+            fourth = max(fourth, abs(c[k - 3 * size]) * part)
     if not max(last, second, third, fourth) < 1e300:
         return 0.0
     logarithm = min(
@@ -156,39 +141,39 @@ def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
     """Give the sum of y_k h^k from k = 2, even and odd powers apart: they overlap."""
     order = int(c[0])
     square = h * h
-    for i in abreast(size):
-        high = vector(c, 1 + order * size + i)
-        low = vector(c, 1 + (order - 1) * size + i)
+    for i in range(size):
+        high = c[1 + order * size + i]
+        low = c[1 + (order - 1) * size + i]
         for back in range(1, (order - 1) // 2):
             k = order - 2 * back
-            high = fused(high, square, vector(c, 1 + k * size + i))
-            low = fused(low, square, vector(c, 1 + (k - 1) * size + i))
+            high = fused(high, square, c[1 + k * size + i])
+            low = fused(low, square, c[1 + (k - 1) * size + i])
         if order % 2 == 0:
-            low = fused(low, h, vector(c, 1 + 2 * size + i))
+            low = fused(low, h, c[1 + 2 * size + i])
             high = fused(high, square, low)
         else:
             high = fused(high, h, low)
-        keep(high * square, out, i, size - i)
+        out[i] = high * square
 
 
 def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
     """Give the sum of k y_k h^(k - 1) in the same way, from component `first` on."""
     order = int(c[0])
     square = h * h
-    for i in abreast(first, size):
+    for i in range(first, size):
         times = c[0]
         place = 1 + order * size + i
-        high = times * vector(c, place)
-        low = (times - 1.0) * vector(c, place - size)
+        high = times * c[place]
+        low = (times - 1.0) * c[place - size]
         for _ in range(1, order // 2):
             times -= 2.0
             place -= 2 * size
-            high = fused(high, square, times * vector(c, place))
-            low = fused(low, square, (times - 1.0) * vector(c, place - size))
+            high = fused(high, square, times * c[place])
+            low = fused(low, square, (times - 1.0) * c[place - size])
         high = fused(high, h, low)
         if order % 2 == 1:
-            high = fused(high, h, vector(c, 1 + size + i))
-        keep(high, out, i, size - i)
+            high = fused(high, h, c[1 + size + i])
+        out[i] = high
 
 
 def lead(size: int, c: Floats, h: float, out: Floats) -> None:
@@ -210,23 +195,20 @@ def misfit(s: State, order: float, slope: Floats, rates: Floats, h: float) -> fl
     tolerances = s.tolerances
     part = h / (order + 1.0)
     worst = 0.0
-    for i in abreast(size):
-        tolerance = vector(tolerances, i)
-        off = abs(vector(slope, i) - vector(rates, i)) * part
-        found = smaller(off / larger(tolerance, LEAST_NUMBER), HUGE)
-        found = above(1e300, off, found, 1e300)
-        found = above(tolerance, 0.0, found, 0.0)
-        worst = max(worst, largest(head(size - i, found, 0.0)))
+    for i in range(size):
+        if tolerances[i] > 0.0:
+            off = abs(slope[i] - rates[i]) * part
+            found = min(HUGE, off / max(LEAST_NUMBER, tolerances[i]))
+            worst = max(worst, found if off < 1e300 else 1e300)
     return worst
 
 
 def is_finite(size: int, y: Floats) -> bool:
     """Tell whether all components of y (size,) are."""
-    worst = 0.0
-    for i in abreast(size):
-        found = above(1e300, abs(vector(y, i)), 0.0, 1.0)
-        worst = max(worst, largest(head(size - i, found, 0.0)))
-    return worst == 0.0
+    finite = True
+    for i in range(size):
+        finite = finite and abs(y[i]) < 1e300
+    return finite
 
 
 def log2_of(x: float) -> float:

@@ -12,7 +12,6 @@ from lagsim.native.kernels import words
 from lagsim.native.kernels.expressions import Expressions
 from lagsim.native.kernels.lines import LLVM, PASSED, RETURNED, Program, Value
 from lagsim.native.kernels.source import Source, unsupported
-from lagsim.native.layout import FOUR
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -27,9 +26,6 @@ _INTRINSICS: Final[dict[object, str]] = {
     math.copysign: "copysign",
 }
 _TWO_ARGUMENTS: Final = frozenset({math.pow, math.atan2, math.copysign})
-
-
-_ZEROS: Final = Value("zeroinitializer", "vector")
 
 
 class Calls(Expressions):
@@ -47,14 +43,7 @@ class Calls(Expressions):
             math.floor: self._call_floor,
             words.at: self._call_at,
             words.total: self._call_total,
-            words.vector: self._call_vector,
-            words.keep: self._call_keep,
-            words.above: self._call_above,
-            words.larger: lambda node: self._call_beyond(node, larger=True),
-            words.smaller: lambda node: self._call_beyond(node, larger=False),
-            words.head: self._call_head,
-            words.largest: self._call_largest,
-            words.fused: self._call_fused,
+            words.fused: lambda node: self.intrinsic("fma", *self._floats(node, 3)),
             words.exponent: lambda node: self.exponent(*self._floats(node, 1)),
             words.mantissa: lambda node: self.mantissa(*self._floats(node, 1)),
             words.two_to: lambda node: self.two_to(*self._floats(node, 1)),
@@ -168,61 +157,6 @@ class Calls(Expressions):
         array, index = self._arguments(node, 2)
         view = ast.copy_location(ast.Subscript(array, index, ast.Load()), node)
         return Value(self.element(view), "Floats")
-
-    def _call_fused(self, node: ast.Call) -> Value:
-        numbers = map(self.number, self._arguments(node, 3))
-        # Integers as floats.
-        values, _ = self.together(*numbers, self.literal(node, 0.0))
-        return self.intrinsic("fma", *values[:3])
-
-    # Vectors.
-
-    def _vectors(self, nodes: list[ast.expr]) -> list[Value]:
-        """Emit expressions as vectors, one number as four alike."""
-        return [self.converted(node, "vector", "a vector") for node in nodes]
-
-    def _call_vector(self, node: ast.Call) -> Value:
-        place = self._call_at(node).text
-        return self.op("vector", f"load {LLVM['vector']}, ptr {place}, align 8")
-
-    def _call_keep(self, node: ast.Call) -> Value:
-        first, array, index, last = self._arguments(node, 4)
-        [value] = self._vectors([first])
-        view = ast.copy_location(ast.Subscript(array, index, ast.Load()), node)
-        place = Value(self.element(view), "Floats")
-        count = self.converted(last, "int", "a count")
-        return self.helper("None", "vector.keep", value, place, count)
-
-    def _call_above(self, node: ast.Call) -> Value:
-        return self._above(*self._vectors(self._arguments(node, 4)))
-
-    def _above(self, v: Value, w: Value, yes: Value, no: Value) -> Value:
-        llvm = LLVM["vector"]
-        test = self.op("tests", f"fcmp ogt {llvm} {v.text}, {w.text}").text
-        two = f"{llvm} {yes.text}, {llvm} {no.text}"
-        return self.op("vector", f"select <{FOUR} x i1> {test}, {two}")
-
-    def _call_beyond(self, node: ast.Call, *, larger: bool) -> Value:
-        v, w = self._vectors(self._arguments(node, 2))
-        return self._above(v, w, v, w) if larger else self._above(w, v, v, w)
-
-    def _call_head(self, node: ast.Call) -> Value:
-        last, *two = self._arguments(node, 3)
-        count = self.converted(last, "int", "a count")
-        return self.helper("vector", "vector.head", count, *self._vectors(two))
-
-    def _call_largest(self, node: ast.Call) -> Value:
-        [value] = self._vectors(self._arguments(node, 1))
-        best = self._above(value, _ZEROS, value, _ZEROS)
-        llvm = LLVM["vector"]
-        for order in ("2, i32 3, i32 0, i32 1", "1, i32 0, i32 3, i32 2"):
-            moved = self.op(
-                "vector",
-                f"shufflevector {llvm} {best.text}, {llvm} poison, "
-                f"<4 x i32> <i32 {order}>",
-            )
-            best = self._above(moved, best, moved, best)
-        return self.op("float", f"extractelement {llvm} {best.text}, i64 0")
 
     def _call_total(self, node: ast.Call) -> Value:
         [terms] = self._arguments(node, 1)

@@ -9,8 +9,6 @@ A kernel is a plain function of annotated parameters (int, float, bool, `Floats`
 - arrays: `a[i]`, `at(a, k)` for `a[k:]`, tuples of targets (`a, b = b, a`);
 - `if while for break continue return pass`, `for i in range(...)`, or `apart(n)` where
   no pass touches another's elements: they are then made several at once;
-- vectors: `for i in abreast(n)` goes over elements several at a time, which
-  `vector(a, i)` loads and `keep` stores; with + - * /, `abs` and the words of `words`;
 - calls of other kernels and of functions marked `external`;
 - static values (see `kernel_source`): `if` on them is decided at translation, the other
   branch is not even read; `for j in unrolled(...)` and `total(... for j in

@@ -74,9 +74,9 @@ class Expressions(Lines):
         return self.cast(self.expression(node), kind, node, what)
 
     def number(self, node: ast.expr) -> Value:
-        """Emit an expression that must be an int, a float or a vector of them."""
+        """Emit an expression that must be an int or a float."""
         value = self.expression(node)
-        if value.kind not in ("int", "float", "vector"):
+        if value.kind not in ("int", "float"):
             raise self.source.error(
                 node, f"`{ast.unparse(node)}` is {value.kind}, not a number"
             )
@@ -189,9 +189,7 @@ class Expressions(Lines):
             raise self.source.error(
                 node, "a power of integers; write the product, or float(...) ** ..."
             )
-        if isinstance(op, ast.Pow) or (
-            isinstance(op, ast.Div) and "vector" not in (left.kind, right.kind)
-        ):
+        if isinstance(op, ast.Pow | ast.Div):
             left = self.cast(left, "float", node, "an operand")
             right = self.cast(right, "float", node, "an operand")
         (left, right), kind = self.together(left, right)

@@ -15,7 +15,6 @@ import struct
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from lagsim.native.kernels.source import Folding, Source
-from lagsim.native.layout import FOUR
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,7 +27,6 @@ LLVM: Final = {
     "float": "double",
     "bool": "i1",
     "Floats": "ptr",
-    "vector": f"<{FOUR} x double>",
     "None": "void",
 }
 PASSED: Final = LLVM | {"bool": "i1 zeroext"}
@@ -65,44 +63,6 @@ define internal i64 @int.mod(i64 %a, i64 %b) alwaysinline {
   %step = select i1 %other, i64 %d, i64 0
   %result = add i64 %r, %step
   ret i64 %result
-}
-""",
-    # Whole where there are so many, or one by one.
-    "vector.keep": """
-define internal void @vector.keep(<4 x double> %v, ptr %a, i64 %n) alwaysinline {
-  %whole = icmp sge i64 %n, 4
-  br i1 %whole, label %all, label %first
-all:
-  store <4 x double> %v, ptr %a, align 8
-  ret void
-first:
-  %x0 = extractelement <4 x double> %v, i64 0
-  store double %x0, ptr %a
-  %more = icmp sge i64 %n, 2
-  br i1 %more, label %second, label %end
-second:
-  %x1 = extractelement <4 x double> %v, i64 1
-  %a1 = getelementptr inbounds double, ptr %a, i64 1
-  store double %x1, ptr %a1
-  %most = icmp sge i64 %n, 3
-  br i1 %most, label %third, label %end
-third:
-  %x2 = extractelement <4 x double> %v, i64 2
-  %a2 = getelementptr inbounds double, ptr %a, i64 2
-  store double %x2, ptr %a2
-  br label %end
-end:
-  ret void
-}
-""",
-    "vector.head": """
-define internal <4 x double> @vector.head(i64 %n, <4 x double> %v, <4 x double> %w) \
-alwaysinline {
-  %one = insertelement <4 x i64> poison, i64 %n, i64 0
-  %all = shufflevector <4 x i64> %one, <4 x i64> poison, <4 x i32> zeroinitializer
-  %in = icmp slt <4 x i64> <i64 0, i64 1, i64 2, i64 3>, %all
-  %some = select <4 x i1> %in, <4 x double> %v, <4 x double> %w
-  ret <4 x double> %some
 }
 """,
 }
@@ -210,21 +170,12 @@ class Lines(Folding):
             return value
         if (value.kind, kind) == ("int", "float"):
             return self.op("float", f"sitofp i64 {value.text} to double")
-        if kind == "vector" and value.kind in ("int", "float"):
-            return self._four_alike(self.cast(value, "float", node, what))
         advice = ""
         if (value.kind, kind) == ("float", "int"):
             advice = "; write int(...) if that is meant"
         elif kind == "bool":
             advice = "; compare it"
         raise self.source.error(node, f"{what} is {value.kind}, not {kind}{advice}")
-
-    def _four_alike(self, value: Value) -> Value:
-        llvm = LLVM["vector"]
-        one = f"insertelement {llvm} poison, double {value.text}, i64 0"
-        first = self.op("vector", one).text
-        same = f"{llvm} {first}, {llvm} poison, <{FOUR} x i32> zeroinitializer"
-        return self.op("vector", f"shufflevector {same}")
 
     def literal(self, node: ast.AST, known: Static) -> Value:
         """Give a number or a condition known at translation."""
@@ -244,7 +195,7 @@ class Lines(Folding):
     def together(self, *values: Value) -> tuple[list[Value], str]:
         """Give numbers the kind they have in common."""
         found = {v.kind for v in values}
-        kind = next((k for k in ("vector", "float") if k in found), "int")
+        kind = "float" if "float" in found else "int"
         return [
             self.cast(v, kind, self.source.node, "an operand") for v in values
         ], kind
@@ -260,41 +211,35 @@ class Lines(Folding):
 
     def intrinsic(self, name: str, *values: Value) -> Value:
         """Emit a function that is exact in IEEE 754."""
-        kind = values[0].kind
-        llvm, suffix = LLVM[kind], f"v{FOUR}f64" if kind == "vector" else "f64"
-        types = ", ".join(llvm for _ in values)
-        self.program.declare(f"declare {llvm} @llvm.{name}.{suffix}({types})")
-        passed = ", ".join(f"{llvm} {v.text}" for v in values)
-        return self.op(kind, f"call {llvm} @llvm.{name}.{suffix}({passed})")
-
-    def bits(self, text: str) -> Value:
-        """Add an instruction on the bits of numbers."""
-        return self.op("bits", text)
+        types = ", ".join("double" for _ in values)
+        self.program.declare(f"declare double @llvm.{name}.f64({types})")
+        passed = ", ".join(f"double {v.text}" for v in values)
+        return self.op("float", f"call double @llvm.{name}.f64({passed})")
 
     def exponent(self, x: Value) -> Value:
         """Emit the exponent of a number, see `words`."""
-        bits = self.bits(f"bitcast double {x.text} to i64").text
-        bits = self.bits(f"lshr i64 {bits}, 52").text
-        bits = self.bits(f"and i64 {bits}, 2047").text
-        bits = self.bits(f"or i64 {bits}, {_WHOLE}").text
-        whole = self.bits(f"bitcast i64 {bits} to double").text
+        bits = self.op("bits", f"bitcast double {x.text} to i64").text
+        bits = self.op("bits", f"lshr i64 {bits}, 52").text
+        bits = self.op("bits", f"and i64 {bits}, 2047").text
+        bits = self.op("bits", f"or i64 {bits}, {_WHOLE}").text
+        whole = self.op("bits", f"bitcast i64 {bits} to double").text
         less = self.literal(self.source.node, _BIASED).text
         return self.op("float", f"fsub double {whole}, {less}")
 
     def mantissa(self, x: Value) -> Value:
         """Emit the mantissa of a number, see `words`."""
-        bits = self.bits(f"bitcast double {x.text} to i64").text
-        bits = self.bits(f"and i64 {bits}, {_PLACES}").text
-        bits = self.bits(f"or i64 {bits}, {_ONE}").text
-        return Value(self.bits(f"bitcast i64 {bits} to double").text, "float")
+        bits = self.op("bits", f"bitcast double {x.text} to i64").text
+        bits = self.op("bits", f"and i64 {bits}, {_PLACES}").text
+        bits = self.op("bits", f"or i64 {bits}, {_ONE}").text
+        return Value(self.op("bits", f"bitcast i64 {bits} to double").text, "float")
 
     def two_to(self, k: Value) -> Value:
         """Emit a power of two, see `words`."""
         more = self.literal(self.source.node, _ROUNDER).text
         last = self.op("float", f"fadd double {k.text}, {more}").text
-        bits = self.bits(f"bitcast double {last} to i64").text
-        bits = self.bits(f"shl i64 {bits}, 52").text
-        return Value(self.bits(f"bitcast i64 {bits} to double").text, "float")
+        bits = self.op("bits", f"bitcast double {last} to i64").text
+        bits = self.op("bits", f"shl i64 {bits}, 52").text
+        return Value(self.op("bits", f"bitcast i64 {bits} to double").text, "float")
 
     def helper(self, kind: str, name: str, *values: Value) -> Value:
         """Emit a call of a function that is part of the text."""

@@ -15,7 +15,6 @@ from lagsim.native.kernels.lines import (
     stack_place,
 )
 from lagsim.native.kernels.source import Source, unsupported
-from lagsim.native.layout import FOUR
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -273,20 +272,18 @@ class Statements(Calls):
 
     def _range(self, node: ast.For) -> tuple[Value, Value, int]:
         call = node.iter
-        vectors = self._goes_over(node, words.abreast)
         if not (
-            self._goes_over(node, range, words.apart, words.abreast)
+            self._goes_over(node, range, words.apart)
             and isinstance(call, ast.Call)
-            and 1 <= len(call.args) <= (2 if vectors else 3)
+            and 1 <= len(call.args) <= 3
             and not call.keywords
         ):
             raise self.source.error(
                 node,
-                "a loop is over range(...), abreast(...), apart(n) or unrolled(...); "
-                "else use while",
+                "a loop is over range(...), apart(n) or unrolled(...); else use while",
             )
         bounds = [self.converted(a, "int", "a bound") for a in call.args[:2]]
-        step = FOUR if vectors else 1
+        step = 1
         if len(call.args) == 3:
             [step] = self.fold_integers(call.args[2:], "step")
             if step == 0:

@@ -10,17 +10,12 @@ from __future__ import annotations
 import functools
 import struct
 from math import inf
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, overload
-
-from lagsim.native.layout import FOUR
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from lagsim.language.arrays import Floats
-
-    # Or a number, which is that many alike.
-    Vector = Floats | float
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -66,75 +61,11 @@ def total(terms: Iterable[float]) -> float:
     return result
 
 
-def abreast(*bounds: int) -> range:
-    """Give the first element of each vector in `range(*bounds)`, for a loop."""
-    whole = range(*bounds)
-    return range(whole.start, whole.stop, FOUR)
-
-
-def vector(a: Floats, k: int) -> Floats:
-    """Give a vector: elements of `a` from `k` on.
-
-    Vectors have + - * / with each other and with numbers, `abs` and the words below;
-    each number is what it would be alone. Those past the end of an array are anything:
-    `a` must lie in a `Memory`.
-    """
-    import numpy as np
-
-    found = np.zeros(FOUR)
-    there = a[k : k + FOUR]
-    found[: len(there)] = there
-    return found
-
-
-def keep(v: Vector, a: Floats, k: int, count: int) -> None:
-    """Store the first `count`, one or more, of a vector, or all, in `a` from `k` on."""
-    import numpy as np
-
-    a[k : k + min(count, FOUR)] = np.broadcast_to(v, FOUR)[:count]
-
-
-def above(v: Vector, w: Vector, yes: Vector, no: Vector) -> Floats:
-    """Give a vector: of `yes` where v > w, else of `no`."""
-    import numpy as np
-
-    return np.where(np.greater(v, w), yes, no)
-
-
-def larger(v: Vector, w: Vector) -> Floats:
-    """Give a vector: of `v` where it is above w, else of `w`."""
-    return above(v, w, v, w)
-
-
-def smaller(v: Vector, w: Vector) -> Floats:
-    """Give a vector: of `v` where w is above it, else of `w`."""
-    return above(w, v, v, w)
-
-
-def head(count: int, v: Vector, w: Vector) -> Floats:
-    """Give a vector: the first `count` numbers, or all, of `v`, the others of `w`."""
-    import numpy as np
-
-    return np.where(np.arange(FOUR) < count, v, w)
-
-
-@overload
-def fused(a: float, b: float, c: float) -> float: ...
-@overload
-def fused(a: Vector, b: Vector, c: Vector) -> Any: ...
-def fused(a: Vector, b: Vector, c: Vector) -> Vector:
-    """Give a*b + c, of numbers or vectors, rounded once (IEEE 754: fusedMultiplyAdd).
+def fused(a: float, b: float, c: float) -> float:
+    """Give a*b + c, rounded once (IEEE 754: fusedMultiplyAdd).
 
     Where a sum waits for each of its terms: it takes half the time of two operations.
     """
-    import numpy as np
-
-    if np.ndim(a) == np.ndim(b) == np.ndim(c) == 0:
-        return _fused(float(a), float(b), float(c))
-    return np.array([_fused(*map(float, x)) for x in np.broadcast(a, b, c)])
-
-
-def _fused(a: float, b: float, c: float) -> float:
     from fractions import Fraction
 
     if not abs(a) < inf or not abs(b) < inf:
@@ -146,12 +77,6 @@ def _fused(a: float, b: float, c: float) -> float:
         return float(exact) if exact else a * b + c
     except OverflowError:
         return inf if exact > 0 else -inf
-
-
-def largest(v: Floats) -> float:
-    """Give the largest of a vector, or 0; what is no number does not count."""
-    first, second, third, last = (max(0.0, float(x)) for x in v)
-    return max(first, second, third, last)
 
 
 def exponent(x: float) -> float:
