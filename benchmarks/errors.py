@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lagsim.codes import CAUTIONS, FAMILIES, every, rows
+from lagsim.codes import every
 from lagsim.codes.row import EXAMPLE, MODEL
 
 if TYPE_CHECKING:
@@ -40,16 +40,16 @@ this model,
 {EXAMPLE}```
 """
 TITLES = {
-    "reading": "E1: files, YAML, sections",
-    "expressions": "E2: expressions, names, relations",
-    "starts": "E3: starts",
-    "settings": "E4: methods and settings",
-    "runs": "E5: runs that could not finish",
-    "results": "E6: results that are compared or drawn",
-    "files": "E7: files that are written",
-    "commands": "E8: the command line",
-    "machine": "E9: lagsim and the machine",
-    CAUTIONS: "W: warnings",
+    "E1": "E1: files, YAML, sections",
+    "E2": "E2: expressions, names, relations",
+    "E3": "E3: starts",
+    "E4": "E4: methods and settings",
+    "E5": "E5: runs that could not finish",
+    "E6": "E6: results that are compared or drawn",
+    "E7": "E7: files that are written",
+    "E8": "E8: the command line",
+    "E9": "E9: lagsim and the machine",
+    "W": "W: warnings",
 }
 
 
@@ -114,9 +114,10 @@ def entry(row: Row, message: str) -> str:
 def made(messages: dict[str, str]) -> str:
     """Give the part of the page that is made, with messages by number."""
     parts = [MARK + HEAD]
-    for family in (*FAMILIES, CAUTIONS):
-        parts.append(f"### {TITLES[family]}\n")
-        parts += [f"{entry(r, messages.get(r.number, ''))}\n" for r in rows(family)]
+    for first, title in TITLES.items():
+        rows = [row for row in every() if row.number.startswith(first)]
+        parts.append(f"### {title}\n")
+        parts += [f"{entry(r, messages.get(r.number, ''))}\n" for r in rows]
     return "\n".join(parts)
 
 

@@ -1,19 +1,27 @@
-"""What no linter holds: how long files are, and what stands outside the rooms."""
+"""What no linter holds: how much there is to read, and what is outside the rooms."""
 
 from __future__ import annotations
 
 from tests.support import ROOT
 
 HOUSE = ROOT / "lagsim"
-MOST_LINES = 400
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "version"}
+# What is there today, to a hundred lines; these figures only fall.
+FILES = 453
+LINES = 77_500
+LINES_OF_TESTS = 63_400
 
 
-def test_files_are_read_in_one_go():
-    files = list(HOUSE.rglob("*.py"))
-    assert len(files) > 100
-    long = [f for f in files if len(f.read_text("utf-8").splitlines()) > MOST_LINES]
-    assert long == []
+def lines(folder):
+    """Give the number of lines of each file of Python in a folder."""
+    return [len(f.read_text("utf-8").splitlines()) for f in folder.rglob("*.py")]
+
+
+def test_the_house_only_shrinks():
+    counts = lines(HOUSE)
+    assert 100 < len(counts) <= FILES
+    assert sum(counts) <= LINES
+    assert sum(lines(ROOT / "tests")) <= LINES_OF_TESTS
 
 
 def test_every_file_is_in_a_room():

@@ -1,6 +1,6 @@
 """Every message that lagsim has: its number, what is expected, what to try, an example.
 
-One table, a file for each range of numbers. Messages take their numbers from it, and
+One table. Messages take their numbers from it, and
 `docs/errors.md` and `lagsim explain` all that they say. A number is given once: where a
 message goes, its number goes with it.
 """
@@ -8,36 +8,26 @@ message goes, its number goes with it.
 from __future__ import annotations
 
 import functools
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from lagsim.codes.row import Row
 
-# In the order of their numbers: of errors from E1xx on, of warnings W1xx.
-FAMILIES = (
-    "reading", "expressions", "starts", "settings", "runs", "results", "files",
-    "commands", "machine",
-)  # fmt: skip
-CAUTIONS = "warned"
-
-
-def rows(family: str) -> tuple[Row, ...]:
-    """Give the messages of one range of numbers."""
-    found: tuple[Row, ...] = import_module(f"lagsim.codes.{family}").ROWS
-    return found
-
 
 @functools.cache
 def errors() -> dict[str, Row]:
     """Give all that can go wrong, by code."""
-    return {row.code: row for family in FAMILIES for row in rows(family)}
+    from lagsim.codes import models, runs
+
+    return {row.code: row for row in models.ROWS + runs.ROWS}
 
 
 @functools.cache
 def cautions() -> dict[str, Row]:
     """Give all warnings, by code."""
-    return {row.code: row for row in rows(CAUTIONS)}
+    from lagsim.codes import warnings
+
+    return {row.code: row for row in warnings.ROWS}
 
 
 def number(code: str) -> str:

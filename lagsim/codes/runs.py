@@ -1,4 +1,4 @@
-"""E5xx: a run that began and could not finish, or whose rows cannot be trusted."""
+"""Errors of runs, of results and files, of commands and the machine."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ definitions: {}
 initial: {x: 1, y: 0}
 """
 _RUN = ("lagsim run pendulum.yaml --no-plots",)
+_RUN_INTO = "lagsim run pendulum.yaml -o {} --no-plots -q"
 
 ROWS = (
+    # E5xx: a run that began and could not finish, or whose rows cannot be trusted.
     Row(
         "E501", "step-too-small",
         "The step size stays above the limit that rounding sets.",
@@ -138,5 +140,227 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
         "initial: {r: 1}\nsimulation: {duration: 2}\n",
         ("lagsim bench pendulum.yaml --budget 1",),
         found="No reference solution was found to measure errors against.",
+    ),
+    # E6xx: what is made of results: comparisons, goldens, pictures of several runs.
+    Row(
+        "E601", "differs",
+        "Two results are the same within their bounds.",
+        "look at the column and the time that are named first: `--plot FILE` draws "
+        "them; `lagsim golden --update` stores what is right now",
+        commands=(
+            _RUN_INTO.format("one"),
+            _RUN_INTO.format("other --set m=2 --set l=1.01"),
+            "lagsim compare one other",
+        ),
+        found="Two results differ by more than the bound.",
+    ),
+    Row(
+        "E602", "bad-table",
+        "A table has a header, a column `t`, and a number in each cell.",
+        "give tables as `lagsim run` writes them, or their folders",
+        commands=("lagsim compare pendulum.yaml pendulum.yaml",),
+        found="A file is not a table of results.",
+    ),
+    Row(
+        "E603", "no-golden",
+        "A golden is stored before a model is compared with it.",
+        "`lagsim golden --update` stores one",
+        commands=("lagsim golden pendulum.yaml",),
+        found="There is no golden of this model.",
+    ),
+    Row(
+        "E604", "bad-golden",
+        "A golden is a table and a record that belong together.",
+        "`lagsim golden --update` stores it again",
+        commands=(
+            "lagsim golden pendulum.yaml --update -q",
+            "printf {} > golden/pendulum.json",
+            "lagsim golden pendulum.yaml",
+        ),
+        found="The files of a golden are damaged, or do not belong together.",
+    ),
+    Row(
+        "E605", "incomplete",
+        "A golden is stored from a complete run.",
+        "correct what the message names, or shorten the duration",
+        "coordinates: {r: {unit: m}}\ndefinitions: {}\n"
+        "energy: {kinetic: r_dot^2/2, potential: -1/r}\n"
+        "initial: {r: 1}\nsimulation: {duration: 2}\n",
+        ("lagsim golden pendulum.yaml --update",),
+        found="The run of a golden could not finish.",
+    ),
+    Row(
+        "E606", "no-results",
+        "A folder holds what `lagsim run` has written.",
+        "`lagsim run MODEL -o FOLDER` makes such a folder",
+        commands=("lagsim overlay nowhere",),
+        found="A folder holds no results.",
+    ),
+    Row(
+        "E607", "no-column",
+        "A column that is drawn is in each of the tables.",
+        "name columns that all of them have: --columns x",
+        commands=(_RUN_INTO.format("one"), "lagsim overlay one one --columns speed"),
+        found="A column to be drawn is missing in a table.",
+    ),
+    Row(
+        "E608", "no-spectrum",
+        "A spectrum needs rows at equal distances in time, with a number in each.",
+        "a run with one `output_step` gives such rows",
+        "simulation: {duration: 1, output_step: 0.5}\n",
+        (_RUN_INTO.format("one"), "lagsim spectrum one theta"),
+        found="A spectrum cannot be computed from this column.",
+    ),
+    Row(
+        "E609", "not-json",
+        "What is read is a document of `lagsim bench`, in JSON.",
+        "give the file work_precision.json, or its folder",
+        commands=("printf { > work_precision.json", "lagsim bench work_precision.json"),
+        found="A file is not JSON.",
+    ),
+    Row(
+        "E610", "not-a-bench",
+        "The document is that of `lagsim bench`.",
+        "run `lagsim bench` again",
+        commands=(
+            "printf {} > work_precision.json",
+            "lagsim bench work_precision.json",
+        ),
+        found="A JSON document is not one of `lagsim bench`.",
+    ),
+    Row(
+        "E611", "another-sweep",
+        "`--resume` goes on with the same model, values and options.",
+        "leave --resume out to start again, or choose another folder with -o",
+        commands=(
+            "mkdir found; echo [] > found/sweep.rows.jsonl",
+            "lagsim sweep pendulum.yaml m=1,3 -o found -q --resume",
+        ),
+        found="The folder holds another sweep.",
+    ),
+    Row(
+        "E612", "nothing-to-draw",
+        "What is drawn has a section `scene`, or columns `x` and `y`.",
+        "give the model a `scene`, or definitions `x` and `y`",
+        "definitions: {}\n"
+        "energy: {kinetic: m*l^2*theta_dot^2/2, potential: -m*g*l*cos(theta)}\n",
+        (_RUN_INTO.format("one"), "lagsim overlay one one -o both.html"),
+        found="The results have nothing to animate.",
+    ),
+    Row(
+        "E613", "another-run",
+        "`--resume` goes on with the same model and options, on the same machine.",
+        "leave --resume out to start again, or choose another folder with -o",
+        commands=(
+            "mkdir out; echo kept > out/.lagsim-restart",
+            "lagsim run pendulum.yaml -o out --resume",
+        ),
+        found="The folder holds another run.",
+    ),
+    # E7xx: files and folders that are written.
+    Row(
+        "E701", "output-folder",
+        "The output folder can be made and written, and nothing else writes into it.",
+        "choose another folder",
+        commands=("lagsim run pendulum.yaml -o pendulum.yaml",),
+        found="The output folder cannot be used.",
+    ),
+    Row(
+        "E702", "output-file",
+        "The output file can be written, and is not the model.",
+        "choose another file",
+        commands=("lagsim derive pendulum.yaml -o pendulum.yaml",),
+        found="The output file cannot be written.",
+    ),
+    Row(
+        "E703", "exists",
+        "`lagsim new` writes where there is nothing yet.",
+        "choose another name",
+        commands=("lagsim new pendulum",),
+        found="The file exists already.",
+    ),
+    Row(
+        "E704", "unwritable",
+        "The model file can be written.",
+        "look at the folder, and at who may write there",
+        commands=("lagsim new nowhere/pendulum",),
+        found="The model file cannot be written.",
+    ),
+    Row(
+        "E705", "no-room",
+        "The results can be written.",
+        "make room on the disk, or choose another one with -o",
+        commands=("lagsim methods > /dev/full",),
+        found="There is no room for the results.",
+    ),
+    Row(
+        "E706", "missing-package",
+        "The packages that an option needs are installed.",
+        "install what the message names, or leave the option out",
+        commands=(),
+        found="A package that an option needs is not installed.",
+    ),
+    Row(
+        "E707", "one-name",
+        "Models that are run together have different names, and so different folders.",
+        "give one of them another `name`",
+        commands=(
+            "cp pendulum.yaml twin.yaml",
+            "lagsim run pendulum.yaml twin.yaml --no-plots",
+        ),
+        found="Two models have the same name.",
+    ),
+    # E8xx: the command line.
+    Row(
+        "E801", "usage",
+        "A command gets the arguments and options that it takes.",
+        "`lagsim COMMAND --help` lists them",
+        commands=("lagsim check pendulum.yaml --set m",),
+        found="An argument or an option is wrong.",
+    ),
+    Row(
+        "E802", "unknown-template",
+        "A template is one of those that `lagsim new --help` lists.",
+        "`lagsim new --help` lists them",
+        commands=("lagsim new swing --template swing",),
+        found="The template does not exist.",
+    ),
+    Row(
+        "E803", "unknown-code",
+        "A message has a number such as E104, and a code such as duplicate-key.",
+        "docs/errors.md lists them all, and so does `lagsim explain`",
+        commands=("lagsim explain E999",),
+        found="There is no message of this number or code.",
+    ),
+    # E9xx: lagsim itself, and the machine below it.
+    Row(
+        "E901", "bug",
+        "lagsim handles every input without an internal error.",
+        "this is a bug in lagsim, not in your model: please report it with the model "
+        "file and what is printed",
+        commands=(),
+        found="lagsim has failed by an error of its own.",
+    ),
+    Row(
+        "E902", "failed",
+        "Each process that does a part of the work ends normally.",
+        "run the named model by itself, to see its messages",
+        commands=(),
+        found="A process ended before it had a result.",
+    ),
+    Row(
+        "E903", "starved",
+        "The system has enough memory and open files.",
+        "raise the limits (ulimit -v, ulimit -n, those of a container), or run less at "
+        "one time",
+        commands=(),
+        found="The system has no memory or no open files left.",
+    ),
+    Row(
+        "E904", "unknown-cpu",
+        "`LAGSIM_CPU` names a processor that LLVM knows.",
+        "leave it out",
+        commands=("LAGSIM_CPU=abacus lagsim run pendulum.yaml --no-plots",),
+        found="`LAGSIM_CPU` names an unknown processor.",
     ),
 )  # fmt: skip
