@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -207,6 +208,9 @@ def pictures(record: Record, model: Model, is_sum: bool) -> Iterator[Made]:
     for key, file in files.items():
         name = f"{key}.{record.form}"
         yield name, attempted(name, file)
+        # A figure holds the pixels that it was drawn on, some megabytes, and itself.
+        if not gc.isenabled():  # see `cli.entry`
+            gc.collect(0)
 
 
 def _files(

@@ -7,6 +7,7 @@ pictures come back one by one. What does not come back is drawn by the first.
 from __future__ import annotations
 
 import contextlib
+import gc
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -84,6 +85,7 @@ def _ready() -> None:
 
 def _contents(model: Model, content: bytes) -> Iterator[bytes]:
     """Give the name and the content of each picture, up to one that is not drawn."""
+    gc.freeze()  # what is loaded stays
     fields, is_sum = decoded(content, _CLASSES, lambda _: letters_of(model))
     with ahead.helped():
         for name, picture in drawn(Order(fields, model, is_sum)):

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import gc
+
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from lagsim.model.reader import read
+from lagsim.run.interrupt import Interrupt
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import chart as drawing
 from lagsim.studies.sweep.grid import parsed
-from lagsim.studies.sweep.runs import Work
+from lagsim.studies.sweep.runs import Runs, Work
 from lagsim.studies.sweep.sweeping import Found, packed, sweep
 from tests.cli._scenes import FALL, ON_THE_CURVE, PENDULUM
 from tests.outputs.drawn import noted
@@ -89,3 +93,22 @@ def test_ends_alone_have_no_greatest():
             drawing.chart(result)
         assert not any("greatest" in text for text in seen.written())
         assert any("at the end" in text for text in seen.written())
+
+
+def test_pictures_of_kept_runs_do_not_pile_up(tmp_path):
+    """Each takes megabytes, and commands collect no garbage unasked."""
+    model = read(PENDULUM, "m.yaml", {}, {"duration": "0.1"})
+    names = [f"{p.name}=1:2:6" for p in model.parameters[:1]]
+    grid, options = parsed(model, names), (("duration", "0.1"),)
+    bars = ErrorBars.NEVER
+    runs = Runs(Work(packed(model), options, grid, bars, str(tmp_path), plots=True))
+    gc.collect()
+    gc.disable()
+    try:
+        for number in range(grid.runs):
+            assert runs.row(number, Interrupt()) is not None
+        left = sum(isinstance(x, Figure) for x in gc.get_objects())
+    finally:
+        gc.enable()
+    drawn = len(list(tmp_path.rglob("*.png")))
+    assert left <= drawn / grid.runs < drawn
