@@ -11,9 +11,6 @@ from scipy.linalg import expm
 
 from lagsim.errors import InputError
 from lagsim.methods import exponential
-from lagsim.methods.parts import state as at
-from lagsim.run.system.runner import FUNCTION
-from tests.methods.plain import Plain, fresh_state, linked, state_of
 from tests.support import run
 
 ROUNDING = 2.0**-52
@@ -250,31 +247,6 @@ def test_gauss_legendre():
             for x, w in zip(exponential.NODES, exponential.WEIGHTS, strict=True)
         ]
         assert math.fsum(terms) == pytest.approx(1 / (k + 1), abs=2 * ROUNDING)
-
-
-def test_plain_python_is_the_native_run():
-    text = ONE.format(k=400.0, c=0.3, F=2.0, x=1.0, v=0.0, duration=1, step=0.1)
-    found = run(text.replace("method: exponential", "method: exponential, step: 0.07"))
-    runner = found.system.link("exponential")
-    runner.prepare()
-    call = runner.engine.function("linear", *FUNCTION)
-
-    def linear(t, y, p, out):
-        call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
-
-    plain = Plain(exponential, linked(runner) | {"linear": linear})
-    native = fresh_state(
-        exponential, [1.0, 0.0, 0.0],
-        n=1, fixed_step=0.07, row_step=0.1, row_limit=0.95, end=1.0,
-    )  # fmt: skip
-    twin, p = native.copy(), found.system.p.copy()
-    twin_out = np.zeros((20, 4))
-    assert runner.advance(native, 20, 1000) == at.DONE
-    assert plain.advance(twin, p, twin_out.reshape(-1), 20, 1000) == at.DONE
-    rows = int(native.emitted)
-    assert rows > 0
-    assert np.array_equal(runner.block[:rows], twin_out[:rows])
-    assert np.array_equal(state_of(native), state_of(twin))
 
 
 @pytest.mark.parametrize(

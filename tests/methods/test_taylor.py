@@ -234,33 +234,6 @@ def test_a_symmetric_start_needs_four_coefficients():
     assert found["a"][-1] == pytest.approx(end[0], abs=1e-12)
 
 
-@pytest.mark.parametrize("text", [PENDULUM, HELD])
-def test_plain_python_is_the_native_run(text):
-    found = run(text.replace("RTOL", "1e-9"), duration="1")
-    runner = found.system.link("taylor")
-    system = found.system
-    runner.prepare()
-    call = runner.engine.function("series", *FUNCTION)
-
-    def series(t, y, p, out):
-        call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
-
-    model = linked(runner) | {"series": series}
-    plain = Plain(taylor, model, CONSTRAINED=system.m > 0, WIDE=system.wide)
-    y = np.concatenate([found.start.q, found.start.v])
-    native = fresh_state(
-        taylor, y, n=system.n, row_step=0.1, row_limit=0.95, end=1.0,
-    )  # fmt: skip
-    twin, p = native.copy(), system.p.copy()
-    twin_out = np.zeros((20, 1 + system.size))
-    assert runner.advance(native, 20, 1000) == at.DONE
-    assert plain.advance(twin, p, twin_out.reshape(-1), 20, 1000) == at.DONE
-    rows = int(native.emitted)
-    assert rows > 0
-    assert np.array_equal(runner.block[:rows], twin_out[:rows])
-    assert np.array_equal(native.flat, twin.flat)
-
-
 @pytest.mark.parametrize(
     "model",
     [

@@ -5,12 +5,9 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from types import SimpleNamespace
 
 import pytest
 
-from lagsim.run.decisions import Ending
-from lagsim.run.reasons import reason_of
 from lagsim.run.trajectory import Outcome
 from tests.support import run
 
@@ -110,41 +107,6 @@ def test_too_many_steps_are_counted():
     assert f"too many steps ({found.statistics.steps}) at t = " in found.reason
     x = state_of(found.reason)[1]["x"]
     assert x == pytest.approx(math.cos(found.end), rel=1e-5)
-
-
-TOLD = {
-    "DONE": "the end was reached at t = 2.5",
-    "UNTIL": "`x <= 0` at t = 2.5",
-    "INTERRUPTED": "interrupted at t = 2.5; the rows up to there were kept",
-    "TOO_MANY_STEPS": "too many steps (77) at t = 2.5 (x = 1, x_dot = -3): the motion ",
-    "NOT_FINITE": "values that are not finite at t = 2.5 (x = 1, x_dot = -3): an",
-    "CONSTRAINT_JUMPS": "the position that constraint `rod` prescribes jumps at "
-    "t = 2.5 (x = 1, x_dot = -3): a constraint, or a gap, may change its speed",
-    "SWITCHES_ACCUMULATE": "the switches `sign(x)`, `y > 0` accumulate at t = 2.5 "
-    "(x = 1, x_dot = -3): no motion continues",
-    "PROJECTION_FAILED": "the constraints could not be satisfied at t = 2.5 (x = 1, "
-    "x_dot = -3): the constraints cannot all be satisfied",
-    "NEWTON_FAILED": "the equations of an implicit step could not be solved at t = 2.5 "
-    "(x = 1, x_dot = -3): the motion runs",
-}
-ABOUT = {"CONSTRAINT_JUMPS": "rod", "SWITCHES_ACCUMULATE": "`sign(x)`, `y > 0`"}
-
-
-@pytest.mark.parametrize("outcome", TOLD)
-def test_each_end_in_words(outcome):
-    ended = SimpleNamespace(
-        t=2.5,
-        steps=77,
-        runner=SimpleNamespace(method=SimpleNamespace(NAME="dop853")),
-        equations=SimpleNamespace(
-            q=("x",),
-            velocities=("x_dot",),
-            model=SimpleNamespace(until=SimpleNamespace(text="x <= 0")),
-        ),
-        observed=lambda: [2.5, 1.0, -3.0],
-    )
-    ending = Ending(Outcome[outcome], ABOUT.get(outcome, ""))
-    assert reason_of(ended, ending).startswith(TOLD[outcome])
 
 
 @pytest.mark.slow

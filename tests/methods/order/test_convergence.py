@@ -9,15 +9,10 @@ import numpy as np
 import pytest
 
 from lagsim.mechanics.instant import Instant
-from lagsim.methods import dop853, euler, method, names, rk4
-from lagsim.methods.parts import state as at
-from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods import method, names
 from lagsim.run.observers import Keep
-from tests.methods.plain import Plain, first_order, fresh_state, state_of
 from tests.methods.test_registry import refusal_of, swing
 from tests.support import case_of, run
-
-NO_PARAMETERS = Parameters.made()
 
 
 def slope(steps, errors):
@@ -27,37 +22,6 @@ def slope(steps, errors):
     # Within a factor of 2 of a line: no point is at rounding level or pre-asymptotic.
     assert np.max(np.abs(np.polyval(fit, x) - y)) < math.log(2.0)
     return fit[0]
-
-
-def decay(t, y):
-    return -2.0 * t * y * y
-
-
-def decay_exact(t):
-    return 1.0 / (1.0 + t * t)
-
-
-def pendulum(_t, y):
-    return np.array([y[1], -math.sin(y[0])])
-
-
-def pendulum_exact(t):
-    return swing(t, 2.0)
-
-
-PROBLEMS = {
-    "y' = -2 t y^2": (decay, decay_exact, [1.0]),
-    "pendulum": (pendulum, pendulum_exact, [2.0, 0.0]),
-}
-# Steps per unit of time, fine enough for the leading term and above rounding.
-RATES = {
-    ("euler", "y' = -2 t y^2"): (100, 200, 400),
-    ("euler", "pendulum"): (200, 400, 800),
-    ("rk4", "y' = -2 t y^2"): (8, 16, 32, 64),
-    ("rk4", "pendulum"): (8, 16, 32, 64),
-    ("dop853", "y' = -2 t y^2"): (8, 10, 12, 16),
-    ("dop853", "pendulum"): (4, 5, 6, 8, 10),
-}
 
 
 PENDULUM = """
@@ -71,85 +35,6 @@ energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y}
 constraints: {rod: x^2 + y^2 = 1}
 initial: {x: sin(2), y: -cos(2)}
 """
-
-
-class Fixed:
-    """Steps of length h in plain Python, whatever their error."""
-
-    def __init__(self, method, rate, y, t, h):
-        self.plain = Plain(method, first_order(rate, len(y)))
-        self.method, self.h = method, h
-        # A row in every step, so that the dense output is made.
-        self.s = fresh_state(
-            method, y, t=t, arc_start=t, rtol=1.0, fixed_step=h,
-            row_start=t, row_limit=1e9, row_step=1e-9, row=1.0,
-        )  # fmt: skip
-        self.plain.kernel("start")(self.s, NO_PARAMETERS)
-
-    def step(self):
-        """Make a step; give t and y."""
-        kernel = self.plain.kernel
-        if self.method.ADAPTIVE:
-            kernel("attempt")(self.s, NO_PARAMETERS, self.h)
-            kernel("accept")(self.s, NO_PARAMETERS, self.h)
-        else:
-            assert kernel("step")(self.s, NO_PARAMETERS) == at.DONE
-        return self.s.t, state_of(self.s)
-
-    def within(self, x):
-        """Give y at the fraction x of the last step."""
-        out = np.zeros(self.s.size)
-        self.plain.kernel("interpolate")(self.s, x, out)
-        return out
-
-
-@pytest.mark.parametrize("problem", PROBLEMS)
-@pytest.mark.parametrize("method", [euler, rk4, dop853])
-def test_global_order(method, problem):
-    rate, exact, y = PROBLEMS[problem]
-    counts = RATES[method.NAME, problem]
-    errors = []
-    for count in counts:
-        fixed = Fixed(method, rate, y, 0.0, 1.0 / count)
-        visited = [fixed.step() for _ in range(3 * count)]
-        assert visited[-1][0] == pytest.approx(3.0, rel=1e-14)
-        errors.append(max(abs(y[0] - exact(t)) for t, y in visited))
-    # The next term of the expansion shifts a slope at such steps by a few tenths.
-    found = slope([1.0 / n for n in counts], errors)
-    assert found == pytest.approx(method.ORDER, abs=0.5)
-
-
-@pytest.mark.parametrize("problem", PROBLEMS)
-@pytest.mark.parametrize(
-    ("method", "steps"),
-    [
-        (euler, (0.01, 0.02, 0.04)),
-        (rk4, (0.02, 0.04, 0.08)),
-        (dop853, (0.1, 0.15, 0.2, 0.3)),
-    ],
-)
-def test_order_of_the_dense_output(method, steps, problem):
-    # Over one step from exact values: a polynomial of order p is off by h^(p + 1).
-    rate, exact, y = PROBLEMS[problem]
-    t = 0.0
-    if problem != "pendulum":
-        t, y = 3.0, [exact(3.0)]
-    errors = []
-    for h in steps:
-        fixed = Fixed(method, rate, y, t, h)
-        fixed.step()
-        looks = np.linspace(0.05, 0.95, 19)
-        errors.append(max(abs(fixed.within(x)[0] - exact(t + x * h)) for x in looks))
-    assert slope(steps, errors) - 1 == pytest.approx(method.DENSE_ORDER, abs=0.5)
-
-
-@pytest.mark.parametrize("method", [euler, rk4, dop853])
-def test_the_dense_output_meets_both_ends(method):
-    rate, _, y = PROBLEMS["pendulum"]
-    fixed = Fixed(method, rate, y, 0.0, 0.1)
-    _, after = fixed.step()
-    assert list(fixed.within(0.0)) == y
-    assert np.allclose(fixed.within(1.0), after, rtol=0, atol=1e-15)
 
 
 # q'' = 8 t^2 q^3 - 2 q^2, which q = 1/(1 + t^2) solves: nonlinear, depends on time, and
