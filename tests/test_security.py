@@ -16,6 +16,7 @@ PROMISED = {
     "a model file, also from a pipe": ["MODEL_BYTES", "NODES", "MAX_DEPTH"],
     "one expression": ["EXPRESSION_LETTERS"],
     "the equations": ["GRAPH_NODES", "GRAPH_NODES_PER_BYTE", "INERTIAS", None],
+    "checking and planning": ["WORK", "WORK_PER_BYTE", "USUAL_BYTES"],
     "a table that is read": ["TABLE_BYTES"],
     "a record, golden or journal that is read": ["DOCUMENT_BYTES"],
     "rows": ["MAX_ROWS"],
