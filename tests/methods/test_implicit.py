@@ -28,6 +28,7 @@ from lagsim.methods.parts.radau_tableau import (
     T,
     at_point,
 )
+from tests.methods.test_registry import refusal_of
 from tests.support import run
 
 ELASTIC = """
@@ -216,19 +217,13 @@ def test_quadratic_energies_are_kept_to_rounding(name):
     ],
 )
 def test_gauss_methods_refuse_constraints(name, text, instead):
-    from lagsim.mechanics.equations import derive
-    from lagsim.mechanics.structure import structure
-    from lagsim.model.reader import read
-
     model = f"""
 coordinates: {{x: {{}}, y: {{}}}}
 energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: y}}
 {text}
 initial: {{x: 0, y: -1}}
-simulation: {{duration: 1}}
 """
-    scene = structure(derive(read(model, "m.yaml")))
-    assert instead in method(name).refusal(scene)
+    assert instead in refusal_of(name, model)
 
 
 @pytest.mark.parametrize("name", ["midpoint", "gauss4", "generalized-alpha"])

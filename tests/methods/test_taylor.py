@@ -135,40 +135,6 @@ def test_breaks_in_time(force, after):
     assert [event.kind for event in found.trajectory.events] == ["switch"]
 
 
-SCALED = """
-parameters: {{g: 9.8*{unit}, k: 25.6, l: {unit}}}
-coordinates: {{theta: {{}}, u: {{}}}}
-energy:
-  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
-  potential: g*(l - (l + u)*cos(theta)) + k*u^2/2
-initial: {{theta: 1, u: 0}}
-simulation: {{duration: 10, output_step: 0.1, method: taylor}}
-"""
-
-
-def test_metres_and_millimetres():
-    metres, other = (run(SCALED.format(unit=unit)) for unit in (1.0, 1000.0))
-    steps, others = (r.trajectory.statistics for r in (metres, other))
-    assert steps == others
-    # The same steps; 1000 is no power of two, so rounding differs, enlarged in 10 s.
-    assert np.max(np.abs(metres["u"] - other["u"] / 1000.0)) < 1e-11
-    assert np.max(np.abs(metres["theta"] - other["theta"])) < 1e-11
-
-
-def test_a_megametre_is_not_another_scene():
-    found = run(SCALED.format(unit=2.0**20))
-    expected = run(SCALED.format(unit=1.0))
-    # A power of two changes no bit of what is computed, the tolerances included.
-    assert np.array_equal(found["theta"], expected["theta"])
-
-
-def test_at_rest_it_stays():
-    text = PENDULUM.replace("a: 2", "a: 0").replace("RTOL", "1e-11")
-    found = run(text)
-    assert not np.any(found["a"])
-    assert found.trajectory.statistics.steps < 50
-
-
 def test_until():
     found = run(PENDULUM.replace("rtol: RTOL", 'until: "a <= 0"'))
     from scipy.special import ellipk
@@ -304,40 +270,6 @@ def test_amplification():
         assert taylor.amplification(z) == pytest.approx(abs(np.exp(z)), abs=2e-13)
     assert taylor.amplification(1j * taylor.IMAGINARY_LIMIT) <= 1.0 + 1e-15
     assert taylor.amplification(2.5j) > 1.0
-
-
-STEPPING = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: "POTENTIAL"}
-forces: {x: "FORCE"}
-initial: {x: 1}
-simulation: {duration: 12, output_step: 0.1, method: taylor}
-"""
-
-
-def test_a_force_that_steps_with_the_position():
-    # |x| = 1 - t^2/2 up to sqrt(2), then its mirror image, and so on: parabolas.
-    found = run(STEPPING.replace("POTENTIAL", "abs(x)").replace("FORCE", "0*t"))
-    quarter = math.sqrt(2.0)
-    phase = (found["t"] + quarter) % (4 * quarter)
-    half = np.where(phase < 2 * quarter, phase, phase - 2 * quarter) - quarter
-    exact = np.where(phase < 2 * quarter, 1.0, -1.0) * (1.0 - half**2 / 2)
-    # Each of 8 crossings is located to a few units in the last place of t < 12.
-    assert np.max(np.abs(found["x"] - exact)) < 1e-13
-
-
-def test_dry_friction_sticks():
-    # Each swing between two stops loses 0.3; where the spring pulls by less than 0.15
-    # the block stays.
-    text = STEPPING.replace("POTENTIAL", "x^2/2").replace("FORCE", "-0.15*sign(x_dot)")
-    found = run(text)
-    stops = np.array([1.0, -0.7, 0.4, -0.1, -0.1])
-    k = np.minimum(found["t"] // math.pi, 3).astype(int)
-    middle = (stops[k] + stops[k + 1]) / 2
-    exact = middle + (stops[k] - middle) * np.cos(found["t"] - k * math.pi)
-    # The tolerance, and 4 arcs.
-    assert np.max(np.abs(found["x"] - exact)) < 1e-10
-    assert np.max(np.abs(found["x_dot"][k == 3])) < 1e-12
 
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-11])

@@ -8,7 +8,7 @@ import pytest
 from lagsim.notes import Event
 from lagsim.outputs.animation.pushes import Push
 from tests.outputs import node as page
-from tests.outputs.node import HIGH, LONG, QUIET, WIDE
+from tests.outputs.node import HIGH, LINE, LONG, QUIET, WIDE
 
 pytestmark = page.needs_node
 
@@ -120,20 +120,22 @@ def test_shift_moves_a_space():
     assert "turning" not in page.played([run()])[0]["texts"]
 
 
-@pytest.mark.parametrize(("first", "last"), [(2.3, 7.7), (-3.0, 5.0), (0.0, 0.35)])
+@pytest.mark.parametrize(
+    ("first", "last"), [(2.3, 7.7), (-3.0, 5.0), (0.0, 0.35), (2, 8)]
+)
 def test_ticks_stand_at_round_times(first, last):
     seen = page.played([run((first, last))], QUIET)[-1]
     texts = page.strokes(seen, 1, op="fillText", colour="dim")
-    boxes = [
-        one["box"][0] for one in page.strokes(seen, 1, op="fillRect", colour="dim")
-    ]
+    boxes = [one["box"] for one in page.strokes(seen, 1, op="fillRect", colour="dim")]
     steps = [m * 10.0**k for k in range(-4, 3) for m in (1, 2, 5)]
     step = min(s for s in steps if s >= (last - first) / (LONG / 80) * (1 - 1e-9))
     ticks = (
         np.arange(np.ceil(first / step - 1e-6), np.floor(last / step + 1e-6) + 1) * step
     )
     places = 12 + (LONG - 24) * (ticks - first) / (last - first)
-    assert page.near(boxes, np.floor(places + 0.5))
+    level = LINE - 25
+    assert page.near(boxes, [[np.floor(x + 0.5), level + 5, 1, 4] for x in places])
+    assert {one["y"] for one in texts} == {level + 11}
     found = [
         float(one["text"].replace(" s", "").replace("\N{MINUS SIGN}", "-"))
         for one in texts

@@ -60,9 +60,9 @@ def test_points_and_rod(t):
     assert points["hub"] == [1, -2]
     # A light that comes from the left and above.
     [shine] = page.arcs(seen, colour="rgba(255, 255, 255, .5)")
-    assert shine[0] < dot[0]
-    assert shine[1] < dot[1]
-    assert shine[2] < 0.5 * RADIUS
+    x, y, radius = dot
+    light = [x - 0.3 * radius, y - 0.32 * radius, 0.28 * radius]
+    assert page.near(shine, light, 1e-6)
 
 
 def test_support_below_and_above():
@@ -95,33 +95,6 @@ def test_support_below_and_above():
         assert all(side * (b - a)[1] == pytest.approx(5) for a, b in hatches)
         pins = [[*page.screen(made, p)[0], 4] for p in ([0, -1], [0, 1])]
         assert page.near(page.arcs(seen, op="fill", colour="card"), pins)
-
-
-def test_fixed_point_alone():
-    made = circle(links=())
-    [*_, seen] = page.played([made], page.QUIET)
-    [x, y], _ = page.screen(made, [1, -2])
-    [square] = page.strokes(seen, op="fillRect", colour="ground")
-    assert page.near(square["box"], [x - 4, y - 4, 8, 8])
-    assert not page.strokes(seen, op="stroke", colour="rod")
-
-
-@pytest.mark.parametrize(("a", "b"), [(0.0, 4.0), (4.0, 0.0)])
-def test_ground_is_hatched_below(a, b):
-    tracks = {"a": [a, 0], "b": [b, 0], "ball": ([T, 2 + 0 * T], [1 + 0 * T, 0 * T])}
-    made = page.film(T, tracks, links=[("a", "b")])
-    [*_, seen] = page.played([made], page.QUIET)
-    [line, *hatches] = page.strokes(seen, op="stroke", colour="ground")
-    one, other = (page.screen(made, [x, 0])[0] for x in (a, b))
-    assert page.near(page.ends(line), [one, other])
-    assert line["width"] == 2
-    length = abs(other[0] - one[0])
-    assert len(hatches) == int((length - 8) // 9) + 1
-    for k, hatch in enumerate(hatches):
-        first, last = page.ends(hatch)
-        along = np.sign(other[0] - one[0])
-        assert page.near(first, [one[0] + along * (8 + 9 * k), one[1]])
-        assert page.near(last - first, [-7 * along, 7])
 
 
 @pytest.mark.parametrize("t", [1.0, 2.525])
@@ -165,12 +138,6 @@ def test_forces_small_long_and_none():
     assert not page.strokes(off, op="fill", colour="force")
     assert off["pressed"]["forces"] == "false"
     assert not off["hidden"]["forces"]
-
-
-def test_no_forces_no_button():
-    [*_, seen] = page.played([circle()], page.QUIET)
-    assert seen["hidden"]["forces"]
-    assert not page.strokes(seen, op="fill", colour="force")
 
 
 def test_names_where_asked():

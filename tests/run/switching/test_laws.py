@@ -90,25 +90,6 @@ def test_potentials_of_broken_powers_keep_their_energy(potential):
     assert np.min(found["x"]) < -0.5
 
 
-@pytest.mark.parametrize(
-    ("force", "exact"),
-    one_quick(
-        ("-sqrt(abs(x_dot))*sign(x_dot)", lambda t: np.maximum(1 - t / 2, 0) ** 2),
-        (
-            "-sign(x_dot)*abs(x_dot)^(1/3)",
-            lambda t: np.maximum(1 - 2 * t / 3, 0) ** 1.5,
-        ),
-        ("-sign(x_dot)*abs(x_dot)^0.9", lambda t: np.maximum(1 - t / 10, 0) ** 10),
-    ),
-)
-def test_a_root_of_the_speed_brings_to_rest(force, exact):
-    found = run(scene(force=force, v=1, duration=12))
-    assert found.trajectory.outcome.name == "DONE"
-    assert np.max(np.abs(found["x_dot"] - exact(found["t"]))) < 1e-9
-    assert np.max(np.abs(found["x_dot"][-5:])) < 1e-20
-    assert found.trajectory.statistics.steps < 1000
-
-
 def depth_of(k, g):
     """Give how deep a fall from 1 presses a contact, by the energy."""
     return brentq(lambda d: g * (1 + d) - k * d**2.5 / 2.5, 1e-6, 1.0, xtol=1e-15)

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.run.events.sequence import Sequence
 from tests.run.switching.scenes import one_quick
 from tests.run.switching.test_located import events, scene
 from tests.support import run
@@ -206,22 +205,6 @@ def test_a_long_stretch_before_does_not_make_an_end_of_what_follows():
     # Places are known to 1e-12 of 1001: swings of 1e-5 s are below that.
     assert zeno == pytest.approx([arrives + swings] * len(zeno), abs=1e-4)
     assert zeno
-
-
-def test_switches_accumulate_only_at_a_steady_ratio():
-    def limit_of(times):
-        sequence = Sequence(0.0, 100.0)
-        for t in times:
-            sequence.add(t, 0)
-        return sequence.limit()
-
-    halves = [1 - 0.5**k for k in range(45)]
-    assert limit_of(halves) == pytest.approx(1.0, abs=1e-12)
-    assert limit_of(halves[:12]) is None
-    # Many switches a second after a long rest come ever faster once, and no more.
-    assert limit_of([50.0, *(50 + 1e-6 * k for k in range(1, 9))]) is None
-    slow = [50.0 + 1e-7 * (1 - 0.9**k) for k in range(30)]
-    assert limit_of([40.0, *slow]) is None
 
 
 @pytest.mark.parametrize("scale", one_quick(1e6, 1e-6, 1.0))
