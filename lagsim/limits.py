@@ -50,9 +50,6 @@ WRITTEN_OPERATIONS = 100_000
 WRITTEN_DEPTH = 150
 """Of what is written out: sympy recurses into it."""
 
-DERIVED_OPERATIONS = 5_000_000
-"""Of slopes that are written out: DERIVING_SECONDS do not suffice for as many."""
-
 TIDYING_SECONDS = 20.0
 """Of the processor, for making equations short; later they are written as they come."""
 

@@ -285,7 +285,7 @@ def _parts(sign: str, text: str, room: int) -> list[tuple[str, str]]:
     before, within, after = "", text, ""
     over = _closed(text, len(_FRACTION) - 1) if text.startswith(_FRACTION) else 0
     if over and _closed(text, over) == len(text):
-        text, stacked = _stacked(text, over, room)
+        text, stacked = _stacked(text, over, room - 4)  # of its sign, too
         if stacked and _width(text[len(_FRACTION) : over - 1]) <= room:
             return [(sign, text)]
         before = rf"\frac{{1}}{text[over:]} \, "

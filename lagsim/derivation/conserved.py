@@ -50,13 +50,16 @@ SPARE, TRIES = 8, 4
 def conserved_quantities(
     x: Translation,
     lagrangian: Any,
+    dL_dt: Any,
+    dL_dq: Sequence[int],
     lines: Sequence[Line],
     constraints: Sequence[Condition],
 ) -> list[Conserved]:
-    """Give what is seen to be conserved."""
-    found = _energy(x, lagrangian, lines)
+    """Give what is seen to be conserved; the slopes dL/dq (n,) are nodes."""
+    found = _energy(x, lagrangian, dL_dt, lines)
     single = [
-        _momentum(x, lagrangian, j, line, constraints) for j, line in enumerate(lines)
+        _momentum(x, slope, j, line, constraints)
+        for j, (slope, line) in enumerate(zip(dL_dq, lines, strict=True))
     ]
     found += [c for c in single if c is not None]
     ignorable = {j for j, c in enumerate(single) if c is not None}
@@ -65,15 +68,17 @@ def conserved_quantities(
     return [samples.named(x, c) for c in found]
 
 
-def _energy(x: Translation, lagrangian: Any, lines: Sequence[Line]) -> list[Conserved]:
+def _energy(
+    x: Translation, lagrangian: Any, dL_dt: Any, lines: Sequence[Line]
+) -> list[Conserved]:
     e, g = x.equations, x.g
     if any(row.transport != g.zero for row in e.rows) or e.laws:
         return []
     worked = (line.terms["Q"] * v for line, v in zip(lines, x.v, strict=True))
-    if not x.tidy.is_zero(sp.Add(-x.slope(lagrangian, x.t), *worked)):
+    if not x.tidy.is_zero(sp.Add(-dL_dt, *worked)):
         return []
     if e.energy_is_sum:
-        total = sp.Add(*x.sympy([e.model.kinetic, e.model.potential]))
+        total = sp.Add(*x.sympy([e.model.kinetic, e.model.potential], written=True))
         return [Conserved("energy", (), x.tidy(total, written=True))]
     moved = (v * line.momentum for v, line in zip(x.v, lines, strict=True))
     value = x.tidy(sp.Add(-lagrangian, *moved))
@@ -82,7 +87,7 @@ def _energy(x: Translation, lagrangian: Any, lines: Sequence[Line]) -> list[Cons
 
 def _momentum(
     x: Translation,
-    lagrangian: Any,
+    dL_dq: int,
     j: int,
     line: Line,
     constraints: Sequence[Condition],
@@ -95,10 +100,12 @@ def _momentum(
     held = any(c.A[j] != 0 or _slips(c, x.v[j]) for c in constraints)
     if held or line.terms["Q"] != 0:
         return None
-    slope = x.tidy(x.slope(lagrangian, x.q[j]))
-    coefficients = [sp.diff(slope, v) for v in x.v]
-    changing = {*x.q, *x.v, x.t}
-    if any(x.free(c) & changing for c in coefficients):
+    (slope,) = x.sympy([dL_dq])
+    if x.free(slope) & {*x.q, x.t}:
+        return None
+    rates = [x.g.variable(v) for v in x.equations.velocities]
+    coefficients = x.sympy(gradient(x.g, dL_dq, rates))
+    if any(x.free(c) & {*x.q, *x.v, x.t} for c in coefficients):
         return None
     rest = sp.Add(*(c * v for c, v in zip(coefficients, x.v, strict=True)))
     if not x.tidy.is_zero(slope - rest):
@@ -111,7 +118,7 @@ def _momentum(
 
 
 def _slips(c: Condition, v: Any) -> bool:
-    return any(sp.diff(s, v) != 0 for s in c.law.get("slip", ()))
+    return any(v in s.free_symbols for s in c.law.get("slip", ()))
 
 
 def _terms_of(g: Graph, L: int) -> list[int]:
@@ -211,18 +218,13 @@ class _Samples:
         e = self.e
         defined = [d for d in e.model.definitions if d.level is not Level.OUTPUT]
         alike = {d.name for d in defined}
+        node = x.node(c.value, x.g.zero)
         seen = 0
         for _ in range(3 * TRIES):
             if not alike or seen == TRIES:
                 break
             at = self.values()
-            whole = x.in_full(c.value).free_symbols
-            try:
-                number = {s: at[s.name] for s in whole}
-                value = float(x.in_full(c.value).evalf(subs=number))
-            except (TypeError, ValueError):
-                continue
-            found = evaluate(e.graph, [d.node for d in defined], at)
+            value, *found = evaluate(e.graph, [node, *(d.node for d in defined)], at)
             if not math.isfinite(value):
                 continue
             seen += 1

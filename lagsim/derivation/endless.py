@@ -7,7 +7,6 @@ with three thousand million digits, and no signal ends the making of such a numb
 from __future__ import annotations
 
 import math
-from collections import Counter
 from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
 
 # sympy writes exp(n log x) as x^n.
 _JOINED = ("add", "sub", "mul", "div", "neg")
-_LINEAR = ("add", "sub", "neg")
 # The digits of a common denominator of small fractions.
 _OF_A_SUM = 6.0
 HINT = "`--format python` takes them as they are"
@@ -83,47 +81,6 @@ def refuse_endless(
         text = (
             "the energies, written out, have numbers to the power of numbers with "
             f"{about}, and the limit is {limits.EXACT_DIGITS}"
-        )
-        raise InputError([Problem("too-long", text, None, HINT)])
-
-
-def refuse_hopeless(g: Graph, lagrangian: int, coordinates: Mapping[int, int]) -> None:
-    """Refuse what certainly takes longer than the limit of time, before it begins.
-
-    Each term of L is differentiated by all coordinates in it, and twice where it has
-    velocities: its operations, written out, times their number, or that squared.
-
-    Parameters
-    ----------
-    coordinates
-        The index k of each position, and ~k of each velocity, as node -> index.
-
-    Raises
-    ------
-    InputError
-    """
-    sizes: dict[int, _Size] = {}
-    within: dict[int, frozenset[int]] = {}
-    for n in g.cone([lagrangian]):
-        sizes[n] = _size(g, n, sizes, {})
-        own = frozenset([coordinates[n]] if n in coordinates else [])
-        within[n] = own.union(*(within[a] for a in g.args[n]))
-    waiting, work = Counter([lagrangian]), 0
-    for n in sorted(sizes, reverse=True):
-        times = waiting[n]
-        if not times:
-            continue
-        moving = [a for a in g.args[n] if within[a]]
-        if g.ops[n] in _LINEAR or (g.ops[n] in ("mul", "div") and len(moving) == 1):
-            waiting.update(dict.fromkeys(moving, times))
-        else:
-            slopes = len({max(k, ~k) for k in within[n]})
-            again = slopes if min(within[n], default=0) < 0 else 1
-            work += times * sizes[n].operations * slopes * again
-    if work > limits.DERIVED_OPERATIONS:
-        text = (
-            f"the slopes of the energies take about {work:.2g} operations, written "
-            f"out, and the limit is {limits.DERIVED_OPERATIONS:,}"
         )
         raise InputError([Problem("too-long", text, None, HINT)])
 

@@ -1,19 +1,15 @@
-"""Functions of the model language that sympy has not, or not with our derivatives.
+"""Functions of the model language that sympy has not, or would rewrite.
 
-They are differentiated branch by branch, as their rows say: a step has slope 0, also
-where it jumps, and `min` and `max` have the slope of the argument that is taken.
-sympy's own would answer with Dirac's delta, and rewrite what a person wrote.
+Of min(x, y), sympy's own turns what a person wrote into something else.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import sympy as sp
 
 from lagsim.language.functions import FUNCTIONS
-from lagsim.language.graph import Graph
-from lagsim.language.symbolic import to_sympy
 
 if TYPE_CHECKING:
     from lagsim.language.functions.row import Function
@@ -31,30 +27,6 @@ class Spelled(sp.Function):  # type: ignore[misc]
 
     def _eval_is_extended_real(self) -> bool:
         return True
-
-    def fdiff(self, argindex: int = 1) -> Any:
-        """Give the slope."""
-        if self.row.name == "log10":  # of a number the graph keeps the value alone
-            return 1 / (self.args[0] * sp.log(10))
-        g = Graph()
-        args = tuple(g.variable(str(k)) for k in range(self.row.arity))
-        assert self.row.partials is not None
-        itself = g.variable("itself")
-        slope = self.row.partials(g, args, itself)[argindex - 1]
-        known = dict(zip(args, self.args, strict=True)) | {itself: self}
-        return to_sympy(g, [slope], known=known, twins=TWINS)[0]
-
-    def _eval_derivative(self, s: Any) -> Any:
-        if self.row.branches is None:
-            return super()._eval_derivative(s)
-        slopes = [x.diff(s) for x in self.args]
-        if slopes[0] == slopes[1]:
-            return slopes[0]
-        g = Graph()
-        args = tuple(g.variable(str(k)) for k in range(self.row.arity))
-        known = dict(zip(args, self.args, strict=True))
-        first = to_sympy(g, [self.row.branches(g, args)], known=known)[0]
-        return sp.Piecewise((slopes[0], first), (slopes[1], True))
 
 
 def _class_name(row: Function) -> str:

@@ -1,7 +1,5 @@
-"""Lagrange's equations in sympy, term by term.
+"""Lagrange's equations term by term: derived on the graph, tidied in sympy.
 
-Derived a second time here, from tidy energies, because the graph's derivatives are
-exact and fast but not short; tests hold the two to each other.
 Source: H. P. Gavin, Generalized Coordinates, Lagrange's Equations, and Constraints,
 eqs 34-47 and 61.
 """
@@ -18,6 +16,10 @@ from lagsim.derivation.content import Condition, Content, Force, Line
 from lagsim.derivation.gauss import gauss
 from lagsim.derivation.solving import solution
 from lagsim.derivation.translation import Translation
+from lagsim.language.derivatives import gradient, tangent
+from lagsim.mechanics.constraints import Flow, constraint_row
+from lagsim.mechanics.equations import generalized_forces
+from lagsim.mechanics.mass import mass_matrix
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Constraint
+    from lagsim.model.model import Force as ModelForce
 
 
 def content(
@@ -60,23 +63,55 @@ def content(
 class _Derivation:
     def __init__(self, x: Translation) -> None:
         self.x = x
-        model = x.equations.model
+        e, g, model = x.equations, x.g, x.equations.model
+        self.flow = Flow(g, e.q, e.velocities)
+        rates = self.flow.rates
+        accelerations = map(g.variable, e.accelerations)
+        self.forward = self.flow.forward | dict(zip(rates, accelerations, strict=True))
         energies = [model.kinetic, model.potential, model.dissipation]
-        self.kinetic, self.potential, self.dissipation = x.sympy(energies)
-        if self.kinetic is None or self.potential is None:
-            self.lagrangian = x.sympy([model.lagrangian])[0]
+        self.kinetic, self.potential, self.dissipation = x.sympy(energies, written=True)
+        if model.kinetic is None or model.potential is None:
+            self.lagrangian = x.sympy([model.lagrangian], written=True)[0]
+            self.slopes = {"L": self._slopes(self.lagrangian, model.lagrangian)}
+            self.slope = self.slopes["L"]
         else:
             self.lagrangian = self.kinetic - self.potential
-        self.forces = [self._force(k) for k in range(len(model.forces))]
+            T = self._slopes(self.kinetic, model.kinetic)
+            V = self._slopes(self.potential, model.potential)
+            self.slopes = {"T": T, "V": V}
+            self.slope = [g.call("sub", a, b) for a, b in zip(T, V, strict=True)]
+        n = len(e.q)
+        self.momenta = self._tidied(self.slope[:n])
+        self.drifts = tangent(g, self.momenta, self.flow.forward)
+        self.rates = {
+            letter: tangent(g, slopes[:n], self.forward)
+            for letter, slopes in self.slopes.items()
+        }
+        self.Q = generalized_forces(g, model, self.flow)
+        self.forces = [self._force(force) for force in model.forces]
         self.constraints = [self._condition(c) for c in model.constraints]
-        self.lines = [self._line(j) for j in range(len(x.q))]
+        self.lines = [self._line(j) for j in range(n)]
+
+    def _slopes(self, e: Any, original: int) -> list[int]:
+        """Give the slopes of an energy in the velocities, the coordinates and t."""
+        x, flow = self.x, self.flow
+        variables = [*flow.rates, *flow.positions, x.g.variable("t")]
+        return self._tidied(gradient(x.g, x.node(e, original), variables))
+
+    def _tidied(self, nodes: Sequence[int]) -> list[int]:
+        """Give nodes of the tidy forms of `nodes`, whose slopes are short."""
+        tidy = self.x.sympy(nodes)
+        return [self.x.node(e, n) for e, n in zip(tidy, nodes, strict=True)]
 
     def content(self, *, solve: bool, with_gauss: bool) -> Content:
-        x = self.x
-        M = [[x.tidy(sp.diff(line.momentum, v)) for v in x.v] for line in self.lines]
-        f = [self._f(j) for j in range(len(x.q))]
+        x, n = self.x, len(self.lines)
+        entries = mass_matrix(x.g, self.momenta, self.flow.rates)
+        M = [x.sympy(row) for row in entries]
+        sums = zip(self.slope[n:], self.drifts, self.Q, strict=False)
+        f = x.sympy(x.g.call("add", x.g.call("sub", a, b), Q) for a, b, Q in sums)
+        (dL_dt,) = x.sympy(self.slope[-1:])
         conserved = conserved_quantities(
-            x, self.lagrangian, self.lines, self.constraints
+            x, self.lagrangian, dL_dt, self.slope[n:-1], self.lines, self.constraints
         )
         notes = _on_contacts(self.constraints)
         solved = solution(x, M, f, self.constraints, notes, insist=solve)
@@ -111,34 +146,27 @@ class _Derivation:
             notes=tuple(notes),
         )
 
-    def _force(self, k: int) -> Force:
-        x = self.x
-        force = x.equations.model.forces[k]
-        p, direction = x.sympy([force.node, force.direction])
+    def _force(self, force: ModelForce) -> Force:
+        x, g = self.x, self.x.g
+        p, direction = x.sympy([force.node, force.direction], written=True)
         velocity = force.level is not Level.POSITION
-        variables = x.v if velocity else x.q
-        shares = tuple(x.tidy(p * x.slope(direction, s)) for s in variables)
-        return Force(force.on, p, direction, velocity, shares)
+        levers = self.flow.gradient(g, force.direction, by_rates=velocity)
+        shares = x.sympy(g.call("mul", force.node, lever) for lever in levers)
+        return Force(force.on, p, direction, velocity, tuple(shares))
 
     def _line(self, j: int) -> Line:
         """Work out the equation of coordinate j."""
-        x, tidy = self.x, self.x.tidy
-        v = x.v[j]
+        x, n = self.x, len(self.x.q)
         terms: dict[str, Any] = {}
-        if self.kinetic is None or self.potential is None:
-            terms["ddt_dL_dqdot"] = tidy(x.rate(tidy(sp.diff(self.lagrangian, v))))
-            terms["dL_dq"] = tidy(x.slope(self.lagrangian, x.q[j]))
-            inertia = terms["ddt_dL_dqdot"] - terms["dL_dq"]
-        else:
-            terms["ddt_dT_dqdot"] = tidy(x.rate(tidy(sp.diff(self.kinetic, v))))
-            terms["dT_dq"] = tidy(x.slope(self.kinetic, x.q[j]))
-            inertia = terms["ddt_dT_dqdot"] - terms["dT_dq"]
-            magnetic = tidy(x.rate(tidy(sp.diff(self.potential, v))))
-            if magnetic != 0:
-                terms["ddt_dV_dqdot"] = magnetic
-            terms["dV_dq"] = tidy(x.slope(self.potential, x.q[j]))
-            inertia += terms["dV_dq"] - magnetic
-        Q = tidy(sp.Add(*(f.shares[j] for f in self.forces), -self._loss(j)))
+        left = []
+        for letter, slopes in self.slopes.items():
+            sign = -1 if letter == "V" else 1
+            rate, slope = x.sympy((self.rates[letter][j], slopes[n + j]))
+            if letter != "V" or rate != 0:
+                terms[f"ddt_d{letter}_dqdot"] = rate
+            terms[f"d{letter}_dq"] = slope
+            left += [sign * rate, -sign * slope]
+        (Q,) = x.sympy([self.Q[j]])
         terms["Q"] = Q
         driving, rest = self._driving(Q)
         holding = (
@@ -146,16 +174,11 @@ class _Derivation:
         )
         return Line(
             coordinate=x.q[j].name,
-            momentum=tidy(sp.diff(self.lagrangian, v)),
+            momentum=x.sympy([self.momenta[j]])[0],
             terms=terms,
-            left=tidy(inertia - rest),
-            right=tidy(driving + sp.Add(*holding)),
+            left=x.tidy(sp.Add(*left, -rest)),
+            right=x.tidy(driving + sp.Add(*holding)),
         )
-
-    def _loss(self, j: int) -> Any:
-        if self.dissipation is None:
-            return sp.S.Zero
-        return sp.diff(self.dissipation, self.x.v[j])
 
     def _driving(self, Q: Any) -> tuple[Any, Any]:
         """Part Q into what stands right, given in time, and what stands left."""
@@ -164,30 +187,24 @@ class _Derivation:
         driving = [p for p in parts if not self.x.free(p) & state]
         return sp.Add(*driving), sp.Add(*(p for p in parts if p not in driving))
 
-    def _f(self, j: int) -> Any:
-        x, line = self.x, self.lines[j]
-        drift = x.drift(line.momentum)
-        return x.tidy(x.slope(self.lagrangian, x.q[j]) - drift + line.terms["Q"])
-
     def _condition(self, constraint: Constraint) -> Condition:
-        x, tidy = self.x, self.x.tidy
-        function = x.sympy([constraint.relation.node])[0]
-        holonomic = not x.free(function) & set(x.v)
-        if holonomic:
-            A = tuple(tidy(x.slope(function, q), factored=True) for q in x.q)
-            rate = tidy(x.rate(function))
-        else:
-            A = tuple(tidy(sp.diff(function, v), factored=True) for v in x.v)
-            rate = function
-        kind = "holonomic" if holonomic else "nonholonomic"
+        x, g = self.x, self.x.g
+        node = constraint.relation.node
+        (function,) = x.sympy([node], written=True)
+        row = constraint_row(g, constraint.name, x.node(function, node), self.flow)
+        A = tuple(x.tidy(entry, factored=True) for entry in x.sympy(row.A))
+        (rate,) = x.sympy([row.rate])
+        (drift,) = x.sympy(tangent(g, [x.node(rate, row.rate)], self.flow.forward))
+        moved = sp.Add(*(entry * a for entry, a in zip(A, x.a, strict=True)))
+        kind = "holonomic" if row.holonomic else "nonholonomic"
         return Condition(
             name=constraint.name,
             kind=kind if constraint.law is None else "one-sided",
             function=function,
-            rate=rate,
-            acceleration=tidy(x.rate(rate)),
+            rate=rate if row.holonomic else function,
+            acceleration=x.tidy(moved + drift),
             A=A,
-            b=tidy(-x.drift(rate)),
+            b=x.tidy(-drift),
             law=self._law(constraint),
         )
 
@@ -196,12 +213,13 @@ class _Derivation:
         found = {"limit": constraint.limit, "when": constraint.when}
         if law is None:
             return self._given(found)
-        slips = {"slip": tuple(self.x.sympy(law.slips))} if law.slips else {}
+        slips = {"slip": tuple(self.x.sympy(law.slips, written=True))}
         found = {"friction": law.friction, "static": law.static, **found}
-        return {"restitution": law.restitution, **self._given(found), **slips}
+        given = {"restitution": law.restitution, **self._given(found)}
+        return {**given, **slips} if law.slips else given
 
     def _given(self, nodes: Mapping[str, int | None]) -> dict[str, Any]:
-        found = zip(nodes, self.x.sympy(nodes.values()), strict=True)
+        found = zip(nodes, self.x.sympy(nodes.values(), written=True), strict=True)
         return {key: e for key, e in found if e is not None}
 
 

@@ -6,9 +6,11 @@ factors, each with its exponent.
 
 from __future__ import annotations
 
+import functools
 import math
 import time
 from collections import deque
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
@@ -64,12 +66,17 @@ def times(a: Monomial, b: Monomial) -> Monomial:
 
 def with_factor(monomial: Monomial, base: Any, exponent: Any) -> Monomial:
     """Give `monomial` times base^exponent."""
-    return times(monomial, frozenset(((base, sp.Integer(exponent)),)))
+    return times(monomial, frozenset(((base, exponent),)))
 
 
-def expression(monomial: Monomial) -> Any:
-    """Give a monomial as a sympy expression."""
-    return sp.Mul(*(base**exponent for base, exponent in monomial))
+def expression(monomial: Monomial, number: Any = 1) -> Any:
+    """Give `number` times a monomial as a sympy expression."""
+    return sp.Mul(number, *(b if k == 1 else b**k for b, k in monomial))
+
+
+def exact(x: Any) -> int | Fraction:
+    """Give a rational number of sympy as one of Python, which is faster."""
+    return int(x.p) if x.q == 1 else Fraction(int(x.p), int(x.q))
 
 
 def add_to(total: Terms, monomial: Monomial, number: Any) -> None:
@@ -83,8 +90,8 @@ def add_to(total: Terms, monomial: Monomial, number: Any) -> None:
 
 def written_out(
     e: Any, whole: Callable[[Any], bool], inner: Callable[[Any], Any], meter: Meter
-) -> Terms:
-    """Give `e` as a sum of products.
+) -> tuple[Terms, bool]:
+    """Give `e` as a sum of products, and whether a sum stayed whole.
 
     Parameters
     ----------
@@ -97,7 +104,8 @@ def written_out(
     meter
         Counts the products of terms.
     """
-    return _Expansion(whole, inner, meter).of(e)
+    expansion = _Expansion(whole, inner, meter)
+    return expansion.of(e), expansion.kept
 
 
 class _Expansion:
@@ -105,10 +113,11 @@ class _Expansion:
         self, whole: Callable[[Any], bool], inner: Callable[[Any], Any], meter: Meter
     ) -> None:
         self.whole, self.inner, self.meter = whole, inner, meter
+        self.kept = False
 
     def of(self, e: Any) -> Terms:
         if e.is_Rational:
-            return {ONE: e} if e != 0 else {}
+            return {ONE: exact(e)} if e != 0 else {}
         if e.is_Add:
             total: Terms = {}
             for part in e.args:
@@ -116,7 +125,7 @@ class _Expansion:
                     add_to(total, monomial, number)
             return total
         if e.is_Mul:
-            product: Terms = {ONE: sp.S.One}
+            product: Terms = {ONE: 1}
             for part in e.args:
                 product = self._product(product, self._factor(part))
             return product
@@ -124,52 +133,59 @@ class _Expansion:
 
     def _factor(self, e: Any) -> Terms:
         if e.is_Add:
-            return self._sum(e, sp.S.One)
+            return self._sum(e, 1)
         if e.is_Pow:
             return self._power(*e.as_base_exp())
         if e.is_Atom or e.is_number:
-            return self.of(e) if e.is_Rational else {frozenset(((e, sp.S.One),)): 1}
+            return self.of(e) if e.is_Rational else {frozenset(((e, 1),)): 1}
         if e.is_Mul:
             return self.of(e)
-        return {frozenset(((self.inner(e), sp.S.One),)): sp.S.One}
+        return {frozenset(((self.inner(e), 1),)): 1}
 
     def _power(self, base: Any, exponent: Any) -> Terms:
         if not exponent.is_Rational:
-            return {frozenset(((self.inner(base) ** exponent, sp.S.One),)): sp.S.One}
+            return {frozenset(((self.inner(base) ** exponent, 1),)): 1}
+        k = exact(exponent)
         if base.is_Add:
-            return self._sum(base, exponent)
-        if not exponent.is_Integer:
-            return {frozenset(((self.inner(base), exponent),)): sp.S.One}
-        below = self._factor(base)
+            return self._sum(base, k)
+        below = self._factor(base) if isinstance(k, int) else {}
         if len(below) == 1:
             ((monomial, number),) = below.items()
-            raised = frozenset((x, k * exponent) for x, k in monomial)
-            return {raised: number**exponent}
-        return {frozenset(((self.inner(base), exponent),)): sp.S.One}
+            raised = frozenset((x, other * k) for x, other in monomial)
+            return {raised: Fraction(number) ** k}
+        return {frozenset(((self.inner(base), k),)): 1}
 
-    def _sum(self, base: Any, exponent: Any) -> Terms:
-        small = exponent.is_Integer and 0 < exponent <= _LARGEST_POWER
-        if small and not self.whole(base):
-            terms = self.of(base)
-            product: Terms = {ONE: sp.S.One}
-            for _ in range(int(exponent)):
-                product = self._product(product, terms)
-            return product
+    def _sum(self, base: Any, exponent: int | Fraction) -> Terms:
+        if isinstance(exponent, int) and 0 < exponent <= _LARGEST_POWER:
+            if not self.whole(base):
+                terms = self.of(base)
+                product = terms
+                for _ in range(exponent - 1):
+                    product = self._product(product, terms)
+                return product
+            self.kept = True
         base = self.inner(base)
         if not base.is_Add:
-            if exponent.is_Integer:
-                return self._factor(base**exponent)
-            return {frozenset(((base, exponent),)): sp.S.One}
-        if not exponent.is_Integer:
-            return {frozenset(((base, exponent),)): sp.S.One}
-        content, base = base.primitive()
-        if base.could_extract_minus_sign():
-            content, base = -content, -base
-        return {frozenset(((base, exponent),)): content**exponent}
+            power = base ** sp.Rational(exponent)
+            return self._factor(power)
+        content = Fraction(1)
+        if isinstance(exponent, int):
+            number, base = base.primitive()
+            if base.could_extract_minus_sign():
+                number, base = -number, -base
+            content = Fraction(exact(number)) ** exponent
+        return {frozenset(((base, exponent),)): content}
 
     def _product(self, a: Terms, b: Terms) -> Terms:
         self.meter.spend(len(a) * len(b))
         total: Terms = {}
+        if a is b:  # a square: each pair once
+            items = [*a.items()]
+            for k, (x, m) in enumerate(items):
+                add_to(total, times(x, x), m * m)
+                for y, n in items[:k]:
+                    add_to(total, times(x, y), 2 * m * n)
+            return total
         for x, m in a.items():
             for y, n in b.items():
                 add_to(total, times(x, y), m * n)
@@ -205,9 +221,12 @@ def _trigonometric(monomial: Monomial, function: Any) -> list[tuple[Any, Any]]:
     found = [
         (base.args[0], exponent)
         for base, exponent in monomial
-        if base.func is function and exponent.is_Integer and exponent > 0
+        if base.func is function and isinstance(exponent, int) and exponent > 0
     ]
-    return sorted(found, key=lambda item: sp.default_sort_key(item[0]))
+    return sorted(found, key=lambda item: _key(item[0])) if len(found) > 1 else found
+
+
+_key = functools.lru_cache(maxsize=10_000)(sp.default_sort_key)
 
 
 def _replace(terms: Terms, gone: tuple[Monomial, ...], new: Monomial, x: Any) -> None:
@@ -266,6 +285,6 @@ def _merge(
 ) -> Monomial:
     """Put rest * factor in the place of `gone`; sympy may have turned its sign."""
     sign, factor = factor.as_coeff_Mul()
-    new = rest if factor == 1 else with_factor(rest, factor, sp.S.One)
-    _replace(terms, gone, new, sign * number)
+    new = rest if factor == 1 else with_factor(rest, factor, 1)
+    _replace(terms, gone, new, exact(sign) * number)
     return new

@@ -8,9 +8,10 @@ and operations in it.
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, field
-from functools import reduce
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
@@ -31,11 +32,11 @@ from lagsim.derivation.terms import (
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
 # Products of terms, and looks at pairs of them, for one form of one expression. An
 # equation of a ten-link chain takes some thousands.
-BUDGET = 40_000
+BUDGET = 200_000
 # A form in which sines and cosines were drawn together may be this much longer, in
 # parts, and still reads better: cos(a - b) says what its two products hide.
 DRAWN_TOGETHER = 0.6
@@ -102,7 +103,8 @@ class Tidier:
         key = e, factored, written
         if key not in self._known:
             _refuse_infinite(e)
-            self._known[key] = self._shortest(e, factored=factored, written=written)
+            found = self._shortest(e, factored=factored, written=written)
+            self._known[key] = self._known[found, factored, written] = found
         return self._known[key]
 
     def one_fraction(self, e: Any) -> Any:
@@ -124,12 +126,14 @@ class Tidier:
             found = self._terms(e, whole)
             if found is None:
                 continue
-            terms, contracted = found
+            terms, contracted, kept = found
             made = [self._collected(terms)]
-            if factored:
+            if factored or any(b.is_Add and k < 0 for b, k in _common(terms)[0]):
                 made.append(self._factored(terms))
             weight = DRAWN_TOGETHER if contracted else 1.0
             forms += [(weight * cost(form), form) for form in made]
+            if not kept:
+                break  # the others are the same
         return min(forms, key=lambda form: form[0])[1]  # the first of equals
 
     def _is_late(self) -> bool:
@@ -139,15 +143,18 @@ class Tidier:
     def _piecewise(self, e: Any) -> Any:
         return sp.Piecewise(*((self(x), c) for x, c in e.args), evaluate=False)
 
-    def _terms(self, e: Any, whole: Callable[[Any], bool]) -> tuple[Terms, bool] | None:
+    def _terms(
+        self, e: Any, whole: Callable[[Any], bool]
+    ) -> tuple[Terms, bool, bool] | None:
+        """Give a sum of products, whether it is contracted, whether a sum is whole."""
         meter = Meter(self.budget, self._until)
         try:
-            terms = written_out(e, whole, self._inner, meter)
+            terms, kept = written_out(e, whole, self._inner, meter)
             contracted = contract(terms, meter)
         except CutError:
             self.cut = self.cut or not self._is_late()
             return None
-        return terms, contracted > 0
+        return terms, contracted > 0, kept
 
     def _inner(self, e: Any) -> Any:
         """Tidy the arguments of a function, or a sum under a power."""
@@ -156,7 +163,8 @@ class Tidier:
         if isinstance(e, sp.Piecewise):
             return self._piecewise(e)
         if e.is_Function:
-            return e.func(*(self(a) for a in e.args))
+            args = tuple(self(a) for a in e.args)
+            return e if args == e.args else e.func(*args)
         if e.is_Pow:
             return self(e.base) ** e.exp
         return e
@@ -194,6 +202,9 @@ class Tidier:
 
     def _product(self, outer: Monomial, terms: Terms) -> Any:
         """Give outer * terms, with what is common to them drawn out if shorter."""
+        if len(terms) == 1 and not any(b.is_Add for m in terms for b, _ in m):
+            ((one, number),) = terms.items()
+            return expression(times(outer, one), number)
         direct = _product(expression(outer), self._sum(terms))
         common, rest = _common(terms)
         inner = self._sum(rest)
@@ -212,9 +223,8 @@ class Tidier:
         parts = []
         for outer, constants in groups.items():
             common, inner = _common(constants)
-            total = sp.Add(*(x * expression(m) for m, x in inner.items()))
-            factors = [b**k for b, k in times(outer, common)]
-            parts.append(_product(*factors, total))
+            total = sp.Add(*(expression(m, x) for m, x in inner.items()))
+            parts.append(_product(*_powers(times(outer, common)), total))
         return sp.Add(*parts)
 
     def _part(self, monomial: Monomial, belongs: Callable[[Any], bool]) -> Monomial:
@@ -241,15 +251,22 @@ def _product(*factors: Any) -> Any:
 
     A sum with minus signs only gives its sign to the product.
     """
-    negative = [x for x in factors if x.is_Add and all(map(_has_minus, x.args))]
+    sums = [x for x in factors if isinstance(x, sp.Add)]
+    if not sums:
+        return sp.Mul(*factors)
+    negative = [x for x in sums if all(map(_has_minus, x.args))]
     turned = [-x if x in negative else x for x in factors]
     sign = (-sp.S.One) ** len(negative)
     whole = sp.Mul(sign, *turned)
-    sums = [x for x in turned if x.is_Add]
-    if not whole.is_Add or not sums:
+    if not whole.is_Add:
         return whole
-    number = sign * sp.Mul(*(x for x in turned if x is not sums[0]))
-    return whole if abs(number) == 1 else sp.Mul(number, sums[0], evaluate=False)
+    (first, *_) = (x for x in turned if isinstance(x, sp.Add))
+    number = sign * sp.Mul(*(x for x in turned if x is not first))
+    return whole if abs(number) == 1 else sp.Mul(number, first, evaluate=False)
+
+
+def _powers(monomial: Monomial) -> Iterator[Any]:
+    return (b if k == 1 else b**k for b, k in monomial)
 
 
 def _has_minus(e: Any) -> bool:
@@ -273,8 +290,8 @@ def _common(terms: Terms) -> tuple[Monomial, Terms]:
     common: Mapping[Any, Any] = {
         x: k for x in bases if (k := min(e.get(x, 0) for e in exponents)) != 0
     }
-    numbers = [sp.Rational(x) for x in terms.values()]
-    content = reduce(sp.gcd, numbers)
+    numbers = [*terms.values()]
+    content = _content(numbers)
     shared = frozenset(common.items())
     rest = {
         times(m, _inverse(shared)): x / content
@@ -283,8 +300,14 @@ def _common(terms: Terms) -> tuple[Monomial, Terms]:
     if all(x < 0 for x in rest.values()):
         content, rest = -content, {m: -x for m, x in rest.items()}
     if content != 1:
-        shared = shared | {(content, sp.S.One)}
+        shared = shared | {(sp.Rational(content), 1)}
     return shared, rest
+
+
+def _content(numbers: Sequence[int | Fraction]) -> Fraction:
+    """Give the greatest common divisor."""
+    over = math.gcd(*(x.numerator for x in numbers))
+    return Fraction(over, math.lcm(*(x.denominator for x in numbers)))
 
 
 def cost(e: Any) -> int:

@@ -12,23 +12,24 @@ import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial, reduce
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
-from lagsim.derivation.endless import refuse_endless, refuse_hopeless
+from lagsim.derivation.endless import refuse_endless
 from lagsim.derivation.functions import TWINS
 from lagsim.derivation.names import Name
 from lagsim.derivation.tidy import Roles, Tidier
-from lagsim.language.derivatives import gradient
-from lagsim.language.functions import FUNCTIONS
+from lagsim.language.functions import FUNCTIONS, OPERATIONS
 from lagsim.language.graph import CONSTANT, VARIABLE
 from lagsim.language.symbolic import symbol, to_sympy
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable
 
+    from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Parameter
 
@@ -86,25 +87,17 @@ class Translation:
         physics = self._physics()
         values = {g.variable(p.name): p.value for p in model.parameters if substitute}
         refuse_endless(g, physics, values)
-        refuse_hopeless(g, model.lagrangian, self._indices())
+        parameters = [symbol(p.name) for p in model.parameters]
+        self._parameters = frozenset(parameters)
         self.known = {n: number(x) for n, x in values.items()}
         self.kept = self._keep(physics, substitute=substitute)
-        self._slopes = {
-            (k.symbol, x): slope for k in self.kept for x, slope in self._slopes_of(k)
-        }
-        parameters = [symbol(p.name) for p in model.parameters]
+        self._nodes = {x: n for n, x in self.known.items() if x.is_Symbol}
         self.names, self.rank = self._shown(parameters)
         moving = {*self.v, *self.a, *self.multipliers}
         moving_names = {*self.q, *moving, self.t}
         still = [k.symbol for k in self.kept if not self.free(k.value) & moving_names]
         constants = frozenset((*parameters, *still))
         self.tidy = Tidier(Roles(constants, frozenset(moving)))
-
-    def _indices(self) -> dict[int, int]:
-        """Give the index k of each position, and ~k of each velocity."""
-        g, e = self.g, self.equations
-        found = {g.variable(q): k for k, q in enumerate(e.q)}
-        return found | {g.variable(v): ~k for k, v in enumerate(e.velocities)}
 
     def _physics(self) -> list[int]:
         """Give the nodes of what the derivation begins with."""
@@ -148,21 +141,16 @@ class Translation:
         return kept
 
     def _value(self, node: int) -> Any:
-        return to_sympy(
-            self.g, [node], known=self.known, twins=TWINS, number=number
-        )[0]  # fmt: skip
+        twins: dict[str, Callable[..., Any]] = {**TWINS, "if": self._choice}
+        return to_sympy(self.g, [node], known=self.known, twins=twins, number=number)[0]
 
-    def _slopes_of(self, kept: Kept) -> list[tuple[Any, Any]]:
-        g = self.g
-        node = next(n for n, x in self.known.items() if x == kept.symbol)
-        # The slope with respect to all that moves, through other definitions too.
-        variables = [*self.q, self.t]
-        slopes = gradient(g, node, [g.variable(x.name) for x in variables])
-        return [
-            (x, self._value(slope))
-            for x, slope in zip(variables, slopes, strict=True)
-            if slope != g.zero
-        ]
+    def _choice(self, asked: Any, then: Any, other: Any) -> Any:
+        """Give a choice; that of the slope of x^y, 0 where x^y = 0, is for moving x."""
+        if then == 0 and isinstance(asked, sp.Le):
+            power = asked.lhs.args[0] if isinstance(asked.lhs, TWINS["abs"]) else then
+            if power.is_Pow and power.base.free_symbols <= self._parameters:
+                return other
+        return OPERATIONS["if"].sympy(sp, asked, then, other)
 
     def free(self, e: Any) -> set[Any]:
         """Give the symbols in `e`, those behind names of definitions too."""
@@ -214,38 +202,57 @@ class Translation:
 
     # Expressions
 
-    def sympy(self, nodes: Iterable[int | None]) -> list[Any]:
+    def sympy(self, nodes: Iterable[int | None], *, written: bool = False) -> list[Any]:
         """Give nodes as tidy sympy expressions; None stays None."""
         return [
-            None if n is None else self.tidy(self._value(n), written=True)
+            None if n is None else self.tidy(self._value(n), written=written)
             for n in nodes
         ]
 
-    def slope(self, e: Any, x: Any) -> Any:
-        """Give de/dx, through definitions that keep their names too."""
-        total = sp.diff(e, x)
-        for k in self.kept:
-            inner = self._slopes.get((k.symbol, x))
-            if inner is not None and k.symbol in e.free_symbols:
-                total += sp.diff(e, k.symbol) * inner
-        return total
+    def node(self, e: Any, original: int) -> int:
+        """Give a node for `e`, the tidy form of `original`.
 
-    def drift(self, e: Any) -> Any:
-        """Give de/dt for accelerations that vanish."""
-        moved = (self.slope(e, q) * v for q, v in zip(self.q, self.v, strict=True))
-        return sp.Add(self.slope(e, self.t), *moved)
+        That is `original` itself where the graph would hold other numbers than `e`.
+        """
+        try:
+            node = _built(self.g, e, self._nodes)
+        except _NotExactError:
+            return original
+        self.known[node] = e
+        return node
 
-    def rate(self, e: Any) -> Any:
-        """Give de/dt."""
-        bent = (sp.diff(e, v) * a for v, a in zip(self.v, self.a, strict=True))
-        return sp.Add(self.drift(e), *bent)
 
-    def values(self, state: Mapping[str, Any]) -> dict[Any, Any]:
-        """Give the value of each symbol from those of the model's variables."""
-        found = {symbol(name): x for name, x in state.items()}
-        for k in self.kept:
-            found[k.symbol] = k.value.subs(found)
-        return found
+class _NotExactError(Exception):
+    """An expression that the graph would hold with other numbers."""
+
+
+def _built(g: Graph, e: Any, found: dict[Any, int]) -> int:
+    """Give the node of an expression; `found` has those of some symbols."""
+    if e in found:
+        return found[e]
+    if e.is_Symbol:
+        node = g.variable(e.name)
+    elif e.is_number and not e.args:
+        try:
+            value = float(e)
+        except OverflowError:
+            raise _NotExactError from None
+        if number(value) != e:
+            raise _NotExactError
+        node = g.constant(value)
+    else:
+        args = [_built(g, a, found) for a in e.args]
+        if e.is_Add:
+            node = g.sum(args)
+        elif e.is_Mul:
+            node = reduce(partial(g.call, "mul"), args)
+        else:
+            name = "pow" if e.is_Pow else getattr(e, "spelled", type(e).__name__)
+            if name not in OPERATIONS:
+                raise _NotExactError
+            node = g.call(name, *args)
+    found[e] = node
+    return node
 
 
 _MASS = re.compile(r"[mM][0-9]*\Z")
@@ -272,13 +279,13 @@ def number(x: float) -> Any:
     multiple = part != 0 and abs(part.numerator) <= _PARTS_OF_PI
     if multiple and part.numerator * math.pi / part.denominator == x:
         return sp.Rational(part) * sp.pi
-    return sp.Rational(repr(x)) if not _third(x) else _third(x)
-
-
-def _third(x: float) -> Any:
-    """Give a fraction with a small denominator that is exactly this float, or None."""
     part = Fraction(x).limit_denominator(LARGEST_PART)
-    return sp.Rational(part) if part.numerator / part.denominator == x else None
+    if part.numerator / part.denominator == x:
+        return sp.Rational(part)
+    return _LOGARITHMS.get(x) or sp.Rational(repr(x))
 
 
+_WHOLE = range(2, 17)
+_LOGARITHMS = {math.log(k): sp.log(k) for k in _WHOLE}
+_LOGARITHMS |= {1 / math.log(k): 1 / sp.log(k) for k in _WHOLE}
 LARGEST_PART = 16

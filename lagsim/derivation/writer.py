@@ -137,6 +137,8 @@ class Writer:
     ) -> None:
         self.style, self.symbols, self.rank = style, symbols, rank
         self.decimals = decimals
+        self._pieces: dict[Any, Piece] = {}
+        self._places: dict[Any, tuple[Any, ...]] = {}
 
     def __call__(self, e: Any) -> str:
         """Give the text of an expression."""
@@ -153,6 +155,11 @@ class Writer:
 
     def piece(self, e: Any) -> Piece:
         """Give the text of an expression, and how tightly it binds."""
+        if e not in self._pieces:
+            self._pieces[e] = self._piece(e)
+        return self._pieces[e]
+
+    def _piece(self, e: Any) -> Piece:
         if e.is_Symbol:
             return Piece(self.style.names.show(self.symbols[e]), ATOM)
         if e.is_Number:
@@ -222,7 +229,7 @@ class Writer:
                 degree[_MOVING[group - 0.5]] -= 2
         varying = sorted(place for place, _ in found if place[0] >= _VARYING)
         constant = sorted(place for place, _ in found if place[0] < _VARYING)
-        return *degree, varying, constant, sp.default_sort_key(term)
+        return *degree, varying, constant
 
     # Products
 
@@ -266,6 +273,11 @@ class Writer:
         return Piece(text, PRODUCT)
 
     def _place(self, factor: Any) -> tuple[Any, ...]:
+        if factor not in self._places:
+            self._places[factor] = self._placed(factor)
+        return self._places[factor]
+
+    def _placed(self, factor: Any) -> tuple[Any, ...]:
         base, exponent = factor, sp.S.One
         if factor.is_Pow:
             base, exponent = factor.base, factor.exp

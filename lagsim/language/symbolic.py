@@ -36,7 +36,7 @@ def to_sympy(
     g: Graph,
     nodes: Iterable[int],
     *,
-    known: Mapping[int, Any] | None = None,
+    known: dict[int, Any] | None = None,
     twins: Mapping[str, Callable[..., Any]] | None = None,
     number: Callable[[float], Any] | None = None,
 ) -> list[Any]:
@@ -50,7 +50,8 @@ def to_sympy(
     g, nodes
         What to give.
     known
-        What stands for some of the nodes; what is below them is not reached.
+        What stands for some of the nodes; what is below them is not reached. What is
+        found is added.
     twins
         What stands for some of the functions, instead of the table's twins.
     number
@@ -65,7 +66,7 @@ def to_sympy(
 
     nodes = list(nodes)
     number, twins = number or _number, twins or {}
-    found: dict[int, Any] = dict(known or {})
+    found = {} if known is None else known
     for n in _above(g, nodes, found):
         op = g.ops[n]
         if op == VARIABLE:
@@ -76,6 +77,10 @@ def to_sympy(
             value = g.value(n)
             assert value is not None
             found[n] = number(value)
+        elif op in _CHAINS:  # sympy sorts what it adds, or multiplies, each time
+            signed = _operands(g, n, found)
+            args = [-found[a] if negative else found[a] for a, negative in signed]
+            found[n] = (sympy.Mul if op == "mul" else sympy.Add)(*args)
         else:
             args = [found[a] for a in g.args[n]]
             twin = twins.get(op)
@@ -88,11 +93,33 @@ def _above(g: Graph, nodes: Iterable[int], known: Collection[int]) -> list[int]:
     seen = set(nodes).difference(known)
     stack = list(seen)
     while stack:
-        for a in g.args[stack.pop()]:
+        for a, _ in _operands(g, stack.pop(), known):
             if a not in seen and a not in known:
                 seen.add(a)
                 stack.append(a)
     return sorted(seen)
+
+
+def _operands(g: Graph, n: int, known: Collection[int]) -> list[tuple[int, bool]]:
+    """Give the arguments of a node, and whether each is subtracted.
+
+    Of a sum those of the sums in it, too; and so of a product.
+    """
+    chain = _CHAINS.get(g.ops[n])
+    if chain is None:
+        return [(a, False) for a in g.args[n]]
+    found, stack = [], [(n, False)]
+    while stack:
+        a, negative = stack.pop()
+        if a == n or (g.ops[a] in chain and a not in known):
+            first, second = g.args[a]
+            stack += [(first, negative), (second, negative ^ (g.ops[a] == "sub"))]
+        else:
+            found.append((a, negative))
+    return found
+
+
+_CHAINS = {"mul": ("mul",), "add": ("add", "sub"), "sub": ("add", "sub")}
 
 
 def _number(x: float) -> Any:

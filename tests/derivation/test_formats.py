@@ -424,7 +424,7 @@ def test_long_equations_break_where_they_are_one_term(ascii_only: bool) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["double-pendulum", "chain-cartesian", "andrews"])
+@pytest.mark.parametrize("name", ["double-pendulum", "chain-cartesian"])
 def test_long_terms_of_latex_break(name: str) -> None:
     document = as_latex(
         content(derive(read((MODELS / f"{name}.yaml").read_text(), "m")))
