@@ -7,9 +7,9 @@ from tests.support import ROOT
 HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 453
-LINES = 77_500
-LINES_OF_TESTS = 63_400
+FILES = 441
+LINES = 77_100
+LINES_OF_TESTS = 63_000
 
 
 def lines(folder):

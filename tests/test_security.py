@@ -7,7 +7,7 @@ import re
 import pytest
 
 from lagsim import limits
-from lagsim.model.nodes import MAX_DEPTH
+from lagsim.model.loading import MAX_DEPTH
 from lagsim.model.reader.simulation import MAX_ROWS
 from tests.support import ROOT
 

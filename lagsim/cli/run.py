@@ -38,7 +38,7 @@ from lagsim.cli._writing import (
 )
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names
-from lagsim.model.settings import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
+from lagsim.model.model import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.outputs import Format
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Clock, open_case, wanted

@@ -10,7 +10,7 @@ from lagsim.cli._streams import put
 def command() -> int:
     """Print the JSON Schema of model files, for editors."""
     from lagsim.methods import names
-    from lagsim.model.schema import schema
+    from lagsim.model.reader import schema
     from lagsim.plan.formulation import formulations
 
     choices = {"method": ["auto", *names()], "formulation": formulations()}

@@ -1,1 +1,1 @@
-"""From YAML text to a Model: `nodes`, `reader`, and what they make."""
+"""From YAML text (`loading`) to nodes, and from them (`reader`) to a Model."""

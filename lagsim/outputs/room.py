@@ -13,7 +13,7 @@ from lagsim.outputs import Format
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Settings
 
 # Bytes of a number and its comma, as people's scenes have them: 16 digits and a sign.
 # Packed, each is a double; Parquet and its kin may do with half.

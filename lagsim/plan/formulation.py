@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility.report import Start
     from lagsim.errors import Place
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Settings
 
 GAIN = "baumgarte.gain"
 # Of what is eliminated a choice names this many.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
     from lagsim.mechanics.structure import Structure
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Settings
 
 # Needs of a method that are made from y' as nodes of the graph.
 STRAIGHT_ONLY = frozenset(("series", "linear"))

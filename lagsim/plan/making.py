@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.structure import Structure
     from lagsim.mechanics.switches import Switches
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Settings
 
 
 def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.model.settings import DEFAULT_RTOL
+from lagsim.model.model import DEFAULT_RTOL
 from lagsim.plan.newton import newton_of
 
 if TYPE_CHECKING:

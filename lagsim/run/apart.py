@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.instant import Instant
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.plan.subsystems import Subsystem
     from lagsim.run.interrupt import Interrupt

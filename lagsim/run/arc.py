@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.run.system import System
     from lagsim.run.system.runner import Runner

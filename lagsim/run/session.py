@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility.report import Start, StartReport
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
-    from lagsim.model.model import Model
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Model, Settings
     from lagsim.notes import Choice
     from lagsim.plan.plan import Plan
     from lagsim.run.apart import Apart

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from lagsim.language.arrays import Flags, Floats
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Settings
     from lagsim.notes import Event
 
 IMPACT = "impact"

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from lagsim import limits
-from lagsim.model.settings import Settings
+from lagsim.model.model import Settings
 from lagsim.outputs import Format
 from lagsim.outputs.room import refuse_without_room
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lagsim.model.model import Settings
 from lagsim.model.reader import read
-from lagsim.model.settings import Settings
 from lagsim.studies.golden.judging import judge, run
 from lagsim.studies.golden.measuring import measure
 from lagsim.studies.golden.motion import Sparse, befores, paired

@@ -16,7 +16,7 @@ from lagsim.admissibility.examination import examine
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
-from lagsim.model.reader import intent, read, written
+from lagsim.model.reader import read, suggestions
 from tests.model._files import problems
 
 MODEL = """\
@@ -552,15 +552,16 @@ def test_every_spelling_of_the_table_has_a_case(monkeypatch):
 
         return hint
 
-    table = [(p, recorded(k, meant)) for k, (p, meant) in enumerate(written.PATTERNS)]
-    monkeypatch.setattr(intent, "PATTERNS", table)
-    names = [(p, recorded(p.pattern, meant)) for p, meant in written.OF_NAMES]
-    monkeypatch.setattr(intent, "OF_NAMES", names)
+    patterns = suggestions.PATTERNS
+    table = [(p, recorded(k, meant)) for k, (p, meant) in enumerate(patterns)]
+    monkeypatch.setattr(suggestions, "PATTERNS", table)
+    names = [(p, recorded(p.pattern, meant)) for p, meant in suggestions.OF_NAMES]
+    monkeypatch.setattr(suggestions, "OF_NAMES", names)
     for where, text, *_ in CASES:
         hint_of(where, text)
     left = [
         (p.pattern, meant)
-        for k, (p, meant) in enumerate(written.PATTERNS)
+        for k, (p, meant) in enumerate(patterns)
         if k not in used and p.pattern not in used and meant not in ADVICE
     ]
     assert left == []

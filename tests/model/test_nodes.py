@@ -3,8 +3,9 @@
 import pytest
 import yaml
 
-import lagsim.model.nodes
-from lagsim.model.nodes import Broken, Document, Mapping, Node, Scalar, Sequence, load
+import lagsim.model.loading
+from lagsim.model.loading import Document, load
+from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence
 
 
 def root_of(text: str) -> Mapping:
@@ -268,7 +269,7 @@ class TestAccidents:
 class TestWithoutTheCParser:
     @pytest.fixture(autouse=True)
     def _python_parser(self, monkeypatch):
-        monkeypatch.setattr(lagsim.model.nodes, "_LOADER", yaml.Loader)
+        monkeypatch.setattr(lagsim.model.loading, "_LOADER", yaml.Loader)
 
     @pytest.mark.parametrize(
         ("text", "code", "line", "column"),

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.link_chain import chain
 from benchmarks.rod_chain import rod_chain
 from lagsim.errors import InputError
-from lagsim.model.settings import DEFAULT_RTOL
+from lagsim.model.model import DEFAULT_RTOL
 from lagsim.plan.cost import step_parts
 from lagsim.plan.making import by_loops
 from tests.scenes.reference import model_text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lagsim.model.settings import Settings
+from lagsim.model.model import Settings
 from lagsim.notes import Event
 from lagsim.studies.moved import moved, on_grid, within
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
     from lagsim.language.parser import Name, ParsedRelation
-    from lagsim.model.reader.faults import Faults
+    from lagsim.model.reader.fields import Faults
     from lagsim.model.reader.names import Meaning, Names
 
 _T = TypeVar("_T")
@@ -249,16 +249,16 @@ class Expressions:
         self, name: str, scalar: Scalar, offset: int, *, numbers: bool
     ) -> None:
         """Report a name that means nothing; once where a hint is of several names."""
-        from lagsim.model.reader import intent, spellings
+        from lagsim.model.reader import suggestions
 
-        hint = intent.of_unknown(scalar.text, offset)
+        hint = suggestions.of_unknown(scalar.text, offset)
         if hint and (scalar, hint) == self._told:
             return
         self._told = scalar, hint
         among = list(self.values) if numbers else None
         text, other = self.names.unknown(name, self.faults, among)
         hint = hint or other
-        if not hint and not spellings.is_other(name):
+        if not hint and not suggestions.is_other(name):
             hint = self.faults.meant(scalar, offset, self.names.variables)
         hint = hint or f"give `{shortened(name)}` a value in `parameters`"
         place = scalar.place_of(offset, len(name))

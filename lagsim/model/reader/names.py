@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
     from lagsim.errors import Place
     from lagsim.model.nodes import Node
-    from lagsim.model.reader.faults import Faults
-    from lagsim.model.reader.fields import Entry
+    from lagsim.model.reader.fields import Entry, Faults
 
 RESERVED = (
     "t", "pi", "kinetic", "potential", "lagrangian", "energy", "work",
@@ -232,12 +231,12 @@ class Names:
             near = faults.guess(base, self.constraints)
             hint = f"did you mean `lambda_{near}`?" if near else ""
             return f"there is no constraint `{base}`", hint
-        from lagsim.model.reader import intent
+        from lagsim.model.reader import suggestions
 
         usable = self.variables if among is None else among
         moving = self.moving() if among is None else ()
-        hint = intent.of_name(name, usable, moving)
-        hint = hint or intent.of_several(name, usable)
+        hint = suggestions.of_name(name, usable, moving)
+        hint = hint or suggestions.of_several(name, usable)
         hint = hint or faults.did_you_mean(name, usable)
         if not hint and name in FUNCTIONS:
             hint = f"a function is followed by its arguments: {name}(...)"

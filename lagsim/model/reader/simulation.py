@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.model.model import DEFAULT_ROWS, Settings
 from lagsim.model.nodes import Scalar, argument
+from lagsim.model.reader.equations import read_relation
 from lagsim.model.reader.fields import (
     EXPRESSION,
     PLAIN,
@@ -16,8 +18,6 @@ from lagsim.model.reader.fields import (
     kind_of,
 )
 from lagsim.model.reader.quantities import span
-from lagsim.model.reader.relations import read_relation
-from lagsim.model.settings import DEFAULT_ROWS, Settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

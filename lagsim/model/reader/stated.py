@@ -1,6 +1,6 @@
-"""What a file says in numbers: parameters, laws, start values, settings.
+"""The numbers of a file, evaluated again for other values or other coordinates.
 
-All of it can be had again for other values: what is built of names alone, the graph and
+Parameters, laws, start values and settings: what is built of names alone, the graph and
 every expression on it, stays.
 """
 
@@ -9,24 +9,103 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.errors import InputError, Problem
+from lagsim.model.model import Coordinate, Level, Separation
 from lagsim.model.nodes import Mapping, Scalar, Sequence, argument
-from lagsim.model.reader.faults import Faults
-from lagsim.model.reader.initial import TARGETS, Initial
-from lagsim.model.reader.parameters import Parameters, Value, words
-from lagsim.model.reader.relations import again
+from lagsim.model.reader.equations import (
+    again,
+    read_constraints,
+    read_energies,
+    read_forces,
+)
+from lagsim.model.reader.expressions import Expressions
+from lagsim.model.reader.fields import Faults
+from lagsim.model.reader.names import Kind
 from lagsim.model.reader.simulation import read_settings
+from lagsim.model.reader.values import (
+    TARGETS,
+    Definitions,
+    Initial,
+    Parameters,
+    Value,
+    words,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
     from collections.abc import Mapping as MappingType
 
     from lagsim.errors import Place
-    from lagsim.model.model import InitialValue, Model, Parameter, Separation
+    from lagsim.model.model import InitialValue, Model, Parameter, Settings
     from lagsim.model.nodes import Node
-    from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.fields import Entry, Fields
     from lagsim.model.reader.names import Names
-    from lagsim.model.settings import Settings
+
+
+# --- The model read again with some of its definitions as coordinates of their own
+#
+# By their names, not by what they are: where the file writes `x` the separated model
+# has `x`, and where it writes what `x` denotes, that.
+
+
+def separated(
+    model: Model,
+    definitions: list[Entry],
+    energy: Fields,
+    forces: Node | None,
+    constraints: list[Entry],
+    known: Expressions,
+) -> Separation:
+    """Read sections of a sound file again; `known` are its expressions.
+
+    Raises
+    ------
+    InputError
+        Where a constraint is met as the root of another relation then.
+    """
+    held = dict.fromkeys(model.output.reactions, Kind.COORDINATE)
+    names = replace(known.names, variables={**known.names.variables, **held})
+    faults = Faults(model.file)
+    x = Expressions(known.graph, names, faults)
+    x.values = known.values
+    Definitions(definitions, x).build(Level.POSITION, Level.VELOCITY)
+    energies = read_energies(energy, x)
+    working = read_forces(forces, x)
+    laws = read_constraints(constraints, x)
+    faults.raise_if_any()
+    units = {d.name: d.unit for d in model.definitions}
+    expressions = {name: x.definitions[name].node for name in held}
+    assert energies.lagrangian is not None
+    found = replace(
+        model,
+        coordinates=(*model.coordinates, *(Coordinate(n, units[n]) for n in held)),
+        lagrangian=energies.lagrangian,
+        kinetic=energies.kinetic,
+        potential=energies.potential,
+        dissipation=energies.dissipation,
+        forces=working,
+        constraints=laws,
+    )
+    _check_roots(model, found)
+    return Separation(found, {k: n for k, n in expressions.items() if n is not None})
+
+
+def _check_roots(model: Model, found: Model) -> None:
+    """Refuse multipliers that are those of other relations than the separated ones."""
+    g = model.graph
+    new = {g.variable(d.name): d.node for d in model.definitions}
+    for one, other in zip(model.constraints, found.constraints, strict=True):
+        if not one.relation.multiple and not other.relation.multiple:
+            continue
+        if g.substitute([other.relation.node], new) != [one.relation.node]:
+            text = f"`{one.name}` vanishes as a power, with its gradient; its "
+            text += (
+                "multiplier does not give the definitions in `output.reactions` a "
+                "reaction"
+            )
+            hint = "write the relation with a simple zero"
+            place = one.relation.place
+            raise InputError([Problem("multiple-root", text, place, hint)])
 
 
 class Sections(NamedTuple):
@@ -182,8 +261,6 @@ class Stated:
 
     def separated(self, model: Model) -> Separation:
         """Give `model` in other coordinates, see `Model.separated`."""
-        from lagsim.model.reader.separation import separated
-
         s = self.sections
         return separated(
             model, s.definitions, s.energy, s.forces, s.constraints, self.x

@@ -8,7 +8,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Settings
 
 # Rows that are kept, at most.
 MOST_ROWS = 4096

@@ -8,7 +8,7 @@ from lagsim.notes import Caution
 
 if TYPE_CHECKING:
     from lagsim.admissibility.report import StartReport
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
 
 

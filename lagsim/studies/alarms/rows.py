@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.instant import Instant
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger

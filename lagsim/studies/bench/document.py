@@ -18,8 +18,7 @@ from lagsim.version import __version__
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from lagsim.model.model import Model
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Model, Settings
     from lagsim.studies.bench.reference import Reference
     from lagsim.studies.bench.work_precision import WorkPrecision
 

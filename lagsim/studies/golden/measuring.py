@@ -15,7 +15,7 @@ import numpy as np
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.mechanics.reduction.ignorable import MOMENTUM
-from lagsim.model.settings import DEFAULT_RTOL
+from lagsim.model.model import DEFAULT_RTOL
 from lagsim.studies.comparison.scales import kind, scales
 from lagsim.studies.golden.clear import clear
 from lagsim.studies.golden.invariants import invariants

@@ -10,7 +10,7 @@ import numpy as np
 from lagsim.errors import InputError
 from lagsim.mechanics.instant import Instant
 from lagsim.methods import method as method_named
-from lagsim.model.settings import DEFAULT_RTOL
+from lagsim.model.model import DEFAULT_RTOL
 from lagsim.run.observers.checkpoints import numbers
 from lagsim.run.observers.ledger import Ledger
 from lagsim.studies.moved import nearest
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from lagsim.language.arrays import Flags, Floats
-    from lagsim.model.settings import Settings
+    from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.run.session import Case
     from lagsim.run.trajectory import Trajectory

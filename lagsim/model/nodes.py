@@ -1,4 +1,4 @@
-"""What a YAML text is made of: scalars, mappings and sequences with their places."""
+"""Nodes of a YAML text: scalars, mappings and sequences with their places."""
 
 from __future__ import annotations
 

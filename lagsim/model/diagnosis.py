@@ -1,8 +1,8 @@
-"""What went wrong where a text is not the YAML its author meant, and how to go on.
+"""Diagnosis of a text that is not the YAML its author meant, and its repair.
 
 Expressions meet YAML's own signs: a colon, a comma or a sign that begins a value. The
-diagnosis names the accident; a repair sets the value aside, so that the rest of the
-file can still be read and all its faults be told at once.
+diagnosis names the mistake; a repair sets the value aside, so that the rest of the
+file can still be read and all its faults be reported at once.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import re
 from typing import NamedTuple
 
 from lagsim.errors import Problem
-from lagsim.model.nodes.tree import Broken, Node, Scalar, Source
+from lagsim.model.nodes import Broken, Node, Scalar, Source
 
 _FORBIDDEN = re.compile(
     "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"

@@ -6,7 +6,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.model.reader import read
-from lagsim.model.reader.faults import MAX_GUESSES
+from lagsim.model.reader.fields import MAX_GUESSES
 from tests.model._files import problems
 
 SCENE = """\

@@ -1,0 +1,664 @@
+"""Suggestions: what was likely meant by a text that is no expression here.
+
+Spellings of other languages, of textbooks and of pocket calculators, for functions,
+keys and expressions. Loaded only where there is a fault: it compiles many patterns.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from typing import TYPE_CHECKING
+
+from lagsim.language.functions import FUNCTIONS
+from lagsim.model.reader import quantities
+from lagsim.model.reader.quantities import NUMBER
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable
+
+
+RADIANS = "angles are in radians"
+_WHOLE = re.compile(r"[\w.]+")
+
+# Functions, and their names elsewhere, in small letters.
+_NAMES = {
+    "log": "ln",
+    "log10": "lg",
+    "asin": "arcsin",
+    "acos": "arccos",
+    "atan": "arctan arctg",
+    "atan2": "arctan2",
+    "asinh": "arcsinh arsinh",
+    "acosh": "arccosh arcosh",
+    "atanh": "arctanh artanh",
+    "tan": "tg",
+    "sinh": "sh",
+    "cosh": "ch",
+    "tanh": "th",
+    "sign": "sgn signum",
+    "abs": "fabs",
+    "max": "maximum fmax",
+    "min": "minimum fmin",
+    "heaviside": "h step unitstep",
+    "ceil": "ceiling",
+}
+_RENAMED = {name: own for own, names in _NAMES.items() for name in names.split()}
+# Functions that are written with others: their arguments, and how.
+_REWRITTEN = {
+    "log2": ("x", "log(x)/log(2)"),
+    "log1p": ("x", "log(1 + x)"),
+    "expm1": ("x", "exp(x) - 1"),
+    "exp2": ("x", "2^x"),
+    "exp10": ("x", "10^x"),
+    **dict.fromkeys(("pow", "power"), ("a b", "a^b")),
+    **dict.fromkeys(("square", "sqr"), ("x", "x^2")),
+    "cube": ("x", "x^3"),
+    "rational": ("a b", "(a/b)"),
+    "root": ("x n", "x^(1/n)"),
+    "sec": ("x", "1/cos(x)"),
+    "csc": ("x", "1/sin(x)"),
+    **{f"{of}d": ("x", f"{of}(x*pi/180)") for of in ("sin", "cos", "tan")},
+    **{f"a{of}d": ("x", f"a{of}(x)*180/pi") for of in ("sin", "cos", "tan")},
+    **dict.fromkeys(("cot", "ctg", "cotan"), ("x", "1/tan(x)")),
+    **dict.fromkeys(("acot", "arccot"), ("x", "atan2(1, x)")),
+    **dict.fromkeys(("mod", "fmod", "rem"), ("x y", "x - y*floor(x/y)")),
+    "round": ("x", "floor(x + 0.5)"),
+    **dict.fromkeys(("int", "trunc", "fix"), ("x", "sign(x)*floor(abs(x))")),
+    **dict.fromkeys(("clip", "clamp"), ("x a b", "max(a, min(x, b))")),
+    "norm": ("x y", "hypot(x, y)"),
+    **dict.fromkeys(
+        ("where", "ifelse", "iif", "ite", "cond", "piecewise"),
+        ("condition a b", "if(condition, a, b)"),
+    ),
+    **dict.fromkeys(("deg2rad", "radians", "rad", "deg"), ("x", "x*pi/180")),
+    **dict.fromkeys(("rad2deg", "degrees"), ("x", "x*180/pi")),
+}
+_OF_ANGLES = ("deg2rad", "radians", "rad", "deg")
+# Keys of the file, the likelier first, and how they are called elsewhere, in small
+# letters.
+_KEYS = {
+    "parameters": "constants params consts given",
+    "coordinates columns": "variables vars dof dofs generalized_coordinates q states",
+    "definitions": "define functions expressions",
+    "forces": "loads generalized_forces applied_forces",
+    "simulation": "sim solve integration solver_options",
+    "scene": "graphics drawing draw visualization animation geometry",
+    "plots": "plot figures charts",
+    "initial": "initial_conditions initial_state initial_values ic ics init x0",
+    "kinetic duration": "t ke ekin kinetic_energy",
+    "potential": "v u pe epot potential_energy",
+    "lagrangian": "l lagrange lagrange_function",
+    "dissipation": "d r rayleigh friction damping",
+    "duration": "time tmax t_max length",
+    "end": (
+        "t_end tend tf t1 to stop tstop t_stop t_final tfinal final final_time "
+        "stop_time end_time finish till"
+    ),
+    "start": "t0 t_start tstart start_time begin from",
+    "output_step step": "dt timestep time_step sampling dt_out",
+    "step": "h max_step",
+    "until": "stop_when stop_condition event events terminate",
+    "rtol": "tol tolerance reltol precision",
+    "atol": "abstol",
+    "method": "solver integrator scheme",
+    "unit": "units dimension",
+    "description": "help comment text label desc",
+    "value": "default val",
+    "relation value": "eq equation expression expr",
+    "friction": "mu",
+    "restitution": "e bounce cor restitution_coefficient",
+    "links": "lines rods edges bars",
+    "points": "masses bodies",
+}
+KEYS = {name: keys.split() for keys, names in _KEYS.items() for name in names.split()}
+# Keys of counts, where a length is asked for here: no key has their values.
+COUNTS = (
+    "n", "steps", "nsteps", "n_steps", "num_steps", "number_of_steps", "output_steps",
+    "samples", "points", "rows", "fps", "frames",
+)  # fmt: skip
+# Keys of two times.
+SPANS = ("tspan", "t_span", "time_span", "t_range", "interval")
+# What gives a rate, of its first argument.
+RATES = ("d", "D", "der", "deriv", "derivative", "Derivative", "diff", "Diff", "dot")
+# Every name that stands for a function somewhere, the longest first.
+CALLED = "|".join(
+    sorted((*FUNCTIONS, *_RENAMED, *_REWRITTEN), key=lambda name: -len(name))
+)
+MODULES = "np|numpy|jnp|math|Math|cmath|sp|sympy|torch|std"
+
+
+def known_function(name: str) -> str:
+    """Give the name that a function has here, or an empty text."""
+    small = name.casefold()
+    found = _RENAMED.get(small, small)
+    return found if found in FUNCTIONS else ""
+
+
+def rewritten(name: str, arguments: str = "") -> str:
+    """Give what is written for a function that is known elsewhere, or nothing."""
+    small = name.casefold()
+    if small in FUNCTIONS or small not in _REWRITTEN:
+        return ""
+    names, text = _REWRITTEN[small]
+    given = [part.strip() for part in arguments.split(",")] if arguments else []
+    places = names.split()
+    if len(given) == len(places):
+        inside = {
+            place: argument if _WHOLE.fullmatch(argument) else f"({argument})"
+            for place, argument in zip(places, given, strict=True)
+        }
+        text = re.sub(rf"\b(?:{'|'.join(places)})\b", lambda m: inside[m[0]], text)
+    return text + (f": {RADIANS}" if small in _OF_ANGLES else "")
+
+
+def is_other(name: str) -> bool:
+    """Tell whether a function of another name is called so elsewhere."""
+    small = name.casefold()
+    return small not in FUNCTIONS and (small in _RENAMED or small in _REWRITTEN)
+
+
+def spelt_call(name: str, arguments: str) -> str:
+    """Give a call with the name that the function has here."""
+    return rewritten(name, arguments) or f"{known_function(name) or name}({arguments})"
+
+
+# --- How expressions are written elsewhere, and how they are written here: a table
+
+FRACTION = "\N{FRACTION SLASH}"
+MINUS = "\N{MINUS SIGN}"
+_ARGUMENT = rf"(?:{NUMBER}\s*\*\s*)?(?:[^\W\d]\w*|{NUMBER})"
+_POWER = r"(?:\^|\*\*)\s*(\d+)"
+# What stands in parentheses, with others in it.
+_INSIDE = r"((?:[^()]|\([^()]*\))*)"
+_INVERSE = r"(?:(?:\^|\*\*)\s*(?:-1|\(\s*-1\s*\))|⁻¹)"
+_NAME = r"([^\W\d_]\w*)"
+_MADE_OF = r"(?:self|params?|parameters|p|definitions|coordinates|states?|constants)"
+_EXACT = "numbers are compared by <, <=, > and >="
+_TERM = r"[\w.]+(?:\s*[-+*/^]\s*[\w.]+)*"
+# What may be raised to a power, or be one.
+_ATOM = r"(?:[\w.]+\([^()]*\)|\([^()]*\)|[\w.]+)"
+
+
+_SECOND_QUOTIENT = (
+    rf"(?:\bd|∂)(?:(?:\^|\*\*)?2|²)\s*{_NAME}\s*/\s*[d∂]\s*t(?:(?:\^|\*\*)?2|²)?"
+)
+_PER_MINUTE = rf"({NUMBER})(?:\s+1)?\s*/\s*min\b(?!\s*\()"
+_QUOTIENT = rf"(?:\bd|∂)\s*\(?{_NAME}\)?\s*/\s*[d∂]t\b"
+
+
+def _from_module(found: re.Match[str]) -> str:
+    name = found[1]
+    if known := known_function(name):
+        return f"write `{known}`, without a module"
+    if other := rewritten(name, found[2] or ""):
+        return f"write {other}"
+    plain = {"e": "exp(1)", "pi": "`pi`"}.get(name)
+    if name in ("inf", "nan"):
+        return "every number is finite"
+    return f"write {plain}, without a module" if plain else ""
+
+
+def function_call(found: re.Match[str]) -> str:
+    """Say how a function is called: its name, and its argument."""
+    return f"write {spelt_call(found[1], found[2])}"
+
+
+def _power_of_call(found: re.Match[str]) -> str:
+    name, power, *argument = found.groups()
+    power = {"²": "2", "³": "3"}.get(power, power)
+    inside = argument[0] if argument and argument[0] else "..."
+    base = spelt_call(name, inside)
+    return f"write {base if base[-1] == ')' else f'({base})'}^{power}"
+
+
+def _inverse(found: re.Match[str]) -> str:
+    inside = found[2] or found[3] or "..."
+    return f"write a{found[1]}({inside})"
+
+
+def latex(text: str) -> str:
+    """Give what is written here for an expression of LaTeX."""
+    for pattern, plain in _LATEX:
+        text = re.sub(pattern, plain, text)
+    return text.strip()
+
+
+def _exponential(found: re.Match[str]) -> str:
+    return f"write exp({found[1].removeprefix('(').removesuffix(')')})"
+
+
+def _compared(found: re.Match[str]) -> str:
+    left, sign, right = (part.strip() for part in found.groups())
+    if sign in ("!=", "<>", "≠"):
+        return f"write ({left} < {right} or {left} > {right}): {_EXACT}"
+    return f"write ({left} >= {right} and {left} <= {right}): {_EXACT}"
+
+
+def _fractions(found: re.Match[str]) -> str:
+    text = unicodedata.normalize("NFKC", found[0]).replace(FRACTION, "/")
+    power = "^" if found[0][0] in "⁺⁻" else ""
+    return f"write {power}({text.replace(MINUS, '-')})"
+
+
+# Each is looked for around the fault: what is matched, and what to write instead.
+_SPELLINGS: list[tuple[str, str | Callable[[re.Match[str]], str]]] = [
+    (rf"({NUMBER})\s*π", "write {0}*pi"),
+    (rf"({NUMBER})\s*%\s*$", "write {0}/100"),
+    (r"\b(\d+\.\d*)[fF]\b", "write {0}"),
+    (r"\b\d+\.?\d*[ij]\b", "every number is real"),
+    (r"(\d+\.?\d*)[eE]([-+]?\d*\.\d+)", "write {0}*10^{1}"),
+    (
+        rf"({NUMBER})\s*[xX×·]\s*10\s*(?:\^|\*\*)\s*([-+]?\d+)",
+        "write {0}e{1}",
+    ),
+    (r"\b\d+\.\d*\.\d", "a number has one decimal point"),
+    (r"\b0[xXbBoO]\w+", "numbers are decimal"),
+    (r"(\d+\.?\d*)[dD]([-+]?\d+)\b", "write {0}e{1}"),
+    (r"(\d+\.?\d*)[eE](?![\w+-])", "write {0}e0: an exponent has digits"),
+    (r"\d:\d\d", "a time is one number, such as 90 for 1:30"),
+    (r"∞|\binf\b", "every number is finite"),
+    (rf"({NUMBER})\s*(?:[°º]|deg(?:rees?)?\b)", f"write {{0}}*pi/180: {RADIANS}"),
+    (rf"{_NAME}\s*[°º]", f"write {{0}}*pi/180: {RADIANS}"),
+    (_PER_MINUTE, "write {0}*2*pi/60: rates are in rad/s"),
+    (r",\s*$", "leave `,` out"),
+    (r"\w\[\d*\]", "there are no indices: each has a name of its own"),
+    (rf"\b[eE]\s*(?:\^|\*\*)\s*(-?\s*{_ATOM})", _exponential),
+    (rf"\bexp\s*(?:\^|\*\*)\s*(-?\s*{_ATOM})", _exponential),
+    (r"[¼-¾⅐-⅞]", _fractions),
+    (r"^\s*(?:if\s+)?(.+?)\s+if\s+(.+?)\s+else\s+(.+)$", "write if({1}, {0}, {2})"),
+    (r"^\s*if\s+(.+?)\s+then\s+(.+?)\s+else\s+(.+)$", "write if({0}, {1}, {2})"),
+    (r"^\s*(.+?)\s*\?\s*(.+?)\s*:\s*(.+)$", "write if({0}, {1}, {2})"),
+    (r":=", "write `=`"),
+    (r"(\d)\s*([-+])\s*[eE](\d+)\b", "write {0}e{1}{2}"),
+    (r"^\s*(.+?)\s+(?:when|where|if)\s+(.+)$", "write if({1}, {0}, 0)"),
+    (r"\bif\s+[^(\s]", "write if(condition, a, b)"),
+    (r"=<", "write `<=` for `=<`"),
+    (r"=>", "write `>=` for `=>`"),
+    (rf"({_TERM})\s*(==|!=|<>|≠)\s*({_TERM})", _compared),
+    (rf"(?<=\bif\()\s*({_TERM})\s*(=)\s*({_TERM})", _compared),
+    (r"([\w.]+)\s+(?:mod|rem)\s+([\w.]+)", "write {0} - {1}*floor({0}/{1})"),
+    (r"([\w.]+)\s*%\s*([\w.]+)", "write {0} - {1}*floor({0}/{1})"),
+    (r"([\w.]+)\s+div\s+([\w.]+)", "write floor({0}/{1})"),
+    (rf"\b({CALLED})\s*{_POWER}\s*\({_INSIDE}\)", _power_of_call),
+    (rf"\b({CALLED})\s*{_POWER}\s+({_ARGUMENT})", _power_of_call),
+    (rf"\b({CALLED})\s*([²³])\s*\({_INSIDE}\)", _power_of_call),
+    (rf"\b({CALLED})\s*([²³])\s*({_ARGUMENT})?", _power_of_call),
+    (
+        rf"\b(sinh?|cosh?|tanh?)\s*{_INVERSE}\s*(?:\({_INSIDE}\)|({_ARGUMENT}))?",
+        _inverse,
+    ),
+    (rf"\b((?i:{CALLED}))\s*[\[{{]([^\]}}]*)[\]}}]", function_call),
+    (rf"\b((?i:{CALLED}))\s+({_ARGUMENT})", function_call),
+    (rf"\b(?:{MODULES})(?:\.|::)(\w+)(?:\(([^()]*)\))?", _from_module),
+    (
+        rf"\b(?:{'|'.join(RATES)})\(\s*{_NAME}\s*(?:,\s*t\s*)?\)",
+        "the rate is written {0}_dot",
+    ),
+    (_SECOND_QUOTIENT, "the second rate is written {0}_ddot"),
+    (_QUOTIENT, "the rate is written {0}_dot"),
+    (
+        rf"\bd\s*/\s*dt\s*(?:\(\s*(?=\w+\s*\)))?{_NAME}(?:\s*\))?",
+        "the rate is written {0}_dot",
+    ),
+    (
+        rf"\b(?:d\s*/\s*dt|{'|'.join(RATES)})\s*\(\s*([^(),]+?)\s*(?:,\s*t\s*)?\)",
+        "write r_dot, with `r: {0}` in `definitions`",
+    ),
+    (rf"\bdot\s+{_NAME}", "the rate is written {0}_dot"),
+    (rf"{_NAME}\u0308", "the second rate is written {0}_ddot"),
+    (rf"{_NAME}\u0307", "the rate is written {0}_dot"),
+    (rf"{_NAME}(?:''|″|′′|’’)", "the second rate is written {0}_ddot"),
+    (rf"{_NAME}['′’]", "the rate is written {0}_dot"),
+    (rf"{_NAME}\s*[.\s-]\s*ddot\b", "the second rate is written {0}_ddot"),
+    (rf"{_NAME}\[t\]", "write {0}, without `[t]`"),
+    (
+        rf"{_NAME}(?:\s*[.\s-]\s*dot\b|\.dt\b|\.diff\(\s*t\s*\))",
+        "the rate is written {0}_dot",
+    ),
+    (rf"\b{_MADE_OF}\.{_NAME}", "write {0}, without the text before the dot"),
+    (r"([⁺⁻][⁰¹²³⁴-⁹]+)", _fractions),
+    (r"\|([^|]+)\|", "write abs({0})"),
+    (rf"√\s*\({_INSIDE}\)", "write sqrt({0})"),
+    (r"√\s*(\w+)", "write sqrt({0})"),
+    (r"∛\s*\(?(\w+)\)?", "write cbrt({0})"),
+    (r"\$", "write the expression without `$`"),
+    (r"\^\{([^{}]*)\}", "write ^({0})"),
+    (r"[\w)]\s*!(?!=)", "there is no factorial"),
+    (
+        r"([\w.]+)\s*//\s*([\w.]+)",
+        "write floor({0}/{1}), or ` #` where a comment begins",
+    ),
+    (r"[≠]", f"write < or >: {_EXACT}"),
+    (r"[“”„‘’‚]", "an expression contains no quotes"),
+    (r"[\u200b-\u200f\u2060\ufeff]", "delete it: it is invisible"),
+    (r"(?<!&)&(?!&)", "write `and`"),
+    (r";\s*$", "leave `;` out"),
+    (r"[⋅∙•∗]", "write `*`"),
+    (r"\w\([^()]*;", "write `,` between arguments"),
+    (
+        r"\b(min|max|hypot)\(([^(),]+),\s*([^(),]+),\s*([^(),]+)\)",
+        "write {0}({1}, {0}({2}, {3}))",
+    ),
+    (r"\batan\(([^(),]+),\s*([^(),]+)\)", "write atan2({0}, {1})"),
+    (r"\batan2\(([^(),/]+)/([^(),/]+)\)", "write atan2({0}, {1})"),
+    (r"\blog\(([^(),]+),\s*([^(),]+)\)", "write log({0})/log({1})"),
+]
+# What is written for LaTeX, one after the other.
+_FUNCTION = rf"\\({'|'.join(sorted(FUNCTIONS, key=len, reverse=True))})\b"
+_LATEX = [
+    (r"\\(?:left|right|displaystyle|limits)\b|\\[,;:! ]", " "),
+    (r"\\(?:cdot|times)\b", "*"),
+    (r"\\(d?dot)\b\s*\{?\s*\\?([^\W\d_]\w*)\s*\}?", r"\2_\1 "),
+    (r"_\{(\w+)\}", r"_\1"),
+    (r"\^\{([^{}]*)\}", r"^(\1)"),
+    (rf"{_FUNCTION}\s*\^\s*(\d)\s*\\?(\w+|\([^()]*\))", r"\1(\3)^\2"),
+    (rf"{_FUNCTION}\s*\\?(\w+)", r"\1(\2)"),
+    (r"\\sqrt\s*\{([^{}]*)\}", r"sqrt(\1)"),
+    (r"\\[dt]?frac\s*\{([^{}]*)\}\s*\{([^{}]*)\}", r"(\1)/(\2)"),
+    (r"\\(?:var)?([^\W\d_]+)", r" \1"),
+    (r"(?<=[\w)])\s+(?=[\w(])|(?<=\))(?=[\w(])", "*"),
+    (r"\s+", ""),
+    (r"([-+=<>]+)", r" \1 "),
+]
+# The first of them are of numbers.
+OF_NUMBERS = 10
+PATTERNS = [(re.compile(pattern), meant) for pattern, meant in _SPELLINGS]
+# What parses as an expression and is meant otherwise.
+OF_NAMES = [
+    (re.compile(pattern), meant)
+    for pattern, meant in _SPELLINGS
+    if meant is _exponential or pattern in (_SECOND_QUOTIENT, _QUOTIENT, _PER_MINUTE)
+]
+
+# --- Hints, from what stands around a fault
+
+# What is meant shows within so many letters of a fault; patterns that are tried at each
+# of a million would take for ever.
+WINDOW = 100
+# Names that are tried as parts of a longer one.
+MOST_PARTS = 200
+
+# A letter of one side of a comparison, or a call.
+_SIDE = r"(?:[^(),<>=]|\([^()]*\))"
+_WORD = re.compile(r"[^\W\d]\w*")
+_QUANTITY = re.compile(
+    rf"\s*([-+]?\s*{NUMBER})\s*[\[(]?((?:[^\W\d_]|[°º])[\w*/^·⋅.()\s-]*?|)[\])]?\s*\.?\s*"
+)
+
+_SECOND_RATES = [
+    r"dd_?(.+)", r"d2_?(.+?)(?:_?dt2)?", r"(.+?)_?ddot", r"(.+)_dotdot", r"ddot_?(.+)",
+    r"(.+)_dd", r"(.+)''", r"(.+?)_?dot_?dot", r"(?:acceleration|accel|acc|a)_(.+)",
+    r"(.+)_(?:acceleration|accel|acc)",
+]  # fmt: skip
+_RATES = [
+    r"d_?(.+?)(?:_?dt)?", r"(.+?)_?dot", r"(.+)_(?:dt|d|t|prime)", r"dot_?(.+)",
+    r"(?:velocity|vel|speed|omega|v|w)_?(.+)", r"(.+?)_?(?:velocity|vel|speed|rate)",
+    r"(.+)d", r"(.+)'",
+]  # fmt: skip
+_NUMBERS = {
+    "π": "write pi",
+    "pi": "write pi",
+    "e": "write exp(x) for e^x, exp(1) for e",
+    **dict.fromkeys(("deg", "degree", "degrees"), f"write pi/180: {RADIANS}"),
+    **dict.fromkeys(("inf", "infinity", "nan"), "every number is finite"),
+    **dict.fromkeys(
+        ("free", "guess", "auto"), "a value to be solved is written {guess: 0}"
+    ),
+    **dict.fromkeys(("none", "true", "false"), "write a number, such as 0"),
+}
+_COMBINING = {"\u0307": "_dot", "\u0308": "_ddot"}
+SPEEDS = ("v", "w", "ω", "omega", "vel", "velocity", "speed", "dt")
+
+
+# What is written in a relation for signs of other languages.
+IN_RELATIONS = {
+    "==": "write `=`, one alone",
+    **dict.fromkeys("≈≡→≃", "write `=`"),
+    "!=": "a relation is written with `=`, `>=` or `<=`",
+    "<>": "a relation is written with `=`, `>=` or `<=`",
+}
+
+
+def without_guesses(hint: str, token: str, known: Collection[str]) -> str:
+    """Give a hint of the parser, if what it says of a name holds here."""
+    product = hint.startswith("there is no implicit product")
+    if product and re.match(r"[^\W\d]", token) and not _is_known(token, known):
+        return f"an operator is expected before a name, and `{token}` is none here"
+    return "" if token == "," else hint
+
+
+def of_text(
+    text: str, offset: int, known: Collection[str], *, beside: bool = False
+) -> str:
+    """Give a hint for an expression with a fault at `offset`, or an empty text.
+
+    Parameters
+    ----------
+    known
+        The variables of the file.
+    beside
+        It is the value of a parameter or a definition: a unit may stand beside it.
+    """
+    first = max(0, offset - WINDOW)
+    whole, text, offset = text, text[first : offset + WINDOW], offset - first
+    if text == whole and (hint := _of_number(text, known, beside=beside)):
+        return hint
+    if hint := quantities.separated_around(text, offset):
+        return hint
+    if "\\" in text and text == whole:
+        return f"write {latex(text)}"
+    hint = _matching(PATTERNS, text, offset, known) or _of_unit(
+        text, offset, known, beside=beside and text == whole
+    )
+    return re.sub(r"[^\W\d_]+", lambda word: _in_letters(word[0], known), hint)
+
+
+def _in_letters(word: str, known: Collection[str]) -> str:
+    """Give a Greek word by the variable that is called as it is."""
+    return word if word.isascii() else _called_so(word, known) or word
+
+
+def _matching(
+    patterns: Iterable[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]]],
+    text: str,
+    offset: int,
+    variables: Collection[str] = (),
+) -> str:
+    for pattern, meant in patterns:
+        for found in pattern.finditer(text):
+            if meant is function_call and found[1] in variables:
+                continue
+            if found.start() <= offset <= found.end():
+                if not isinstance(meant, str):
+                    return meant(found)
+                return meant.format(*found.groups())
+    return ""
+
+
+def of_unknown(text: str, offset: int) -> str:
+    """Give a hint for a name at `offset` that has a meaning with what is around it."""
+    first = max(0, offset - WINDOW)
+    return _matching(OF_NAMES, text[first : offset + WINDOW], offset - first)
+
+
+def of_comparison(text: str, offset: int) -> str:
+    """Give a hint for a comparison that stands as a number."""
+    for pattern in (r"\(([^(),]+[<>][^(),]*)\)", rf"^({_SIDE}+[<>]=?{_SIDE}+)$"):
+        for found in re.finditer(pattern, text[: offset + WINDOW]):
+            if found.start() <= offset <= found.end():
+                return f"write if({found[1].strip()}, 1, 0)"
+    return ""
+
+
+def _of_number(text: str, known: Collection[str], *, beside: bool) -> str:
+    """Give a hint where the whole text is meant to be a number, with a unit or not."""
+    plain = unicodedata.normalize("NFKC", text)
+    if re.fullmatch(rf"\s*\d+{FRACTION}\d+\s*", plain):
+        return f"write {plain.strip().replace(FRACTION, '/')}"
+    quantity = _QUANTITY.fullmatch(text)
+    if quantity is None or not quantity[2] or _is_spelt(text):
+        return ""
+    number, unit = quantity[1].replace(" ", ""), quantity[2]
+    unit += ")" * (unit.count("(") > unit.count(")"))
+    names = quantities.words(quantities.unit(unit))
+    product = all(_is_known(name, known) for name in names)
+    parted = _WORD.sub(lambda w: "*".join(_parts(w[0], known)) or w[0], unit)
+    if parted != unit and not product and not quantities.is_unit(unit):
+        return f"write {number}*{parted}"
+    if product and not quantities.is_unit(unit):
+        return ""
+    hint = quantities.quantity(number, unit, beside=beside)
+    if product and unit not in FUNCTIONS:
+        product_of = f"{number}*{quantities.unit(unit)}"
+        return f"{hint}; a product is written {product_of}"
+    return hint if quantities.is_unit(unit) or len(names) == 1 else ""
+
+
+def _of_unit(text: str, offset: int, known: Collection[str], *, beside: bool) -> str:
+    """Give a hint where a unit follows what is no plain number, as in `1/2 kg`."""
+    before, unit = text[:offset].strip(), text[offset:]
+    names = quantities.words(before)
+    inside = before.count("(") > before.count(")")
+    if not before or inside or not quantities.is_unit(unit):
+        return ""
+    if not all(_is_known(name, known) for name in names):
+        return ""
+    if names and names[-1] in FUNCTIONS and before.endswith(names[-1]):
+        return ""
+    if all(_is_known(name, known) for name in quantities.words(unit)):
+        return ""
+    return quantities.quantity(before, unit, beside=beside)
+
+
+def _is_spelt(text: str) -> bool:
+    """Tell whether it is a number in one of the spellings: degrees, powers of 10."""
+    return any(pattern.search(text) for pattern, _ in PATTERNS[:OF_NUMBERS])
+
+
+def _is_known(name: str, known: Collection[str]) -> bool:
+    base = name.removesuffix("_ddot").removesuffix("_dot")
+    return base in known or name in ("pi", "t") or name in FUNCTIONS
+
+
+def of_function(name: str, argument: str, known: Collection[str]) -> str:
+    """Give a hint for a function that there is not, called with an argument."""
+    if found := known_function(name):
+        return f"write {found}({argument})"
+    if meant := rewritten(name, argument):
+        return f"write {meant}"
+    if _is_known(name, known) or name.casefold() in _NUMBERS:
+        if argument in ("", "t"):
+            plain = name if name in known else name.casefold()
+            return f"write {plain}, without `({argument})`"
+        return f"a product is written {name}*({argument})"
+    for function in FUNCTIONS:
+        factor = name.removesuffix(function)
+        if factor != name and _is_known(factor, known):
+            return f"write {factor}*{function}({argument})"
+    base = name.rstrip("0123456789")
+    if base != name and base in FUNCTIONS:
+        return f"write {base}({argument})^{name.removeprefix(base)}"
+    return ""
+
+
+def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
+    """Give a hint for a name that means nothing.
+
+    Parameters
+    ----------
+    known
+        The variables of the file.
+    moving
+        Those that have rates.
+    """
+    if name.casefold() in _NUMBERS:
+        return _NUMBERS[name.casefold()]
+    if len(name) > WINDOW:
+        return ""
+    if rate := rate_of(name, moving):
+        return f"the {_ordinal(rate)}rate is written {rate}"
+    if name.casefold() == "time" and moving:
+        return "the time is `t`"
+    if name in SPEEDS and moving:
+        rate = f"a rate is written {next(iter(moving))}_dot"
+        return f"{rate}; what is given has its value in `parameters`"
+    for function in FUNCTIONS:
+        rest = name.removeprefix(function)
+        if rest == name:
+            continue
+        factor = re.match(r"\d*", rest)
+        assert factor is not None
+        inside = _called_so(rest[factor.end() :], known)
+        if inside:
+            times = f"{factor[0]}*" if factor[0] else ""
+            return f"write {function}({times}{inside})"
+    base = name.rstrip("23456789")
+    if len(name) - len(base) == 1 and _is_known(base, known) and base != "t":
+        return f"a power is written {base}^{name.removeprefix(base)}"
+    return ""
+
+
+def _called_so(name: str, known: Collection[str]) -> str:
+    """Give the variable of this name, Greek letters or theirs; or an empty text."""
+    if _is_known(name, known):
+        return name
+    plain = spelt_out(name)
+    return next((other for other in known if name and spelt_out(other) == plain), "")
+
+
+def of_several(name: str, known: Collection[str]) -> str:
+    """Give a hint for a name that is two or more variables, side by side."""
+    parts = _parts(name, known)
+    return f"a product is written {'*'.join(parts)}" if parts else ""
+
+
+def _parts(name: str, known: Collection[str]) -> list[str]:
+    """Give the variables, two or more, of whose names a name is made; or none."""
+    if 1 < len(known) <= MOST_PARTS and len(name) <= WINDOW:
+        several = sorted(map(re.escape, known), key=len, reverse=True)
+        one = f"(?:{'|'.join(several)})(?:_dot)?"
+        parts = re.findall(one, name)
+        if re.fullmatch(f"(?:{one}){{2,4}}", name) and len(set(parts)) == len(parts):
+            return parts
+    return []
+
+
+def _ordinal(rate: str) -> str:
+    return "second " if rate.endswith("_ddot") else ""
+
+
+def rate_of(name: str, moving: Collection[str]) -> str:
+    """Give the rate that is spelt otherwise, such as `x_dot` for `xdot`, or nothing."""
+    if len(name) > WINDOW:
+        return ""
+    for mark, ending in _COMBINING.items():
+        plain = unicodedata.normalize("NFD", name)
+        if mark in plain and plain.replace(mark, "") in moving:
+            return plain.replace(mark, "") + ending
+    for patterns, ending in ((_RATES, "_dot"), (_SECOND_RATES, "_ddot")):
+        for pattern in patterns:
+            match = re.fullmatch(pattern, name, re.IGNORECASE)
+            if match and match[1] in moving:
+                return match[1] + ending
+    return ""
+
+
+def rate_within(text: str, moving: Collection[str]) -> str:
+    """Give the rate that a text is, spelt as elsewhere: `d/dt x`; or an empty text."""
+    text = text[:WINDOW]
+    plain = latex(text) if "\\" in text else ""
+    hint = f"the rate is written {plain}" if plain else _matching(PATTERNS, text, 0)
+    found = re.fullmatch(r"the (?:second )?rate is written ((.+)_dd?ot)", hint)
+    return found[1] if found and found[2] in moving else ""
+
+
+def spelt_out(name: str) -> str:
+    """Give a name in small letters, with Greek ones by their names: theta for θ."""
+    letters = name if name.isascii() else "".join(_spelt_out(c) for c in name)
+    return letters.casefold()
+
+
+def _spelt_out(letter: str) -> str:
+    full = unicodedata.name(letter, "")
+    return full.split()[-1] if full.startswith("GREEK ") else letter
